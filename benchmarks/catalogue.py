@@ -13,8 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hdassist import Drive, Stiffness, load_preset, stiffness
-from hdassist.loading.load import load_text
-from hdassist.loading.write import similar_preset
+from hdassist.loading import load_text, similar_preset
 from hdassist.preset.knowledge import PITCH_DIAMETER, SimilarValue
 from hdassist.run.run import UNCHECKED
 

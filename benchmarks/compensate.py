@@ -49,7 +49,7 @@ def corrected(number: int, draws: int, seed: int, span: float, allowed: bool = F
     from hdassist.error.cycle import kinematic_error
     from hdassist.errors import HdassistError
     from hdassist.measuring.measure import measure
-    from hdassist.model.kinematics import Kinematics
+    from hdassist.model.geometry import Kinematics
     from hdassist.model.rules import first_conflict
     from hdassist.readers.trace import MeasuredTrace, sweeps
     from hdassist.run.run import UNCHECKED, Run

@@ -20,7 +20,7 @@ from hdassist.error.error_map import Batch, ErrorMap
 from hdassist.error.extremes import many_extremes
 from hdassist.model.contacts import StateGaps, contact_system
 from hdassist.model.deviations import state_gaps
-from hdassist.model.kinematics import Kinematics, neighbours_together, pitch_locked_states
+from hdassist.model.geometry import Kinematics, neighbours_together, pitch_locked_states
 from hdassist.solve import walk
 from hdassist.solve.answers import N_MM, STATES_AT_A_TIME, Answers, StateSums, proven_answers, residuals
 from hdassist.solve.build import library_name

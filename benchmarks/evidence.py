@@ -32,8 +32,7 @@ def rows(draws: int) -> Iterator[tuple[str, list[float], list[float], float, int
     from hdassist.belief.prior import prior_of
     from hdassist.belief.samples import SamplingEffort, draw_samples
     from hdassist.belief.statistics import weighted_quantile
-    from hdassist.loading.load import load_text
-    from hdassist.loading.write import similar_preset
+    from hdassist.loading import load_text, similar_preset
     from hdassist.preset.knowledge import read_requirements
 
     like = load_preset("vzp160")

@@ -23,7 +23,7 @@ def measure(quick: bool) -> list[dict[str, Any]]:
 
 def measured(name: str, rounds: int) -> dict[str, Any]:
     """Medians over so many keys, each a step of a field."""
-    from hdassist.design.check import check
+    from hdassist.design import check
     from hdassist.explorer.compute import SURE_PROVEN, SURE_REFINED, Effort, drive_answers, still_typical
     from hdassist.explorer.state import edited, opened_state, stepped
     from hdassist.run.run import Run, workers

@@ -98,8 +98,7 @@ def hidden_drive(
     from hdassist import load_preset
     from hdassist.belief.evidence import stiffness_figures
     from hdassist.belief.prior import prior_of
-    from hdassist.loading.load import load_text
-    from hdassist.loading.write import similar_preset
+    from hdassist.loading import load_text, similar_preset
     from hdassist.model.rules import first_conflict
     from hdassist.preset.knowledge import read_requirements
 

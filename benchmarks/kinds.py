@@ -15,11 +15,10 @@ from collections import Counter
 import numpy as np
 from scipy.signal import lfilter
 
-from hdassist.errors import HdassistError
+from hdassist.errors import GUARD, HdassistError
 from hdassist.measuring.measure import measure
 from hdassist.model.geometry import Array
 from hdassist.readers.trace import TraceForm, read_trace
-from hdassist.verdict import GUARD
 
 RATIO, ROWS = 30, 60  # cam turns of the cycle, one output turn; rows a cam turn at one turn a second
 KINDS = ("white noise", "coloured noise", "counts", "lost rows", "drift", "lag", "friction")

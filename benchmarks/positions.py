@@ -49,7 +49,7 @@ def tested(number: int, seed: int, asked: int, draws: int) -> Tested:
     """The tests of a hidden drive, by its number; of the first so many asked the plan too."""
     from hdassist.error.cycle import kinematic_error
     from hdassist.errors import UntrustedError
-    from hdassist.model.kinematics import Kinematics
+    from hdassist.model.geometry import Kinematics
     from hdassist.planning import choose_plan
     from hdassist.run.run import UNCHECKED, Run
 
@@ -110,10 +110,9 @@ def accepted(number: int, draws: int, seed: int) -> Counter[str]:
     from hdassist.acceptance.limits import Limit
     from hdassist.belief.prior import prior_of
     from hdassist.error.cycle import kinematic_error
-    from hdassist.loading.load import load_preset, load_text
-    from hdassist.loading.write import similar_preset
+    from hdassist.loading import load_preset, load_text, similar_preset
     from hdassist.measuring.bench import PositionRecord, bench_record, position_quantities, seen_range
-    from hdassist.model.kinematics import Kinematics
+    from hdassist.model.geometry import Kinematics
     from hdassist.model.rules import first_conflict
     from hdassist.pages.plan import approach_csv
     from hdassist.planning import ApproachRun, EncoderData, PlanDemands, ReadingPlan, choose_plan

@@ -7,10 +7,9 @@ __init__.pyi.
 from importlib import import_module
 from typing import Any
 
-from hdassist.version import __version__
-
+__version__ = "1.0.0rc1"
 _HOMES = {
-    "check": "design.check",
+    "check": "design",
     "KinematicError": "error.cycle",
     "kinematic_error": "error.cycle",
     "MountingCurve": "mounting.positions",
@@ -27,8 +26,8 @@ _HOMES = {
     "MeasuredWheel": "model.deviations",
     "PitchFile": "model.deviations",
     "Drive": "preset.fields",
-    "load_preset": "loading.load",
-    "preset_names": "preset.library",
+    "load_preset": "loading",
+    "preset_names": "files",
     "read_pitch": "readers.pitch",
     "Run": "run.run",
 }

@@ -1,6 +1,6 @@
 """Types of the public names."""
 
-from hdassist.design.check import check as check
+from hdassist.design import check as check
 from hdassist.error.cycle import KinematicError as KinematicError
 from hdassist.error.cycle import SelfError as SelfError
 from hdassist.error.cycle import kinematic_error as kinematic_error
@@ -10,7 +10,8 @@ from hdassist.error.stiffness import stiffness as stiffness
 from hdassist.error.trace import Trace as Trace
 from hdassist.error.trace import trace as trace
 from hdassist.errors import HdassistError as HdassistError
-from hdassist.loading.load import load_preset as load_preset
+from hdassist.files import preset_names as preset_names
+from hdassist.loading import load_preset as load_preset
 from hdassist.model.deviations import MeasuredTeeth as MeasuredTeeth
 from hdassist.model.deviations import MeasuredWheel as MeasuredWheel
 from hdassist.model.deviations import PitchFile as PitchFile
@@ -18,7 +19,7 @@ from hdassist.model.deviations import ToothDeviations as ToothDeviations
 from hdassist.mounting.positions import MountingCurve as MountingCurve
 from hdassist.mounting.positions import mounting_curve as mounting_curve
 from hdassist.preset.fields import Drive as Drive
-from hdassist.preset.library import preset_names as preset_names
 from hdassist.readers.pitch import read_pitch as read_pitch
 from hdassist.run.run import Run as Run
-from hdassist.version import __version__ as __version__
+
+__version__: str

@@ -23,10 +23,10 @@ from typing import Annotated, Any, TypeAlias, get_args, get_type_hints
 import typer
 from typer.core import TyperCommand, TyperGroup
 
+from hdassist import __version__
 from hdassist.errors import DataError, Fault, HdassistError, UntrustedError, UsageError
 from hdassist.files import begin_run
 from hdassist.terminal.streams import say, silence
-from hdassist.version import __version__
 
 # of click, of which typer has a copy: only its subclasses are public
 _Context: TypeAlias = Any
@@ -349,8 +349,8 @@ def run_command_line() -> None:
 
 def _say_of_cache() -> None:
     """Warn where the cache of a command that computes is not used, as another user could have put answers there."""
-    if "hdassist.run.cache" in sys.modules:
-        from hdassist.run.cache import FOLDER, keeps_answers, why_unsafe
+    if "hdassist.run.kept" in sys.modules:
+        from hdassist.run.kept import FOLDER, keeps_answers, why_unsafe
 
         if keeps_answers() and (words := why_unsafe()):
             _say(f"warning: {words}: no answers are kept or read there; {FOLDER} names another folder")

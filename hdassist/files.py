@@ -1,9 +1,11 @@
-"""Files of a run: bytes and text of those that it reads, and the outputs, of which none is one of its inputs.
+"""Files of a run: bytes and text of those that it reads, the presets among them, and outputs, none of them an input.
 
 Text comes part after part, from a path, a stream or bytes. It may be of unknown origin: hidden characters are escaped
 where it is shown, and numbers have ASCII digits and a decimal point. Files are compared by device and inode, not by
 name: links and other cases of a name are the same file.
 """
+
+from __future__ import annotations
 
 import codecs
 import difflib
@@ -20,6 +22,9 @@ import unicodedata
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext, suppress
+from functools import cache
+from importlib.resources import files
+from importlib.resources.abc import Traversable
 from math import nan
 from pathlib import Path
 from typing import IO, BinaryIO, cast
@@ -226,7 +231,7 @@ def os_reason(error: Exception) -> str:
     return error.strerror if isinstance(error, OSError) and error.strerror else str(error)
 
 
-def near_files(path: Path) -> list[str]:
+def _near_files(path: Path) -> list[str]:
     """Files beside it whose names look like the one that is missing. Raises OSError, ValueError: no such directory."""
     names = [item.name for item in path.parent.iterdir()]
     return [str(path.parent / name) for name in difflib.get_close_matches(path.name[:60], names, 3, 0.6)]
@@ -234,7 +239,7 @@ def near_files(path: Path) -> list[str]:
 
 def _near_by(path: Path) -> str:
     try:
-        close = near_files(path)
+        close = _near_files(path)
     except (OSError, ValueError):
         return f"there is no directory {path.parent} either"
     return f"did you mean {' or '.join(close)}?" if close else "is the path right?"
@@ -350,3 +355,55 @@ NUMBER = rf"[-+]?{UNSIGNED}"
 def number_of(text: str) -> float:
     """Value of a number, spaces around it allowed; NaN for any other text, infinity beyond the range of floats."""
     return float(text) if re.fullmatch(NUMBER, text.strip()) else nan
+
+
+# --- presets by name, from a file, or from standard input
+
+READ_AT_MOST = 1024 * 1024  # more than a preset may have, so that it is refused with the reason
+
+
+def preset_names() -> list[str]:
+    """Names of the presets that come with hdassist, in alphabetical order."""
+    return sorted(_library())
+
+
+def read_preset(name_or_path: str) -> tuple[bytes, str]:
+    """Bytes of a preset, and the name that messages give it.
+
+    Argument: a name from the library, a path, or "-" for standard input.
+    Raises DataError: no such preset, or a file that cannot be read.
+    """
+    library = _library()
+    if name_or_path in library:
+        with library[name_or_path].open("rb") as stream:
+            return stream.read(READ_AT_MOST), name_or_path
+    try:
+        return read_bytes(name_or_path, READ_AT_MOST)
+    except DataError as error:
+        if not name_or_path or isinstance(error.__context__, FileNotFoundError):
+            raise _unknown(name_or_path, list(library)) from None
+        if isinstance(error.__context__, IsADirectoryError):
+            raise DataError(f"{name_or_path} is a directory, not a preset", error.hint, error.fault) from None
+        raise
+
+
+@cache  # a lot asks for it with each of its rows
+def _library() -> dict[str, Traversable]:
+    """Presets by name: from the package, or from the checkout that the package lies in."""
+    places: list[Traversable] = [files("hdassist") / "presets", Path(__file__).parents[1] / "presets"]
+    for place in places:
+        if place.is_dir():
+            items = (item for item in place.iterdir() if item.name.endswith(".yaml"))
+            return {item.name.removesuffix(".yaml"): item for item in items}
+    return {}
+
+
+def _unknown(name: str, names: list[str]) -> DataError:
+    beside = [file for file in (f"{name}.yaml", f"{name}.yml") if name and is_file(file)]
+    with suppress(OSError, ValueError):
+        beside = beside or [file for file in _near_files(Path(name)) if file.endswith((".yaml", ".yml"))]
+    close = beside or difflib.get_close_matches(Path(name).stem.lower()[:60], names, 3, 0.5)
+    hint = f"did you mean {' or '.join(close)}? " if close else ""
+    kind = "no such file" if Path(name).suffix or "/" in name else "no such preset or file"
+    library = f"{hint}in the library: {', '.join(sorted(names))}"
+    return DataError(f"{kind}: {name or 'an empty name'}", library, Fault.FILE_UNREADABLE)

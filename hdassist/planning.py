@@ -20,15 +20,13 @@ from hdassist.belief.statistics import Probability, probability_of, weighted_qua
 from hdassist.error.cycle import kinematic_error, limits_left
 from hdassist.error.error_map import searchable
 from hdassist.error.waves import POINTS_A_TURN, ErrorLines, error_lines
-from hdassist.errors import UsageError
+from hdassist.errors import GUARD, UsageError, Verdict
 from hdassist.files import number_of
 from hdassist.model.deviations import ToothDeviations
-from hdassist.model.geometry import Array
-from hdassist.model.kinematics import Kinematics, pitch_locked_states
+from hdassist.model.geometry import Array, Kinematics, pitch_locked_states
 from hdassist.preset.fields import DEVIATIONS, Drive
 from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.answers import Certificate
-from hdassist.verdict import GUARD, Verdict
 
 _QUOTED_POSITIONS = 12  # of a test as makers quote it
 _FEWEST_POSITIONS, _MOST_A_CAM_TURN = 6, 5  # positions that are tried, from and up to

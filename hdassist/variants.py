@@ -20,11 +20,11 @@ from hdassist.belief.evidence import evidence_of, log_likelihood
 from hdassist.belief.prior import DrivePrior, prior_of
 from hdassist.belief.samples import EFFECTIVE_SAMPLES, SamplingEffort, draw_samples
 from hdassist.belief.statistics import RESOLVED_ERROR, effective_number, even_rows, probability_of, weighted_quantile
-from hdassist.design.check import DesignCheck, check, check_states
+from hdassist.design import DesignCheck, check, check_states
 from hdassist.error.error_map import Batch, Indices, error_maps, searchable
 from hdassist.error.extremes import DRAWN_GRIDS, DRAWN_STATES, extremes_of, many_extremes
 from hdassist.error.stiffness import Stiffness, rated_torque, stiffness, stiffness_states
-from hdassist.errors import HdassistError, UntrustedError
+from hdassist.errors import SURE, HdassistError, UntrustedError
 from hdassist.model.geometry import Array
 from hdassist.model.rules import first_conflict
 from hdassist.model.unknown import unknowns
@@ -34,7 +34,6 @@ from hdassist.preset.fields import UNKNOWN, Drive, ResolvedField, resolved_field
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.through_cvxpy import CrossCheck
-from hdassist.verdict import SURE
 
 _DRAWN_PAIRS = 64
 _LEAST_EFFECTIVE = 0.5  # of the pairs: where fewer agree with the evidence on the second drive, samples are independent

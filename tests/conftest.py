@@ -11,7 +11,7 @@ import pytest
 from hypothesis import settings
 
 from hdassist.cli import THREADS
-from hdassist.run.cache import FOLDER, NO_CACHE
+from hdassist.run.kept import FOLDER, NO_CACHE
 
 IS_WORKER = "PYTEST_XDIST_WORKER" in os.environ
 if not IS_WORKER:  # never the user's own cache; workers share one

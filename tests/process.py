@@ -29,7 +29,7 @@ import typer.main
 from hypothesis import currently_in_test_context
 
 from hdassist.cli import run_command_line
-from hdassist.run.cache import FOLDER, NO_CACHE
+from hdassist.run.kept import FOLDER, NO_CACHE
 from tests import answers
 
 SMALL = str(Path(__file__).parent / "data/small.yaml")

@@ -11,8 +11,7 @@ import numpy as np
 
 from hdassist.model.contacts import TO_X1, ContactSystem, contact_system
 from hdassist.model.deviations import ToothDeviations, state_gaps
-from hdassist.model.geometry import Array
-from hdassist.model.kinematics import States
+from hdassist.model.geometry import Array, States
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import ARCSEC, N_MM, TOLERANCE, displacements, residuals
 from hdassist.solve.formulation import Formulation, formulate
@@ -85,7 +84,6 @@ def first_harmonic(F_i: float, xi: float, z: int) -> Array:
 
 def fresh_preset(name: str) -> str:
     """Text of a preset as `hdassist presets new NAME` writes it."""
-    from hdassist.loading.load import load_preset
-    from hdassist.loading.write import similar_preset
+    from hdassist.loading import load_preset, similar_preset
 
     return similar_preset(name, load_preset("vzp160"), {})

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import pytest
 
 from hdassist.acceptance.limits import CHECKS, CODES
-from hdassist.errors import Fault, HdassistError, UsageError
+from hdassist.errors import Fault, HdassistError, UsageError, Verdict
 from hdassist.explaining import FAULTS, SYMBOLS, TERMS, entries, explained
 from hdassist.explorer.panes import MARKS
 from hdassist.pages import check as check_page
@@ -20,7 +20,6 @@ from hdassist.report import declared_quantities, quantity_table
 from hdassist.terminal.output import with_code
 from hdassist.terminal.plot import MARK_SIGNS
 from hdassist.terminal.words import Texts, texts
-from hdassist.verdict import Verdict
 from tests.conftest import ROOT
 from tests.process import SMALL, on_terminal, run
 

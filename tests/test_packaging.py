@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from hdassist.version import __version__
+from hdassist import __version__
 from tests.support import HAS_COMPILER
 
 ROOT = Path(__file__).parents[1]

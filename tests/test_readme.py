@@ -5,7 +5,7 @@ from pathlib import Path
 
 import hdassist
 from hdassist.cli import COMMANDS
-from hdassist.preset.library import preset_names
+from hdassist.files import preset_names
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -14,7 +14,7 @@ import pytest
 from hdassist import kinematic_error, load_preset, mounting_curve, stiffness
 from hdassist.belief.statistics import weighted_quantile
 from hdassist.commands.design import is_preset
-from hdassist.design.check import check
+from hdassist.design import check
 from hdassist.pages.compare import drives_report
 from hdassist.run.run import UNCHECKED
 from hdassist.terminal.output import report_object

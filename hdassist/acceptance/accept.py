@@ -11,6 +11,7 @@ from concurrent.futures import BrokenExecutor
 from dataclasses import replace
 from functools import lru_cache
 
+from hdassist import __version__
 from hdassist.acceptance.answer import (
     ANSWER,
     AcceptAnswer,
@@ -24,13 +25,11 @@ from hdassist.acceptance.answer import (
 from hdassist.acceptance.decision import AcceptedValue, DecidedCheck, Predictions, decide
 from hdassist.acceptance.limits import Limit, limits_of
 from hdassist.acceptance.request import Inputs, LotRow, Request
-from hdassist.errors import DataError, HdassistError, UsageError
+from hdassist.errors import GUARD, SEVERITY, DataError, HdassistError, UsageError, worst
 from hdassist.measuring.bench import position_quantities, seen_range
 from hdassist.measuring.fit import COVERAGE_FACTOR
 from hdassist.model.unknown import unknown_names
 from hdassist.report import attributes
-from hdassist.verdict import GUARD, SEVERITY, worst
-from hdassist.version import __version__
 
 _QUARTER = 0.25  # of the limit: a test uncertainty ratio of 4 to 1
 

@@ -11,15 +11,15 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, TypeAdapter, ValidationError
 
+from hdassist import __version__
 from hdassist.acceptance.decision import DecidedCheck, Predictions, Rule
 from hdassist.acceptance.request import Request
 from hdassist.belief.statistics import CONFIDENCE, probability_by_share
 from hdassist.belief.steps import Step
-from hdassist.errors import DataError, Fault, HdassistError, UntrustedError
-from hdassist.files import PART, STDIN, opened, read_bytes
+from hdassist.errors import DataError, Fault, HdassistError, UntrustedError, Verdict
+from hdassist.files import PART, STDIN, opened, read_bytes, read_preset
 from hdassist.model.deviations import MeasuredTeeth
 from hdassist.preset.fields import OneLine
-from hdassist.preset.library import read_preset
 from hdassist.readers.trace import MAX_TRACE_BYTES
 from hdassist.report import (
     Json,
@@ -32,8 +32,6 @@ from hdassist.report import (
     unknown_objects,
 )
 from hdassist.run.kept import ClosedRecord, Count, Magnitude, RecordKind, own_schema, read_kept, why_invalid
-from hdassist.verdict import Verdict
-from hdassist.version import __version__
 
 _MOST_ANSWER_BYTES = 1_000_000_000
 _ACCEPT_SCHEMA = schema_of("accept")

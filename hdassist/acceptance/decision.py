@@ -25,21 +25,20 @@ from hdassist.belief.evidence import evidence_of
 from hdassist.belief.prior import beside_measured_teeth
 from hdassist.belief.samples import EFFECTIVE_SAMPLES, Samples, SamplingEffort, draw_samples
 from hdassist.belief.statistics import Probability, weighted_quantile
-from hdassist.design.check import DesignCheck, OperatingPoint
+from hdassist.design import DesignCheck, OperatingPoint
 from hdassist.error.cycle import KinematicError, SelfError, kinematic_error, self_error
 from hdassist.error.error_map import searchable
 from hdassist.error.stiffness import Stiffness, stiffness
 from hdassist.error.table import TABLE_SECTIONS
 from hdassist.error.waves import EstimatedCycle, estimated_cycle, turn_range_arcsec
-from hdassist.errors import UsageError
+from hdassist.errors import GUARD, SURE, UsageError, Verdict
 from hdassist.files import number_of
 from hdassist.measuring.bench import SeenRange
 from hdassist.measuring.fit import COVERAGE_FACTOR
 from hdassist.measuring.measure import SweepResult
 from hdassist.measuring.orders import UncertaintySource, combined
 from hdassist.model.deviations import MeasuredTeeth
-from hdassist.model.geometry import Array
-from hdassist.model.kinematics import Kinematics
+from hdassist.model.geometry import Array, Kinematics
 from hdassist.model.unknown import unknowns
 from hdassist.preset.fields import Drive
 from hdassist.preset.text import UnitError, is_spread, read_spread
@@ -47,7 +46,6 @@ from hdassist.run.kept import ClosedRecord
 from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.through_cvxpy import CrossCheck
-from hdassist.verdict import GUARD, SURE, Verdict
 
 OF_TRAVEL = "predicted over the full cycle: less may come in acceptance.travel, which a record shows"
 _Basis = Literal["measured", "stated", "predicted"]

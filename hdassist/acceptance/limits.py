@@ -15,7 +15,7 @@ from typing import Literal, TypeVar
 
 from hdassist.errors import DataError, UsageError
 from hdassist.files import NUMBER
-from hdassist.loading.load import Asked, load_preset
+from hdassist.loading import Asked, load_preset
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Acceptance, Drive, FieldKind
 from hdassist.preset.text import OVERRIDE

@@ -30,23 +30,21 @@ from hdassist.acceptance.limits import (
     named_overrides,
 )
 from hdassist.belief.samples import EFFECTIVE_SAMPLES
-from hdassist.errors import DataError, Fault, Finding, HdassistError, PresetError, UsageError
-from hdassist.files import STDIN, number_of
-from hdassist.loading.load import Asked
+from hdassist.errors import SURE, DataError, Fault, Finding, HdassistError, PresetError, UsageError
+from hdassist.files import STDIN, number_of, preset_names
+from hdassist.loading import Asked
 from hdassist.measuring.bench import PositionRecord, position_quantities, seen_range
 from hdassist.measuring.fit import COVERAGE_FACTOR
 from hdassist.measuring.measure import Measurement, Reading
 from hdassist.measuring.orders import parse_stated, stated_sources
 from hdassist.model.deviations import MeasuredTeeth
-from hdassist.model.kinematics import Kinematics
+from hdassist.model.geometry import Kinematics
 from hdassist.preset.fields import REMOVED, Drive, OneLine, field_table, is_number, is_overridden, path_of
-from hdassist.preset.library import preset_names
 from hdassist.preset.text import InvalidValueError, near_miss, shown
 from hdassist.readers.pitch import WheelFiles
 from hdassist.readers.table import CellTable, read_texts
 from hdassist.run.kept import ClosedRecord
 from hdassist.run.run import Run
-from hdassist.verdict import SURE
 
 _TABLES = (".csv", ".tsv", ".csv.gz", ".tsv.gz")
 _MARK_COLUMNS = ("mark_b", "mark_g")

@@ -61,8 +61,7 @@ from hdassist.model.contacts import contact_system
 from hdassist.model.geometry import Array, Geometry, flank_candidates
 from hdassist.model.rules import first_conflict
 from hdassist.preset.fields import Drive
-from hdassist.run.cache import cached, keep, keeps_answers
-from hdassist.run.kept import ClosedRecord, Magnitude, Number
+from hdassist.run.kept import ClosedRecord, Magnitude, Number, cached, keep, keeps_answers
 from hdassist.run.run import Run
 from hdassist.solve.answers import ARCSEC, EMPTY, Certificate
 from hdassist.solve.formulation import formulate

@@ -34,11 +34,10 @@ from hdassist.belief.statistics import (
     probability_of,
     weighted_quantile,
 )
-from hdassist.errors import UntrustedError
+from hdassist.errors import SURE, UntrustedError
 from hdassist.model.geometry import Array
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
-from hdassist.verdict import SURE
 
 EFFECTIVE_SAMPLES = 64  # at least, where no number is asked for
 FEWEST_SAMPLES = 8  # effective ones, of which there is an answer where all draws leave no more

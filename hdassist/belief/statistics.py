@@ -16,8 +16,8 @@ import scipy
 from numpy.typing import NDArray
 from scipy.special import betaincinv
 
+from hdassist.errors import SURE, Verdict, is_settled, percent_text, verdict_by_probability
 from hdassist.model.geometry import Array
-from hdassist.verdict import SURE, Verdict, is_settled, percent_text, verdict_by_probability
 
 RESOLVED_ERROR = 1e-3  # arcsec
 CONFIDENCE = 0.9  # of the interval of a probability: 5 % beyond each end

@@ -41,8 +41,7 @@ from hdassist.model.geometry import Array
 from hdassist.model.unknown import no_hole_better, unknown_turn
 from hdassist.preset.fields import DEVIATIONS, Drive
 from hdassist.preset.knowledge import SUPPORT_FIELD, with_cam_support
-from hdassist.run.cache import kept_answer
-from hdassist.run.kept import ClosedRecord
+from hdassist.run.kept import ClosedRecord, kept_answer
 from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.walk import digits_depend_on

@@ -80,8 +80,8 @@ class PlanCommand(o.PlotOptions, o.SamplingOptions, o.LimitedDriveOptions):
 
     def report(self, out: Output, preset: str) -> Report:
         """Tests of the drive, judged."""
-        from hdassist.design.check import check_states
-        from hdassist.model.kinematics import Kinematics
+        from hdassist.design import check_states
+        from hdassist.model.geometry import Kinematics
         from hdassist.pages.plan import approach_csv, plan_report, sheet_report
         from hdassist.pages.report import blocks_text, report_html
         from hdassist.planning import ApproachRun, EncoderData, PlanDemands, choose_plan
@@ -244,7 +244,7 @@ def _accept_presets(presets: Sequence[str], base: Request, options: AcceptComman
     from hdassist.acceptance.accept import accept, failure_of
     from hdassist.acceptance.answer import answer_json
     from hdassist.acceptance.request import LotRow
-    from hdassist.design.check import check_states
+    from hdassist.design import check_states
     from hdassist.pages.accept import accept_report
     from hdassist.run.run import Run
 

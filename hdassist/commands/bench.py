@@ -95,7 +95,7 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
         o.stdin_once(*self.files, self.preset)
         out = self.open()
         with out.progress(self.files[0] if self.files else ""):  # words before numpy is imported
-            from hdassist.loading.load import load_preset
+            from hdassist.loading import load_preset
             from hdassist.measuring.bench import bench_record
             from hdassist.measuring.measure import LoggedJoint
             from hdassist.measuring.orders import gearing_of
@@ -250,7 +250,7 @@ class CompensateCommand(
     ) -> RecordedError:
         """Error of a record of the drive, at a torque M_g [N*m] where it is its own; may_be_noise as of `measure`."""
         from hdassist.correction.records import recorded_error, require_sense
-        from hdassist.model.kinematics import Kinematics
+        from hdassist.model.geometry import Kinematics
 
         travel = self.travel or drive.acceptance.travel
         how = {"seed": self.seed, "together": True, "may_be_noise": may_be_noise, "travel_deg": travel}
@@ -288,7 +288,7 @@ class CompensateCommand(
     def report(self, out: Output, preset: str) -> Report:
         """Corrections of the drive, or of a record alone."""
         from hdassist.correction.correct import correct, verify
-        from hdassist.design.check import check_states
+        from hdassist.design import check_states
         from hdassist.pages.compensate import compensate_report, verified_report
 
         o.stdin_once(*(self.files or []), preset, self.after)

@@ -10,6 +10,7 @@ from dataclasses import asdict, astuple, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from hdassist import __version__
 from hdassist.errors import HdassistError, PresetError, UntrustedError, UsageError
 from hdassist.files import read_bytes
 from hdassist.report import NO_VALUE, Report, Table
@@ -17,7 +18,6 @@ from hdassist.run.run import UNCHECKED, count
 from hdassist.terminal import options as o
 from hdassist.terminal.output import Output, complain, envelope, failure, give, json_text, run_each
 from hdassist.terminal.streams import Style, give_stdout, take_output, write_text
-from hdassist.version import __version__
 
 if TYPE_CHECKING:
     from hdassist.report import Json
@@ -61,10 +61,10 @@ class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
     def report(self, out: Output, preset: str) -> Report:
         """The values, found and written where that is asked for."""
         from hdassist.calibration import calibrate, estimate_drives, read_targets
-        from hdassist.loading.write import with_found_values
+        from hdassist.files import READ_AT_MOST, read_preset
+        from hdassist.loading import with_found_values
         from hdassist.pages.data import calibrate_report
         from hdassist.preset.fields import IDENTIFIED_WITH
-        from hdassist.preset.library import READ_AT_MOST, read_preset
 
         o.stdin_once(preset, str(self.targets))
         if self.write is not None:
@@ -104,10 +104,10 @@ class PresetsListCommand(o.PageOptions):
 
     def report(self, _out: Output, _preset: str) -> Report:
         """The presets."""
-        from hdassist.loading.load import load_preset
-        from hdassist.model.kinematics import Kinematics
+        from hdassist.files import preset_names
+        from hdassist.loading import load_preset
+        from hdassist.model.geometry import Kinematics
         from hdassist.preset.fields import origin_counts, plain
-        from hdassist.preset.library import preset_names
 
         rows, values = [], []
         for name in preset_names():
@@ -152,7 +152,7 @@ class PresetsShowCommand(o.PageOptions, o.DriveOptions):
 
     def run(self) -> int:
         """Show the preset; returns the exit code."""
-        from hdassist.preset.library import read_preset
+        from hdassist.files import read_preset
 
         if self.resolved or self.json or self.overrides:
             return super().run()
@@ -254,7 +254,7 @@ class PresetsSchemaCommand(o.OptionGroup):
 
     def run(self) -> int:
         """Write the schema; returns the exit code."""
-        from hdassist.loading.write import preset_schema
+        from hdassist.loading import preset_schema
 
         write_text(self.output, json_text(preset_schema()), self.force)
         return 0
@@ -289,8 +289,7 @@ class PresetsNewCommand(WishOptions):
 
     def run(self) -> int:
         """Write the preset; returns the exit code."""
-        from hdassist.loading.load import load_preset
-        from hdassist.loading.write import similar_preset
+        from hdassist.loading import load_preset, similar_preset
         from hdassist.preset.knowledge import read_requirements
 
         wish = asdict(self.only(WishOptions))
@@ -331,7 +330,7 @@ class DoctorCommand(o.PageOptions):
 
     def report(self, out: Output, _preset: str) -> Report:
         """The installation, examined."""
-        from hdassist.run.cache import empty_cache
+        from hdassist.run.kept import empty_cache
 
         if self.empty_cache:
             empty_cache()
@@ -379,7 +378,7 @@ def cache() -> DoctorFinding:
     """Where answers are kept, how large they are, and how to be rid of them."""
     from hashlib import sha256
 
-    from hdassist.run import cache as kept
+    from hdassist.run import kept as kept
 
     sizes, key = kept.cached_files(), sha256(b"doctor").hexdigest()
     kept.keep("doctor", key, b"")
@@ -403,8 +402,8 @@ def self_test() -> DoctorFinding:
     """Every state of a known drive against stored digits, and its extremes by another solver."""
     from hdassist.error.cycle import kinematic_error
     from hdassist.error.error_map import ErrorMap
-    from hdassist.loading.load import load_preset
-    from hdassist.model.kinematics import Kinematics, pitch_locked_states
+    from hdassist.loading import load_preset
+    from hdassist.model.geometry import Kinematics, pitch_locked_states
 
     try:
         drive = load_preset(PRESET)

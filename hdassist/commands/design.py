@@ -17,7 +17,7 @@ from hdassist.terminal.output import Output, csv_text, failure, give, run_each, 
 from hdassist.terminal.streams import say, write_parquet, write_text
 
 if TYPE_CHECKING:
-    from hdassist.design.sweep import Sweep, SweepRow
+    from hdassist.design import Sweep, SweepRow
     from hdassist.run.kept import Kept
 
 
@@ -54,7 +54,7 @@ class CheckCommand(o.PlotOptions, o.SamplingOptions, o.PitchOptions, o.LimitedDr
         torques = ", ".join(f"{M_g:g}" for M_g in drive.operation.M_g)
         words = f"{drive.name}, {drive.gears.z_g}/{drive.gears.z_b}, {torques} N·m"
         with out.progress(words):  # numpy is imported below
-            from hdassist.design.check import check, check_states
+            from hdassist.design import check, check_states
             from hdassist.pages.check import check_report
 
             with out.run(words, check_states(drive, measured, self.draws), self) as run:
@@ -89,7 +89,7 @@ class TraceCommand(o.PlotOptions, o.PitchOptions, o.OneTorqueOptions):
     def report(self, out: Output, preset: str) -> Report:
         """The trace of a drive."""
         from hdassist.error.trace import Gravity, trace
-        from hdassist.model.kinematics import Kinematics
+        from hdassist.model.geometry import Kinematics
         from hdassist.pages.curves import trace_report
 
         files = self.wheels_of_one([preset])
@@ -176,10 +176,10 @@ class SweepCommand(o.RowsOptions, o.LoadedDriveOptions):
 
     def report(self, out: Output, preset: str) -> Report:
         """The rows, computed and written."""
-        from hdassist.design.sweep import Sweep, collect, read_axes
-        from hdassist.loading.load import load_text
+        from hdassist.design import Sweep, collect, read_axes
+        from hdassist.files import read_preset
+        from hdassist.loading import load_text
         from hdassist.pages.curves import cells, columns, sweep_report
-        from hdassist.preset.library import read_preset
         from hdassist.run.kept import KeptOwner, open_kept
 
         file = None if self.output == "-" else self.output
@@ -347,7 +347,7 @@ class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOpt
 
 def is_preset(name: str) -> bool:
     """Whether an argument beside a preset is one too, and no trace: a name of the library, or a YAML file."""
-    from hdassist.preset.library import preset_names
+    from hdassist.files import preset_names
 
     return Path(name).suffix.lower() in _PRESET_SUFFIXES or name in preset_names()
 

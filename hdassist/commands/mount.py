@@ -7,12 +7,11 @@ from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hdassist.errors import UsageError
+from hdassist.errors import SURE, UsageError
 from hdassist.report import Report
 from hdassist.terminal import options as o
 from hdassist.terminal.output import Output, give, run_each
 from hdassist.terminal.streams import take_output, write_text
-from hdassist.verdict import SURE
 
 if TYPE_CHECKING:
     from hdassist.mounting.advice import Advice

@@ -30,8 +30,7 @@ from hdassist.errors import UsageError
 from hdassist.measuring.design import curve_of
 from hdassist.measuring.fit import TraceFit, drift_of
 from hdassist.measuring.measure import DRIFT_LEFT, Measurement, SweepResult
-from hdassist.model.geometry import Array
-from hdassist.model.kinematics import Kinematics
+from hdassist.model.geometry import Array, Kinematics
 from hdassist.preset.fields import Drive
 from hdassist.readers.trace import MeasuredTrace
 from hdassist.run.run import UNCHECKED, Run

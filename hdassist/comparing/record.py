@@ -25,8 +25,7 @@ from hdassist.error.waves import Complex, ErrorWaves
 from hdassist.errors import UntrustedError
 from hdassist.measuring.design import order_columns
 from hdassist.measuring.measure import SweepResult
-from hdassist.model.geometry import Array
-from hdassist.model.kinematics import Kinematics, pitch_locked_states
+from hdassist.model.geometry import Array, Kinematics, pitch_locked_states
 from hdassist.model.unknown import unknowns
 from hdassist.preset.fields import DEVIATIONS, Drive
 from hdassist.readers.trace import MeasuredTrace

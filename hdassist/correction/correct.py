@@ -33,17 +33,15 @@ from hdassist.correction.records import (
     with_more_lines,
 )
 from hdassist.error.waves import POINTS_A_TURN, WAVE_POINTS, ErrorLines, error_lines
-from hdassist.errors import UntrustedError, UsageError
+from hdassist.errors import UntrustedError, UsageError, Verdict
 from hdassist.measuring.measure import Measurement
 from hdassist.model.deviations import carried
-from hdassist.model.geometry import Array
-from hdassist.model.kinematics import Kinematics
+from hdassist.model.geometry import Array, Kinematics
 from hdassist.mounting.advice import Advice
 from hdassist.mounting.decision import Decision
 from hdassist.preset.fields import Drive
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
-from hdassist.verdict import Verdict
 
 _REPORTED_SHARES = (0.05, 0.5, 0.95)
 PHASORS = CorrectionForm(None)  # as many as are enough

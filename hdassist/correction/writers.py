@@ -12,11 +12,11 @@ from typing import cast
 
 import numpy as np
 
+from hdassist import __version__
 from hdassist.correction.correct import Correction, percentiles, ranges_left
 from hdassist.correction.forms import CorrectionTable, ExpectedResidual, RepeatTurn
 from hdassist.errors import UsageError
 from hdassist.model.geometry import Array
-from hdassist.version import __version__
 
 _ARCSEC_A_TURN = 1_296_000
 _SIDEREAL_ARCSEC_A_SECOND = 15.041067  # of an hour axis, in a second of the clock; 15 in a sidereal second

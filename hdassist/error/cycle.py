@@ -19,8 +19,8 @@ from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter
 from hdassist.errors import UsageError
 from hdassist.model.contacts import WITHOUT_DEVIATIONS, ContactSystems, contact_system
 from hdassist.model.deviations import ToothDeviations, state_gaps
-from hdassist.model.geometry import Array
-from hdassist.model.kinematics import (
+from hdassist.model.geometry import (
+    Array,
     Kinematics,
     States,
     ball_phase,
@@ -28,7 +28,7 @@ from hdassist.model.kinematics import (
     pitch_locked_states,
 )
 from hdassist.preset.fields import Drive
-from hdassist.run.cache import kept_answer
+from hdassist.run.kept import kept_answer
 from hdassist.run.run import CROSS_SOLVER, Run
 from hdassist.solve.answers import EMPTY, STATES_AT_A_TIME, Certificate
 from hdassist.solve.formulation import Formulation, formulate

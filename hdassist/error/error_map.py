@@ -18,8 +18,7 @@ from hdassist.error.cycle import kinematic_error
 from hdassist.errors import UsageError
 from hdassist.model.contacts import contact_system
 from hdassist.model.deviations import Waves, carried, scalars_of, waves_of
-from hdassist.model.geometry import Array
-from hdassist.model.kinematics import Kinematics, States, pitch_locked_states
+from hdassist.model.geometry import Array, Kinematics, States, pitch_locked_states
 from hdassist.preset.fields import Drive
 from hdassist.run.run import UNCHECKED
 from hdassist.solve.answers import Certificate

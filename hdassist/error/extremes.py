@@ -3,7 +3,7 @@
 A state gives, beside the rotation, its slopes by the scalars of the deviations. Three things propose hills: cubic
 splines through a coarse grid of states with their slopes, on which what single teeth add lies by mean slopes, as they
 turn the output nearly alike everywhere, what the tangents of those reach beyond, and crests where a mesh zone lets go
-and the error jumps over its clearance, which the share of the zone shows from afar. From there solve/climb.py goes up.
+and the error jumps over its clearance, which the share of the zone shows from afar. From there solve/walk.py goes up.
 The states that it finds are solved and proven once more, and are states of the cycle, so F'_ior can only be too small:
 by how much of drives that were proposed by several grids, `python -m benchmarks.proposals` has, and of draws, of which
 there are very many, by one, `python -m benchmarks.draws`.
@@ -34,7 +34,7 @@ from hdassist.model.deviations import SMOOTH_SCALARS
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import ARCSEC, EMPTY
-from hdassist.solve.climb import Rules, Starts, Torus
+from hdassist.solve.walk import Rules, Starts, Torus
 
 # positions of each wheel in a grid: of draws odd, so that half a turn on, where the error is much alike, lies between
 # them; islands of the error that one grid overlooks another one shows

@@ -20,8 +20,7 @@ from hdassist.errors import UsageError
 from hdassist.model.contacts import contact_system, shell_twist_stiffness
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Catalogue, Drive
-from hdassist.run.cache import kept_answer
-from hdassist.run.kept import Number
+from hdassist.run.kept import Number, kept_answer
 from hdassist.run.run import Progress, Run
 from hdassist.solve.answers import ARCSEC, N_MM, Certificate
 from hdassist.solve.formulation import Formulation, formulate

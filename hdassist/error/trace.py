@@ -13,8 +13,7 @@ from hdassist.error.cycle import KinematicError, kinematic_error
 from hdassist.errors import UsageError
 from hdassist.files import number_of
 from hdassist.model.deviations import MeasuredTeeth, is_half_turn_symmetric
-from hdassist.model.geometry import Array
-from hdassist.model.kinematics import Kinematics, pitch_locked_states
+from hdassist.model.geometry import Array, Kinematics, pitch_locked_states
 from hdassist.preset.fields import DEVIATIONS, Drive
 from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.answers import EMPTY

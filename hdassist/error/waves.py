@@ -20,8 +20,7 @@ from hdassist.error.error_map import ErrorMap, there_and_back
 from hdassist.error.extremes import SHORT_CYCLE
 from hdassist.model.contacts import StateGaps
 from hdassist.model.deviations import deviation_scalars
-from hdassist.model.geometry import Array
-from hdassist.model.kinematics import Kinematics, pitch_locked_states
+from hdassist.model.geometry import Array, Kinematics, pitch_locked_states
 from hdassist.preset.fields import Drive
 from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.answers import EMPTY, Certificate

@@ -13,7 +13,7 @@ from textual.color import Color
 from textual.filter import LineFilter
 from textual.timer import Timer
 
-from hdassist.design.check import DesignCheck
+from hdassist.design import DesignCheck
 from hdassist.errors import HdassistError
 from hdassist.explorer.command import Service
 from hdassist.explorer.compute import (

@@ -14,14 +14,13 @@ import numpy as np
 from hdassist.belief.draws import errors_by_turn, errors_now
 from hdassist.belief.prior import prior_of
 from hdassist.belief.samples import EFFECTIVE_SAMPLES
-from hdassist.design.check import DesignCheck, check, check_states
+from hdassist.design import DesignCheck, check, check_states
 from hdassist.error.cycle import kinematic_error
 from hdassist.error.error_map import error_maps, searchable
 from hdassist.error.trace import trace
 from hdassist.errors import HdassistError
 from hdassist.explorer.state import SETTING_SECTIONS, TEETH_FIELDS, TRIALS, is_tried, step_of
-from hdassist.model.geometry import Array
-from hdassist.model.kinematics import Kinematics
+from hdassist.model.geometry import Array, Kinematics
 from hdassist.model.rules import first_conflict
 from hdassist.model.unknown import no_hole_better, unknown_turn, unknowns
 from hdassist.mounting.advice import Advice, advice_states, advise, advise_after

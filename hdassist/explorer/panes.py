@@ -18,6 +18,7 @@ from textual.widgets import DataTable, Static
 
 from hdassist.belief.evidence import measured_errors
 from hdassist.belief.prior import prior_of
+from hdassist.errors import Verdict
 from hdassist.explorer.asking import Known
 from hdassist.explorer.compute import (
     SURE_PROVEN,
@@ -39,7 +40,6 @@ from hdassist.terminal.page import block_on_page
 from hdassist.terminal.plot import SEAT_WIDTH, seat_in_characters, ticks
 from hdassist.terminal.streams import Style
 from hdassist.terminal.words import named, proof
-from hdassist.verdict import Verdict
 
 MARKS = {SURE_REFINED: "○□△", SURE_PROVEN: "●■▲", SURE_RANGE: "◌▫▵"}  # of each torque one, as of _BAR_LINES
 _BAR_LINES = "─═╌"  # of the bars of each torque

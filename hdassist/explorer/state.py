@@ -9,14 +9,13 @@ from math import floor, isfinite, log10
 
 from hdassist.belief.evidence import measured_errors
 from hdassist.errors import UsageError
-from hdassist.files import number_of
-from hdassist.loading.load import OVERRIDE_PLACE, load_text
+from hdassist.files import number_of, read_preset
+from hdassist.loading import OVERRIDE_PLACE, load_text
 from hdassist.measuring.measure import measure
 from hdassist.measuring.orders import gearing_of
 from hdassist.model.deviations import carried
 from hdassist.mounting.positions import hole_of
 from hdassist.preset.fields import Drive, PresetField, ResolvedField, field_table, text_of
-from hdassist.preset.library import read_preset
 from hdassist.readers.trace import TraceForm, read_trace
 from hdassist.terminal.options import TrialOptions
 from hdassist.terminal.words import again

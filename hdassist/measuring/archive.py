@@ -17,13 +17,13 @@ import numpy as np
 from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationError
 from scipy.special import chdtrc
 
+from hdassist import __version__
 from hdassist.errors import DataError, UsageError
 from hdassist.files import read_bytes
 from hdassist.measuring.measure import Measurement
 from hdassist.preset.fields import OneLine
 from hdassist.report import Json
 from hdassist.run.kept import KeptOwner, RecordKind, open_kept, own_schema, read_kept, why_invalid
-from hdassist.version import __version__
 
 _ARCHIVE_SCHEMA = "hdassist.archive/1"
 ARCHIVE_FILE = "archive.jsonl"

@@ -24,8 +24,7 @@ from scipy.special import ndtri
 
 from hdassist.errors import UsageError
 from hdassist.model.contacts import TOOTH_ORDERS, ContactSystem, StateGaps
-from hdassist.model.geometry import Array
-from hdassist.model.kinematics import States
+from hdassist.model.geometry import Array, States
 from hdassist.preset.fields import CAM_OFFSETS, DEVIATIONS, IN_TEETH, Deviation, Drive, Part
 
 _MARK_TO_PHASE = {"xi": 0.0, "runout": 180.0, "pitch": -90.0}  # deg: a mark is not a phase

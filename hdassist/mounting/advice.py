@@ -16,10 +16,9 @@ from hdassist.belief.steps import Influence, influences_on
 from hdassist.error.cycle import limits_left
 from hdassist.error.error_map import searchable
 from hdassist.error.extremes import DRAWN_STATES, FINE_STATES
-from hdassist.errors import UntrustedError, UsageError
+from hdassist.errors import SURE, UntrustedError, UsageError
 from hdassist.model.deviations import MeasuredTeeth, standing_offset
-from hdassist.model.geometry import Array
-from hdassist.model.kinematics import Kinematics
+from hdassist.model.geometry import Array, Kinematics
 from hdassist.model.unknown import Unknown, no_hole_better, unknown_turn, unknowns
 from hdassist.mounting.decision import (
     FEWEST_VALUES,
@@ -55,7 +54,6 @@ from hdassist.preset.fields import Drive
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.through_cvxpy import CrossCheck
-from hdassist.verdict import SURE
 
 _FORESEEN_VALUES = 6  # measured values of which the gain is foreseen before any
 _DOUBTED = 0.5  # probability from which on a value is taken for misread

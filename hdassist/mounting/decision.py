@@ -18,9 +18,9 @@ from scipy.special import ndtri
 from hdassist.belief.evidence import LEAST_SHOWN, MISFITS, SCALE, SMOOTH_NUMBERS, smooth_misfits
 from hdassist.belief.samples import Samples
 from hdassist.belief.statistics import Probability, effective_number, even_rows, probability_of, weighted_quantile
+from hdassist.errors import SURE
 from hdassist.model.geometry import Array
 from hdassist.mounting.positions import NO_ERROR, MountingCurve
-from hdassist.verdict import SURE
 
 GOOD = 0.05  # loss against the best hole below which a hole is as good
 LEAST_GAIN = 0.01  # of F'_ior: a smaller one is not worth a turn, nor makes a hole better than another

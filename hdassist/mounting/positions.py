@@ -22,8 +22,7 @@ from hdassist.errors import UsageError
 from hdassist.model.deviations import MeasuredTeeth, ToothDeviations, carried, tooth_phases
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
-from hdassist.run.cache import KeptAnswer
-from hdassist.run.kept import Magnitude
+from hdassist.run.kept import KeptAnswer, Magnitude
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.through_cvxpy import CrossCheck, solvers_depend_on

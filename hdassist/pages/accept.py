@@ -6,6 +6,7 @@ from dataclasses import asdict, fields, replace
 from math import floor, log10
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
+from hdassist import __version__
 from hdassist.acceptance.answer import (
     LOT_VERDICTS,
     AcceptAnswer,
@@ -17,7 +18,7 @@ from hdassist.acceptance.answer import (
 from hdassist.acceptance.decision import Belief, DecidedCheck, Predictions
 from hdassist.acceptance.limits import F_IOR, Limit, LimitText
 from hdassist.acceptance.request import Lot
-from hdassist.errors import DataError
+from hdassist.errors import GUARD, SEVERITY, DataError, percent_text, worst_exit_code
 from hdassist.files import visible
 from hdassist.pages.check import fitted_words, influence_at, steps_fact, steps_table
 from hdassist.preset.fields import Drive
@@ -25,8 +26,6 @@ from hdassist.preset.text import convert, shown
 from hdassist.report import NO_VALUE, Fact, Facts, Quantities, Quantity, Report, Table, attributes, four_digits
 from hdassist.terminal.output import csv_text, together
 from hdassist.terminal.words import WHEEL_WORDS, again, samples_words
-from hdassist.verdict import GUARD, SEVERITY, percent_text, worst_exit_code
-from hdassist.version import __version__
 
 _RULE_WORDS = {
     "guard": f"guard bands of {GUARD:g} u on each side of a limit",

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from datetime import date
 
+from hdassist import __version__
 from hdassist.model.deviations import standing_offset
 from hdassist.mounting.advice import Advice
 from hdassist.mounting.positions import Position, hole_of
@@ -11,7 +12,6 @@ from hdassist.preset.fields import Drive, origin_counts
 from hdassist.preset.text import shown
 from hdassist.report import Block, Facts, Hole, Lines, Paragraph, Seat, SeatMark, Table
 from hdassist.terminal.words import HOME, Texts, texts
-from hdassist.version import __version__
 
 ENGLISH = texts()
 TRADE = {"rigid": "rigid wheel (circular spline)", "flexspline": "flexspline"}  # the fixed wheel, in the trade's words

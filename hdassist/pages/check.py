@@ -12,8 +12,9 @@ from hdassist.belief.prior import DrivePrior
 from hdassist.belief.samples import Samples
 from hdassist.belief.statistics import shares_below
 from hdassist.belief.steps import Outcome, Step
-from hdassist.design.check import DesignCheck, OperatingPoint, accuracy_words
-from hdassist.model.kinematics import Kinematics
+from hdassist.design import DesignCheck, OperatingPoint, accuracy_words
+from hdassist.errors import Verdict
+from hdassist.model.geometry import Kinematics
 from hdassist.model.unknown import unknown_names
 from hdassist.pages.card import wheel
 from hdassist.preset.fields import Drive, field_table
@@ -45,7 +46,6 @@ from hdassist.terminal.words import (
     samples_words,
     thousands,
 )
-from hdassist.verdict import Verdict
 
 _ANGLES = ("phi_h", "phi_g", "phi_b")
 _UNKNOWN_AT_ZERO = "F_ior_shown_arcsec, at_max and at_min take what is not known as 0"

@@ -10,9 +10,9 @@ import numpy as np
 
 from hdassist.comparing.compare import UNIDENTIFIABLE_ANGLE, Comparison, Explanation, VectorChange, equally_good
 from hdassist.comparing.record import ERROR_SIGNS, SENSES, Alignment, OrderAmplitude
-from hdassist.design.check import OperatingPoint
+from hdassist.design import OperatingPoint
 from hdassist.files import STDIN
-from hdassist.model.kinematics import Kinematics
+from hdassist.model.geometry import Kinematics
 from hdassist.model.unknown import unknown_names, unknown_notes, unknowns
 from hdassist.pages.card import hole_place
 from hdassist.pages.check import check_report, influence_at

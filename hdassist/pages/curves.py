@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from hdassist.design.sweep import Axis, Sweep, SweepRow, Swept
+from hdassist.design import Axis, Sweep, SweepRow, Swept
 from hdassist.error.stiffness import (
     LOST_MOTION_SHARE,
     Stiffness,
@@ -16,6 +16,7 @@ from hdassist.error.stiffness import (
     stiffness_object,
 )
 from hdassist.error.trace import ErrorAlong, Trace, order_legend
+from hdassist.errors import worst_exit_code
 from hdassist.model.unknown import unknown_notes, unknowns
 from hdassist.preset.fields import Drive, Measured, is_overridden
 from hdassist.report import (
@@ -35,7 +36,6 @@ from hdassist.report import (
     unknown_objects,
 )
 from hdassist.terminal.words import again, heading, not_known, on_what
-from hdassist.verdict import worst_exit_code
 
 _LISTED_ORDERS, _NAMED_ORDERS = 12, 2  # with --details and without, the greatest
 _MANY_TURNS = 8  # cam turns from which on a curve is a block, and its envelope is drawn

@@ -8,6 +8,7 @@ from math import isfinite
 from typing import TYPE_CHECKING
 
 from hdassist.acceptance.limits import CODES
+from hdassist.errors import Verdict
 from hdassist.explaining import Entry, entries
 from hdassist.preset.fields import short
 from hdassist.report import (
@@ -21,7 +22,6 @@ from hdassist.report import (
     four_digits,
     quantity_table,
 )
-from hdassist.verdict import Verdict
 
 if TYPE_CHECKING:
     from hdassist.calibration import Calibration, Fit, Targets

@@ -8,6 +8,7 @@ from dataclasses import asdict
 import numpy as np
 
 from hdassist.error.cycle import limits_left
+from hdassist.errors import Verdict
 from hdassist.model.unknown import unknown_names
 from hdassist.mounting.advice import UNSHOWN_VALUES, Advice
 from hdassist.mounting.decision import FEWEST_VALUES
@@ -43,7 +44,6 @@ from hdassist.report import (
     unknown_objects,
 )
 from hdassist.terminal.words import Texts, again, heading, influence_words, samples_words
-from hdassist.verdict import Verdict
 
 WORDS = {"TURN": "TURN", "LEAVE": "LEAVE", "BEST_BET": "BEST BET", "ANY_HOLE": "ANY HOLE"}
 _NO_HOLE_BETTER = {

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from hdassist.belief.samples import ErrorBelief
+from hdassist.errors import Verdict
 from hdassist.model.geometry import Array
 from hdassist.model.unknown import unknown_notes
 from hdassist.planning import SEEN_SHARE, PlanChoice, PlannedTest
@@ -23,7 +24,6 @@ from hdassist.report import (
     samples_object,
 )
 from hdassist.terminal.words import again, more_draws, preset_argument
-from hdassist.verdict import Verdict
 
 _LARGE_LINE = 0.1  # of the variance
 _DRAWN_GROUPS = 36  # of numbers of positions: more of them are drawn over each other

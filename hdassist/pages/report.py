@@ -13,9 +13,10 @@ from markupsafe import Markup
 from rich.console import Group
 from rich.text import Text
 
+from hdassist import __version__
+from hdassist.errors import Verdict
 from hdassist.files import visible
-from hdassist.model.geometry import Array
-from hdassist.model.kinematics import Kinematics
+from hdassist.model.geometry import Array, Kinematics
 from hdassist.model.unknown import unknown_names
 from hdassist.pages.card import TRADE, Card, hole_place
 from hdassist.pages.check import F_ior_table, check_facts, check_report, error_tables, steps_table
@@ -43,8 +44,6 @@ from hdassist.terminal.plot import least_and_greatest, ticks
 from hdassist.terminal.streams import Style
 from hdassist.terminal.words import named, proof, samples_words
 from hdassist.variants import DriveSheet
-from hdassist.verdict import Verdict
-from hdassist.version import __version__
 
 _INPUT_HEADS = ("input", "share, %", "preset", "drawn from", "unit", "where from")
 _VERDICT_WORDS = {

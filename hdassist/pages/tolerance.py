@@ -10,6 +10,7 @@ import numpy as np
 from hdassist.belief.samples import Samples
 from hdassist.belief.statistics import shares_below
 from hdassist.belief.steps import MeasurementGain
+from hdassist.errors import Verdict
 from hdassist.report import (
     Curve,
     Facts,
@@ -30,7 +31,6 @@ from hdassist.terminal.words import MORE_DRAWS, again, field_unit, measure_words
 from hdassist.tolerance.production import TIGHTER_STEP, Production, ProductionLaw, RandomDrive, TolerancedSize
 from hdassist.tolerance.tightening import Allocation, Allocator, Sensitivities, Tightened, to_measure
 from hdassist.tolerance.yields import YIELD_TAIL, AtTorque, Percentile, Summary, YieldBelief
-from hdassist.verdict import Verdict
 
 _PLOTTED_SHARES = np.linspace(0, 100, 201)  # of drives, %
 _PLOTTED_ROWS = 5

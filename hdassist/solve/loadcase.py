@@ -28,11 +28,10 @@ from hdassist.solve.answers import (
     residuals,
     rotation_slopes,
 )
-from hdassist.solve.climb import Points, Rules, Starts, Torus, climbed
 from hdassist.solve.formulation import Formulation, Reference
 from hdassist.solve.pivoting import Pivoting, solve_near
 from hdassist.solve.through_cvxpy import SECOND_SOLVER, require_compiled_as_stated, solve_through_cvxpy
-from hdassist.solve.walk import Walk, walk_library, walk_near_state
+from hdassist.solve.walk import Points, Rules, Starts, Torus, Walk, climbed, walk_library, walk_near_state
 
 SOLVED = 1  # exit flag of daqp
 ALWAYS_ACTIVE = 5  # sense of an equality row

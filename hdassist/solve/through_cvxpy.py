@@ -26,8 +26,7 @@ from pydantic import Field, TypeAdapter
 
 from hdassist.errors import Fault, UntrustedError, UsageError
 from hdassist.model.geometry import Array
-from hdassist.run.cache import cached, keep, keeps_answers, program
-from hdassist.run.kept import ClosedRecord, Count
+from hdassist.run.kept import ClosedRecord, Count, cached, keep, keeps_answers, program
 from hdassist.run.run import CROSS_SOLVER
 from hdassist.solve import formulation as statement
 from hdassist.solve.answers import ARCSEC, N_MM

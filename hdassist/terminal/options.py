@@ -192,7 +192,7 @@ class DriveOptions(OptionGroup):
 
     def load(self, preset: str) -> Drive:
         """The drive of a preset with the changes. Raises DataError, PresetError or UsageError."""
-        from hdassist.loading.load import load_preset
+        from hdassist.loading import load_preset
 
         return load_preset(preset, self.changes, self.taken_over())
 

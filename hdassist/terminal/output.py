@@ -15,13 +15,12 @@ from functools import partial
 from numbers import Number
 from typing import TYPE_CHECKING, Any
 
-from hdassist.errors import Fault, HdassistError, UsageError
+from hdassist import __version__
+from hdassist.errors import Fault, HdassistError, UsageError, worst_exit_code
 from hdassist.files import NUMBER, printable, visible
 from hdassist.report import Json, Report, as_json, certificate_object, schema_of
 from hdassist.run.stops import at_stop
 from hdassist.terminal.streams import Style, console, made_or, say, stderr_style, write_text
-from hdassist.verdict import worst_exit_code
-from hdassist.version import __version__
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor

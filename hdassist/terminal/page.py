@@ -12,6 +12,7 @@ from rich.measure import Measurement
 from rich.table import Table as RichTable
 from rich.text import Text
 
+from hdassist.errors import Verdict
 from hdassist.report import (
     BLANK,
     Block,
@@ -34,7 +35,6 @@ from hdassist.solve.through_cvxpy import CROSS_TOLERANCE, CrossCheck
 from hdassist.terminal.plot import curve, seat_in_characters
 from hdassist.terminal.streams import Style, console, made_or
 from hdassist.terminal.words import proof
-from hdassist.verdict import Verdict
 
 DRAWINGS: dict[type, Callable[[Style, Any], str]] = {
     Curve: curve,

@@ -20,12 +20,11 @@ from scipy.optimize import minimize
 from hdassist.belief.samples import Samples
 from hdassist.belief.statistics import Probability, weighted_quantile
 from hdassist.belief.steps import Influence, MeasurementGain, influences, measurements
-from hdassist.errors import UntrustedError
+from hdassist.errors import UntrustedError, Verdict
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import DEVIATION_FIELDS, CostLaw, Drive
 from hdassist.tolerance.production import TIGHTER_STEP, Production, ProductionLaw, RandomDrive
 from hdassist.tolerance.yields import AtTorque, Summary, YieldBelief
-from hdassist.verdict import Verdict
 
 _HIGH_SHARE = 0.95  # share of the drives below the percentile that is to become less
 _RESAMPLES = 200

@@ -18,9 +18,9 @@ from scipy.special import betainc, betaincinv
 from scipy.stats import betabinom
 
 from hdassist.belief.statistics import Probability, effective_number, probability_by_share, weighted_quantile
+from hdassist.errors import SURE, Verdict, is_settled, verdict_by_probability
 from hdassist.model.geometry import Array
 from hdassist.tolerance.production import RandomDrive
-from hdassist.verdict import SURE, Verdict, is_settled, verdict_by_probability
 
 _MEANS = np.sin(np.pi / 2 * (np.arange(48) + 0.5) / 48) ** 2  # of yields: middles of Jeffreys' prior
 _CONCENTRATIONS = np.geomspace(0.1, 200, 12)  # from "all or none" to nearly one yield of all designs

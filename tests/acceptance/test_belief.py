@@ -11,16 +11,16 @@ import pytest
 from hdassist.acceptance.answer import answer_json
 from hdassist.acceptance.decision import predict, quantities
 from hdassist.acceptance.limits import limits_of
-from hdassist.design.check import check
+from hdassist.design import check
 from hdassist.error.cycle import kinematic_error
 from hdassist.error.waves import estimated_cycle
-from hdassist.loading.load import load_preset
-from hdassist.model.kinematics import Kinematics
+from hdassist.errors import Verdict
+from hdassist.loading import load_preset
+from hdassist.model.geometry import Kinematics
 from hdassist.pages.check import check_report
 from hdassist.readers.pitch import WheelFiles
 from hdassist.run.run import UNCHECKED
 from hdassist.terminal.output import report_object
-from hdassist.verdict import Verdict
 from tests.acceptances import accept
 from tests.process import TINY, run
 

@@ -11,7 +11,7 @@ import pytest
 from hdassist.acceptance.limits import CHECKS, CODES, Limit, LimitText, limits_of
 from hdassist.acceptance.request import stated_values
 from hdassist.errors import PresetError, UsageError
-from hdassist.loading.load import load_text
+from hdassist.loading import load_text
 from hdassist.pages.accept import number
 from tests.acceptances import stated, tiny
 from tests.process import TINY

@@ -15,6 +15,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy.special import betaincinv
 
+from hdassist import __version__
 from hdassist.acceptance import accept as lotwork
 from hdassist.acceptance import request as requests
 from hdassist.acceptance.accept import answer_row, answer_rows, failure_of, predicted
@@ -27,13 +28,11 @@ from hdassist.acceptance.answer import (
     still_stands,
 )
 from hdassist.acceptance.request import LotRow, Request, is_lot, read_lot
-from hdassist.errors import DataError, PresetError, UsageError
+from hdassist.errors import DataError, PresetError, UsageError, Verdict
 from hdassist.measuring.measure import Reading
 from hdassist.pages.accept import csv as figures
 from hdassist.pages.accept import lot_report, title
 from hdassist.readers.pitch import WheelFiles
-from hdassist.verdict import Verdict
-from hdassist.version import __version__
 from tests.paper import on_paper
 from tests.process import SMALL, TINY
 

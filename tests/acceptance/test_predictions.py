@@ -11,7 +11,7 @@ from hdassist.acceptance.answer import answer_json
 from hdassist.acceptance.decision import predict
 from hdassist.acceptance.limits import CHECKS, ORDER_CHECK, limits_of
 from hdassist.acceptance.request import Request, read_lot, stated_values
-from hdassist.design.check import check
+from hdassist.design import check
 from hdassist.error.stiffness import stiffness
 from hdassist.error.trace import orders, trace
 from hdassist.error.waves import turn_range_arcsec

@@ -22,9 +22,8 @@ from hdassist.belief.steps import columns_of, influences, measurements, shares_o
 from hdassist.calibration import CalibrationTarget, predictions
 from hdassist.error.extremes import extremes_of
 from hdassist.error.stiffness import stiffness
-from hdassist.errors import UntrustedError
+from hdassist.errors import UntrustedError, Verdict, percent_text, verdict_by_probability
 from hdassist.run.run import Run
-from hdassist.verdict import Verdict, percent_text, verdict_by_probability
 from tests.process import TINY
 from tests.support import PROVEN
 

@@ -7,7 +7,7 @@ from hdassist.belief.evidence import evidence_of
 from hdassist.belief.prior import prior_of
 from hdassist.belief.samples import SamplingEffort, draw_samples
 from hdassist.belief.statistics import weighted_quantile
-from hdassist.loading.load import load_text
+from hdassist.loading import load_text
 from tests.process import run
 
 

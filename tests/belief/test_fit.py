@@ -11,8 +11,7 @@ from hdassist.belief.draws import Sampling
 from hdassist.belief.evidence import STIFFNESS_FIGURES, Evidence
 from hdassist.belief.prior import prior_of
 from hdassist.belief.proposals import PILOT_DRAWS, proposed_draws
-from hdassist.loading.load import load_text
-from hdassist.loading.write import with_found_values
+from hdassist.loading import load_text, with_found_values
 from hdassist.variants import differently_open
 from tests.process import TINY, run
 

@@ -19,7 +19,7 @@ from hdassist.belief.evidence import Evidence, stiffness_figures
 from hdassist.belief.prior import prior_of
 from hdassist.belief.samples import SamplingEffort, draw_samples
 from hdassist.errors import UntrustedError
-from hdassist.run import cache
+from hdassist.run import kept
 from hdassist.run.run import Run
 from hdassist.solve.loadcase import LoadCase
 from tests import process
@@ -32,11 +32,11 @@ FEW = SamplingEffort(effective=8, settling_draws=16, most_draws=64, batch=8)
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     """A cache of its own, in which samples are kept, for this process and for commands."""
-    monkeypatch.setenv(cache.FOLDER, str(tmp_path / "cache"))
-    monkeypatch.delenv(cache.NO_CACHE)
-    monkeypatch.setitem(process.CLEAN, cache.FOLDER, str(tmp_path / "cache"))
-    monkeypatch.delitem(process.CLEAN, cache.NO_CACHE)
-    return tmp_path / "cache" / cache.OWN_FOLDER
+    monkeypatch.setenv(kept.FOLDER, str(tmp_path / "cache"))
+    monkeypatch.delenv(kept.NO_CACHE)
+    monkeypatch.setitem(process.CLEAN, kept.FOLDER, str(tmp_path / "cache"))
+    monkeypatch.delitem(process.CLEAN, kept.NO_CACHE)
+    return tmp_path / "cache" / kept.OWN_FOLDER
 
 
 @pytest.fixture
@@ -217,7 +217,7 @@ def test_samples_that_contradict_are_kept_too(folder, solved):
 
 
 def test_nothing_is_kept_where_it_is_not_wanted(folder, monkeypatch):
-    monkeypatch.setenv(cache.NO_CACHE, "1")
+    monkeypatch.setenv(kept.NO_CACHE, "1")
     drawn()
     assert not list(folder.glob("samples-*"))
 
@@ -227,16 +227,16 @@ def test_doctor_says_where_the_cache_is_how_large_and_how_to_empty_it(folder, mo
     found = {each["what"]: each["found"] for each in json.loads(run("doctor", "--json").stdout)["findings"]}
     assert found["cache"].startswith(f"{folder}, ")
     assert "MB; HDASSIST_CACHE names another folder, --empty-cache removes them" in found["cache"]
-    monkeypatch.setitem(process.CLEAN, cache.NO_CACHE, "1")
+    monkeypatch.setitem(process.CLEAN, kept.NO_CACHE, "1")
     assert "no answers are kept" in " ".join(run("doctor").stdout.split())
-    monkeypatch.setitem(process.CLEAN, cache.FOLDER, "/proc/nowhere")
+    monkeypatch.setitem(process.CLEAN, kept.FOLDER, "/proc/nowhere")
     assert "/proc/nowhere can't be used" in " ".join(run("doctor").stdout.split())
 
 
 def test_answers_are_kept_for_the_source_that_is_there_compiled_or_not(tmp_path):
     copy = tmp_path / "hdassist"
-    shutil.copytree(Path(cache.__file__).parents[1], copy, ignore=shutil.ignore_patterns("__pycache__"))
-    ask = [sys.executable, "-c", "from hdassist.run.cache import program; print(program()[0])"]
+    shutil.copytree(Path(kept.__file__).parents[1], copy, ignore=shutil.ignore_patterns("__pycache__"))
+    ask = [sys.executable, "-c", "from hdassist.run.kept import program; print(program()[0])"]
 
     def source():
         found = subprocess.run(

@@ -9,8 +9,7 @@ from hdassist.belief.evidence import evidence_of
 from hdassist.belief.prior import PRELOAD, RIGID_SHIFT, prior_of
 from hdassist.belief.samples import SamplingEffort, draw_samples
 from hdassist.error.stiffness import stiffness
-from hdassist.loading.load import load_text
-from hdassist.loading.write import similar_preset
+from hdassist.loading import load_text, similar_preset
 from hdassist.model.rules import first_conflict
 from hdassist.preset.knowledge import read_requirements
 from hdassist.run.run import UNCHECKED

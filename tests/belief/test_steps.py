@@ -4,7 +4,7 @@ import pytest
 
 from hdassist import load_preset
 from hdassist.belief.steps import steps_of
-from hdassist.design.check import check
+from hdassist.design import check
 from tests.process import TINY
 
 OPEN = (

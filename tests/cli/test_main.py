@@ -8,7 +8,7 @@ from unittest import mock
 
 import pytest
 
-from hdassist.version import __version__
+from hdassist import __version__
 from tests.process import CLEAN, SMALL, run
 
 
@@ -43,7 +43,7 @@ def test_parts_of_numpy_that_no_answer_uses_are_loaded_when_used():
 import sys
 from hdassist.cli import LoadedWhenUsed
 sys.meta_path.insert(0, LoadedWhenUsed())
-import hdassist.design.check, numpy
+import hdassist.design, numpy
 assert "numpy.testing._private.utils" not in sys.modules
 numpy.testing.assert_array_equal([1.0], [1.0])
 assert "numpy.testing._private.utils" in sys.modules and not [name for name in sys.modules if "f2py." in name]
@@ -63,7 +63,7 @@ def test_help_starts_with_examples(command):
 
 
 def breaking(error: Exception, *args: str) -> subprocess.CompletedProcess[str]:
-    with mock.patch("hdassist.design.check.check", side_effect=error):
+    with mock.patch("hdassist.design.check", side_effect=error):
         return run("check", SMALL, *args)
 
 

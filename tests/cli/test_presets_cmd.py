@@ -13,14 +13,13 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner, Result
 
+from hdassist import __version__
 from hdassist.belief.evidence import evidence_of
 from hdassist.cli import app
 from hdassist.errors import DataError, HdassistError, PresetError, UsageError
-from hdassist.loading.load import load_text
-from hdassist.loading.write import SCHEMA_FILE
+from hdassist.files import preset_names, read_preset
+from hdassist.loading import SCHEMA_FILE, load_text
 from hdassist.preset.fields import Drive, field_table, origin_counts
-from hdassist.preset.library import preset_names, read_preset
-from hdassist.version import __version__
 from tests.process import on_terminal
 
 ROOT = Path(__file__).parents[2]

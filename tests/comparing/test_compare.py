@@ -14,7 +14,7 @@ from hdassist.comparing.record import VECTORS, Alignment, RecordedOrders, Solved
 from hdassist.error.waves import ErrorWaves
 from hdassist.errors import UsageError
 from hdassist.measuring.measure import measure
-from hdassist.model.kinematics import Kinematics
+from hdassist.model.geometry import Kinematics
 from hdassist.pages.compare import comparison_report
 from hdassist.preset.fields import DEVIATIONS, Drive
 from hdassist.readers.trace import MeasuredTrace, read_trace

@@ -17,7 +17,7 @@ from hdassist.error.cycle import kinematic_error
 from hdassist.error.waves import POINTS_A_TURN, error_lines
 from hdassist.errors import UntrustedError
 from hdassist.measuring.measure import measure
-from hdassist.model.kinematics import Kinematics
+from hdassist.model.geometry import Kinematics
 from hdassist.run.run import UNCHECKED
 from tests.process import TINY, run
 from tests.rigs import recorded

@@ -13,9 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from hdassist import kinematic_error, load_preset, self_error
+from hdassist import __version__, kinematic_error, load_preset, self_error
 from hdassist.solve.walk import walk_library
-from hdassist.version import __version__
 from tests.process import CLEAN, COMMAND, TINY, interrupted, run, run_cold
 
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.design.check import check
+from hdassist.design import check
+from hdassist.errors import Verdict
 from hdassist.pages.check import check_report
 from hdassist.run.run import Run
 from hdassist.terminal.output import report_object
-from hdassist.verdict import Verdict
 from tests.process import SMALL, TINY, run
 
 PLAY = "source.gears.j_n={kind: assumed, range: [12, 18], ref: judged}"

@@ -21,9 +21,9 @@ from pyarrow import parquet
 from pydantic import ValidationError
 
 from hdassist import load_preset
-from hdassist.design.sweep import Sweep, collect, read_axes
+from hdassist.design import Sweep, collect, read_axes
 from hdassist.errors import DataError
-from hdassist.preset.library import read_preset
+from hdassist.files import read_preset
 from hdassist.run.kept import KeptOwner, RecordKind, open_kept
 from hdassist.terminal import streams
 from tests.process import CLEAN, COMMAND, SMALL, ends, run, run_cold

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from hdassist import load_preset
-from hdassist.design.sweep import MOST_VALUES, Sweep, read_axes
+from hdassist.design import MOST_VALUES, Sweep, read_axes
 from hdassist.errors import UsageError
 from tests.process import SMALL, run
 

@@ -7,7 +7,7 @@ from hdassist import kinematic_error, load_preset
 from hdassist.error.error_map import Batch, ErrorMap, searchable
 from hdassist.error.extremes import extremes_of, many_extremes
 from hdassist.errors import UsageError
-from hdassist.model.kinematics import Kinematics
+from hdassist.model.geometry import Kinematics
 from hdassist.mounting.positions import rotated
 from hdassist.run.run import UNCHECKED
 from tests.process import SMALL

@@ -15,8 +15,8 @@ from hdassist.model.contacts import StateGaps, contact_system
 from hdassist.mounting.positions import rotated
 from hdassist.preset.fields import DEVIATIONS
 from hdassist.solve.answers import N_MM
-from hdassist.solve.climb import Torus
 from hdassist.solve.formulation import formulate
+from hdassist.solve.walk import Torus
 from tests.process import SMALL
 from tests.searched_drives import searched_drive
 from tests.support import HAS_COMPILER, load_case

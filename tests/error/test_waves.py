@@ -6,7 +6,7 @@ import pytest
 from hdassist import kinematic_error, load_preset
 from hdassist.error.waves import ErrorWaves
 from hdassist.errors import UsageError
-from hdassist.model.kinematics import Kinematics, pitch_locked_states
+from hdassist.model.geometry import Kinematics, pitch_locked_states
 from hdassist.run.run import UNCHECKED, Run
 from tests.process import SMALL
 

@@ -9,8 +9,8 @@ from types import MappingProxyType
 
 import pytest
 
-from hdassist.design.check import DesignCheck, check
-from hdassist.errors import HdassistError
+from hdassist.design import DesignCheck, check
+from hdassist.errors import HdassistError, Verdict
 from hdassist.explorer.asking import Known
 from hdassist.explorer.compute import (
     FirstErrors,
@@ -20,11 +20,10 @@ from hdassist.explorer.compute import (
     typical_of,
 )
 from hdassist.explorer.panes import headline
-from hdassist.loading.load import load_preset
+from hdassist.loading import load_preset
 from hdassist.report import Report
 from hdassist.terminal.output import json_text, report_object
 from hdassist.terminal.streams import Style, console
-from hdassist.verdict import Verdict
 from tests.explorer.rig import QUICK, tiny
 from tests.process import TINY, no_processes, run
 

@@ -8,7 +8,7 @@ from textual.pilot import Pilot
 
 from hdassist.explorer.app import Explorer, Notice
 from hdassist.explorer.state import with_evidence
-from hdassist.loading.load import load_text
+from hdassist.loading import load_text
 from tests.explorer.rig import FEW, explored, filled, said, screen, tiny, to_lever
 from tests.process import TINY, run
 

@@ -12,7 +12,7 @@ import pytest
 from textual.pilot import Pilot
 
 from hdassist.belief.samples import EFFECTIVE_SAMPLES
-from hdassist.design.check import check
+from hdassist.design import check
 from hdassist.explorer.app import Explorer, Form
 from hdassist.explorer.asking import REST, Known
 from hdassist.explorer.compute import FULL, SURE_RANGE

@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from hdassist.explorer.state import about_field, opened_state, step_of, stepped
-from hdassist.loading.load import load_text
+from hdassist.loading import load_text
 from hdassist.preset.fields import field_table, resolved_fields, text_of
 from tests.explorer.rig import tiny
 from tests.process import TINY

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from textual.pilot import Pilot
 
-from hdassist.design.check import check
+from hdassist.design import check
 from hdassist.explorer.app import Explorer, Notice
 from hdassist.explorer.asking import REST
 from hdassist.explorer.state import opened_state

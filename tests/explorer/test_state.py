@@ -11,7 +11,7 @@ from hdassist.errors import DataError, HdassistError, UsageError
 from hdassist.explorer import state
 from hdassist.explorer.panes import head_line
 from hdassist.explorer.state import Session
-from hdassist.loading.load import load_text
+from hdassist.loading import load_text
 from hdassist.measuring.measure import measure
 from hdassist.readers.trace import TraceForm, read_trace
 from hdassist.run.run import UNCHECKED

@@ -188,10 +188,12 @@ def outcomes(changes: Iterable[Change], longest: float = LONGEST, jobs: int = 1)
     One that takes longer [s] is ended.
     """
     # unused here: loaded once, so that not every process that is forked loads them again
-    from hdassist.design import check  # noqa: F401
-    from hdassist.loading import load  # noqa: F401
+    from hdassist import (
+        design,  # noqa: F401
+        files,  # noqa: F401
+        loading,  # noqa: F401
+    )
     from hdassist.pages import check as check_page  # noqa: F401
-    from hdassist.preset import library  # noqa: F401
     from hdassist.run import run  # noqa: F401
     from hdassist.terminal import output  # noqa: F401
 

@@ -24,7 +24,7 @@ with atheris.instrument_imports(include=["hdassist"]):
     from hdassist.acceptance.request import Request, read_lot
     from hdassist.calibration import read_targets
     from hdassist.errors import HdassistError
-    from hdassist.loading.load import load_text
+    from hdassist.loading import load_text
     from hdassist.measuring.measure import measure
     from hdassist.measuring.orders import parse_orders, parse_stated
     from hdassist.mounting.posterior import read_trial

@@ -59,7 +59,7 @@ def test_a_file_that_is_lost_is_seen(monkeypatch: pytest.MonkeyPatch, tmp_path: 
 
 
 def test_an_exception_and_a_process_that_dies_are_seen(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hdassist.loading.load.read_preset", lambda name: 1 / 0)
+    monkeypatch.setattr("hdassist.loading.read_preset", lambda name: 1 / 0)
     seen = list(outcomes([1, 2, 3], 0, ["preset"]))
     assert all("ZeroDivisionError" in outcome.fault for outcome in seen)
     monkeypatch.setattr("tests.fuzz.inputs.judged", lambda *_, **__: __import__("os")._exit(1))

@@ -7,8 +7,7 @@ import pytest
 
 from hdassist import Drive, load_preset
 from hdassist.errors import PresetError, UsageError
-from hdassist.loading.load import load_text
-from hdassist.loading.write import similar_preset, with_changes
+from hdassist.loading import load_text, similar_preset, with_changes
 from hdassist.model.contacts import CAM, contact_system
 from hdassist.model.unknown import assumptions
 from hdassist.preset.knowledge import read_requirements

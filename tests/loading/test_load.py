@@ -9,7 +9,7 @@ import pytest
 
 from hdassist.belief.prior import EVIDENCE
 from hdassist.errors import PresetError, UsageError
-from hdassist.loading.load import load_text
+from hdassist.loading import load_text
 from hdassist.preset.fields import Drive, field_table
 
 BASE = """\

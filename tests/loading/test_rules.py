@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import brentq
 
 from hdassist.errors import UsageError
-from hdassist.loading.load import load_text
+from hdassist.loading import load_text
 from hdassist.model.geometry import Geometry, flank_candidates
 from hdassist.model.rules import BEARING_FIELDS, FIELD_RULES, MAX_OVERLAP, MODEL_RULES, conflicts
 from hdassist.preset.fields import Drive, field_table

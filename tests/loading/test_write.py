@@ -10,8 +10,7 @@ import pytest
 
 from hdassist import load_preset
 from hdassist.errors import DataError, UsageError
-from hdassist.loading.load import load_text
-from hdassist.loading.write import with_changes, with_found_values
+from hdassist.loading import load_text, with_changes, with_found_values
 from hdassist.preset.fields import field_table, resolved_fields
 from tests.process import SMALL
 from tests.support import fresh_preset

@@ -10,7 +10,7 @@ import pytest
 from scipy.signal import lfilter
 
 from hdassist.errors import UntrustedError
-from hdassist.loading.load import load_preset
+from hdassist.loading import load_preset
 from hdassist.measuring.measure import Measurement, measure
 from hdassist.preset.fields import Drive
 from hdassist.readers.trace import read_trace

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from hdassist.loading.load import load_preset, load_text
+from hdassist.loading import load_preset, load_text
 from hdassist.model.unknown import assumptions
 from hdassist.preset.fields import Source
 from tests.process import SMALL

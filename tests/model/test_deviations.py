@@ -12,7 +12,7 @@ from hdassist.model.deviations import (
     standing_offset,
     tooth_phases,
 )
-from hdassist.model.kinematics import Kinematics, pitch_locked_states
+from hdassist.model.geometry import Kinematics, pitch_locked_states
 from hdassist.run.run import UNCHECKED
 from tests.support import changed, delta_p_of, first_harmonic
 

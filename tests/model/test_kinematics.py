@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hdassist.error.cycle import kinematic_error, state_place
-from hdassist.model.kinematics import (
+from hdassist.model.geometry import (
     STRIP,
     Kinematics,
     ball_phase,

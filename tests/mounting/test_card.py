@@ -10,6 +10,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from hdassist import __version__
 from hdassist.errors import UsageError
 from hdassist.model.unknown import Unknown
 from hdassist.pages.card import Card, instruction, seat_of, warnings_of
@@ -17,7 +18,6 @@ from hdassist.pages.mount import mount_warnings
 from hdassist.pages.report import CENTRE, HOLE_CIRCLE, card_html, card_text
 from hdassist.terminal.plot import seat_in_characters
 from hdassist.terminal.words import Texts, languages, texts
-from hdassist.version import __version__
 from tests.advices import MADE, TRIALS, advice_of, card, cards, crowded
 
 CARDS = cards()

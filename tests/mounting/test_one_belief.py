@@ -10,7 +10,7 @@ from hdassist import load_preset
 from hdassist.belief.evidence import stiffness_figures
 from hdassist.belief.prior import prior_of
 from hdassist.belief.samples import SamplingEffort, draw_samples
-from hdassist.design.check import check
+from hdassist.design import check
 from hdassist.error.error_map import ErrorMap
 from hdassist.mounting.advice import advise
 from hdassist.mounting.positions import rotated, seat_positions

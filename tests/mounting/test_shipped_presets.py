@@ -3,8 +3,7 @@
 import pytest
 
 from hdassist import load_preset, preset_names
-from hdassist.loading.load import load_text
-from hdassist.loading.write import similar_preset
+from hdassist.loading import load_text, similar_preset
 from hdassist.mounting.advice import advise
 from hdassist.pages.report import card_text
 from hdassist.preset.knowledge import read_requirements

@@ -8,11 +8,11 @@ import pytest
 from hdassist import load_preset
 from hdassist.error.cycle import kinematic_error
 from hdassist.error.waves import error_lines
+from hdassist.errors import Verdict
 from hdassist.model.deviations import ToothDeviations
 from hdassist.planning import ApproachRun, DrivesUnderTest, PlanDemands, ReadingPlan, choose_plan, rough_curves
 from hdassist.preset.fields import DEVIATIONS
 from hdassist.run.run import UNCHECKED
-from hdassist.verdict import Verdict
 from tests.process import SMALL, TINY
 
 ONE_WAVE = np.sin(2 * np.pi * np.arange(3600) / 3600)  # comes once in the cycle

@@ -11,7 +11,7 @@ import pytest
 from benchmarks.catalogue import MM_A_SIZE, PAGE, ROOT, SIZES, files, presets
 from hdassist import load_preset, stiffness
 from hdassist.calibration import read_targets
-from hdassist.loading.load import load_text
+from hdassist.loading import load_text
 from hdassist.preset.knowledge import CATALOGUE_K3, REFERENCE, TORQUE_DENSITY
 from hdassist.run.run import UNCHECKED
 from tests.process import TINY

@@ -12,16 +12,15 @@ import pytest
 from hdassist import kinematic_error
 from hdassist.acceptance.decision import AcceptedValue
 from hdassist.acceptance.limits import limits_of
-from hdassist.design.check import DesignCheck, OperatingPoint
+from hdassist.design import DesignCheck, OperatingPoint
 from hdassist.error.cycle import KinematicError, SelfError, self_error
+from hdassist.errors import Verdict
 from hdassist.model.contacts import contact_system
-from hdassist.model.geometry import Geometry
-from hdassist.model.kinematics import Kinematics, ball_phase, pitch_locked_states
+from hdassist.model.geometry import Geometry, Kinematics, ball_phase, pitch_locked_states
 from hdassist.mounting.positions import MountingCurve, seat_positions
 from hdassist.preset.fields import DEVIATIONS, Acceptance, Drive, field_table
 from hdassist.run.run import UNCHECKED
 from hdassist.solve.answers import EMPTY
-from hdassist.verdict import Verdict
 from tests.acceptances import accept
 from tests.support import changed, solve_state, wind_up
 

@@ -11,9 +11,9 @@ import pytest
 
 from hdassist.calibration import read_targets
 from hdassist.errors import DataError, PresetError, UsageError
-from hdassist.loading.load import load_preset
+from hdassist.files import preset_names, read_preset
+from hdassist.loading import load_preset
 from hdassist.preset.fields import field_table, measures
-from hdassist.preset.library import preset_names, read_preset
 from hdassist.preset.text import read_yaml
 
 ROOT = Path(__file__).parents[2]
@@ -164,6 +164,6 @@ def test_bad_overrides_are_wrong_usage() -> None:
 
 
 def test_the_names_cost_no_heavy_import() -> None:
-    code = "import sys; from hdassist.preset.library import preset_names as p; p(); print(*sorted(sys.modules))"
+    code = "import sys; from hdassist.files import preset_names as p; p(); print(*sorted(sys.modules))"
     loaded = subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True, capture_output=True, text=True).stdout
     assert not {"pydantic", "yaml", "numpy"} & set(loaded.split())

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from hdassist import load_preset
-from hdassist.preset.library import preset_names
+from hdassist.files import preset_names
 
 
 @pytest.mark.parametrize(

@@ -9,10 +9,9 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from hdassist.errors import UsageError
-from hdassist.loading.load import load_text
-from hdassist.loading.write import preset_schema
+from hdassist.files import preset_names, read_preset
+from hdassist.loading import load_text, preset_schema
 from hdassist.preset.fields import ResolvedField, field_table, resolved_fields
-from hdassist.preset.library import preset_names, read_preset
 from hdassist.preset.text import read_yaml
 from tests.support import fresh_preset
 

@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 
 from hdassist import kinematic_error, load_preset, stiffness
 from hdassist.errors import UsageError
-from hdassist.loading.load import load_text
-from hdassist.loading.write import similar_preset
-from hdassist.model.kinematics import Kinematics, pitch_locked_states
+from hdassist.loading import load_text, similar_preset
+from hdassist.model.geometry import Kinematics, pitch_locked_states
 from hdassist.model.rules import conflicts
 from hdassist.preset.fields import Drive, field_table, measures, origin_counts, resolved_fields
 from hdassist.preset.knowledge import LAWS, PITCH_DIAMETER, STIFFNESS, F_p, SimilarValue, rated_of, similar

@@ -9,7 +9,7 @@ import pytest
 
 from hdassist import load_preset
 from hdassist.errors import PresetError, UsageError
-from hdassist.loading.load import load_text
+from hdassist.loading import load_text
 from hdassist.preset.fields import field_table
 from hdassist.preset.text import UnitError, convert, read_spread, units_for
 from tests.process import SMALL

@@ -12,7 +12,7 @@ from hdassist.error.error_map import ErrorMap
 from hdassist.error.table import Mesh, Reach, error_table
 from hdassist.model.contacts import CAM, ROTATION, contact_system
 from hdassist.model.deviations import deviation_scalars, is_half_turn_symmetric
-from hdassist.model.kinematics import Kinematics, pitch_locked_states
+from hdassist.model.geometry import Kinematics, pitch_locked_states
 from hdassist.run.run import UNCHECKED
 from hdassist.solve.answers import ARCSEC
 from tests.support import changed, compliance, delta_p_of, rotation, solve_state, wind_up

@@ -9,7 +9,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from hdassist.errors import HdassistError, PresetError, UsageError
-from hdassist.loading.load import load_text
+from hdassist.loading import load_text
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.text import UnitError, convert, read_yaml, scalar_value, units_for
 from tests.support import fresh_preset

@@ -13,8 +13,7 @@ from hdassist import load_preset
 from hdassist.error.cycle import kinematic_error
 from hdassist.error.error_map import ErrorMap
 from hdassist.model.contacts import contact_system, flexspline_ring
-from hdassist.model.geometry import Array, Geometry, nominal_shape
-from hdassist.model.kinematics import Kinematics, pitch_locked_states
+from hdassist.model.geometry import Array, Geometry, Kinematics, nominal_shape, pitch_locked_states
 from hdassist.run.run import UNCHECKED
 from hdassist.solve.formulation import formulate
 from tests.support import delta_p_of, load_case, solve_state

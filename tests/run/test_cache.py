@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from hdassist.run import cache
+from hdassist.run import kept
 from tests import process
 from tests.process import TINY, run
 
@@ -21,10 +21,10 @@ WARNED = "another user can write to"
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The folder that is named for the cache, in which answers are kept, for this process and for commands."""
-    monkeypatch.setenv(cache.FOLDER, str(tmp_path / "named"))
-    monkeypatch.delenv(cache.NO_CACHE)
-    monkeypatch.setitem(process.CLEAN, cache.FOLDER, str(tmp_path / "named"))
-    monkeypatch.delitem(process.CLEAN, cache.NO_CACHE)
+    monkeypatch.setenv(kept.FOLDER, str(tmp_path / "named"))
+    monkeypatch.delenv(kept.NO_CACHE)
+    monkeypatch.setitem(process.CLEAN, kept.FOLDER, str(tmp_path / "named"))
+    monkeypatch.delitem(process.CLEAN, kept.NO_CACHE)
     return tmp_path / "named"
 
 
@@ -32,13 +32,13 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def own(folder: Path) -> Path:
     """The cache's own folder in it, with three answers."""
     for k, key in enumerate(KEYS[:3]):
-        cache.keep("samples", key, b"%d" % k)
-    return folder / cache.OWN_FOLDER
+        kept.keep("samples", key, b"%d" % k)
+    return folder / kept.OWN_FOLDER
 
 
 def test_an_answer_is_kept_for_this_user_alone(own: Path) -> None:
-    assert [cache.cached("samples", key) for key in KEYS[:4]] == [b"0", b"1", b"2", None]
-    assert cache.cached("others", KEYS[0]) is None
+    assert [kept.cached("samples", key) for key in KEYS[:4]] == [b"0", b"1", b"2", None]
+    assert kept.cached("others", KEYS[0]) is None
     assert {stat.S_IMODE(path.stat().st_mode) for path in (own.parent, own)} == {0o700}
     assert {stat.S_IMODE(path.stat().st_mode) for path in own.iterdir()} == {0o600}
     assert len(list(own.iterdir())) == 3  # nothing half written
@@ -51,9 +51,9 @@ def test_no_link_is_followed(own: Path, tmp_path: Path, is_hard: bool) -> None:
     name = f"compiled-{KEYS[0][:16]}"
     for place in (own / name, own.parent / name):
         (place.hardlink_to if is_hard else place.symlink_to)(mine)
-    assert cache.cached("compiled", KEYS[0]) is None
-    cache.keep("compiled", KEYS[0], b"x")
-    assert cache.cached("compiled", KEYS[0]) == b"x"
+    assert kept.cached("compiled", KEYS[0]) is None
+    kept.keep("compiled", KEYS[0], b"x")
+    assert kept.cached("compiled", KEYS[0]) == b"x"
     assert mine.read_text() == "mine"
     assert (own.parent / name).samefile(mine)
 
@@ -62,20 +62,20 @@ def test_an_answer_is_not_read_through_a_link(own: Path, tmp_path: Path) -> None
     path = own / f"samples-{KEYS[0][:16]}"
     (own / f"samples-{KEYS[3][:16]}").symlink_to(path.rename(tmp_path / "elsewhere"))
     path.symlink_to(tmp_path / "elsewhere")
-    assert cache.cached("samples", KEYS[0]) is None
+    assert kept.cached("samples", KEYS[0]) is None
 
 
 def test_an_own_folder_that_is_a_link_is_not_used(folder: Path, tmp_path: Path) -> None:
     (tmp_path / "elsewhere").mkdir(mode=0o700)
     folder.mkdir(mode=0o700)
-    (folder / cache.OWN_FOLDER).symlink_to(tmp_path / "elsewhere")
-    cache.keep("samples", KEYS[0], b"x")
-    assert cache.cached("samples", KEYS[0]) is None
+    (folder / kept.OWN_FOLDER).symlink_to(tmp_path / "elsewhere")
+    kept.keep("samples", KEYS[0], b"x")
+    assert kept.cached("samples", KEYS[0]) is None
     assert not list((tmp_path / "elsewhere").iterdir())
 
 
 def test_the_oldest_go_and_no_file_of_others(own: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cache, "MOST", 1000)
+    monkeypatch.setattr(kept, "MOST", 1000)
     foreign = [*(own.parent / f"mine-{k}" for k in range(5)), own / "notes.txt", own / "samples-2026"]
     folders = [own / f"samples-{key[:16]}" for key in KEYS[3:4]]
     for path in foreign:
@@ -83,11 +83,11 @@ def test_the_oldest_go_and_no_file_of_others(own: Path, monkeypatch: pytest.Monk
         os.utime(path, (0, 0))
     folders[0].mkdir()
     for k, key in enumerate(KEYS[:3]):
-        cache.keep("samples", key, b"x" * 200)
+        kept.keep("samples", key, b"x" * 200)
         os.utime(own / f"samples-{key[:16]}", (k, k))
-    assert cache.cached("samples", KEYS[0]) == b"x" * 200  # used now: no longer the oldest
-    cache.keep("samples", KEYS[4], b"x" * 200)
-    assert [cache.cached("samples", KEYS[k]) is None for k in (0, 1, 2, 4)] == [False, True, True, False]
+    assert kept.cached("samples", KEYS[0]) == b"x" * 200  # used now: no longer the oldest
+    kept.keep("samples", KEYS[4], b"x" * 200)
+    assert [kept.cached("samples", KEYS[k]) is None for k in (0, 1, 2, 4)] == [False, True, True, False]
     assert all(path.exists() for path in [*foreign, *folders])
 
 
@@ -119,8 +119,8 @@ def grouped(path: Path) -> None:
 def test_a_folder_that_others_can_write_is_not_used_which_is_said_once(own: Path, which, opened) -> None:
     opened(own.parents[1] / which)
     before = sorted(own.iterdir())
-    cache.keep("samples", KEYS[3], b"x")
-    assert [cache.cached("samples", key) for key in KEYS] == [None] * 5
+    kept.keep("samples", KEYS[3], b"x")
+    assert [kept.cached("samples", key) for key in KEYS] == [None] * 5
     done = run("check", TINY, "--torque", "4")
     assert done.stderr.count(WARNED) == 1
     assert f"{own.parents[1] / which}: " in done.stderr
@@ -129,17 +129,17 @@ def test_a_folder_that_others_can_write_is_not_used_which_is_said_once(own: Path
 
 def test_a_file_that_others_could_have_written_is_not_read(own: Path) -> None:
     shared(own / f"samples-{KEYS[0][:16]}")
-    assert [cache.cached("samples", key) for key in KEYS[:2]] == [None, b"1"]
+    assert [kept.cached("samples", key) for key in KEYS[:2]] == [None, b"1"]
 
 
 def test_what_another_user_owns_is_not_used(own: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The folder is of another user than this process: the same to it as this process of another user."""
     user = os.geteuid()
     monkeypatch.setattr(os, "geteuid", lambda: user + 1)
-    assert cache.cached("samples", KEYS[0]) is None
-    assert WARNED in cache.why_unsafe()
+    assert kept.cached("samples", KEYS[0]) is None
+    assert WARNED in kept.why_unsafe()
     before = sorted(own.iterdir())
-    cache.keep("samples", KEYS[3], b"x")
+    kept.keep("samples", KEYS[3], b"x")
     assert sorted(own.iterdir()) == before
 
 
@@ -147,11 +147,11 @@ def test_what_another_user_owns_is_not_used(own: Path, monkeypatch: pytest.Monke
 @pytest.mark.parametrize("of", ["named", "named/answers", "the file"])
 def test_a_forged_answer_of_another_user_is_not_read(own: Path, of: str) -> None:
     os.chown(next(own.iterdir()) if of == "the file" else own.parents[1] / of, 12345, 12345)
-    found = [cache.cached("samples", key) for key in KEYS[:3]]
+    found = [kept.cached("samples", key) for key in KEYS[:3]]
     assert found.count(None) == (1 if of == "the file" else 3)
 
 
 def test_a_sound_or_missing_folder_is_not_spoken_of(folder: Path) -> None:
-    assert cache.why_unsafe() == ""
+    assert kept.why_unsafe() == ""
     assert run("check", TINY, "--torque", "4").stderr == ""
-    assert cache.why_unsafe() == ""
+    assert kept.why_unsafe() == ""

@@ -46,7 +46,7 @@ with workers(1) as executor:
 SOLVED = """
 import numpy as np
 from hdassist import kinematic_error, load_preset
-from hdassist.model.kinematics import Kinematics, pitch_locked_states
+from hdassist.model.geometry import Kinematics, pitch_locked_states
 from hdassist.run.run import workers
 from hdassist.run.run import Run
 

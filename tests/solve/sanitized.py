@@ -21,9 +21,9 @@ def walk_over_drives(library: Path) -> int:
     from hdassist import load_preset
     from hdassist.error.error_map import Batch, ErrorMap
     from hdassist.error.extremes import DRAWN_GRIDS, many_extremes
+    from hdassist.files import preset_names
     from hdassist.model.contacts import StateGaps
     from hdassist.model.deviations import ToothDeviations
-    from hdassist.preset.library import preset_names
     from hdassist.solve import walk
     from hdassist.solve.formulation import formulate
     from tests.process import SMALL, TINY

@@ -8,7 +8,7 @@ import pytest
 
 from hdassist import load_preset
 from hdassist.model.contacts import contact_system
-from hdassist.run import cache
+from hdassist.run import kept
 from hdassist.solve import through_cvxpy
 from hdassist.solve.formulation import formulate
 from hdassist.solve.through_cvxpy import solve_again
@@ -21,8 +21,8 @@ M_G = 4.0  # N*m
 @pytest.fixture
 def again(tmp_path, monkeypatch):
     """Solve a state again, with a rotation that is off by so much [arcsec]; and the differences that were computed."""
-    monkeypatch.setenv(cache.FOLDER, str(tmp_path))
-    monkeypatch.delenv(cache.NO_CACHE)
+    monkeypatch.setenv(kept.FOLDER, str(tmp_path))
+    monkeypatch.delenv(kept.NO_CACHE)
     formulation = formulate(contact_system(load_preset(TINY)))
     delta_p = formulation.system.delta_p[None]
     _, free, _ = load_case(formulation, M_G * 1e3).forces(delta_p)
@@ -45,7 +45,7 @@ def test_the_same_states_are_solved_again_once(again, monkeypatch):
     assert again(solver="clarabel")[1] == 3
     assert again(solver="osqp")[1] == 4
     assert again(solver="osqp")[1] == 5  # its version is not ours to know
-    monkeypatch.setenv(cache.NO_CACHE, "1")
+    monkeypatch.setenv(kept.NO_CACHE, "1")
     assert again()[1] == 6
 
 

@@ -10,7 +10,7 @@ from hdassist import kinematic_error, load_preset
 from hdassist.error.cycle import _formulations
 from hdassist.model.contacts import StateGaps, contact_system
 from hdassist.model.deviations import ToothDeviations, state_gaps
-from hdassist.model.kinematics import Kinematics, pitch_locked_states
+from hdassist.model.geometry import Kinematics, pitch_locked_states
 from hdassist.run.run import UNCHECKED
 from hdassist.solve import loadcase, pivoting
 from hdassist.solve.answers import ARCSEC, N_MM, TOLERANCE, StateSums, residuals

@@ -12,8 +12,8 @@ import pytest
 from hdassist import kinematic_error, load_preset, preset_names
 from hdassist.errors import Fault, UntrustedError, UsageError
 from hdassist.model.contacts import ROTATION, WITHOUT_DEVIATIONS, StateGaps, contact_system
-from hdassist.model.kinematics import Kinematics, pitch_locked_states
-from hdassist.run import cache
+from hdassist.model.geometry import Kinematics, pitch_locked_states
+from hdassist.run import kept
 from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve import loadcase, through_cvxpy
 from hdassist.solve.answers import ARCSEC, StateSums, proven_answers, residuals
@@ -94,7 +94,7 @@ def test_a_coefficient_changed_in_cvxpy_is_noticed(formulation, system, tmp_path
     altered = replace(formulation)
     altered.__dict__["statement"] = replace(stated, problem=problem, equilibrium=constraints[0])
     monkeypatch.setattr(through_cvxpy, "_proven", set())
-    monkeypatch.setenv(cache.FOLDER, str(tmp_path))
+    monkeypatch.setenv(kept.FOLDER, str(tmp_path))
     with pytest.raises(UntrustedError, match=f"other data than stated: .*{wrong}"):
         require_compiled_as_stated(altered)
     assert list(tmp_path.iterdir()) == []
@@ -106,13 +106,13 @@ def test_that_the_data_are_as_stated_is_kept_and_nothing_else_is_believed(formul
         require_compiled_as_stated(formulation)
 
     compilations = []
-    monkeypatch.setenv(cache.FOLDER, str(tmp_path))
+    monkeypatch.setenv(kept.FOLDER, str(tmp_path))
     monkeypatch.setattr(through_cvxpy, "template_differences", lambda _: compilations.append(1) or [])
     anew()
     anew()
     assert len(compilations) == 1
-    (kept,) = (tmp_path / cache.OWN_FOLDER).iterdir()
-    kept.write_text("something else")
+    (answer,) = (tmp_path / kept.OWN_FOLDER).iterdir()
+    answer.write_text("something else")
     anew()
     assert len(compilations) == 2
     monkeypatch.setattr(through_cvxpy, "version", lambda _: "99")

@@ -15,10 +15,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hdassist import kinematic_error, load_preset
+from hdassist.files import preset_names
 from hdassist.model.contacts import ROTATION, WITHOUT_DEVIATIONS, StateGaps, contact_system
 from hdassist.model.deviations import ToothDeviations, state_gaps
-from hdassist.model.kinematics import Kinematics, neighbours_together, pitch_locked_states
-from hdassist.preset.library import preset_names
+from hdassist.model.geometry import Kinematics, neighbours_together, pitch_locked_states
 from hdassist.solve import walk
 from hdassist.solve.answers import ARCSEC, N_MM
 from hdassist.solve.build import X86, compile_walk, development_folder, library_name, source_hash

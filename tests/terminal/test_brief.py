@@ -11,7 +11,7 @@ from typer.main import get_command
 from hdassist.belief.steps import Influence
 from hdassist.cli import COMMANDS, OTHER_NAMES, app
 from hdassist.commands.design import CheckCommand
-from hdassist.loading.load import load_preset
+from hdassist.loading import load_preset
 from hdassist.report import Facts, Report
 from hdassist.solve.answers import Certificate
 from hdassist.solve.through_cvxpy import CrossCheck

@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 from hdassist import Drive, load_preset
-from hdassist.errors import UntrustedError
+from hdassist.errors import UntrustedError, Verdict
 from hdassist.preset.knowledge import F_p
 from hdassist.tolerance.production import Production, RandomDrive, production_law
 from hdassist.tolerance.tightening import Allocator, tolerances
-from hdassist.verdict import Verdict
 from tests.process import TINY
 
 NONE = [f"tolerances.{name}=0" for name in ("F_i1", "F_i2", "e_hb", "e_hh")]

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.loading.load import load_text
-from hdassist.loading.write import similar_preset
+from hdassist.loading import load_text, similar_preset
 from hdassist.model.contacts import ContactSystems
 from hdassist.preset.knowledge import PITCH_DIAMETER, SimilarValue
 from tests.support import changed, solve_state

@@ -10,7 +10,7 @@ from hdassist.error.cycle import self_error
 from hdassist.error.error_map import ErrorMap
 from hdassist.model import geometry
 from hdassist.model.contacts import contact_system
-from hdassist.model.kinematics import Kinematics, pitch_locked_states
+from hdassist.model.geometry import Kinematics, pitch_locked_states
 from hdassist.run.run import UNCHECKED
 from tests.support import changed
 from tests.validation.case import Case, Kind, about, parameters

@@ -14,8 +14,7 @@ from hdassist.error.error_map import ErrorMap
 from hdassist.error.stiffness import stiffness
 from hdassist.model.contacts import contact_system, shell_twist_stiffness
 from hdassist.model.deviations import deviation_scalars
-from hdassist.model.geometry import Geometry
-from hdassist.model.kinematics import Kinematics, pitch_locked_states
+from hdassist.model.geometry import Geometry, Kinematics, pitch_locked_states
 from hdassist.run.run import UNCHECKED
 from hdassist.solve.answers import ARCSEC
 from tests.support import changed, solve_state, wind_up

@@ -12,8 +12,7 @@ from scipy.special import ndtr
 from hdassist import load_preset
 from hdassist.error.cycle import kinematic_error
 from hdassist.error.error_map import ErrorMap
-from hdassist.model.geometry import Array
-from hdassist.model.kinematics import Kinematics, pitch_locked_states
+from hdassist.model.geometry import Array, Kinematics, pitch_locked_states
 from hdassist.run.run import UNCHECKED
 from tests.support import changed
 from tests.validation.case import Case, Kind, about, parameters

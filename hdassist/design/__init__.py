@@ -1,1 +1,0 @@
-"""Design checks: F'_ior, trace, self error, stiffness of a drive."""
