@@ -96,11 +96,9 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
         out = self.open()
         with out.progress(self.files[0] if self.files else ""):  # words before numpy is imported
             from hdassist.loading import load_preset
-            from hdassist.measuring.bench import bench_record
-            from hdassist.measuring.measure import LoggedJoint
+            from hdassist.measuring.measure import LoggedJoint, Measurement
             from hdassist.measuring.orders import gearing_of
             from hdassist.pages.measure import bench_report, joint_lines, measure_report, repeats
-            from hdassist.readers.trace import read_record
 
             take = self.archiving(self.files)
             if self.history is not None:
@@ -127,13 +125,12 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
             def one(name: str) -> Report:
                 if joints:
                     return of_joint(name)
-                table = read_record(name, form)
-                if record := bench_record(table):
+                travel = self.travel or (drive and drive.acceptance.travel)
+                result = form.measured_or_bench(name, drive, self.ratio, seed=self.seed, travel_deg=travel)
+                if not isinstance(result, Measurement):
                     if self.archive:
                         raise UsageError(f"{name}: positions and torque loops are not kept in an archive", "traces are")
-                    return bench_report(record, drive, self.seed)
-                travel = self.travel or (drive and drive.acceptance.travel)
-                result = form.of_table(table, drive, self.ratio, seed=self.seed, travel_deg=travel)
+                    return bench_report(result, drive, self.seed)
                 done.append(result)
                 take(result)
                 return measure_report(result, drive, self.words_of_reading(), self.speed)

@@ -52,7 +52,6 @@ from hdassist.measuring.slopes import (
 )
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
-from hdassist.readers.table import NumberTable
 from hdassist.readers.trace import MeasuredTrace, TraceForm, read_record, sweeps, trace_of
 from hdassist.run.kept import ClosedRecord
 
@@ -213,38 +212,36 @@ def measure(
     _require_drift(drift)
     gearing = gearing_of(drive, ratio)
     gearing = gearing and gearing.within(travel_deg)
-    asked = _Request(gearing, drive, orders, drift, stated or {}, seed, together, may_be_noise)
-    record = _RecordUnderway(trace, asked)
-    found = [record.result(sign) for sign in ((0,) if together else (1, -1))]
-    directions = [each for each in found if each]
-    if not directions:
-        hint = "F'_ior is looked for over whole turns; check that the angle is that of the cam, and its unit"
-        raise DataError(f"{trace.file}: less than one cam turn in one direction", hint)
-    places = [np.rint(each.grid_turns * 1e6) for each in directions]
-    drifts = combined([source for each in directions for source in each.sources if source.name == "drift"])
+    given = gearing, drive, orders, drift, stated or {}, seed
+    record = _RecordUnderway(trace, *given, together=together, may_be_noise=may_be_noise)
+    directions, alone = record.directions(), list[SweepResult]()
+    if together:
+        with suppress(HdassistError):
+            alone = _RecordUnderway(trace, *given, together=False, may_be_noise=True).directions()
+    growing_first = sorted(directions, key=lambda each: -each.direction)
+    places = [np.rint(each.grid_turns * 1e6) for each in growing_first]
     reversal, lag = reversal_and_lag(
-        [each.fit for each in directions],
+        [each.fit for each in growing_first],
         np.intersect1d(places[0], places[-1]) / 1e6,
-        drifts,
+        combined([source for each in directions for source in each.sources if source.name == "drift"]),
         trace,
         gearing.ratio if gearing else None,
     )
-    directions.sort(key=lambda each: -each.range.value)
     notes, warnings = (tuple(dict.fromkeys(words)) for words in (record.notes, record.warnings))
-    alone: tuple[SweepResult, ...] = ()
-    if together:
-        with suppress(HdassistError):
-            alone = measure(
-                trace, drive=drive, ratio=None if drive else ratio, orders=orders, drift=drift, stated=stated,
-                seed=seed, may_be_noise=True, travel_deg=travel_deg,
-            ).directions  # fmt: skip
-    return Measurement(trace, gearing, tuple(directions), reversal, lag, notes, warnings, seed, record.torque, alone)
+    return Measurement(
+        trace, gearing, tuple(directions), reversal, lag, notes, warnings, seed, record.torque, tuple(alone)
+    )
 
 
-@dataclass(frozen=True)
-class _Request:
-    """Arguments of `measure` that hold for both directions."""
+@dataclass(eq=False)
+class _RecordUnderway:
+    """A record on its way to results, direction by direction, with the arguments of `measure`.
 
+    trace: without readings that were left out, with its steps, and less the wind-up by a catalogue; torque: None
+    without a column; notes and warnings so far.
+    """
+
+    trace: MeasuredTrace
     gearing: Gearing | None
     drive: Drive | None
     orders: Sequence[float] | None
@@ -254,28 +251,22 @@ class _Request:
     together: bool
     may_be_noise: bool
 
-    @property
-    def ratio(self) -> float:
-        """Cam turns per output turn, the usual number where it is not known."""
-        return self.gearing.ratio if self.gearing else USUAL_RATIO
+    def __post_init__(self) -> None:
+        """Begin without anything left out."""
+        self.torque = None if self.trace.load is None else RecordedTorque.of(self.trace.load)
+        self.notes, self.warnings = list(self.trace.notes), list[str]()
 
+    def directions(self) -> list[SweepResult]:
+        """Results of each direction, that of the greatest F'_ior first. Raises what `measure` does."""
+        found = [each for sign in ((0,) if self.together else (1, -1)) if (each := self._result(sign))]
+        if not found:
+            hint = "F'_ior is looked for over whole turns; check that the angle is that of the cam, and its unit"
+            raise DataError(f"{self.trace.file}: less than one cam turn in one direction", hint)
+        return sorted(found, key=lambda each: -each.range.value)
 
-class _RecordUnderway:
-    """A record on its way to results, direction by direction.
-
-    trace: without readings that were left out, with its steps, and less the wind-up by a catalogue; torque: None
-    without a column; notes and warnings so far.
-    """
-
-    def __init__(self, trace: MeasuredTrace, asked: _Request) -> None:
-        self.trace, self.asked = trace, asked
-        self.torque = None if trace.load is None else RecordedTorque.of(trace.load)
-        self.notes, self.warnings = list(trace.notes), list[str]()
-
-    def result(self, sign: int) -> SweepResult | None:
+    def _result(self, sign: int) -> SweepResult | None:
         """Results of a direction, 0 for both as one; None of less than a turn of the cam."""
-        asked, gearing = self.asked, self.asked.gearing
-        own = self.trace.one_way(sign)
+        own, gearing = self.trace.one_way(sign), self.gearing
         angles = own.by_sweep(own.cam_deg)
         longest = max((float(np.ptp(each)) / 360 * len(each) / (len(each) - 1) for each in angles), default=0.0)
         if longest < _SHORTEST_TURNS - 0.01:
@@ -289,10 +280,10 @@ class _RecordUnderway:
         # a torque that changes within sweeps but goes with the output's turn changes the beats
         if (torque := self.torque) and torque.is_change([bins.load]):
             if "load" in fit.slopes or not torque.is_change(own.by_sweep(np.asarray(own.load))):
-                fit, miss = with_order_changes(fit, asked.seed)
+                fit, miss = with_order_changes(fit, self.seed)
             if "load" in fit.slopes and len(fit.blocks) == 1:
                 self.warnings.append(_CHANGES_LEFT)
-        if not asked.together:  # a comparison looks for drift in the difference, and counts lines as noise
+        if not self.together:  # a comparison looks for drift in the difference, and counts lines as noise
             fit, drift_left = _with_lines_or_drift(fit)
             if drift_left and gearing and bins.span >= WHOLE_TURN * gearing.cycle:
                 self.warnings.append(_DRIFT_OFF.format(drift_left, float(np.ptp(fit.curve(bins.turns)))))
@@ -301,7 +292,7 @@ class _RecordUnderway:
             elif drift_left:
                 self.warnings.append(DRIFT_LEFT.format(drift_left))
         wind_up = torque.uncertainty_arcsec if torque and torque.by == "catalogue" else 0.0
-        found = _sweep_result(asked, sign, own, fit, drift_left, wind_up, miss)
+        found = self._sweep_result(sign, own, fit, drift_left, wind_up, miss)
         if not fit.unmodelled < _UNMODELLED * found.range.value:
             size = f"{fit.unmodelled:.2g}″"
             self.warnings.append(f"error beyond the declared orders, {size}: declare more of them, or it drifts")
@@ -309,22 +300,22 @@ class _RecordUnderway:
 
     def _fitted(self, sign: int) -> TraceFit:
         """The fit to a direction, once all is left out and taken off that fits before show."""
-        asked, own = self.asked, self.trace.one_way(sign)
-        declared = _declared(own, asked.orders, self.notes)
-        bins, slow = bins_of(own, declared[-1]), SlowTerms(_DRIFTS[asked.drift])
-        is_travel = asked.gearing is not None and asked.gearing.travel is not None
-        if is_travel or not asked.together:
-            slow = slow_terms(bins.span, asked.ratio, slow.degree, is_travel=is_travel)
-        if own.time_s is not None and not asked.together and speed_changes(bins):
+        own, ratio = self.trace.one_way(sign), self.gearing.ratio if self.gearing else USUAL_RATIO
+        declared = _declared(own, self.orders, self.notes)
+        bins, slow = bins_of(own, declared[-1]), SlowTerms(_DRIFTS[self.drift])
+        is_travel = self.gearing is not None and self.gearing.travel is not None
+        if is_travel or not self.together:
+            slow = slow_terms(bins.span, ratio, slow.degree, is_travel=is_travel)
+        if own.time_s is not None and not self.together and speed_changes(bins):
             slow = replace(slow, over=("speed",))
-        fit = _fit(bins, declared, asked.ratio, slow, self.notes)
+        fit = _fit(bins, declared, ratio, slow, self.notes)
         torques, torque = [] if own.load is None else own.by_sweep(own.load), self.torque
         if torque and torque.by != "catalogue" and torque.is_change(torques):
             if tells_compliance(fit):
-                wound = _fit(bins, declared, asked.ratio, replace(slow, over=(*slow.over, "load")), self.notes)
+                wound = _fit(bins, declared, ratio, replace(slow, over=(*slow.over, "load")), self.notes)
                 if by_record := torque.fitted(fit, wound, torques):
                     fit, self.torque = wound, by_record
-            elif without := torque.by_catalogue(self.trace, asked.drive):
+            elif without := torque.by_catalogue(self.trace, self.drive):
                 self.trace, self.torque = without
                 return self._fitted(sign)
             else:
@@ -336,6 +327,88 @@ class _RecordUnderway:
         self.trace = replace(changed, sweeps=tuple(sweeps(changed.cam_deg)))
         self.warnings.append(words)
         return self._fitted(sign)
+
+    def _sweep_result(
+        self,
+        sign: int,
+        trace: MeasuredTrace,
+        fit: TraceFit,
+        drift_left: float,
+        wind_up: float,
+        torque_miss: float | None,
+    ) -> SweepResult:
+        """The range of a fit with its uncertainty, refused where it is noise and may not be; orders and coverage.
+
+        drift_left: linear drift [arcsec] that the fit has in it; wind_up: uncertainty of one taken off by a catalogue;
+        torque_miss: of lines between torques.
+        """
+        gearing, declared = self.gearing, _declared(trace, self.orders, [])
+        bins = fit.bins
+        places, per_turn = visited_angles(fit)
+        visits = None
+        if gearing:
+            cycle = gearing.cycle * per_turn
+            visited = np.unique(np.mod(places, cycle))
+            steps = int(np.isin(np.mod(visited + 1, cycle), visited).sum())  # from one visited place to the next
+            visits = Coverage(steps / per_turn, min(1.0, steps / per_turn / gearing.cam_turns))
+            if bins.span >= WHOLE_TURN * gearing.ratio and not len(fit.lines):
+                places = visited
+        grid = places / per_turn
+        slow = fit.design.drift_at(fit.drift, bins.turns, bins.travel)
+        if not fit.design.slow.by_angle:
+            slow = curve_of(fit.coefficients[np.tile(fit.is_slow, 2)], fit.orders[fit.is_slow], bins.turns)
+        # a drift that was left in may be none at all; one that was taken off may be bent
+        drift = abs(drift_left) / 2 if len(fit.drift) != 1 else _BENT * abs(float(fit.drift[0]))
+        drifting = (
+            UncertaintySource("drift", drift / sqrt(3), "how straight it is, or whether it is one"),
+            UncertaintySource(WIND_UP, wind_up, "stiffnesses of a catalogue, by which it was taken off"),
+        )
+        misses = [torque_miss] if torque_miss else []
+        common = (
+            # both extremes of a range err by themselves: hence sqrt(2)
+            UncertaintySource("between readings", image_change(fit, grid) / sqrt(2), "orders that even readings hide"),
+            UncertaintySource("beyond the orders", sqrt(2) * fit.unmodelled, "residuals that go on from step to step"),
+            resolution_source(trace, float(np.sqrt(np.mean(bins.rows * fit.residual**2)))),
+            *(
+                UncertaintySource("between torques", each / sqrt(12), "how straight the orders change")
+                for each in misses
+            ),
+            *stated_sources(self.stated),
+        )
+        drifts, others = combined(drifting), combined(common)
+
+        def ranges(own: TraceFit) -> tuple[Range, Range, Range, Range]:
+            parts = hypot(drifts, others), hypot(drifts / bins.span, others), others
+            is_whole = visits is not None and visits.share >= FULL_SHARE
+            return ranges_of(own, grid, np.random.default_rng([self.seed, sign + 1]), parts, whole=is_whole)
+
+        extent, revolution, cam, slope = ranges(fit)
+        torques = bins.torques if len(fit.blocks) > 1 else ()
+        at_torques = [(torque, ranges(fit.at_torque(torque))[0]) for torque in torques]
+        sources = (
+            UncertaintySource("noise", extent.spread, "bootstrap of the residuals"),
+            UncertaintySource("bias correction", extent.bias_uncertainty, "a third of what was taken off"),
+            *drifting,
+            *common,
+        )
+        if trace.in_time and trace.step_arcsec > _COARSE_STEP * extent.value:
+            size = f"{trace.step_arcsec:.2g}″"
+            message = f"the output is read in steps of {size} at even angles: what they round looks like error"
+            raise UntrustedError(f"{trace.file}: {message}", "read both encoders by the clock", Fault.ORDERS_UNTOLD)
+        alone = combined([source for source in sources if source.name not in {*STATED, WIND_UP}])
+        if not (self.may_be_noise or (fit.clear_of_noise and extent.value > COVERAGE_FACTOR * alone)):
+            message = f"F'_ior of {max(extent.value, 0.0):.3g}″ is not clear of its noise, u = {alone:.3g}″"
+            hint = "it drifts: --drift linear" if drift_left else "record longer or with less noise; check the column"
+            raise UntrustedError(f"{trace.file}: {message}", hint, Fault.ORDERS_UNTOLD)
+        rows = trace.rows
+        drifted = fit.design.drift_at(fit.drift, trace.cam_deg[rows] / 360, travel_of(trace)[rows])
+        at_each = tuple(_TorqueRange(torque, each.value, each.uncertainty) for torque, each in at_torques)
+        raw = float(np.ptp(trace.error_arcsec[rows] - drifted))
+        orders = order_tables(fit, declared, self.drive, gearing)
+        return SweepResult(
+            sign, fit, grid, extent, revolution, cam, slope, float(np.ptp(slow)), raw, *orders, visits, sources, at_each,
+            torque_miss,
+        )  # fmt: skip
 
 
 def _require_drift(kind: str) -> None:
@@ -383,84 +456,6 @@ def _fit(bins: Bins, declared: Sequence[float], ratio: float, slow: SlowTerms, n
         notes.append(f"orders closer than 1/{bins.span:.3g} joined: the record does not tell them apart")
     notes.append("beats with the output are not resolved: each order stands for them too")
     return fit_orders(bins, without, slow)
-
-
-def _sweep_result(
-    asked: _Request,
-    sign: int,
-    trace: MeasuredTrace,
-    fit: TraceFit,
-    drift_left: float,
-    wind_up: float,
-    torque_miss: float | None,
-) -> SweepResult:
-    """The range of a fit with its uncertainty, refused where it is noise and may not be; orders and coverage.
-
-    drift_left: linear drift [arcsec] that the fit has in it; wind_up: uncertainty of one taken off by a catalogue;
-    torque_miss: of lines between torques.
-    """
-    gearing, declared = asked.gearing, _declared(trace, asked.orders, [])
-    bins = fit.bins
-    places, per_turn = visited_angles(fit)
-    visits = None
-    if gearing:
-        cycle = gearing.cycle * per_turn
-        visited = np.unique(np.mod(places, cycle))
-        steps = int(np.isin(np.mod(visited + 1, cycle), visited).sum())  # from one visited place to the next
-        visits = Coverage(steps / per_turn, min(1.0, steps / per_turn / gearing.cam_turns))
-        if bins.span >= WHOLE_TURN * gearing.ratio and not len(fit.lines):
-            places = visited
-    grid = places / per_turn
-    slow = fit.design.drift_at(fit.drift, bins.turns, bins.travel)
-    if not fit.design.slow.by_angle:
-        slow = curve_of(fit.coefficients[np.tile(fit.is_slow, 2)], fit.orders[fit.is_slow], bins.turns)
-    # a drift that was left in may be none at all; one that was taken off may be bent
-    drift = abs(drift_left) / 2 if len(fit.drift) != 1 else _BENT * abs(float(fit.drift[0]))
-    drifting = (
-        UncertaintySource("drift", drift / sqrt(3), "how straight it is, or whether it is one"),
-        UncertaintySource(WIND_UP, wind_up, "stiffnesses of a catalogue, by which it was taken off"),
-    )
-    misses = [torque_miss] if torque_miss else []
-    common = (
-        # both extremes of a range err by themselves: hence sqrt(2)
-        UncertaintySource("between readings", image_change(fit, grid) / sqrt(2), "orders that even readings hide"),
-        UncertaintySource("beyond the orders", sqrt(2) * fit.unmodelled, "residuals that go on from step to step"),
-        resolution_source(trace, float(np.sqrt(np.mean(bins.rows * fit.residual**2)))),
-        *(UncertaintySource("between torques", each / sqrt(12), "how straight the orders change") for each in misses),
-        *stated_sources(asked.stated),
-    )
-    drifts, others = combined(drifting), combined(common)
-
-    def ranges(own: TraceFit) -> tuple[Range, Range, Range, Range]:
-        parts = hypot(drifts, others), hypot(drifts / bins.span, others), others
-        is_whole = visits is not None and visits.share >= FULL_SHARE
-        return ranges_of(own, grid, np.random.default_rng([asked.seed, sign + 1]), parts, whole=is_whole)
-
-    extent, revolution, cam, slope = ranges(fit)
-    torques = bins.torques if len(fit.blocks) > 1 else ()
-    at_torques = [(torque, ranges(fit.at_torque(torque))[0]) for torque in torques]
-    sources = (
-        UncertaintySource("noise", extent.spread, "bootstrap of the residuals"),
-        UncertaintySource("bias correction", extent.bias_uncertainty, "a third of what was taken off"),
-        *drifting,
-        *common,
-    )
-    if trace.in_time and trace.step_arcsec > _COARSE_STEP * extent.value:
-        size = f"{trace.step_arcsec:.2g}″"
-        message = f"the output is read in steps of {size} at even angles: what they round looks like error"
-        raise UntrustedError(f"{trace.file}: {message}", "read both encoders by the clock", Fault.ORDERS_UNTOLD)
-    alone = combined([source for source in sources if source.name not in {*STATED, WIND_UP}])
-    if not (asked.may_be_noise or (fit.clear_of_noise and extent.value > COVERAGE_FACTOR * alone)):
-        message = f"F'_ior of {max(extent.value, 0.0):.3g}″ is not clear of its noise, u = {alone:.3g}″"
-        hint = "it drifts: --drift linear" if drift_left else "record longer or with less noise; check the column"
-        raise UntrustedError(f"{trace.file}: {message}", hint, Fault.ORDERS_UNTOLD)
-    rows = trace.rows
-    drifted = fit.design.drift_at(fit.drift, trace.cam_deg[rows] / 360, travel_of(trace)[rows])
-    return SweepResult(
-        sign, fit, grid, extent, revolution, cam, slope, float(np.ptp(slow)),
-        float(np.ptp(trace.error_arcsec[rows] - drifted)), *order_tables(fit, declared, asked.drive, gearing), visits,
-        sources, tuple(_TorqueRange(torque, each.value, each.uncertainty) for torque, each in at_torques), torque_miss,
-    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -514,12 +509,9 @@ class Reading(ClosedRecord, TraceForm):
         self, file: str, drive: Drive | None, ratio: float | None = None, **how: Any
     ) -> Measurement | PositionRecord | LoopRecord:
         """The same of a trace; approached positions and torque loops as they were recorded."""
-        table = read_record(file, self)
-        return bench_record(table) or self.of_table(table, drive, ratio, **how)
-
-    def of_table(self, table: NumberTable, drive: Drive | None, ratio: float | None = None, **how: Any) -> Measurement:
-        """Results of the trace in a table, of a drive or of one of a ratio; how: more arguments of `measure`."""
-        gearing = gearing_of(drive, ratio)
+        table, gearing = read_record(file, self), gearing_of(drive, ratio)
+        if record := bench_record(table):
+            return record
         trace = trace_of(table, self, gearing.ratio if gearing else None)
         orders, stated = parse_orders(self.orders or None), parse_stated(self.budget)
         return measure(trace, drive=drive, ratio=ratio, orders=orders, drift=self.drift, stated=stated, **how)
