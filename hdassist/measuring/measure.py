@@ -406,8 +406,8 @@ class _RecordUnderway:
         raw = float(np.ptp(trace.error_arcsec[rows] - drifted))
         orders = order_tables(fit, declared, self.drive, gearing)
         return SweepResult(
-            sign, fit, grid, extent, revolution, cam, slope, float(np.ptp(slow)), raw, *orders, visits, sources, at_each,
-            torque_miss,
+            sign, fit, grid, extent, revolution, cam, slope, float(np.ptp(slow)), raw, *orders, visits, sources,
+            at_each, torque_miss,
         )  # fmt: skip
 
 
