@@ -112,32 +112,30 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
                 raise UsageError("--joint has the ratio of each", "leave out --ratio, --drive and --archive")
             done: list[Measurement] = []
 
-            def of_joint(name: str) -> Report:
-                file, joint = logged[name]
-                own = replace(form, angle=joint.angle, second=joint.second)
-                how = {"seed": self.seed, "travel_deg": self.travel}
-                done.append(own.measured(file, None, joint.ratio, **how))
-                columns = [f"--angle={joint.angle}", f"--second={joint.second}"]
-                report = measure_report(done[-1], None, [*self.words_of_reading(), *columns], self.speed)
-                values = {"joint": joint.name, **report.values}
-                return replace(report, head=f"joint {joint.name}, {report.head}", about=name, values=values)
-
             def one(name: str) -> Report:
-                if joints:
-                    return of_joint(name)
+                file, joint = logged.get(name, (name, None))
+                words, ratio, read = self.words_of_reading(), self.ratio, form.measured_or_bench
+                if joint:
+                    own, ratio = replace(form, angle=joint.angle, second=joint.second), joint.ratio
+                    words, read = [*words, f"--angle={joint.angle}", f"--second={joint.second}"], own.measured
                 travel = self.travel or (drive and drive.acceptance.travel)
-                result = form.measured_or_bench(name, drive, self.ratio, seed=self.seed, travel_deg=travel)
+                result = read(file, drive, ratio, seed=self.seed, travel_deg=travel)
                 if not isinstance(result, Measurement):
                     if self.archive:
                         raise UsageError(f"{name}: positions and torque loops are not kept in an archive", "traces are")
                     return bench_report(result, drive, self.seed)
                 done.append(result)
                 take(result)
-                return measure_report(result, drive, self.words_of_reading(), self.speed)
+                report = measure_report(result, drive, words, self.speed)
+                if not joint:
+                    return report
+                values = {"joint": joint.name, **report.values}
+                return replace(report, head=f"joint {joint.name}, {report.head}", about=name, values=values)
 
             logged = {f"{file}: {joint.name}": (file, joint) for file in self.files for joint in joints}
-            names = [*logged] or self.files
-            answers = run_each("measure", names, one, out, failed=lambda name, e: failure("measure", e, file=name))
+            answers = run_each(
+                "measure", [*logged] or self.files, one, out, failed=lambda name, e: failure("measure", e, file=name)
+            )
             more, below = repeats(done) if not joints else ({}, joint_lines(answers, done))
         return give("measure", answers, out, more=more, below=below)
 
