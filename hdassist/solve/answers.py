@@ -52,11 +52,11 @@ def displacements(system: ContactSystem, forces: Array, free: Array) -> Array:
     return a
 
 
-def residuals(system: ContactSystem, delta_p: Array, torque: float, forces: Array, free: Array) -> Residuals:
+def residuals(system: ContactSystem, delta_p: Array, torque: float | Array, forces: Array, free: Array) -> Residuals:
     """Residuals of answers to system (1).
 
-    Arguments: delta_p, gaps without force [mm], and forces [N], both shape (states, M); torque [N*mm]; free,
-    displacements of the freedoms without support [mm, rad], shape (states, free).
+    Arguments: delta_p, gaps without force [mm], and forces [N], both shape (states, M); torque [N*mm], of all states or
+    of each; free, displacements of the freedoms without support [mm, rad], shape (states, free).
     """
     a = displacements(system, forces, free)
     moved = system.at_places(forces) @ system.compliance + a @ system.G[system.first].T
@@ -100,7 +100,7 @@ class StateSums:
         cls,
         system: ContactSystem,
         delta_p: Array,
-        torque: float,
+        torque: float | Array,
         forces: Array,
         free: Array,
         given_up: int = 0,
@@ -109,7 +109,7 @@ class StateSums:
     ) -> StateSums:
         """Sums of states from their forces [N], shape (states, M), and free displacements [mm, rad].
 
-        Arguments: delta_p, gaps without force [mm], shape (states, M); torque [N*mm].
+        Arguments: delta_p, gaps without force [mm], shape (states, M); torque [N*mm], of all states or of each.
         """
         flank = system.at_places(forces)[:, : system.pairs]
         return cls(

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdassist.errors import UntrustedError
-from hdassist.model.contacts import WITHOUT_DEVIATIONS, StateGaps
+from hdassist.model.contacts import StateGaps
 from hdassist.model.geometry import Array
 from hdassist.run.run import Progress
 from hdassist.solve.answers import (
@@ -62,26 +62,26 @@ class OneByOne:
         self._solve_near = walk_near_state if compiled and walk_library()[0] else solve_near
         self.contact = np.ones(len(formulation.local), dtype=bool) if contact is None else contact
 
-    def solve(self, delta_p: Array, torque: float) -> tuple[Array, Array, int]:
+    def solve(self, delta_p: Array, torque: float | Array) -> tuple[Array, Array, int]:
         """Forces [N], shape (states, M), free displacements [mm, rad], and how many states the first way gave up.
 
         A state that no solver solves has an answer without proof, or NaN. The cause of one hopeless state makes its
         neighbours so, and each costs all ways: the first one that no solver solves is the last one tried. Arguments:
-        delta_p, gaps without force [mm], shape (states, M); torque [N*mm] on the flexspline. Raises UntrustedError
-        where the solver asked for fails.
+        delta_p, gaps without force [mm], shape (states, M); torque [N*mm] on the flexspline, of all states or of each.
+        Raises UntrustedError where the solver asked for fails.
         """
         system = self._formulation.system
         forces, free = np.full(delta_p.shape, np.nan), np.full((len(delta_p), len(self._formulation.A)), np.nan)
         ways = [self._near, self._by_daqp, self._through_cvxpy][2 if self._solver else 0 :]
         given_up = tried = 0
-        for k, at_state in enumerate(delta_p):
+        for k, (at_state, load) in enumerate(zip(delta_p, np.broadcast_to(torque, len(delta_p)).tolist(), strict=True)):
             for tried, way in enumerate(ways):
                 given_up += tried == 1  # by the first way
-                if answer := way(at_state, torque):
+                if answer := way(at_state, load):
                     forces[k], free[k] = answer
                     break
             if tried or self._solver:
-                proof = residuals(system, at_state[None], torque, forces[k, None], free[k, None])
+                proof = residuals(system, at_state[None], load, forces[k, None], free[k, None])
                 if not proof.worst[0] <= TOLERANCE:
                     break
             self.contact = forces[k] > 0
@@ -190,12 +190,9 @@ class LoadCase:
 
         Arguments and errors as those of solve.
         """
-
-        def at(M_g: float) -> StateSums:
-            self.load(M_g)
-            return self._alone(WITHOUT_DEVIATIONS)
-
-        return proven_answers(self.system, torques * N_MM, map(at, torques.tolist()), place, progress)
+        loads, delta_p = torques * N_MM, np.repeat(self.system.delta_p[None], len(torques), axis=0)
+        sums = StateSums.of(self.system, delta_p, loads, *self._one_by_one.solve(delta_p, loads))
+        return proven_answers(self.system, loads, [sums], place, progress)
 
     def sums(self, gaps: StateGaps, *, slope: bool = False) -> StateSums:
         """Sums of states without their proof, with slopes by the deviation scalars where asked for.
@@ -238,7 +235,8 @@ class LoadCase:
         """
         known = self.formulation.references
         if self._torque not in known:
-            nominal = OneByOne(self.formulation, compiled=self._compiled)
+            near = next((each.held["contact"] > 0 for each in known.values() if each), None)  # at another torque
+            nominal = OneByOne(self.formulation, near, compiled=self._compiled)
             forces, _, _ = nominal.solve(self.system.delta_p[None], self._torque)
             known[self._torque] = None
             with suppress(ValueError):

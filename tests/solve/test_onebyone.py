@@ -113,3 +113,12 @@ def test_no_states_have_no_answers_and_leave_the_contacts_as_they_were(formulati
     forces, free, fallbacks = solver.solve(system.delta_p[None][:0], 80e3)
     assert (forces.shape, free.shape, fallbacks) == ((0, len(contact)), (0, 3), 0)
     assert np.array_equal(solver.contact, contact)
+
+
+def test_torques_together_are_answered_as_each_by_itself(formulation):
+    torques = np.array([-300.0, -20.0, 20.0, 300.0])
+    together = load_case(formulation, 80.0).over(torques, str)
+    alone = [load_case(formulation, 80.0).over(torques[k : k + 1], str) for k in range(len(torques))]
+    for name in ("rotation_arcsec", "zone_share", "tooth_force_N"):
+        assert getattr(together, name) == pytest.approx(np.concatenate([getattr(one, name) for one in alone]), rel=1e-9)
+    assert together.certificate.states == len(torques)
