@@ -307,16 +307,21 @@ def _global(
 
 def _start_page(width: int) -> str:
     """The commands by their purpose and one example, on one screen; width in columns."""
-    example = f"{bold('hdassist check vzp160')}  a first answer, about a drive of the library"
-    lines = ["Kinematic error F'_ior of harmonic drives, and how to reduce it.", "", f"  {example}"]
+    indent = _SECTION_COLUMNS + _NAME_COLUMNS
+
+    def row(left: str, name: str, words: str) -> list[str]:
+        first, *others = textwrap.wrap(words, max(20, width - indent))
+        return [f"{left}{bold(name.ljust(indent - len(left)))}{first}", *(" " * indent + other for other in others)]
+
+    lines = textwrap.wrap("Kinematic error F'_ior of harmonic drives, and how to reduce it.", width)
+    lines += ["", *row("  ", "hdassist check vzp160", "a first answer, about a drive of the library")]
     for section, summaries in _SUMMARIES.items():
-        rows = [row for row in summaries.items() if row[0] not in OTHER_NAMES]
+        rows = [summary for summary in summaries.items() if summary[0] not in OTHER_NAMES]
         lines.append("")
         for head, (name, words) in zip([section, *[""] * (len(rows) - 1)], rows, strict=True):
-            first, *others = textwrap.wrap(words, max(20, width - _SECTION_COLUMNS - _NAME_COLUMNS))
-            lines.append(f"{head:{_SECTION_COLUMNS}}{bold(f'{name:{_NAME_COLUMNS}}')}{first}")
-            lines += [" " * (_SECTION_COLUMNS + _NAME_COLUMNS) + other for other in others]
-    return "\n".join([*lines, "", "hdassist COMMAND -h has examples and options; hdassist -h those of all commands."])
+            lines += row(f"{head:{_SECTION_COLUMNS}}", name, words)
+    more = "hdassist COMMAND -h has examples and options; hdassist -h those of all commands."
+    return "\n".join([*lines, "", *textwrap.wrap(more, width)])
 
 
 def run_command_line() -> None:

@@ -79,7 +79,7 @@ if TYPE_CHECKING:
     from ruamel.yaml import YAML
 
 
-OVERRIDE_PLACE = re.compile(rf"^{OVERRIDE}:\d+:\d+: ", re.MULTILINE)  # in a message, of an override that nobody typed
+OVERRIDE_PLACE = re.compile(rf"^{OVERRIDE}:\d+:\d+: ", re.MULTILINE)  # in a message, of an override without a --set
 _PER_TORQUE = [tuple(path.split(".")) for path, field in field_table().items() if field.kind == "limits"]
 Asked = tuple[tuple[str, str], ...]  # options by name, which the next command on a drive is to have too
 
@@ -123,7 +123,7 @@ def load_text(text: bytes | str, file: str, overrides: Sequence[str] = (), asked
         file=file,
         sha256=hashlib.sha256(data).hexdigest(),
         overrides=tuple(overrides),
-        warnings=tuple(map(str, ordered_findings(document.warnings))),
+        warnings=tuple(OVERRIDE_PLACE.sub("", str(each)) for each in ordered_findings(document.warnings)),
         asked=asked,
     )
     return drive

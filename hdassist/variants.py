@@ -39,6 +39,7 @@ _DRAWN_PAIRS = 64
 _LEAST_EFFECTIVE = 0.5  # of the pairs: where fewer agree with the evidence on the second drive, samples are independent
 _LEAST_WEIGHT = 1e-300  # where a sample has none it is not divided by
 _SAME_ERROR = 0.005  # arcsec: a change that is less counts as none
+_LIKELIER = 0.6  # probability of being better from which a drive is taken, or kept
 _EQUAL_SHARE = 0.01  # of F'_ior: drives that are no further apart are equally good
 _SINGLE_PAIRS = 16  # in which single fields are changed: the first, as Sobol points lie evenly from the start
 _SCREENED_PAIRS = 2  # of them on which every field is tried, before the largest are searched on all
@@ -323,8 +324,16 @@ class DrivesComparison:
 
     @property
     def word(self) -> Literal["TAKE", "KEEP", "ANY"]:
-        """Whether to take another drive than the first, to keep that, or any: no drive differs by EQUAL_SHARE."""
-        return "TAKE" if self.best else "ANY" if np.all(np.abs(self.shares - 1) < _EQUAL_SHARE) else "KEEP"
+        """Whether to take another drive than the first, to keep that, or any: none is likelier better, or differs."""
+        chance = self.probability_best
+        if self.all_alike or (chance is not None and chance < _LIKELIER):
+            return "ANY"
+        return "TAKE" if self.best else "KEEP"
+
+    @property
+    def all_alike(self) -> bool:
+        """Whether no drive differs from the first by _EQUAL_SHARE."""
+        return bool(np.all(np.abs(self.shares - 1) < _EQUAL_SHARE))
 
     @property
     def probability_best(self) -> float | None:

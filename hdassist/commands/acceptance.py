@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Generator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
@@ -280,10 +281,11 @@ def accept_lot(path: str, base: Request, options: AcceptOptions, out: Output) ->
     """
     from hdassist.acceptance.answer import ANSWERS
     from hdassist.acceptance.request import read_lot
-    from hdassist.pages.accept import lot_report, title
+    from hdassist.pages.accept import fault_words, lot_report, title
     from hdassist.run.kept import KeptOwner, open_kept
 
     done: list[AcceptAnswer] = []
+    faults = Counter[str]()  # by their words
     name, sha256 = path, ""
 
     def one(path: str) -> Report:
@@ -310,8 +312,11 @@ def accept_lot(path: str, base: Request, options: AcceptOptions, out: Output) ->
                     if there is None:
                         kept.append([answer])
                     done.append(answer)
-                    if error := answer.error:
+                    if (error := answer.error) and fault_words(answer) not in faults:
                         complain(HdassistError(f"{title(answer)}: {error.message}", error.hint, error.code))
+                    faults.update(filter(None, [fault_words(answer)]))
+            if repeated := sum(faults.values()) - len(faults):
+                say(f"note: the same of {repeated} more row{'s' * (repeated > 1)}")
             if options.resume:
                 kept.rewrite(done)  # in the order of the rows, each once
         if options.jsonl:

@@ -335,7 +335,7 @@ class DoctorCommand(o.PageOptions):
         if self.empty_cache:
             empty_cache()
         with out.progress("this installation"):  # words before numpy is imported
-            found = [*_packages(), surroundings(), engine(), cache(), self_test()]
+            found = [*_packages(), surroundings(out.style), engine(), cache(), self_test()]
         found.sort(key=lambda each: ("broken", "note", "ok").index(each.status))
         broken = ", ".join(each.what for each in found if each.status == "broken")
         error = UntrustedError(
@@ -390,9 +390,8 @@ def cache() -> DoctorFinding:
     return DoctorFinding("cache", "ok", f"{held}; {kept.FOLDER} names another folder, {way}")
 
 
-def surroundings() -> DoctorFinding:
-    """Cores of this machine, and characters that standard output shows."""
-    style = Style.of(sys.stdout)
+def surroundings(style: Style) -> DoctorFinding:
+    """Cores of this machine, and what standard output shows, by its style: a bar under way has replaced the stream."""
     cores, kind = count(0), "a terminal" if sys.stdout.isatty() else "no terminal"
     shown = f"{style.width} columns, {'7-bit' if style.ascii else 'all'} characters"
     return DoctorFinding("machine", "ok", f"{cores} core{'s' * (cores > 1)}; output: {kind}, {shown}")

@@ -20,6 +20,7 @@ from hdassist.acceptance.limits import F_IOR, Limit, LimitText
 from hdassist.acceptance.request import Lot
 from hdassist.errors import GUARD, SEVERITY, DataError, percent_text, worst_exit_code
 from hdassist.files import visible
+from hdassist.model.geometry import Kinematics
 from hdassist.pages.check import fitted_words, influence_at, steps_fact, steps_table
 from hdassist.preset.fields import Drive
 from hdassist.preset.text import convert, shown
@@ -173,7 +174,10 @@ def _facts(answer: AcceptAnswer, predictions: Predictions | None, drive: Drive) 
     codes = " ".join(dict.fromkeys(note.code for note in answer.remarks))
     yield "remarks", f"hdassist explain {codes}" if codes else ""
     first = _by_severity(answer.checks)[0]
-    measured = first.basis == "predicted" and first.verdict != "FAIL"
+    if _is_open(first) and first.extent == "at least":
+        turns = Kinematics.of(drive).cycle_cam_revolutions
+        yield "measure", f"the full cycle, {turns} cam turns: a part of it can fail a drive, and never pass it"
+    measured = _is_open(first) or (first.basis == "predicted" and first.verdict != "FAIL")
     yield "next", f"{again('accept', drive)} {first.option}" if measured else _to_explain(answer.checks)
 
 
@@ -194,8 +198,8 @@ def _unit(check: DecidedCheck) -> str:
 
 
 def _is_open(check: DecidedCheck) -> bool:
-    """Whether a prediction leaves a check open, so that measuring decides it."""
-    return check.verdict == "INCONCLUSIVE" and check.basis == "predicted"
+    """Whether a prediction, or a record of a part of the cycle, leaves a check open, so that measuring decides it."""
+    return check.verdict == "INCONCLUSIVE" and (check.basis == "predicted" or check.extent == "at least")
 
 
 def _to_explain(checks: Iterable[DecidedCheck]) -> str:
@@ -212,7 +216,10 @@ def lot_report(lot: Lot, answers: Sequence[AcceptAnswer]) -> Report:
     if share := found["yield"]:
         percent = percent_text(share["share"], share["low"], share["high"])
         why = f"yield: {found['verdicts']['PASS']} of {share['decided']} drives that pass or fail, {percent}"
-    drives = tuple((title(answer), answer.status, _deciding(answer)) for answer in answers)
+    same: dict[str, AcceptAnswer] = {}  # the first answer with a fault, by the words of that
+    drives = tuple(
+        (title(each), each.status, _deciding(each, same.setdefault(fault_words(each), each))) for each in answers
+    )
     return Report(
         command="accept",
         drive=None,
@@ -234,13 +241,20 @@ def lot_report(lot: Lot, answers: Sequence[AcceptAnswer]) -> Report:
     )
 
 
-def _deciding(answer: AcceptAnswer) -> str:
-    """The check that decides, the worst one with the least room, and why it is not plain; or the first error."""
+def _deciding(answer: AcceptAnswer, first_alike: AcceptAnswer) -> str:
+    """The check that decides, the worst one with the least room, and why it is not plain; or its error, given once."""
     if not answer.error:
         worst = _by_severity(_shown_checks(answer))[0]
         return "; ".join(filter(None, (_sentence(worst), worst.reason)))
+    if answer is not first_alike:
+        return f"as {title(first_alike)}"
     first, *more = answer.error.message.splitlines()
     return first + (f" (and {len(more)} more)" if more else "")
+
+
+def fault_words(answer: AcceptAnswer) -> str:
+    """The error of a row without its place, by which rows with the same one are known; empty of a decided drive."""
+    return answer.error.message.removeprefix(f"{answer.place}: ") if answer.error else ""
 
 
 def _lot_facts(answers: Sequence[AcceptAnswer]) -> Iterator[Fact]:
@@ -249,7 +263,7 @@ def _lot_facts(answers: Sequence[AcceptAnswer]) -> Iterator[Fact]:
     yield "remarks", "; ".join(f"{code}: {_drives(remarks[code])}" for code in sorted(remarks))
     checks = sorted((check for answer in answers for check in answer.checks), key=lambda check: check.code)
     open_ = sorted({check.label for check in checks if _is_open(check)})
-    yield "measure", f"{'; '.join(open_)}: open by its prediction" if open_ else ""
+    yield "measure", f"{'; '.join(open_)}: open by its prediction, or by a part of the cycle" if open_ else ""
     beyond = [
         (each, check) for each in answers for check in each.checks if check.check is F_IOR and check.verdict == "FAIL"
     ]

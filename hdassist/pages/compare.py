@@ -76,14 +76,19 @@ _FILE: Quantity[Comparison] = Quantity("file", value="measurement.trace.file")
 def comparison_report(result: Comparison) -> Report:
     """A measured trace over the predicted one."""
     trace, bins = result.measurement.trace, result.sweep.bins
-    numbers = [replace(quantity, unit="") for quantity in _COMPARED_NUMBERS[:_SHORT_PAGE]]
+    measured, *others = _COMPARED_NUMBERS[:_SHORT_PAGE]
+    uncertainty, *numbers = [replace(quantity, unit="") for quantity in others]  # that of the first is theirs
     return Report(
         command="compare",
         drive=result.drive,
         head=f"{trace.file} over {result.drive.name} at {result.M_g:g} N·m",
         verdict=_VERDICT_WORDS[result.conclusion.kind],
         why=(_why(result),),
-        blocks=(Table.by_row("", numbers, [result]), Facts.of(_facts(result)), _curves(result)),
+        blocks=(
+            Table.by_row("", [measured, replace(uncertainty, label="u"), *numbers], [result]),
+            Facts.of(_facts(result)),
+            _curves(result),
+        ),
         details=(
             Table.by_column("", (_FILE, *_COMPARED_NUMBERS), [result]),
             *_tables(result),
@@ -362,7 +367,10 @@ def _verdict(result: DrivesComparison) -> str:
     odds = result.probability_best
     drawn = odds is not None and any(sheet.check.samples for sheet in result.sheets)
     sure = f", {100 * (odds or 0.0):.0f} % sure" * drawn
-    answer = f"{result.word.lower()} {letters[result.best]}{sure}" if result.word != "ANY" else "any, all alike"
+    best = letters[result.best]
+    answer = f"{result.word.lower()} {best}{sure}"
+    if result.word == "ANY":
+        answer = "any, all alike" if result.all_alike else f"any, no sure difference ({best} better{sure})"
     return f"{answer}: {'; '.join(verdicts)}"
 
 

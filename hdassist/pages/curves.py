@@ -233,7 +233,7 @@ def sweep_report(swept: Swept, records: Iterable[SweepRow]) -> Report:
         command="sweep",
         drive=drive,
         head=f"{drive.name}, F'_ior over {' and '.join(spans)}, {sweep.rows} rows",
-        verdict=line,
+        verdict=line.replace(" arcsec", "″"),
         blocks=(Facts.of(_sweep_facts(swept)), *figures[:1]),
         details=tuple(figures[1:]),
         certificate=swept,

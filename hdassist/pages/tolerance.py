@@ -273,6 +273,7 @@ def _yield_range(found: YieldBelief) -> Json:
 
 _LISTED = (5, 3)  # on the first screen: fields with a tolerance, and others
 _NO_SHARE = "no share: too small to be told from chance by so many drives (-n)"
+_UNDECIDED, _MORE_TIMES = "no tolerance, more drives are needed", 4
 _STEP_WORDS = f"{100 * (1 - TIGHTER_STEP):.0f} % tighter"
 
 
@@ -302,6 +303,8 @@ def sensitivity_report(found: Sensitivities) -> Report:
     drawn = f"{len(samples.weights)} random drives, each of a design of its own, seed {samples.seed}"
     limited = all(law.drive.limit(M_g) is not None for M_g in torques)
     next_ = again("allocate", law.drive, *(() if limited else ("--limit", "LIMIT")))
+    if verdict == _UNDECIDED:
+        next_ = again("sensitivity", law.drive, "-n", f"{_MORE_TIMES * len(samples.weights)}")
     facts = [("measure", measure_words(found.to_measure)), ("next", next_)]
     short, *whole = _table(effects[found.worst], *_LISTED), *(_table(each, len(each), len(each)) for each in effects)
     return Report(
@@ -347,7 +350,7 @@ def _answer(found: Sensitivities) -> tuple[str, str]:
     if largest and largest.group not in {way.path for way in found.tightened[found.worst]}:
         share = f"{100 * largest.share:.0f} % of the spread of F'_ior"
         return f"no tolerance, measure {named(largest.group)}", f"{share}; {reason}"
-    return f"no tolerance, more drives are needed (-n {4 * len(found.samples.weights)})", reason
+    return _UNDECIDED, reason
 
 
 def _effects(found: Sensitivities, torque: int) -> list[_FieldEffect]:

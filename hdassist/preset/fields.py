@@ -287,7 +287,7 @@ def is_number(key: str) -> bool:
 
 def plain(number: float) -> str:
     """Number as in a preset: 20, 0.05, 1e7."""
-    return f"{number:g}".replace("e+0", "e").replace("e-0", "e-")
+    return f"{number:g}".replace("e+0", "e").replace("e+", "e").replace("e-0", "e-")
 
 
 def short(number: float) -> str:

@@ -36,6 +36,11 @@ _WIPED = "\r\x1b[2K\x1b[?25h"  # the line of a bar emptied, and the cursor shown
 BAR_PATIENCE = 0.5  # s of work before a progress bar with a total appears
 _TASK: Any = 0  # the only one of a bar
 _REDRAWN = 0.1  # s between two of its pictures
+_BAR_STYLES = {  # of rich, whose own are colours that mean a verdict here
+    **dict.fromkeys(("bar.complete", "bar.finished", "progress.remaining"), "none"),
+    "bar.back": "color(245)",
+    "bar.pulse": "color(250)",
+}
 
 
 @dataclass(frozen=True)
@@ -185,13 +190,16 @@ class ProgressBar:
 
 def _bar(style: Style) -> Progress:
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+    from rich.theme import Theme
 
+    screen = console(sys.stderr, style)
+    screen.push_theme(Theme(_BAR_STYLES))
     return Progress(
         TextColumn("{task.description}", markup=False),
         BarColumn(),
         TextColumn("{task.percentage:3.0f} %"),
         TimeRemainingColumn(),
-        console=console(sys.stderr, style), transient=True,
+        console=screen, transient=True,
         auto_refresh=False,  # without a thread of its own, beside which processes could not be forked
         redirect_stdout=sys.stdout.isatty(),  # lines above the bar; a file is left alone
     )  # fmt: skip

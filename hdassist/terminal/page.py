@@ -1,5 +1,6 @@
 """A report as a page of a terminal: verdict and reasons, its blocks, one line of proof."""
 
+import re
 import sys
 import textwrap
 from collections.abc import Callable, Iterable, Iterator
@@ -7,7 +8,8 @@ from typing import Any
 
 from rich import box
 from rich.cells import cell_len
-from rich.console import Group, JustifyMethod, RenderableType
+from rich.console import Console, ConsoleOptions, Group, JustifyMethod, RenderableType
+from rich.containers import Lines as RichLines
 from rich.measure import Measurement
 from rich.table import Table as RichTable
 from rich.text import Text
@@ -46,17 +48,43 @@ _RESIDUALS = {  # of a certificate, each a share of its scale
     "complementarity": "force on an open gap",
     "equilibrium": "equilibrium",
 }
-_STYLES = {"good": "bold green", "bad": "bold red", "open": "bold yellow", "loud": "bold", "quiet": "dim"}  # by tone
-_NUMBERS_WITH_UNIT = r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?: ?[%″°]| N·m(?:/rad)?)?"  # of grounds
+_OCHRE = "color(136)"  # between green and red, read on white and on black, where a terminal's yellow is not
+_STYLES = {"good": "bold green", "bad": "bold red", "open": f"bold {_OCHRE}", "loud": "bold", "quiet": "dim"}  # by tone
+_UNBROKEN = "\ufffe"  # in place of a space at which no line ends: rich breaks at those of Unicode, and texts have none
+_SPACE_IN_NUMBER = re.compile(r"(?<=[\d,]) (?=[%″°]|N·m|µm)|(?<=[±≤≥]) (?=\d)")  # before its unit, behind its sign
+_GAP = f"[ {_UNBROKEN}]"
+_NUMBERS_WITH_UNIT = (  # of grounds
+    rf"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?:{_GAP}?[%″°]|{_GAP}N·m(?:/rad)?)?(?!\w)"
+)
 _ANY_WIDTH = 100_000  # columns
+_LONGEST_WORD = 30  # columns
 _PAGE_WORDS: dict[str, str] = {Verdict.NO_LIMIT: "no limit set"}  # of a verdict, where its own word is too short
+
+
+class _PageText(Text):
+    """Text that breaks into lines at its spaces, but for those within a number with its sign and unit."""
+
+    def __init__(self, text: str, style: str = "") -> None:
+        super().__init__(_SPACE_IN_NUMBER.sub(_UNBROKEN, text), style)
+
+    def wrap(self, *args: Any, **options: Any) -> RichLines:
+        """Lines of a width, as rich has them."""
+        lines = super().wrap(*args, **options)
+        for line in lines:
+            line.plain = line.plain.replace(_UNBROKEN, " ")
+        return lines
+
+    def __rich_measure__(self, console: Console, options: ConsoleOptions) -> Measurement:
+        """Columns that it needs and takes; a path longer than _LONGEST_WORD may be broken within."""
+        needed, taken = super().__rich_measure__(console, options)
+        return Measurement(min(needed, _LONGEST_WORD), taken)
 
 
 def report_page(report: Report, style: Style, *, plots: bool = True, details: bool = False) -> RenderableType:
     """A report for people; plots: whether figures are drawn; details: whether all of it is shown."""
-    head = Text(style.text(report.head), style="bold")
+    head = _PageText(style.text(report.head), "bold")
     if report.verdict:
-        head.append(style.text(": ")).append(word(report.verdict, style))
+        head.append(": ").append(word(report.verdict, style))
     more = (*report.details, *_certificate_facts(report.certificate, report.cross_checks))
     blocks = [*report.blocks, *(more if details else ())]
     hidden = "" if details or not more else "--details"
@@ -66,7 +94,7 @@ def report_page(report: Report, style: Style, *, plots: bool = True, details: bo
     lines = [line for part in parts for line in (part, Text(""))]
     if plots and blocks and isinstance(blocks[-1], Curve):
         lines = lines[:-1]  # under an axis its words are enough of a gap
-    why = [Text(style.text("\n".join(report.why))), Text("")] if report.why else []
+    why = [_PageText(style.text("\n".join(report.why))), Text("")] if report.why else [Text("")] if lines else []
     for text in why:
         text.highlight_regex(_NUMBERS_WITH_UNIT, "bold")
     return Group(head, *why, *lines, *block_on_page(last, style))
@@ -74,14 +102,14 @@ def report_page(report: Report, style: Style, *, plots: bool = True, details: bo
 
 def word(verdict: str, style: Style) -> Text:
     """A verdict as a page has it, in the colour of its tone; any other text as it is."""
-    return Text(style.text(_PAGE_WORDS.get(verdict, verdict)), style=_STYLES.get(tone_of(verdict), ""))
+    return _PageText(style.text(_PAGE_WORDS.get(verdict, verdict)), _STYLES.get(tone_of(verdict), ""))
 
 
 def block_on_page(block: Block, style: Style, plots: bool = True) -> Iterator[RenderableType]:
     """A block in characters; none of an empty one, nor of figures without plots."""
     match block:
         case Paragraph():
-            yield Text(style.text(block.text))
+            yield _PageText(style.text(block.text))
         case Lines() if block.lines:
             marked = _labelled(Facts(tuple((block.mark, line) for line in block.lines)), style)
             yield Group(Text(style.text(block.title), style="bold"), marked) if block.title else marked
@@ -106,12 +134,14 @@ def in_characters(block: Figure, style: Style) -> str:
 
 
 def _labelled(block: Facts, style: Style) -> RichTable:
-    """Labelled lines; a text that wraps stays beside its label."""
+    """Labelled lines; a text that wraps stays beside its label, which wraps where it takes more than half a page."""
     grid = RichTable.grid(padding=(0, 2, 0, 0))
-    grid.add_column(no_wrap=True)
+    grid.add_column(no_wrap=max(cell_len(label) for label, _ in block.rows) <= style.width // 2)
     grid.add_column(overflow="fold")
     for label, text in block.rows:
-        grid.add_row(style.text(label), style.text(text or BLANK), style=_STYLES.get(tone_of(label)))
+        grid.add_row(
+            *(_PageText(style.text(part)) for part in (label, text or BLANK)), style=_STYLES.get(tone_of(label))
+        )
     return grid
 
 
@@ -119,7 +149,9 @@ def _tables(block: Table, style: Style) -> Iterator[RenderableType]:
     """A table, a tight one where that is wider than the page, or several with the same first column."""
     screen = console(sys.stdout, style)
     options = screen.options.update(width=_ANY_WIDTH)
-    left, title = list(range(1, len(block.heads))), "\n".join((block.title, *block.notes))
+    title = _PageText("\n".join(style.text(line) for line in (block.title, *block.notes) if line))
+    title.stylize("bold", 0, len(style.text(block.title)))
+    left = list(range(1, len(block.heads)))
     while left or title:
         narrower = [(left, {}), (left, {"is_tight": True})]
         narrower += [(left[:count], {"is_tight": True, "folds": True}) for count in range(len(left), 0, -1)]
@@ -127,8 +159,8 @@ def _tables(block: Table, style: Style) -> Iterator[RenderableType]:
             table = _table(block, [0, *columns], style, **ways)
             if Measurement.get(screen, options, table).minimum <= style.width:
                 break
-        yield Group(Text(style.text(title), style="bold"), table) if title else table
-        left, title = left[len(columns) :], ""
+        yield Group(title, table) if title else table
+        left, title = left[len(columns) :], _PageText("")
 
 
 def _table(block: Table, columns: list[int], style: Style, *, is_tight: bool = False, folds: bool = False) -> RichTable:
@@ -157,7 +189,7 @@ def _table(block: Table, columns: list[int], style: Style, *, is_tight: bool = F
         found.add_column(head, justify=justify, overflow="fold", no_wrap=not wraps, min_width=least)
         columns_of_cells.append(cells)
     for cells_of_row in zip(*columns_of_cells, strict=True):
-        found.add_row(*(Text(cell, style=_STYLES.get(tone_of(cell), "")) for cell in cells_of_row))
+        found.add_row(*(_PageText(cell, _STYLES.get(tone_of(cell), "")) for cell in cells_of_row))
     return found
 
 

@@ -407,6 +407,15 @@ def test_a_lot_without_one_answer_says_so(folder, here):
     ]  # fmt: skip
 
 
+def test_a_fault_that_many_rows_share_is_named_once(folder, here):
+    (folder / "lot.csv").write_text("serial;F_ior@1\n" + "".join(f"{k};28\n" for k in range(4)))
+    code, page, said = here("accept", "lot.csv", "--preset", SMALL, "--measured-only")
+    assert code == 4
+    assert page.count("no limit to accept it by") == said.count("no limit to accept it by") == 1
+    assert page.count("as 0") == 3
+    assert said.rstrip().endswith("note: the same of 3 more rows")
+
+
 def test_what_is_wrong_with_a_preset_is_said_to_each_of_its_rows(folder):
     (folder / "lot.csv").write_text("serial;preset;limit F_ior@1\n1;none;9\n2;none;9\n3;folder;9\n")
     (folder / "folder").mkdir()

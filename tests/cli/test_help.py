@@ -24,6 +24,13 @@ def test_without_a_command_all_commands_and_one_example_stand_on_a_screen() -> N
         assert any(re.search(rf"(^| ){name}  +\S", line) for line in lines), name
 
 
+def test_the_start_page_of_a_narrow_terminal_breaks_no_word() -> None:
+    lines = on_terminal(columns=60, env={"NO_COLOR": "1"})[1].split("\n")
+    lines = [line.rstrip("\r") for line in lines if line.strip()]
+    assert max(map(len, lines)) <= 60
+    assert " ".join(lines[-2:]).endswith("hdassist -h those of all commands.")
+
+
 @pytest.mark.parametrize(("env", "is_bold"), [({}, True), ({"NO_COLOR": "1"}, False), ({"TERM": "dumb"}, False)])
 def test_names_of_commands_are_bold_on_a_terminal_that_shows_it(env: dict[str, str], is_bold: bool) -> None:
     code, shown = on_terminal(columns=80, env=env)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import shlex
 
 import pytest
@@ -12,7 +13,7 @@ from hdassist.belief.steps import Influence
 from hdassist.cli import COMMANDS, OTHER_NAMES, app
 from hdassist.commands.design import CheckCommand
 from hdassist.loading import load_preset
-from hdassist.report import Facts, Report
+from hdassist.report import Facts, Paragraph, Report, Table
 from hdassist.solve.answers import Certificate
 from hdassist.solve.through_cvxpy import CrossCheck
 from hdassist.terminal.options import torque_overrides
@@ -48,16 +49,16 @@ def shown(style: Style, report: Report) -> str:
 
 @pytest.mark.parametrize(
     ("verdict", "code"),
-    [("PASS", "32m"), ("FAIL", "31m"), ("INCONCLUSIVE", "33m"), ("range 2.5″", None),
-     ("TURN, hole 3", "32m"), ("LEAVE, hole 0", "32m"), ("BEST BET, 90°", "33m"), ("GO BACK, hole 1", "31m")],
+    [("PASS", "32m"), ("FAIL", "31m"), ("INCONCLUSIVE", "38;5;136m"), ("range 2.5″", None),
+     ("TURN, hole 3", "32m"), ("LEAVE, hole 0", "32m"), ("BEST BET, 90°", "38;5;136m"), ("GO BACK, hole 1", "31m")],
 )  # fmt: skip
-def test_verdicts_are_green_red_or_yellow_where_there_are_colours(monkeypatch, verdict, code):
+def test_verdicts_are_green_red_or_ochre_where_there_are_colours(monkeypatch, verdict, code):
     monkeypatch.setenv("TERM", "xterm-256color")
     monkeypatch.delenv("NO_COLOR", raising=False)
     report = Report("check", None, "own", verdict)
     coloured = shown(Style(False, True, 80), report)
     assert verdict in coloured
-    for found in ("31m", "32m", "33m"):
+    for found in ("31m", "32m", "33m", "38;5;136m"):
         assert (found in coloured) == (found == code)
     assert shown(Style(False, False, 80), report) == f"own: {verdict}\n"
 
@@ -73,6 +74,41 @@ def test_numbers_of_a_verdict_and_the_next_command_stand_out_and_the_proof_steps
     assert "\x1b[2mproof" in coloured
     assert "\x1b[1mlimit" not in coloured
     assert "\x1b" not in shown(Style(False, False, 80), report)
+
+
+def test_the_title_of_a_table_is_bold_and_its_notes_are_not(monkeypatch):
+    monkeypatch.setenv("TERM", "xterm-256color")
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    table = Table("F'_ior, ″", ("hole", "F'_ior"), (("0", "27.7"),), notes=("loss: against the best",))
+    coloured = shown(Style(False, True, 80), Report("check", None, "own", blocks=(table,)))
+    assert "\x1b[1mF'_ior, ″\x1b[0m" in coloured
+    assert "\nloss: against the best\n" in coloured
+
+
+@pytest.mark.parametrize("width", range(20, 60))
+def test_no_line_ends_within_a_number_with_its_unit(width):
+    words = "keeps 30 ″ at 80 N·m with 86 % (± 2 %), order 2, ″, limit ≤ 35, 120 µm and 15 °"
+    table = Table("", ("check", "kept"), ((words, "100 %"),))
+    report = Report("check", None, words, why=(words,), blocks=(Paragraph(words), Facts((("limit", words),)), table))
+    lines = [line.rstrip() for line in shown(Style(False, False, width), report).splitlines()]
+    assert not [line for line in lines if re.match(r"(?:limit)? *(?:[%″°]|N·m|µm)", line) or re.search("[±≤]$", line)]
+    assert "\ufffe" not in "".join(lines)
+
+
+def test_labels_wrap_before_numbers_do():
+    rows = (("negative force, share of its scale, at most 1e-08", "2.8e-12"), ("states solved", "71569"))
+    text = shown(Style(False, False, 50), Report("check", None, "own", blocks=(Facts(rows),)))
+    assert "2.8e-12" in text
+    assert "71569" in text
+
+
+def test_a_path_longer_than_its_column_makes_no_second_table():
+    path = "/home/somebody/.cache/hdassist/answers/of/all/commands"
+    text = shown(Style(False, False, 50), Report("doctor", None, "", blocks=(
+        Table("", ("part", "status", "found"), (("cache", "ok", f"{path}, 115 files"),)),
+    )))  # fmt: skip
+    assert text.count("part") == 1
+    assert path in "".join(text.split())
 
 
 @pytest.mark.parametrize("width", [40, 80])
