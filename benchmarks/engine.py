@@ -25,8 +25,7 @@ from hdassist.solve import walk
 from hdassist.solve.answers import N_MM, STATES_AT_A_TIME, Answers, StateSums, proven_answers, residuals
 from hdassist.solve.build import library_name
 from hdassist.solve.formulation import Formulation, formulate
-from hdassist.solve.loadcase import ALWAYS_ACTIVE, DAQP_SETTINGS, LoadCase, OneByOne
-from hdassist.solve.through_cvxpy import solve_through_cvxpy
+from hdassist.solve.loadcase import ALWAYS_ACTIVE, DAQP_SETTINGS, LoadCase, OneByOne, solve_through_cvxpy
 
 SOLVERS = {"DAQP": 20, "HIGHS": 20, "CLARABEL": 20, "OSQP": 6}  # states that each one solves
 

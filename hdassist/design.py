@@ -31,16 +31,15 @@ from hdassist.errors import (
     worst,
 )
 from hdassist.loading import OVERRIDE_PLACE, load_text
-from hdassist.model.deviations import MeasuredTeeth
+from hdassist.model.deviations import MeasuredTeeth, Unknown, unknown_notes, unknowns
 from hdassist.model.geometry import Array, Kinematics
-from hdassist.model.unknown import Unknown, unknown_notes, unknowns
 from hdassist.preset.fields import Drive, PresetField, field_table, is_overridden, path_of
 from hdassist.preset.text import InvalidValueError, near_miss, read_count, read_number, scalar_value, shown
 from hdassist.report import attributes
 from hdassist.run.kept import ClosedRecord, Count, Magnitude, Number, RecordKind
 from hdassist.run.run import CROSS_SOLVER, Run
 from hdassist.solve.answers import EMPTY, Certificate, Residual
-from hdassist.solve.through_cvxpy import CrossCheck, require_solver
+from hdassist.solve.loadcase import CrossCheck, require_solver
 
 
 @dataclass(frozen=True)

@@ -18,10 +18,9 @@ if TYPE_CHECKING:
 
     from hdassist.belief.samples import Samples
     from hdassist.belief.steps import Influence, MeasurementGain
-    from hdassist.model.deviations import MeasuredTeeth, MeasuredWheel
-    from hdassist.model.unknown import Unknown
+    from hdassist.model.deviations import MeasuredTeeth, MeasuredWheel, Unknown
     from hdassist.preset.fields import Drive
-    from hdassist.solve.through_cvxpy import CrossCheck
+    from hdassist.solve.loadcase import CrossCheck
 
 Json = dict[str, Any]
 T = TypeVar("T")

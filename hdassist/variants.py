@@ -25,15 +25,15 @@ from hdassist.error.error_map import Batch, Indices, error_maps, searchable
 from hdassist.error.extremes import DRAWN_GRIDS, DRAWN_STATES, extremes_of, many_extremes
 from hdassist.error.stiffness import Stiffness, rated_torque, stiffness, stiffness_states
 from hdassist.errors import SURE, HdassistError, UntrustedError
+from hdassist.model.deviations import unknowns
 from hdassist.model.geometry import Array
 from hdassist.model.rules import first_conflict
-from hdassist.model.unknown import unknowns
 from hdassist.mounting.advice import Advice, advice_states, advise
 from hdassist.mounting.positions import seat_positions
 from hdassist.preset.fields import UNKNOWN, Drive, ResolvedField, resolved_fields
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
-from hdassist.solve.through_cvxpy import CrossCheck
+from hdassist.solve.loadcase import CrossCheck
 
 _DRAWN_PAIRS = 64
 _LEAST_EFFECTIVE = 0.5  # of the pairs: where fewer agree with the evidence on the second drive, samples are independent

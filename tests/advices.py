@@ -9,8 +9,7 @@ from datetime import date
 import numpy as np
 
 from hdassist import load_preset
-from hdassist.model.deviations import MeasuredTeeth, MeasuredWheel, PitchFile
-from hdassist.model.unknown import no_hole_better
+from hdassist.model.deviations import MeasuredTeeth, MeasuredWheel, PitchFile, no_hole_better
 from hdassist.mounting.advice import Advice
 from hdassist.mounting.decision import Decision
 from hdassist.mounting.positions import MountingCurve

@@ -28,7 +28,7 @@ from hdassist.acceptance.request import Inputs, LotRow, Request
 from hdassist.errors import GUARD, SEVERITY, DataError, HdassistError, UsageError, worst
 from hdassist.measuring.bench import position_quantities, seen_range
 from hdassist.measuring.fit import COVERAGE_FACTOR
-from hdassist.model.unknown import unknown_names
+from hdassist.model.deviations import unknown_names
 from hdassist.report import attributes
 
 _QUARTER = 0.25  # of the limit: a test uncertainty ratio of 4 to 1

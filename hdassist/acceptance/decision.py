@@ -27,9 +27,8 @@ from hdassist.belief.samples import EFFECTIVE_SAMPLES, Samples, SamplingEffort, 
 from hdassist.belief.statistics import Probability, weighted_quantile
 from hdassist.design import DesignCheck, OperatingPoint
 from hdassist.error.cycle import KinematicError, SelfError, kinematic_error, self_error
-from hdassist.error.error_map import searchable
+from hdassist.error.error_map import TABLE_SECTIONS, searchable
 from hdassist.error.stiffness import Stiffness, stiffness
-from hdassist.error.table import TABLE_SECTIONS
 from hdassist.error.waves import EstimatedCycle, estimated_cycle, turn_range_arcsec
 from hdassist.errors import GUARD, SURE, UsageError, Verdict
 from hdassist.files import number_of
@@ -37,15 +36,14 @@ from hdassist.measuring.bench import SeenRange
 from hdassist.measuring.fit import COVERAGE_FACTOR
 from hdassist.measuring.measure import SweepResult
 from hdassist.measuring.orders import UncertaintySource, combined
-from hdassist.model.deviations import MeasuredTeeth
+from hdassist.model.deviations import MeasuredTeeth, unknowns
 from hdassist.model.geometry import Array, Kinematics
-from hdassist.model.unknown import unknowns
 from hdassist.preset.fields import Drive
 from hdassist.preset.text import UnitError, is_spread, read_spread
 from hdassist.run.kept import ClosedRecord
 from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.answers import EMPTY, Certificate
-from hdassist.solve.through_cvxpy import CrossCheck
+from hdassist.solve.loadcase import CrossCheck
 
 OF_TRAVEL = "predicted over the full cycle: less may come in acceptance.travel, which a record shows"
 _Basis = Literal["measured", "stated", "predicted"]

@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from hdassist.belief.statistics import sobol_points
-from hdassist.model.deviations import MeasuredTeeth, standing_offset
+from hdassist.model.deviations import MeasuredTeeth, assumptions, standing_offset, unknowns
 from hdassist.model.geometry import Array
-from hdassist.model.unknown import assumptions, unknowns
 from hdassist.preset.fields import DEVIATIONS, Drive, deviation_sizes, field_table, is_overridden, measures
 from hdassist.solve.answers import ARCSEC
 

@@ -3,9 +3,9 @@
 Importance sampling: each draw is weighted by one over the density that it was drawn with, so that weighted statistics
 stay those of the prior and the evidence. The density is nowhere less than a share of the prior's.
 
-A table (error/table.py) costs as much as some searches, a drive read off it hardly any. Turning the wheel forward is
-turning back all that stands: a draw whose offset points one step further has, one position further, the F'_ior of the
-draw before it. So each draw is read in all directions of what stands, and all positions of it cost one F'_ior each.
+A table (error/error_map.py) costs as much as some searches, a drive read off it hardly any. Turning the wheel forward
+is turning back all that stands: a draw whose offset points one step further has, one position further, the F'_ior of
+the draw before it. So each draw is read in all directions of what stands, and all positions of it cost one F'_ior each.
 """
 
 from __future__ import annotations
@@ -27,9 +27,8 @@ from hdassist.belief.evidence import (
 )
 from hdassist.belief.prior import DrivePrior, FieldPrior
 from hdassist.belief.statistics import log_error, sobol_points
-from hdassist.error.error_map import Batch, ErrorMap
+from hdassist.error.error_map import TABLE_SECTIONS, Batch, ErrorMap, Mesh, Reach, error_table
 from hdassist.error.extremes import DRAWN_GRIDS, many_extremes
-from hdassist.error.table import TABLE_SECTIONS, Mesh, Reach, error_table
 from hdassist.model.deviations import carried, standing_offset
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive, deviation_sizes

@@ -36,9 +36,8 @@ from hdassist.error.error_map import Batch, ErrorMap, Extremes, error_maps, sear
 from hdassist.error.extremes import DRAWN_GRIDS, FINE_GRIDS, many_extremes
 from hdassist.error.waves import WAVE_POINTS, ErrorWaves
 from hdassist.errors import HdassistError
-from hdassist.model.deviations import carried
+from hdassist.model.deviations import carried, no_hole_better, unknown_turn
 from hdassist.model.geometry import Array
-from hdassist.model.unknown import no_hole_better, unknown_turn
 from hdassist.preset.fields import DEVIATIONS, Drive
 from hdassist.preset.knowledge import SUPPORT_FIELD, with_cam_support
 from hdassist.run.kept import ClosedRecord, kept_answer

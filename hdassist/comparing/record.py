@@ -25,8 +25,8 @@ from hdassist.error.waves import Complex, ErrorWaves
 from hdassist.errors import UntrustedError
 from hdassist.measuring.design import order_columns
 from hdassist.measuring.measure import SweepResult
+from hdassist.model.deviations import unknowns
 from hdassist.model.geometry import Array, Kinematics, pitch_locked_states
-from hdassist.model.unknown import unknowns
 from hdassist.preset.fields import DEVIATIONS, Drive
 from hdassist.readers.trace import MeasuredTrace
 from hdassist.run.run import UNCHECKED, Run

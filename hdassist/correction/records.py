@@ -24,8 +24,8 @@ from hdassist.error.cycle import kinematic_error
 from hdassist.error.waves import POINTS_A_TURN, Complex, ErrorLines, error_lines
 from hdassist.errors import UntrustedError
 from hdassist.measuring.measure import Measurement
+from hdassist.model.deviations import unknowns
 from hdassist.model.geometry import Array, Kinematics
-from hdassist.model.unknown import unknowns
 from hdassist.preset.fields import Drive
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate

@@ -32,8 +32,7 @@ from hdassist.run.kept import kept_answer
 from hdassist.run.run import CROSS_SOLVER, Run
 from hdassist.solve.answers import EMPTY, STATES_AT_A_TIME, Certificate
 from hdassist.solve.formulation import Formulation, formulate
-from hdassist.solve.loadcase import LoadCase
-from hdassist.solve.through_cvxpy import CrossCheck, require_solver, solve_again
+from hdassist.solve.loadcase import CrossCheck, LoadCase, require_solver, solve_again
 from hdassist.solve.walk import digits_depend_on
 
 _ONE_WAVE = 0.01  # a zone that carries less of the torque than this leaves the other one alone

@@ -24,8 +24,7 @@ from hdassist.run.kept import Number, kept_answer
 from hdassist.run.run import Progress, Run
 from hdassist.solve.answers import ARCSEC, N_MM, Certificate
 from hdassist.solve.formulation import Formulation, formulate
-from hdassist.solve.loadcase import LoadCase
-from hdassist.solve.through_cvxpy import CrossCheck, solve_again, solvers_depend_on
+from hdassist.solve.loadcase import CrossCheck, LoadCase, solve_again, solvers_depend_on
 from hdassist.solve.walk import digits_depend_on
 
 LOST_MOTION_SHARE = 0.04  # of the rated torque, to each side: the catalogues' measure

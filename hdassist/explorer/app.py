@@ -53,7 +53,7 @@ from hdassist.explorer.panes import (
 from hdassist.explorer.state import Session, about_field, stepped
 from hdassist.files import visible
 from hdassist.loading import with_changes
-from hdassist.model.unknown import unknowns
+from hdassist.model.deviations import unknowns
 from hdassist.mounting.positions import hole_words, usable_positions
 from hdassist.pages.report import report_html, report_markdown
 from hdassist.preset.fields import ResolvedField, resolved_fields, text_of

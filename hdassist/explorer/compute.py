@@ -20,9 +20,9 @@ from hdassist.error.error_map import error_maps, searchable
 from hdassist.error.trace import trace
 from hdassist.errors import HdassistError
 from hdassist.explorer.state import SETTING_SECTIONS, TEETH_FIELDS, TRIALS, is_tried, step_of
+from hdassist.model.deviations import no_hole_better, unknown_turn, unknowns
 from hdassist.model.geometry import Array, Kinematics
 from hdassist.model.rules import first_conflict
-from hdassist.model.unknown import no_hole_better, unknown_turn, unknowns
 from hdassist.mounting.advice import Advice, advice_states, advise, advise_after
 from hdassist.mounting.positions import rotated, seat_positions
 from hdassist.mounting.posterior import TrialSetup

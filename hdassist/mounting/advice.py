@@ -17,9 +17,8 @@ from hdassist.error.cycle import limits_left
 from hdassist.error.error_map import searchable
 from hdassist.error.extremes import DRAWN_STATES, FINE_STATES
 from hdassist.errors import SURE, UntrustedError, UsageError
-from hdassist.model.deviations import MeasuredTeeth, standing_offset
+from hdassist.model.deviations import MeasuredTeeth, Unknown, no_hole_better, standing_offset, unknown_turn, unknowns
 from hdassist.model.geometry import Array, Kinematics
-from hdassist.model.unknown import Unknown, no_hole_better, unknown_turn, unknowns
 from hdassist.mounting.decision import (
     FEWEST_VALUES,
     LEAST_GAIN,
@@ -53,7 +52,7 @@ from hdassist.mounting.posterior import (
 from hdassist.preset.fields import Drive
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
-from hdassist.solve.through_cvxpy import CrossCheck
+from hdassist.solve.loadcase import CrossCheck
 
 _FORESEEN_VALUES = 6  # measured values of which the gain is foreseen before any
 _DOUBTED = 0.5  # probability from which on a value is taken for misread
@@ -123,7 +122,7 @@ class Advice:
 
     @property
     def no_hole_better(self) -> str:
-        """Why any hole is as good as any other, as model.unknown has it; empty where one may be better."""
+        """Why any hole is as good as any other, as model.deviations has it; empty where one may be better."""
         found = "" if self.trials else no_hole_better(self.drive)
         return "" if found == "turning" and self.measured and self.measured.fixed(self.drive) else found
 

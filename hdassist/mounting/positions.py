@@ -25,7 +25,7 @@ from hdassist.preset.fields import Drive
 from hdassist.run.kept import KeptAnswer, Magnitude
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
-from hdassist.solve.through_cvxpy import CrossCheck, solvers_depend_on
+from hdassist.solve.loadcase import CrossCheck, solvers_depend_on
 from hdassist.solve.walk import digits_depend_on
 
 _FREE_STEP = 5.0  # deg between positions where the seat has no holes

@@ -45,8 +45,7 @@ from hdassist.belief.proposals import (
     turned_errors,
 )
 from hdassist.belief.samples import EFFECTIVE_SAMPLES, FEWEST_SAMPLES, SamplingEffort, draw_samples
-from hdassist.error.error_map import error_maps, searchable
-from hdassist.error.table import Mesh
+from hdassist.error.error_map import Mesh, error_maps, searchable
 from hdassist.errors import HdassistError, UntrustedError, UsageError
 from hdassist.files import number_of
 from hdassist.measuring.measure import Reading

@@ -14,8 +14,8 @@ from hdassist.belief.statistics import shares_below
 from hdassist.belief.steps import Outcome, Step
 from hdassist.design import DesignCheck, OperatingPoint, accuracy_words
 from hdassist.errors import Verdict
+from hdassist.model.deviations import unknown_names
 from hdassist.model.geometry import Kinematics
-from hdassist.model.unknown import unknown_names
 from hdassist.pages.card import wheel
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.knowledge import SIZE_20, SMALL_ACCURACY, USUAL_ACCURACY

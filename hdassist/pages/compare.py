@@ -12,8 +12,8 @@ from hdassist.comparing.compare import UNIDENTIFIABLE_ANGLE, Comparison, Explana
 from hdassist.comparing.record import ERROR_SIGNS, SENSES, Alignment, OrderAmplitude
 from hdassist.design import OperatingPoint
 from hdassist.files import STDIN
+from hdassist.model.deviations import unknown_names, unknown_notes, unknowns
 from hdassist.model.geometry import Kinematics
-from hdassist.model.unknown import unknown_names, unknown_notes, unknowns
 from hdassist.pages.card import hole_place
 from hdassist.pages.check import check_report, influence_at
 from hdassist.pages.curves import stiffness_warnings

@@ -19,8 +19,8 @@ from hdassist.correction.correct import (
 from hdassist.correction.forms import ExpectedResidual, correction_columns, line_orders
 from hdassist.error.waves import POINTS_A_TURN
 from hdassist.errors import Verdict
+from hdassist.model.deviations import unknown_notes, unknowns
 from hdassist.model.geometry import Array
-from hdassist.model.unknown import unknown_notes, unknowns
 from hdassist.report import Curve, Fact, Facts, Report, Table, csv_columns, samples_object
 from hdassist.terminal.words import again
 

@@ -17,7 +17,7 @@ from hdassist.error.stiffness import (
 )
 from hdassist.error.trace import ErrorAlong, Trace, order_legend
 from hdassist.errors import worst_exit_code
-from hdassist.model.unknown import unknown_notes, unknowns
+from hdassist.model.deviations import unknown_notes, unknowns
 from hdassist.preset.fields import Drive, Measured, is_overridden
 from hdassist.report import (
     Curve,

@@ -85,7 +85,7 @@ def calibrate_report(result: Calibration, written: str | None = None) -> Report:
 
 
 def _warnings(result: Calibration) -> Iterator[str]:
-    from hdassist.model.unknown import unknown_notes  # with scipy, which explaining does without
+    from hdassist.model.deviations import unknown_notes  # with scipy, which explaining does without
 
     yield from result.drive.origin.warnings
     if any(target.quantity.startswith("F_ior") for target in result.targets.targets):  # deviations move it

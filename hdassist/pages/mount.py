@@ -9,7 +9,7 @@ import numpy as np
 
 from hdassist.error.cycle import limits_left
 from hdassist.errors import Verdict
-from hdassist.model.unknown import unknown_names
+from hdassist.model.deviations import unknown_names
 from hdassist.mounting.advice import UNSHOWN_VALUES, Advice
 from hdassist.mounting.decision import FEWEST_VALUES
 from hdassist.mounting.positions import MountingCurve, bare, hole_of, hole_words

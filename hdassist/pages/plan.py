@@ -7,8 +7,8 @@ import numpy as np
 
 from hdassist.belief.samples import ErrorBelief
 from hdassist.errors import Verdict
+from hdassist.model.deviations import unknown_notes
 from hdassist.model.geometry import Array
-from hdassist.model.unknown import unknown_notes
 from hdassist.planning import SEEN_SHARE, PlanChoice, PlannedTest
 from hdassist.report import (
     Curve,

@@ -16,8 +16,8 @@ from rich.text import Text
 from hdassist import __version__
 from hdassist.errors import Verdict
 from hdassist.files import visible
+from hdassist.model.deviations import unknown_names
 from hdassist.model.geometry import Array, Kinematics
-from hdassist.model.unknown import unknown_names
 from hdassist.pages.card import TRADE, Card, hole_place
 from hdassist.pages.check import F_ior_table, check_facts, check_report, error_tables, steps_table
 from hdassist.pages.compare import sheet_warnings

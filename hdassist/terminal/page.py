@@ -33,7 +33,7 @@ from hdassist.report import (
     tone_of,
 )
 from hdassist.solve.answers import TOLERANCE, Certificate
-from hdassist.solve.through_cvxpy import CROSS_TOLERANCE, CrossCheck
+from hdassist.solve.loadcase import CROSS_TOLERANCE, CrossCheck
 from hdassist.terminal.plot import curve, seat_in_characters
 from hdassist.terminal.streams import Style, console, made_or
 from hdassist.terminal.words import proof

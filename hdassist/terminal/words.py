@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from hdassist.errors import UsageError
 from hdassist.files import STDIN
-from hdassist.model.unknown import assumptions, unknown_names, unknowns
+from hdassist.model.deviations import assumptions, unknown_names, unknowns
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.text import shown
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from hdassist.belief.steps import Influence, MeasurementGain
     from hdassist.model.deviations import MeasuredTeeth
     from hdassist.report import ReportProof
-    from hdassist.solve.through_cvxpy import CrossCheck
+    from hdassist.solve.loadcase import CrossCheck
 
 
 DRAWN = ("tolerance", "sensitivity", "allocate")  # commands of random drives

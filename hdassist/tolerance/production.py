@@ -28,10 +28,9 @@ from hdassist.error.error_map import Batch, ErrorMap, Extremes, error_maps, sear
 from hdassist.error.extremes import DRAWN_GRIDS, DRAWN_STATES, many_extremes
 from hdassist.errors import HdassistError, UntrustedError, UsageError
 from hdassist.model.contacts import StateGaps
-from hdassist.model.deviations import carried
+from hdassist.model.deviations import assumptions, carried
 from hdassist.model.geometry import Array
 from hdassist.model.rules import first_conflict
-from hdassist.model.unknown import assumptions
 from hdassist.mounting.positions import merit, seat_positions
 from hdassist.preset.fields import DEVIATION_FIELDS, DEVIATIONS, Drive
 from hdassist.run.kept import ClosedRecord, Count, Number, RecordKind

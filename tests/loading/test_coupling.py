@@ -9,7 +9,7 @@ from hdassist import Drive, load_preset
 from hdassist.errors import PresetError, UsageError
 from hdassist.loading import load_text, similar_preset, with_changes
 from hdassist.model.contacts import CAM, contact_system
-from hdassist.model.unknown import assumptions
+from hdassist.model.deviations import assumptions
 from hdassist.preset.knowledge import read_requirements
 from tests.process import TINY
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from hdassist.loading import load_preset, load_text
-from hdassist.model.unknown import assumptions
+from hdassist.model.deviations import assumptions
 from hdassist.preset.fields import Source
 from tests.process import SMALL
 

@@ -3,7 +3,7 @@
 import pytest
 
 from hdassist import load_preset
-from hdassist.model.unknown import (
+from hdassist.model.deviations import (
     Unknown,
     unknown_names,
     unknown_notes,

@@ -6,8 +6,7 @@ import numpy as np
 
 from hdassist import load_preset
 from hdassist.belief.proposals import TableEffort
-from hdassist.error.error_map import ErrorMap
-from hdassist.error.table import Mesh
+from hdassist.error.error_map import ErrorMap, Mesh
 from hdassist.mounting.decision import Decision
 from hdassist.mounting.positions import rotated, usable_positions
 from hdassist.mounting.posterior import HolePosterior, HoleSamples, Trial, TrialSetup, posterior_of

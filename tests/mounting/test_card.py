@@ -12,7 +12,7 @@ import pytest
 
 from hdassist import __version__
 from hdassist.errors import UsageError
-from hdassist.model.unknown import Unknown
+from hdassist.model.deviations import Unknown
 from hdassist.pages.card import Card, instruction, seat_of, warnings_of
 from hdassist.pages.mount import mount_warnings
 from hdassist.pages.report import CENTRE, HOLE_CIRCLE, card_html, card_text

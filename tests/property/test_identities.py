@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hdassist.error.cycle import kinematic_error
-from hdassist.error.error_map import ErrorMap
-from hdassist.error.table import Mesh, Reach, error_table
+from hdassist.error.error_map import ErrorMap, Mesh, Reach, error_table
 from hdassist.model.contacts import CAM, ROTATION, contact_system
 from hdassist.model.deviations import deviation_scalars, is_half_turn_symmetric
 from hdassist.model.geometry import Kinematics, pitch_locked_states

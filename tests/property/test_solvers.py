@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 from hdassist.model.contacts import StateGaps, contact_system
 from hdassist.solve.answers import ARCSEC, TOLERANCE, residuals
 from hdassist.solve.formulation import formulate
-from hdassist.solve.loadcase import MANY_STATES
-from hdassist.solve.through_cvxpy import solve_through_cvxpy
+from hdassist.solve.loadcase import MANY_STATES, solve_through_cvxpy
 from tests.support import changed, load_case
 
 

@@ -9,9 +9,9 @@ import pytest
 from hdassist import load_preset
 from hdassist.model.contacts import contact_system
 from hdassist.run import kept
-from hdassist.solve import through_cvxpy
+from hdassist.solve import loadcase
 from hdassist.solve.formulation import formulate
-from hdassist.solve.through_cvxpy import solve_again
+from hdassist.solve.loadcase import solve_again
 from tests.process import TINY
 from tests.support import load_case
 
@@ -26,10 +26,10 @@ def again(tmp_path, monkeypatch):
     formulation = formulate(contact_system(load_preset(TINY)))
     delta_p = formulation.system.delta_p[None]
     _, free, _ = load_case(formulation, M_G * 1e3).forces(delta_p)
-    rotation = free[:, formulation.system.free_rotation] * through_cvxpy.ARCSEC
+    rotation = free[:, formulation.system.free_rotation] * loadcase.ARCSEC
     computed = []
-    difference = through_cvxpy._difference
-    monkeypatch.setattr(through_cvxpy, "_difference", lambda *args: computed.append(args) or difference(*args))
+    difference = loadcase._difference
+    monkeypatch.setattr(loadcase, "_difference", lambda *args: computed.append(args) or difference(*args))
 
     def solved(off=0.0, solver="highs"):
         return solve_again(formulation, np.array([M_G]), delta_p, rotation + off, solver, str), len(computed)

@@ -15,11 +15,11 @@ from hdassist.model.contacts import ROTATION, WITHOUT_DEVIATIONS, StateGaps, con
 from hdassist.model.geometry import Kinematics, pitch_locked_states
 from hdassist.run import kept
 from hdassist.run.run import UNCHECKED, Run
-from hdassist.solve import loadcase, through_cvxpy
+from hdassist.solve import loadcase
 from hdassist.solve.answers import ARCSEC, StateSums, proven_answers, residuals
 from hdassist.solve.formulation import formulate
-from hdassist.solve.loadcase import OneByOne
-from hdassist.solve.through_cvxpy import (
+from hdassist.solve.loadcase import (
+    OneByOne,
     require_compiled_as_stated,
     solve_again,
     solve_through_cvxpy,
@@ -93,7 +93,7 @@ def test_a_coefficient_changed_in_cvxpy_is_noticed(formulation, system, tmp_path
     problem = cp.Problem(cp.Minimize(objective), constraints)
     altered = replace(formulation)
     altered.__dict__["statement"] = replace(stated, problem=problem, equilibrium=constraints[0])
-    monkeypatch.setattr(through_cvxpy, "_proven", set())
+    monkeypatch.setattr(loadcase, "_proven", set())
     monkeypatch.setenv(kept.FOLDER, str(tmp_path))
     with pytest.raises(UntrustedError, match=f"other data than stated: .*{wrong}"):
         require_compiled_as_stated(altered)
@@ -102,12 +102,12 @@ def test_a_coefficient_changed_in_cvxpy_is_noticed(formulation, system, tmp_path
 
 def test_that_the_data_are_as_stated_is_kept_and_nothing_else_is_believed(formulation, tmp_path, monkeypatch):
     def anew():
-        monkeypatch.setattr(through_cvxpy, "_proven", set())
+        monkeypatch.setattr(loadcase, "_proven", set())
         require_compiled_as_stated(formulation)
 
     compilations = []
     monkeypatch.setenv(kept.FOLDER, str(tmp_path))
-    monkeypatch.setattr(through_cvxpy, "template_differences", lambda _: compilations.append(1) or [])
+    monkeypatch.setattr(loadcase, "template_differences", lambda _: compilations.append(1) or [])
     anew()
     anew()
     assert len(compilations) == 1
@@ -115,7 +115,7 @@ def test_that_the_data_are_as_stated_is_kept_and_nothing_else_is_believed(formul
     answer.write_text("something else")
     anew()
     assert len(compilations) == 2
-    monkeypatch.setattr(through_cvxpy, "version", lambda _: "99")
+    monkeypatch.setattr(loadcase, "version", lambda _: "99")
     anew()
     assert len(compilations) == 3
 
@@ -207,7 +207,7 @@ def test_an_unsolved_state_is_named_and_no_number_comes_out(system, formulation)
 
 
 def test_solvers_that_disagree_are_an_error(reference, monkeypatch):
-    import hdassist.solve.through_cvxpy as module
+    import hdassist.solve.loadcase as module
 
     real = module.solve_through_cvxpy
     monkeypatch.setattr(module, "solve_through_cvxpy", lambda *a: (real(*a)[0], real(*a)[1] + 0.02 / ARCSEC))
@@ -294,11 +294,11 @@ def test_daqp_is_stopped_at_a_bound_that_no_solved_state_comes_near(reference, m
 
 @pytest.mark.parametrize("solver", ["clarabel", "osqp", "scs", "highs"])
 def test_a_solver_stopped_at_its_bound_has_no_answer_and_ends_the_run(reference, formulation, monkeypatch, solver):
-    bounds = through_cvxpy.SOLVER_SETTINGS[solver.upper()]
+    bounds = loadcase.SOLVER_SETTINGS[solver.upper()]
     iterations = {"clarabel": "max_iter", "osqp": "max_iter", "scs": "max_iters", "highs": "qp_iteration_limit"}
     assert any(name.startswith("time_limit") for name in bounds)
-    monkeypatch.setitem(through_cvxpy.SOLVER_SETTINGS, solver.upper(), bounds | {iterations[solver]: 2})
-    solve, asked = through_cvxpy.solve_through_cvxpy, []
+    monkeypatch.setitem(loadcase.SOLVER_SETTINGS, solver.upper(), bounds | {iterations[solver]: 2})
+    solve, asked = loadcase.solve_through_cvxpy, []
     monkeypatch.setattr(loadcase, "solve_through_cvxpy", lambda *a: asked.append(1) or solve(*a))
     states = pitch_locked_states(Kinematics.of(reference), np.arange(40))
     with pytest.raises(UntrustedError, match=r"state not solved at phi_h = 0|could not solve a state"):

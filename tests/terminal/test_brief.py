@@ -15,7 +15,7 @@ from hdassist.commands.design import CheckCommand
 from hdassist.loading import load_preset
 from hdassist.report import Facts, Paragraph, Report, Table
 from hdassist.solve.answers import Certificate
-from hdassist.solve.through_cvxpy import CrossCheck
+from hdassist.solve.loadcase import CrossCheck
 from hdassist.terminal.options import torque_overrides
 from hdassist.terminal.page import report_page
 from hdassist.terminal.streams import Style, console
