@@ -16,13 +16,10 @@ whose checksum or types do not hold is drawn anew.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
-from contextlib import suppress
 from dataclasses import astuple, dataclass, field, replace
 from functools import cached_property
-from hashlib import sha256
 from typing import Annotated, Any
 
 import numpy as np
@@ -61,13 +58,12 @@ from hdassist.model.contacts import contact_system
 from hdassist.model.geometry import Array, Geometry, flank_candidates
 from hdassist.model.rules import first_conflict
 from hdassist.preset.fields import Drive
-from hdassist.run.kept import ClosedRecord, Magnitude, Number, cached, keep, keeps_answers
+from hdassist.run.kept import ClosedRecord, KeptAnswer, Magnitude, Number
 from hdassist.run.run import Run
 from hdassist.solve.answers import ARCSEC, EMPTY, Certificate
 from hdassist.solve.formulation import formulate
 from hdassist.solve.walk import digits_depend_on
 
-_KEPT_SAMPLES = "samples"
 _ShareOfOne = Annotated[float, Field(strict=True, ge=0, le=1)]
 _MOST_WEIGHT = 1e100  # of a draw that is believed: squares of weights are added
 
@@ -151,27 +147,24 @@ class Sampling:
 
     def kept(self) -> list[Draw]:
         """The draws that are kept, from the first on; none where not all of them are draws."""
-        data = cached(_KEPT_SAMPLES, self.key) if self._may_be_kept else None
-        with suppress(ValueError, RecursionError):
-            return _DRAWS.validate_python(json.loads(data or b"[]"))
-        return []
+        return (self._is_answer and self.answer.found()) or []
 
     def keep(self, draws: Sequence[Draw]) -> None:
-        """Keep draws, from the first on; those with turns also as draws without, where more than are kept so."""
-        if self._may_be_kept:
-            with suppress(ValueError):  # a number that is none
-                keep(_KEPT_SAMPLES, self.key, json.dumps(_DRAWS.dump_python(list(draws)), allow_nan=False).encode())
+        """Keep draws, from the first on; those with turns also as draws without, where more are kept so."""
+        if self._is_answer:
+            self.answer.keep(list(draws))
         alone = replace(self, rotations_deg=())
         if self.rotations_deg and len(alone.kept()) < len(draws):
             alone.keep([each.without_turns for each in draws])
 
     @property
-    def _may_be_kept(self) -> bool:
-        return keeps_answers() and bool(self.further_name or not self.further)
+    def _is_answer(self) -> bool:
+        """Whether all that draws depend on is told."""
+        return bool(self.further_name or not self.further)
 
-    @cached_property
-    def key(self) -> str:
-        """Hash of all that draws depend on."""
+    @property
+    def answer(self) -> KeptAnswer[list[Draw]]:
+        """The draws as they are kept, by all that they depend on."""
         depends = {
             "drive": self.prior.drive.model_dump(mode="json", exclude=WITHOUT_EFFECT),
             "fields": [[each.path, each.distribution, each.low, each.high, each.draws] for each in self.prior.fields],
@@ -182,7 +175,7 @@ class Sampling:
             "seed": self.seed,
             "program": digits_depend_on(),
         }
-        return sha256(json.dumps(depends, sort_keys=True).encode()).hexdigest()
+        return KeptAnswer("samples", depends, _DRAWS)
 
     # New draws
 
