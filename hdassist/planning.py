@@ -63,7 +63,7 @@ class ReadingPlan:
     @classmethod
     def record(cls, cam_turns: float, ratio: float) -> ReadingPlan:
         """A record over turns of the cam, of which there are so many in a turn of the output."""
-        name = f"record of {cam_turns:g} cam turn{'s' * (cam_turns != 1)}"
+        name = f"record of {cam_turns:.4g} cam turn{'s' * (cam_turns != 1)}"
         return cls(name, max(round(cam_turns * POINTS_A_TURN), 2), 1 / POINTS_A_TURN / ratio, is_record=True)
 
     def sees_all(self, output_turns: float) -> bool:

@@ -38,7 +38,7 @@ _BAR_COLUMNS = 16  # of the bar of work that is done
 REST = 0.7  # s without a key before the cam turn and the steps of levers are asked for
 _THEMES = ("textual-light", "textual-dark")
 # of one column each
-_SIGNS = PLAIN_CHARACTERS | str.maketrans("\N{NO-BREAK SPACE}○●◌□■▫△▲▵◆…°″±≤≥←→↑↓─━┄│═╌", ' o@%08:AV.#~d"~<><>^v---|=~')
+_SIGNS = PLAIN_CHARACTERS | str.maketrans("\N{NO-BREAK SPACE}○●◌□■▫△▲▵◆…°″±≤≥←→↑↓─━┄│═╌", ' o@%08:AV.#~d"~<><>^v-#-|=~')
 
 
 @dataclass

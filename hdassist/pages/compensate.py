@@ -166,7 +166,7 @@ def _record_facts(result: Correction) -> Iterator[Fact]:
         yield "measure", "the full cycle: it needs no fit"
     elif ends := result.recorded_deg:
         words = (
-            f"{ends[0]:.1f} to {ends[1]:.1f}° of the output; beyond its ends the correction goes on, without a promise"
+            f"{ends[0]:z.1f} to {ends[1]:z.1f}° of the output; beyond its ends the correction goes on without a promise"
         )
         yield "record", f"at {recorded} N·m, {words}"
     elif recorded:

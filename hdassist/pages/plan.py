@@ -62,13 +62,14 @@ def plan_report(choice: PlanChoice, record: str) -> Report:
     is_open = any(each.verdict is Verdict.INCONCLUSIVE for each in choice.judged)
     lines = [line for line in choice.lines if not line.seen_as and line.variance_share >= _LARGE_LINE]
     often = ", ".join(f"{line.per_output_turn:g} ({_percent(line.variance_share)} %)" for line in lines)
+    travel = ["--travel", f"{360 * drives.travel:.6g}"] if drives.travel else []
     facts = (
         ("blind", f"to lines that come so many times an output turn: {often} of its mean square" if lines else ""),
         ("enough", names if choice.asked else ""),
         ("takes", _takes(choice.test) if choice.asked or limit else ""),
         ("verdict", _verdicts(choice.test)),
         ("open", more_draws(choice.samples) if choice.samples and is_open else ""),
-        ("next", shlex.join(["hdassist", "measure", record, "--drive", preset_argument(drive)])),
+        ("next", shlex.join(["hdassist", "measure", record, "--drive", preset_argument(drive), *travel])),
     )
     return Report(
         command="plan",

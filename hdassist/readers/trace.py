@@ -328,7 +328,7 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
     time_s, torque = _beside(table, "time", "s"), _beside(table, "torque", "N·m")
     used = {first.index, other.index, *(k for k, role in enumerate(table.roles) if role in ("time", "torque"))}
     unused = [
-        f'"{name}" ({table.values[:, k].min():.4g} to {table.values[:, k].max():.4g})'
+        f'"{name}" ({table.values[:, k].min():.6g} to {table.values[:, k].max():.6g})'
         for k, name in enumerate(table.names)
         if k not in used
     ]

@@ -10,8 +10,10 @@ from hdassist.error.cycle import kinematic_error
 from hdassist.error.waves import error_lines
 from hdassist.errors import Verdict
 from hdassist.model.deviations import ToothDeviations
+from hdassist.pages.plan import plan_report
 from hdassist.planning import ApproachRun, DrivesUnderTest, PlanDemands, ReadingPlan, choose_plan, rough_curves
 from hdassist.preset.fields import DEVIATIONS
+from hdassist.report import Facts
 from hdassist.run.run import UNCHECKED
 from tests.process import SMALL, TINY
 
@@ -139,7 +141,8 @@ def test_plans_of_a_drive_with_unknown_directions():
 
 def test_a_plan_of_a_joint_is_of_its_travel():
     drive = load_preset(SMALL)
-    whole, joint = (choose_plan(drive, draws=0, travel_deg=travel).drives for travel in (None, 60.0))
+    choices = [choose_plan(drive, draws=0, travel_deg=travel) for travel in (None, 60.0)]
+    whole, joint = (choice.drives for choice in choices)
     assert whole.travel is None
     assert joint.F_ior_arcsec.shape == joint.starts.shape
     assert joint.F_ior_arcsec.max() <= whole.F_ior_arcsec.max() + 1e-9
@@ -151,6 +154,13 @@ def test_a_plan_of_a_joint_is_of_its_travel():
     plan = ReadingPlan.record(60 / 360 * 30, 30)
     assert joint.judge(plan).verdict == "PASS"
     assert plan.sees_all(joint.travel)
+    nexts = [
+        dict(
+            row for block in plan_report(choice, "record.csv").blocks if isinstance(block, Facts) for row in block.rows
+        )
+        for choice in choices
+    ]
+    assert [facts["next"].partition(" --travel ")[2] for facts in nexts] == ["", "60"]
 
 
 def test_rough_teeth_leave_the_range_and_lower_the_share():
