@@ -223,7 +223,9 @@ def recorded_lines(lines: ErrorLines, record: RecordedError, run: Run) -> ErrorL
     noise = 4 * variance * float(weights @ weights) if is_known else float(np.median(power)) / np.log(2)
     noise = max(noise, _LEAST_POWER)
     least = noise * again / chdtri(again, _LEAST_CHANCE) if is_known else _LEAST_POWER
-    kinds = np.isin(often, lines.per_cycle) + 2 * _is_of_teeth(often, lines.kinematics)
+    wheels = lines.kinematics.z_g, lines.kinematics.z_b
+    of_teeth = np.any([often % (lines.kinematics.cycle_states // z) == 0 for z in wheels], axis=0)  # single ones
+    kinds = np.isin(often, lines.per_cycle) + 2 * of_teeth
     share, size = np.empty(len(often)), np.empty(len(often))
     for kind in np.unique(kinds):
         each = kinds == kind
@@ -261,13 +263,6 @@ def shrunk(power: Array, noise: float) -> tuple[Array, Array]:
         frequency = belief.mean(axis=0)
     share = belief @ shares
     return share, noise * share + power * (belief @ shares**2)
-
-
-def _is_of_teeth(often: NDArray[np.int64], kinematics: Kinematics) -> NDArray[np.bool_]:
-    """Whether lines that come so often in the full cycle are waves of the single teeth of either wheel."""
-    return np.asarray(
-        np.any([often % (kinematics.cycle_states // z) == 0 for z in (kinematics.z_g, kinematics.z_b)], axis=0)
-    )
 
 
 def fitted_prior(drive: Drive) -> DrivePrior:

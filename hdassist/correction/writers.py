@@ -175,19 +175,10 @@ def poor_table(result: Correction, controller: ControllerFormat) -> str:
 def controller_file(
     table: CorrectionTable, controller: ControllerFormat, axis: ControllerAxis, preset_sha256: str
 ) -> tuple[str, str]:
-    """The controller's file, and its companions: comments of the file too, where the format has any."""
-    about = _about_lines(table, controller, axis, preset_sha256)
-    lines = controller.lines(table, axis)
-    if controller.comment:
-        at = len(lines) if controller.comments_at is None else controller.comments_at
-        lines[at:at] = [f"{controller.comment} {line}" for line in about]
-    return "\n".join([*lines, ""]), "\n".join([*about, ""])
+    """The controller's file, and its companions: comments of the file too, where the format has any.
 
-
-def _about_lines(
-    table: CorrectionTable, controller: ControllerFormat, axis: ControllerAxis, preset_sha256: str
-) -> list[str]:
-    """Kind of a file, its reader and its state, in 7-bit lines."""
+    They state its kind, its reader and its state, in 7-bit lines.
+    """
     way = "counter-clockwise" if axis.sense == 1 else "clockwise"
     steps = axis.steps_per_degree
     worm = [f"{table.period_deg / abs(table.u) * steps:.2f} motor steps in its turn"] if steps else []
@@ -198,7 +189,7 @@ def _about_lines(
     if table.recorded_deg:
         low, high = sorted(axis.zero_deg + axis.sense * each for each in table.recorded_deg)
         travel = [f"recorded from {low:.6g} to {high:.6g} deg of the output: beyond, continued without a promise"]
-    lines = [
+    about = [
         f"hdassist {__version__}: correction of the kinematic error, {controller.name}, axis {axis.name}",
         f"preset {table.preset or '-'}, sha256 {preset_sha256 or '-'}",
         f"{for_torque}; {table.turn} turn, {table.points} points, straight lines between",
@@ -213,7 +204,12 @@ def _about_lines(
         ),
         f"setup: {controller.setup}",
     ]
-    return [line.encode("unicode_escape").decode() for line in lines]
+    about = [line.encode("unicode_escape").decode() for line in about]
+    lines = controller.lines(table, axis)
+    if controller.comment:
+        at = len(lines) if controller.comments_at is None else controller.comments_at
+        lines[at:at] = [f"{controller.comment} {line}" for line in about]
+    return "\n".join([*lines, ""]), "\n".join([*about, ""])
 
 
 def _turn_rows(table: CorrectionTable, axis: ControllerAxis, digits: int) -> tuple[Array, Array, Array]:

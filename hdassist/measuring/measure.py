@@ -169,7 +169,7 @@ class Measurement:
     @property
     def is_of_travel(self) -> bool:
         """Whether the error counts in less than the full cycle."""
-        return self.gearing is not None and self.gearing.travel is not None
+        return bool(self.gearing and self.gearing.travel)
 
     @property
     def slope_arcsec_per_deg(self) -> tuple[float, float] | None:
@@ -253,7 +253,8 @@ class _RecordUnderway:
 
     def __post_init__(self) -> None:
         """Begin without anything left out."""
-        self.torque = None if self.trace.load is None else RecordedTorque.of(self.trace.load)
+        load = self.trace.load
+        self.torque = None if load is None else RecordedTorque(float(load.mean()), float(load.min()), float(load.max()))
         self.notes, self.warnings = list(self.trace.notes), list[str]()
 
     def directions(self) -> list[SweepResult]:
@@ -303,7 +304,7 @@ class _RecordUnderway:
         own, ratio = self.trace.one_way(sign), self.gearing.ratio if self.gearing else USUAL_RATIO
         declared = _declared(own, self.orders, self.notes)
         bins, slow = bins_of(own, declared[-1]), SlowTerms(_DRIFTS[self.drift])
-        is_travel = self.gearing is not None and self.gearing.travel is not None
+        is_travel = bool(self.gearing and self.gearing.travel)
         if is_travel or not self.together:
             slow = slow_terms(bins.span, ratio, slow.degree, is_travel=is_travel)
         if own.time_s is not None and not self.together and speed_changes(bins):
@@ -448,10 +449,8 @@ def _fit(bins: Bins, declared: Sequence[float], ratio: float, slow: SlowTerms, n
         for beats in (True, False)
     )
     if len(with_beats) > len(without) and len(bins) >= BINS_PER_COLUMN * 2 * (2 * len(with_beats) + 4):
-        try:
+        with suppress(UntrustedError):
             return fit_orders(bins, with_beats, slow)
-        except UntrustedError:
-            pass
     if len(without) < len(declared):
         notes.append(f"orders closer than 1/{bins.span:.3g} joined: the record does not tell them apart")
     notes.append("beats with the output are not resolved: each order stands for them too")

@@ -149,11 +149,6 @@ class RecordedTorque:
     uncertainty_arcsec: float = 0.0
     stiffness_Nm_rad: tuple[float, float] | None = None
 
-    @classmethod
-    def of(cls, torque: Array) -> RecordedTorque:
-        """The torque of rows [N*m] in figures."""
-        return cls(float(torque.mean()), float(torque.min()), float(torque.max()))
-
     def is_change(self, torques: Sequence[Array]) -> bool:
         """Whether it changes within some of its rows [N*m] by enough to matter."""
         least = max(_LEAST_CHANGE * abs(self.least_Nm), _LEAST_CHANGE * abs(self.greatest_Nm))

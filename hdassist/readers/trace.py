@@ -201,10 +201,10 @@ class TraceForm:
             raise UsageError("invalid --error with --second: expected the error or a second encoder, not both")
         if len(angles) > _ENCODERS:
             raise UsageError(f"invalid --angle-unit {self.angle_unit}: expected one unit for each encoder")
-        options = {"--angle-unit": angles, "--error-unit": [] if self.error_unit is None else [self.error_unit]}
-        for option, unit in ((option, unit) for option, units in options.items() for unit in units):
+        units = [*(("--angle-unit", unit) for unit in angles), ("--error-unit", self.error_unit)]
+        for option, unit in units:
             try:
-                angle_size(unit)
+                angle_size("deg" if unit is None else unit)
             except UnitError as fault:
                 raise UsageError(f"invalid {option} {unit}: {fault.message}", fault.hint) from None
         if self.wrap is not None and not (np.isfinite(self.wrap) and self.wrap >= _LEAST_WRAP):

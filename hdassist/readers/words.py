@@ -184,14 +184,10 @@ def separator_of(lines: Sequence[str]) -> str:
         if 2 * sum(separator in line for line in bare) >= max(len(bare), 1):
             return separator
     by_commas = 2 * sum("," in line for line in bare) >= max(len(bare), 1)
-    return "," if by_commas and 2 * sum(map(_is_apart_by_blanks, bare)) < len(bare) else " "
-
-
-def _is_apart_by_blanks(line: str) -> bool:
-    cells = line.split()
-    return len(cells) > 1 and all(
-        _LIKE_A_NUMBER.fullmatch(cell) and not cell.startswith(",") and not cell.endswith(",") for cell in cells
-    )
+    rows = [line.split() for line in bare]
+    numbers = [[bool(_LIKE_A_NUMBER.fullmatch(cell)) and cell == cell.strip(",") for cell in row] for row in rows]
+    by_blanks = sum(len(row) > 1 and all(row) for row in numbers)
+    return "," if by_commas and 2 * by_blanks < len(bare) else " "
 
 
 def names_in(line: str, width: int, separator: str) -> tuple[str, ...] | None:
