@@ -147,7 +147,7 @@ def _facts(result: Measurement, drive: Drive | None, options: Sequence[str], spe
         + (of_record if o.is_of_record else f" ± {COVERAGE_FACTOR * o.uncertainty_arcsec:.2f}")
         for o in greatest
     )
-    yield "orders", f"with beats, ″: {', '.join(named)}"
+    yield "orders", f"{', '.join(named)} (″, with beats)"
     yield "slow", _slow(found)
     if speed and (slope := result.slope_arcsec_per_deg):
         yield "slope", slope_words(*slope, speed)
