@@ -8,7 +8,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.stats import norm
 
-from hdassist.acceptance.decision import GUARD, AcceptedValue, decide
+from hdassist.acceptance.decision import GUARD, AcceptedValue, Belief, decide
 from hdassist.acceptance.limits import Limit, limits_of
 from hdassist.pages.accept import accept_report
 from tests.acceptances import accept, stated, tiny
@@ -39,6 +39,14 @@ def test_measured_values_are_decided_by_the_rule(value, u, extent, rule, verdict
     assert found.margin == 30 - value
     assert found.expanded_uncertainty == 2 * u
     assert bool(found.reason) == (verdict == "INCONCLUSIVE")
+
+
+@pytest.mark.parametrize(("few", "verdict"), [(False, "PASS"), (True, "INCONCLUSIVE")])
+def test_a_probability_of_few_samples_is_decided_by_all_of_its_interval(few, verdict):
+    belief = Belief(10.0, 12.0, 14.0, 0.98, 0.79, 1.0, few)
+    found = decide(UPPER, AcceptedValue(12.0, None, "predicted", "whole", belief=belief), "guard", 0.95)
+    reason = "kept with a probability of 98 % (79 to 100), 95 % needed by all of it" if few else None
+    assert (found.verdict, found.reason) == (verdict, reason)
 
 
 @settings(max_examples=40)
