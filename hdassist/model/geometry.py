@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from functools import cache, cached_property, lru_cache
+from itertools import pairwise
 from math import lcm
 from typing import Literal
 
@@ -26,7 +27,7 @@ from hdassist.errors import Fault, UntrustedError
 from hdassist.preset.fields import Drive
 
 FLANK_SAMPLES = 401  # heights tried on each flank by default; 4001 move no gap of the shipped presets by 1e-9 mm
-_EVERY = 20  # of them looked at first
+_EVERY = (20, 5, 1)  # of them looked at first, then around the least of those, then all around that
 _RADIUS_ROUNDS = 60  # of a search for a radius, which gains a factor of about 50 a round, at most
 _RADIUS_CONVERGED = 1e-15  # of a radius, its last change
 _ACTIVE_ROOT = 0.2  # modules above the root where the fillet ends and the active flank begins
@@ -137,15 +138,16 @@ def flank_candidates(geometry: Geometry, tau: float = 0.0, samples: int = FLANK_
     side = np.tile([1.0, -1.0], len(tooth) // 2)
     theta = 2 * np.pi * (tooth + tau) / z_g
 
-    shape = nominal_shape(theta, geometry.W_0, geometry.r_m, geometry.curve)  # once: it takes most of the time
-    lowest, reaches = _lowest_active_radius(geometry, theta, side, shape)
+    of_teeth = nominal_shape(theta[::2], geometry.W_0, geometry.r_m, geometry.curve)  # both flanks of a tooth have one
+    w, v, chi = (part.repeat(2) for part in of_teeth)
+    lowest, reaches = _lowest_active_radius(geometry, theta, side, (w, v, chi))
     if not reaches.any():
         raise UntrustedError(
             "no tooth of the flexspline reaches the rigid wheel", "raise cam.W_0 or gears.h_a", Fault.NO_MESH
         )
     tooth, zone, side = tooth[reaches], zone[reaches], side[reaches]
     theta, lowest = theta[reaches], lowest[reaches]
-    w, v, chi = (part[reaches][:, None] for part in shape)
+    w, v, chi = (part[reaches][:, None] for part in (w, v, chi))
     rows, height = np.arange(len(theta)), np.linspace(0, 1, samples)
 
     def least_at(samples: NDArray[np.int64]) -> tuple[NDArray[np.int64], Array, Array, Array]:
@@ -155,9 +157,11 @@ def flank_candidates(geometry: Geometry, tau: float = 0.0, samples: int = FLANK_
         least = np.argmin(gap, axis=1)
         return np.broadcast_to(samples, gap.shape)[rows, least], gap[rows, least], rho[rows, least], r_y[rows, least]
 
-    # the gap has one valley along a flank, or none but its ends: every 20th sample, then those around the least
-    coarse, *_ = least_at(np.unique(np.append(np.arange(0, samples, _EVERY), samples - 1)))
-    _, gap, rho, r_y = least_at(np.clip(coarse[:, None] + np.arange(-_EVERY, _EVERY + 1), 0, samples - 1))
+    # the gap has one valley along a flank, or none but its ends: every 20th sample, then nearer and nearer to the least
+    least, *_ = least_at(np.unique(np.append(np.arange(0, samples, _EVERY[0]), samples - 1)))
+    for reach, every in pairwise(_EVERY):
+        around = np.arange(-reach + every, reach, every)
+        least, gap, rho, r_y = least_at(np.clip(least[:, None] + around, 0, samples - 1))
     return Flanks(
         tooth=tooth,
         zone=zone,
