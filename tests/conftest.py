@@ -16,7 +16,7 @@ from hdassist.run.kept import FOLDER, NO_CACHE
 IS_WORKER = "PYTEST_XDIST_WORKER" in os.environ
 if not IS_WORKER:  # never the user's own cache; workers share one
     os.environ[FOLDER] = tempfile.mkdtemp(prefix="hdassist-tests-")
-os.environ[NO_CACHE] = "1"  # samples are drawn, but where a test is of those that are kept
+os.environ.setdefault(NO_CACHE, "1")  # samples are drawn, but where a test is of those that are kept
 
 from tests.process import hear_what_is_ignored  # noqa: E402 (its processes get the environment of now)
 

@@ -4,6 +4,7 @@ import ast
 import re
 import tokenize
 from collections import Counter, defaultdict
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
@@ -11,9 +12,15 @@ PACKAGE = ROOT / "hdassist"
 IN_PLACE_OF_A_NOUN = {"what": 20, "told": 1, "said": 3, "nothing": 3}  # words, and how many of 10 000 they may be
 
 
+@cache
+def tree_of(file):
+    """The syntax tree of a file, parsed once for all tests."""
+    return ast.parse(file.read_text("utf-8"))
+
+
 def public_names(file):
     """Functions, classes and constants that a module defines for others."""
-    for node in ast.parse(file.read_text("utf-8")).body:
+    for node in tree_of(file).body:
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
             yield node.name
         targets = (
@@ -35,7 +42,7 @@ def test_no_public_name_is_defined_in_two_modules():
 def texts():
     """Docstrings and comments of the package, and the pages."""
     for file in PACKAGE.rglob("*.py"):
-        for node in ast.walk(ast.parse(file.read_text("utf-8"))):
+        for node in ast.walk(tree_of(file)):
             if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
                 yield ast.get_docstring(node) or ""
         with file.open("rb") as stream:
@@ -57,7 +64,7 @@ def names_taken():
         yield from re.findall(r"\w+", text.read_text("utf-8"))
     for root in (PACKAGE, ROOT / "tests", ROOT / "benchmarks"):
         for file in root.rglob("*.py"):
-            for node in ast.walk(ast.parse(file.read_text("utf-8"))):
+            for node in ast.walk(tree_of(file)):
                 if isinstance(node, ast.ImportFrom):
                     yield from (alias.name for alias in node.names)
                 elif isinstance(node, ast.Attribute):
@@ -68,7 +75,7 @@ def names_taken():
 
 def fields_of_answers(file):
     """Classes whose names a JSON schema or the command line shows."""
-    for node in ast.parse(file.read_text("utf-8")).body:
+    for node in tree_of(file).body:
         if isinstance(node, ast.ClassDef):
             bases = {base.id for base in node.bases if isinstance(base, ast.Name)}
             if node.name.endswith("Command") or bases & {"BaseModel", "ClosedRecord", "Section"}:
