@@ -24,7 +24,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from hdassist import __version__
-from hdassist.errors import DataError, Fault, HdassistError, UntrustedError, UsageError
+from hdassist.errors import DataError, Fault, HdassistError, UntrustedError, UsageError, validation_words
 from hdassist.files import begin_run
 from hdassist.terminal.streams import say, silence
 
@@ -336,7 +336,7 @@ def run_command_line() -> None:
     except _ClickException as error:
         shown = io.StringIO()
         error.show(shown)
-        lines = f"\n{shown.getvalue()}".replace(": Value error, ", ": ").replace("\nError: ", "\nerror: ")[1:]
+        lines = validation_words(f"\n{shown.getvalue()}".replace("\nError: ", "\nerror: "))[1:]
         hint = _REMOVED_OPTIONS.get(getattr(error, "option_name", ""), "")
         _say(lines, hint, Fault.USAGE if "error: " in lines else None)  # a group without a command shows its help
         sys.exit(error.exit_code)

@@ -58,6 +58,29 @@ class DataError(HdassistError):
     fault = Fault.DATA
 
 
+_WORDS_OF_PYDANTIC = {
+    "Value error, ": "",
+    "Input should be a valid integer, unable to parse string as an integer": "must be a whole number",
+    "Input should be a valid number, unable to parse string as a number": "must be a number",
+    "Input should be": "must be",
+    "a valid integer": "a whole number",
+    "a valid ": "a ",
+    "greater than or equal to": "at least",
+    "less than or equal to": "at most",
+    "greater than": "above",
+    "less than": "below",
+    "Field required": "missing key",
+    "Unexpected keyword argument": "unknown key",
+}
+
+
+def validation_words(message: str) -> str:
+    """A message of pydantic in the words that all other messages have."""
+    for theirs, ours in _WORDS_OF_PYDANTIC.items():
+        message = message.replace(theirs, ours)
+    return message
+
+
 @dataclass(frozen=True)
 class Finding:
     """One fault of a file: its place (file, line, column, path), message, the text as written, and a hint."""

@@ -143,5 +143,5 @@ def _all_names() -> Iterator[ReportSection]:
     """The names of all there is, by kind."""
     yield ReportSection("checks and remarks", (Facts.of((item.code, item.words) for item in CODES.values()),))
     for kind, title in _KIND_TITLES.items():
-        names = ", ".join(entry.names[0] for entry in entries() if entry.kind == kind)
+        names = ", ".join(dict.fromkeys(entry.names[0] for entry in entries() if entry.kind == kind))
         yield ReportSection(title, (Paragraph(names),))

@@ -32,7 +32,7 @@ from platformdirs import user_cache_path
 from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationError
 
 from hdassist import __version__
-from hdassist.errors import DataError, Fault, UsageError
+from hdassist.errors import DataError, Fault, UsageError, validation_words
 from hdassist.files import in_place_of, is_file, is_there, os_reason, printable
 from hdassist.run.stops import at_stop
 
@@ -370,7 +370,7 @@ def why_invalid(error: Exception) -> str:
     if not isinstance(error, ValidationError):
         return "nested too deep" if isinstance(error, RecursionError) else str(error)
     first = error.errors(include_url=False)[0]
-    where, words = ".".join(str(key) or "''" for key in first["loc"]), first["msg"].removeprefix("Value error, ")
+    where, words = ".".join(str(key) or "''" for key in first["loc"]), validation_words(first["msg"])
     return f"{where}: {words}" if where else words
 
 

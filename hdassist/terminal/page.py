@@ -94,7 +94,9 @@ def report_page(report: Report, style: Style, *, plots: bool = True, details: bo
     lines = [line for part in parts for line in (part, Text(""))]
     if plots and blocks and isinstance(blocks[-1], Curve):
         lines = lines[:-1]  # under an axis its words are enough of a gap
-    why = [_PageText(style.text("\n".join(report.why))), Text("")] if report.why else [Text("")] if lines else []
+    why = [_PageText(style.text("\n".join(report.why)))] if report.why else []
+    is_titled = any(isinstance(block, Table) and block.title for block in report.blocks[:1])
+    why += [_PageText("")] * (bool(why) or is_titled)
     for text in why:
         text.highlight_regex(_NUMBERS_WITH_UNIT, "bold")
     return Group(head, *why, *lines, *block_on_page(last, style))
