@@ -33,7 +33,7 @@ from hdassist.error.cycle import self_error
 from hdassist.error.error_map import Batch, ErrorMap
 from hdassist.error.extremes import DRAWN_GRIDS, many_extremes
 from hdassist.error.stiffness import stiffness
-from hdassist.error.trace import trace
+from hdassist.error.waves import trace
 from hdassist.errors import HdassistError
 from hdassist.model.geometry import Array
 from hdassist.model.rules import first_conflict

@@ -59,7 +59,7 @@ def test_texts_name_things():
 def names_taken():
     """Names that a module of the package, a test or a benchmark takes from another, also by a string, and those that
     declarations and pages for contributors speak of."""
-    others = [ROOT / "hatch_build.py", ROOT / "CONTRIBUTING.md", ROOT / "docs" / "architecture.md"]
+    others = [ROOT / "CONTRIBUTING.md", ROOT / "docs" / "architecture.md"]
     for text in (*PACKAGE.rglob("*.toml"), *others):
         yield from re.findall(r"\w+", text.read_text("utf-8"))
     for root in (PACKAGE, ROOT / "tests", ROOT / "benchmarks"):

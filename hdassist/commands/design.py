@@ -88,7 +88,7 @@ class TraceCommand(o.PlotOptions, o.PitchOptions, o.OneTorqueOptions):
 
     def report(self, out: Output, preset: str) -> Report:
         """The trace of a drive."""
-        from hdassist.error.trace import Gravity, trace
+        from hdassist.error.waves import Gravity, trace
         from hdassist.model.geometry import Kinematics
         from hdassist.pages.curves import trace_report
 

@@ -17,7 +17,7 @@ from hdassist.belief.samples import EFFECTIVE_SAMPLES
 from hdassist.design import DesignCheck, check, check_states
 from hdassist.error.cycle import kinematic_error
 from hdassist.error.error_map import error_maps, searchable
-from hdassist.error.trace import trace
+from hdassist.error.waves import trace
 from hdassist.errors import HdassistError
 from hdassist.explorer.state import SETTING_SECTIONS, TEETH_FIELDS, TRIALS, is_tried, step_of
 from hdassist.model.deviations import no_hole_better, unknown_turn, unknowns

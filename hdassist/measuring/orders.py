@@ -22,7 +22,7 @@ from math import hypot, isfinite, sqrt
 import numpy as np
 from scipy.special import stdtrit
 
-from hdassist.error.trace import NO_CAUSE, known_causes
+from hdassist.error.waves import NO_CAUSE, known_causes
 from hdassist.errors import UsageError
 from hdassist.files import number_of
 from hdassist.measuring.design import DESIGN_CHUNK, SlowTerms, curve_of, order_columns

@@ -15,7 +15,7 @@ from hdassist.error.stiffness import (
     segments_beside,
     stiffness_object,
 )
-from hdassist.error.trace import ErrorAlong, Trace, order_legend
+from hdassist.error.waves import ErrorAlong, Trace, order_legend
 from hdassist.errors import worst_exit_code
 from hdassist.model.deviations import unknown_notes, unknowns
 from hdassist.preset.fields import Drive, Measured, is_overridden

@@ -13,8 +13,7 @@ from hdassist.acceptance.limits import CHECKS, ORDER_CHECK, limits_of
 from hdassist.acceptance.request import Request, read_lot, stated_values
 from hdassist.design import check
 from hdassist.error.stiffness import stiffness
-from hdassist.error.trace import orders, trace
-from hdassist.error.waves import turn_range_arcsec
+from hdassist.error.waves import orders, trace, turn_range_arcsec
 from hdassist.errors import DataError, UsageError
 from hdassist.run.run import UNCHECKED
 from tests.acceptances import accept, stated, tiny

@@ -9,7 +9,7 @@ import pytest
 
 from hdassist import load_preset
 from hdassist.error.cycle import kinematic_error
-from hdassist.error.trace import Gravity, trace
+from hdassist.error.waves import Gravity, trace
 from hdassist.run.run import UNCHECKED
 from tests.process import SMALL, run
 

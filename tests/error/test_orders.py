@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hdassist import trace
-from hdassist.error.trace import NO_CAUSE, known_causes, order_legend, orders
+from hdassist.error.waves import NO_CAUSE, known_causes, order_legend, orders
 from hdassist.errors import UsageError
 from hdassist.run.run import UNCHECKED
 from tests.support import changed

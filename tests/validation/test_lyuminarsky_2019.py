@@ -11,7 +11,7 @@ from scipy.stats import spearmanr
 from hdassist import Drive, kinematic_error, load_preset
 from hdassist.calibration import PhaseScan, phase_scan
 from hdassist.error.cycle import KinematicError, SelfError, self_error
-from hdassist.error.trace import trace
+from hdassist.error.waves import trace
 from hdassist.model.geometry import Array
 from hdassist.preset.text import read_yaml
 from hdassist.run.run import UNCHECKED

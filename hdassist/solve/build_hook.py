@@ -11,7 +11,7 @@ from typing import Any
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 # the package can't be imported while it is built
-_BUILD = runpy.run_path(str(Path(__file__).parent / "hdassist" / "solve" / "build.py"))
+_BUILD = runpy.run_path(str(Path(__file__).parent / "build.py"))
 
 
 class _WalkHook(BuildHookInterface[Any]):
