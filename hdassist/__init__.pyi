@@ -7,8 +7,8 @@ from hdassist.error.cycle import kinematic_error as kinematic_error
 from hdassist.error.cycle import self_error as self_error
 from hdassist.error.stiffness import Stiffness as Stiffness
 from hdassist.error.stiffness import stiffness as stiffness
-from hdassist.error.trace import Trace as Trace
-from hdassist.error.trace import trace as trace
+from hdassist.error.waves import Trace as Trace
+from hdassist.error.waves import trace as trace
 from hdassist.errors import HdassistError as HdassistError
 from hdassist.files import preset_names as preset_names
 from hdassist.loading import load_preset as load_preset
