@@ -10,14 +10,10 @@ import shutil
 import sys
 import textwrap
 import traceback
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from functools import cache, partial
 from importlib import import_module
-from importlib.abc import MetaPathFinder
-from importlib.machinery import ModuleSpec, PathFinder
-from importlib.util import LazyLoader
 from inspect import unwrap
-from types import ModuleType
 from typing import Annotated, Any, TypeAlias, get_args, get_type_hints
 
 import typer
@@ -253,23 +249,6 @@ _DEVICE_FAULTS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBAD
 _SCARCE = (errno.EMFILE, errno.ENFILE, errno.EAGAIN, errno.ENOMEM)
 # each 1: small matrices gain nothing by more, and a process with several cannot be forked
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
-
-
-class LoadedWhenUsed(MetaPathFinder):
-    """Finds parts of numpy that scipy names and never uses, so that they load when something of them is used.
-
-    They take 45 ms of processor time, as much as half of an import of scipy.special, and 9 MB.
-    """
-
-    names = ("numpy.f2py", "numpy.testing")
-
-    def find_spec(self, name: str, path: Sequence[str] | None, target: ModuleType | None = None) -> ModuleSpec | None:
-        """How one of them is loaded; None of any other module."""
-        spec = PathFinder.find_spec(name, path, target) if name in self.names else None
-        if spec and spec.loader:
-            spec.loader = LazyLoader(spec.loader)
-        return spec
-
 
 app = typer.Typer(
     name="hdassist",

@@ -38,19 +38,6 @@ def test_help_imports_nothing_heavy(args):
     assert result.stdout
 
 
-def test_parts_of_numpy_that_no_answer_uses_are_loaded_when_used():
-    code = """
-import sys
-from hdassist.cli import LoadedWhenUsed
-sys.meta_path.insert(0, LoadedWhenUsed())
-import hdassist.design, numpy
-assert "numpy.testing._private.utils" not in sys.modules
-numpy.testing.assert_array_equal([1.0], [1.0])
-assert "numpy.testing._private.utils" in sys.modules and not [name for name in sys.modules if "f2py." in name]
-"""
-    subprocess.run([sys.executable, "-c", code], check=True)
-
-
 def test_version():
     assert run("--version").stdout == f"hdassist {__version__}\n"
 
