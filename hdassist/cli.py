@@ -215,7 +215,9 @@ def _loaded(name: str) -> Any:
     return typer.main.get_command(app)
 
 
-_REMOVED_OPTIONS = {
+_ONE_PRESET = ("trace", "stiffness", "tolerance", "sensitivity", "allocate", "sweep", "report", "plan")  # commands
+_REMEDIES = {  # of an option that a command does not take
+    "--travel": "it is a field of the preset: --set acceptance.travel=300",
     "--rule": "--set acceptance.rule=simple",
     "--assume-phases": "--set phases.phi_hb=0, or what it is",
     "--samples": "--draws N",
@@ -313,10 +315,15 @@ def run_command_line() -> None:
         _require_lines(sys.argv[1:])
         sys.exit(app(prog_name="hdassist", standalone_mode=False))
     except _ClickException as error:
-        shown = io.StringIO()
+        wrong: Any = error
+        shown, hint = io.StringIO(), ""
+        if hasattr(wrong, "possibilities"):  # options like one that is none
+            hint = _REMEDIES.get(getattr(wrong, "option_name", ""), "")
+            wrong.possibilities = wrong.possibilities if not hint else ()
+        elif "unexpected extra argument" in wrong.message and wrong.ctx.info_name in _ONE_PRESET:
+            hint = "hdassist compare A.yaml B.yaml sets presets side by side"
         error.show(shown)
         lines = validation_words(f"\n{shown.getvalue()}".replace("\nError: ", "\nerror: "))[1:]
-        hint = _REMOVED_OPTIONS.get(getattr(error, "option_name", ""), "")
         _say(lines, hint, Fault.USAGE if "error: " in lines else None)  # a group without a command shows its help
         sys.exit(error.exit_code)
     except Exception as error:  # whatever ends a command: known errors by their exit codes, the rest as a bug, 1

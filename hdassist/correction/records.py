@@ -59,7 +59,7 @@ class RecordedError:
     """Error F_kpp [arcsec] that was read where the cam had turned so far from the record's zero, shape (readings,).
 
     is_part: whether that is less than the full cycle; recorded_turns: first and last of a travel that was recorded,
-    None of others; F_ior_arcsec: as `measure` states it, None of a solved error.
+    None of others; F_ior_arcsec: as `measure` states it, None of a solved error; sha256: of its file.
     """
 
     cam_turns: Array
@@ -67,6 +67,7 @@ class RecordedError:
     is_part: bool = False
     recorded_turns: tuple[float, float] | None = None
     F_ior_arcsec: float | None = None
+    sha256: str = ""
 
     def visited(self, kinematics: Kinematics) -> NDArray[np.bool_]:
         """Points of the curves of lines in the travel that was recorded, all of the full cycle."""
@@ -167,7 +168,7 @@ def recorded_error(measurement: Measurement, kinematics: Kinematics, asked: Alig
     found = RecordedError(alignment.sense * sweep.bins.turns, alignment.sign * sweep.fit.error, sweep.is_bound)
     if measurement.is_of_travel and not sweep.is_bound:
         found = found.filled(kinematics, alignment.sign * (sweep.fit.error - sweep.fit.residual))
-    return replace(found, F_ior_arcsec=measurement.F_ior_arcsec)
+    return replace(found, F_ior_arcsec=measurement.F_ior_arcsec, sha256=measurement.trace.sha256)
 
 
 def _whole_turns(turns: float, kinematics: Kinematics) -> float:

@@ -151,7 +151,10 @@ def correction_file(result: Correction, controller: ControllerFormat, axis: Cont
         left = percentiles(ranges_left(correction, error)[0])
         expected.append(ExpectedResidual(M_g, percentiles(error.ranges)[1], *left))
     about = replace(table, promised=tuple(expected), recorded_deg=result.recorded_deg)
-    return controller_file(about, controller, axis, result.drive.origin.sha256 if result.drive else "")
+    kind, sha256 = (
+        ("preset", result.drive.origin.sha256) if result.drive else ("record", result.records[result.M_g].sha256)
+    )
+    return controller_file(about, controller, axis, f"{kind} {table.preset}, sha256 {sha256 or '-'}")
 
 
 def poor_table(result: Correction, controller: ControllerFormat) -> str:
@@ -173,11 +176,11 @@ def poor_table(result: Correction, controller: ControllerFormat) -> str:
 
 
 def controller_file(
-    table: CorrectionTable, controller: ControllerFormat, axis: ControllerAxis, preset_sha256: str
+    table: CorrectionTable, controller: ControllerFormat, axis: ControllerAxis, source: str
 ) -> tuple[str, str]:
     """The controller's file, and its companions: comments of the file too, where the format has any.
 
-    They state its kind, its reader and its state, in 7-bit lines.
+    They state its kind, its reader and its state, in 7-bit lines; source: the preset or the record that it comes from.
     """
     way = "counter-clockwise" if axis.sense == 1 else "clockwise"
     steps = axis.steps_per_degree
@@ -191,7 +194,7 @@ def controller_file(
         travel = [f"recorded from {low:.6g} to {high:.6g} deg of the output: beyond, continued without a promise"]
     about = [
         f"hdassist {__version__}: correction of the kinematic error, {controller.name}, axis {axis.name}",
-        f"preset {table.preset or '-'}, sha256 {preset_sha256 or '-'}",
+        source,
         f"{for_torque}; {table.turn} turn, {table.points} points, straight lines between",
         *worm,
         *travel,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from datetime import date
@@ -173,9 +174,23 @@ def _facts(result: Measurement, drive: Drive | None, options: Sequence[str], spe
     yield "measure", f"not in u: {', '.join(missing)} (--budget NAME=U)" if missing else ""
     yield "read as", "; ".join(result.notes)
     if file != STDIN:
-        is_cycle = result.gearing and not (found.is_bound or result.gearing.travel)
-        command, record = ("compare", file) if not is_cycle else ("mount", f"h0={file}")
-        yield "next", again(command, drive, record, *options)
+        yield "next", _next_command(result, drive, options)
+
+
+def _next_command(result: Measurement, drive: Drive | None, options: Sequence[str]) -> str:
+    """The command that goes on from a record: of a part its prediction, of a joint, or without a preset, a correction.
+
+    Of the full cycle of a drive it is the hole of its fixed wheel.
+    """
+    file, gearing = result.trace.file, result.gearing
+    if not gearing or result.directions[0].is_bound:
+        return again("compare", drive, file, *options)
+    travel = ["--travel", f"{gearing.travel_deg:.6g}"] if gearing.travel else []
+    if drive or result.trace.angle_of == "output":  # of which a record alone has no correction
+        command, record = ("compensate", [file, *travel]) if travel else ("mount", [f"h0={file}"])
+        return again(command, drive, *record, *options)
+    ratio = ["--ratio", f"{gearing.ratio:.10g}"]
+    return shlex.join(["hdassist", "compensate", file, *ratio, *travel, "--torque", "TORQUE", *options])
 
 
 def _reversal_words(reversal: Reversal) -> str:

@@ -19,6 +19,7 @@ from hdassist.report import (
     Table,
     as_object,
     as_objects,
+    attributes,
     csv_table,
     quantity_table,
     samples_object,
@@ -94,7 +95,7 @@ def plan_report(choice: PlanChoice, record: str) -> Report:
             "M_g_Nm": choice.M_g,
             "limit_arcsec": limit,
             "F_ior_arcsec": dict(zip(("p5", "p50", "p95"), F_ior, strict=True)),
-            "beyond_limit": drives.beyond and vars(drives.beyond),
+            "beyond_limit": drives.beyond and attributes(drives.beyond, "value", "low", "high"),
             "verdict": str(choice.verdict),
             "plans": as_objects(_PLAN_QUANTITIES, choice.judged),
             "enough": [each.plan.name for each in choice.enough],
@@ -121,11 +122,11 @@ def _why(choice: PlanChoice, F_ior_arcsec: tuple[float, float, float]) -> Iterat
     risk, beyond = first.false_pass, drives.beyond
     if not risk or not beyond:
         yield f"enough without a --limit: to see {100 * SEEN_SHARE:g} % of F'_ior in {100 * (1 - wrong):g} % of cases"
-    elif wrong < beyond.value < 1 - wrong:
+    elif not wrong < beyond.value < 1 - wrong and all(each.verdict is Verdict.PASS for each in choice.judged):
+        yield f"{_percent(beyond.value)} % of drives are beyond the limit: any test is enough to know that"
+    else:
         sure = f"{_percent(risk.value)} % ({_percent(risk.low)} to {_percent(risk.high)})"
         yield f"{_percent(beyond.value)} % of drives are beyond the limit; {sure} are and pass, {100 * wrong:g} % may"
-    else:
-        yield f"{_percent(beyond.value)} % of drives are beyond the limit: any test is enough to know that"
 
 
 def seen_curve(choice: PlanChoice) -> Curve:

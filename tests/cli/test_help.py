@@ -90,13 +90,17 @@ def test_options_of_a_command_take_few_lines() -> None:
         (("accept", "vzp160", "--rule", "simple"), "--set acceptance.rule=simple"),
         (("mount", "vzp160", "--trial", "h0=2"), "hdassist mount PRESET h0=28.1"),
         (("mount", "vzp160", "--samples", "2"), "--draws"),
+        (("accept", "vzp160", "--travel", "300"), "--set acceptance.travel="),
+        (("report", "a.yaml", "b.yaml"), "hdassist compare"),
+        (("stiffness", "vzp160", "b.yaml"), "hdassist compare"),
     ],
 )
-def test_an_old_spelling_has_the_new_one_named(args: tuple[str, ...], words: str) -> None:
+def test_what_a_command_does_not_take_has_its_remedy_named(args: tuple[str, ...], words: str) -> None:
     done = run(*args)
     assert (done.returncode, done.stdout) == (2, "")
-    hint = done.stderr.partition("hint: ")[2]
+    message, _, hint = done.stderr.partition("hint: ")
     assert words in hint
+    assert "Possible options" not in message  # of like letters: --replay for --travel
 
 
 def test_a_command_that_is_none_has_its_neighbour_named() -> None:

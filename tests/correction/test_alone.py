@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 import io
 import json
 import shutil
@@ -166,6 +167,8 @@ def test_a_record_alone_gives_a_table_over_the_output_for_own_firmware(tmp_path:
     assert (refused.returncode, "--output-turns against" in refused.stderr) == (2, True)
     done = run(*asked, "--output-turns", way, "--write", f"{kind}=table.h", "--zero", "12.5", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
+    sha256 = hashlib.sha256((tmp_path / "run.csv").read_bytes()).hexdigest()
+    assert f"record run.csv, sha256 {sha256}" in done.stderr and "preset" not in done.stderr
     cam = np.linspace(0, CYCLE, 1001)
     reading = 12.5 + 360 * cam / CYCLE * (1 if way == "with" else -1)
     read = by_compiler if kind == "c" else by_rows

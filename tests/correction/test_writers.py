@@ -52,7 +52,7 @@ def promised(table, kind, axis, way=1):
 
 
 def text_of(table, kind, axis):
-    return controller_file(table, CONTROLLER_FORMATS[kind], axis, "5ha")[0]
+    return controller_file(table, CONTROLLER_FORMATS[kind], axis, "preset drive, sha256 5ha")[0]
 
 
 LOOKUPS = {
@@ -193,9 +193,9 @@ def test_a_mount_without_its_steps_or_with_too_few_is_refused():
 def test_a_file_says_what_it_is_for(kind):
     turn = "output" if "output" in CONTROLLER_FORMATS[kind].turns else "half-cam"
     expected = (ExpectedResidual(80, 29.2, 1.1, 2.2, 3.3), ExpectedResidual(-80, 28, 5, 6, 7, "turn lost"))
-    table = replace(table_of(turn, 100, 100), preset="d\nr\u0436", promised=expected)
+    table = replace(table_of(turn, 100, 100), promised=expected)
     axis = ControllerAxis("A1", -1, 12.5, steps_per_degree=STEPS)
-    text, about = controller_file(table, CONTROLLER_FORMATS[kind], axis, "5ha")
+    text, about = controller_file(table, CONTROLLER_FORMATS[kind], axis, "preset d\nr\u0436, sha256 5ha")
     assert (text + about).isascii()
     for words in (
         "axis A1", "preset d\\nr\\u0436, sha256 5ha", "for 80 N*m",

@@ -7,6 +7,7 @@ import gzip
 import io
 import json
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -84,6 +85,23 @@ def test_part_of_the_cycle_is_a_lower_bound_and_says_why(rig):
     alone = run("measure", "part.csv", "--no-plot", cwd=rig).stdout
     assert "without --drive or --ratio the cycle is unknown" in alone
     assert "next     hdassist compare PRESET part.csv\n" in alone
+
+
+def test_the_owner_of_a_joint_is_sent_to_its_correction(rig):
+    (rig / "joint.csv").write_text(text([360 * TURNS[:1800], ERROR[:1800]], "cam_deg,error_arcsec"))
+
+    def following(*options):
+        page = run("measure", *options, "--no-plot", cwd=rig).stdout
+        return " ".join(page.partition("\nnext ")[2].partition("\nmore ")[0].split())
+
+    alone = following("joint.csv", "--ratio", "30", "--travel", "170", "--budget", "encoder=0.1")
+    assert alone == "hdassist compensate joint.csv --ratio 30 --travel 170 --torque TORQUE --budget=encoder=0.1"
+    done = run(*shlex.split(alone.replace("TORQUE", "5"))[1:], cwd=rig)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert following("run.csv", "--ratio", "30") == "hdassist compensate run.csv --ratio 30 --torque TORQUE"
+    known = following("joint.csv", "--drive", SMALL, "--travel", "170")
+    assert known == f"hdassist compensate {SMALL} joint.csv --travel 170"
+    assert following("joint.csv", "--ratio", "30", "--travel", "300") == "hdassist compare PRESET joint.csv"  # a part
 
 
 def test_the_next_command_reads_the_file_alike(rig):
