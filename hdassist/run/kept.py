@@ -425,6 +425,14 @@ def program(*packages: str) -> tuple[str, ...]:
     return source.hexdigest(), *versions, *kernels, platform.python_version()
 
 
+@cache
+def operating_system() -> str:
+    """The operating system, the kind of machine and the C library, on which last digits depend."""
+    # not platform.platform(), which starts a process for the processor's name
+    about = platform.system(), platform.release(), platform.version(), platform.machine(), *platform.libc_ver()
+    return " ".join(about)
+
+
 def why_unsafe() -> str:
     """Why answers are neither kept nor read in the folder of the cache: who else could have written them, or empty."""
     with suppress(*_UNUSABLE):

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import platform
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext, suppress
@@ -32,7 +31,7 @@ from pydantic import Field, TypeAdapter
 from hdassist.errors import Fault, UntrustedError, UsageError
 from hdassist.model.contacts import StateGaps
 from hdassist.model.geometry import Array
-from hdassist.run.kept import ClosedRecord, Count, cached, keep, keeps_answers, program
+from hdassist.run.kept import ClosedRecord, Count, cached, keep, keeps_answers, operating_system, program
 from hdassist.run.run import CROSS_SOLVER, Progress
 from hdassist.solve import formulation as statement
 from hdassist.solve.answers import (
@@ -246,7 +245,7 @@ def solve_again(
     """
     units, used, worst = formulation.units, {require_solver(solver): None}, 0.0
     known = solvers_depend_on(solver)
-    key = sha256(f"{known} {platform.platform()}".encode())
+    key = sha256(f"{known} {operating_system()}".encode())
     system = formulation.H, formulation.local, formulation.A, formulation.system.place, units.load
     for array in (*system, np.array([units.gap, units.force]), delta_p, torques, rotation_arcsec):
         key.update(f"{array.shape}".encode() + array.tobytes())

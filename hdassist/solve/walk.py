@@ -9,7 +9,6 @@ tangent of the highest state, let be the highest.
 from __future__ import annotations
 
 import ctypes
-import platform
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
@@ -21,7 +20,7 @@ from numpy.typing import NDArray
 
 from hdassist.model.contacts import StateGaps
 from hdassist.model.geometry import Array
-from hdassist.run.kept import program
+from hdassist.run.kept import operating_system, program
 from hdassist.solve.answers import Residuals, StateSums
 from hdassist.solve.build import SOURCE, development_folder, library_name, source_hash
 from hdassist.solve.formulation import Formulation, Reference
@@ -206,7 +205,7 @@ def installation() -> tuple[str, ...]:
 
 def digits_depend_on() -> tuple[str, ...]:
     """All that the last digits of an answer depend on, beside the question."""
-    return (*program("daqp", "pydantic"), walk_library()[1], platform.platform())
+    return (*program("daqp", "pydantic"), walk_library()[1], operating_system())
 
 
 def _opened(path: Path) -> Any:

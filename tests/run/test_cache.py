@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import json
 import os
+import platform
 import stat
+import subprocess
+import sys
 from hashlib import sha256
 from pathlib import Path
 
@@ -42,6 +45,17 @@ def test_an_answer_is_kept_for_this_user_alone(own: Path) -> None:
     assert {stat.S_IMODE(path.stat().st_mode) for path in (own.parent, own)} == {0o700}
     assert {stat.S_IMODE(path.stat().st_mode) for path in own.iterdir()} == {0o600}
     assert len(list(own.iterdir())) == 3  # nothing half written
+
+
+def test_the_operating_system_is_named_without_a_process() -> None:
+    code = """
+import subprocess
+from hdassist.run.kept import operating_system
+del subprocess.Popen
+print(operating_system())
+"""
+    named = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert named.startswith(f"{platform.system()} {platform.release()}")
 
 
 @pytest.mark.parametrize("is_hard", [False, True])
