@@ -279,17 +279,17 @@ def principal_transform(matrix: Array, inside: NDArray[np.bool_]) -> Array:
 
     Raises ValueError where it has no inverse inside.
     """
-    outside, n = ~inside, int(np.count_nonzero(inside))
-    block, coupling = matrix[np.ix_(inside, inside)], matrix[np.ix_(inside, outside)]
-    right = np.hstack([np.eye(n), coupling])
+    order, n = np.argsort(~inside, kind="stable"), int(np.count_nonzero(inside))  # those inside first
+    ordered = matrix[order].take(order, axis=1)
+    block, coupling, right = ordered[:n, :n], ordered[:n, n:], ordered[:n].copy()
+    right[:, :n] = np.eye(n)
     both = np.linalg.solve(block, right)
     inverse, rest = both[:, :n].copy(), right - block @ both
     if not np.abs(rest[:, :n]).max(initial=0) <= _INVERSE:
         raise ValueError("the contact set does not hold the parts in place")
     both += inverse @ rest  # refined: without it two digits of the rotation are lost
     across = both[:, n:]
-    result = np.empty_like(matrix)
-    result[np.ix_(inside, inside)], result[np.ix_(inside, outside)] = both[:, :n], -across
-    result[np.ix_(outside, inside)] = across.T
-    result[np.ix_(outside, outside)] = matrix[np.ix_(outside, outside)] - coupling.T @ across
-    return result
+    ordered[n:, n:] -= coupling.T @ across
+    ordered[:n, :n], ordered[:n, n:], ordered[n:, :n] = both[:, :n], -across, across.T
+    back = np.argsort(order)
+    return ordered[back].take(back, axis=1)
