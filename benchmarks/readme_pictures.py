@@ -1,6 +1,6 @@
-"""Screens of README and docs as a terminal has them: `python -m benchmarks.readme_pictures [NAME...]`.
+"""Screens of README and docs as a terminal has them, and the report: `python -m benchmarks.readme_pictures [NAME...]`.
 
-Each is light or dark as the reader's screen is. tests/test_pictures.py holds them to what the commands print.
+Each is light or dark as the reader's screen is. tests/explorer/test_pictures.py holds them to what the commands print.
 """
 
 from __future__ import annotations
@@ -28,8 +28,12 @@ SCREENS = {  # by the name of the picture
     for name, arguments in {
         "check": "check vzp160", "mount": "mount vzp160", "tolerance": "tolerance vzp160 --limit 30",
         "compensate": "compensate vzp160", "plan": "plan vzp160", "stiffness": "stiffness size-25-100",
+        "measure": "measure cycle.csv --drive vzp160", "compare": "compare vzp160 turned.csv --torque 80 --phi-g0 20",
+        "accept": "accept lot.csv --preset vzp160 --measured-only",
     }.items()
 }  # fmt: skip
+REPORT = "hdassist report vzp160 -o vzp160.html"
+_REPORT_SIZE = 1000, 770  # pixels: the width of its page; down to the end of its first figures, in any usual font
 COLOURS = ("#24292e", "#b31d28", "#22863a", "#9a6700", "#0366d6", "#5a32a3", "#1b7c83", "#57606a")  # readable on white
 LIGHT = TerminalTheme((255, 255, 255), (36, 41, 46), [Color.parse(c).get_truecolor() for c in COLOURS])
 COLUMNS = 80
@@ -37,18 +41,35 @@ COLUMNS = 80
 
 def main() -> None:
     """Write the pictures that are named, or all."""
-    for name in sys.argv[1:] or SCREENS:
+    for name in sys.argv[1:] or [*SCREENS, "report"]:
         with TemporaryDirectory() as folder:
-            picture = drawn(name, on_terminal(shlex.split(SCREENS[name])[1:], folder))
+            if name == "report":
+                on_terminal(REPORT, folder)
+                picture = first_figures(Path(folder, "vzp160.html").read_text("utf-8"))
+            else:
+                write_input(name, folder)
+                picture = drawn(name, on_terminal(SCREENS[name], folder))
         (PICTURES / f"{name}.svg").write_text(picture, encoding="utf-8")
 
 
-def on_terminal(command: list[str], folder: str) -> str:
+def write_input(name: str, folder: str | Path) -> None:
+    """Make the record or the lot that a command reads as the examples of its page do."""
+    docs = PICTURES.parent
+    if name == "accept":
+        lot = (docs / "accept.md").read_text("utf-8").partition("cat > lot.csv <<'END'\n")[2]
+        Path(folder, "lot.csv").write_text(lot.partition("END\n")[0], encoding="utf-8")
+    elif name in ("measure", "compare"):
+        record = next(word for word in SCREENS[name].split() if word.endswith(".csv"))
+        traces = re.findall(r"^hdassist trace .*$", (docs / "measure.md").read_text("utf-8"), re.MULTILINE)
+        on_terminal(next(line for line in traces if f"--csv {record} " in line), folder)
+
+
+def on_terminal(command: str, folder: str | Path) -> str:
     """What a command writes to a terminal of COLUMNS, with its colours."""
     ours, theirs = pty.openpty()
     named = {"COLUMNS": str(COLUMNS), "TERM": "xterm-256color", "PYTHONPATH": str(PICTURES.parents[1])}
     process = subprocess.Popen(
-        [sys.executable, "-m", "hdassist", *command], cwd=folder, stdout=theirs, stderr=subprocess.DEVNULL,
+        [sys.executable, "-m", *shlex.split(command)], cwd=folder, stdout=theirs, stderr=subprocess.DEVNULL,
         stdin=subprocess.DEVNULL, env=os.environ | named,
     )  # fmt: skip
     os.close(theirs)
@@ -84,6 +105,18 @@ def drawn(name: str, answer: str) -> str:
     paper, ink = DIMMED_MONOKAI.background_color.hex, DIMMED_MONOKAI.foreground_color.hex
     rules += f".paper{{fill:{paper}}}.{name}-title{{fill:{ink}}}"
     return light.replace("</style>", f"@media (prefers-color-scheme: dark){{{rules}}}</style>", 1) + "\n"
+
+
+def first_figures(page: str) -> str:
+    """One SVG of a report down to its first figures: the page itself, as browsers draw it inside of a drawing."""
+    width, height = _REPORT_SIZE
+    style = page.partition("<style>")[2].partition("</style>")[0].partition("@media (max-width")[0]  # of one width
+    body = page.partition("<body>")[2].partition('<div class="rest">')[0]
+    return f"""<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" viewBox="0 0 {width} {height}"
+ style="width: {width}px; height: {height}px; overflow: hidden; background: var(--paper)"><style>{style}</style>
+<foreignObject width="{width}" height="{height}"><body xmlns="http://www.w3.org/1999/xhtml">{body}</section></main></body>
+</foreignObject><rect width="{width}" height="{height}" fill="none" stroke="var(--line)" stroke-width="4"/></svg>
+"""
 
 
 if __name__ == "__main__":

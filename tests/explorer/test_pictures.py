@@ -6,12 +6,13 @@ import re
 import shlex
 from html import unescape
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 from textual.pilot import Pilot
 
 from benchmarks.explorer_pictures import VIEWS, rows
-from benchmarks.readme_pictures import SCREENS
+from benchmarks.readme_pictures import REPORT, SCREENS, first_figures, write_input
 from hdassist.explorer.app import Explorer
 from tests.conftest import ROOT
 from tests.explorer.rig import explored
@@ -43,13 +44,30 @@ def above_the_plot(lines: list[str]) -> list[str]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SCREENS)
-def test_a_screen_is_what_its_command_prints(name: str) -> None:
-    told = run(*shlex.split(SCREENS[name])[1:]).stdout  # 80 columns in a pipe
+def test_a_screen_is_what_its_command_prints(name: str, tmp_path: Path) -> None:
+    write_input(name, tmp_path)
+    told = run(*shlex.split(SCREENS[name])[1:], cwd=tmp_path).stdout  # 80 columns in a pipe
     shown = above_the_plot(lines_of(PICTURES / f"{name}.svg")[1:])
     printed = above_the_plot(told.splitlines())
     assert len(shown) == len(printed) and all(map(alike, shown, printed)), (
         f"python -m benchmarks.readme_pictures {name}"
     )
+
+
+def text_of(picture: str) -> list[str]:
+    """Words of the picture of a report, which XML takes as it is."""
+    drawing = ElementTree.fromstring(picture).find("{*}foreignObject")
+    assert drawing is not None
+    return " ".join(drawing.itertext()).split()
+
+
+@pytest.mark.slow
+def test_the_picture_of_the_report_is_its_first_page(tmp_path: Path) -> None:
+    assert run(*shlex.split(REPORT)[1:], cwd=tmp_path).returncode == 0
+    shown = text_of((PICTURES / "report.svg").read_text("utf-8"))
+    written = text_of(first_figures((tmp_path / "vzp160.html").read_text("utf-8")))
+    assert {"vzp160", "Kinematic"} < set(shown)
+    assert len(shown) == len(written) and all(map(alike, shown, written)), "python -m benchmarks.readme_pictures report"
 
 
 @pytest.mark.parametrize(("columns", "lines"), VIEWS)
