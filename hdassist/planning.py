@@ -308,6 +308,11 @@ class PlannedTest:
         """Duration, warm-up included."""
         return self.run.minutes(self.judged.plan, self.ratio)
 
+    @property
+    def approaches(self) -> tuple[Array, Array, Array]:
+        """Minute, target [deg] and side of each reading, as of the run."""
+        return self.run.approaches(self.judged.plan, self.ratio)
+
 
 @dataclass(frozen=True)
 class _LineSeen:

@@ -8,7 +8,6 @@ import numpy as np
 from hdassist.belief.samples import ErrorBelief
 from hdassist.errors import Verdict
 from hdassist.model.deviations import unknown_notes
-from hdassist.model.geometry import Array
 from hdassist.planning import SEEN_SHARE, PlanChoice, PlannedTest
 from hdassist.report import (
     Curve,
@@ -55,12 +54,10 @@ def plan_report(choice: PlanChoice, record: str) -> Report:
         F_ior = belief.p5, belief.p50, belief.p95
     names = " or a ".join(each.plan.name for each in choice.enough)
     how = {Verdict.PASS: "will do", Verdict.FAIL: "will not do"}.get(choice.verdict, "may do")
-    unsure = " or a ".join(each.plan.name for each in choice.judged if each.verdict is Verdict.INCONCLUSIVE)
-    answer = f"{first.name if choice.asked else names or unsure} {how}"
+    unsure = [each.plan.name for each in choice.judged if each.verdict is Verdict.INCONCLUSIVE]
+    answer = f"{first.name if choice.asked else names or ' or a '.join(unsure)} {how}"
     if not choice.asked and choice.verdict is Verdict.FAIL:
         answer = "none of these tests will do"
-    origin = drive.origin
-    is_open = any(each.verdict is Verdict.INCONCLUSIVE for each in choice.judged)
     lines = [line for line in choice.lines if not line.seen_as and line.variance_share >= _LARGE_LINE]
     often = ", ".join(f"{line.per_output_turn:g} ({_percent(line.variance_share)} %)" for line in lines)
     travel = ["--travel", f"{360 * drives.travel:.6g}"] if drives.travel else []
@@ -69,7 +66,7 @@ def plan_report(choice: PlanChoice, record: str) -> Report:
         ("enough", names if choice.asked else ""),
         ("takes", _takes(choice.test) if choice.asked or limit else ""),
         ("verdict", _verdicts(choice.test)),
-        ("open", more_draws(choice.samples) if choice.samples and is_open else ""),
+        ("open", more_draws(choice.samples) if choice.samples and unsure else ""),
         ("next", shlex.join(["hdassist", "measure", record, "--drive", preset_argument(drive), *travel])),
     )
     return Report(
@@ -107,7 +104,7 @@ def plan_report(choice: PlanChoice, record: str) -> Report:
         },
         csv=csv_table(drive.name, _PLAN_QUANTITIES, choice.judged),
         line=answer,
-        warnings=(*origin.warnings, *(choice.samples.remarks if choice.samples else unknown_notes(drive))),
+        warnings=(*drive.origin.warnings, *(choice.samples.remarks if choice.samples else unknown_notes(drive))),
         exit_code=choice.verdict.exit_code,
     )
 
@@ -115,8 +112,7 @@ def plan_report(choice: PlanChoice, record: str) -> Report:
 def _why(choice: PlanChoice, F_ior_arcsec: tuple[float, float, float]) -> Iterator[str]:
     first, drives, wrong = choice.judged[0], choice.drives, choice.drives.demands.wrong
     low, _, high = map(_percent, first.seen)
-    is_range = choice.samples or drives.travel
-    F_ior = "{0:.1f} to {2:.1f}".format(*F_ior_arcsec) if is_range else f"{F_ior_arcsec[0]:.1f}"
+    F_ior = ("{0:.1f} to {2:.1f}" if choice.samples or drives.travel else "{0:.1f}").format(*F_ior_arcsec)
     of_travel = f" over {360 * drives.travel:.4g}° of travel" if drives.travel else ""
     yield f"{first.plan.name} see {low} to {high} % of F'_ior ({F_ior}″){of_travel}"
     risk, beyond = first.false_pass, drives.beyond
@@ -145,10 +141,6 @@ def seen_curve(choice: PlanChoice) -> Curve:
     )
 
 
-def _approaches(test: PlannedTest) -> tuple[Array, Array, Array]:
-    return test.run.approaches(test.judged.plan, test.ratio)
-
-
 def _takes(test: PlannedTest) -> str:
     """Readings and duration of a test in words, and their uncertainty."""
     unsure = f", u = {test.uncertainty_arcsec:.2g}″" if test.uncertainty_arcsec else ""
@@ -168,7 +160,7 @@ def approach_csv(choice: PlanChoice) -> str:
     """The file of a test to fill in: a row for each reading; shares that the test sees as remarks."""
     test = choice.test
     shares = " ".join(f"{share:.3f}" for share in test.judged.seen)
-    rows = [f"{minute:.1f},{target:.6g},{side:g}," for minute, target, side in zip(*_approaches(test), strict=True)]
+    rows = [f"{minute:.1f},{target:.6g},{side:g}," for minute, target, side in zip(*test.approaches, strict=True)]
     return "\n".join([
         f"# plan: {choice.drive.name}, {test.judged.plan.name}",
         f"# torque: {test.M_g:g}",
@@ -184,7 +176,7 @@ def approach_csv(choice: PlanChoice) -> str:
 def sheet_report(choice: PlanChoice, serial: str = "", file: str = "") -> Report:
     """The sheet of a test for the bench; serial of the drive; file with its positions, where one is written."""
     test, drive, run = choice.test, choice.drive, choice.test.run
-    minutes, targets, sides = _approaches(test)
+    minutes, targets, sides = test.approaches
     low, middle, high = map(_percent, test.judged.seen)
     lead = f"{360 * run.lead_turns / test.ratio:.3g}°"
     ways = "from below in growing order, then from above in falling order" if test.judged.plan.both else "from below"
