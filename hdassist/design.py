@@ -18,7 +18,7 @@ from hdassist.belief.prior import DrivePrior, beside_measured_teeth, prior_of
 from hdassist.belief.samples import EFFECTIVE_SAMPLES, ErrorBelief, Samples, drive_samples
 from hdassist.belief.statistics import Probability
 from hdassist.belief.steps import Influence, Step, influences, steps_of
-from hdassist.error.cycle import KinematicError, SelfError, cross_checks_of, self_error, whole_error
+from hdassist.error.cycle import KinematicError, SelfError, cross_checks_of, require_programme, self_error, whole_error
 from hdassist.error.error_map import searchable
 from hdassist.error.extremes import DRAWN_STATES, extremes_of
 from hdassist.errors import (
@@ -261,6 +261,7 @@ def check(
     there, teeth = measured.in_drive(drive) if measured else (drive, None)
     require_solver(run.cross_check or CROSS_SOLVER)
     known, prior = beside_measured_teeth(drive, measured)
+    require_programme(drive, run)
     rows = zip(torques, self_error(drive, torques, run=run), [drive.limit(M_g) for M_g in torques], strict=True)
     points = tuple(OperatingPoint(*row, open_=bool(prior.fields), sure=sure) for row in rows)
     checked = DesignCheck(drive, points, measured, unknowns(known), prior)

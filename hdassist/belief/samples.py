@@ -34,6 +34,7 @@ from hdassist.belief.statistics import (
     probability_of,
     weighted_quantile,
 )
+from hdassist.error.cycle import require_programme
 from hdassist.errors import SURE, UntrustedError
 from hdassist.model.geometry import Array
 from hdassist.run.run import Run
@@ -199,6 +200,7 @@ def draw_samples(
     sample agrees with all of them, or too few draws are drives.
     """
     sampling = Sampling(prior, tuple(torques), tuple(rotations_deg), tuple(evidence), further, further_name, run.seed)
+    require_programme(prior.drive, run)
     kept, draws = sampling.kept(), list[Draw]()
     try:
         for samples in _growing(sampling, kept, draws, effort, run):

@@ -32,7 +32,7 @@ from hdassist.run.kept import kept_answer
 from hdassist.run.run import CROSS_SOLVER, Run
 from hdassist.solve.answers import EMPTY, STATES_AT_A_TIME, Certificate
 from hdassist.solve.formulation import Formulation, formulate
-from hdassist.solve.loadcase import CrossCheck, LoadCase, require_solver, solve_again
+from hdassist.solve.loadcase import CrossCheck, LoadCase, require_compiled_as_stated, require_solver, solve_again
 from hdassist.solve.walk import digits_depend_on
 
 _ONE_WAVE = 0.01  # a zone that carries less of the torque than this leaves the other one alone
@@ -216,6 +216,14 @@ def _cross_check_of(
         checks.append(solve_again(formulation, torques, delta_p, error.rotation_arcsec[rows], solver, where))
     worst = max(check.max_difference_arcsec for check in checks)
     return CrossCheck(checks[0].solver, len(error.states), worst)
+
+
+def require_programme(drive: Drive, run: Run) -> None:
+    """Make sure that cvxpy compiles a drive's programme as stated, in the process for other solvers if there is one.
+
+    Arguments: drive; run. Raises UntrustedError where it compiles to something else, or no teeth overlap.
+    """
+    require_compiled_as_stated(formulate(contact_system(drive)), run)
 
 
 _Solved = tuple[Drive, ToothDeviations | None, KinematicError]  # a drive, its measured teeth, and its error

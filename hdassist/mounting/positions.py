@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, ConfigDict, StrictBool, TypeAdapter
 
-from hdassist.error.cycle import WITHOUT_EFFECT, KinematicError, cross_checks_of, kinematic_error
+from hdassist.error.cycle import WITHOUT_EFFECT, KinematicError, cross_checks_of, kinematic_error, require_programme
 from hdassist.error.error_map import Batch, error_maps, searchable
 from hdassist.error.extremes import many_extremes
 from hdassist.errors import UsageError
@@ -247,6 +247,7 @@ def begun_curve(
         curve = replace(curve, F_ior_arcsec=np.array(values), every_state=np.array(solved))
         curve = replace(curve, certificate=proof, cross_checks=tuple(done))
         return curve, lambda: curve
+    require_programme(drive, run)
     compute = _searched_curve if searched else _solved
     computed, checks = compute(curve, every, there, wheels, run)
 

@@ -32,7 +32,7 @@ from hdassist.errors import Fault, UntrustedError, UsageError
 from hdassist.model.contacts import StateGaps
 from hdassist.model.geometry import Array
 from hdassist.run.kept import ClosedRecord, Count, cached, keep, keeps_answers, operating_system, program
-from hdassist.run.run import CROSS_SOLVER, Progress
+from hdassist.run.run import CROSS_SOLVER, Progress, Run
 from hdassist.solve import formulation as statement
 from hdassist.solve.answers import (
     ARCSEC,
@@ -53,16 +53,19 @@ _COMPILED_TEMPLATE = "compiled"
 _proven: set[tuple[bool, ...]] = set()  # freedoms that were free in the proven programmes, in this process
 
 
-def require_compiled_as_stated(formulation: Formulation) -> None:
+def require_compiled_as_stated(formulation: Formulation, run: Run = Run()) -> None:
     """Make sure that cvxpy compiles this formulation to the data that the engines run.
 
-    Raises UntrustedError where it compiles to something else.
+    Arguments: formulation; run, whose process for other solvers, if there is one, has a look in place of this one,
+    which need not import cvxpy then. Raises UntrustedError where it compiles to something else.
     """
     supported = tuple(formulation.system.supported.tolist())
     if supported in _proven:
         return
     key = _key(formulation)
-    if cached(_COMPILED_TEMPLATE, key) is None:
+    if cached(_COMPILED_TEMPLATE, key) is None and run.executor:
+        run.beside(require_compiled_as_stated, formulation).result()
+    elif cached(_COMPILED_TEMPLATE, key) is None:
         if wrong := list(template_differences(formulation)):
             raise UntrustedError(
                 f"cvxpy compiles the programme to other data than stated: {', '.join(wrong)}",

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from hdassist import kinematic_error, load_preset, preset_names
+from hdassist.cli import THREADS
 from hdassist.errors import Fault, UntrustedError, UsageError
 from hdassist.model.contacts import ROTATION, WITHOUT_DEVIATIONS, StateGaps, contact_system
 from hdassist.model.geometry import Kinematics, pitch_locked_states
@@ -98,6 +99,36 @@ def test_a_coefficient_changed_in_cvxpy_is_noticed(formulation, system, tmp_path
     with pytest.raises(UntrustedError, match=f"other data than stated: .*{wrong}"):
         require_compiled_as_stated(altered)
     assert list(tmp_path.iterdir()) == []
+
+
+COMPARED = """
+import os, sys
+os.environ["HDASSIST_CACHE"] = sys.argv[1]
+from hdassist import load_preset
+from hdassist.error.cycle import require_programme
+from hdassist.errors import UntrustedError
+from hdassist.run.run import Run, workers
+from hdassist.solve import loadcase
+
+with workers(1) as executor:
+    require_programme(load_preset("size-14-100"), Run(executor))
+    print("cvxpy" in sys.modules, Run(executor).beside(eval, "'cvxpy' in __import__('sys').modules").result())
+loadcase._proven.clear()
+loadcase._key = lambda _: "0" * 64
+loadcase.template_differences = lambda _: iter("P")
+with workers(1) as executor:
+    try:
+        require_programme(load_preset("size-14-100"), Run(executor))
+    except UntrustedError as error:
+        print(str(error).endswith("than stated: P"))
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="processes are spawned elsewhere")
+def test_the_process_for_other_solvers_compares_the_programme_and_its_error_is_heard(tmp_path):
+    code, threads = [sys.executable, "-c", COMPARED, str(tmp_path)], dict.fromkeys(THREADS, "1")
+    found = subprocess.run(code, env=CLEAN | threads, capture_output=True, text=True, timeout=60, check=True)
+    assert found.stdout.split() == ["False", "True", "True"]
 
 
 def test_that_the_data_are_as_stated_is_kept_and_nothing_else_is_believed(formulation, tmp_path, monkeypatch):
