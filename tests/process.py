@@ -182,8 +182,10 @@ def begun_by(pid: int) -> list[int]:
     return [*children, *(each for child in children for each in begun_by(child))]
 
 
-def on_terminal(*args: str, columns: int, env: Mapping[str, str] | None = None) -> tuple[int, str]:
-    """Exit code, and all that a terminal of so many columns is sent."""
+def on_terminal(
+    *args: str, columns: int, env: Mapping[str, str] | None = None, interrupt_at: bytes | None = None
+) -> tuple[int, str]:
+    """Exit code, and all that a terminal of so many columns is sent; Ctrl-C is pressed once it was sent such bytes."""
     leader, follower = pty.openpty()
     fcntl.ioctl(follower, termios.TIOCSWINSZ, struct.pack("HHHH", 40, columns, 0, 0))
     process = subprocess.Popen(
@@ -200,5 +202,8 @@ def on_terminal(*args: str, columns: int, env: Mapping[str, str] | None = None) 
         if not part:
             break
         sent += part
+        if interrupt_at is not None and interrupt_at in sent:
+            process.send_signal(signal.SIGINT)
+            interrupt_at = None
     os.close(leader)
     return process.wait(timeout=LONGEST), sent.decode("utf-8").replace("\r\n", "\n")

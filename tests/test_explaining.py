@@ -47,6 +47,7 @@ REPORTED = (
         ("жесткое колесо", {"quantity or word"}, "inner teeth"),
         ("gears", {"section"}, "two wheels"),
         ("N", {"quantity or word", "symbol", "field"}, "balls"),
+        ("phasors", {"quantity or word"}, "amplitude and phase"),
         ("orders", {"check", "quantity or word"}, "so many times a turn"),
         ("oldham", {"field"}, "how it sits on its shaft"),
         ("pitch", {"quantity or word", "field"}, "equal pitches"),

@@ -185,7 +185,7 @@ def _facts(result: Comparison) -> Iterator[Fact]:
 def _starts(result: Comparison) -> Iterator[Fact]:
     """Angles where the record begins, a name and a text each."""
     for name, angle, u in _angles(result):
-        sure = "given" if u is None else f"fitted, u = {u:.1f}"
+        sure = "given" if u is None else f"fitted, u = {u:.1f}°"
         is_known = u is None or u < UNIDENTIFIABLE_ANGLE
         yield name, f"{angle:.4g}°, {sure}" if is_known else "the record does not determine it"
 

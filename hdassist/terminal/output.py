@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import os
 import re
 import sys
 import time
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
     from hdassist.run.run import Run
 
 
-_WIPED = "\r\x1b[2K\x1b[?25h"  # the line of a bar emptied, and the cursor shown
+_WIPED = b"\r\x1b[2K\x1b[?25h"  # the line of a bar emptied, and the cursor shown
 BAR_PATIENCE = 0.5  # s of work before a progress bar with a total appears
 _TASK: Any = 0  # the only one of a bar
 _REDRAWN = 0.1  # s between two of its pictures
@@ -140,10 +141,10 @@ class Output:
             return
         style = stderr_style(no_color=self.no_color)
         bar = ProgressBar(_bar(style) if style.codes else None, style)
-        bar.expect(words, total)
         self._bars.append(bar)
         try:
-            with at_stop(bar.wipe):
+            with at_stop(bar.wipe):  # before it is shown
+                bar.expect(words, total)
                 yield bar
         finally:
             self._bars.clear()
@@ -179,8 +180,7 @@ class ProgressBar:
     def wipe(self) -> None:
         """Empty the line of the bar, which does not come back."""
         if self._bar and self._bar.live.is_started:
-            sys.stderr.write(_WIPED)
-            sys.stderr.flush()
+            os.write(2, _WIPED)  # past rich, which escapes codes while its bar is shown
 
     def end(self) -> None:
         """Take the bar away."""

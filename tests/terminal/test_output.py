@@ -114,6 +114,14 @@ def test_messages_are_broken_between_words_and_write_units_as_pages_do() -> None
     assert "\nerror: " in run("check", TINY, "--foo").stderr
 
 
+def test_ctrl_c_leaves_no_bar_and_shows_the_cursor() -> None:
+    """The line of the bar is emptied by codes of the terminal, not by their letters, and the cursor comes back."""
+    code, sent = on_terminal("check", "vzp160", "--set", "gears.j_n=0.37", columns=80, interrupt_at=b" % ")
+    assert code == 130
+    assert "\\x1b" not in sent
+    assert sent.endswith("\r\x1b[2K\x1b[?25hinterrupted\n")
+
+
 def test_a_bar_of_seven_bits(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(output, "BAR_PATIENCE", -1.0)
     monkeypatch.setattr(sys, "argv", ["hdassist", "check", "--ascii"])
