@@ -50,4 +50,4 @@ def test_public_names_are_there_with_their_types():
     for name in hdassist.__all__:
         assert getattr(hdassist, name) is not None
     stub = (ROOT / "hdassist/__init__.pyi").read_text(encoding="utf-8")
-    assert sorted(re.findall(r" as (\w+)$", stub, re.MULTILINE)) == sorted(hdassist.__all__)
+    assert sorted(re.findall(r"(?: as (?=\w+$)|^(?=\w+: ))(\w+)", stub, re.MULTILINE)) == sorted(hdassist.__all__)

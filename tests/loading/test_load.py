@@ -256,7 +256,7 @@ def test_optional_fields_may_be_empty() -> None:
         ([], "acceptance: {F_ior: {x: 30, all: 20}}\n",
          ["my.yaml:9:22: acceptance.F_ior.x: must be a torque in N*m, or all (got x)"]),
         ([], "measured: {K_2: 0}\n",
-         ["my.yaml:9:17: measured.K_2: out of range: 0.001 to 1e+12 N*m/rad (got 0)"]),
+         ["my.yaml:9:17: measured.K_2: out of range: 0.001 to 1e12 N*m/rad (got 0)"]),
         ([], "measured: {F_ior: 28}\n", ["my.yaml:9:19: measured.F_ior: must be a table of keys "
          "(got 28; like {h0@80: 28.1 ± 1})"]),
         ([], "measured: {F_ior: {h4@80: 28}}\n", ["my.yaml:9:27: measured.F_ior.h4@80: "
