@@ -152,6 +152,15 @@ def test_the_probability_of_being_better_is_the_weight_of_pairs_that_are(better)
     assert drives_report(coin, 0).line.startswith("any, no sure difference (B better")
 
 
+
+def test_the_next_command_reports_the_drive_that_is_taken_or_kept(better):
+    worse = replace(better.changes[0], probability_better=(0.0,))
+    kept = replace(better, sheets=better.sheets[::-1], changes=(worse,))
+    assert (better.word, kept.word) == ("TAKE", "KEEP")
+    commands = {on_paper(drives_report(found, 0)).partition("next ")[2] for found in (better, kept)}
+    assert len(commands) == 1  # the better of the two, whichever was named first
+
+
 def test_a_change_that_unknown_inputs_could_reverse_is_open(better):
     def page(**known):
         changes = replace(better.changes[0], F_ior_is=("unknown",), **known)

@@ -208,13 +208,15 @@ def _chances(advice: Advice, say: Texts) -> Iterator[str]:
         odds = {"cost": say.percent(found.cost), "sure": say.percent(found.probability.value)}
         yield say(name, count=len(advice.open_), **odds)
     to_try = [advice.next] if advice.trials else advice.to_try
-    holes = ", ".join(hole_place(p, say) for p in [p for p in to_try if p] or [advice.current])
+    measured = {trial.rotation_deg for trial in advice.trials}
+    left = [p for p in [p for p in to_try if p] or [advice.current] if p.rotation_deg not in measured]
+    holes, enough = ", ".join(hole_place(p, say) for p in left), "" if left else "_measured"
     if found.is_sampled:
         k = min(range(len(advice.torques)), key=lambda k: abs(advice.torques[k]))
         high, torque = say.number(found.quantile(0.95, found.best)[k], ".1f"), say.torque(advice.torques[k])
-        yield say("chance.wrong", high=high, torque=torque, holes=holes)
+        yield say(f"chance.wrong{enough}", high=high, torque=torque, holes=holes)
     else:
-        yield say("chance.worse", holes=holes)
+        yield say(f"chance.worse{enough}", holes=holes)
     kinds = origin_counts(advice.drive)
     yield say("chance.values", **{kind: str(kinds[kind]) for kind in ("given", "identified", "assumed")})
 

@@ -410,7 +410,7 @@ def _drives_facts(result: DrivesComparison) -> Iterator[Fact]:
     yield "differs", _some([row[0].path for row in result.differing])
     if any(NOT_KNOWN in changes.F_ior_is for changes in result.changes):
         yield "open", "unknown inputs could reverse this change"
-    yield "next", again("report", result.sheets[-1].drive, "-o", "report.html")
+    yield "next", again("report", result.sheets[result.best].drive, "-o", "report.html")
 
 
 def _some(paths: Sequence[str]) -> str:

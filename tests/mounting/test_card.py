@@ -103,6 +103,15 @@ def test_a_wheel_that_is_left_stays_on_its_hole():
     assert len(unsure.chance.lines) == 3
 
 
+def test_a_card_asks_for_no_hole_that_was_measured() -> None:
+    """With all that is worth it measured, the value after bolting is what is left to enter."""
+    in_hole_0 = TRIALS[:1]
+    wrong = card(CARDS["sampled"], trials=in_hole_0).chance.lines[1]
+    assert wrong.endswith("after bolting): give this value too, with all others, to hdassist mount.")
+    elsewhere = card(CARDS["sampled"], trials=TRIALS[1:2]).chance.lines[1]
+    assert elsewhere.endswith("measure in hole 0 too, and give all values to hdassist mount.")
+
+
 def test_a_free_angle_has_degrees_and_no_holes():
     made = card(CARDS["free"])
     assert made.instruction.text.startswith("Turn the rigid wheel by 114.7° clockwise, seen")
@@ -272,6 +281,7 @@ def test_no_text_of_the_catalogue_is_unused(monkeypatch):
         card(advice, "ru")
         seat_of(advice, texts("ru"), advice.chosen)
     card(CARDS["plain"], "ru", trials=TRIALS)
+    card(CARDS["sampled"], "ru", trials=TRIALS)
     card(CARDS["leave"], "ru", trials=TRIALS)
     card(crowded(CARDS["many"]), "en")
     card(UNKNOWN_TURN, "ru", trials=TRIALS)
