@@ -72,7 +72,10 @@ class ExploreCommand(o.LimitedDriveOptions):
             session = opened_state(self.preset, overrides, self.pin or "")
             if self.measured:
                 session = with_evidence(session, " ".join(self.measured))
-            if not (sys.stdin.isatty() and sys.stdout.isatty()) or os.environ.get("TERM") == "dumb":
+            if (
+                not all(stream.isatty() for stream in (sys.stdin, sys.stdout, sys.stderr))
+                or os.environ.get("TERM") == "dumb"
+            ):
                 words = "the explorer needs a terminal that moves its cursor"
                 raise UsageError(words, f"in a script: {session.command()}")
             service = Service()  # it imports beside this process

@@ -6,6 +6,7 @@ import fcntl
 import os
 import pty
 import select
+import shlex
 import signal
 import struct
 import subprocess
@@ -243,13 +244,19 @@ def test_a_crash_gives_the_terminal_back_too() -> None:
     assert vanished(before)
 
 
-def test_without_a_terminal_it_is_refused_with_the_command_for_scripts() -> None:
+def test_without_a_terminal_it_is_refused_with_the_command_for_scripts(tmp_path: Path) -> None:
     done = run("explore", TINY, "h0=28.1", "--set", "gears.j_n=7")
     assert done.returncode == 2 and done.stdout == ""
     assert "the explorer needs a terminal" in done.stderr
     dumb = Terminal("explore", TINY, command=["env", "TERM=dumb", *COMMAND])
     assert dumb.end() == 2 and b"needs a terminal that moves its cursor" in dumb.sent
     dumb.close()
+    log = tmp_path / "log"  # the screen is drawn on stderr: in a file nobody would see it
+    unseen = Terminal("-c", f"exec {shlex.join(COMMAND)} explore {TINY} 2>{log}", command=["sh"])
+    try:
+        assert unseen.end() == 2 and "needs a terminal that moves its cursor" in log.read_text("utf-8")
+    finally:
+        unseen.close()
     assert f"hdassist mount {TINY} --set gears.j_n=7 --set 'measured.F_ior.h0@1=28.1 ± 2'" in done.stderr
 
 
