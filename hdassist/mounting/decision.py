@@ -17,7 +17,14 @@ from scipy.special import ndtri
 
 from hdassist.belief.evidence import LEAST_SHOWN, MISFITS, SCALE, SMOOTH_NUMBERS, smooth_misfits
 from hdassist.belief.samples import Samples
-from hdassist.belief.statistics import Probability, effective_number, even_rows, probability_of, weighted_quantile
+from hdassist.belief.statistics import (
+    Probability,
+    effective_number,
+    even_rows,
+    probability_by_share,
+    probability_of,
+    weighted_quantile,
+)
 from hdassist.errors import SURE
 from hdassist.model.geometry import Array
 from hdassist.mounting.positions import NO_ERROR, MountingCurve
@@ -26,6 +33,7 @@ GOOD = 0.05  # loss against the best hole below which a hole is as good
 LEAST_GAIN = 0.01  # of F'_ior: a smaller one is not worth a turn, nor makes a hole better than another
 WORTH = 0.02  # of F'_ior: gain of one more value below which measuring stops
 FEWEST_VALUES = 4  # measured values before which it never stops
+FEWEST_SURE = 32  # effective samples: of fewer a choice is sure only by all of the interval of its probability
 
 _OUTCOMES = 9  # of a further value that are looked at in each hole
 _LOOKED_AT = 512  # samples by which further values are judged
@@ -59,7 +67,8 @@ class Decision:
     rotations_deg of the holes that may be chosen; F_ior_arcsec in them, shape (torques, samples, holes), and
     now_arcsec, at rotation 0, shape (torques, samples); sample_weights, shape (samples,), a single one where values are
     taken as given; room_arcsec that a limit leaves F'_ior at each torque, None without a limit; cost, share of F'_ior
-    that a turn has to earn; all_alike, whether no hole can be told from another by what is known.
+    that a turn has to earn; all_alike, whether no hole can be told from another by what is known; worth, effective
+    samples that samples drawn again from others stand for, None of those that stand for themselves.
     """
 
     rotations_deg: tuple[float, ...]
@@ -69,6 +78,7 @@ class Decision:
     room_arcsec: Sequence[float | None] = ()
     cost: float = LEAST_GAIN
     all_alike: bool = field(default=False, kw_only=True)
+    worth: float | None = field(default=None, kw_only=True)
 
     @classmethod
     def of(
@@ -94,7 +104,7 @@ class Decision:
     @property
     def effective(self) -> float:
         """Effective number of samples."""
-        return effective_number(self.sample_weights)
+        return self.worth or effective_number(self.sample_weights)
 
     # Holes and F'_ior in them
 
@@ -219,13 +229,20 @@ class Decision:
         """Probability that the choice is right, with its Monte Carlo interval."""
         if not self.is_sampled:
             return Probability(*[float(self.outcome[0])] * 3)
-        return probability_of(self.outcome, self.sample_weights)
+        if self.worth is None:
+            return probability_of(self.outcome, self.sample_weights)
+        found = probability_by_share(float(self.outcome.mean()), self.worth)
+        return replace(found, few=self.worth < FEWEST_SURE)
+
+    def is_sure(self, sure: float = SURE) -> bool:
+        """Whether the choice is right with at least such a probability; of few samples with all of its interval."""
+        return (self.probability.low if self.probability.few else self.probability.value) >= sure
 
     def word(self, sure: float = SURE) -> Word:
         """The choice in a word: TURN or LEAVE where it is at least so sure, else BEST_BET; ANY_HOLE of equal ones."""
         if self.all_alike or np.ptp(self.expected_loss) < LEAST_GAIN:
             return "ANY_HOLE"
-        if self.probability.value < sure:
+        if not self.is_sure(sure):
             return "BEST_BET"
         return "LEAVE" if self.best == self.stay else "TURN"
 

@@ -317,7 +317,8 @@ class HolePosterior:
     def decision(self, torques: Sequence[float], room_arcsec: Sequence[float | None], cost: float) -> Decision:
         """The decision among the rotations but the last one, which is 0, at torques [N*m]."""
         every, ones = np.array([self.F_ior_by_torque[M_g] for M_g in torques]), np.ones(len(self.places))
-        return Decision(self.rotations_deg[:-1], every[..., :-1], every[..., -1], ones, room_arcsec, cost)
+        holes, now = every[..., :-1], every[..., -1]
+        return Decision(self.rotations_deg[:-1], holes, now, ones, room_arcsec, cost, worth=self.effective)
 
 
 def posterior_of(

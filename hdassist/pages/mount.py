@@ -11,7 +11,7 @@ from hdassist.error.cycle import limits_left
 from hdassist.errors import Verdict
 from hdassist.model.deviations import unknown_names
 from hdassist.mounting.advice import UNSHOWN_VALUES, Advice
-from hdassist.mounting.decision import FEWEST_VALUES
+from hdassist.mounting.decision import FEWEST_SURE, FEWEST_VALUES
 from hdassist.mounting.positions import MountingCurve, bare, hole_of, hole_words
 from hdassist.mounting.posterior import Trial
 from hdassist.pages.card import (
@@ -101,7 +101,7 @@ def mount_report(
         csv=_csv(advice),
         line=bare(to_deg, drive.mounting.holes),
         warnings=mount_warnings(advice),
-        exit_code=Verdict.FAIL.exit_code if back else short if sure and found.probability.value < sure else 0,
+        exit_code=Verdict.FAIL.exit_code if back else short if sure and not found.is_sure(sure) else 0,
     )  # fmt: skip
 
 
@@ -125,6 +125,8 @@ def _warnings_of_values(advice: Advice) -> Iterator[str]:
         return
     if after.samples.few:
         yield f"{after.samples.few}: how sure the hole is, is rough; check measured figures, then assumed ranges"
+    elif after.effective < FEWEST_SURE:
+        yield f"{after.effective:.0f} samples agree with the values: how sure the hole is, is rough; more: --draws"
     if M_g := advice.likelier_torque:
         stated = f"{advice.torques_of_values[0]:g} N·m"
         yield f"the values fit {M_g:g} N·m far better than {stated}: measured at it? (--trial-torque {M_g:g})"
@@ -196,7 +198,8 @@ def _sure_words(advice: Advice) -> str:
     if not found.is_sampled:
         why = f": {advice.fault}" if advice.fault else ""
         return f"By the values as given; how sure that is, is not known{why}."
-    sure, by = found.probability.text(), f" by more than {100 * found.cost:g} %"
+    few, by = found.probability.few, f" by more than {100 * found.cost:g} %"
+    sure = found.probability.text(advice.sure if few else None)
     if found.best == found.stay:
         words = f"No other hole is better{by} with {sure}."
     elif found.stay is None:

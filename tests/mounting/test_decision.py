@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.stats import beta
 
 from hdassist.mounting.decision import Decision, MeasurementValue, as_measured, value_of_measurement
 
@@ -30,6 +31,14 @@ def test_the_word_goes_by_expected_loss_and_probability(rows, word, place, proba
     found = decision_of(*rows)
     assert (found.word(), found.best) == (word, place)
     assert found.probability.value == pytest.approx(probability)
+
+
+@pytest.mark.parametrize(("worth", "word"), [(4.0, "BEST_BET"), (31.0, "BEST_BET"), (33.0, "TURN"), (None, "TURN")])
+def test_samples_drawn_again_from_few_order_nothing(worth, word):
+    found = decision_of(*[[10.0, 5.0]] * 2048, worth=worth)
+    assert (found.word(), found.best, found.probability.value) == (word, 1, 1.0)
+    low = beta.ppf(0.05, (worth or 2048) + 0.5, 0.5)  # Jeffreys
+    assert found.probability.low == pytest.approx(low)
 
 
 def test_statistics_are_those_of_the_weighted_samples():
