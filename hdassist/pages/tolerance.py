@@ -299,12 +299,14 @@ def sensitivity_report(found: Sensitivities) -> Report:
     """The sensitivities of a drive."""
     law, samples, torques = found.law, found.samples, found.samples.torques
     effects = [_effects(found, t) for t in range(len(torques))]
-    verdict, reason = _answer(found)
+    verdict, reason, measured = _answer(found)
     drawn = f"{len(samples.weights)} random drives, each of a design of its own, seed {samples.seed}"
     limited = all(law.drive.limit(M_g) is not None for M_g in torques)
     next_ = again("allocate", law.drive, *(() if limited else ("--limit", "LIMIT")))
     if verdict == _UNDECIDED:
         next_ = again("sensitivity", law.drive, "-n", f"{_MORE_TIMES * len(samples.weights)}")
+    elif measured:
+        next_ = again("sensitivity", law.drive, *_as_measured(measured))
     facts = [("measure", measure_words(found.to_measure)), ("next", next_)]
     short, *whole = _table(effects[found.worst], *_LISTED), *(_table(each, len(each), len(each)) for each in effects)
     return Report(
@@ -339,18 +341,23 @@ def sensitivity_report(found: Sensitivities) -> Report:
     )
 
 
-def _answer(found: Sensitivities) -> tuple[str, str]:
-    """The tolerance to tighten first and the gain of a step; or why there is none, and the remedy."""
+def _answer(found: Sensitivities) -> tuple[str, str, str]:
+    """The tolerance to tighten first and the gain of a step, or why there is none; the field to measure instead."""
     first, largest = found.first, found.largest
     percentile = f"the 95th percentile of F'_ior, {first.now:.2f}″"
     if found.is_worth_tightening:
         gain = f"{first.gain:.2f}″ ({first.now - first.high:.2f} to {first.now - first.low:.2f})"
-        return named(first.path), f"made {_STEP_WORDS} it takes {gain} off {percentile}"
+        return named(first.path), f"made {_STEP_WORDS} it takes {gain} off {percentile}", ""
     reason = f"a tolerance {_STEP_WORDS} takes at most {max(first.gain, 0):.2f}″ off {percentile}"
     if largest and largest.group not in {way.path for way in found.tightened[found.worst]}:
         share = f"{100 * largest.share:.0f} % of the spread of F'_ior"
-        return f"no tolerance, measure {named(largest.group)}", f"{share}; {reason}"
-    return _UNDECIDED, reason
+        return f"no tolerance, measure {named(largest.group)}", f"{share}; {reason}", largest.group
+    return _UNDECIDED, reason, ""
+
+
+def _as_measured(path: str) -> tuple[str, str]:
+    """The option that gives a command the value of a measurement, by its path; VALUE stands for it."""
+    return "--set", f"{path.replace('stiffness.', 'measured.')}=VALUE"
 
 
 def _effects(found: Sensitivities, torque: int) -> list[_FieldEffect]:
@@ -394,7 +401,7 @@ def allocate_report(
         facts.append(("self error", f"takes {taken}; no tolerance changes that"))
     if verdict is Verdict.INCONCLUSIVE:
         facts.append(("measure", measure_words(to_measure) or _MORE_DRIVES))
-    facts.append(("next", _next(found, ways, verdict, is_to_measure=bool(to_measure))))
+    facts.append(("next", _next(found, ways, verdict, to_measure)))
     return Report(
         command="allocate",
         drive=drive,
@@ -451,17 +458,18 @@ def _words(way: Allocation, found: Allocator) -> str:
     )
 
 
-def _next(found: Allocator, ways: Sequence[Allocation], verdict: Verdict, *, is_to_measure: bool) -> str:
-    """The command to type next; is_to_measure: whether a measurement is worth more than drives."""
+def _next(found: Allocator, ways: Sequence[Allocation], verdict: Verdict, to_measure: Sequence[MeasurementGain]) -> str:
+    """The command to type next: with the tolerances, the measured value or more drives; or for steps beside them."""
     drive = found.production.drive
     if verdict is Verdict.PASS:
         cheapest = min((way for way in ways if way.fits), key=lambda way: way.cost)
         values = [f"{path}={value:.3g}" for path, value in cheapest.values.items()]
         return again("tolerance", drive, *(word for value in values for word in ("--set", value)))
-    if verdict is Verdict.INCONCLUSIVE and not is_to_measure:
-        asked = ("--yield", f"{found.wanted:g}", "--sure", f"{found.sure:g}", "-n", str(MORE_DRAWS * found.drives))
-        return again("allocate", drive, *asked)
-    return again("sensitivity", drive)
+    if verdict is Verdict.FAIL:
+        return again("check", drive)
+    times, measured = (1, _as_measured(to_measure[0].measured)) if to_measure else (MORE_DRAWS, ())
+    asked = ("--yield", f"{found.wanted:g}", "--sure", f"{found.sure:g}", "-n", str(times * found.drives))
+    return again("allocate", drive, *asked, *measured)
 
 
 def _tolerances_table(found: Allocator, ways: Sequence[Allocation]) -> Table:

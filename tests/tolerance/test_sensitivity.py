@@ -70,3 +70,4 @@ def test_a_support_that_nobody_knows_is_measured_before_any_tolerance_is_tighten
     report = sensitivity_report(found)
     assert report.verdict == "no tolerance, measure support of the cam, radial (supports.C_3)"
     assert "a tolerance 20 % tighter takes at most" in report.why[0]
+    assert dict(report.blocks[1].rows)["next"].endswith(" --set supports.C_3=VALUE")  # type: ignore[union-attr]
