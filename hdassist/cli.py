@@ -322,8 +322,10 @@ def run_command_line() -> None:
             wrong.possibilities = wrong.possibilities if not hint else ()
         elif "unexpected extra argument" in wrong.message and wrong.ctx.info_name in _ONE_PRESET:
             hint = "hdassist compare A.yaml B.yaml sets presets side by side"
+        elif wrong.message.startswith(("Input should", "Value error")):  # of pydantic; others have the user's own words
+            wrong.message = validation_words(wrong.message)
         error.show(shown)
-        lines = validation_words(f"\n{shown.getvalue()}".replace("\nError: ", "\nerror: "))[1:]
+        lines = f"\n{shown.getvalue()}".replace("\nError: ", "\nerror: ")[1:]
         _say(lines, hint, Fault.USAGE if "error: " in lines else None)  # a group without a command shows its help
         sys.exit(error.exit_code)
     except Exception as error:  # whatever ends a command: known errors by their exit codes, the rest as a bug, 1

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hdassist.report import Report
+from hdassist.report import Facts, Report
 from hdassist.terminal.output import Output
 from hdassist.terminal.page import report_page
 from hdassist.terminal.streams import Style
@@ -12,3 +12,8 @@ def on_paper(report: Report, width: int = 80, *, ascii: bool = False, details: b
     """The page of a report as plain text without plots, so many columns wide."""
     style = Style(ascii, False, width)
     return Output(style).page(report_page(report, style, plots=False, details=details))
+
+
+def facts_of(report: Report) -> dict[str, str]:
+    """The labelled lines of a report, by their labels."""
+    return {label: text for block in report.blocks if isinstance(block, Facts) for label, text in block.rows}

@@ -74,7 +74,8 @@ def accept(
         else:
             continue
         decisions.append(_decisive([decide(limit, value, rule, request.sure) for value in values]))
-    left_out, samples = [] if predictions else left, predictions.samples if predictions else None
+    left_out = [] if predictions else left
+    samples = predictions.samples if predictions else None
     remarks = [*_of_traces(inputs, decisions), *_of_decisions(inputs, decisions, left_out, predictions)]
     verdict = worst(decision.verdict for decision in decisions)
     traces = [

@@ -312,9 +312,11 @@ def accept_lot(path: str, base: Request, options: AcceptOptions, out: Output) ->
                     if there is None:
                         kept.append([answer])
                     done.append(answer)
-                    if (error := answer.error) and fault_words(answer) not in faults:
-                        complain(HdassistError(f"{title(answer)}: {error.message}", error.hint, error.code))
-                    faults.update(filter(None, [fault_words(answer)]))
+                    if error := answer.error:
+                        fault = fault_words(answer)
+                        if fault not in faults:
+                            complain(HdassistError(f"{title(answer)}: {error.message}", error.hint, error.code))
+                        faults[fault] += 1
             if repeated := sum(faults.values()) - len(faults):
                 say(f"note: the same of {repeated} more row{'s' * (repeated > 1)}")
             if options.resume:

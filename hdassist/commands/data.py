@@ -378,7 +378,7 @@ def cache() -> DoctorFinding:
     """Where answers are kept, how large they are, and how to be rid of them."""
     from hashlib import sha256
 
-    from hdassist.run import kept as kept
+    from hdassist.run import kept
 
     sizes, key = kept.cached_files(), sha256(b"doctor").hexdigest()
     kept.keep("doctor", key, b"")

@@ -27,9 +27,9 @@ from hdassist.comparing.record import (
 )
 from hdassist.error.waves import ErrorWaves
 from hdassist.errors import UsageError
-from hdassist.measuring.design import curve_of
 from hdassist.measuring.fit import TraceFit, drift_of
 from hdassist.measuring.measure import DRIFT_LEFT, Measurement, SweepResult
+from hdassist.measuring.terms import curve_of
 from hdassist.model.geometry import Array, Kinematics
 from hdassist.preset.fields import Drive
 from hdassist.readers.trace import MeasuredTrace

@@ -23,8 +23,8 @@ from hdassist.error.cycle import kinematic_error
 from hdassist.error.extremes import extremes_of
 from hdassist.error.waves import Complex, ErrorWaves
 from hdassist.errors import UntrustedError
-from hdassist.measuring.design import order_columns
 from hdassist.measuring.measure import SweepResult
+from hdassist.measuring.terms import order_columns
 from hdassist.model.deviations import unknowns
 from hdassist.model.geometry import Array, Kinematics, pitch_locked_states
 from hdassist.preset.fields import DEVIATIONS, Drive

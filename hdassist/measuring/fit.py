@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import stdtrit
 
-from hdassist.measuring.design import Bins, SlowTerms, TraceDesign, curve_of, order_columns
+from hdassist.measuring.terms import Bins, SlowTerms, TraceDesign, curve_of, order_columns
 from hdassist.model.geometry import Array
 
 COVERAGE_FACTOR = 2.0

@@ -13,7 +13,6 @@ import numpy as np
 from hdassist.errors import DataError, Fault, HdassistError, UntrustedError, UsageError
 from hdassist.files import number_of
 from hdassist.measuring.bench import LoopRecord, PositionRecord, bench_record
-from hdassist.measuring.design import BINS_PER_COLUMN, Bins, SlowTerms, bins_of, curve_of, travel_of
 from hdassist.measuring.fit import COVERAGE_FACTOR, TraceFit, drift_of, fit_orders
 from hdassist.measuring.orders import (
     DEFAULT_ORDERS,
@@ -50,6 +49,7 @@ from hdassist.measuring.slopes import (
     tells_compliance,
     with_order_changes,
 )
+from hdassist.measuring.terms import BINS_PER_COLUMN, Bins, SlowTerms, bins_of, curve_of, travel_of
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
 from hdassist.readers.trace import MeasuredTrace, TraceForm, read_record, sweeps, trace_of
@@ -301,6 +301,15 @@ class _RecordUnderway:
 
     def _fitted(self, sign: int) -> TraceFit:
         """The fit to a direction, once all is left out and taken off that fits before show."""
+        trace = self.trace
+        fit = self._fitted_once(sign)
+        while self.trace is not trace:
+            trace = self.trace
+            fit = self._fitted_once(sign)
+        return fit
+
+    def _fitted_once(self, sign: int) -> TraceFit:
+        """The fit to a direction; another trace takes its place where the fit shows something to leave out."""
         own, ratio = self.trace.one_way(sign), self.gearing.ratio if self.gearing else USUAL_RATIO
         declared = _declared(own, self.orders, self.notes)
         bins, slow = bins_of(own, declared[-1]), SlowTerms(_DRIFTS[self.drift])
@@ -318,16 +327,14 @@ class _RecordUnderway:
                     fit, self.torque = wound, by_record
             elif without := torque.by_catalogue(self.trace, self.drive):
                 self.trace, self.torque = without
-                return self._fitted(sign)
+                return fit
             else:
                 self.warnings.append(_WIND_UP_LEFT)
-        found = without_spikes(own, fit) or with_step(own, fit)
-        if not found:
-            return fit
-        changed, words = found
-        self.trace = replace(changed, sweeps=tuple(sweeps(changed.cam_deg)))
-        self.warnings.append(words)
-        return self._fitted(sign)
+        if found := without_spikes(own, fit) or with_step(own, fit):
+            changed, words = found
+            self.trace = replace(changed, sweeps=tuple(sweeps(changed.cam_deg)))
+            self.warnings.append(words)
+        return fit
 
     def _sweep_result(
         self,

@@ -25,8 +25,8 @@ from scipy.special import stdtrit
 from hdassist.error.waves import NO_CAUSE, known_causes
 from hdassist.errors import UsageError
 from hdassist.files import number_of
-from hdassist.measuring.design import DESIGN_CHUNK, SlowTerms, curve_of, order_columns
 from hdassist.measuring.fit import COVERAGE_FACTOR, EVEN, OrderIndices, TraceFit, distance, even_readings
+from hdassist.measuring.terms import DESIGN_CHUNK, SlowTerms, curve_of, order_columns
 from hdassist.model.geometry import Array, Kinematics
 from hdassist.preset.fields import Drive
 from hdassist.readers.trace import MeasuredTrace

@@ -21,9 +21,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hdassist.errors import Fault, UntrustedError
-from hdassist.measuring.design import BINS_PER_COLUMN, order_columns
 from hdassist.measuring.fit import EVEN, RESOLVED_GAP, TraceFit, distance, even_readings, fit_orders, residual_power
 from hdassist.measuring.orders import LINE_WIDTH
+from hdassist.measuring.terms import BINS_PER_COLUMN, order_columns
 from hdassist.model.geometry import Array
 from hdassist.readers.table import shortened
 from hdassist.readers.trace import MeasuredTrace

@@ -22,9 +22,9 @@ import numpy as np
 
 from hdassist.error.stiffness import catalogue_torques
 from hdassist.errors import UntrustedError
-from hdassist.measuring.design import Bins
 from hdassist.measuring.fit import TraceFit, fit_orders
 from hdassist.measuring.orders import ranges_of
+from hdassist.measuring.terms import Bins
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
 from hdassist.readers.trace import MeasuredTrace

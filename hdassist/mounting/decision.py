@@ -25,7 +25,7 @@ from hdassist.belief.statistics import (
     probability_of,
     weighted_quantile,
 )
-from hdassist.errors import SURE
+from hdassist.errors import SURE, Verdict
 from hdassist.model.geometry import Array
 from hdassist.mounting.positions import NO_ERROR, MountingCurve
 
@@ -236,7 +236,7 @@ class Decision:
 
     def is_sure(self, sure: float = SURE) -> bool:
         """Whether the choice is right with at least such a probability; of few samples with all of its interval."""
-        return (self.probability.low if self.probability.few else self.probability.value) >= sure
+        return self.probability.verdict(sure) is Verdict.PASS
 
     def word(self, sure: float = SURE) -> Word:
         """The choice in a word: TURN or LEAVE where it is at least so sure, else BEST_BET; ANY_HOLE of equal ones."""

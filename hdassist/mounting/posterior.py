@@ -402,7 +402,9 @@ def hole_samples(
     every = tuple(dict.fromkeys((setup.M_g, *setup.others, *torques)))
     samples = draw_samples(
         systems, (), evidence=tuple(each for each in evidence_of(drive) if not each.M_g),
-        effort=SamplingEffort(count, count, _DRAWS_A_TABLE * count, min(16, count), min(FEWEST_SAMPLES, count), True),
+        effort=SamplingEffort(
+            count, count, _DRAWS_A_TABLE * count, min(16, count), least=min(FEWEST_SAMPLES, count), for_action=True
+        ),
         run=run,
     )  # fmt: skip
     weights, tables = list[float](), list[TabledErrors]()

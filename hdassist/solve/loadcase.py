@@ -63,9 +63,10 @@ def require_compiled_as_stated(formulation: Formulation, run: Run = Run()) -> No
     if supported in _proven:
         return
     key = _key(formulation)
-    if cached(_COMPILED_TEMPLATE, key) is None and run.executor:
+    is_kept = cached(_COMPILED_TEMPLATE, key) is not None
+    if run.executor and not is_kept:
         run.beside(require_compiled_as_stated, formulation).result()
-    elif cached(_COMPILED_TEMPLATE, key) is None:
+    elif not is_kept:
         if wrong := list(template_differences(formulation)):
             raise UntrustedError(
                 f"cvxpy compiles the programme to other data than stated: {', '.join(wrong)}",

@@ -13,8 +13,8 @@ from hdassist.errors import DataError, UsageError
 from hdassist.measuring.measure import measure
 from hdassist.measuring.orders import STATED
 from hdassist.pages.accept import accept_report
-from hdassist.report import Facts
 from tests.acceptances import accept, small, stated, tiny
+from tests.paper import facts_of
 from tests.process import TINY
 from tests.rigs import drive_error, recorded, turn_range, whole_range
 
@@ -51,11 +51,9 @@ def test_a_part_of_the_cycle_can_fail_a_drive_and_never_pass_it():
         found = accept(drive, measured)
         assert [d.verdict for d in found.checks] == [verdict] * 2
         assert "COVERAGE" in [note.code for note in found.remarks]
-    facts = [
-        row for block in accept_report(found, None, drive).blocks if isinstance(block, Facts) for row in block.rows
-    ]
-    assert ("measure", "the full cycle, 30 cam turns: a part of it can fail a drive, and never pass it") in facts
-    assert dict(facts)["next"].endswith("--measured 4=FILE")
+    facts = facts_of(accept_report(found, None, drive))
+    assert facts["measure"] == "the full cycle, 30 cam turns: a part of it can fail a drive, and never pass it"
+    assert facts["next"].endswith("--measured 4=FILE")
     assert accept(small("order_2=1"), measured, measured_only=True).verdict == "INCONCLUSIVE"
 
 

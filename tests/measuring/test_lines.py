@@ -150,7 +150,7 @@ def test_a_line_that_is_left_out_would_make_f_ior_too_small():
 
 
 def _curve(found: SweepResult, coefficients: np.ndarray) -> np.ndarray:
-    from hdassist.measuring.design import curve_of
+    from hdassist.measuring.terms import curve_of
 
     return curve_of(coefficients, found.fit.orders, found.grid_turns)
 

@@ -13,8 +13,8 @@ from hdassist.model.deviations import ToothDeviations
 from hdassist.pages.plan import plan_report
 from hdassist.planning import ApproachRun, DrivesUnderTest, PlanDemands, ReadingPlan, choose_plan, rough_curves
 from hdassist.preset.fields import DEVIATIONS
-from hdassist.report import Facts
 from hdassist.run.run import UNCHECKED
+from tests.paper import facts_of
 from tests.process import SMALL, TINY
 
 ONE_WAVE = np.sin(2 * np.pi * np.arange(3600) / 3600)  # comes once in the cycle
@@ -154,13 +154,8 @@ def test_a_plan_of_a_joint_is_of_its_travel():
     plan = ReadingPlan.record(60 / 360 * 30, 30)
     assert joint.judge(plan).verdict == "PASS"
     assert plan.sees_all(joint.travel)
-    nexts = [
-        dict(
-            row for block in plan_report(choice, "record.csv").blocks if isinstance(block, Facts) for row in block.rows
-        )
-        for choice in choices
-    ]
-    assert [facts["next"].partition(" --travel ")[2] for facts in nexts] == ["", "60"]
+    following = [facts_of(plan_report(choice, "record.csv"))["next"] for choice in choices]
+    assert [command.partition(" --travel ")[2] for command in following] == ["", "60"]
 
 
 def test_rough_teeth_leave_the_range_and_lower_the_share():

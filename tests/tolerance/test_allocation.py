@@ -12,6 +12,7 @@ from hdassist.pages.tolerance import allocate_report
 from hdassist.preset.knowledge import F_p
 from hdassist.tolerance.production import Production, RandomDrive, production_law
 from hdassist.tolerance.tightening import Allocator, tolerances
+from tests.paper import facts_of
 from tests.process import TINY
 
 NONE = [f"tolerances.{name}=0" for name in ("F_i1", "F_i2", "e_hb", "e_hh")]
@@ -88,8 +89,7 @@ def test_the_next_command_is_what_the_page_recommends_and_no_circle(production: 
     found = search.cheapest(turned=False)
 
     def next_command(verdict: Verdict, *gains: MeasurementGain) -> str:
-        report = allocate_report(search, [replace(found, verdict=verdict)], [0.0], gains)
-        return str(dict(report.blocks[1].rows)["next"])  # type: ignore[union-attr]
+        return facts_of(allocate_report(search, [replace(found, verdict=verdict)], [0.0], gains))["next"]
 
     measured = next_command(Verdict.INCONCLUSIVE, MeasurementGain("stiffness.K_1", 0.3))
     assert measured.startswith("hdassist allocate ")

@@ -10,6 +10,7 @@ from hdassist.belief.statistics import weighted_quantile
 from hdassist.pages.tolerance import sensitivity_report
 from hdassist.tolerance.production import TIGHTER_STEP, Production, RandomDrive, production_law
 from hdassist.tolerance.tightening import Sensitivities, sensitivities
+from tests.paper import facts_of
 from tests.process import TINY
 
 SOFT = "source.supports.C_3={kind: assumed, range: [50, 80000], ref: judged}"
@@ -70,4 +71,4 @@ def test_a_support_that_nobody_knows_is_measured_before_any_tolerance_is_tighten
     report = sensitivity_report(found)
     assert report.verdict == "no tolerance, measure support of the cam, radial (supports.C_3)"
     assert "a tolerance 20 % tighter takes at most" in report.why[0]
-    assert dict(report.blocks[1].rows)["next"].endswith(" --set supports.C_3=VALUE")  # type: ignore[union-attr]
+    assert facts_of(report)["next"].endswith(" --set supports.C_3=VALUE")
