@@ -1,14 +1,17 @@
-"""A drive of which only a data sheet is known, against a study with another seed and Gaussian likelihoods."""
+"""A drive of which only a data sheet is known, against plain draws of the prior that normal likelihoods weigh."""
 
 import numpy as np
 import pytest
 
-from hdassist.belief.evidence import evidence_of
+from hdassist.belief.evidence import evidence_of, stiffness_figures
 from hdassist.belief.prior import prior_of
 from hdassist.belief.samples import SamplingEffort, draw_samples
-from hdassist.belief.statistics import weighted_quantile
+from hdassist.belief.statistics import effective_number, weighted_quantile
 from hdassist.loading import load_text
+from hdassist.run.run import Run
 from tests.process import run
+
+PLAIN = 768  # draws
 
 
 @pytest.mark.slow
@@ -16,19 +19,32 @@ def test_stiffness_and_lost_motion_narrow_the_error_and_the_wave_of_a_data_sheet
     asked = ("--ratio", "100", "--pitch-diameter", "63.5", "--torque", "67", "--stiffness", "3.1e4,5.0e4,5.7e4")
     text = run("presets", "new", "sheet", *asked).stdout
     drive = load_text(text, "sheet.yaml", ["catalogue.lost_motion=60"])
-    prior = prior_of(drive)
-    samples = draw_samples(prior, (6.7,), evidence=evidence_of(drive), effort=SamplingEffort(effective=128))
-    # 1535 draws by another seed, normal likelihoods, 201 effective: F'_ior 17.4 ± 1.8, 36.5 ± 1.5, 117.9 ± 10.8 arcsec;
-    # W_0 0.372 to 0.402 mm
-    found = [samples.percentile(share, 0) for share in (0.05, 0.5, 0.95)]
-    error = [samples.percentile_error(share, 0) for share in (0.05, 0.5, 0.95)]
-    expected = ((17.4, 1.8), (36.5, 1.5), (117.9, 10.8))
-    for value, own, (other, others) in zip(found, error, expected, strict=True):
-        assert abs(value - other) < 3 * np.hypot(own, others)
+    prior, evidence = prior_of(drive), evidence_of(drive)
+    samples = draw_samples(prior, (6.7,), evidence=evidence, effort=SamplingEffort(effective=128))
+    # another seed, no draw left out, no proposal: each draw of the prior weighed as a whole
+    effort = SamplingEffort(PLAIN, PLAIN, 4 * PLAIN, 64)
+    plain = draw_samples(prior, (6.7,), further=stiffness_figures, effort=effort, run=Run(seed=1))
+    log = np.zeros(len(plain.weights))
+    for each in evidence:
+        over = plain.figures[each.figure] / each.value
+        log -= 0.5 * ((np.log(over) if each.kind == "ratio" else np.maximum(over - 1, 0)) / each.spread) ** 2
+    weights = np.exp(log)
     (k,) = (k for k, each in enumerate(prior.fields) if each.path == "cam.W_0")
-    W_0 = prior.fields[k].value(samples.shares[:, k])
-    for share, other in ((0.05, 0.3724), (0.95, 0.4015)):
-        step = np.sqrt(share * (1 - share) / samples.effective)
-        low, high = (weighted_quantile(W_0, samples.weights, share + s) for s in (-step, step))
-        off = weighted_quantile(W_0, samples.weights, share) - other
-        assert abs(off) < 3 * (high - low) / 2 * np.hypot(1, (128 / 201) ** 0.5)
+    W_0, of_plain = (prior.fields[k].value(found.shares[:, k]) for found in (samples, plain))
+    for own, other, shares in (
+        (samples.F_ior_arcsec[:, 0], plain.F_ior_arcsec[:, 0], (0.05, 0.5, 0.95)),
+        (W_0, of_plain, (0.05, 0.95)),
+    ):
+        for share in shares:
+            (found, error), (expected, its_error) = (
+                (weighted_quantile(values, w, share), error_of(values, w, share))
+                for values, w in ((own, samples.weights), (other, weights))
+            )
+            assert abs(found - expected) < 3 * np.hypot(error, its_error)
+
+
+def error_of(values, weights, share):
+    """Monte Carlo error of a percentile: half of what lies between those a standard deviation of its share apart."""
+    step = np.sqrt(share * (1 - share) / effective_number(weights))
+    low, high = (weighted_quantile(values, weights, share + s) for s in (-step, step))
+    return (high - low) / 2
