@@ -12,19 +12,28 @@ from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, partial
+from operator import attrgetter
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hdassist.belief.evidence import evidence_of, log_likelihood
 from hdassist.belief.prior import DrivePrior, prior_of
 from hdassist.belief.samples import EFFECTIVE_SAMPLES, SamplingEffort, draw_samples
-from hdassist.belief.statistics import RESOLVED_ERROR, effective_number, even_rows, probability_of, weighted_quantile
+from hdassist.belief.statistics import (
+    RESOLVED_ERROR,
+    Probability,
+    effective_number,
+    even_rows,
+    probability_of,
+    weighted_quantile,
+)
 from hdassist.design import DesignCheck, check, check_states
 from hdassist.error.error_map import Batch, Indices, error_maps, searchable
 from hdassist.error.extremes import DRAWN_GRIDS, DRAWN_STATES, extremes_of, many_extremes
 from hdassist.error.stiffness import Stiffness, rated_torque, stiffness, stiffness_states
-from hdassist.errors import SURE, HdassistError, UntrustedError
+from hdassist.errors import HdassistError, UntrustedError, Verdict
 from hdassist.model.deviations import unknowns
 from hdassist.model.geometry import Array
 from hdassist.model.rules import first_conflict
@@ -113,9 +122,9 @@ class DrivePairs:
         """Whether F'_ior is less, more or the same in the second drive, by torque; unknown where that is not sure."""
         return tuple(map(self._sense, self._changes()))
 
-    def probabilities_less(self) -> tuple[float, ...]:
+    def probabilities_less(self) -> tuple[Probability, ...]:
         """Probability that F'_ior is less in the second drive, by torque."""
-        return tuple(float(np.average(change < -_SAME_ERROR, weights=self.weights)) for change in self._changes())
+        return tuple(self._probability(change < -_SAME_ERROR) for change in self._changes())
 
     def _changes(self) -> Array:
         """Changes of F'_ior [arcsec], shape (torques, samples, samples of the second)."""
@@ -125,12 +134,20 @@ class DrivePairs:
         if np.all(np.abs(change[self.weights > 0]) < _SAME_ERROR):
             return "the same"
         for sense, inside in (("less", change < 0), ("more", change > 0)):
-            # once over the samples of each drive: of so many that chance alone could make it otherwise
-            marginals = [(self.weights.sum(1 - k), (self.weights * inside).sum(1 - k)) for k in self.sampled]
-            probabilities = [probability_of(hits / np.maximum(of, _LEAST_WEIGHT), of) for of, hits in marginals]
-            if all(probability.low >= SURE for probability in probabilities) and inside.any():
+            if inside.any() and self._probability(inside).verdict() is Verdict.PASS:
                 return sense
         return UNKNOWN
+
+    def _probability(self, inside: NDArray[np.bool_]) -> Probability:
+        """Probability of a change that some pairs have, shape (samples, samples of the second).
+
+        Its interval holds those over the samples of each drive: of so many that chance alone could make it otherwise.
+        """
+        marginals = ((self.weights.sum(1 - k), (self.weights * inside).sum(1 - k)) for k in self.sampled)
+        found = [probability_of(hits / np.maximum(of, _LEAST_WEIGHT), of) for of, hits in marginals]
+        value = float(np.average(inside, weights=self.weights))
+        low, high = min((p.low for p in found), default=value), max((p.high for p in found), default=value)
+        return Probability(value, low, high, few=True)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -279,7 +296,7 @@ class DriveChanges:
 
     pairs: int
     F_ior_is: tuple[str, ...]
-    probability_better: tuple[float | None, ...]
+    probability_better: tuple[Probability | None, ...]
     together: ErrorChange
     single: tuple[ErrorChange, ...]
     not_alone: tuple[str, ...]
@@ -326,7 +343,7 @@ class DrivesComparison:
     def word(self) -> Literal["TAKE", "KEEP", "ANY"]:
         """Whether to take another drive than the first, to keep that, or any: none is likelier better, or differs."""
         chance = self.probability_best
-        if self.all_alike or (chance is not None and chance < _LIKELIER):
+        if self.all_alike or (chance is not None and chance.value < _LIKELIER):
             return "ANY"
         return "TAKE" if self.best else "KEEP"
 
@@ -336,7 +353,7 @@ class DrivesComparison:
         return bool(np.all(np.abs(self.shares - 1) < _EQUAL_SHARE))
 
     @property
-    def probability_best(self) -> float | None:
+    def probability_best(self) -> Probability | None:
         """Probability that F'_ior of the best drive is less than that of the first, at the torque where this is least.
 
         Of the first one, that no other is less there; None where inputs are unknown and were not drawn.
@@ -346,8 +363,8 @@ class DrivesComparison:
             known = [chance for chance in changes.probability_better if chance is not None]
             if len(known) < len(changes.probability_better):
                 return None
-            chances.append(min(known))
-        return chances[0] if self.best else 1 - max(chances)
+            chances.append(min(known, key=attrgetter("value")))
+        return chances[0] if self.best else max(chances, key=attrgetter("value")).complement
 
 
 def at_common_torques(drives: Sequence[Drive]) -> list[Drive]:

@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 
 from hdassist import kinematic_error, load_preset, mounting_curve, stiffness
-from hdassist.belief.statistics import weighted_quantile
+from hdassist.belief.statistics import Probability, weighted_quantile
 from hdassist.commands.design import is_preset
 from hdassist.design import check
+from hdassist.errors import SURE
 from hdassist.pages.compare import drives_report
 from hdassist.run.run import UNCHECKED
 from hdassist.terminal.output import report_object
@@ -134,26 +135,34 @@ def test_a_direction_is_a_verdict_only_where_it_is_sure():
     assert found.F_ior_is == ("unknown",)  # there is no range over what is not known
 
 
+def probability(value: float, low: float = 0.0, high: float = 1.0) -> Probability:
+    return Probability(value, low, high, few=True)
+
+
 def test_the_probability_of_being_better_is_the_weight_of_pairs_that_are(better):
     pairs = DrivePairs(np.zeros((3, 2)), np.array([[-1.0, 2], [-0.001, -2], [-3, 2]]), np.diag([0.5, 0.2, 0.3]), ())
-    assert pairs.probabilities_less() == pytest.approx((0.8, 0.2))
-    changes = replace(better.changes[0], probability_better=(0.7,))
-    assert (better.best, replace(better, changes=(changes,)).probability_best) == (1, 0.7)
-    back = replace(better, sheets=better.sheets[::-1], changes=(changes, replace(changes, probability_better=(0.1,))))
-    assert (back.best, back.probability_best) == (0, pytest.approx(0.3))
-    one_torque_less = replace(changes, probability_better=(0.85, 0.25))  # than the first, and not at the other torque
-    assert replace(back, changes=(one_torque_less,) * 2).probability_best == 0.75
+    assert [found.value for found in pairs.probabilities_less()] == pytest.approx([0.8, 0.2])
+    changes = replace(better.changes[0], probability_better=(probability(0.7),))
+    assert (better.best, replace(better, changes=(changes,)).probability_best.value) == (1, 0.7)
+    back = replace(
+        better, sheets=better.sheets[::-1], changes=(changes, replace(changes, probability_better=(probability(0.1),)))
+    )
+    assert (back.best, back.probability_best.value) == (0, pytest.approx(0.3))
+    one_torque_less = replace(
+        changes, probability_better=(probability(0.85), probability(0.25))
+    )  # than the first, and not at the other torque
+    assert replace(back, changes=(one_torque_less,) * 2).probability_best.value == 0.75
     alike = replace(better, sheets=(better.sheets[0],) * 2)
     assert (alike.best, alike.word, better.word) == (0, "ANY", "TAKE")
     assert [replace(back, changes=(one_torque_less,) * 2).word, back.word] == ["KEEP", "ANY"]  # 75 and 30 % sure
     assert drives_report(alike, 0).line.startswith("any, all alike: B ")
-    coin = replace(better, changes=(replace(changes, probability_better=(0.48,)),))
+    coin = replace(better, changes=(replace(changes, probability_better=(probability(0.48),)),))
     assert (coin.word, coin.best) == ("ANY", 1)
     assert drives_report(coin, 0).line.startswith("any, no sure difference (B better")
 
 
 def test_the_next_command_reports_the_drive_that_is_taken_or_kept(better):
-    worse = replace(better.changes[0], probability_better=(0.0,))
+    worse = replace(better.changes[0], probability_better=(probability(0.0),))
     kept = replace(better, sheets=better.sheets[::-1], changes=(worse,))
     assert (better.word, kept.word) == ("TAKE", "KEEP")
     commands = {on_paper(drives_report(found, 0)).split("next ")[1] for found in (better, kept)}
@@ -167,10 +176,22 @@ def test_a_change_that_unknown_inputs_could_reverse_is_open(better):
 
     assert ": keep A: B open F'_ior" not in page()
     assert ": take B: B open F'_ior" in page(probability_better=(None,))
-    likely = page(probability_better=(0.8,))
+    likely = page(probability_better=(probability(0.8),))
     assert re.search(r": take B: B -\d+ % F'_ior", likely)
     assert re.search(r" -\d+ % 80 % .*B most by .*\(tolerances.F_i2\)", likely)
     assert "open unknown inputs could reverse this change" in likely
+    few = page(probability_better=(probability(0.01, 0.0, 0.07),))
+    assert "could reverse this change: 99 % (93 to 100), 95 % needed by all of it" in few
+
+
+def test_how_sure_the_better_drive_is_has_its_interval():
+    drawn = compare_drives([tiny(C_3), tiny(C_3, "tolerances.F_i2=10")], draws=8)
+    odds = drawn.probability_best
+    assert odds.low < SURE < odds.value  # of 8 samples
+    report = drives_report(drawn, 0)
+    assert f" B, 100 % ({100 * odds.low:.0f} to 100) sure: " in report.line
+    assert report_object(report)["best"]["probability_better"] == odds.value
+    assert report_object(report)["changes"][0]["probability_better"] == [odds.value]
 
 
 def test_what_is_not_known_lies_alike_in_both():

@@ -7,7 +7,7 @@ scipy has them); Matousek 1998, doi 10.1006/jcom.1998.0489 (scrambling by a line
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 
@@ -35,6 +35,11 @@ class Probability:
     low: float
     high: float
     few: bool = field(default=False, kw_only=True)
+
+    @property
+    def complement(self) -> Probability:
+        """That of the other outcome."""
+        return replace(self, value=1 - self.value, low=1 - self.high, high=1 - self.low)
 
     def verdict(self, sure: float = SURE) -> Verdict:
         """Verdict on a limit that is kept with this probability; sure, the one that PASS needs."""

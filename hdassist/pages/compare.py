@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, replace
+from operator import attrgetter
 from string import ascii_uppercase
 
 import numpy as np
@@ -11,6 +12,7 @@ import numpy as np
 from hdassist.comparing.compare import UNIDENTIFIABLE_ANGLE, Comparison, Explanation, VectorChange, equally_good
 from hdassist.comparing.record import ERROR_SIGNS, SENSES, Alignment, OrderAmplitude
 from hdassist.design import OperatingPoint
+from hdassist.errors import SURE
 from hdassist.files import STDIN
 from hdassist.model.deviations import unknown_names, unknown_notes, unknowns
 from hdassist.model.geometry import Kinematics
@@ -328,7 +330,7 @@ def _drive_rows(result: DrivesComparison) -> Iterator[tuple[str, ...]]:
         for (letter, sheet), changes in zip(_lettered(result).items(), (None, *result.changes), strict=True):
             odds = changes.probability_better[k] if changes else None
             change = _change(result, sheet, changes, k) if changes else NO_VALUE
-            better = NO_VALUE if odds is None else f"{100 * odds:.0f} %"
+            better = NO_VALUE if odds is None else f"{100 * odds.value:.0f} %"
             best, point = sheet.advice.chosen, sheet.check.points[k]
             mounted = f"{best.F_ior_arcsec[k]:.1f}, {hole_place(best)}"
             yield letter, f"{point.M_g:g} N·m", _F_ior_words(point, ".1f"), mounted, change, better
@@ -365,8 +367,8 @@ def _verdict(result: DrivesComparison) -> str:
         words = (_change(result, sheet, changes, k) + load for k, load in enumerate(loads))
         verdicts.append(f"{letter} {', '.join(words)}")
     odds = result.probability_best
-    drawn = odds is not None and any(sheet.check.samples for sheet in result.sheets)
-    sure = f", {100 * (odds or 0.0):.0f} % sure" * drawn
+    drawn = any(sheet.check.samples for sheet in result.sheets)
+    sure = f", {odds.text()} sure" if odds and drawn else ""
     best = letters[result.best]
     answer = f"{result.word.lower()} {best}{sure}"
     if result.word == "ANY":
@@ -408,8 +410,13 @@ def _drives_facts(result: DrivesComparison) -> Iterator[Fact]:
     if result.rated_shares:
         yield "torques", f"none in common: each drive at {' and '.join(_loads(result))}"
     yield "differs", _some([row[0].path for row in result.differing])
-    if any(NOT_KNOWN in changes.F_ior_is for changes in result.changes):
-        yield "open", "unknown inputs could reverse this change"
+    cells = [
+        (each.F_ior_is[k], each.probability_better[k]) for each in result.changes for k in range(len(result.torques))
+    ]
+    if open_ := [odds for sense, odds in cells if sense == NOT_KNOWN]:
+        likelier = [max(odds, odds.complement, key=attrgetter("value")) for odds in open_ if odds]
+        sure = f": {min(likelier, key=attrgetter('low')).text(SURE)}" if likelier else ""
+        yield "open", f"unknown inputs could reverse this change{sure}"
     yield "next", again("report", result.sheets[result.best].drive, "-o", "report.html")
 
 
@@ -420,12 +427,13 @@ def _some(paths: Sequence[str]) -> str:
 
 
 def _drives_values(result: DrivesComparison, seed: int) -> Json:
+    odds = result.probability_best
     return {
         "warnings": list(comparison_warnings(result)),
         "presets": [_drive_object(sheet, seed) for sheet in result.sheets],
         "M_g_Nm": list(result.torques),
         "share_of_rated": result.rated_shares,
-        "best": {"word": result.word, "preset": result.best, "probability_better": result.probability_best},
+        "best": {"word": result.word, "preset": result.best, "probability_better": odds and odds.value},
         "differences": [
             {
                 "field": row[0].path,
@@ -437,7 +445,11 @@ def _drives_values(result: DrivesComparison, seed: int) -> Json:
             }
             for row in result.differing
         ],
-        "changes": [{"from": 0, "to": k, **asdict(changes)} for k, changes in enumerate(result.changes, 1)],
+        "changes": [
+            {"from": 0, "to": k, **asdict(changes)}
+            | {"probability_better": [odds and odds.value for odds in changes.probability_better]}
+            for k, changes in enumerate(result.changes, 1)
+        ],
         "seed": seed,
     }
 
