@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Generator, Sequence
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from math import hypot
 from typing import TYPE_CHECKING, Any
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from hdassist.run.kept import Kept
 
 
-@dataclass(frozen=True, kw_only=True)
 class PlanCommand(o.PlotOptions, o.SamplingOptions, o.LimitedDriveOptions):
     """How much of F'_ior a test sees, before it is made: which positions or which record are enough.
 
@@ -116,7 +115,6 @@ class PlanCommand(o.PlotOptions, o.SamplingOptions, o.LimitedDriveOptions):
         return replace(report, head="") if "-" in paths else report
 
 
-@dataclass(frozen=True, kw_only=True)
 class AcceptOptions(o.FigureOptions, o.SamplingOptions):
     """How answers are worked out and given; jsonl and junit also have the drives without an answer."""
 
@@ -148,7 +146,6 @@ class AcceptOptions(o.FigureOptions, o.SamplingOptions):
         return out
 
 
-@dataclass(frozen=True, kw_only=True)
 class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOptions):
     """PASS, FAIL or INCONCLUSIVE: drives held against the limits of their presets.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import isfinite
 from typing import TYPE_CHECKING, Literal
 
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from hdassist.preset.fields import Drive
 
 
-@dataclass(frozen=True, kw_only=True)
 class ArchiveOptions(o.OptionGroup):
     """Where results are kept, of which drive and measured how; or the drive whose history is shown."""
 
@@ -61,7 +60,6 @@ class ArchiveOptions(o.OptionGroup):
         return replace(report, warnings=(words,)) if is_cut_off(archive) else report
 
 
-@dataclass(frozen=True, kw_only=True)
 class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
     """F'_ior, orders and coverage of measured traces, with their uncertainty.
 
@@ -140,7 +138,6 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
         return give("measure", answers, out, more=more, below=below)
 
 
-@dataclass(frozen=True, kw_only=True)
 class ControllerOptions(o.OptionGroup):
     """The file of a controller, and how its axis counts."""
 
@@ -188,7 +185,6 @@ class ControllerOptions(o.OptionGroup):
             write_text(target[1], text, force)
 
 
-@dataclass(frozen=True, kw_only=True)
 class CompensateCommand(
     ControllerOptions, o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOptions, o.LoadedDriveOptions
 ):

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from hdassist.report import Json
 
 
-@dataclass(frozen=True, kw_only=True)
 class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
     """Find stiffnesses, clearances or any other measures of a preset from measured values of the drive.
 
@@ -90,7 +89,6 @@ _VALIDATE = "presets-validate"
 _PIPED_COLUMNS = 10_000  # whoever reads a pipe has the room that a table needs
 
 
-@dataclass(frozen=True, kw_only=True)
 class PresetsListCommand(o.PageOptions):
     """Presets that come with hdassist.
 
@@ -128,7 +126,6 @@ class PresetsListCommand(o.PageOptions):
         return Report("presets-list", None, "presets of hdassist", blocks=(table,), values={"presets": values})
 
 
-@dataclass(frozen=True, kw_only=True)
 class PresetsShowCommand(o.PageOptions, o.DriveOptions):
     """A preset as it is written, or every value that is really used.
 
@@ -178,7 +175,6 @@ class PresetsShowCommand(o.PageOptions, o.DriveOptions):
         )  # fmt: skip
 
 
-@dataclass(frozen=True, kw_only=True)
 class PresetsValidateCommand(o.AnswerOptions, o.DriveOptions):
     """Check presets: everything that is wrong with each, at once, and how much of it is still assumed.
 
@@ -220,7 +216,6 @@ def _invalid(name: str, error: HdassistError) -> Json:
     return failure(_VALIDATE, error, preset=name) | {"file": name, "valid": False, "findings": findings}
 
 
-@dataclass(frozen=True, kw_only=True)
 class WishOptions(o.OptionGroup):
     """Known data of a new drive."""
 
@@ -236,7 +231,6 @@ class WishOptions(o.OptionGroup):
     accuracy: str | None = None
 
 
-@dataclass(frozen=True, kw_only=True)
 class PresetsSchemaCommand(o.OptionGroup):
     """JSON Schema of presets, for editors that complete and check YAML.
 
@@ -260,7 +254,6 @@ class PresetsSchemaCommand(o.OptionGroup):
         return 0
 
 
-@dataclass(frozen=True, kw_only=True)
 class PresetsNewCommand(WishOptions):
     """A whole preset of a drive like another one; without options, that of vzp160 with every value to be replaced.
 
@@ -312,7 +305,6 @@ class DoctorFinding:
     found: str
 
 
-@dataclass(frozen=True, kw_only=True)
 class DoctorCommand(o.PageOptions):
     """Whether this installation can be relied on: versions, engine, cache, a self-test, cores and the terminal.
 
@@ -421,7 +413,6 @@ def self_test() -> DoctorFinding:
     )
 
 
-@dataclass(frozen=True, kw_only=True)
 class ExplainCommand(o.PageOptions):
     """Meaning of a check, an error, a field, a symbol, a word of the trade or an option, and the remedy.
 

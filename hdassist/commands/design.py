@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from hdassist.run.kept import Kept
 
 
-@dataclass(frozen=True, kw_only=True)
 class CheckCommand(o.PlotOptions, o.SamplingOptions, o.PitchOptions, o.LimitedDriveOptions):
     """Largest kinematic error F'_ior of drives over the full cycle, with verdict and proof.
 
@@ -62,7 +61,6 @@ class CheckCommand(o.PlotOptions, o.SamplingOptions, o.PitchOptions, o.LimitedDr
         return check_report(result, self.seed)
 
 
-@dataclass(frozen=True, kw_only=True)
 class TraceCommand(o.PlotOptions, o.PitchOptions, o.OneTorqueOptions):
     """Kinematic error F_kpp against the cam angle, with its orders and their causes.
 
@@ -110,7 +108,6 @@ class TraceCommand(o.PlotOptions, o.PitchOptions, o.OneTorqueOptions):
         return trace_report(drive, result, self.seed, self.speed)
 
 
-@dataclass(frozen=True, kw_only=True)
 class StiffnessCommand(o.PlotOptions, o.DriveOptions):
     """Torsional stiffness: twist against torque in both directions, lost motion, K1, K2, K3.
 
@@ -145,7 +142,6 @@ class StiffnessCommand(o.PlotOptions, o.DriveOptions):
 _JSON_ROWS = 100_000  # that --json holds in memory, at most
 
 
-@dataclass(frozen=True, kw_only=True)
 class SweepCommand(o.RowsOptions, o.LoadedDriveOptions):
     """F'_ior over a grid of values of any numeric fields of a preset, row by row.
 
@@ -253,7 +249,6 @@ _PRESET_SUFFIXES = (".yaml", ".yml")
 _OF_TRACES = ("start", "zero", "error_is", "cam_sense")  # options that presets do not have, beside TraceOptions
 
 
-@dataclass(frozen=True, kw_only=True)
 class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOptions, o.OneTorqueOptions):
     """A measured trace over the predicted one, and which deviation explains the difference; or presets side by side.
 
@@ -355,7 +350,6 @@ def is_preset(name: str) -> bool:
 _REPORT_SUFFIXES = (".html", ".md")
 
 
-@dataclass(frozen=True, kw_only=True)
 class ReportCommand(o.AnswerOptions, o.SamplingOptions, o.LimitedDriveOptions):
     """Everything about a drive on two pages: verdict, errors, mounting, stiffness, assumptions, provenance.
 

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from hdassist.terminal.words import Texts
 
 
-@dataclass(frozen=True, kw_only=True)
 class MountCommand(
     o.PlotOptions, o.CardOptions, o.TrialOptions, o.TraceOptions, o.SamplingOptions, o.PitchOptions,
     o.LimitedDriveOptions,

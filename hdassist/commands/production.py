@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import closing, nullcontext
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from functools import partial
 from itertools import islice
 from typing import TYPE_CHECKING, Literal
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from hdassist.tolerance.production import Production, ProductionLaw, RandomDrive
 
 
-@dataclass(frozen=True, kw_only=True)
 class DrawOptions(o.LimitedDriveOptions):
     """How random drives are drawn."""
 
@@ -77,7 +76,6 @@ def _require_limits(drive: Drive) -> list[float]:
     return limits
 
 
-@dataclass(frozen=True, kw_only=True)
 class ToleranceCommand(o.RowsOptions, DrawOptions):
     """Yield of random drives inside their tolerances, as built and with each fixed wheel in its best hole.
 
@@ -171,7 +169,6 @@ class ToleranceCommand(o.RowsOptions, DrawOptions):
         return tolerance_report(law, self.seed, summary, samples, interrupted=interrupted)
 
 
-@dataclass(frozen=True, kw_only=True)
 class SensitivityCommand(o.FigureOptions, DrawOptions):
     """Which tolerance to tighten first, and how much a step takes off F'_ior; or the measurement to make before.
 
@@ -213,7 +210,6 @@ _MOST_ROUNDS = 5  # of drives that try tolerances, beside the first, at most
 _DRIVES_PER_DESIGN = 5  # of many designs few drives each tell more than the reverse
 
 
-@dataclass(frozen=True, kw_only=True)
 class AllocateCommand(o.FigureOptions, DrawOptions):
     """The cheapest tolerances with which enough drives pass, as built and with each fixed wheel in its best hole.
 

@@ -13,7 +13,6 @@ import signal
 import sys
 from collections.abc import AsyncIterator, Callable
 from contextlib import closing, suppress
-from dataclasses import dataclass
 from functools import partial
 from multiprocessing import forkserver
 from multiprocessing.connection import Connection
@@ -33,7 +32,6 @@ Question = Callable[[Callable[[str, object], None]], None]  # a function of expl
 _PRELOADED = ["__main__", "hdassist.cli", "hdassist.explorer.preloaded"]
 
 
-@dataclass(frozen=True, kw_only=True)
 class ExploreCommand(o.LimitedDriveOptions):
     """A drive turned on the screen: where the fixed wheel is best, and the effect of each value of the preset.
 

@@ -15,7 +15,7 @@ from functools import partial
 from importlib.resources import files
 from inspect import get_annotations
 from math import isfinite
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_origin
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, dataclass_transform, get_origin
 
 import typer
 
@@ -54,16 +54,18 @@ def option_name(field: str) -> str:
     return f"--{field.replace('_', '-')}"
 
 
+@dataclass_transform(frozen_default=True, kw_only_default=True)
 @dataclass(frozen=True, kw_only=True)
 class OptionGroup:
-    """Options as fields."""
+    """Options as fields; its subclasses are frozen dataclasses without a decorator."""
 
     def __init_subclass__(cls) -> None:
-        """Join each field that options.toml declares with its option, as typer reads it."""
+        """Join each field that options.toml declares with its option, as typer reads it; make the class a dataclass."""
         declared = DECLARED["any"] | DECLARED.get(cls.__name__, {})
         for field, kind in get_annotations(cls, eval_str=True).items():
             if field in declared and not hasattr(kind, "__metadata__"):
                 cls.__annotations__[field] = _declared_parameter(field, kind, **declared[field])
+        dataclass(frozen=True, kw_only=True)(cls)
 
     def only(self, part: type[_PartT]) -> _PartT:
         """The options of one of the groups that a command is made of, or of a dataclass with the same fields."""
@@ -77,7 +79,6 @@ class OptionGroup:
         return ((f.name, item) for f, item in each if item != f.default)
 
 
-@dataclass(frozen=True, kw_only=True)
 class PageOptions(OptionGroup):
     """How an answer is given."""
 
@@ -134,7 +135,6 @@ class PageOptions(OptionGroup):
         raise NotImplementedError  # of a command whose `run` is its own, and never asks
 
 
-@dataclass(frozen=True, kw_only=True)
 class AnswerOptions(PageOptions):
     """How an answer that was computed is given."""
 
@@ -142,14 +142,12 @@ class AnswerOptions(PageOptions):
     verbose: bool = False
 
 
-@dataclass(frozen=True, kw_only=True)
 class FigureOptions(AnswerOptions):
     """How an answer with a table of figures is given."""
 
     csv: str | None = None
 
 
-@dataclass(frozen=True, kw_only=True)
 class PlotOptions(FigureOptions):
     """How an answer with figures, plots and details is given."""
 
@@ -157,7 +155,6 @@ class PlotOptions(FigureOptions):
     details: bool = False
 
 
-@dataclass(frozen=True, kw_only=True)
 class RowsOptions(PlotOptions):
     """How an answer from many records is given."""
 
@@ -170,7 +167,6 @@ class RowsOptions(PlotOptions):
         return super().open()
 
 
-@dataclass(frozen=True, kw_only=True)
 class SamplingOptions(OptionGroup):
     """Samples of the inputs that are not known exactly: how many, from which seed, by how many processes."""
 
@@ -179,7 +175,6 @@ class SamplingOptions(OptionGroup):
     jobs: int = 0
 
 
-@dataclass(frozen=True, kw_only=True)
 class DriveOptions(OptionGroup):
     """Changes of a preset."""
 
@@ -203,7 +198,6 @@ class DriveOptions(OptionGroup):
         return tuple((name, str(value)) for name, value in self.given() if name in TAKEN_OVER)
 
 
-@dataclass(frozen=True, kw_only=True)
 class LoadedDriveOptions(DriveOptions):
     """Changes of a preset, its torques among them."""
 
@@ -215,7 +209,6 @@ class LoadedDriveOptions(DriveOptions):
         return [*super().changes, *torque_overrides(self.torque)]
 
 
-@dataclass(frozen=True, kw_only=True)
 class OneTorqueOptions(DriveOptions):
     """Changes of a preset, one torque among them."""
 
@@ -227,7 +220,6 @@ class OneTorqueOptions(DriveOptions):
         return [*super().changes, *torque_overrides([self.torque])]
 
 
-@dataclass(frozen=True, kw_only=True)
 class LimitedDriveOptions(LoadedDriveOptions):
     """Changes of a preset, its limits of F'_ior among them."""
 
@@ -257,7 +249,6 @@ class LimitedDriveOptions(LoadedDriveOptions):
         return drive
 
 
-@dataclass(frozen=True, kw_only=True)
 class PitchOptions(OptionGroup):
     """Measured teeth of the wheels in place of their first harmonics."""
 
@@ -295,7 +286,6 @@ class PitchOptions(OptionGroup):
         return measured
 
 
-@dataclass(frozen=True, kw_only=True)
 class TraceOptions(OptionGroup):
     """How the file of a measured trace is read, and which part of its error is kept."""
 
@@ -323,7 +313,6 @@ class TraceOptions(OptionGroup):
         return [option_name(name) + ("" if value is True else f"={value}") for name, value in given]
 
 
-@dataclass(frozen=True, kw_only=True)
 class SignOptions(OptionGroup):
     """How the error and the cam's angle of a record count."""
 
@@ -338,7 +327,6 @@ class SignOptions(OptionGroup):
         return Alignment(sign=sign, sense=1.0 if self.cam_sense == "ccw" else -1.0)
 
 
-@dataclass(frozen=True, kw_only=True)
 class CardOptions(OptionGroup):
     """An assembly card beside the answer."""
 
@@ -347,7 +335,6 @@ class CardOptions(OptionGroup):
     serial: str | None = None
 
 
-@dataclass(frozen=True, kw_only=True)
 class TrialOptions(OptionGroup):
     """How trials are measured, and how sure the choice has to be."""
 
