@@ -181,23 +181,15 @@ _SUMMARIES = {  # summary of each command by the section of the help in which it
 }
 COMMANDS = tuple(name for summaries in _SUMMARIES.values() for name in summaries)
 OTHER_NAMES = {"trials": "mount"}  # commands by an old name
-_MODULES = {
-    "hdassist.commands.design": ("check", "trace", "stiffness", "sweep", "compare", "report"),
-    "hdassist.commands.production": ("tolerance", "sensitivity", "allocate"),
-    "hdassist.commands.mount": ("mount",),
-    "hdassist.commands.bench": ("measure", "compensate"),
-    "hdassist.commands.acceptance": ("plan", "accept"),
-    "hdassist.commands.data": ("calibrate", "presets", "doctor", "explain"),
-    "hdassist.explorer.command": ("explore",),
-}
+_MODULES = {"explore": "hdassist.explorer.command", "explain": "hdassist.commands.data"}  # that no section names
 _OPTIONS: Any = {"add_completion": False, "rich_markup_mode": None}  # of each typer
 _PRESETS = ("list", "show", "validate", "schema", "new")  # commands of `hdassist presets`
 
 
 def module_of(name: str) -> str:
-    """Module of a command, which has a class named after it, as `CheckCommand`."""
-    own = OTHER_NAMES.get(name, name)
-    return next(module for module, names in _MODULES.items() if own in names)
+    """Module of a command, by its section in the help; it has a class named after the command, as `CheckCommand`."""
+    section = next(section for section, summaries in _SUMMARIES.items() if name in summaries)
+    return _MODULES.get(name, f"hdassist.commands.{section.lower()}")
 
 
 @cache

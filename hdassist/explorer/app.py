@@ -23,7 +23,7 @@ from textual.events import DescendantFocus
 from textual.screen import ModalScreen
 from textual.widgets import DataTable, Input, Static
 
-from hdassist.commands.mount import CARD_SUFFIXES, CardFile
+from hdassist.commands.bench import CARD_SUFFIXES, CardFile
 from hdassist.errors import HdassistError, UsageError
 from hdassist.explorer import state
 from hdassist.explorer.asking import Asking
