@@ -207,7 +207,6 @@ def _loaded(name: str) -> Any:
     return typer.main.get_command(app)
 
 
-_ONE_PRESET = ("trace", "stiffness", "tolerance", "sensitivity", "allocate", "sweep", "report", "plan")  # commands
 _REMEDIES = {  # of an option that a command does not take
     "--travel": "it is a field of the preset: --set acceptance.travel=300",
     "--rule": "--set acceptance.rule=simple",
@@ -297,6 +296,11 @@ def _start_page(width: int) -> str:
     return "\n".join([*lines, "", *textwrap.wrap(more, width)])
 
 
+def _takes_one_preset(command: Any) -> bool:
+    """Whether the only argument of a command is a preset."""
+    return [each.name for each in command.params if each.param_type_name == "argument"] == ["preset"]
+
+
 def run_command_line() -> None:
     """Run the command line and leave with its exit code."""
     for name in THREADS:
@@ -312,7 +316,7 @@ def run_command_line() -> None:
         if hasattr(wrong, "possibilities"):  # options like one that is none
             hint = _REMEDIES.get(getattr(wrong, "option_name", ""), "")
             wrong.possibilities = wrong.possibilities if not hint else ()
-        elif "unexpected extra argument" in wrong.message and wrong.ctx.info_name in _ONE_PRESET:
+        elif "unexpected extra argument" in wrong.message and _takes_one_preset(wrong.ctx.command):
             hint = "hdassist compare A.yaml B.yaml sets presets side by side"
         elif wrong.message.startswith(("Input should", "Value error")):  # of pydantic; others have the user's own words
             wrong.message = validation_words(wrong.message)

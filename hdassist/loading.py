@@ -34,6 +34,7 @@ from hdassist.preset.fields import (
     PRESET_SCHEMA,
     REMOVED,
     UNKNOWN,
+    AskedOption,
     CostLaw,
     Drive,
     Origin,
@@ -81,7 +82,7 @@ if TYPE_CHECKING:
 
 OVERRIDE_PLACE = re.compile(rf"^{OVERRIDE}:\d+:\d+: ", re.MULTILINE)  # in a message, of an override without a --set
 _PER_TORQUE = [tuple(path.split(".")) for path, field in field_table().items() if field.kind == "limits"]
-Asked = tuple[tuple[str, str], ...]  # options by name, which the next command on a drive is to have too
+Asked = tuple[AskedOption, ...]
 
 
 def load_preset(name_or_path: str, overrides: Sequence[str] = (), asked: Asked = ()) -> Drive:

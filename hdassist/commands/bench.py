@@ -300,7 +300,8 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
 
             def one(name: str) -> Report:
                 file, joint = logged.get(name, (name, None))
-                words, ratio, read = self.words_of_reading(), self.ratio, form.measured_or_bench
+                words = [*self.words_of_reading(), *[self.typed("seed", self.seed)] * bool(self.seed)]
+                ratio, read = self.ratio, form.measured_or_bench
                 if joint:
                     own, ratio = replace(form, angle=joint.angle, second=joint.second), joint.ratio
                     words, read = [*words, f"--angle={joint.angle}", f"--second={joint.second}"], own.measured

@@ -22,6 +22,7 @@ from hdassist.report import (
     four_digits,
     quantity_table,
 )
+from hdassist.terminal.words import again
 
 if TYPE_CHECKING:
     from hdassist.calibration import Calibration, Fit, Targets
@@ -39,7 +40,9 @@ _NOTE = "fitted targets are no evidence for the model: targets that were not fit
 def calibrate_report(result: Calibration, written: str | None = None) -> Report:
     """A calibration; written, the file of the preset with its values, None where none is written."""
     wanted = result.targets
-    next_ = "the same command with --write FILE writes a preset with these values"
+    next_ = again("calibrate", result.drive, "--write", "found.yaml")
+    if result.drive.origin.overrides:
+        next_ = "with the values of --set in the file of the preset, --write FILE writes a preset with these values"
     if result.shortfall:
         next_ = "check the measured values; if they are right, widen bounds or add unknowns"
     elif written:

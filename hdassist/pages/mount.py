@@ -264,12 +264,12 @@ def _facts(advice: Advice, *, carded: bool) -> Iterator[Fact]:
         if advice.trials:
             M_g = advice.value.M_g if advice.value else advice.setup.M_g
             name = _name(advice, advice.next.rotation_deg) + f"@{M_g:g}" * (M_g != advice.setup.M_g)
-            yield "next", f"the same command with {name}=VALUE as one more value"
+            names = [name]
         else:
-            yield "next", again("mount", drive, *(f"{_name(advice, p.rotation_deg)}=F_IOR" for p in advice.to_try))
+            names = [_name(advice, p.rotation_deg) for p in advice.to_try]
+        yield "next", again("mount", drive, *(f"{name}=F_IOR" for name in names))
     elif not carded:
-        by_preset = again("mount", drive, "--card", "card.html")
-        yield "next", "the same command with --card card.html" if advice.trials else by_preset
+        yield "next", again("mount", drive, "--card", "card.html")
 
 
 def _name(advice: Advice, rotation_deg: float) -> str:

@@ -464,7 +464,8 @@ def _next(found: Allocator, ways: Sequence[Allocation], verdict: Verdict, to_mea
     if verdict is Verdict.PASS:
         cheapest = min((way for way in ways if way.fits), key=lambda way: way.cost)
         values = [f"{path}={value:.3g}" for path, value in cheapest.values.items()]
-        return again("tolerance", drive, *(word for value in values for word in ("--set", value)))
+        aim = ("--yield", f"{found.wanted:g}", "--sure", f"{found.sure:g}", *["--as-built"] * (not cheapest.turned))
+        return again("tolerance", drive, *aim, *(word for value in values for word in ("--set", value)))
     if verdict is Verdict.FAIL:
         return again("check", drive)
     times, measured = (1, _as_measured(to_measure[0].measured)) if to_measure else (MORE_DRAWS, ())

@@ -539,18 +539,26 @@ BY_PATH: dict[str, type[Section]] = {"source": Source, "cost": CostLaw}  # table
 PATH_TABLES = ("uncertainty", "fit", *BY_PATH)  # all of them
 
 
+class AskedOption(NamedTuple):
+    """An option that the user gave: of a command, by the name of its field, as it is typed."""
+
+    command: str
+    field: str
+    text: str
+
+
 @dataclass(frozen=True)
 class Origin:
     """Where a drive was read: file as named by the user, SHA-256 of its bytes, overrides on top.
 
-    asked: other options that the user gave, by name, which a next command on the drive is to have too.
+    asked: other options that the user gave, of which a next command on the drive is to have its own.
     """
 
     file: str = ""
     sha256: str = ""
     overrides: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
-    asked: tuple[tuple[str, str], ...] = ()
+    asked: tuple[AskedOption, ...] = ()
 
 
 class Drive(Section):

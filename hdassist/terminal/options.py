@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from hdassist.comparing.record import Alignment
     from hdassist.measuring.measure import Reading
     from hdassist.model.deviations import MeasuredTeeth
-    from hdassist.preset.fields import Drive
+    from hdassist.preset.fields import AskedOption, Drive
     from hdassist.readers.pitch import WheelFiles
 
 _PartT = TypeVar("_PartT")
@@ -66,6 +66,24 @@ class OptionGroup:
             if field in declared and not hasattr(kind, "__metadata__"):
                 cls.__annotations__[field] = _declared_parameter(field, kind, **declared[field])
         dataclass(frozen=True, kw_only=True)(cls)
+
+    @classmethod
+    def command_name(cls) -> str:
+        """The command, as its class is named: presets-show."""
+        return "-".join(re.findall("[A-Z][a-z]+", cls.__name__)[:-1]).lower()
+
+    @classmethod
+    def typed(cls, field: str, value: object) -> str:
+        """A field with its value as it is typed: the option, or the value alone of an argument."""
+        tables = [DECLARED.get(each.__name__, {}) for each in cls.__mro__]
+        declared: dict[str, Any] = next((table[field] for table in [*tables, DECLARED["any"]] if field in table), {})
+        if declared.get("is_argument"):
+            return str(value)
+        name, _, off = declared.get("names", [option_name(field)])[0].partition("/")
+        if isinstance(value, bool):
+            return name if value else str(off)
+        number = str(value).removesuffix(".0")
+        return f"{name}={number}" if name.startswith("--") else f"{name}{number}"
 
     def only(self, part: type[_PartT]) -> _PartT:
         """The options of one of the groups that a command is made of, or of a dataclass with the same fields."""
@@ -118,7 +136,7 @@ class PageOptions(OptionGroup):
     def run(self) -> int:
         """Give the report on each preset that the command names, or the only one; returns the exit code."""
         out, presets = self.open(), getattr(self, "presets", None) or [getattr(self, "preset", "")]
-        command = "-".join(re.findall("[A-Z][a-z]+", type(self).__name__)[:-1]).lower()
+        command = self.command_name()
         return give(command, run_each(command, presets, partial(self.report, out), out), out)
 
     def give_failure(self, command: str, error: HdassistError) -> None:
@@ -191,11 +209,14 @@ class DriveOptions(OptionGroup):
 
         return load_preset(preset, self.changes, self.taken_over())
 
-    def taken_over(self) -> tuple[tuple[str, str], ...]:
-        """Options that a next command on the drive is to have too, by name."""
-        from hdassist.terminal.words import TAKEN_OVER
+    def taken_over(self) -> tuple[AskedOption, ...]:
+        """Options of which a next command on the drive is to have its own: all that decide an answer."""
+        from hdassist.preset.fields import AskedOption
 
-        return tuple((name, str(value)) for name, value in self.given() if name in TAKEN_OVER)
+        command, others = self.command_name(), _OF_DRIVES | _OF_RUNS
+        others |= {each.name for group in _OF_PAGES for each in fields(group)}
+        given = [(name, value) for name, value in self.given() if name not in others]
+        return tuple(AskedOption(command, name, self.typed(name, value)) for name, value in given)
 
 
 class LoadedDriveOptions(DriveOptions):
@@ -309,8 +330,7 @@ class TraceOptions(OptionGroup):
 
     def words_of_reading(self) -> list[str]:
         """The options that were given, as a next command on the same file takes them."""
-        given = self.only(TraceOptions).given()
-        return [option_name(name) + ("" if value is True else f"={value}") for name, value in given]
+        return [self.typed(name, value) for name, value in self.only(TraceOptions).given()]
 
 
 class SignOptions(OptionGroup):
@@ -399,3 +419,8 @@ def stdin_once(*names: str | None) -> None:
     """Raise UsageError where standard input is named twice."""
     if names.count("-") > 1:
         raise UsageError("standard input can be read once only")
+
+
+_OF_PAGES = (RowsOptions, CardOptions)  # groups of options that give an answer, and do not decide it
+_OF_DRIVES = {"preset", "presets", "files", "overrides", "torque", "limit"}  # which are named with the drive
+_OF_RUNS = {"jobs", "executor", "junit", "write"}

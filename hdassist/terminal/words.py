@@ -29,32 +29,33 @@ DRAWN = ("tolerance", "sensitivity", "allocate")  # commands of random drives
 _SAMPLED = ("check", "report", "mount", "plan", "accept", "compare", "compensate")  # commands that draw samples
 LIMITED = ("check", "report", "mount", "plan", "accept", "explore", *DRAWN)  # commands that take --limit
 _TOOTHED = ("check", "trace", "mount", "accept")  # commands that take measured teeth
-TAKEN_OVER = {  # options that the next command has too, by their name: the commands that take them
+TAKEN_OVER = {  # options that another command has too, by their field: the commands that take them
     "draws": _SAMPLED,
     "seed": (*_SAMPLED, *DRAWN),
     "sure": ("accept", "mount"),
-    "form": ("compensate",),
-    "points": ("compensate",),
-    "each_load": ("compensate",),
-    "compensated": ("mount",),
     "distribution": DRAWN,
     "known": DRAWN,
     **dict.fromkeys(("pitch_b", "pitch_g", "mark_b", "mark_g"), _TOOTHED),
     **dict.fromkeys(("pitch_form", "pitch_sense", "pitch_flank"), _TOOTHED),
 }
+_OPTION = re.compile("^(?:--[a-z-]+|-[a-z])")  # its name, as it is typed
 _REPORTED = 2  # influences and measurements on a short page
 MORE_DRAWS = 4  # times as many samples, which halve the interval of a probability
 
 
 def again(command: str, drive: Drive | None, *more: str) -> str:
-    """A command about the same drive, as a shell takes it; PRESET stands for one that is not known."""
+    """A command about the same drive, as a shell takes it; PRESET stands for one that is not known.
+
+    It has the options that were given to the command of that name, and of others those that it takes over.
+    """
     words = ["PRESET"]
     if drive:
         origin = drive.origin
-        given = [
-            (name, value) for name, value in origin.asked if command in TAKEN_OVER[name] and f"--{name}" not in more
+        asked = [
+            text
+            for asker, field, text in origin.asked
+            if command in (asker, *TAKEN_OVER.get(field, ())) and not {*_OPTION.findall(text)} & {*more}
         ]
-        asked = [f"--{name.replace('_', '-')}={value}".removesuffix("=True") for name, value in given]
         words = [preset_argument(drive), *_options(command, origin.overrides), *asked]
     return shlex.join(["hdassist", command, *words, *more])
 

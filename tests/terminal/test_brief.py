@@ -13,6 +13,7 @@ from hdassist.belief.steps import Influence
 from hdassist.cli import COMMANDS, OTHER_NAMES, app
 from hdassist.commands.design import CheckCommand
 from hdassist.loading import load_preset
+from hdassist.preset.fields import AskedOption
 from hdassist.report import Facts, Paragraph, Report, Table
 from hdassist.solve.answers import Certificate
 from hdassist.solve.loadcase import CrossCheck
@@ -161,7 +162,8 @@ def test_options_are_taken_over_by_the_commands_that_have_them():
 
 
 def test_an_option_that_is_given_takes_the_place_of_the_one_that_was_asked():
-    drive = load_preset("vzp160", (), (("draws", "8"), ("seed", "3")))
+    asked = (AskedOption("check", "draws", "--draws=8"), AskedOption("check", "seed", "--seed=3"))
+    drive = load_preset("vzp160", (), asked)
     assert again("check", drive, "--draws", "32") == "hdassist check vzp160 --seed=3 --draws 32"
 
 
