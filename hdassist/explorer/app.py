@@ -31,7 +31,6 @@ from hdassist.explorer.compute import (
     LeverEffects,
     cam_turn,
     drive_answers,
-    is_any_hole,
     lever_effects,
 )
 from hdassist.explorer.panes import (
@@ -469,7 +468,7 @@ class Explorer(_Exporting):
         """Letters of positions by their turn [deg]: now, best, worst, to measure next, not allowed."""
         drive, letters = self.session.drive, defaultdict(str, {0.0: "N"})
         advice = self.known.advice
-        if advice and not is_any_hole(drive):
+        if advice and advice.word != "ANY_HOLE":
             ranked = advice.ranked
             letters[ranked[0].rotation_deg] += "B"
             letters[ranked[-1].rotation_deg] += "W"

@@ -20,7 +20,7 @@ from hdassist.error.error_map import error_maps, searchable
 from hdassist.error.waves import trace
 from hdassist.errors import HdassistError
 from hdassist.explorer.state import SETTING_SECTIONS, TEETH_FIELDS, TRIALS, is_tried, step_of
-from hdassist.model.deviations import no_hole_better, unknown_turn, unknowns
+from hdassist.model.deviations import unknowns
 from hdassist.model.geometry import Array, Kinematics
 from hdassist.model.rules import first_conflict
 from hdassist.mounting.advice import Advice, advice_states, advise, advise_after
@@ -99,11 +99,6 @@ class LeverEffects:
 
 
 _Tell = Callable[[str, object], None]  # field of `asking.Known`, and its value
-
-
-def is_any_hole(drive: Drive) -> bool:
-    """Whether the direction that decides is not known, nor found by trials: any hole may be the best one."""
-    return bool(unknowns(drive) and unknown_turn(drive) and not no_hole_better(drive) and not is_tried(drive))
 
 
 def drive_answers(drive: Drive, typical: Mapping[str, float], effort: Effort, tell: _Tell) -> None:

@@ -26,7 +26,6 @@ from hdassist.explorer.compute import (
     SURE_REFINED,
     LeverEffects,
     SeatCurve,
-    is_any_hole,
     typical_of,
 )
 from hdassist.explorer.state import SETTING_SECTIONS, Session
@@ -34,6 +33,7 @@ from hdassist.files import visible
 from hdassist.mounting.positions import bare
 from hdassist.pages.card import seat_holes
 from hdassist.pages.check import F_ior_table, steps_table
+from hdassist.pages.mount import order_and_reason
 from hdassist.preset.fields import ResolvedField, resolved_fields, text_of
 from hdassist.report import Block, Curve, Facts, Lines, Report, Seat, SeatMark, Table, four_digits
 from hdassist.terminal.page import block_on_page
@@ -342,9 +342,10 @@ def headline(session: Session, known: Known, pinned: Known | None, torque: int, 
         points = zip(found.points, pinned.whole.points, strict=True)
         changes = (now.F_ior_or_error - before.F_ior_or_error for now, before in points)
         columns["change, ″"] = [f"[{_INK[0]}]{change:+.2f}[/]" for change in changes]
-    best_deg = known.advice.chosen.rotation_deg if known.advice else 0.0
+    advice = known.advice
+    best_deg = advice.chosen.rotation_deg if advice and advice.word != "ANY_HOLE" else 0.0
     alike = known.curve and known.curve.surety(best_deg) == surety  # a number as given is not put beside medians
-    if best_deg and known.curve and alike and not is_any_hole(session.drive):
+    if best_deg and known.curve and alike:
         holes, best = session.drive.mounting.holes, known.curve.place(best_deg)
         name = f"best: {'hole ' * bool(holes)}{bare(best_deg, holes)}{'°' * (not holes)}, ″"
         columns[name] = [f"[{_INK[3]}]{value:.2f}[/]" for value in known.curve.F_ior_arcsec[1, :, best]]
@@ -366,13 +367,10 @@ def order_words(known: Known) -> str:
 
 
 def next_text(known: Known) -> str:
-    """The order for the wheel in a line, and in another one the value to measure next."""
-    order, *others = known.report.why if known.report else (known.without,)
-    if known.advice and known.advice.word == "ANY_HOLE":  # the action before its reason
-        reason, _, action = order.rpartition(". ")
-        order = f"{action} {reason}."
-    lines = (order.replace(", seen from", " from"), *others[-1:])  # so that 80 columns have room for all of the action
-    return visible("\n".join(line.replace("\n", " ") for line in lines))
+    """The order for the wheel in a line, before its reason, and in another one the value to measure next."""
+    if not (known.advice and known.report):
+        return known.without.replace("\n", " ")
+    return visible("\n".join((" ".join(order_and_reason(known.advice)), *known.report.why[1:][-1:])))
 
 
 def turn_blocks(page: Report, name: str) -> Iterator[Block]:

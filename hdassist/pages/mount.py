@@ -160,14 +160,22 @@ def _measured(advice: Advice, trial: Trial) -> str:
 
 
 def instruction_of(advice: Advice) -> str:
-    """The order for the wheel, in a sentence or two."""
+    """The order for the wheel in a sentence or two, behind its reason where no hole is better."""
+    return " ".join(filter(None, reversed(order_and_reason(advice))))
+
+
+def order_and_reason(advice: Advice) -> tuple[str, str]:
+    """The order for the wheel, and why no hole is better than another; empty where one is."""
     if checked := advice.verification:
         predicted = f"predicted {checked.mean_arcsec:.1f} ({checked.low_arcsec:.1f} to {checked.high_arcsec:.1f})"
         told = f"{_measured(advice, checked.trial)}, {predicted}"
         if back := checked.back_to:
-            return f"Go back to {_where(advice, back.rotation_deg)}, where {back.F_ior_arcsec:g} was measured: {told}."
+            return (
+                f"Go back to {_where(advice, back.rotation_deg)}, where {back.F_ior_arcsec:g} was measured: {told}.",
+                "",
+            )
         odd = "" if checked.as_predicted else " That is not as predicted: check seat and measurement."
-        return f"Keep it: {told}.{odd}"
+        return f"Keep it: {told}.{odd}", ""
     order = instruction(advice)
     if advice.correction:
         order = instruction(advice, gains=False)
@@ -175,11 +183,11 @@ def instruction_of(advice: Advice) -> str:
     if advice.compensated and not advice.correction:
         order = f"With {advice.compensated[0]} no hole is better than another by what is left. By F'_ior: {order}"
     if advice.word != "ANY_HOLE":
-        return order
+        return order, ""
     if why := _NO_HOLE_BETTER.get(advice.no_hole_better):
-        return f"No hole is better than another: {why}. {order}"
+        return order, f"No hole is better than another: {why}."
     why = ": the direction that decides is not known" if advice.decision.all_alike else " by 1 %"
-    return f"No hole is expected to be better than another{why}. {order}"
+    return order, f"No hole is expected to be better than another{why}."
 
 
 def _why(advice: Advice) -> Iterator[str]:

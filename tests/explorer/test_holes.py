@@ -171,6 +171,6 @@ def test_the_next_step_begins_with_an_action_that_80_columns_show_whole(holes: i
     for best in (1, holes // 2 - 1, holes - 2):
         F_ior = [30.0 + 2 * (k != best) for k in range(holes)]
         advice = advice_of(F_ior, overrides=(f"mounting.holes={holes}",))
-        order, *_ = next_text(Known(report=mount_report(advice, 0))).split("\n")
+        order, *_ = next_text(Known(advice=advice, report=mount_report(advice, 0))).split("\n")
         action = order.partition(": ")[0]
         assert action.startswith("Turn the ") and action.endswith("clockwise from the cam side") and len(action) <= 78

@@ -63,7 +63,7 @@ def test_the_instruction_takes_the_shorter_way():
     assert turn(curve.at(2)) == "2 holes (180°) counter-clockwise"
     assert turn(curve.at(3)) == "1 hole (90°) clockwise"
     said = instruction(advice_of(curve))
-    assert said.startswith("Turn the rigid wheel by 1 hole (90°) clockwise, seen from the cam side: ")
+    assert said.startswith("Turn the rigid wheel by 1 hole (90°) clockwise from the cam side: ")
     assert "20.00 → 8.00″ at 1 N" in said
     free = curve_of([20.0, 9.0, 30.0, 8.0], holes=0)
     assert turn(free.at(1)) == "90° counter-clockwise"
