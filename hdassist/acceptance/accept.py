@@ -19,6 +19,7 @@ from hdassist.acceptance.answer import (
     Note,
     PresetRecord,
     RuleRecord,
+    TraceRecord,
     now,
     of_predictions,
 )
@@ -26,10 +27,8 @@ from hdassist.acceptance.decision import AcceptedValue, DecidedCheck, Prediction
 from hdassist.acceptance.limits import Limit, limits_of
 from hdassist.acceptance.request import Inputs, LotRow, Request
 from hdassist.errors import GUARD, SEVERITY, DataError, HdassistError, UsageError, worst
-from hdassist.measuring.bench import position_quantities, seen_range
 from hdassist.measuring.fit import COVERAGE_FACTOR
 from hdassist.model.deviations import unknown_names
-from hdassist.report import attributes
 
 _QUARTER = 0.25  # of the limit: a test uncertainty ratio of 4 to 1
 
@@ -79,27 +78,17 @@ def accept(
     remarks = [*_of_traces(inputs, decisions), *_of_decisions(inputs, decisions, left_out, predictions)]
     verdict = worst(decision.verdict for decision in decisions)
     traces = [
-        {
-            **attributes(measurement.trace, "file", "sha256"),
-            "M_g_Nm": M_g,
-            "rows": len(measurement.trace.line),
-            "F_ior_arcsec": measurement.F_ior_arcsec,
-            "F_ior_is_lower_bound": measurement.directions[0].is_bound,
-            "standard_uncertainty_arcsec": measurement.directions[0].uncertainty_arcsec,
-        }
-        for M_g, measurement in measured.items()
-    ]
+        TraceRecord(
+            found.trace.file, found.trace.sha256, M_g, len(found.trace.line), found.F_ior_arcsec,
+            found.directions[0].is_bound, found.directions[0].uncertainty_arcsec,
+        )
+        for M_g, found in measured.items()
+    ]  # fmt: skip
     traces += [
-        {
-            **attributes(record.table, "file", "sha256"),
-            "M_g_Nm": M_g,
-            "rows": len(record.table.lines),
-            "F_ior_arcsec": found.arcsec,
-            "F_ior_is_lower_bound": True,
-            "standard_uncertainty_arcsec": found.uncertainty_arcsec or 0.0,
-        }
-        for M_g, record in inputs.positions.items()
-        for found in [seen_range(record, position_quantities(record, seed=request.seed))]
+        TraceRecord(
+            table.file, table.sha256, M_g, len(table.lines), found.arcsec, True, found.uncertainty_arcsec or 0.0
+        )
+        for M_g, (table, found) in inputs.positions.items()
     ]
     return ANSWER.validate_python({
         "version": __version__,

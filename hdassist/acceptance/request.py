@@ -33,7 +33,7 @@ from hdassist.belief.samples import EFFECTIVE_SAMPLES
 from hdassist.errors import SURE, DataError, Fault, Finding, HdassistError, PresetError, UsageError
 from hdassist.files import STDIN, number_of, preset_names
 from hdassist.loading import Asked
-from hdassist.measuring.bench import PositionRecord, position_quantities, seen_range
+from hdassist.measuring.bench import PositionRecord, SeenRange, StatedQuantity, position_quantities, seen_range
 from hdassist.measuring.fit import COVERAGE_FACTOR
 from hdassist.measuring.measure import Measurement, Reading
 from hdassist.measuring.orders import parse_stated, stated_sources
@@ -42,7 +42,7 @@ from hdassist.model.geometry import Kinematics
 from hdassist.preset.fields import REMOVED, Drive, OneLine, field_table, is_number, is_overridden, path_of
 from hdassist.preset.text import InvalidValueError, near_miss, shown
 from hdassist.readers.pitch import WheelFiles
-from hdassist.readers.table import CellTable, read_texts
+from hdassist.readers.table import CellTable, NumberTable, read_texts
 from hdassist.run.kept import ClosedRecord
 from hdassist.run.run import Run
 
@@ -58,13 +58,16 @@ _UNUSED = re.compile(r"#|note", re.IGNORECASE)
 
 @dataclass(frozen=True)
 class Inputs:
-    """Inputs of a request, read: its drive, traces and positions by torque [N*m], values by limit, measured wheels."""
+    """Inputs of a request, read: its drive, traces by torque [N*m], values by limit, measured wheels.
+
+    positions: tables of approached positions by torque [N*m], with what they tell of F'_ior.
+    """
 
     drive: Drive
     measurements: dict[float, Measurement] = field(default_factory=dict)
     stated: dict[Limit, AcceptedValue] = field(default_factory=dict)
     wheels: MeasuredTeeth | None = None
-    positions: dict[float, PositionRecord] = field(default_factory=dict)
+    positions: dict[float, tuple[NumberTable, SeenRange]] = field(default_factory=dict)
 
     @property
     def unmeasured(self) -> tuple[Limit, ...]:
@@ -158,30 +161,32 @@ class Request(ClosedRecord):
         files = self.traces(drive).items()
         how = {"seed": self.seed, "travel_deg": drive.acceptance.travel}
         measurements: dict[float, Measurement] = {}
-        positions: dict[float, PositionRecord] = {}
+        positions: dict[float, tuple[NumberTable, SeenRange]] = {}
         stated = stated_values(self.values, drive)
         for M_g, file in files:
             found = self.reading.measured_or_bench(file, drive, **how)
             if isinstance(found, Measurement):
                 measurements[M_g] = found
             elif isinstance(found, PositionRecord):
-                positions[M_g] = found
-                stated = self._at_positions(found, M_g, drive) | stated
+                quantities = position_quantities(found, seed=self.seed)
+                positions[M_g] = found.table, seen_range(found, quantities)
+                stated = self._at_positions(*positions[M_g], quantities, M_g, drive) | stated
             else:
                 words = f"{found.table.file}: a torque loop, which has no F'_ior"
                 raise DataError(words, "hdassist measure has its figures; accept takes them as --value NAME=VALUE±U")
         return Inputs(drive, measurements, stated, self.read_wheels(drive), positions)
 
-    def _at_positions(self, record: PositionRecord, M_g: float, drive: Drive) -> dict[Limit, AcceptedValue]:
+    def _at_positions(
+        self, table: NumberTable, found: SeenRange, quantities: Sequence[StatedQuantity], M_g: float, drive: Drive
+    ) -> dict[Limit, AcceptedValue]:
         """Values by approached positions at a torque M_g [N*m], of the limits of a drive that they are for.
 
         Raises DataError: positions of a plan at another torque, or that no limit is for.
         """
-        quantities = position_quantities(record, seed=self.seed)
-        found, by_name = seen_range(record, quantities), {each.name: each for each in quantities}
+        by_name = {each.name: each for each in quantities}
         if found.M_g not in (None, M_g):
-            words = f"{record.table.file}: planned for {found.M_g:g} N*m, not for {M_g:g} N*m"
-            raise DataError(words, f"--measured {found.M_g:g}={record.table.file}")
+            words = f"{table.file}: planned for {found.M_g:g} N*m, not for {M_g:g} N*m"
+            raise DataError(words, f"--measured {found.M_g:g}={table.file}")
         sources = stated_sources(parse_stated(self.reading.budget))
         values = {}
         for limit in limits_of(drive):
