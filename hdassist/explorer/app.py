@@ -202,19 +202,15 @@ class _Exporting(Asking):
             written()
             self.notify(visible(f"wrote {path}"), markup=False)
 
-        def write(path: str) -> None:
+        def take(path: str) -> None:
             if path == "-":
                 raise UsageError("the screen has standard output", "name a file")
             require_writable(path, force=True)
-            keep = partial(self.attempt, partial(put, path, text(path)))
-            if Path(path).exists():
-                question = f"{path} exists. Replace it?"
-                self.ask_in(Notice(question), lambda sure: keep() if sure else None)
+            keep, question = partial(put, path, text(path)), Notice(f"{path} exists. Replace it?")
+            if Path(path).exists():  # asked once the form has gone
+                self.call_later(self.ask_in, question, lambda sure: self.attempt(keep) if sure else None)
             else:
                 keep()
-
-        def take(path: str) -> None:
-            self.call_later(self.attempt, partial(write, path))  # once the form has gone
 
         self.ask_in(Form(f"{title}: file", name, hint, take))
 
@@ -244,8 +240,8 @@ class _Exporting(Asking):
 
     def action_picture(self) -> None:
         """Write the screen as SVG."""
-        hint = "the screen as it is, as SVG"
-        self.ask_file("picture", self.named(".svg"), hint, lambda _: without_fonts(self.export_screenshot()))
+        picture, hint = without_fonts(self.export_screenshot()), "the screen as it is, as SVG"
+        self.ask_file("picture", self.named(".svg"), hint, lambda _: picture)
 
     def action_copy(self) -> None:
         """Put the command line on the clipboard."""

@@ -35,7 +35,7 @@ from hdassist.pages.card import seat_holes
 from hdassist.pages.check import F_ior_table, steps_table
 from hdassist.pages.mount import order_and_reason
 from hdassist.preset.fields import ResolvedField, resolved_fields, text_of
-from hdassist.report import Block, Curve, Facts, Lines, Report, Seat, SeatMark, Table, four_digits
+from hdassist.report import Block, Curve, Facts, Lines, Paragraph, Report, Seat, SeatMark, four_digits
 from hdassist.terminal.page import block_on_page
 from hdassist.terminal.plot import SEAT_WIDTH, seat_in_characters, ticks
 from hdassist.terminal.streams import Style
@@ -383,10 +383,10 @@ def turn_blocks(page: Report, name: str) -> Iterator[Block]:
             yield block
 
 
-def why_blocks(known: Known) -> tuple[Lines | Table | Facts, ...]:
+def why_blocks(known: Known) -> tuple[Block, ...]:
     """Influences on F'_ior with their shares, what it would take, and other facts of check."""
     if not (found := known.whole):
-        return (Lines("", (known.without,)),)
+        return (Paragraph(known.without),)
     point = found.points[found.least_sure]
     shares = (f"{100 * each.share:3.0f} % {named(each.group)}" for each in found.influences)
     return (

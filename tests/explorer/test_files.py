@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from textual.pilot import Pilot
+from textual.widgets import Static
 
-from hdassist.explorer.app import Explorer, Notice
+from hdassist.explorer.app import Explorer, Form, Notice
 from hdassist.explorer.state import with_evidence
 from hdassist.loading import load_text
 from tests.explorer.rig import FEW, explored, filled, said, screen, tiny, to_lever
@@ -21,6 +22,7 @@ def test_a_picture_is_of_the_screen_and_loads_nothing(tmp_path: Path) -> None:
         await filled(app, pilot, str(tmp_path / "screen.svg"))
         made = (tmp_path / "screen.svg").read_text()
         assert made.startswith("<svg") and "LEVERS" in made and "@font-face" not in made
+        assert "as&#160;SVG" not in made  # of the form
 
     explored(act)
 
@@ -79,11 +81,18 @@ def test_leaving_asks_nothing_where_all_that_is_known_was_typed_before_the_scree
     explored(act, with_evidence(tiny(), "h0=28.1"))
 
 
-def test_a_file_that_cannot_be_written_is_said(tmp_path: Path) -> None:
+def wrong(app: Explorer) -> str:
+    """What the open form has to say about its text."""
+    return str(app.screen.query_one("#wrong", Static).content)
+
+
+def test_a_file_that_cannot_be_written_is_said_in_the_form_which_stays(tmp_path: Path) -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         await pilot.press("s")
         await filled(app, pilot, str(tmp_path / "nowhere" / "mine.yaml"))
-        assert "cannot write" in said(app) and "there is no directory" in said(app)
+        assert "cannot write" in wrong(app) and "there is no directory" in wrong(app)
+        await filled(app, pilot, str(tmp_path / "mine.yaml"))
+        assert (tmp_path / "mine.yaml").exists() and not isinstance(app.screen, Form)
 
     explored(act)
 
@@ -96,8 +105,7 @@ def test_the_card_is_that_of_the_command(tmp_path: Path) -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         await pilot.press("c")
         await filled(app, pilot, str(tmp_path / "card.pdf"))
-        assert "its name ends in .txt, .html" in said(app)
-        await pilot.press("c")
+        assert "its name ends in .txt, .html" in wrong(app)
         await filled(app, pilot, str(tmp_path / "mine.txt"))
         assert (tmp_path / "mine.txt").read_text() == card.read_text()
 
