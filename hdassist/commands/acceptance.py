@@ -15,7 +15,7 @@ from hdassist.files import note_input
 from hdassist.report import Report
 from hdassist.run.stops import at_stop
 from hdassist.terminal import options as o
-from hdassist.terminal.output import Output, complain, failure, give, run_each
+from hdassist.terminal.output import Output, complain, give, run_each
 from hdassist.terminal.streams import begins_with, say, take_output, write_text
 
 if TYPE_CHECKING:
@@ -66,6 +66,7 @@ class PlanCommand(o.PlotOptions, o.SamplingOptions, o.LimitedDriveOptions):
     approach: str | None = None
     sheet: str | None = None
     serial: str = ""
+    beside = ("csv", "approach", "sheet")
 
     def plan(self, drive: Drive) -> ReadingPlan | None:
         """The test of a drive to judge, None where none was asked about. Raises UsageError for options without one."""
@@ -86,13 +87,8 @@ class PlanCommand(o.PlotOptions, o.SamplingOptions, o.LimitedDriveOptions):
         from hdassist.pages.report import blocks_text, report_html
         from hdassist.planning import ApproachRun, EncoderData, PlanDemands, choose_plan
 
-        paths = [path for path in (self.approach, self.sheet) if path is not None]
-        if [*paths, self.csv, out.target if self.json else None].count("-") > 1:
-            raise UsageError("standard output can take one of --json, --csv, --approach and --sheet")
         if self.sheet is not None and self.sheet != "-" and not self.sheet.endswith((".html", ".txt")):
             raise UsageError(f"a sheet cannot be written as {self.sheet!r}", "its name ends in .html or .txt")
-        for path in paths:
-            take_output(path, self.force)
         drive = self.load(preset)
         encoders = EncoderData.of(self.encoders) if self.encoders is not None else EncoderData()
         noise = hypot(self.noise, encoders.uncertainty_arcsec(abs(Kinematics.of(drive).u)))
@@ -111,8 +107,7 @@ class PlanCommand(o.PlotOptions, o.SamplingOptions, o.LimitedDriveOptions):
                 self.force,
             )
         record = self.approach if self.approach and self.approach != "-" else "record.csv"
-        report = plan_report(choice, record)
-        return replace(report, head="") if "-" in paths else report
+        return plan_report(choice, record)
 
 
 class AcceptOptions(o.FigureOptions, o.SamplingOptions):
@@ -123,6 +118,7 @@ class AcceptOptions(o.FigureOptions, o.SamplingOptions):
     resume: bool = False
     junit: str | None = None
     executor: str | None = None
+    beside = ("csv", "junit")
 
     def replaces(self, path: str) -> bool:
         """Whether an existing file may be replaced: a lot that goes on replaces figures and suites of its last run."""
@@ -136,13 +132,9 @@ class AcceptOptions(o.FigureOptions, o.SamplingOptions):
         """Where answers go. Raises UsageError and DataError unless each file has its own place, and can be written."""
         if self.jsonl == "-" or (self.resume and self.jsonl is None):
             raise UsageError("answers of a lot are kept in a file", "--jsonl FILE")
-        if [self.csv, self.junit, self.output if self.json else None].count("-") > 1:
-            raise UsageError("standard output can take one of --json, --csv and --junit")
         out = super().open()
         if self.jsonl is not None:
             take_output(self.jsonl, self.force, is_kept=self.resume)
-        if self.junit is not None:
-            take_output(self.junit, self.replaces(self.junit))
         return out
 
 
@@ -322,7 +314,7 @@ def accept_lot(path: str, base: Request, options: AcceptOptions, out: Output) ->
             say(f"wrote {options.jsonl}")
         return lot_report(lot, done)
 
-    reports = run_each("accept", [path], one, out, failed=lambda name, error: failure("accept", error, file=name))
+    reports = run_each("accept", [path], one, out, kind="file")
     return _give(reports, done, name, options, out, sha256)
 
 
@@ -337,8 +329,6 @@ def _give(
     """Write reports, and their answers as CSV and as JUnit with a name of the whole; returns the exit code."""
     from hdassist.pages.accept import csv, junit
 
-    if options.junit == "-":
-        reports = [replace(report, head="") for report in reports]
     code = give("accept", reports, out)
     for path, text_of in ((options.csv, csv), (options.junit, partial(junit, name, lot_sha256=lot_sha256))):
         if path is not None and answers:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from hdassist.errors import SURE, UsageError
 from hdassist.report import Report
 from hdassist.terminal import options as o
-from hdassist.terminal.output import Output, failure, give, run_each, warn
+from hdassist.terminal.output import Output, give, run_each, warn
 from hdassist.terminal.streams import say, take_output, write_text
 
 if TYPE_CHECKING:
@@ -72,6 +72,7 @@ class MountCommand(
     bolted: float | None = None
     worth: float = 2.0
     cross_check: str = "highs"
+    beside = ("csv", "card")
 
     def run(self) -> int:
         """Find the hole; returns the exit code."""
@@ -86,9 +87,7 @@ class MountCommand(
             from hdassist.pages.mount import mount_report
 
             advices.append(self._advice(out))
-            report = mount_report(advices[0], self.seed, carded=card is not None, sure=self.sure)
-            # the card in place of the page, where both go to standard output
-            return replace(report, head="") if card and card.path == out.target == "-" else report
+            return mount_report(advices[0], self.seed, carded=card is not None, sure=self.sure)
 
         code = give("mount", run_each("mount", [self.preset], one, out), out)
         if card and advices:
@@ -96,19 +95,17 @@ class MountCommand(
         return code
 
     def _card(self, out: Output) -> CardFile | None:
-        """The card that is asked for. Raises UsageError and DataError before anything is computed."""
+        """The card that is asked for. Raises UsageError before anything is computed."""
         if (path := self.card) is None:
             if self.lang is not None or self.serial is not None:
                 raise UsageError("--lang and --serial are those of a card", "--card FILE writes one")
             return None
+        if self.quiet and path == out.target == "-":
+            raise UsageError("standard output can take one of --card and -q")
         from hdassist.terminal.words import HOME, texts
 
         plain, say = self.ascii or (path == "-" and out.style.ascii), texts(HOME if self.lang is None else self.lang)
-        card = CardFile(path, say, self.serial or "", plain, out.force)
-        if path == "-" and (out.csv == "-" or (out.target == "-" and (out.json or out.quiet))):
-            raise UsageError("--card - leaves no standard output for --json, -q or --csv -")
-        take_output(path, out.force)
-        return card
+        return CardFile(path, say, self.serial or "", plain, out.force)
 
     def _advice(self, out: Output) -> Advice:
         """The advice by the preset alone, or after measured values."""
@@ -320,9 +317,7 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
                 return replace(report, head=f"joint {joint.name}, {report.head}", about=name, values=values)
 
             logged = {f"{file}: {joint.name}": (file, joint) for file in self.files for joint in joints}
-            answers = run_each(
-                "measure", [*logged] or self.files, one, out, failed=lambda name, e: failure("measure", e, file=name)
-            )
+            answers = run_each("measure", [*logged] or self.files, one, out, kind="file")
             more, below = repeats(done) if not joints else ({}, joint_lines(answers, done))
         return give("measure", answers, out, more=more, below=below)
 

@@ -17,7 +17,7 @@ from hdassist.report import NO_VALUE, Report, Table
 from hdassist.run.run import UNCHECKED, count
 from hdassist.terminal import options as o
 from hdassist.terminal.output import Output, complain, envelope, failure, give, json_text, run_each
-from hdassist.terminal.streams import Style, give_stdout, take_output, write_text
+from hdassist.terminal.streams import Style, give_stdout, write_text
 
 if TYPE_CHECKING:
     from hdassist.report import Json
@@ -56,6 +56,7 @@ class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
     seed: int = 0
     jobs: int = 0
     details: bool = False
+    beside = ("write",)
 
     def report(self, out: Output, preset: str) -> Report:
         """The values, found and written where that is asked for."""
@@ -66,10 +67,8 @@ class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
         from hdassist.preset.fields import IDENTIFIED_WITH
 
         o.stdin_once(preset, str(self.targets))
-        if self.write is not None:
-            take_output(self.write, self.force)
-            if preset == "-" or self.overrides:
-                raise UsageError("--write changes the preset as it stands in its file: no stdin, no --set with it")
+        if self.write is not None and (preset == "-" or self.overrides):
+            raise UsageError("--write changes the preset as it stands in its file: no stdin, no --set with it")
         drive = self.load(preset)
         wanted = read_targets(read_bytes(self.targets, READ_AT_MOST)[0], str(self.targets), drive)
         given = read_preset(preset)[0].decode("utf-8-sig") if self.write is not None else ""

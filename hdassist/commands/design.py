@@ -199,8 +199,8 @@ class SweepCommand(o.RowsOptions, o.LoadedDriveOptions):
             kept = f"are kept in {file}: the same command goes on" if file else "are done, none is kept"
             with at_stop(lambda: f"{results.done} of {sweep.rows} rows {kept}"):
                 swept = collect(sweep, drive, _printed(rows, sweep) if streamed else rows)
-            if out.csv not in (None, "-"):
-                out.figures(csv_text(columns(sweep), map(cells, results.records())))
+            if out.csv is not None and out.csv != "-":
+                write_text(out.csv, csv_text(columns(sweep), map(cells, results.records())), out.force)
             if self.parquet is not None:
                 kinds = {column: str if column == "reason" else float for column in columns(sweep)}
                 write_parquet(self.parquet, kinds, map(cells, results.records()), asdict(owner), self.force)
@@ -213,11 +213,9 @@ class SweepCommand(o.RowsOptions, o.LoadedDriveOptions):
             return replace(report, head="") if streamed else report
 
     def _takes_stdout(self) -> bool:
-        """Whether rows go to standard output as CSV. Raises UsageError: it is asked for JSON as well."""
+        """Whether rows go to standard output as CSV."""
         import sys
 
-        if self.json and self.csv == "-":
-            raise UsageError("--json and --csv - both take standard output", "--csv FILE")
         no_page = not (self.json or self.quiet or sys.stdout.isatty())
         return self.csv == "-" or (no_page and self.csv is None and self.output == "-")
 
@@ -305,7 +303,7 @@ class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOpt
                     result = compare(found, drive, M_g=M_g, asked=asked, run=Run(progress=progress))
                 return comparison_report(result)
 
-            answers = run_each("compare", self.files, one, out, failed=lambda name, e: failure("compare", e, file=name))
+            answers = run_each("compare", self.files, one, out, kind="file")
         return give("compare", answers, out)
 
     def _compare_presets(self) -> int:

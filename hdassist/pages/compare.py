@@ -11,7 +11,6 @@ import numpy as np
 
 from hdassist.comparing.compare import UNIDENTIFIABLE_ANGLE, Comparison, Explanation, VectorChange, equally_good
 from hdassist.comparing.record import ERROR_SIGNS, SENSES, Alignment, OrderAmplitude
-from hdassist.design import OperatingPoint
 from hdassist.errors import SURE
 from hdassist.files import STDIN
 from hdassist.model.deviations import unknown_names, unknown_notes, unknowns
@@ -313,12 +312,6 @@ def sheet_warnings(sheet: DriveSheet) -> tuple[str, ...]:
     return tuple(dict.fromkeys((*sheet.check.warnings, *mount_warnings(sheet.advice), *stiff)))
 
 
-def _F_ior_words(point: OperatingPoint, digits: str = ".2f") -> str:
-    """F'_ior [arcsec] at a torque, the median with its 5th and 95th percentile where inputs are unknown."""
-    found = point.belief
-    return f"{point.F_ior_or_error:{digits}}" + (f" ({found.p5:{digits}}-{found.p95:{digits}})" if found else "")
-
-
 def _lettered(result: DrivesComparison) -> dict[str, DriveSheet]:
     """The sheets by letters that stand for the drives: A, B, and so on."""
     return {ascii_uppercase[k] if k < 26 else f"#{k + 1}": sheet for k, sheet in enumerate(result.sheets)}
@@ -332,8 +325,9 @@ def _drive_rows(result: DrivesComparison) -> Iterator[tuple[str, ...]]:
             change = _change(result, sheet, changes, k) if changes else NO_VALUE
             better = NO_VALUE if odds is None else f"{100 * odds.value:.0f} %"
             best, point = sheet.advice.chosen, sheet.check.points[k]
-            mounted = f"{best.F_ior_arcsec[k]:.1f}, {hole_place(best)}"
-            yield letter, f"{point.M_g:g} N·m", _F_ior_words(point, ".1f"), mounted, change, better
+            spread = f" ({belief.p5:.1f}-{belief.p95:.1f})" if (belief := point.belief) else ""
+            built, mounted = f"{point.F_ior_or_error:.1f}{spread}", f"{best.F_ior_arcsec[k]:.1f}, {hole_place(best)}"
+            yield letter, f"{point.M_g:g} N·m", built, mounted, change, better
 
 
 def _most_by(result: DrivesComparison, changes: DriveChanges) -> str:

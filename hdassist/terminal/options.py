@@ -15,7 +15,7 @@ from functools import partial
 from importlib.resources import files
 from inspect import get_annotations
 from math import isfinite
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, dataclass_transform, get_origin
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar, dataclass_transform, get_origin
 
 import typer
 
@@ -106,6 +106,7 @@ class PageOptions(OptionGroup):
     ascii: bool = False
     no_color: bool = False
     debug: bool = False
+    beside: ClassVar[tuple[str, ...]] = ("csv", "parquet")  # options that name a file beside the answer
 
     @property
     def answer_file(self) -> str:
@@ -119,19 +120,25 @@ class PageOptions(OptionGroup):
     def open(self) -> Output:
         """Where the answer goes; refuses files that cannot be written before anything is computed.
 
-        Raises UsageError and DataError for such files.
+        Raises UsageError and DataError for such files, and where two answers would go to standard output.
         """
         import sys
 
+        paths = {name: path for name in self.beside if (path := getattr(self, name, None)) is not None}
+        asked = {**paths, "json": self.answer_file if self.json else None}
+        if len(printed := [option_name(name) for name, path in asked.items() if path == "-"]) > 1:
+            words = f"standard output can take one of {' and '.join(printed)}"
+            raise UsageError(words, f"name a file: {printed[0]} FILE")
+        for path in (self.answer_file, *paths.values()):
+            take_output(path, self.replaces(path))
+
         alike = {field.name for field in fields(Output)} & vars(self).keys()  # options that an Output has too
         options = {name: getattr(self, name) for name in alike}
-        for path in (self.answer_file, options.get("csv"), getattr(self, "parquet", None)):
-            if path is not None:
-                take_output(path, self.replaces(path))
         style = Style.of(sys.stdout, ascii=self.ascii, no_color=self.no_color)
         if self.answer_file != "-":
             style = Style(style.ascii, codes=False, width=PIPE_WIDTH)
-        return Output(style, self.answer_file, **options)
+        has_page = self.answer_file != "-" or "-" not in paths.values()
+        return Output(style, self.answer_file, has_page=has_page, **options)
 
     def run(self) -> int:
         """Give the report on each preset that the command names, or the only one; returns the exit code."""

@@ -14,7 +14,7 @@ from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field, replace
 from functools import partial
 from numbers import Number
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from hdassist import __version__
 from hdassist.errors import Fault, HdassistError, UsageError, worst_exit_code
@@ -50,6 +50,7 @@ class Output:
 
     target: the file of the answer, csv of the figures, "-" for stdout; force: whether these may be replaced; json,
     quiet: the answer as JSON, or in a line; plot, details: whether pages have figures and all that they can show;
+    has_page: whether there are pages or lines, for which a file may have taken standard output;
     verbose: whether times are noted; debug: whether an error ends the command.
     """
 
@@ -62,14 +63,13 @@ class Output:
     details: bool = False
     json: bool = False
     quiet: bool = False
+    has_page: bool = True
     verbose: bool = False
     debug: bool = False
     _bars: list[ProgressBar] = field(default_factory=list)  # the one under way
 
     def human(self, answer: RenderableType) -> None:
-        """Give the answer for people; silent where the figures take stdout."""
-        if self.csv == "-":
-            return
+        """Give the answer for people."""
         if self.style.codes:
             console(sys.stdout, self.style).print(answer)
             return
@@ -84,11 +84,6 @@ class Output:
     def text(self, answer: str) -> None:
         """Give an answer that is text, hidden characters escaped: JSON has none."""
         write_text(self.target, visible(answer), self.force)
-
-    def figures(self, csv: str) -> None:
-        """Write the figures where they were asked for."""
-        if self.csv is not None:
-            write_text(self.csv, csv, self.force)
 
     @contextmanager
     def run(self, words: str, states: int, options: object) -> Iterator[Run]:
@@ -121,12 +116,11 @@ class Output:
         """The executor that the options of a command name, or processes of its own on this machine."""
         from hdassist.run.run import workers
 
-        with self.engine(options) as engine:
-            if engine:
-                yield engine
-                return
-            with workers(getattr(options, "jobs", 0)) as own:
-                yield own
+        with (
+            self.engine(options) as engine,
+            nullcontext(engine) if engine else workers(getattr(options, "jobs", 0)) as own,
+        ):
+            yield own
 
     @contextmanager
     def progress(self, words: str, total: int | None = None) -> Iterator[ProgressBar]:
@@ -313,14 +307,15 @@ def run_each(
     one: Callable[[str], Report],
     out: Output,
     *,
+    kind: Literal["preset", "file"] = "preset",
     failed: Callable[[str, HdassistError], Json] | None = None,
     keep_failures: bool = False,
 ) -> list[Report]:
     """Reports on presets or files one after the other; the error of one is its answer, and the others go on.
 
-    Arguments: command, for the schema of failures; names, of presets or files; one, its report; out; failed, the JSON
-    of one without an answer; keep_failures, whether the fault of the only one is an answer too where no JSON is asked
-    for. Raises UsageError at once, the error of the only one, and with --debug any error.
+    Arguments: command, for the schema of failures; names, of presets or files, and their kind; one, its report; out;
+    failed, the JSON of one without an answer; keep_failures, whether the fault of the only one is an answer too where
+    no JSON is asked for. Raises UsageError at once, the error of the only one, and with --debug any error.
     """
     reports: list[Report] = []
     for name in names:
@@ -333,7 +328,7 @@ def run_each(
             if out.debug or isinstance(error, UsageError) or is_ended:
                 raise
             complain(error, "" if name in error.message else name)
-            fault = failed(name, error) if failed else failure(command, error, preset=name or None)
+            fault = failed(name, error) if failed else failure(command, error, **{kind: name or None})
             reports.append(Report(command, None, "", values=fault, exit_code=error.exit_code))
             continue
         reports.append(report)
@@ -370,20 +365,17 @@ def give(
             warn(f"{report.subject}: {text}" if report.subject else text)
     if out.json:
         out.text(json_text({**combine(command, list(map(report_object, reports))), **(more or {})}))
-    elif pages := [report for report in reports if report.head]:
+    elif out.has_page and (pages := [report for report in reports if report.head]):
         if not out.quiet:
             from rich.console import Group
 
-            made = [made_or("page", partial(_page, each, out), partial(getattr, each, "line")) for each in pages]
+            from hdassist.terminal.page import report_page
+
+            shown = partial(report_page, style=out.style, plots=out.plot, details=out.details)
+            made = [made_or("page", partial(shown, each), partial(getattr, each, "line")) for each in pages]
             out.human(Group(*[part for page in made for part in (page, "")][:-1], *below))
-        elif out.csv != "-":
+        else:
             out.text("".join(f"{report.line}\n" for report in pages))
     if out.csv is not None and (tables := [report.csv for report in reports if report.csv]):
-        out.figures(csv_text(tables[0][0], [row for _, rows in tables for row in rows]))
+        write_text(out.csv, csv_text(tables[0][0], [row for _, rows in tables for row in rows]), out.force)
     return worst_exit_code(report.exit_code for report in reports)
-
-
-def _page(report: Report, out: Output) -> RenderableType:
-    from hdassist.terminal.page import report_page
-
-    return report_page(report, out.style, plots=out.plot, details=out.details)

@@ -15,7 +15,7 @@ from hdassist.pages.curves import stiffness_report, stiffness_warnings
 from hdassist.run.run import UNCHECKED
 from hdassist.terminal.page import report_page
 from hdassist.terminal.streams import Style, console
-from tests.process import SMALL, run
+from tests.process import SMALL, TINY, run
 
 
 @pytest.fixture(scope="module")
@@ -129,3 +129,16 @@ def test_a_torque_asked_for_that_stands_for_the_rated_one_is_called_so(found: St
     (told,) = stiffness_warnings(load_preset(SMALL, ["operation.M_g=[4.0]"]), found)
     assert "4 N*m, the greatest torque asked for, stands for it" in told and "--set operation.rated=T" in told
     assert stiffness_warnings(load_preset(SMALL, ["operation.rated=4"]), found) == ()
+
+
+def test_figures_on_standard_output_leave_the_page_to_its_file(tmp_path):
+    target = tmp_path / "page.txt"
+    printed = run("stiffness", TINY, "--csv", "-", "-o", str(target)).stdout
+    assert printed.startswith("torque_Nm,")
+    assert target.read_text(encoding="utf-8").startswith("tiny: torsional stiffness")
+
+
+def test_two_answers_on_standard_output_are_refused():
+    refused = run("stiffness", "none", "--json", "--csv", "-")  # before the preset is read
+    assert (refused.returncode, refused.stdout) == (2, "")
+    assert "standard output can take one of --csv and --json" in refused.stderr
