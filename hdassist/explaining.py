@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import cache
-from importlib.resources import files
 from typing import Literal
 
 from hdassist.acceptance.limits import CODES, Check
 from hdassist.errors import Fault, UsageError
+from hdassist.files import package_table
 from hdassist.preset.fields import PresetField, field_table, plain, sections
 
 
@@ -45,7 +44,7 @@ class _FaultWords:
     change: str
 
 
-_TABLE = tomllib.loads(files("hdassist").joinpath("explaining.toml").read_text("utf-8"))
+_TABLE = package_table("explaining.toml")
 GROUPS: Mapping[str, Sequence[_Term]] = {
     group: tuple(_Term(**each) for each in terms) for group, terms in _TABLE["terms"].items()
 }

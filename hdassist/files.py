@@ -18,16 +18,17 @@ import secrets
 import shutil
 import stat
 import sys
+import tomllib
 import unicodedata
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext, suppress
 from functools import cache
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from math import nan
 from pathlib import Path
-from typing import IO, BinaryIO, cast
+from typing import IO, Any, BinaryIO, cast
 
 from hdassist.errors import DataError, Fault, Finding, PresetError, UsageError
 
@@ -355,6 +356,11 @@ NUMBER = rf"[-+]?{UNSIGNED}"
 def number_of(text: str) -> float:
     """Value of a number, spaces around it allowed; NaN for any other text, infinity beyond the range of floats."""
     return float(text) if re.fullmatch(NUMBER, text.strip()) else nan
+
+
+def package_table(name: str, parse_float: Callable[[str], Any] = float) -> dict[str, Any]:
+    """What a TOML file of this package declares; parse_float makes its numbers."""
+    return tomllib.loads(files("hdassist").joinpath(name).read_text("utf-8"), parse_float=parse_float)
 
 
 # --- presets by name, from a file, or from standard input

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from enum import Enum
-from functools import cache
-from importlib.resources import files
+from functools import cache, partial
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeAlias, TypeVar
+
+from hdassist.files import package_table
 
 if TYPE_CHECKING:
     import numpy as np
@@ -95,12 +95,7 @@ def four_digits(value: float) -> str:
 
 
 Quantities: TypeAlias = tuple[Quantity[T], ...]
-
-
-@cache
-def declared_quantities() -> dict[str, dict[str, dict[str, dict[str, str]]]]:
-    """The tables of quantities.toml: by page and name, of each key what is declared."""
-    return tomllib.loads(files("hdassist").joinpath("quantities.toml").read_text("utf-8"))
+declared_quantities = cache(partial(package_table, "quantities.toml"))  # by page, name and key
 
 
 def quantity_table(table: str, **functions: Callable[[Any], Any]) -> Quantities[Any]:

@@ -7,14 +7,12 @@ declarations. A limit is written 30, F_ior@80=30 or order_2=5, a measured value 
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from importlib.resources import files
 from typing import Literal, TypeVar
 
 from hdassist.errors import DataError, UsageError
-from hdassist.files import NUMBER
+from hdassist.files import NUMBER, package_table
 from hdassist.loading import Asked, load_preset
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Acceptance, Drive, FieldKind
@@ -65,7 +63,7 @@ class Check(_Explained):
         return Acceptance.declared()[self.field].unit
 
 
-_TABLE = tomllib.loads(files("hdassist.acceptance").joinpath("checks.toml").read_text("utf-8"))
+_TABLE = package_table("acceptance/checks.toml")
 CHECKS = tuple(Check(code=code, **declared) for code, declared in _TABLE["checks"].items())
 CODES: dict[str, _Explained] = {check.code: check for check in CHECKS} | {
     code: _Explained(code=code, **words) for code, words in _TABLE["remarks"].items()

@@ -8,11 +8,9 @@ values of sections, sections are made from kinds, and the drive is its sections.
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
-from importlib.resources import files
 from math import inf, isfinite
 from typing import Annotated, Any, Literal, NamedTuple, Self, get_args, get_origin
 
@@ -29,12 +27,12 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 from pydantic_core import InitErrorDetails
 
-from hdassist.files import NUMBER, UNSIGNED, number_of
+from hdassist.files import NUMBER, UNSIGNED, number_of, package_table
 from hdassist.preset.text import InvalidValueError, Path, near_miss, read_count, read_number, read_spread
 
 _CLOSED = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 UNKNOWN = "unknown"  # written in a preset in place of a value
-_DECLARED_FIELDS: dict[str, Any] = tomllib.loads(files("hdassist.preset").joinpath("fields.toml").read_text("utf-8"))
+_DECLARED_FIELDS: dict[str, Any] = package_table("preset/fields.toml")
 
 
 class Section(BaseModel):

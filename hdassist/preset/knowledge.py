@@ -7,14 +7,13 @@ law and a plausible range, and profile shifts keep the bore in proportion to the
 """
 
 import re
-import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from importlib.resources import files
 from math import isfinite, log10, pi
 from typing import Any, NoReturn
 
 from hdassist.errors import UsageError
+from hdassist.files import package_table
 from hdassist.preset.fields import COMPOSITES, Drive, Source, field_table, plain
 from hdassist.preset.text import InvalidValueError, near_miss, read_number, scalar_value, shown
 
@@ -101,7 +100,7 @@ class Proportion:
     usual: str
 
 
-_TABLES = tomllib.loads(files("hdassist.preset").joinpath("knowledge.toml").read_text("utf-8"))
+_TABLES = package_table("preset/knowledge.toml")
 LAWS = {path: Law(**law) for path, law in _TABLES["laws"].items()}
 # by cam.coupling: stiffness of the cam's support and its plausible range [N/mm] at the reference diameter, and why
 _CAM_SUPPORTS: dict[str, tuple[float, float, float, str]] = _TABLES["cam_supports"]

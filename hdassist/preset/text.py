@@ -8,19 +8,17 @@ the same number.
 
 import difflib
 import re
-import tomllib
 from codecs import BOM_UTF8
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from decimal import Decimal
-from importlib.resources import files
 from math import isfinite, isinf
 from typing import Any, NamedTuple
 
 import yaml
 
 from hdassist.errors import Finding, PresetError
-from hdassist.files import NUMBER, escaped
+from hdassist.files import NUMBER, escaped, package_table
 
 MOST_PRESET_BYTES = 256 * 1024
 MAX_DEPTH = 20
@@ -314,7 +312,7 @@ def near_miss(word: str, options: Iterable[str]) -> str:
 
 # --- numbers with their units
 
-_TABLE = tomllib.loads(files("hdassist.preset").joinpath("units.toml").read_text("utf-8"), parse_float=Decimal)
+_TABLE = package_table("preset/units.toml", parse_float=Decimal)
 _SPELLINGS = str.maketrans(_TABLE.pop("spellings"))
 _ALIASES: dict[str, str] = _TABLE.pop("aliases")
 # by dimension: words about units that could be taken for another one

@@ -7,16 +7,14 @@ declares the names and units that are known.
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Iterable, Sequence
-from importlib.resources import files
 from itertools import chain
 from typing import NamedTuple
 
-from hdassist.files import NUMBER, number_of
+from hdassist.files import NUMBER, number_of, package_table
 from hdassist.preset.text import UnitError, convert, near_miss
 
-_TABLE = tomllib.loads(files("hdassist.readers").joinpath("words.toml").read_text("utf-8"))
+_TABLE = package_table("readers/words.toml")
 ANGLES: dict[str, float] = _TABLE["angles"]
 TORQUES: dict[str, float] = _TABLE["torques"]
 TIMES: dict[str, float] = _TABLE["times"]

@@ -8,11 +8,9 @@ A field has type and default; options.toml has its words, by class and field.
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
-from importlib.resources import files
 from inspect import get_annotations
 from math import isfinite
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar, dataclass_transform, get_origin
@@ -20,7 +18,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar, da
 import typer
 
 from hdassist.errors import HdassistError, UsageError
-from hdassist.files import is_written, number_of
+from hdassist.files import is_written, number_of, package_table
 from hdassist.report import Report
 from hdassist.terminal.output import Output, failure, give, json_text, run_each
 from hdassist.terminal.streams import PIPE_WIDTH, Style, require_parquet, say, take_output, write_text
@@ -34,7 +32,7 @@ if TYPE_CHECKING:
     from hdassist.readers.pitch import WheelFiles
 
 _PartT = TypeVar("_PartT")
-DECLARED = tomllib.loads(files("hdassist.terminal").joinpath("options.toml").read_text("utf-8"))
+DECLARED = package_table("terminal/options.toml")
 
 
 def _declared_parameter(
