@@ -188,16 +188,14 @@ class DrivesUnderTest:
         low, high = (max(getattr(each, end) for each in (false_pass, false_fail)) for end in ("low", "high"))
         return _PlanJudgement(plan, seen, false_pass, false_fail, self._verdict(low, high))
 
-    def test_of(
-        self, judged: _PlanJudgement, run: ApproachRun, ratio: float, M_g: float, limit: float | None
-    ) -> PlannedTest:
-        """The test of a judged plan at a torque M_g [N*m]; ratio: cam turns an output turn; limit: with the self error.
+    def test_of(self, judged: _PlanJudgement, run: ApproachRun, ratio: float, limit: float | None) -> PlannedTest:
+        """The test of a judged plan; ratio: cam turns an output turn; limit: with the self error.
 
         A reading with its guard band over the share that is seen at 5 % of drives and starts has to keep the limit; one
         beyond the limit by its guard band fails, as a test sees no more than there is.
         """
         guard = GUARD * self.demands.noise_arcsec
-        planned = PlannedTest(judged, run, ratio, M_g, self.demands.noise_arcsec)
+        planned = PlannedTest(judged, run, ratio, self.demands.noise_arcsec)
         if self.left_arcsec is None or limit is None:
             return planned
         own, least = limit - self.left_arcsec, judged.seen[0]
@@ -251,47 +249,18 @@ class ApproachRun:
     cam_rpm: float = 60.0
     lead_turns: float = 1.0
 
-    def passes(self, plan: ReadingPlan) -> int:
-        """How many times the positions are gone through, of both ways each."""
-        return self.repeats * (1 + plan.both)
-
-    def moves_min(self, plan: ReadingPlan, ratio: float) -> tuple[float, float, float]:
-        """Duration [min] of the move to the first reading of all, to that of each later pass, and to any other."""
-        lead, apart = self.lead_turns / self.cam_rpm, plan.step_turns * ratio / self.cam_rpm
-        back = 0.0 if plan.both else apart * (plan.readings - 1) + lead  # a pass one way begins where the last began
-        return lead, lead * (1 + plan.both) + back, apart
-
-    def minutes(self, plan: ReadingPlan, ratio: float) -> float:
-        """Duration, warm-up included."""
-        first, turn_back, apart = self.moves_min(plan, ratio)
-        passes = self.passes(plan)
-        moving = first + (passes - 1) * turn_back + passes * (plan.readings - 1) * apart
-        return self.warm_up_min + moving + passes * plan.readings * self.dwell_s / 60
-
-    def approaches(self, plan: ReadingPlan, ratio: float) -> tuple[Array, Array, Array]:
-        """Minute at which each reading is taken, target [deg] of the output, and side 1 or -1; all in their order."""
-        forth = 360 * plan.step_turns * np.arange(plan.readings)
-        ways = [(1, forth), (-1, forth[::-1])] if plan.both else [(1, forth)]
-        target = np.tile(np.concatenate([targets for _, targets in ways]), self.repeats)
-        side = np.tile(np.repeat([way for way, _ in ways], plan.readings), self.repeats)
-        first, turn_back, apart = self.moves_min(plan, ratio)
-        moves = np.where(np.arange(len(target)) % plan.readings == 0, turn_back, apart)
-        moves[0] = first
-        return self.warm_up_min + np.cumsum(moves + self.dwell_s / 60), target, side
-
 
 @dataclass(frozen=True)
 class PlannedTest:
     """A test as it can be carried out: its judgement, how it is run, standard uncertainty [arcsec] of the range read.
 
-    M_g [N*m]; passes_up_to, fails_beyond: readings [arcsec] at which a limit is kept in 95 of 100 drives of the plan,
+    passes_up_to, fails_beyond: readings [arcsec] at which a limit is kept in 95 of 100 drives of the plan,
     and surely is not; passing, failing: probability of either; None without a limit.
     """
 
     judged: _PlanJudgement
     run: ApproachRun
     ratio: float
-    M_g: float
     uncertainty_arcsec: float
     passes_up_to: float | None = None
     fails_beyond: float | None = None
@@ -301,17 +270,25 @@ class PlannedTest:
     @property
     def readings(self) -> int:
         """Readings of all passes."""
-        return self.run.passes(self.judged.plan) * self.judged.plan.readings
+        return len(self.approaches[0])
 
     @property
     def minutes(self) -> float:
         """Duration, warm-up included."""
-        return self.run.minutes(self.judged.plan, self.ratio)
+        return float(self.approaches[0][-1])
 
     @property
     def approaches(self) -> tuple[Array, Array, Array]:
-        """Minute, target [deg] and side of each reading, as of the run."""
-        return self.run.approaches(self.judged.plan, self.ratio)
+        """Minute at which each reading is taken, target [deg] of the output, and side 1 or -1; all in their order."""
+        plan, run = self.judged.plan, self.run
+        forth, ways = 360 * plan.step_turns * np.arange(plan.readings), 1 + plan.both
+        target = np.tile(np.concatenate([forth, forth[::-1]][:ways]), run.repeats)
+        side = np.tile(np.repeat([1, -1][:ways], plan.readings), run.repeats)
+        lead, apart = run.lead_turns / run.cam_rpm, plan.step_turns * self.ratio / run.cam_rpm
+        back = 0.0 if plan.both else apart * (plan.readings - 1)  # a pass one way begins where the last began
+        moves = np.where(np.arange(len(target)) % plan.readings == 0, 2 * lead + back, apart)
+        moves[0] = lead
+        return run.warm_up_min + np.cumsum(moves + run.dwell_s / 60), target, side
 
 
 @dataclass(frozen=True)
@@ -397,7 +374,7 @@ def choose_plan(
     judged, enough = tuple({each.plan: each for each in shown}.values()), (*fewest, *shortest)
     seen, verdict = _lines_seen(lines, drives, judged[0].plan), [*own, *enough, records[-1]][0].verdict
     M_g, carried = torques[place], [*own, *fewest, judged[0]][0]
-    planned = drives.test_of(carried, test, ratio, M_g, drive.limit(M_g))
+    planned = drives.test_of(carried, test, ratio, drive.limit(M_g))
     return PlanChoice(drive, M_g, drives, bool(own), judged, enough, scan, seen, samples, proof, verdict, planned)
 
 

@@ -163,7 +163,7 @@ def approach_csv(choice: PlanChoice) -> str:
     rows = [f"{minute:.1f},{target:.6g},{side:g}," for minute, target, side in zip(*test.approaches, strict=True)]
     return "\n".join([
         f"# plan: {choice.drive.name}, {test.judged.plan.name}",
-        f"# torque: {test.M_g:g}",
+        f"# torque: {choice.M_g:g}",
         f"# sees: {shares}",
         f"# uncertainty: {test.uncertainty_arcsec:.4g}",
         "# write behind each last comma the angle of the output that was read, in deg; or name that column",
@@ -181,7 +181,7 @@ def sheet_report(choice: PlanChoice, serial: str = "", file: str = "") -> Report
     lead = f"{360 * run.lead_turns / test.ratio:.3g}°"
     ways = "from below in growing order, then from above in falling order" if test.judged.plan.both else "from below"
     steps = (
-        f"load the output with {test.M_g:g} N·m, constant, as in use; positive pulls counter-clockwise",
+        f"load the output with {choice.M_g:g} N·m, constant, as in use; positive pulls counter-clockwise",
         f"warm up for {run.warm_up_min:g} min with the cam at {run.cam_rpm:g} rpm; write down the temperature",
         f"begin anywhere: that angle of the output is 0; go back by {lead} first, as much before turning round",
         f"approach each position {ways}, {run.repeats} time{'s' * (run.repeats != 1)}; never go past one and back",
@@ -192,7 +192,7 @@ def sheet_report(choice: PlanChoice, serial: str = "", file: str = "") -> Report
         f"it sees {low} to {high} % of F'_ior, {middle} % in the median",
         _verdicts(test),
         again(
-            "accept", drive, "--measured", f"{test.M_g:g}={file}", "--measured-only",
+            "accept", drive, "--measured", f"{choice.M_g:g}={file}", "--measured-only",
             "--budget", "encoder=U,coupling=U,reseating=U,temperature=U",
         ) if file else "",
     )  # fmt: skip
@@ -205,7 +205,7 @@ def sheet_report(choice: PlanChoice, serial: str = "", file: str = "") -> Report
     return Report(
         command="plan",
         drive=drive,
-        head=f"{drive.name}: test of F'_ior at {test.M_g:g} N·m, {_takes(test)}",
+        head=f"{drive.name}: test of F'_ior at {choice.M_g:g} N·m, {_takes(test)}",
         verdict="",
         blocks=(
             Facts((("drive", drive.name), ("serial", serial), ("date, name", ""), ("rig, encoders", ""))),

@@ -186,9 +186,9 @@ def test_the_errors_of_rough_wheels_add_up_in_the_solved_cycle():
 def test_a_reading_that_passes_is_of_a_good_drive():
     """Readings within the share that positions see and the guard band: of drives at the limit, 5 % pass."""
     under_test = drives(*np.linspace(19.9, 20.1, 200), left=20.0, noise_arcsec=0.2)
-    test = under_test.test_of(under_test.judge(ReadingPlan.positions(3)), ApproachRun(), 20.0, 4.0, 20.0)
+    test = under_test.test_of(under_test.judge(ReadingPlan.positions(3)), ApproachRun(), 20.0, 20.0)
     assert test.passing.value < 0.05
     assert test.failing.value < 0.05
     far = drives(*[5.0] * 50, *[60.0] * 50, left=20.0, noise_arcsec=0.2)
-    test = far.test_of(far.judge(ReadingPlan.positions(3)), ApproachRun(), 20.0, 4.0, 20.0)
+    test = far.test_of(far.judge(ReadingPlan.positions(3)), ApproachRun(), 20.0, 20.0)
     assert (test.passing.value, test.failing.value) == pytest.approx((0.5, 0.5))
