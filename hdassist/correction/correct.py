@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,7 +61,7 @@ _IN_ZERO_DEG = 3.0  # of the cam, as far as a zero counts as right
 
 @dataclass(frozen=True, eq=False)
 class _LoadedError:
-    """Error of drives as one may be, at a torque: lines, and the actual error [arcsec], shape (drives, points).
+    """Error of drives as one may be, at a torque, by its lines.
 
     beyond: range of all that the lines do not have, over that of the error; F_ior_arcsec: of a record of
     the full cycle, None without one; visited: points that count, shape (points,), None
@@ -68,14 +69,22 @@ class _LoadedError:
     """
 
     lines: ErrorLines
-    actual: Array
-    beyond: float
+    beyond: float = 0.0
     F_ior_arcsec: float | None = None
     visited: NDArray[np.bool_] | None = None
+
+    @cached_property
+    def actual(self) -> Array:
+        """The actual error [arcsec], shape (drives, points)."""
+        return -self.lines.curves
 
     def range_of(self, curves: Array) -> Array:
         """Ranges of curves, shape (..., points), over the points that count."""
         return np.asarray(np.ptp(curves if self.visited is None else curves[..., self.visited], axis=-1))
+
+    def corrected(self, form: CorrectionForm, M_g: float, *, together: bool) -> CorrectionTable | Phasors:
+        """Corrections of a form at a torque M_g [N*m]: one of all drives, or one of each."""
+        return form.fitted(self.lines.mean if together else self.lines, M_g)
 
     @property
     def ranges(self) -> Array:
@@ -207,14 +216,13 @@ def correction_of(
     alike = misfit is not None or len(drives) == 1
     errors, certificate = {}, samples.certificate if samples else EMPTY
     for M_g in torques:
-        errors[M_g], proof = _loaded_error(drive, M_g, drives, run, alike=alike)
-        certificate += proof
-        record, found = records.get(M_g), errors[M_g]
+        record, found = records.get(M_g), _loaded_error(drive, M_g, drives, run, alike=alike)
+        certificate += found.lines.certificate
         if record and not record.is_part:
-            errors[M_g] = _recorded_belief(found.lines, record, run)
+            found = _recorded_belief(found.lines, record, run)
         elif records:
-            lines = alike_lines(found.lines, run, misfit)
-            errors[M_g] = _LoadedError(lines, -lines.curves, found.beyond)
+            found = replace(found, lines=alike_lines(found.lines, run, misfit))
+        errors[M_g] = found
     return _fitted_correction(
         drive, errors, form, records, drive.name, samples=samples, misfit=misfit, certificate=certificate
     )
@@ -222,11 +230,9 @@ def correction_of(
 
 def _recorded_belief(lines: ErrorLines, record: RecordedError, run: Run) -> _LoadedError:
     """Error of drives that agree with a record of the full cycle; lines, of drives as this one may be."""
-    found = recorded_lines(lines, record, run)
     visited = record.visited(lines.kinematics) if record.recorded_turns else None
-    error = _LoadedError(found, -found.curves, 0.0, visited=visited)
-    F_ior_arcsec = record.F_ior_arcsec or float(error.range_of(found.mean.curves)[0])
-    return replace(error, F_ior_arcsec=F_ior_arcsec)
+    error = _LoadedError(recorded_lines(lines, record, run), visited=visited)
+    return replace(error, F_ior_arcsec=record.F_ior_arcsec or float(error.range_of(error.lines.mean.curves)[0]))
 
 
 def _fitted_correction(
@@ -242,26 +248,24 @@ def _fitted_correction(
 ) -> Correction:
     """Corrections fitted to errors by torque, the first of which counts most; name: of the drive, or of its record."""
     torques = tuple(errors)
-    own = {M_g: each.lines for M_g, each in errors.items()}
-    mean = {M_g: each.mean for M_g, each in own.items()}
     design = errors[torques[0]]
     uncorrected = percentiles(design.ranges)[1]
-    phasors = _ranges_by_points(None, design.lines.mean, design)
+    phasors = _ranges_by_points(None, design, together=True)
     if min(phasors.values()) >= uncorrected:  # phases are not known: as if they were
-        phasors = _ranges_by_points(None, design.lines, design)
+        phasors = _ranges_by_points(None, design)
     number = next(number for number, left in phasors.items() if left <= _ENOUGH * min(phasors.values()))
     if not form.turn:
         number = form.points or number
         form = replace(form, points=number)
     usual = (CorrectionForm(None, number), CorrectionForm(None, number, each_load=True), *USUAL_TABLES)
     forms = dict.fromkeys((*(each for each in usual if len(torques) > 1 or not each.each_load), form))
-    chosen = _residuals_of(form, mean, errors)
-    residuals = tuple(_residuals_of(each, own if chosen.is_refused else mean, errors) for each in forms)
-    tables = _ranges_by_points("output", design.lines, design)
+    chosen = _residuals_of(form, errors, together=True)
+    residuals = tuple(_residuals_of(each, errors, together=not chosen.is_refused) for each in forms)
+    tables = _ranges_by_points("output", design)
     halving = next((points for points, left in tables.items() if left <= HALVED * uncorrected), None)
     in_place = zip(torques, chosen.residuals[: len(torques)] if form.each_load else chosen.residuals[:1], strict=False)
     kept = [M_g for M_g, left in in_place if M_g == torques[0] or left.p95 < left.uncorrected_p50]
-    corrections = {M_g: _exported(chosen, own, M_g, name) for M_g in kept}
+    corrections = {M_g: _exported(chosen, errors, M_g, name) for M_g in kept}
     return Correction(
         drive, errors, _error_parts(errors), residuals, chosen, corrections, halving,
         phasors, records, misfit, samples, certificate,
@@ -270,7 +274,7 @@ def _fitted_correction(
 
 def _loaded_error(
     drive: Drive, M_g: float, drives: Sequence[Mapping[str, float]], run: Run, *, alike: bool
-) -> tuple[_LoadedError, Certificate]:
+) -> _LoadedError:
     """Error of drives at a torque M_g [N*m], from their values by path.
 
     The first of them is solved in each state of its cycle, for the part that lines leave out and for F'_ior. alike:
@@ -285,40 +289,37 @@ def _loaded_error(
     if alike:
         lines = with_more_lines(lines, replace(solved, error_arcsec=off(lines)).lines(lines.kinematics))
     scale = np.ptp(solved.error_arcsec) / np.maximum(np.ptp(lines.curves[0]), np.finfo(float).tiny)
-    lines = replace(lines, amplitude=lines.amplitude * scale)
-    actual = -lines.curves
-    beyond = float(np.ptp(off(lines))) / np.ptp(actual[0])
-    return _LoadedError(lines, actual, beyond), lines.certificate + proof
+    lines = replace(lines, amplitude=lines.amplitude * scale, certificate=lines.certificate + proof)
+    return _LoadedError(lines, float(np.ptp(off(lines))) / np.ptp(lines.curves[0]))
 
 
-def _exported(
-    chosen: FormResiduals, lines: Mapping[float, ErrorLines], M_g: float, preset: str
-) -> CorrectionTable | Phasors:
+def _exported(chosen: FormResiduals, errors: _ErrorsByTorque, M_g: float, preset: str) -> CorrectionTable | Phasors:
     """The correction of a form for a torque, and its uncertainty; tables have the opposite torque's too."""
-    form = chosen.form
-    found = replace(form.fitted(lines[M_g].mean, M_g), preset=preset, promised=chosen.residuals)
+    form, lines = chosen.form, errors[M_g].lines
+    found = replace(form.fitted(lines.mean, M_g), preset=preset, promised=chosen.residuals)
     if isinstance(found, Phasors):
         found = replace(found, amplitude_arcsec=found.amplitude_arcsec[0], phase_deg=found.phase_deg[0])
-        if len(lines[M_g].amplitude) == 1:
+        if len(lines.amplitude) == 1:
             return found
-        often = np.rint(found.per_cam_turn * lines[M_g].kinematics.cycle_cam_revolutions)
-        vectors = lines[M_g].amplitude[:, np.isin(lines[M_g].per_cycle, often)]
+        often = np.rint(found.per_cam_turn * lines.kinematics.cycle_cam_revolutions)
+        vectors = lines.amplitude[:, np.isin(lines.per_cycle, often)]
         along = vectors / np.exp(1j * np.radians(found.phase_deg))  # real of lines with the phase of the mean
         across_deg = np.degrees(along.imag.std(axis=0) / np.maximum(found.amplitude_arcsec, _LEAST_AMPLITUDE))
         unsure = along.real.std(axis=0), np.minimum(across_deg, _ANY_PHASE_DEG)
         return replace(found, amplitude_uncertainty_arcsec=unsure[0], phase_uncertainty_deg=unsure[1])
-    other = form.fitted(lines[-M_g].mean, -M_g) if form.each_load and -M_g in lines else None
+    other = form.fitted(errors[-M_g].lines.mean, -M_g) if form.each_load and -M_g in errors else None
     if isinstance(other, CorrectionTable):
         found = replace(found, other_direction_arcsec=other.error_arcsec[0], other_M_g=-M_g)
     return replace(found, error_arcsec=found.error_arcsec[0])
 
 
-def _residuals_of(form: CorrectionForm, lines: Mapping[float, ErrorLines], errors: _ErrorsByTorque) -> FormResiduals:
-    """Residuals of a form fitted to lines, of the errors of drives, both by torque."""
-    design, turns = next(iter(lines)), next(iter(lines.values())).kinematics.cycle_cam_revolutions
-    fitted = {M_g: form.fitted(each, M_g) for M_g, each in lines.items()}
+def _residuals_of(form: CorrectionForm, errors: _ErrorsByTorque, *, together: bool) -> FormResiduals:
+    """Residuals of a form fitted to the errors of all drives together, or to each by itself."""
+    design = next(iter(errors))
+    turns = errors[design].lines.kinematics.cycle_cam_revolutions
+    fitted = {M_g: each.corrected(form, M_g, together=together) for M_g, each in errors.items()}
     lost = np.unique(np.linspace(1, max(turns - 1, 1), _LOST_TURNS).astype(int)).tolist()
-    cases = [(IN_PLACE, M_g, [0.0]) for M_g in lines]
+    cases = [(IN_PLACE, M_g, [0.0]) for M_g in errors]
     cases += [(f"zero {degrees:g} deg off", design, [-degrees / 360, degrees / 360]) for degrees in _ZERO_OFF_DEG]
     cases += [(TURN_LOST, design, lost)]
     found = []
@@ -353,10 +354,10 @@ def correction_curve(correction: CorrectionTable | Phasors, kinematics: Kinemati
     return ErrorLines(kinematics, per_cycle, np.atleast_2d(correction.vectors), EMPTY).curves
 
 
-def _ranges_by_points(turn: RepeatTurn | None, lines: ErrorLines, error: _LoadedError) -> dict[int, float]:
-    """Median of the range [arcsec] of an error that forms leave, fitted to lines, by their points or phasors."""
-    forms = [CorrectionForm(turn, points) for points in TRIED_POINTS[turn]]
-    return {form.points: percentiles(ranges_left(form.fitted(lines, 0.0), error)[0])[1] for form in forms}
+def _ranges_by_points(turn: RepeatTurn | None, error: _LoadedError, *, together: bool = False) -> dict[int, float]:
+    """Median of the range [arcsec] of an error that forms leave, fitted as residuals_of does, by their points."""
+    fitted = {N: error.corrected(CorrectionForm(turn, N), 0.0, together=together) for N in TRIED_POINTS[turn]}
+    return {N: percentiles(ranges_left(correction, error)[0])[1] for N, correction in fitted.items()}
 
 
 def _error_parts(errors: _ErrorsByTorque) -> tuple[ErrorPart, ...]:
@@ -514,8 +515,8 @@ def advice_corrected(advice: Advice, form: CorrectionForm, draws: int, run: Run)
             for values in drives
         ]
         for M_g in advice.torques:
-            error, of_states = _loaded_error(drive, M_g, changes, run, alike=len(drives) == 1)
-            proof += of_states
+            error = _loaded_error(drive, M_g, changes, run, alike=len(drives) == 1)
+            proof += error.lines.certificate
             left.append(ranges_left(form.fitted(error.lines, M_g), error)[0])
     arcsec = np.reshape(left, (len(every), -1, len(drives))).transpose(1, 2, 0)  # (torques, drives, positions)
     columns = [every.index(each) for each in found.rotations_deg]
