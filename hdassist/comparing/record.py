@@ -186,7 +186,7 @@ class RecordedOrders:
         self.sweep, self.alignment, design = sweep, alignment, sweep.fit.design
         self.measured: Array = sweep.fit.coefficients
         floor = (EXACT * sweep.range.value) ** 2
-        self._noise: Array = sweep.fit.factor @ sweep.fit.factor.T + floor * np.eye(len(self.measured))
+        self._noise: Array = sweep.fit.covariance() + floor * np.eye(len(self.measured))
         self.covariance, self._root = self._noise, np.linalg.cholesky(self._noise)
         rates = np.array([kinematics.teeth_fixed / z for z in (kinematics.z_g, kinematics.z_b)])
         starts = [1.0, 0.0] if kinematics.fixed == "rigid" else [0.0, 1.0]

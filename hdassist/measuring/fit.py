@@ -103,6 +103,19 @@ class TraceFit:
         return np.asarray(rows @ rows.T * self.variance * max(self.correlated, 1.0))
 
     @property
+    def is_line(self) -> NDArray[np.bool_]:
+        """Whether an order is a line, shape (orders,)."""
+        return np.isin(self.orders, self.lines)
+
+    def pair(self, own: OrderIndices) -> OrderIndices:
+        """Places of the cosines, then of the sines of some orders among the coefficients."""
+        return np.concatenate([own, own + len(self.orders)])
+
+    def covariance(self, pair: OrderIndices | slice = slice(None)) -> Array:
+        """Covariance of coefficients by noise [arcsec^2], of all by default."""
+        return np.asarray(self.factor[pair] @ self.factor[pair].T)
+
+    @property
     def error(self) -> Array:
         """The values without levels, drift and slopes, shape (bins,)."""
         return self.curve(self.bins.turns) + self.residual
@@ -122,7 +135,7 @@ class TraceFit:
     @property
     def groups(self) -> list[OrderIndices]:
         """Places of the orders in groups: those that the record does not resolve from a line are together."""
-        line = np.isin(self.orders, self.lines)
+        line = self.is_line
         near = np.diff(self.orders) < RESOLVED_GAP / self.bins.span
         ends = np.flatnonzero(~(near & (line[1:] | line[:-1]))) + 1
         return np.split(np.arange(len(self.orders)), ends)
@@ -139,7 +152,7 @@ class TraceFit:
 
     def mean_square(self, own: OrderIndices) -> Array:
         """Twice the mean products of cosines and sines of some orders over the record: of even turns, the identity."""
-        pair = np.concatenate([own, own + len(self.orders)])
+        pair = self.pair(own)
         return 2 * self.design.gram[np.ix_(pair, pair)] / self.bins.weight.sum() if len(own) > 1 else np.eye(2)
 
     def wave(self, own: OrderIndices, square: Array | None = None) -> tuple[float, float, float, float]:
@@ -147,7 +160,7 @@ class TraceFit:
 
         Of several: the amplitude of a wave of the same mean square, by default over the record, and its mean order.
         """
-        orders, pair = self.orders[own], np.concatenate([own, own + len(self.orders)])
+        orders, pair = self.orders[own], self.pair(own)
         coefficients, square = self.coefficients[pair], self.mean_square(own) if square is None else square
         a, b = coefficients[: len(own)], coefficients[len(own) :]
         order = float(orders[0])
@@ -168,10 +181,10 @@ class TraceFit:
 
         The mean is over whole turns of the output, or over the record where it is part of one.
         """
-        pair = np.concatenate([own, own + len(self.orders)])
+        pair = self.pair(own)
         square = self.mean_square(own) if self.design.slow.by_angle else np.eye(len(pair))
         order, amplitude, uncertainty, phase = self.wave(own, square)
-        noise = square @ self.factor[pair] @ self.factor[pair].T
+        noise = square @ self.covariance(pair)
         spread = float(np.hypot(2 * amplitude * uncertainty, np.sqrt(2 * np.trace(noise @ noise))))
         left = float(np.sqrt(max(0.0, amplitude**2 - np.trace(noise))))
         return order, left, min(spread / max(2 * left, 1e-300), float(np.sqrt(spread))), phase
@@ -179,8 +192,7 @@ class TraceFit:
     @property
     def clear_of_noise(self) -> bool:
         """Whether the orders together have more power than noise alone would leave in them, but once in thousands."""
-        covariance = self.factor @ self.factor.T
-        power = float(self.coefficients @ np.linalg.solve(covariance, self.coefficients))
+        power = float(self.coefficients @ np.linalg.solve(self.covariance(), self.coefficients))
         freedom = 2 * len(self.orders)
         return power > freedom + _POWER_CLEAR * float(np.sqrt(2 * freedom))
 
@@ -241,19 +253,18 @@ def residual_power(bins: Bins, residual: Array, variance: float) -> tuple[Array,
 
     Returns orders per cam turn, rising, at least twice as dense as the record resolves, and the power there.
     """
-    places = np.floor(bins.turns * bins.per_turn).astype(np.int64)
-    sizes = [int(np.ptp(places[bins.sweep == k])) + 1 for k in range(bins.sweeps)]
-    length = 1 << int(np.ceil(np.log2(2 * max(sizes))))
-    off = bins.turns * bins.per_turn - places - 0.5  # of a reading from the middle of its place
+    parts = list(zip(bins.by_sweep(bins.turns * bins.per_turn), bins.by_sweep(bins.weight * residual), strict=True))
+    longest = max(int(np.ptp(np.floor(turns))) for turns, _ in parts) + 1
+    length = 1 << int(np.ceil(np.log2(2 * longest)))
     turned = -2j * np.pi * np.arange(length // 2 + 1) / length
     power = np.zeros(length // 2 + 1)
-    for index, size in enumerate(sizes):
-        own = bins.sweep == index
-        at, values = places[own] - places[own].min(), (bins.weight * residual)[own]
-        transform = np.zeros(length // 2 + 1, complex)
+    for turns, values in parts:
+        at = np.floor(turns)
+        off = turns - at - 0.5  # of a reading from the middle of its place
+        places, transform = (at - at[0]).astype(np.int64), np.zeros(length // 2 + 1, complex)
         for k in range(_MOMENTS):  # exp(turned off) as a series: without it, even readings in uneven places have images
-            line = np.zeros(size)
-            line[at] = values * off[own] ** k
+            line = np.zeros(longest)
+            line[places] = values * off**k
             transform += turned**k / factorial(k) * np.fft.rfft(line, length)
         power += np.abs(transform) ** 2
     power /= float((bins.weight**2).sum()) * variance
@@ -262,7 +273,7 @@ def residual_power(bins: Bins, residual: Array, variance: float) -> tuple[Array,
 
 def even_readings(bins: Bins) -> tuple[float, float, float]:
     """Readings a cam turn if they lie at even angles, one of these angles [turns], and how even all are, 0 to 1."""
-    turns = bins.turns[bins.sweep == np.bincount(bins.sweep).argmax()]
+    turns = max(bins.by_sweep(bins.turns), key=len)
     steps = np.diff(turns)
     step, start = np.polyfit(np.append(0.0, np.cumsum(np.rint(steps / np.median(steps)))), turns, 1).tolist()
     return 1 / step, start, float(np.abs(np.exp(2j * np.pi * (bins.turns - start) / step).mean()))

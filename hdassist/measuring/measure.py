@@ -212,12 +212,12 @@ def measure(
     _require_drift(drift)
     gearing = gearing_of(drive, ratio)
     gearing = gearing and gearing.within(travel_deg)
-    given = gearing, drive, orders, drift, stated or {}, seed
-    record = _RecordUnderway(trace, *given, together=together, may_be_noise=may_be_noise)
-    directions, alone = record.directions(), list[SweepResult]()
+    record = _RecordUnderway(trace, gearing, drive, orders, drift, stated or {}, seed, together, may_be_noise)
+    apart, alone = replace(record, together=False, may_be_noise=True), list[SweepResult]()
+    directions = record.directions()
     if together:
         with suppress(HdassistError):
-            alone = _RecordUnderway(trace, *given, together=False, may_be_noise=True).directions()
+            alone = apart.directions()
     growing_first = sorted(directions, key=lambda each: -each.direction)
     places = [np.rint(each.grid_turns * 1e6) for each in growing_first]
     reversal, lag = reversal_and_lag(
@@ -288,12 +288,11 @@ class _RecordUnderway:
             fit, drift_left = _with_lines_or_drift(fit)
             if drift_left and gearing and bins.span >= WHOLE_TURN * gearing.cycle:
                 self.warnings.append(_DRIFT_OFF.format(drift_left, float(np.ptp(fit.curve(bins.turns)))))
-                fit = fit_orders(bins, fit.orders[~np.isin(fit.orders, fit.lines)], replace(fit.design.slow, degree=1))
+                fit = fit_orders(bins, fit.orders[~fit.is_line], replace(fit.design.slow, degree=1))
                 fit, drift_left = _with_lines_or_drift(fit)
             elif drift_left:
                 self.warnings.append(DRIFT_LEFT.format(drift_left))
-        wind_up = torque.uncertainty_arcsec if torque and torque.by == "catalogue" else 0.0
-        found = self._sweep_result(sign, own, fit, drift_left, wind_up, miss)
+        found = self._sweep_result(sign, fit, drift_left, miss)
         if not fit.unmodelled < _UNMODELLED * found.range.value:
             size = f"{fit.unmodelled:.2g}″"
             self.warnings.append(f"error beyond the declared orders, {size}: declare more of them, or it drifts")
@@ -336,22 +335,12 @@ class _RecordUnderway:
             self.warnings.append(words)
         return fit
 
-    def _sweep_result(
-        self,
-        sign: int,
-        trace: MeasuredTrace,
-        fit: TraceFit,
-        drift_left: float,
-        wind_up: float,
-        torque_miss: float | None,
-    ) -> SweepResult:
+    def _sweep_result(self, sign: int, fit: TraceFit, drift_left: float, torque_miss: float | None) -> SweepResult:
         """The range of a fit with its uncertainty, refused where it is noise and may not be; orders and coverage.
 
-        drift_left: linear drift [arcsec] that the fit has in it; wind_up: uncertainty of one taken off by a catalogue;
-        torque_miss: of lines between torques.
+        drift_left: linear drift [arcsec] that the fit has in it; torque_miss: of lines between torques.
         """
-        gearing, declared = self.gearing, _declared(trace, self.orders, [])
-        bins = fit.bins
+        trace, gearing, bins = self.trace.one_way(sign), self.gearing, fit.bins
         places, per_turn = visited_angles(fit)
         visits = None
         if gearing:
@@ -367,6 +356,7 @@ class _RecordUnderway:
             slow = curve_of(fit.coefficients[np.tile(fit.is_slow, 2)], fit.orders[fit.is_slow], bins.turns)
         # a drift that was left in may be none at all; one that was taken off may be bent
         drift = abs(drift_left) / 2 if len(fit.drift) != 1 else _BENT * abs(float(fit.drift[0]))
+        wind_up = self.torque.uncertainty_arcsec if self.torque and self.torque.by == "catalogue" else 0.0
         drifting = (
             UncertaintySource("drift", drift / sqrt(3), "how straight it is, or whether it is one"),
             UncertaintySource(WIND_UP, wind_up, "stiffnesses of a catalogue, by which it was taken off"),
@@ -412,7 +402,7 @@ class _RecordUnderway:
         drifted = fit.design.drift_at(fit.drift, trace.cam_deg[rows] / 360, travel_of(trace)[rows])
         at_each = tuple(_TorqueRange(torque, each.value, each.uncertainty) for torque, each in at_torques)
         raw = float(np.ptp(trace.error_arcsec[rows] - drifted))
-        orders = order_tables(fit, declared, self.drive, gearing)
+        orders = order_tables(fit, _declared(trace, self.orders, []), self.drive, gearing)
         return SweepResult(
             sign, fit, grid, extent, revolution, cam, slope, float(np.ptp(slow)), raw, *orders, visits, sources,
             at_each, torque_miss,
@@ -451,10 +441,7 @@ def _declared(trace: MeasuredTrace, orders: Sequence[float] | None, notes: list[
 
 def _fit(bins: Bins, declared: Sequence[float], ratio: float, slow: SlowTerms, notes: list[str]) -> TraceFit:
     """Fit with beats where the record resolves them and has bins enough, else without."""
-    with_beats, without = (
-        order_grid(declared, bins.span, ratio, beats=beats, slow=not slow.by_angle, is_travel=slow.ridge > 0)
-        for beats in (True, False)
-    )
+    with_beats, without = (order_grid(declared, bins.span, ratio, slow, beats=beats) for beats in (True, False))
     if len(with_beats) > len(without) and len(bins) >= BINS_PER_COLUMN * 2 * (2 * len(with_beats) + 4):
         with suppress(UntrustedError):
             return fit_orders(bins, with_beats, slow)

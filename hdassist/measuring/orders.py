@@ -196,27 +196,26 @@ def order_grid(
     declared: Sequence[float],
     turns: float,
     ratio: float,
+    slow: SlowTerms = SlowTerms(),
     *,
     beats: bool = True,
-    slow: bool = True,
-    is_travel: bool = False,
 ) -> Array:
     """Orders per cam turn to fit, rising, shape (orders,).
 
-    Arguments: declared orders; turns of the cam that the record spans; ratio; beats,
-    whether to put them around the declared orders, as far as the record resolves them; slow, and around 0; is_travel,
-    whether they are those of whole turns, or nearer than the record resolves: its curve has no period then.
+    Arguments: declared orders; turns of the cam that the record spans; ratio; slow terms beside them; beats,
+    whether to put them around the declared orders, as far as the record resolves them, and around 0 unless slow terms
+    are there. In a travel they are those of whole turns, or nearer than the record resolves: its curve has no period.
     """
     base = 1 / ratio
     width = _BEATS * base
-    if is_travel:
+    if slow.ridge:
         step = max(base, _TRAVEL_GAP / turns)
         width = step * np.ceil(width / step - 1e-9)
     else:
         step = base if turns * base >= WHOLE_TURN else 1 / turns
     count = max(int(width / step + 1e-9), int(turns >= _DRIFTING)) if beats else 0
     around = np.arange(-count, count + 1) * step
-    every = np.concatenate([around[around > 0] if slow else [], *(order + around for order in declared)])
+    every = np.concatenate([[] if slow.by_angle else around[around > 0], *(order + around for order in declared)])
     every = np.sort(every[every > 0])
     return np.asarray(every[np.concatenate([[True], np.diff(every) > step / 2])])
 
@@ -231,7 +230,7 @@ def order_tables(
     """
     orders, span, ratio = fit.orders, fit.bins.span, gearing.ratio if gearing else USUAL_RATIO
     is_part = span < WHOLE_TURN * ratio
-    fitted = orders[~np.isin(orders, fit.lines)]
+    fitted = orders[~fit.is_line]
     width = float(np.diff(fitted).min()) / 2 if len(fitted) > 1 else 0.5
     is_beat = is_part & (distance(fit.lines, np.asarray(declared)) <= _BEATS / ratio + LINE_WIDTH / span)
     causes: list[list[tuple[int, str]]] = [[] for _ in orders]
@@ -249,7 +248,7 @@ def order_tables(
             words += [_CAM_CAUSE] * bool((abs(orders[own] - 1) < 1e-9).any())
         if np.isin(orders[own], fit.lines[is_beat]).any():
             words.append(_BEAT_CAUSE)
-        elif np.isin(orders[own], fit.lines).any():
+        elif fit.is_line[own].any():
             words.append(_LINE_CAUSE)
         return "; ".join(dict.fromkeys(words)) or (NO_CAUSE if drive else "")
 
@@ -283,10 +282,10 @@ def _over_whole_turns(
     and noise. Their common size is found by expectation and maximisation.
     """
     away = np.tile(np.arange(-_BEATS, _BEATS + 1), 2)
-    pair = np.concatenate([own, own + len(fit.orders)])
+    pair = fit.pair(own)
     beats, turns = joint.per_cam_rev + away[: len(away) // 2] / ratio, fit.bins.turns
     record = fit.design.project(lambda rows: order_columns(turns[rows], beats))[pair]
-    noise = fit.factor[pair] @ fit.factor[pair].T
+    noise = fit.covariance(pair)
     share = 4.0 ** -np.maximum(np.abs(away) - 1.0, 0)
     variance = joint.amplitude_arcsec**2 / share.sum() + np.trace(noise)
     for _ in range(_SIZE_ITERATIONS):
@@ -411,12 +410,11 @@ def visited_angles(fit: TraceFit) -> tuple[Array, int]:
     """
     slow = fit.design.slow
     longest = _BRIDGED_TURNS if slow.by_angle or slow.ridge else _BRIDGED_IN_CYCLE
-    bins, wide = fit.bins, GAP_PERIODS / float(fit.orders[~np.isin(fit.orders, fit.lines)][-1])
+    bins, wide = fit.bins, GAP_PERIODS / float(fit.orders[~fit.is_line][-1])
     per_turn = _POINTS_PER_PERIOD * int(np.ceil(fit.orders[-1]))
     usual = float(np.median(_spread(fit, bins.turns[:: max(1, len(bins) // _SPREAD_PLACES)])))
     visited = []
-    for index in range(bins.sweeps):
-        turns = bins.turns[bins.sweep == index]
+    for turns in bins.by_sweep(bins.turns):
         gaps = np.diff(turns)
         told = gaps <= wide
         bridged = np.flatnonzero(~told & (gaps <= longest))
@@ -468,7 +466,7 @@ def ranges_of(
     """
     noise = fit.factor @ rng.standard_normal((fit.factor.shape[1], draws))
     best = fit.coefficients * np.tile(_kept_shares(fit), 2)
-    line = np.isin(fit.orders, fit.lines) | fit.unresolved
+    line = fit.is_line | fit.unresolved
     own = np.where(np.tile(line, 2), 0.0, fit.coefficients)
     curves = np.concatenate([np.stack([fit.coefficients, own, best], axis=1), best[:, None] + noise], axis=1)
     slow = np.tile(fit.is_slow, 2)

@@ -23,7 +23,7 @@ import numpy as np
 from hdassist.errors import Fault, UntrustedError
 from hdassist.measuring.fit import EVEN, RESOLVED_GAP, TraceFit, distance, even_readings, fit_orders, residual_power
 from hdassist.measuring.orders import LINE_WIDTH
-from hdassist.measuring.terms import BINS_PER_COLUMN, order_columns
+from hdassist.measuring.terms import BINS_PER_COLUMN, Bins, order_columns
 from hdassist.model.geometry import Array
 from hdassist.readers.table import shortened
 from hdassist.readers.trace import MeasuredTrace
@@ -137,12 +137,12 @@ def _settled(fit: TraceFit, orders: Array, order: float) -> TraceFit:
     Raises UntrustedError where there is no room.
     """
     bins, slow, resolution = fit.bins, fit.design.slow, 1 / fit.bins.span
-    held = fit.unresolved[np.searchsorted(fit.orders, fit.lines)]
+    held = fit.unresolved[fit.is_line]
     with suppress(UntrustedError):  # it came to where an order is
         trial = fit_orders(bins, orders, slow, np.append(fit.lines, order))
         for _ in range(_ORDER_ITERATIONS):
             free = ~np.isin(trial.lines, fit.lines[held])
-            a, b = trial.coefficients.reshape(2, -1)[:, np.searchsorted(trial.orders, trial.lines)]
+            a, b = trial.coefficients.reshape(2, -1)[:, trial.is_line]
             phase = (2 * np.pi) * bins.turns[:, None] * trial.lines
             slopes = (2 * np.pi) * (bins.turns - bins.turns.mean())[:, None] * (b * np.cos(phase) - a * np.sin(phase))
             step = np.clip(trial.beside(slopes)[1], -resolution / 2, resolution / 2)  # to first order
@@ -162,6 +162,12 @@ def _settled(fit: TraceFit, orders: Array, order: float) -> TraceFit:
     return fit_orders(bins, orders, slow, np.append(fit.lines, places[int(np.argmax(squares))]))
 
 
+def _departures(trace: MeasuredTrace, bins: Bins, fitted: Array) -> list[Array]:
+    """Errors [arcsec] of the rows of each sweep of a trace less a curve, from its values at the bins."""
+    columns = *map(trace.by_sweep, (trace.cam_deg / 360, trace.error_arcsec)), *map(bins.by_sweep, (bins.turns, fitted))
+    return [error - np.interp(turns, at, curve) for turns, error, at, curve in zip(*columns, strict=True)]
+
+
 def with_step(trace: MeasuredTrace, fit: TraceFit) -> tuple[MeasuredTrace, str] | None:
     """A trace with a level of its own behind the greatest step of what a fit leaves, and the warning; None without any.
 
@@ -172,14 +178,11 @@ def with_step(trace: MeasuredTrace, fit: TraceFit) -> tuple[MeasuredTrace, str] 
         return None
     bins, fitted = fit.bins, fit.curve(fit.bins.turns)
     sizes, rows = [], []
-    for k, sweep in enumerate(trace.sweeps):
-        own = bins.sweep == k
-        turns, error = trace.cam_deg[sweep.rows] / 360, trace.error_arcsec[sweep.rows]
-        apart = error - np.interp(turns, bins.turns[own], fitted[own])
-        reach = int(_STEP_TURNS * len(turns) / max(float(np.ptp(turns)), _STEP_TURNS))
-        if reach < _FEWEST_BESIDE_STEP or len(turns) < 4 * reach:
+    for sweep, apart in zip(trace.sweeps, _departures(trace, bins, fitted), strict=True):
+        reach = int(_STEP_TURNS * len(sweep) / max(float(np.ptp(trace.cam_deg[sweep.rows])) / 360, _STEP_TURNS))
+        if reach < _FEWEST_BESIDE_STEP or len(sweep) < 4 * reach:
             continue
-        total, at = np.cumsum(np.append(0.0, apart)), np.arange(reach, len(turns) - reach)
+        total, at = np.cumsum(np.append(0.0, apart)), np.arange(reach, len(sweep) - reach)
         near = max(reach // 4, _FEWEST_BESIDE_STEP)
         far, close = ((total[at + r] - 2 * total[at] + total[at - r]) / r for r in (reach, near))
         sizes.append(np.where(close / np.where(far, far, 1.0) > _SHARP, far, 0.0))
@@ -214,11 +217,7 @@ def without_spikes(trace: MeasuredTrace, fit: TraceFit) -> tuple[MeasuredTrace, 
     from scipy.ndimage import binary_opening, median_filter  # 20 ms, which values in holes do without
 
     bins, fitted = fit.bins, fit.bins.error - fit.residual
-    rows, moves = trace.rows, zip(*map(trace.by_sweep, (trace.cam_deg, trace.error_arcsec)), strict=True)
-    apart = [
-        error - np.interp(cam / 360, bins.turns[bins.sweep == k], fitted[bins.sweep == k])
-        for k, (cam, error) in enumerate(moves)
-    ]
+    rows, apart = trace.rows, _departures(trace, bins, fitted)
     size = np.abs(np.concatenate(apart))
     beside = np.concatenate([np.abs(each - median_filter(each, _BESIDE_SPIKE, mode="mirror")) for each in apart])
     # a spike draws the fit to it, and so its neighbours off: only the farthest are looked at

@@ -71,7 +71,7 @@ class Reversal:
 
 def speed_changes(bins: Bins) -> bool:
     """Whether the speed within the sweeps changes by enough to tell a lag."""
-    apart = [speed - np.median(speed) for speed in (bins.speed[bins.sweep == k] for k in range(bins.sweeps))]
+    apart = [speed - np.median(speed) for speed in bins.by_sweep(bins.speed)]
     low, high = np.quantile(np.concatenate(apart), (0.05, 0.95))  # a turning point alone tells no lag
     return float(high - low) / 2 > _LEAST_SPEED_CHANGE * float(np.abs(bins.speed).mean())
 
@@ -118,7 +118,7 @@ def _lost_by_sweeps(fits: Sequence[TraceFit]) -> tuple[_ValueAndSpread, _ValueAn
     if any("speed" in fit.slopes or fit.bins.levels != fit.bins.sweeps for fit in fits):
         return None
     level = np.concatenate([fit.level for fit in fits])
-    speed = np.concatenate([[f.bins.speed[f.bins.sweep == k].mean() for k in range(f.bins.sweeps)] for f in fits])
+    speed = np.array([own.mean() for fit in fits for own in fit.bins.by_sweep(fit.bins.speed)])
     pace = np.abs(speed)
     if len(level) < 3 or not np.ptp(pace) > _LEAST_SPEED_APART * pace.max():
         return None

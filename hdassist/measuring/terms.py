@@ -75,7 +75,11 @@ class Bins:
     @property
     def span(self) -> float:
         """Turns of the cam from least to greatest angle of the longest sweep."""
-        return max(float(np.ptp(self.turns[self.sweep == k])) for k in range(self.sweeps))
+        return max(float(np.ptp(turns)) for turns in self.by_sweep(self.turns))
+
+    def by_sweep(self, values: Array) -> list[Array]:
+        """Values of all bins, shape (bins,), parted into those of each sweep."""
+        return np.split(values, np.flatnonzero(np.diff(self.sweep)) + 1)
 
 
 def travel_of(trace: MeasuredTrace) -> Array:
