@@ -270,12 +270,23 @@ class PlannedTest:
     @property
     def readings(self) -> int:
         """Readings of all passes."""
-        return len(self.approaches[0])
+        return self.run.repeats * (1 + self.judged.plan.both) * self.judged.plan.readings
 
     @property
     def minutes(self) -> float:
         """Duration, warm-up included."""
-        return float(self.approaches[0][-1])
+        run, passes = self.run, self.readings // self.judged.plan.readings
+        first, turn_back, apart = self._moves_min
+        moving = first + (passes - 1) * turn_back + (self.readings - passes) * apart
+        return run.warm_up_min + moving + self.readings * run.dwell_s / 60
+
+    @property
+    def _moves_min(self) -> tuple[float, float, float]:
+        """Duration [min] of the move to the first reading of all, to that of each later pass, and to any other."""
+        plan, run = self.judged.plan, self.run
+        lead, apart = run.lead_turns / run.cam_rpm, plan.step_turns * self.ratio / run.cam_rpm
+        # a pass one way begins where the last began
+        return lead, 2 * lead + (0.0 if plan.both else apart * (plan.readings - 1)), apart
 
     @property
     def approaches(self) -> tuple[Array, Array, Array]:
@@ -284,10 +295,9 @@ class PlannedTest:
         forth, ways = 360 * plan.step_turns * np.arange(plan.readings), 1 + plan.both
         target = np.tile(np.concatenate([forth, forth[::-1]][:ways]), run.repeats)
         side = np.tile(np.repeat([1, -1][:ways], plan.readings), run.repeats)
-        lead, apart = run.lead_turns / run.cam_rpm, plan.step_turns * self.ratio / run.cam_rpm
-        back = 0.0 if plan.both else apart * (plan.readings - 1)  # a pass one way begins where the last began
-        moves = np.where(np.arange(len(target)) % plan.readings == 0, 2 * lead + back, apart)
-        moves[0] = lead
+        first, turn_back, apart = self._moves_min
+        moves = np.where(np.arange(len(target)) % plan.readings == 0, turn_back, apart)
+        moves[0] = first
         return run.warm_up_min + np.cumsum(moves + run.dwell_s / 60), target, side
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -192,3 +194,16 @@ def test_a_reading_that_passes_is_of_a_good_drive():
     far = drives(*[5.0] * 50, *[60.0] * 50, left=20.0, noise_arcsec=0.2)
     test = far.test_of(far.judge(ReadingPlan.positions(3)), ApproachRun(), 20.0, 20.0)
     assert (test.passing.value, test.failing.value) == pytest.approx((0.5, 0.5))
+
+
+@pytest.mark.parametrize("both", [False, True])
+def test_how_long_a_test_lasts_is_the_minute_of_its_last_reading_and_takes_no_list_of_them(both: bool):
+    plan, run = ReadingPlan.positions(7, both=both), ApproachRun(repeats=3)
+    under_test = drives(20.0)
+    test = under_test.test_of(under_test.judge(plan), run, 20.0, None)
+    minutes, targets, _ = test.approaches
+    assert test.readings == len(targets)
+    assert test.minutes == pytest.approx(minutes[-1])
+    once_more, longest = (replace(test, run=replace(run, repeats=repeats)) for repeats in (4, 10**9))
+    each = once_more.minutes - test.minutes
+    assert longest.minutes == pytest.approx(test.minutes + each * (10**9 - 3))  # a list of them would not fit
