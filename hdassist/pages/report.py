@@ -169,7 +169,10 @@ def report_markdown(report: Report, style: Style) -> str:
     """A report as Markdown, with the tables of GitHub's dialect and figures in characters; style: of its texts."""
 
     def safe(value: Any) -> Any:
-        return _markdown_safe(value if isinstance(value, Markup) else style.text(str(value)))
+        """The text with what Markdown or HTML would take for a sign of their own behind a backslash."""
+        if isinstance(value, Markup):
+            return value
+        return re.sub(r"([\\`*_\[\]<>|~&#])", r"\\\1", style.text(str(value)).replace("\n", "\\n"))
 
     page = _environment(safe, style).get_template("report.md")
     return page.render(report=report, proof=proof(report.certificate, report.cross_checks))
@@ -244,13 +247,6 @@ def _html_safe(value: Any) -> Any:
     if isinstance(value, float):
         return round(value, 2)
     return _UNICODE.text(value) if isinstance(value, str) and not isinstance(value, Markup) else value
-
-
-def _markdown_safe(value: Any) -> Any:
-    """The text with what Markdown or HTML would take for a sign of their own behind a backslash."""
-    if isinstance(value, Markup):
-        return value
-    return re.sub(r"([\\`*_\[\]<>|~&#])", r"\\\1", visible(str(value)).replace("\n", "\\n"))
 
 
 CENTRE = (210.0, 146.0)  # of the seat
