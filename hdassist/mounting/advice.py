@@ -358,7 +358,7 @@ def advise_after(
         drive, found, setup, trials=every, after=after, value=value, likelier_torque=likelier,
         unknown=unknowns(drive), open_=tuple(each.path for each in prior_of(drive).fields), sure=sure, worth=worth,
     )  # fmt: skip
-    return replace(advice, verification=_verified(advice, outcome)) if outcome else advice
+    return replace(advice, verification=_verified(advice, outcome, whole)) if outcome else advice
 
 
 def _value(
@@ -377,14 +377,13 @@ def _value(
     return value_of_measurement(decision, measurable, noise, steps=steps, first=first, seed=seed)
 
 
-def _verified(advice: Advice, outcome: Trial) -> _Verification:
-    """The outcome of an advice beside what the values before it predict, and where to go back to."""
-    after, found, before = advice.after, advice.decision, advice.trials[:-1]
-    assert after
-    told = posterior_of(after.samples, before, [outcome.rotation_deg])
-    noise = np.random.default_rng([after.samples.seed, 4]).standard_normal(len(told.noise))
+def _verified(advice: Advice, outcome: Trial, samples: HoleSamples) -> _Verification:
+    """The outcome of an advice beside what samples and the values before it predict, and where to go back to."""
+    found, before = advice.decision, advice.trials[:-1]
+    told = posterior_of(samples.with_free_curves(before), before, [outcome.rotation_deg])
+    noise = np.random.default_rng([samples.seed, 4]).standard_normal(len(told.noise))
     predicted = told.F_ior_by_torque[advice.torque_of(outcome)][:, 0]
-    read = predicted + noise * told.noise * after.samples.noise([outcome])
+    read = predicted + noise * told.noise * samples.noise([outcome])
     low, high = np.quantile(read, (0.025, 0.975)).tolist()
 
     as_predicted = low <= outcome.F_ior_arcsec <= high

@@ -25,6 +25,7 @@ from scipy.special import logsumexp, softmax
 
 from hdassist.belief.evidence import (
     ACCURACY,
+    SCALE,
     SMOOTH_NUMBERS,
     ErrorKind,
     error_kinds,
@@ -150,8 +151,9 @@ SAMPLES_A_TABLE = 2  # effective samples of a belief for which one system has a 
 _DRAWS_A_TABLE = 64  # draws of systems at most for each table that is wanted
 _COMPARED = 16  # drives with a table of one system, to see its error
 _FREE_SHARE = 0.5  # probability before any value that no drive of the preset shows them
-_FREE_CURVES, _FREE_ORDERS = 256, 4  # curves of no drive, and times that their waves go around the seat
-_FREE_LEVEL, _NEAR_LEVEL = 1.0, 0.3  # standard deviation of the logarithm of their level, and of those that are drawn
+_FREE_CURVES, _FREE_ORDERS = 1024, 4  # curves of no drive, and times that their waves go around the seat
+_FREE_LEVEL = 1.0  # standard deviation of the logarithm of their level
+_FREE_NEAR = 0.01  # of a value: within that of it they are drawn as densely, however little noise is stated
 _OPEN = 40.0  # deg: a direction whose standard deviation is more is not known
 
 
@@ -246,29 +248,61 @@ class HoleSamples:
         return np.array(own, dtype=float)
 
     def with_free_curves(self, trials: Sequence[Trial]) -> HoleSamples:
-        """Samples with curves over the seat that no drive made, in any direction: Trials 5 in docs/theory.md.
+        """Samples with curves over the seat that no drive made: Trials 5 in docs/theory.md.
 
-        Their level is lognormal about that of the samples, their waves over the seat are as large as those of the
-        samples: another drive is as smooth. They are drawn about as high as the values, and weighed for that.
+        Their level is lognormal about that of the samples, their waves over the seat are normal, as large as those of
+        the samples: another drive is as smooth. They are drawn near the values, and weighed for that.
         """
-        rng, shape = np.random.default_rng([self.seed, 3]), (_FREE_CURVES, 1)
         log_F, share = np.log(self.F_ior_arcsec), self.weight.sum(axis=1)
-        count = log_F.shape[1]
+        count, order = log_F.shape[1], np.arange(1, _FREE_ORDERS + 1)
         waves = np.sqrt(share @ np.square(2 / count * np.abs(np.fft.rfft(log_F))))  # amplitudes, root mean square
-        off, level = rng.standard_normal(shape), share @ log_F.mean(axis=1)
-        levels = [self.levels[self.setup.point(each)[1]] for each in trials]
-        log = (
-            np.log(np.mean([t.F_ior_arcsec / level for t, level in zip(trials, levels, strict=True)]))
-            + _NEAR_LEVEL * off
-        )
-        density = _NEAR_LEVEL / _FREE_LEVEL * np.exp((off**2 - ((log - level) / _FREE_LEVEL) ** 2) / 2)
-        for order in range(1, _FREE_ORDERS + 1):
-            turn = order * 2 * np.pi * (np.arange(count) / count + rng.random(shape))
-            log = log + waves[order] * rng.standard_normal(shape) * np.cos(turn)
-        F_ior = {M_g: np.vstack([of, self.levels[M_g] * np.exp(log)]) for M_g, of in self.F_ior_by_torque.items()}
-        values = {path: np.vstack([of, np.full(log.shape, np.nan)]) for path, of in self.values.items()}
-        weight = np.vstack([(1 - _FREE_SHARE) * self.weight, _FREE_SHARE / log.size * density * np.ones(count)])
+        sizes = np.array([_FREE_LEVEL, *np.tile(waves[order] / np.sqrt(2), 2)])
+
+        def series(angles: Array) -> Array:
+            """Logarithms of a curve over its level at angles [rad], by normal numbers, shape (angles, numbers)."""
+            turn = np.multiply.outer(angles, order)
+            return np.asarray(sizes * np.hstack([np.ones((len(angles), 1)), np.cos(turn), np.sin(turn)]))
+
+        tried, y = list(map(self.setup.point, trials)), np.array([t.F_ior_arcsec for t in trials])
+        level, of_torque = share @ log_F.mean(axis=1), np.array([self.levels[M_g] for _, M_g in tried])
+        kinds, stated = error_kinds(len(trials), LOG_NOISES), self.noise(trials)
+        alike = self.correlation(tried) / np.multiply.outer(of_torque, of_torque)
+        covariances = [  # of the logarithms of the values
+            SCALE**2 + k.misfit**2 * alike + np.diag((k.spreads(stated, y) / y) ** 2 + _FREE_NEAR**2) for k in kinds
+        ]
+        numbers, density = _numbers_near(
+            series(-np.radians([turn for turn, _ in tried])), np.log(y / of_torque) - level, np.array(covariances),
+            np.array([k.log_share for k in kinds]), np.random.default_rng([self.seed, 3]),
+        )  # fmt: skip
+        curves = np.exp(level + numbers @ series(2 * np.pi * np.arange(count) / count).T)
+        F_ior = {M_g: np.vstack([of, self.levels[M_g] * curves]) for M_g, of in self.F_ior_by_torque.items()}
+        values = {path: np.vstack([of, np.full(curves.shape, np.nan)]) for path, of in self.values.items()}
+        weight = np.vstack([(1 - _FREE_SHARE) * self.weight, np.zeros(curves.shape)])
+        weight[-_FREE_CURVES:, 0] = _FREE_SHARE / _FREE_CURVES * density  # any turn of one is another one
         return replace(self, F_ior_by_torque=F_ior, weight=weight, values=values)
+
+
+def _numbers_near(
+    basis: Array, y: Array, covariances: Array, log_shares: Array, rng: np.random.Generator
+) -> tuple[Array, Array]:
+    """Normal numbers given values y = basis @ numbers + error, shape (_FREE_CURVES, numbers), and weights against that.
+
+    Weighed so, one over the likelihood, the numbers are normal as before any value. Arguments: covariances of the error
+    of each kind, shape (kinds, values, values), and log_shares, logarithms of how probable the kinds are before.
+    """
+
+    def log_shown(off: Array, covariances: Array) -> Array:
+        """Log density of each kind that it is off by so much, shape (kinds, rows)."""
+        squares = ((off @ np.linalg.inv(covariances)) * off).sum(axis=2)
+        return np.asarray(log_shares[:, None] - 0.5 * (squares + np.linalg.slogdet(covariances)[1][:, None]))
+
+    whole = basis @ basis.T + covariances
+    log = log_shown(y[None], whole)[:, 0]
+    kind = rng.choice(len(log), _FREE_CURVES, p=softmax(log))
+    numbers, error = (rng.standard_normal((_FREE_CURVES, n, 1)) for n in basis.T.shape)
+    off = y[:, None] - basis @ numbers - np.linalg.cholesky(covariances)[kind] @ error
+    numbers = (numbers + basis.T @ np.linalg.solve(whole[kind], off))[..., 0]  # Matheron's rule
+    return numbers, np.exp(logsumexp(log) - logsumexp(log_shown(y - numbers @ basis.T, covariances), axis=0))
 
 
 @dataclass(frozen=True, eq=False)
