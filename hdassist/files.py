@@ -232,10 +232,16 @@ def os_reason(error: Exception) -> str:
     return error.strerror if isinstance(error, OSError) and error.strerror else str(error)
 
 
+_ALIKE = 0.65  # share of letters, without the ending, from which a name looks like another one
+
+
 def _near_files(path: Path) -> list[str]:
     """Files beside it whose names look like the one that is missing. Raises OSError, ValueError: no such directory."""
-    names = [item.name for item in path.parent.iterdir()]
-    return [str(path.parent / name) for name in difflib.get_close_matches(path.name[:60], names, 3, 0.6)]
+    names: dict[str, list[str]] = {}
+    for item in path.parent.iterdir():
+        names.setdefault(item.stem.lower(), []).append(item.name)
+    stems = difflib.get_close_matches(path.stem.lower()[:60], names, 3, _ALIKE)
+    return [str(path.parent / name) for stem in stems for name in sorted(names[stem])][:3]
 
 
 def _near_by(path: Path) -> str:

@@ -621,7 +621,7 @@ class AllocateCommand(o.FigureOptions, DrawOptions):
         from hdassist.error.cycle import self_error
         from hdassist.pages.tolerance import allocate_report
         from hdassist.tolerance.production import Production
-        from hdassist.tolerance.tightening import Allocator, to_measure
+        from hdassist.tolerance.tightening import Allocator, to_measure, worst_torque
 
         drive = self.load(preset)
         law, torques, limits = self.law(drive, chosen=True), drive.operation.M_g, _require_limits(drive)
@@ -645,5 +645,6 @@ class AllocateCommand(o.FigureOptions, DrawOptions):
             records = partial(self.records, out, progress=progress)
             allocator = Allocator(production, tuple(room), self.wanted, self.sure, records, self.count, _MOST_ROUNDS)
             ways = [allocator.cheapest(way) for way in turned]
-        gains = to_measure(law, samples, 0) if samples else ()
-        return allocate_report(allocator, ways, own, gains)
+        torque = worst_torque(drive, samples) if samples else 0
+        gains = to_measure(law, samples, torque) if samples else ()
+        return allocate_report(allocator, ways, own, gains, torques[torque])

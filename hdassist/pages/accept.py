@@ -267,13 +267,15 @@ def _lot_facts(answers: Sequence[AcceptAnswer]) -> Iterator[Fact]:
     beyond = [
         (each, check) for each in answers for check in each.checks if check.check is F_IOR and check.verdict == "FAIL"
     ]
+    turning = ""
     for first, check in beyond[:1]:
         value = ("h0=VALUE" if check.basis == "predicted" or check.value is None else f"h0={check.value:g}",)
         torque = ["--trial-torque", f"{check.M_g_Nm:g}"]
         preset = first.request.preset if first.request else first.preset.name
         more = f"; {len(beyond) - 1} more" * (len(beyond) > 1)
-        yield "turn it", f"{title(first)}: {again('mount', None, *value, *torque).replace('PRESET', preset)}{more}"
-    yield "next", _to_explain(checks)
+        turning = again("mount", None, *value, *torque).replace("PRESET", preset)
+        yield "turn it", f"{title(first)}{more}"
+    yield "next", turning or _to_explain(checks)
 
 
 def _drives(count: int) -> str:

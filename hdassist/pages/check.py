@@ -306,8 +306,8 @@ def _step_words(step: Step, drive: Drive) -> str:
         place = f"hole {step.of}" if holes else f"{30 * int(step.of)}°"
         return f"mount in {place} (hdassist mount)"
     if step.kind == "trials":
-        places = f"holes {step.of.replace(',', ', ')}" if holes else "four directions"
-        return f"measure in {places}, keep the best"
+        places = "holes" if holes else "directions"  # which ones, mount says
+        return f"measure F'_ior in four {places}, keep the best (hdassist mount)"
     return {
         "correction": f"correct {step.of} phasors (hdassist compensate)",
         "tolerance": f"a third less of {named(step.of)}",

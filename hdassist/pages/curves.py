@@ -38,6 +38,7 @@ from hdassist.report import (
 from hdassist.terminal.words import again, heading, not_known, on_what
 
 _LISTED_ORDERS, _NAMED_ORDERS = 12, 2  # with --details and without, the greatest
+_LEAST_SHOWN = 0.005  # arcsec: a smaller amplitude is shown as 0.00
 _MANY_TURNS = 8  # cam turns from which on a curve is a block, and its envelope is drawn
 
 ORDER_QUANTITIES = quantity_table("trace.orders")
@@ -64,7 +65,8 @@ def trace_report(drive: Drive, trace: Trace, seed: int, speed: float | None = No
     moving = "phi_g0" if error.kinematics.fixed == "rigid" else "phi_b0"
     start = f"{turns} from {moving} = {trace.start_deg:g}°"
     title = "orders: amplitude·cos(order·phi_h + phase)"
-    orders = sorted(trace.orders, key=lambda o: -o.amplitude_arcsec)
+    shown = [order for order in trace.orders if order.amplitude_arcsec >= _LEAST_SHOWN]
+    orders = sorted(shown, key=lambda o: -o.amplitude_arcsec)
     listed = sorted(orders[:_LISTED_ORDERS], key=lambda o: o.per_cam_rev)
     words = f"error F_kpp, ″, at {error.M_g:g} N·m"
     angles = {f"{name}_deg": np.degrees(getattr(error.states, name)) for name in ("phi_h", "phi_g", "phi_b")}
@@ -77,9 +79,10 @@ def trace_report(drive: Drive, trace: Trace, seed: int, speed: float | None = No
             *("values of the preset: what was measured on the drive is not weighed here",) * nominal,
             *(f"{trace.revolutions} of the {cycle} cam turns of the full cycle: F'_ior is at least as large",)
             * is_part,
+            *("inputs that are not known are taken as 0: hdassist check has F'_ior with them",) * bool(unknowns(drive)),
         ),
         blocks=(
-            Table.by_row("", quantity_table("trace.page"), orders[:_NAMED_ORDERS]),
+            *[Table.by_row("", quantity_table("trace.page"), orders[:_NAMED_ORDERS])] * bool(orders),
             Facts.of(
                 [
                     ("gravity", _along_words(trace.along)),

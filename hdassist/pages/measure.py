@@ -296,7 +296,7 @@ def _line(found: SweepResult) -> str:
     if found.is_bound:
         return f">= {found.interval_arcsec[0]:.2f}″"
     reach, rise = COVERAGE_FACTOR * found.uncertainty_arcsec, found.range.rise
-    spread = f"+{reach + rise:.2f} -{reach:.2f}" if rise else f"+- {reach:.2f}"
+    spread = f"+{reach + rise:.2f} -{reach:.2f}" if rise else f"± {reach:.2f}"
     return f"{found.range.value:.2f} {spread}″"
 
 
@@ -406,7 +406,7 @@ def bench_report(record: PositionRecord | LoopRecord, drive: Drive | None, seed:
             "seed": seed,
         },
         line=", ".join(
-            f"{q.name} {q.arcsec:.2f}{f' +- {_expanded(q):.2f}' if q in unsure else ''}″" for q in found
+            f"{q.name} {q.arcsec:.2f}{f' ± {_expanded(q):.2f}' if q in unsure else ''}″" for q in found
         ),
         about=table.file,
         warnings=(once,) * (len(unsure) < len(found)),

@@ -236,17 +236,18 @@ def next_value_words(advice: Advice) -> str:
     if not count:
         after = dict(later)
         if not advice.next:
-            return f"Measuring is not worth it: {brought(after[6])} is expected with six values."
+            return f"Measuring is not worth it: {brought(after[6])} is expected on average with six values."
         holes = ", ".join(hole_place(p) for p in advice.to_try)
-        gain = f"{brought(after[FEWEST_VALUES])} is expected with four values, {brought(after[6], new=False)} with six"
+        gain = f"{brought(after[FEWEST_VALUES])} is expected on average with four values"
+        gain += f", {brought(after[6], new=False)} with six"
         return f"To do better, measure F'_ior {torque} in {holes}, then where this command says: {gain}."
     one, three = (F_ior for _, F_ior in later)
     if not advice.next:
-        return f"Stop measuring: {brought(one)} is expected with one more value."
+        return f"Stop measuring: {brought(one)} is expected on average with one more value."
     point = advice.next.rotation_deg, value.M_g
     again_ = " again" if point in map(advice.setup.point, advice.trials) else ""
     at = f" at {value.M_g:g} N·m" * (advice.torques_of_values != (value.M_g,))
-    gain = f"{brought(one)} is expected, {brought(three, new=False)} after three more"
+    gain = f"{brought(one)} is expected on average, {brought(three, new=False)} after three more"
     return f"Measure {hole_place(advice.next)}{at}{again_} next: {gain}."
 
 

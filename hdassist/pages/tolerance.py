@@ -111,7 +111,7 @@ def tolerance_report(
             table,
             Facts.of([
                 (f"best of {summary.positions}", _best_of(summary, drives)),
-                ("measure", (measure_words(gains) or _MORE_DRIVES) if is_open else ""),
+                ("measure", (measure_words(gains, points[worst].M_g) or _MORE_DRIVES) if is_open else ""),
                 ("next", again("sensitivity", drive)),
             ]),
             plots.pop(worst),
@@ -290,6 +290,7 @@ class _FieldEffect:
 _EFFECT_CSV = quantity_table("sensitivity.csv")
 _EFFECT_COLUMNS = quantity_table(
     "sensitivity.page",
+    words=named,
     whole_percent=lambda share: f"{100 * share:.0f}",
     gain=lambda way: f"{'≤ ' * (not way.proven)}{way.gain:.2f}",
 )
@@ -307,7 +308,7 @@ def sensitivity_report(found: Sensitivities) -> Report:
         next_ = again("sensitivity", law.drive, "-n", f"{_MORE_TIMES * len(samples.weights)}")
     elif measured:
         next_ = again("sensitivity", law.drive, *_as_measured(measured))
-    facts = [("measure", measure_words(found.to_measure)), ("next", next_)]
+    facts = [("measure", measure_words(found.to_measure, torques[found.worst])), ("next", next_)]
     short, *whole = _table(effects[found.worst], *_LISTED), *(_table(each, len(each), len(each)) for each in effects)
     return Report(
         command="sensitivity",
@@ -380,12 +381,13 @@ def _table(effects: Sequence[_FieldEffect], tolerances: int, others: int) -> Tab
 
 
 def allocate_report(
-    found: Allocator, ways: Sequence[Allocation], self_errors: Sequence[float], to_measure: Sequence[MeasurementGain]
-) -> Report:
+    found: Allocator, ways: Sequence[Allocation], self_errors: Sequence[float], to_measure: Sequence[MeasurementGain],
+    M_g: float,
+) -> Report:  # fmt: skip
     """The cheapest tolerances of a drive.
 
     Arguments: the search, ways to build the drive that it found tolerances for, self errors [arcsec] at each torque,
-    and measurements of the design.
+    and measurements of the design, at a torque M_g [N*m].
     """
     law, choices = found.production.law, found.choices
     drive, verdicts = law.drive, {way.verdict for way in ways}
@@ -400,7 +402,7 @@ def allocate_report(
         taken = ", ".join(f"{own:.1f} of {limit:g}″ at {M_g:g} N·m" for M_g, limit, own in held)
         facts.append(("self error", f"takes {taken}; no tolerance changes that"))
     if verdict is Verdict.INCONCLUSIVE:
-        facts.append(("measure", measure_words(to_measure) or _MORE_DRIVES))
+        facts.append(("measure", measure_words(to_measure, M_g) or _MORE_DRIVES))
     facts.append(("next", _next(found, ways, verdict, to_measure)))
     return Report(
         command="allocate",

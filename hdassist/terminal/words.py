@@ -123,15 +123,15 @@ def influence_words(found: Sequence[Influence], result: str = "F'_ior") -> str:
     return f"of the spread of {result}: {', '.join(shares)}" if shares else ""
 
 
-def measure_words(found: Sequence[MeasurementGain]) -> str:
-    """The best measurements with the gain expected of each."""
+def measure_words(found: Sequence[MeasurementGain], M_g: float) -> str:
+    """The best measurements, and by how much each narrows the spread of F'_ior at a torque [N*m]."""
     words: list[str] = []
     for each in found[:_REPORTED]:
         field = field_table().get(each.measured.replace("stiffness.", "measured."))
         how = f", {field.how}" if field and field.how else ""
         name = each.measured if how and words else named(each.measured)  # the first in words, others by their path
-        words.append(f"{name}{how}: spread {-100 * each.gain:+.0f} %")
-    return "; ".join(words)
+        words.append(f"{name}{how}: {-100 * each.gain:+.0f} %")
+    return f"of the spread of F'_ior at {M_g:g} N·m: {'; '.join(words)}" if words else ""
 
 
 def more_draws(samples: Samples) -> str:

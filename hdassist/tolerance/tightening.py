@@ -18,7 +18,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from hdassist.belief.samples import Samples
-from hdassist.belief.statistics import Probability, weighted_quantile
+from hdassist.belief.statistics import RESOLVED_ERROR, Probability, weighted_quantile
 from hdassist.belief.steps import Influence, MeasurementGain, influences, measurements
 from hdassist.errors import UntrustedError, Verdict
 from hdassist.model.geometry import Array
@@ -109,10 +109,7 @@ def sensitivities(production: Production, samples: Samples, records: _Records) -
         np.array([record.F_ior_arcsec for record in as_drawn]),
         np.array([record.weight for record in as_drawn]),
     )
-    limits = [drive.limit(M_g) or 0.0 for M_g in torques]
-    scale = np.array(limits) if all(limits) else np.ones(len(torques))
-    now = [weighted_quantile(column, weights, _HIGH_SHARE) for column in F_ior.T]
-    worst = int(np.argmax(now / scale))
+    worst = worst_torque(drive, samples)
     sizes = [f.path for f in law.joint.fields if f.path == f.group and f.path in DEVIATION_FIELDS]
     then = {path: np.array([(record.tighter or {})[path] for record in as_drawn]) for path in sizes}
     ways = {path: _tightened(path, F_ior, then[path], weights, proven=False) for path in sizes}
@@ -139,6 +136,16 @@ def sensitivities(production: Production, samples: Samples, records: _Records) -
         sum(record.states for record in as_drawn),
         max(record.max_residual for record in as_drawn),
     )
+
+
+def worst_torque(drive: Drive, samples: Samples) -> int:
+    """Place of the torque at which the 95th percentile of F'_ior is greatest, of its limit where all torques have one.
+
+    samples of random drives, each of a design of its own.
+    """
+    limits = [drive.limit(M_g) or 0.0 for M_g in samples.torques]
+    now = [weighted_quantile(column, samples.weights, _HIGH_SHARE) for column in samples.F_ior_arcsec.T]
+    return int(np.argmax(np.array(now) / (limits if all(limits) else 1)))
 
 
 def to_measure(law: ProductionLaw, samples: Samples, torque: int) -> tuple[MeasurementGain, ...]:
@@ -332,7 +339,7 @@ class Allocator:
         def ratio(values: Array) -> float:
             scaled = np.maximum(F_ior + np.einsum("p,dpt->dt", values / now - 1, slopes), _LEAST_SHARE_LEFT * F_ior)
             ratios = np.full(len(records), _UNSOLVED_RATIO)
-            ratios[solved] = np.max(scaled / np.array(self.rooms), axis=1)
+            ratios[solved] = np.max(np.maximum(scaled, RESOLVED_ERROR) / np.array(self.rooms), axis=1)
             held = [float(np.quantile(ratios[designs == k], self.wanted, method="hazen")) for k in places]
             return weighted_quantile(np.array(held), weights, self.sure)
 

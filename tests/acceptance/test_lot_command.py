@@ -83,7 +83,7 @@ def test_a_lot_on_paper_and_in_files(folder, here):
     assert "F'_ior at 1 N·m: 55.00 ± 1.00″, limit ≤ 40, margin" in page[1]
     words = " ".join(result.stdout.split())
     assert "margin 0.20, guard 0.82, stated; within the guard band" in words
-    assert f"turn it 17-2: hdassist mount {SMALL} h0=55 --trial-torque 1 next" in words
+    assert f"turn it 17-2 next hdassist mount {SMALL} h0=55 --trial-torque 1" in words
     assert "lot.csv:5:10: measured@4: no such file: gone.csv" in page[3]
     for words in (
         "error: 17-4: lot.csv:5:10: measured@4: no such file: gone.csv",

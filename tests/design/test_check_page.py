@@ -167,3 +167,10 @@ def test_the_next_command_keeps_what_was_asked_for():
     asked = ["--set", "phases.phi_hb=unknown", "--torque=4", "--draws=2", "--seed=3"]
     page = run("check", TINY, *asked, "--jobs", "1", "--no-plot").stdout
     assert f"next hdassist mount {TINY} {' '.join(asked)} proof" in " ".join(page.split())
+
+
+def test_which_holes_to_measure_is_the_answer_of_mount_alone():
+    loose = "source.supports.C_3={kind: assumed, range: [1000, 8000], ref: judged}"
+    page = run("check", TINY, "--torque", "4", "--limit", "2035", "--set", loose, "--draws", "8").stdout
+    assert "measure F'_ior in four holes, keep the best (hdassist mount)" in " ".join(page.split())
+    assert not re.search("in holes [0-9]", page)

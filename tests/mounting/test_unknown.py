@@ -41,9 +41,11 @@ def test_without_a_direction_that_decides_any_hole_may_be_the_best():
     assert values == (0, 3, 4, 5, 6)
     assert list(F_ior) == sorted(F_ior, reverse=True) and F_ior[2] < 0.9 * F_ior[0]
     assert report.why[0].startswith("No hole is expected to be better than another: the direction that decides is not")
-    assert f"{F_ior[0]:.1f} → {F_ior[2]:.1f}″ is expected with four values" in next_value_words(advice)
+    assert f"{F_ior[0]:.1f} → {F_ior[2]:.1f}″ is expected on average with four values" in next_value_words(advice)
     several = replace(advice, drive=changed(advice.drive, operation__M_g=[4.0, 8.0]))
-    assert f"{100 * (1 - F_ior[2] / F_ior[0]):.1f} % less F'_ior is expected with four" in next_value_words(several)
+    assert f"{100 * (1 - F_ior[2] / F_ior[0]):.1f} % less F'_ior is expected on average with four" in next_value_words(
+        several
+    )
     overrides = "--set phases.phi_hb=unknown --set operation.M_g=4"
     assert f"hdassist mount {SMALL} {overrides} h0=F_IOR h4=F_IOR h8=F_IOR" in dict(report.blocks[1].rows)["next"]
 

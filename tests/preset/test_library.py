@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -167,3 +168,13 @@ def test_the_names_cost_no_heavy_import() -> None:
     code = "import sys; from hdassist.files import preset_names as p; p(); print(*sorted(sys.modules))"
     loaded = subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True, capture_output=True, text=True).stdout
     assert not {"pydantic", "yaml", "numpy"} & set(loaded.split())
+
+
+def test_only_files_whose_names_are_alike_are_offered_whatever_their_ending(tmp_path):
+    for name in ("gearset.yaml", "my-drive.yaml", "own.yaml"):
+        (tmp_path / name).write_text("", encoding="utf-8")
+    for missing, offered in (("nofile.yaml", ""), ("mydrive.yml", "my-drive.yaml"), ("onw.yaml", "own.yaml")):
+        with pytest.raises(DataError) as caught:
+            load_preset(str(tmp_path / missing))
+        meant = re.match(r"did you mean (.*?)\?", caught.value.hint)
+        assert (Path(meant[1]).name if meant else "") == offered

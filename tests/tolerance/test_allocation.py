@@ -89,7 +89,7 @@ def test_the_next_command_is_what_the_page_recommends_and_no_circle(production: 
     found = search.cheapest(turned=False)
 
     def next_command(verdict: Verdict, *gains: MeasurementGain) -> str:
-        return facts_of(allocate_report(search, [replace(found, verdict=verdict)], [0.0], gains))["next"]
+        return facts_of(allocate_report(search, [replace(found, verdict=verdict)], [0.0], gains, 4.0))["next"]
 
     measured = next_command(Verdict.INCONCLUSIVE, MeasurementGain("stiffness.K_1", 0.3))
     assert measured.startswith("hdassist allocate ")
@@ -135,3 +135,13 @@ def test_drives_without_an_answer_lie_beyond_any_limit(production: Production, h
     found = Allocator(production, (10 * here,), 0.9, 0.95, some_refused, 40, 2).cheapest(turned=False)
     assert not found.fits
     assert found.tried.share == 0.8
+
+
+def test_drives_without_an_error_bear_the_loosest_tolerances(production: Production) -> None:
+    def without_error(production: Production, count: int) -> list[RandomDrive]:
+        tighter = dict.fromkeys(("harmonics.a_g2", "harmonics.a_b2"), (0.0,))
+        records = proven(production, count)
+        return [replace(each, F_ior_arcsec=(0.0,), best_F_ior_arcsec=(0.0,), tighter=tighter) for each in records]
+
+    found = replace(allocator(production, 10.0), records=without_error).cheapest(turned=False)
+    assert dict(found.values) == pytest.approx({"harmonics.a_g2": 0.4, "harmonics.a_b2": 0.4}, rel=0.01)

@@ -9,7 +9,7 @@ from hdassist import load_preset
 from hdassist.belief.statistics import weighted_quantile
 from hdassist.pages.tolerance import sensitivity_report
 from hdassist.tolerance.production import TIGHTER_STEP, Production, RandomDrive, production_law
-from hdassist.tolerance.tightening import Sensitivities, sensitivities
+from hdassist.tolerance.tightening import Sensitivities, sensitivities, to_measure, worst_torque
 from tests.paper import facts_of
 from tests.process import TINY
 
@@ -59,7 +59,8 @@ def test_the_spread_of_a_linear_drive_is_shared_as_its_sizes_are(oval: tuple[Pro
     report = sensitivity_report(oval[1])
     assert report.line.startswith("tighten first: ")
     first, second = report.blocks[0].rows  # type: ignore[union-attr]
-    assert (first[0], second[0]) == ("harmonics.a_g2", "harmonics.a_b2")
+    assert first[0] == "amplitude of order 2 of the flexspline's teeth (harmonics.a_g2)"
+    assert second[0].endswith(" (harmonics.a_b2)")
     assert float(first[-1].removeprefix("≤ ")) > float(second[-1].removeprefix("≤ "))
 
 
@@ -72,3 +73,13 @@ def test_a_support_that_nobody_knows_is_measured_before_any_tolerance_is_tighten
     assert report.verdict == "no tolerance, measure support of the cam, radial (supports.C_3)"
     assert "a tolerance 20 % tighter takes at most" in report.why[0]
     assert facts_of(report)["next"].endswith(" --set supports.C_3=VALUE")
+
+
+def test_a_measurement_is_of_the_torque_that_is_worst_by_its_limit_and_the_page_names_it() -> None:
+    sets = [SOFT, "operation.M_g=[1, 4]", "acceptance.F_ior.1=1e5", "acceptance.F_ior.4=50"]
+    production, found = found_of(TINY, sets, 32)
+    assert found.worst == worst_torque(production.drive, found.samples) == 1
+    assert worst_torque(load_preset(TINY, [*sets, "acceptance.F_ior.1=1"]), found.samples) == 0
+    assert found.to_measure == to_measure(found.law, found.samples, 1) != to_measure(found.law, found.samples, 0)
+    words = facts_of(sensitivity_report(found))["measure"]
+    assert words.startswith("of the spread of F'_ior at 4 N·m: ")
