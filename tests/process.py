@@ -25,6 +25,7 @@ from pathlib import Path
 from typing import Any
 from unittest import mock
 
+import pytest
 import typer.main
 from hypothesis import currently_in_test_context
 
@@ -79,6 +80,13 @@ def no_processes() -> Iterator[None]:
     """Do in this process what would be shared among others: beginning these takes longer than the tiny drive."""
     with mock.patch("hdassist.run.run.Processes", InProcess):
         yield
+
+
+def keep_answers(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Keep answers in a folder, for this process and for commands; elsewhere in the tests they are computed anew."""
+    for variables in (os.environ, CLEAN):
+        monkeypatch.setitem(variables, FOLDER, str(folder))
+        monkeypatch.delitem(variables, NO_CACHE)
 
 
 def run(

@@ -254,6 +254,7 @@ def _growing(
             if len(draws) < PILOT_DRAWS:
                 size = min(size, PILOT_DRAWS - len(draws))
             first, last = len(draws), min(len(draws) + size, effort.most_draws)
+            last += -last % sampling.alike  # as they are made: kept ones are taken up as far as new ones would go
             batch: Iterable[list[Draw]] = [list(kept[first:last])]
             if last > len(kept):
                 batch = chain(

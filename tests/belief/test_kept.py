@@ -23,7 +23,7 @@ from hdassist.run import kept
 from hdassist.run.run import Run
 from hdassist.solve.loadcase import LoadCase
 from tests import process
-from tests.process import TINY, run
+from tests.process import TINY, keep_answers, run
 
 OPEN = "phases.phi_hb=unknown"
 FEW = SamplingEffort(effective=8, settling_draws=16, most_draws=64, batch=8)
@@ -32,10 +32,7 @@ FEW = SamplingEffort(effective=8, settling_draws=16, most_draws=64, batch=8)
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     """A cache of its own, in which samples are kept, for this process and for commands."""
-    monkeypatch.setenv(kept.FOLDER, str(tmp_path / "cache"))
-    monkeypatch.delenv(kept.NO_CACHE)
-    monkeypatch.setitem(process.CLEAN, kept.FOLDER, str(tmp_path / "cache"))
-    monkeypatch.delitem(process.CLEAN, kept.NO_CACHE)
+    keep_answers(tmp_path / "cache", monkeypatch)
     return tmp_path / "cache" / kept.OWN_FOLDER
 
 
@@ -67,8 +64,11 @@ def same(first, other):
     assert (first.draws, first.refused, first.certificate) == (other.draws, other.refused, other.certificate)
 
 
-def test_a_command_answers_the_same_with_kept_samples_as_without(folder, solved, tmp_path):
-    asked = ("check", TINY, "--set", OPEN, "--set", "operation.M_g=4", "--draws", "8", "--json")
+# of draws that share all but the deviations several are made at once, more than were asked for
+@pytest.mark.parametrize("more", ["name=any", "measured.F_ior={h0@4: 120 ± 20, h2@4: 95 ± 20}"])
+def test_a_command_answers_the_same_with_kept_samples_as_without(folder, solved, more):
+    sets = [word for each in (OPEN, more, "operation.M_g=4", "mounting.holes=6") for word in ("--set", each)]
+    asked = ("check", TINY, *sets, "--draws", "10", "--json")
     first = run(*asked)
     count = len(solved)
     assert run(*asked).stdout == first.stdout

@@ -14,8 +14,7 @@ from pathlib import Path
 import pytest
 
 from hdassist.run import kept
-from tests import process
-from tests.process import TINY, run
+from tests.process import TINY, keep_answers, run
 
 KEYS = [sha256(bytes([k])).hexdigest() for k in range(5)]
 WARNED = "another user can write to"
@@ -24,10 +23,7 @@ WARNED = "another user can write to"
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The folder that is named for the cache, in which answers are kept, for this process and for commands."""
-    monkeypatch.setenv(kept.FOLDER, str(tmp_path / "named"))
-    monkeypatch.delenv(kept.NO_CACHE)
-    monkeypatch.setitem(process.CLEAN, kept.FOLDER, str(tmp_path / "named"))
-    monkeypatch.delitem(process.CLEAN, kept.NO_CACHE)
+    keep_answers(tmp_path / "named", monkeypatch)
     return tmp_path / "named"
 
 

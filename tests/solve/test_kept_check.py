@@ -12,7 +12,7 @@ from hdassist.run import kept
 from hdassist.solve import loadcase
 from hdassist.solve.formulation import formulate
 from hdassist.solve.loadcase import solve_again
-from tests.process import TINY
+from tests.process import TINY, keep_answers
 from tests.support import load_case
 
 M_G = 4.0  # N*m
@@ -21,8 +21,7 @@ M_G = 4.0  # N*m
 @pytest.fixture
 def again(tmp_path, monkeypatch):
     """Solve a state again, with a rotation that is off by so much [arcsec]; and the differences that were computed."""
-    monkeypatch.setenv(kept.FOLDER, str(tmp_path))
-    monkeypatch.delenv(kept.NO_CACHE)
+    keep_answers(tmp_path, monkeypatch)
     formulation = formulate(contact_system(load_preset(TINY)))
     delta_p = formulation.system.delta_p[None]
     _, free, _ = load_case(formulation, M_G * 1e3).forces(delta_p)
