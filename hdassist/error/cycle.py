@@ -146,7 +146,7 @@ def kinematic_error(
     result = KinematicError(kinematics, M_g, states, rotation, share, force, certificate, None)
     if not run.cross_check:
         return result
-    return replace(result, cross_check=_cross_check_of(drive, result.sampled(seed=run.seed), teeth, run))
+    return replace(result, cross_check=_cross_check_of(drive, result.sampled(seed=run.seed), teeth, run, {}))
 
 
 def whole_error(
@@ -202,18 +202,23 @@ def _formulations(drive: Drive, states: States) -> Iterator[tuple[NDArray[np.int
 
 
 def _cross_check_of(
-    drive: Drive, error: KinematicError, teeth: ToothDeviations | None = None, run: Run = Run()
+    drive: Drive, error: KinematicError, teeth: ToothDeviations | None, run: Run, stated: dict[bytes, Formulation]
 ) -> CrossCheck:
     """All states of an error solved again by the run's other solver.
 
-    Arguments as those of `kinematic_error`. Raises UntrustedError where two solvers disagree.
+    Arguments as those of `kinematic_error`; stated, the last programme by its digest, the next one then: cvxpy takes
+    as long to compile one as to solve two states of it. Raises UntrustedError where two solvers disagree.
     """
     checks = []
     for rows, formulation in _formulations(drive, error.states):
         states, torques = error.states.take(rows), np.full(len(rows), error.M_g)
         delta_p = formulation.system.delta_p_of(state_gaps(drive, formulation.system, states, teeth))
         where, solver = partial(state_place, states, error.M_g), run.cross_check or CROSS_SOLVER
-        checks.append(solve_again(formulation, torques, delta_p, error.rotation_arcsec[rows], solver, where))
+        if formulation.digest not in stated:
+            stated.clear()
+            stated[formulation.digest] = formulation
+        programme = stated[formulation.digest]
+        checks.append(solve_again(programme, torques, delta_p, error.rotation_arcsec[rows], solver, where))
     worst = max(check.max_difference_arcsec for check in checks)
     return CrossCheck(checks[0].solver, len(error.states), worst)
 
@@ -230,8 +235,9 @@ _Solved = tuple[Drive, ToothDeviations | None, KinematicError]  # a drive, its m
 
 
 def cross_checks_of(solved: Sequence[_Solved], run: Run) -> list[CrossCheck]:
-    """Cross-check of each of some errors, as cross_check_of makes it."""
-    return [_cross_check_of(drive, error, teeth, run) for drive, teeth, error in solved]
+    """Cross-check of each of some errors by the run's other solver; raises UntrustedError where two disagree."""
+    stated: dict[bytes, Formulation] = {}
+    return [_cross_check_of(drive, error, teeth, run, stated) for drive, teeth, error in solved]
 
 
 def state_place(states: States, M_g: float, k: int) -> str:

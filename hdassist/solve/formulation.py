@@ -14,6 +14,7 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass, field
 from functools import cache, cached_property
+from hashlib import sha256
 from importlib import import_module
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -100,6 +101,15 @@ class Formulation:
     local: Array
     A: Array
     references: dict[float, Reference | None] = field(default_factory=dict, init=False, repr=False, compare=False)
+
+    @cached_property
+    def digest(self) -> bytes:
+        """SHA-256 of all numbers of the programme."""
+        digest = sha256()
+        units = self.units.load, np.array([self.units.gap, self.units.force])
+        for array in (self.H, self.local, self.A, self.system.place, *units):
+            digest.update(f"{array.shape}".encode() + array.tobytes())
+        return digest.digest()
 
     @cached_property
     def P(self) -> Array:

@@ -247,11 +247,10 @@ def solve_again(
     states and rotations to the last digit. Raises UntrustedError where two rotations differ by more than
     CROSS_TOLERANCE.
     """
-    units, used, worst = formulation.units, {require_solver(solver): None}, 0.0
+    used, worst = {require_solver(solver): None}, 0.0
     known = solvers_depend_on(solver)
-    key = sha256(f"{known} {operating_system()}".encode())
-    system = formulation.H, formulation.local, formulation.A, formulation.system.place, units.load
-    for array in (*system, np.array([units.gap, units.force]), delta_p, torques, rotation_arcsec):
+    key = sha256(f"{known} {operating_system()}".encode() + formulation.digest)
+    for array in (delta_p, torques, rotation_arcsec):
         key.update(f"{array.shape}".encode() + array.tobytes())
     keeps = keeps_answers() and known is not None
     with suppress(ValueError):
