@@ -18,10 +18,12 @@ if not IS_WORKER:  # never the user's own cache; workers share one
     os.environ[FOLDER] = tempfile.mkdtemp(prefix="hdassist-tests-")
 os.environ.setdefault(NO_CACHE, "1")  # samples are drawn, but where a test is of those that are kept
 
-from tests.process import hear_what_is_ignored  # noqa: E402 (its processes get the environment of now)
+from tests.process import hear_what_is_ignored, keep_answers  # noqa: E402 (its processes get the environment of now)
 
 if TYPE_CHECKING:
     from hdassist import Drive
+    from hdassist.model.geometry import Array
+    from hdassist.solve.formulation import Formulation
 
 for name in THREADS:
     os.environ.setdefault(name, "1")  # as the command line has it, before numpy is loaded
@@ -29,6 +31,27 @@ os.environ["HDASSIST_STRICT"] = "1"  # a plot or a page that fails is a failure 
 settings.register_profile("steady", deadline=None, derandomize=True)
 settings.load_profile("steady")
 hear_what_is_ignored()
+
+from hdassist.solve import loadcase  # noqa: E402
+
+_solve_through_cvxpy, _solved = loadcase.solve_through_cvxpy, dict[tuple[object, ...], tuple["Array", "Array"]]()
+
+
+def _solve_once(formulation: Formulation, delta_p: Array, torque: float, solver: str) -> tuple[Array, Array]:
+    """The answer of a solver through cvxpy; of the quickest one, to a state that it has solved before, the same again.
+
+    Commands of the tests have the same states solved again and again: a fifth of the suite's time.
+    """
+    settings = loadcase.SOLVER_SETTINGS.get(name := solver.upper())
+    if name != loadcase.CROSS_SOLVER:
+        return _solve_through_cvxpy(formulation, delta_p, torque, solver)
+    state = formulation.digest, delta_p.tobytes(), torque, repr(settings)
+    if state not in _solved:
+        _solved[state] = _solve_through_cvxpy(formulation, delta_p, torque, solver)
+    return _solved[state]
+
+
+loadcase.solve_through_cvxpy = _solve_once
 
 ROOT = Path(__file__).parents[1]
 
@@ -51,3 +74,15 @@ def reference() -> Drive:
     from hdassist import load_preset
 
     return load_preset(str(ROOT / "tests/validation/vzp160_reference.yaml"))
+
+
+@pytest.fixture(scope="module")
+def of_module(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder for the answers that are kept for the tests of one module."""
+    return tmp_path_factory.mktemp("cache")
+
+
+@pytest.fixture
+def kept(of_module: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Compute an answer once that several commands or tests of a module share: for tests of what is made of it."""
+    keep_answers(of_module, monkeypatch)

@@ -8,6 +8,7 @@ import io
 import json
 import shutil
 import subprocess
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -42,13 +43,18 @@ def curve(often, vectors, turns):
     return (vectors @ np.exp(2j * np.pi * often[:, None] * turns / CYCLE)).real
 
 
-def alone(seed: int, cycles: float, form: CorrectionForm = PHASORS, per_turn: int = PER_TURN):
-    """The correction from a record of hidden lines."""
+@cache
+def measured(seed: int, cycles: float, per_turn: int = PER_TURN):
+    """A record of hidden lines, measured."""
     often, vectors = hidden_lines(seed)
     turns = np.arange(round(cycles * CYCLE * per_turn)) / per_turn
     noise = NOISE * np.random.default_rng(seed + 1000).standard_normal(len(turns))
-    trace = recorded(turns, curve(often, vectors, turns) + noise)
-    return correction_alone(measure(trace, ratio=CYCLE, together=True), Alignment(), 67.0, form)
+    return measure(recorded(turns, curve(often, vectors, turns) + noise), ratio=CYCLE, together=True)
+
+
+def alone(seed: int, cycles: float, form: CorrectionForm = PHASORS, per_turn: int = PER_TURN):
+    """The correction from a record of hidden lines."""
+    return correction_alone(measured(seed, cycles, per_turn), Alignment(), 67.0, form)
 
 
 @pytest.mark.parametrize("cycles", [1.02, 2.0])

@@ -15,6 +15,7 @@ from tests.process import ASSUMED, SMALL, run, run_cold
 TRIALS = ("h0=73", "120=18.7", "h8=25", "h4=18.2", "h3=19.3")
 ONE = ("mount", SMALL, "--torque", "4", "--draws", "32", "--set", "tolerances.e_hh=0")
 LOOSE = (*ONE, "--set", ASSUMED)
+FEW = ("--draws", "8")  # samples, for what is said whatever they are
 PLACE = {"hole", "rotation_deg"}
 POSITION = {
     *PLACE, "phase_deg", "F_ior_arcsec", "expected_loss", "probability_good", "probability_better", "probability_kept",
@@ -47,6 +48,7 @@ def test_json_tells_positions_and_what_the_values_teach(answer):
     assert told["certificate"]["max_residual"] < 1e-9
 
 
+@pytest.mark.usefixtures("kept")
 def test_the_old_name_is_the_same_command(answer):
     old = run("trials", *LOOSE[1:], *TRIALS, "--json")
     assert json.loads(old.stdout) == answer[0]
@@ -61,12 +63,14 @@ def shape(value: object, path: str = "") -> set[str]:
     return {f"{path}.{key}" for key in value}.union(*(shape(part, f"{path}.{key}") for key, part in value.items()))
 
 
+@pytest.mark.usefixtures("kept")
 def test_json_has_one_shape_whatever_was_given(answer):
-    least = run(*LOOSE, "0=20", "90=20", "--set", "mounting.holes=0", "--json")
+    few = (*LOOSE, *FEW, "--json")
+    least = run(*few, "0=20", "90=20", "--set", "mounting.holes=0")
     assert least.returncode == 0, least.stderr
-    done = run(*LOOSE, *TRIALS, "--torque", "1", "--trial-torque", "4", "--verify", "h4=19", "--json")
+    done = run(*few, *TRIALS, "--torque", "1", "--trial-torque", "4", "--verify", "h4=19")
     assert done.returncode in (0, 3), done.stderr
-    told, none = json.loads(done.stdout), json.loads(run(*LOOSE, "--json").stdout)
+    told, none = json.loads(done.stdout), json.loads(run(*few).stdout)
     assert told["M_g_Nm"] == [4, 1]
     assert told["verification"]["verdict"] in ("KEEP", "GO_BACK")
     assert {len(values) for values in told["positions"][3]["F_ior_arcsec"].values()} == {2}
@@ -89,6 +93,7 @@ def test_the_same_digits_for_any_number_of_jobs(answer):
     assert json.loads(run_cold(*LOOSE, *TRIALS, "--json", "--jobs", "1").stdout) == answer[0]
 
 
+@pytest.mark.usefixtures("kept")
 def test_people_see_the_hole_how_sure_what_to_measure_and_where_to_go_on(answer):
     done = run(*LOOSE, *TRIALS, "--ascii")
     assert done.returncode == 0
@@ -116,12 +121,14 @@ def test_people_see_the_hole_how_sure_what_to_measure_and_where_to_go_on(answer)
     assert not re.search(r"\b(tolerances|phases|gears|bearing)\.", page)  # no paths on a fitter's page
 
 
+@pytest.mark.usefixtures("kept")
 def test_details_are_all_holes_and_what_was_learnt(answer):
     page = " ".join(run(*LOOSE, *TRIALS, "--ascii", "--details").stdout.split())
     for words in ("all holes: F'_ior", f"noise given 1, found {answer[0]['trials']['noise_found_arcsec']:.2f} arcsec"):
         assert words in page
 
 
+@pytest.mark.usefixtures("kept")
 def test_one_value_names_a_hole_and_the_next_one_to_measure():
     one = run(*ONE, "h0=20", "--json", "--no-plot")
     told = json.loads(one.stdout)
@@ -130,22 +137,23 @@ def test_one_value_names_a_hole_and_the_next_one_to_measure():
     assert run(*ONE, "h0=20", "-q", "--sure", "0.999").returncode == 6
 
 
+@pytest.mark.usefixtures("kept")
 def test_values_count_at_their_own_torque():
     """Of a drive at two torques: in JSON, in the outcome, on the page and on the card."""
     values = ("h0@4=73", "120@4=18.7", "h8@4=25", "h4=90", "--torque", "1")  # without one: at the lightest
-    done = run(*LOOSE, *values, "--verify", "h3@1=88", "--json")
+    done = run(*LOOSE, *FEW, *values, "--verify", "h3@1=88", "--json")
     assert done.returncode in (0, 3), done.stderr
     found = json.loads(done.stdout)
     assert [(m["hole"], m["M_g_Nm"]) for m in found["trials"]["measured"]] == [(0, 4), (4, 4), (8, 4), (4, 1), (3, 1)]
     assert found["verification"]["M_g_Nm"] == 1
-    page = run(*LOOSE, *values, "--card", "-")
+    page = run(*LOOSE, *FEW, *values, "--card", "-")
     assert page.returncode == 0, page.stderr
     for words in ("measured at 4 N·m: hole 0", "; 1 N·m: hole 4"):
         assert words in " ".join(page.stdout.split())
 
 
 def test_an_outcome_says_keep_or_go_back():
-    worse = run(*ONE, *TRIALS, "--verify", "h6=80", "-q")
+    worse = run(*ONE, *FEW, *TRIALS, "--verify", "h6=80", "-q")
     assert worse.returncode == 3
     assert worse.stdout in ("3\n", "4\n")
 
@@ -177,7 +185,7 @@ def test_wrong_usage_is_told_before_any_work(arguments, words):
 
 
 def test_values_that_no_drive_shows_name_a_hole_by_themselves():
-    done = run(*ONE, "h0=20", "h4=500", "h8=480", "--json")
+    done = run(*ONE, *FEW, "h0=20", "h4=500", "h8=480", "--json")
     told = json.loads(done.stdout)
     assert (done.returncode, told["hole"] in (0, 1, 11)) == (0, True)
     assert told["trials"]["probability_by_values_alone"] > 0.9
@@ -185,12 +193,13 @@ def test_values_that_no_drive_shows_name_a_hole_by_themselves():
 
 
 def test_values_of_another_torque_are_named_with_the_torque_that_they_fit():
-    done = run(*ONE, "h0=190", "h4=189", "h8=147", "-q")
+    done = run(*ONE, *FEW, "h0=190", "h4=189", "h8=147", "-q")
     words = " ".join(done.stderr.split())
     assert done.returncode == 0
     assert "the values fit 1 N·m far better than 4 N·m: measured at it? (--trial-torque 1)" in words
 
 
+@pytest.mark.usefixtures("kept")
 def test_a_card_tells_the_values_it_rests_on_its_word_and_how_sure(answer, tmp_path: Path):
     card = tmp_path / "card.txt"
     done = run(*LOOSE, *TRIALS, "--card", str(card), "-q")
@@ -204,10 +213,11 @@ def test_a_card_tells_the_values_it_rests_on_its_word_and_how_sure(answer, tmp_p
     assert f" 4 {now} {best} " in text
 
 
+@pytest.mark.usefixtures("kept")
 def test_values_of_the_preset_count_beside_those_given():
     values = "measured.F_ior={h0@4: 73 ± 2, h4@4: 18.5 ± 2}"
-    done = run(*LOOSE, "--set", values, "h8=25", "--json")
-    given = run(*LOOSE, "h0=73", "h4=18.5", "h8=25", "--json")
+    done = run(*LOOSE, *FEW, "--set", values, "h8=25", "--json")
+    given = run(*LOOSE, *FEW, "h0=73", "h4=18.5", "h8=25", "--json")
     assert done.returncode == given.returncode == 0, done.stderr
     assert json.loads(done.stdout)["positions"] == json.loads(given.stdout)["positions"]
 

@@ -34,6 +34,7 @@ def drive_of(*overrides: str):
     return load_preset(TINY, [*OPEN, *overrides])
 
 
+@pytest.mark.usefixtures("kept")
 @pytest.mark.parametrize(
     "more", ["name=any", "acceptance.F_ior=28", "acceptance.F_ior=40", "measured.F_ior={h0@4: 120 ± 20, h2@4: 95 ± 20}"]
 )
@@ -57,6 +58,7 @@ def test_F_ior_as_mounted_is_the_same_number_on_check_mount_and_a_sheet(more):
 FACES = ("phases.xi_g", "phases.xi_b", "phases.phi_hb", "phases.phi_hh")  # directions that all drives have
 
 
+@pytest.mark.usefixtures("kept")
 def test_all_pages_say_the_same_numbers_and_the_same_probability():
     """A limit that some samples keep at 4 N*m, and all of them at 1 N*m; the explorer has its own test."""
     overrides = (*OPEN[:2], "phases.xi_b=90", "mounting.holes=6", "acceptance.F_ior=2040")
@@ -113,6 +115,7 @@ def test_all_pages_say_the_same_numbers_and_the_same_probability():
     assert list(planned.values()) == pytest.approx([now[0][f"{name}_arcsec"] for name in planned])
 
 
+@pytest.mark.usefixtures("kept")
 def test_mount_draws_as_many_samples_as_check_with_the_same_sureness():
     drive, positions = drive_of("acceptance.F_ior=28", "operation.M_g=4"), [0.0, 60.0]
     many, few = (check(drive, draws=8, sure=sure, run=Run(seed=3)).samples.draws for sure in (0.95, 0.7))
@@ -162,6 +165,7 @@ def test_a_catalogue_is_heard_by_mount():
     assert np.ptp(weights) > 0
 
 
+@pytest.mark.usefixtures("kept")
 def test_a_choice_that_is_not_sure_is_a_best_bet_and_ends_with_code_6_only_where_that_was_asked():
     loose = [word for each in OPEN for word in ("--set", each)] + ["--set", "phases.xi_b=200±90", "--no-plot"]
     page, held = (run("mount", TINY, *loose, "--draws", "24", *more) for more in ((), ("--sure", "0.99")))
@@ -171,6 +175,7 @@ def test_a_choice_that_is_not_sure_is_a_best_bet_and_ends_with_code_6_only_where
     assert run("mount", TINY, *loose, "--draws", "24", "-q").stdout.strip().isdigit()
 
 
+@pytest.mark.usefixtures("kept")
 def test_the_probability_decides_and_its_error_is_printed():
     loose = [word for each in (*OPEN, "operation.M_g=4") for word in ("--set", each)] + ["--draws", "4"]
     for command in ("check", "accept"):
