@@ -32,7 +32,7 @@ from hdassist.belief.statistics import (
 from hdassist.design import DesignCheck, check, check_states
 from hdassist.error.error_map import Batch, Indices, error_maps, searchable
 from hdassist.error.extremes import DRAWN_GRIDS, DRAWN_STATES, extremes_of, many_extremes
-from hdassist.error.stiffness import Stiffness, rated_torque, stiffness, stiffness_states
+from hdassist.error.stiffness import Stiffness, stiffness, stiffness_states
 from hdassist.errors import HdassistError, UntrustedError, Verdict
 from hdassist.model.deviations import unknowns
 from hdassist.model.geometry import Array
@@ -325,7 +325,7 @@ class DrivesComparison:
         """Shares of the rated torque of each drive at which all are compared; None where their torques are the same."""
         if all(sheet.drive.operation.M_g == self.torques for sheet in self.sheets):
             return None
-        return tuple(M_g / rated_torque(self.sheets[0].drive) for M_g in self.torques)
+        return tuple(M_g / self.sheets[0].drive.rated_torque for M_g in self.torques)
 
     @cached_property
     def shares(self) -> Array:
@@ -374,13 +374,12 @@ def at_common_torques(drives: Sequence[Drive]) -> list[Drive]:
     """
     first = drives[0]
     common = tuple(M_g for M_g in first.operation.M_g if all(M_g in drive.operation.M_g for drive in drives))
-    shares = [M_g / rated_torque(first) for M_g in first.operation.M_g]
-    moved = []
-    for drive in drives:
-        torques = common or tuple(float(f"{share * rated_torque(drive):.6g}") for share in shares)
-        changed = {"M_g": torques}
-        moved.append(drive.model_copy(update={"operation": drive.operation.model_copy(update=changed)}))
-    return moved
+    shares = [M_g / first.rated_torque for M_g in first.operation.M_g]
+
+    def torques(drive: Drive) -> tuple[float, ...]:
+        return common or tuple(float(f"{share * drive.rated_torque:.6g}") for share in shares)
+
+    return [drive.with_values({"operation.M_g": torques(drive)}) for drive in drives]
 
 
 def differing_rows(drives: Sequence[Drive]) -> tuple[_FieldRow, ...]:

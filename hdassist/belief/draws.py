@@ -52,7 +52,7 @@ from hdassist.belief.proposals import (
 from hdassist.error.cycle import WITHOUT_EFFECT
 from hdassist.error.error_map import Batch, ErrorMap, error_maps
 from hdassist.error.extremes import DRAWN_GRIDS, many_extremes
-from hdassist.error.stiffness import NEAR_ZERO, Twist, rated_torque
+from hdassist.error.stiffness import NEAR_ZERO, Twist
 from hdassist.errors import HdassistError
 from hdassist.model.contacts import contact_system
 from hdassist.model.geometry import Array, Geometry, flank_candidates
@@ -251,7 +251,7 @@ class Sampling:
         """Torque [N*m] and turn [deg] at which F'_ior is evidence on a drive, by figure; all torques that it needs."""
         held = {each.figure: (each.M_g, each.rotation_deg) for each in self.measured}
         if self.torques and any(each.figure == ACCURACY for each in self.evidence):
-            held[ACCURACY] = (ACCURACY_LOAD * rated_torque(drive), 0.0)
+            held[ACCURACY] = (ACCURACY_LOAD * drive.rated_torque, 0.0)
         return held, tuple(dict.fromkeys((*self.torques, *(M_g for M_g, _ in held.values()))))
 
     def _solved(
@@ -396,7 +396,7 @@ def meshing_shift(drive: Drive) -> tuple[float, Certificate]:
     nearest = float(flank_candidates(Geometry.of(at_rest)).gap.min()) + 1e-3 * gears.j_n  # on the cam's own shape
     near = drive.number(RIGID_SHIFT) - nearest / (gears.m * np.sin(alpha))
     there = at_rest.with_values({RIGID_SHIFT: near, "gears.j_n": gears.j_n + 1e3 * opened})
-    least = NEAR_ZERO * rated_torque(drive)
+    least = NEAR_ZERO * drive.rated_torque
     contact, tube, proof = Twist(there).at(np.array([-least, least]))
     play = float(np.diff(contact + tube)[0]) / ARCSEC  # rad
     # a flank's force acts at the base circle: half of the play is the clearance over its radius

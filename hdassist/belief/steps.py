@@ -376,8 +376,7 @@ def _supports(prior: DrivePrior, shares: Array) -> dict[str, list[float]]:
         return {}
     found = {}
     for coupling in _ASKED_COUPLINGS if is_open else _ASKED_COUPLINGS[:1]:
-        cam = drive.cam.model_copy(update={"coupling": coupling})
-        there = with_cam_support(drive.model_copy(update={"cam": cam}))
+        there = with_cam_support(drive.with_values({"cam.coupling": coupling}))
         support = next((each for each in prior_of(there).fields if each.path == SUPPORT_FIELD), None)
         share = shares[:, place] if place is not None else np.full(len(shares), 0.5)
         found[coupling] = support.value(share).tolist() if support else [there.number(SUPPORT_FIELD)] * len(share)

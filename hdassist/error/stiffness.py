@@ -87,11 +87,6 @@ class Stiffness:
         return self.twist_at(NEAR_ZERO * self.rated) - self.twist_at(-NEAR_ZERO * self.rated)
 
 
-def rated_torque(drive: Drive) -> float:
-    """Rated torque [N*m] of a preset; without one, the greatest of its torques."""
-    return drive.operation.rated or max(map(abs, drive.operation.M_g))
-
-
 def catalogue_torques(drive: Drive) -> tuple[float, float]:
     """Ends T_1, T_2 [N*m] of the segments, as the drive's catalogue has them.
 
@@ -128,7 +123,7 @@ def stiffness(
     the greatest torque to both sides again.
     Raises UsageError for torques that cannot be meant, UntrustedError where an answer cannot be trusted.
     """
-    rated, defaults = rated_torque(drive), catalogue_torques(drive)
+    rated, defaults = drive.rated_torque, catalogue_torques(drive)
     T_1, T_2 = defaults[0] if T_1 is None else T_1, defaults[1] if T_2 is None else T_2
     T_max = _CURVE_BEYOND * T_2 if T_max is None else T_max
     least = NEAR_ZERO * rated
@@ -197,7 +192,7 @@ class Twist:
     """
 
     def __init__(self, drive: Drive, formulation: Formulation | None = None) -> None:
-        self.case = LoadCase(formulation or formulate(contact_system(drive)), rated_torque(drive))
+        self.case = LoadCase(formulation or formulate(contact_system(drive)), drive.rated_torque)
         self._tube = shell_twist_stiffness(drive, self.case.system.geometry)
 
     def at(self, torque: Array, progress: Progress | None = None) -> tuple[Array, Array, Certificate]:

@@ -14,7 +14,7 @@ from hdassist.loading import OVERRIDE_PLACE, load_text
 from hdassist.measuring.measure import measure
 from hdassist.measuring.orders import gearing_of
 from hdassist.model.deviations import carried
-from hdassist.mounting.positions import hole_of
+from hdassist.mounting.positions import named_position
 from hdassist.preset.fields import Drive, PresetField, ResolvedField, field_table, text_of
 from hdassist.readers.trace import TraceForm, read_trace
 from hdassist.terminal.options import TrialOptions
@@ -78,8 +78,7 @@ class Session:
     @property
     def here(self) -> str:
         """The position that is looked at as evidence names it: h4, or an angle [deg]."""
-        hole = hole_of(self.turn_deg, self.drive.mounting.holes)
-        return f"{self.turn_deg:g}" if hole is None else f"h{hole}"
+        return named_position(self.turn_deg, self.drive.mounting.holes)
 
     @property
     def positions(self) -> tuple[float, ...]:

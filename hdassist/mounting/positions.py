@@ -128,6 +128,12 @@ def bare(rotation_deg: float, holes: int) -> str:
     return f"{rotation_deg:g}" if hole is None else f"{hole}"
 
 
+def named_position(rotation_deg: float, holes: int) -> str:
+    """A position as options name it: h4, or the angle [deg] where it is no hole."""
+    hole = hole_of(rotation_deg, holes)
+    return f"{rotation_deg:g}" if hole is None else f"h{hole}"
+
+
 def usable_positions(holes: int, allowed: Sequence[int] | str, free_step: float = _FREE_STEP) -> list[float]:
     """Turns of the fixed wheel [deg] that may be chosen: the usable holes, or steps [deg] where the angle is free."""
     if not holes:

@@ -12,7 +12,7 @@ from hdassist.errors import Verdict
 from hdassist.model.deviations import unknown_names
 from hdassist.mounting.advice import UNSHOWN_VALUES, Advice
 from hdassist.mounting.decision import FEWEST_SURE, FEWEST_VALUES
-from hdassist.mounting.positions import MountingCurve, bare, hole_of, hole_words
+from hdassist.mounting.positions import MountingCurve, bare, hole_of, hole_words, named_position
 from hdassist.mounting.posterior import Trial
 from hdassist.pages.card import (
     ENGLISH,
@@ -283,8 +283,7 @@ def _facts(advice: Advice, *, carded: bool) -> Iterator[Fact]:
 
 def _name(advice: Advice, rotation_deg: float) -> str:
     """A position as a value is given for it."""
-    hole = hole_of(rotation_deg, advice.drive.mounting.holes)
-    return f"{rotation_deg:g}" if hole is None else f"h{hole}"
+    return named_position(rotation_deg, advice.drive.mounting.holes)
 
 
 def _more_facts(advice: Advice) -> Iterator[Fact]:

@@ -603,6 +603,11 @@ class Drive(Section):
         return getattr(getattr(self, section), name)
 
     @property
+    def rated_torque(self) -> float:
+        """Rated torque [N*m]; where the preset has none, the greatest of its torques."""
+        return self.operation.rated or max(map(abs, self.operation.M_g))
+
+    @property
     def unused_tooth_field(self) -> str:
         """Path of the stiffness of tooth pairs that has no effect with the drive's number of stations."""
         return "contact.k_face" if self.numerics.stations == 1 else "contact.c_t"
@@ -615,7 +620,7 @@ class Drive(Section):
         """Whether a value is within the range of a field, by path ("gears.j_n")."""
         return field_table()[path].holds(value)
 
-    def with_values(self, values: Mapping[str, float]) -> Drive:
+    def with_values(self, values: Mapping[str, Any]) -> Drive:
         """The drive with some fields changed, by path ("gears.j_n"); the new values are not validated."""
         changed: dict[str, Section] = {}
         for path, value in values.items():

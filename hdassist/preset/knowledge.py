@@ -150,7 +150,7 @@ def with_cam_support(drive: Drive) -> Drive:
     if support:
         value, low, high = (float(f"{number:.4g}") for number in support)
         source[SUPPORT_FIELD] = Source(kind="assumed", range=(low, high), ref=f"cam.coupling: {cam.coupling}; {why}")
-    return drive.model_copy(update={"supports": drive.supports.model_copy(update={"C_3": value}), "source": source})
+    return drive.with_values({SUPPORT_FIELD: value}).model_copy(update={"source": source})
 
 
 # --- a drive like a known one
@@ -184,11 +184,6 @@ class SimilarValue:
 Requirements = dict[str, SimilarValue]
 
 
-def rated_of(drive: Drive) -> float:
-    """Rated torque [N*m] of a drive; without one, the greatest of its torques."""
-    return drive.operation.rated or max(map(abs, drive.operation.M_g))
-
-
 def _size_of(like: Drive, required: Requirements) -> tuple[SimilarValue, float]:
     """Pitch diameter [mm] of a drive that is like another one, and its K3 over that of catalogues for it.
 
@@ -213,7 +208,7 @@ def _size_of(like: Drive, required: Requirements) -> tuple[SimilarValue, float]:
     elif T is None:
         return SimilarValue(own, "assumed", f"the pitch diameter of {like.name}, {own:g} mm"), stiffer
     else:
-        d = _rounded(own * (T / rated_of(like)) ** (1 / 3))
+        d = _rounded(own * (T / like.rated_torque) ** (1 / 3))
         low, high = ((T / density) ** (1 / 3) for density in reversed(TORQUE_DENSITY))
         why = f"{d:g} mm from {plain(T)} N*m, d^3 as {like.name}; catalogues have {low:.3g} to {high:.3g} mm for it"
         return SimilarValue(d, "assumed", why), stiffer
@@ -331,7 +326,7 @@ def _backlash(d: float) -> dict[str, SimilarValue]:
 
 
 def _load(like: Drive, required: Requirements, s: float, d: float) -> dict[str, SimilarValue]:
-    own, rating = rated_of(like), required.get("operation.rated")
+    own, rating = like.rated_torque, required.get("operation.rated")
     if rating is None:
         rated = _rounded(own * s**3, 3)
         bounds = [_rounded(density * d**3, 2) for density in TORQUE_DENSITY]

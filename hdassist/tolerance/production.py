@@ -80,6 +80,11 @@ class ProductionLaw:
         return DrivePrior(self.drive, self.shared + self.own)
 
     @property
+    def sizes(self) -> list[str]:
+        """Paths of the sizes of deviations that are drawn, of designs and of drives."""
+        return [f.path for f in self.joint.fields if f.path == f.group and f.path in DEVIATION_FIELDS]
+
+    @property
     def tolerances(self) -> tuple[TolerancedSize, ...]:
         """Sizes that are drawn up to a tolerance of the preset."""
         return tuple(field for field in self.own if isinstance(field, TolerancedSize))
@@ -316,7 +321,7 @@ class Production:
 
         Other states may be the extremes then, so F'_ior is at least that.
         """
-        paths = [f.path for f in self.law.joint.fields if f.path == f.group and f.path in DEVIATION_FIELDS]
+        paths = self.law.sizes
         columns = {path: np.repeat(column, len(paths)) for path, column in one.columns.items()}
         for k, path in enumerate(paths):
             columns[path] = columns[path] * np.where(np.arange(len(paths)) == k, TIGHTER_STEP, 1.0)

@@ -110,9 +110,8 @@ def sensitivities(production: Production, samples: Samples, records: _Records) -
         np.array([record.weight for record in as_drawn]),
     )
     worst = worst_torque(drive, samples)
-    sizes = [f.path for f in law.joint.fields if f.path == f.group and f.path in DEVIATION_FIELDS]
-    then = {path: np.array([(record.tighter or {})[path] for record in as_drawn]) for path in sizes}
-    ways = {path: _tightened(path, F_ior, then[path], weights, proven=False) for path in sizes}
+    then = {path: np.array([(record.tighter or {})[path] for record in as_drawn]) for path in law.sizes}
+    ways = {path: _tightened(path, F_ior, then[path], weights, proven=False) for path in law.sizes}
     while True:
         first = min(ways, key=lambda path: ways[path][worst].then)
         if ways[first][worst].proven:

@@ -15,7 +15,7 @@ from hdassist.loading import load_text, similar_preset
 from hdassist.model.geometry import Kinematics, pitch_locked_states
 from hdassist.model.rules import conflicts
 from hdassist.preset.fields import Drive, field_table, measures, origin_counts, resolved_fields
-from hdassist.preset.knowledge import LAWS, PITCH_DIAMETER, STIFFNESS, F_p, SimilarValue, rated_of, similar
+from hdassist.preset.knowledge import LAWS, PITCH_DIAMETER, STIFFNESS, F_p, SimilarValue, similar
 from hdassist.run.run import UNCHECKED
 
 LIKE = load_preset("vzp160")
@@ -67,7 +67,7 @@ def test_nothing_but_the_size_changes_in_what_is_twice_as_large() -> None:
     for path in deviation_sizes:
         power = {"same": 0, "d": 1, "m": 1, "1/d": -1, "sqrt d": 0.5}[LAWS[path].by]
         assert isclose(large.value(path) / small.value(path), 2**power, rel_tol=1e-3), path
-    assert isclose(rated_of(large) / rated_of(small), 8, rel_tol=1e-2)
+    assert isclose(large.rated_torque / small.rated_torque, 8, rel_tol=1e-2)
 
 
 def test_stiffness_grows_with_the_cube_of_the_diameter() -> None:
