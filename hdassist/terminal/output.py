@@ -375,7 +375,8 @@ def give(
             made = [made_or("page", partial(shown, each), partial(getattr, each, "line")) for each in pages]
             out.human(Group(*[part for page in made for part in (page, "")][:-1], *below))
         else:
-            out.text("".join(f"{report.line}\n" for report in pages))
+            lines = "".join(f"{report.line}\n" for report in pages)
+            out.text(out.style.text(lines) if out.style.ascii else lines)
     if out.csv is not None and (tables := [report.csv for report in reports if report.csv]):
         write_text(out.csv, csv_text(tables[0][0], [row for _, rows in tables for row in rows]), out.force)
     return worst_exit_code(report.exit_code for report in reports)

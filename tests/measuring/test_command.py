@@ -172,6 +172,13 @@ def test_a_plot_or_a_page_that_fails_takes_no_answer_with_it(rig, monkeypatch):
         assert page.stderr == said
 
 
+def test_the_answer_alone_is_7_bit_where_that_is_asked_for(rig):
+    plain, ascii_ = (
+        run("measure", "run.csv", "--ratio", "30", "-q", *more, cwd=rig).stdout for more in ((), ("--ascii",))
+    )
+    assert ascii_ == plain.replace("±", "+-").replace("″", " arcsec") != plain
+
+
 @pytest.mark.slow
 def test_stdin_a_file_and_a_gzip_file_say_the_same(rig):
     quiet = [run("measure", "run.csv", "--ratio", "30", "-q", cwd=rig).stdout]
