@@ -92,8 +92,8 @@ class ProductionLaw:
     @property
     def not_given(self) -> tuple[str, ...]:
         """Sizes that are drawn up to a bound which is no tolerance, as `check` draws them."""
-        sizes = [field for field in self.own if field.path == field.group and field.path in DEVIATION_FIELDS]
-        return tuple(f.path for f in sizes if not isinstance(f, TolerancedSize) and f.distribution != "normal")
+        even = {f.path for f in self.joint.fields if not isinstance(f, TolerancedSize) and f.distribution != "normal"}
+        return tuple(path for path in self.sizes if path in even)
 
     def values(self, seed: int, drive: int) -> dict[str, float]:
         """Own fields of a drive by its number, by path: they depend on the seed and the number alone."""

@@ -1,5 +1,7 @@
 """What random drives are drawn from: laws against their densities, drives the same whatever is drawn beside them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -64,6 +66,8 @@ def test_what_has_no_tolerance_is_drawn_as_check_draws_it() -> None:
     for path in ("tolerances.e_b", "harmonics.a_b2", "tolerances.F_i2", "tolerances.e_hb", "phases.phi_hb"):
         assert own[path] == prior[path]
     assert set(law.not_given) == {"tolerances.e_b", "harmonics.a_b2", "tolerances.F_i2"}
+    each_its_own = replace(law, shared=law.shared + law.own, own=())  # as sensitivity has it
+    assert set(each_its_own.not_given) == set(law.not_given)
     assert own["harmonics.xi_b2"].high == 180
     assert "tolerances.F_i2" not in {f.path for f in law.tolerances}
     # where tolerances are to be chosen a size that is assumed is one of them
