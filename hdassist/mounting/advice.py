@@ -71,7 +71,7 @@ class _Verification:
     mean_arcsec: float
     low_arcsec: float
     high_arcsec: float
-    back_to: Trial | None
+    back_to: Trial | None = None
 
     @property
     def as_predicted(self) -> bool:
@@ -384,16 +384,14 @@ def _verified(advice: Advice, outcome: Trial, samples: HoleSamples) -> _Verifica
     noise = np.random.default_rng([samples.seed, 4]).standard_normal(len(told.noise))
     predicted = told.F_ior_by_torque[advice.torque_of(outcome)][:, 0]
     read = predicted + noise * told.noise * samples.noise([outcome])
-    low, high = np.quantile(read, (0.025, 0.975)).tolist()
-
-    as_predicted = low <= outcome.F_ior_arcsec <= high
+    checked = _Verification(outcome, float(predicted.mean()), *np.quantile(read, (0.025, 0.975)).tolist())
 
     def loss(trial: Trial) -> float:
         """Expected loss in the hole of a value; where the outcome is not as predicted the measured value."""
         place = found.place(trial.rotation_deg)
         if place is None:
             return np.inf
-        if as_predicted:
+        if checked.as_predicted:
             return float(found.expected_loss[place])
         is_comparable = advice.torque_of(trial) == advice.torque_of(outcome)
         return trial.F_ior_arcsec / outcome.F_ior_arcsec if is_comparable else np.inf
@@ -401,7 +399,7 @@ def _verified(advice: Advice, outcome: Trial, samples: HoleSamples) -> _Verifica
     others = [each for each in reversed(before) if each.rotation_deg != outcome.rotation_deg]
     least = min(others, key=loss, default=outcome)
     back = least if loss(least) + found.cost < loss(outcome) else None
-    return _Verification(outcome, float(predicted.mean()), low, high, back)
+    return replace(checked, back_to=back)
 
 
 def _of_preset(drive: Drive, setup: TrialSetup, given: Sequence[Trial | None]) -> list[Trial]:

@@ -33,6 +33,7 @@ GOOD = 0.05  # loss against the best hole below which a hole is as good
 LEAST_GAIN = 0.01  # of F'_ior: a smaller one is not worth a turn, nor makes a hole better than another
 WORTH = 0.02  # of F'_ior: gain of one more value below which measuring stops
 FEWEST_VALUES = 4  # measured values before which it never stops
+LEVELS = {"p5": 0.05, "p50": 0.5, "p95": 0.95}  # percentiles of an answer, by name
 FEWEST_SURE = 32  # effective samples: of fewer a choice is sure only by all of the interval of its probability
 
 _OUTCOMES = 9  # of a further value that are looked at in each hole
@@ -127,7 +128,7 @@ class Decision:
 
     def range_of(self, values: Array) -> tuple[float, float, float]:
         """5th percentile, median and 95th percentile of values, shape (samples,)."""
-        low, middle, high = (weighted_quantile(values, self.sample_weights, share) for share in (0.05, 0.5, 0.95))
+        low, middle, high = (weighted_quantile(values, self.sample_weights, share) for share in LEVELS.values())
         return low, middle, high
 
     # How good each hole is
@@ -251,7 +252,7 @@ class Decision:
         kept = self.probability_kept
         return _Action(
             self.rotations_deg[place],
-            {name: self.quantile(share, place) for name, share in (("p5", 0.05), ("p50", 0.5), ("p95", 0.95))},
+            {name: self.quantile(share, place) for name, share in LEVELS.items()},
             float(self.expected_loss[place]), float(self.probability_good[place]), self.probability_better(place),
             None if kept is None else float(kept[place]),
         )  # fmt: skip

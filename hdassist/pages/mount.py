@@ -11,7 +11,7 @@ from hdassist.error.cycle import limits_left
 from hdassist.errors import Verdict
 from hdassist.model.deviations import unknown_names
 from hdassist.mounting.advice import UNSHOWN_VALUES, Advice
-from hdassist.mounting.decision import FEWEST_SURE, FEWEST_VALUES
+from hdassist.mounting.decision import FEWEST_SURE, FEWEST_VALUES, LEVELS
 from hdassist.mounting.positions import MountingCurve, bare, hole_of, hole_words, named_position
 from hdassist.mounting.posterior import Trial
 from hdassist.pages.card import (
@@ -53,7 +53,6 @@ _NO_HOLE_BETTER = {
 }
 _ROWS = 3  # holes on the first screen beside the present and the worst one
 _APART = 3.0  # standard deviations by which values of one hole may differ without a remark
-_LEVELS = {"p5": 0.05, "p50": 0.5, "p95": 0.95}
 
 
 def mount_report(
@@ -350,7 +349,7 @@ def _position_curves(advice: Advice) -> Iterator[Curve]:
     turns = np.array(found.rotations_deg)
     if (len(turns) < 2 and (not curve or len(curve.rotation_deg) < 2)) or advice.no_hole_better == "standing":
         return
-    ends = [np.array([found.quantile(level, place) for place in range(len(turns))]) for level in _LEVELS.values()]
+    ends = [np.array([found.quantile(level, place) for place in range(len(turns))]) for level in LEVELS.values()]
     now, next_words = _standing(advice), "next"
     marked = {now: advice.current, "best": advice.chosen}
     if advice.next and advice.word != "ANY_HOLE" and advice.next.rotation_deg == marked["best"].rotation_deg:
@@ -394,7 +393,7 @@ def _values(advice: Advice, seed: int) -> Json:
     value, checked, setup = advice.value, advice.verification, advice.setup
     probability = found.probability if found.is_sampled else None
     now = [
-        {"M_g_Nm": M_g, **dict(zip(_LEVELS, found.range_of(F_ior), strict=True))}
+        {"M_g_Nm": M_g, **dict(zip(LEVELS, found.range_of(F_ior), strict=True))}
         for M_g, F_ior in zip(advice.torques, found.now_arcsec, strict=True)
     ]
     spans = [found.range_of(each.max(axis=1) / each.min(axis=1))[::2] for each in found.F_ior_arcsec]
@@ -420,7 +419,7 @@ def _values(advice: Advice, seed: int) -> Json:
         "worth": [{"values": count, "F_ior_arcsec": F_ior} for count, F_ior in advice.worths],
         "suspected": advice.suspected and _trial(advice, advice.suspected),
         "order": "turn" if advice.turn else "leave",
-        "gain": dict(zip(_LEVELS, advice.gain_range, strict=True)),
+        "gain": dict(zip(LEVELS, advice.gain_range, strict=True)),
         "to_try": advice.to_try if advice.next and not advice.trials else [],
         "influence": influence_objects(advice.influences),
         "samples": samples_object(advice.samples),
@@ -466,7 +465,7 @@ def _compensated(advice: Advice) -> Json | None:
         return None
     form, found = advice.compensated
     places = range(len(found.rotations_deg))
-    left = {name: [found.quantile(level, each) for each in places] for name, level in _LEVELS.items()}
+    left = {name: [found.quantile(level, each) for each in places] for name, level in LEVELS.items()}
     order = "none" if not advice.correction else "turn" if advice.turn else "leave"
     return {"form": form, "order": order, "rotation_deg": found.rotations_deg, "left_arcsec": left}
 
