@@ -6,6 +6,9 @@ with harmonics of every order and noise. It is a harmonic drive: its teeth are s
 closer by a preload of another law than the belief's. --stiff draws those whose clearances are small and whose supports
 are stiff. Of it the belief is told K_1 to K_3 (10 % off) and a lost motion that it keeps; with --coupling, a solid
 hub too, as every designer knows, where the support of the cam is one.
+
+--own draws from the belief itself, of one data sheet: drives of which its range must hold 90 %, and those of them that
+--stiff would draw, of which it cannot, as nothing told says that they lie there.
 """
 
 from __future__ import annotations
@@ -13,8 +16,9 @@ from __future__ import annotations
 import argparse
 import os
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
+from itertools import repeat
 
 import numpy as np
 
@@ -27,6 +31,8 @@ ROOM = 1.2  # of its lost motion that the catalogue allows
 PRELOAD = 0.012  # modules of profile shift, scale of Rayleigh's law
 LEAST_PLAY = 1.0  # arcsec, to which teeth are shifted
 STIFF = {"bearing.g_b": (0.0, 0.3), "supports.C_1": (0.6, 1.0), "supports.C_2": (0.6, 1.0), "supports.C_3": (0.5, 1.0)}
+OWN_DRAWS = 1024, 256  # of the belief of a data sheet, anywhere and within STIFF
+LEAST_EFFECTIVE = 64  # draws behind a range that is judged
 LIMITS = 1.0  # standard deviation of the logarithm of a limit around the true F'_ior
 
 
@@ -183,6 +189,51 @@ def rough_teeth(drive, rng: np.random.Generator):
     )
 
 
+def own_drives(jobs: int, seed: int) -> list[list[bool]]:
+    """Whether the 5-95 % range holds drives that the belief itself draws: anywhere, and within STIFF.
+
+    Each is told by its figures, as hidden ones are, and believed by all other draws, weighed by these.
+    """
+    from hdassist import load_preset
+    from hdassist.belief.draws import Sampling
+    from hdassist.belief.evidence import evidence_of, stiffness_figures
+    from hdassist.belief.prior import prior_of
+    from hdassist.belief.statistics import effective_number, weighted_quantile
+    from hdassist.loading import load_text, similar_preset
+    from hdassist.preset.knowledge import read_requirements
+
+    like = load_preset("vzp160")
+    stiffness = "3.1e4,5.0e4,5.7e4"  # of its catalogue; a drive's own take its place
+    asked = read_requirements(like, ratio=100, pitch_diameter="63.5 mm", torque="67", stiffness=stiffness)
+    preset = load_text(similar_preset("own", like, asked), "own.yaml")
+    prior, evidence, rng = prior_of(preset), evidence_of(preset), np.random.default_rng(seed)
+    sampling = Sampling(prior, preset.operation.M_g[:1], further=stiffness_figures)
+    drawn = []
+    with ProcessPoolExecutor(jobs) as pool:
+        for k, (count, within) in enumerate(zip(OWN_DRAWS, ({}, STIFF), strict=True)):
+            low, high = np.array([(*within.get(each.path, (0.0, 1.0)),) for each in prior.fields] + [(0, 1)]).T
+            shares = low + (high - low) * prior.shares(count, 2 * seed + k)
+            rows = range(count), prior.values(shares), shares.tolist(), repeat(1.0)
+            found = [one for (one,) in pool.map(sampling.solved, *rows, chunksize=16)]
+            drawn.append([each for each in found if each.F_ior_arcsec])
+    F_ior = np.array([each.F_ior_arcsec for each in drawn[0]])[:, 0]
+    figures = {each.figure: np.array([draw.figures[each.figure] for draw in drawn[0]]) for each in evidence}
+
+    def holds(one) -> bool | None:
+        weights = np.array([each is not one for each in drawn[0]], dtype=float)
+        for each in evidence:
+            told = replace(each, value=one.figures[each.figure] * np.exp(MISREAD * rng.standard_normal()))
+            if each.kind == "limit":
+                told = each if each.figure == "play" else replace(each, value=ROOM * one.figures[each.figure])
+            weights *= np.exp(told.log_likelihood(figures[each.figure]))
+        if effective_number(weights) < LEAST_EFFECTIVE:
+            return None
+        p5, p95 = (weighted_quantile(F_ior, weights, share) for share in (0.05, 0.95))
+        return bool(p5 <= one.F_ior_arcsec[0] <= p95)
+
+    return [[held for held in map(holds, some) if held is not None] for some in drawn]
+
+
 def main() -> None:
     """Judge drives, and print how often each verdict was wrong."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -193,7 +244,12 @@ def main() -> None:
     parser.add_argument("--coupling", action="store_true", help="a solid hub is known where it is one")
     parser.add_argument("--jobs", type=int, default=os.cpu_count())
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--own", action="store_true", help="drives of the belief itself")
     args = parser.parse_args()
+    if args.own:
+        for of, held in zip(("of the belief", "of these, stiff ones"), own_drives(args.jobs, args.seed), strict=True):
+            print(f"90 % ranges that hold drives {of}: {sum(held)} of {len(held)}, {np.mean(held):.0%}")
+        return
     one = partial(judged, draws=args.draws, most=args.most, seed=args.seed, stiff=args.stiff, coupling=args.coupling)
     found = []
     with ProcessPoolExecutor(args.jobs) as pool:
