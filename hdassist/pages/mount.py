@@ -80,6 +80,8 @@ def mount_report(
         where = f"{count} value{'s' * (count > 1)}{spread} at {torques} N·m"
     found, short = advice.decision, Verdict.INCONCLUSIVE.exit_code
     rows = dict.fromkeys((*found.ranked[:_ROWS], *(() if found.stay is None else (found.stay,)), found.ranked[-1]))
+    if found.all_alike:  # what the others differ by is chance
+        rows = {found.best: None}
     back = checked and checked.back_to
     word = ("GO BACK" if back else "KEEP") if checked else WORDS[advice.word]
     to_deg = (checked.back_to or checked.trial).rotation_deg if checked else advice.chosen.rotation_deg
@@ -321,7 +323,7 @@ def _positions_table(advice: Advice, places: Sequence[int], title: str = "") -> 
         shares = (f"{100 * action.probability_better:.0f}", f"{100 * action.probability_good:.0f}") * sampled
         hole = bare(action.rotation_deg, advice.drive.mounting.holes)
         rows.append((names.get(place, ""), hole, *cells, *shares, f"{100 * action.expected_loss:.1f}"))
-    spread = ": median (5 to 95 %)" * sampled
+    spread = ": median (5 to 95 %)" * sampled + " in any hole" * (found.all_alike and not title)
     left = f"left by {advice.correction}" if advice.correction else "F'_ior"
     heads = (f"at {M_g:g} N·m" for M_g in advice.torques)
     where = "hole" if advice.drive.mounting.holes else "turn, °"

@@ -10,6 +10,7 @@ from hdassist.model.deviations import deviation_scalars
 from hdassist.mounting.advice import advise
 from hdassist.mounting.positions import rotated, seat_positions
 from hdassist.pages.mount import instruction_of, mount_report, next_value_words
+from hdassist.report import Table
 from hdassist.run.run import UNCHECKED
 from hdassist.terminal.output import report_object
 from tests.process import SMALL, run
@@ -41,6 +42,8 @@ def test_without_a_direction_that_decides_any_hole_may_be_the_best():
     assert values == (0, 3, 4, 5, 6)
     assert list(F_ior) == sorted(F_ior, reverse=True) and F_ior[2] < 0.9 * F_ior[0]
     assert report.why[0].startswith("No hole is expected to be better than another: the direction that decides is not")
+    assert [row[1] for row in report.blocks[0].rows] == ["0"]  # what the others differ by is chance
+    assert [len(block.rows) for block in report.details if isinstance(block, Table)] == [12]
     assert f"{F_ior[0]:.1f} → {F_ior[2]:.1f}″ is expected on average with four values" in next_value_words(advice)
     several = replace(advice, drive=changed(advice.drive, operation__M_g=[4.0, 8.0]))
     assert f"{100 * (1 - F_ior[2] / F_ior[0]):.1f} % less F'_ior is expected on average with four" in next_value_words(
