@@ -341,7 +341,10 @@ def _column(name: str) -> _Column:
             return gives, f"{text.strip()}="
     if ".".join(map(str, path_of(name)[:2])) in field_table():
         return "overrides", f"{name}="
-    known = [*_PLAIN_COLUMNS, "measured", *field_table(), "F_ior@80", "limit F_ior@80", "measured@80"]
+    typed = name.partition("@")[2]
+    torque = typed if is_number(typed) else "80"
+    examples = [f"{column}@{torque}" for column in ("F_ior", "limit F_ior", "measured")]
+    known = [*_PLAIN_COLUMNS, "measured", *field_table(), *examples]
     hint = (
         REMOVED.get(name)
         or near_miss(name, known)

@@ -304,10 +304,15 @@ def ordered_findings(items: Iterable[Finding]) -> list[Finding]:
 
 
 def near_miss(word: str, options: Iterable[str]) -> str:
-    """A hint "did you mean ...?" if an option looks like the word, else an empty text."""
-    known = {option.lower(): option for option in options}
-    close = difflib.get_close_matches(word[:60].lower(), known, 1, 0.6)
-    return f"did you mean {known[close[0]]}?" if close else ""
+    """A hint "did you mean ...?" if an option looks like the word, else an empty text; case decides between equals."""
+    known, word = {option.lower(): option for option in options}, word[:60]
+
+    def likeness(option: str) -> tuple[float, float]:
+        pairs = ((option, word.lower()), (known[option], word))
+        return (difflib.SequenceMatcher(None, *pairs[0]).ratio(), difflib.SequenceMatcher(None, *pairs[1]).ratio())
+
+    close = difflib.get_close_matches(word.lower(), known, 3, 0.6)
+    return f"did you mean {known[max(close, key=likeness)]}?" if close else ""
 
 
 # --- numbers with their units

@@ -48,10 +48,11 @@ _RESIDUALS = {  # of a certificate, each a share of its scale
     "complementarity": "force on an open gap",
     "equilibrium": "equilibrium",
 }
+_ASCII_HEAD = box.Box(str(box.SIMPLE_HEAD).replace("─", "-"), ascii=True)
 _OCHRE = "color(136)"  # between green and red, read on white and on black, where a terminal's yellow is not
 _STYLES = {"good": "bold green", "bad": "bold red", "open": f"bold {_OCHRE}", "loud": "bold", "quiet": "dim"}  # by tone
 _UNBROKEN = "\ufffe"  # in place of a space at which no line ends: rich breaks at those of Unicode, and texts have none
-_SPACE_IN_NUMBER = re.compile(r"(?<=[\d,]) (?=[%″°]|N·m|µm)|(?<=[±≤≥]) (?=\d)")  # before its unit, behind its sign
+_SPACE_IN_NUMBER = re.compile(r"(?<=[\d,]) (?=[%″°]|N·m|µm)|(?<=[±≤≥<>]) (?=\d)")  # before its unit, behind its sign
 _GAP = f"[ {_UNBROKEN}]"
 _NUMBERS_WITH_UNIT = (  # of grounds
     rf"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?:{_GAP}?[%″°]|{_GAP}N·m(?:/rad)?)?(?!\w)"
@@ -171,9 +172,9 @@ def _table(block: Table, columns: list[int], style: Style, *, is_tight: bool = F
     Columns of a tight one are near, and its heads wrap; where it folds, brackets stand below their numbers.
     """
     found = RichTable(
-        box=box.ASCII2 if style.ascii else box.SIMPLE_HEAD,
+        box=_ASCII_HEAD if style.ascii else box.SIMPLE_HEAD,
         pad_edge=False,
-        show_edge=style.ascii,
+        show_edge=False,
         padding=(0, 0 if is_tight else 1),
     )
     columns_of_cells = []

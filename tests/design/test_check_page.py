@@ -92,8 +92,11 @@ def test_ascii_option(plain, human):
     assert "N*m" in plain.stdout
     numbers = [line.split() for line in human.stdout.splitlines() if re.match(r" +[14] +\d", line)]
     assert len(numbers) == 2
-    rows = [line.replace("|", " ").split() for line in plain.stdout.splitlines()]
+    rows = [line.split() for line in plain.stdout.splitlines()]
     assert [row for row in rows if row in numbers] == numbers
+    tables = [[line for line in page.splitlines() if re.match(r"torque,|[-─]+$| +[14] +\d", line)] for page in
+              (plain.stdout, human.stdout.replace("·", "*").replace("─", "-"))]  # fmt: skip
+    assert tables[0] == tables[1] and len(tables[0]) == 4
 
 
 @pytest.mark.parametrize("env", [{"LC_ALL": "C"}, {"PYTHONIOENCODING": "ascii"}, {"PYTHONIOENCODING": "latin-1"}])

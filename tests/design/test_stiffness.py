@@ -87,14 +87,13 @@ def test_segments_end_where_the_catalogue_has_it_unless_asked_otherwise():
 def test_a_page_says_what_is_compared():
     page = run("stiffness", SMALL, "--no-plot", *SAID, "--ascii", "--set", "catalogue.lost_motion=5 arcmin").stdout
     assert max(map(len, page.splitlines())) <= 80
-    rows = [[cell.strip() for cell in line.split("|")] for line in page.splitlines() if line.startswith("|")]
-    assert rows[0][4:6] == ["catalogue", "off by"]
-    assert [row[4] for row in rows[1:]] == 2 * ["0.3", "-", "0.59"]
-    assert [bool(re.fullmatch(r"[-+]\d+ %", row[5])) for row in rows[1:]] == 2 * [True, False, True]
+    heads, *rows = [re.split(" {2,}", line) for line in page.splitlines() if re.match(r" +torque,|K[123] ", line)]
+    assert heads[3:5] == ["catalogue", "off by"]
+    assert [row[3] for row in rows] == 2 * ["0.3", "-", "0.59"]
+    assert [bool(re.fullmatch(r"[-+]\d+ %", row[4])) for row in rows] == 2 * [True, False, True]
     assert re.search(r"catalogue +300 arcsec, with friction; ours is off by -\d+ %", page)
     page = run("stiffness", SMALL, "--no-plot", *SAID, "--t1", "3", "--details", "--ascii").stdout
     assert "end at other torques than the catalogue's, so K is not compared" in " ".join(page.split())
-    assert " %|" not in page
     assert "catalogue" not in run("stiffness", SMALL, "--no-plot").stdout
 
 

@@ -64,6 +64,7 @@ def test_the_last_override_wins() -> None:
     ("overrides", "message"),
     [
         (["cam.w0=1"], "--set:1:1: cam.w0: unknown key (did you mean W_0?)"),
+        (["tolerances.F_l1=1"], "--set:1:1: tolerances.F_l1: unknown key (did you mean F_i1?)"),  # f_p1 is as near
         (["cam.W_0=0.95", "gears.z_g=x"], "--set:2:11: gears.z_g: must be a whole number (got x)"),
         (["phases.xi_b=unknwon"], "--set:1:13: phases.xi_b: must be a number (got unknwon; did you mean unknown?)"),
         (["phases.xi_b=north"], "--set:1:13: phases.xi_b: must be a number (got north; in deg)"),
