@@ -205,7 +205,8 @@ class PresetsValidateCommand(o.AnswerOptions, o.DriveOptions):
         values = origin_counts(drive)
         verdict = f"OK, {values['assumed']} values still assumed" if values["assumed"] else "OK"
         found = {"file": name, "valid": True, "values": values, "findings": []}
-        line, warnings = f"{name}: {verdict}", drive.origin.warnings
+        line = verdict if len(self.presets) > 1 else f"{name}: {verdict}"  # several are named anyway
+        warnings = drive.origin.warnings
         return Report(_VALIDATE, drive, name, verdict, values=found, line=line, about=name, warnings=warnings)
 
 

@@ -14,6 +14,7 @@ from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field, replace
 from functools import partial
 from numbers import Number
+from textwrap import indent
 from typing import TYPE_CHECKING, Any, Literal
 
 from hdassist import __version__
@@ -313,6 +314,8 @@ def run_each(
 ) -> list[Report]:
     """Reports on presets or files one after the other; the error of one is its answer, and the others go on.
 
+    Each line of one of several begins with its name.
+
     Arguments: command, for the schema of failures; names, of presets or files, and their kind; one, its report; out;
     failed, the JSON of one without an answer; keep_failures, whether the fault of the only one is an answer too where
     no JSON is asked for. Raises UsageError at once, the error of the only one, and with --debug any error.
@@ -331,7 +334,7 @@ def run_each(
             fault = failed(name, error) if failed else failure(command, error, **{kind: name or None})
             reports.append(Report(command, None, "", values=fault, exit_code=error.exit_code))
             continue
-        reports.append(report)
+        reports.append(report if len(names) == 1 else replace(report, line=indent(report.line, f"{name}: ")))
         if out.verbose:
             _note_time(report, begun, name)
     return reports

@@ -147,6 +147,8 @@ def test_quiet_prints_the_answer_alone(human):
     assert len(lines) == 2
     number = next(line for line in human.stdout.splitlines() if re.match(" +1 ", line)).split()[1]
     assert lines[0] == f"1 N*m: F'_ior {number} arcsec, NO_LIMIT"
+    several = run("check", TINY, "nosuch.yaml", TINY, "-q").stdout.splitlines()
+    assert several == 2 * [f"{TINY}: {line}" for line in lines]  # that of which drive, also where one has no answer
 
 
 def test_human_page_in_a_file_is_plain(tmp_path, human):
