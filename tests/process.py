@@ -89,6 +89,11 @@ def keep_answers(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.delitem(variables, NO_CACHE)
 
 
+def in_a_line(page: str) -> str:
+    """A page in a line, as are its commands, whose lines end as a shell goes on with the next one."""
+    return " ".join(page.replace(" \\\n", "\n").split())
+
+
 def run(
     *args: str, stdin: str | None = None, cwd: Path | None = None, shares: bool = False, held: bool = True
 ) -> subprocess.CompletedProcess[str]:

@@ -53,6 +53,7 @@ _OCHRE = "color(136)"  # between green and red, read on white and on black, wher
 _STYLES = {"good": "bold green", "bad": "bold red", "open": f"bold {_OCHRE}", "loud": "bold", "quiet": "dim"}  # by tone
 _UNBROKEN = "\ufffe"  # in place of a space at which no line ends: rich breaks at those of Unicode, and texts have none
 _SPACE_IN_NUMBER = re.compile(r"(?<=[\d,]) (?=[%″°]|N·m|µm)|(?<=[±≤≥<>]) (?=\d)")  # before its unit, behind its sign
+_SPACE_IN_QUOTES = re.compile(r" (?=[^']*'(?:[^']*'[^']*')*[^']*$)")  # an odd number of quotes follows it
 _GAP = f"[ {_UNBROKEN}]"
 _NUMBERS_WITH_UNIT = (  # of grounds
     rf"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?:{_GAP}?[%″°]|{_GAP}N·m(?:/rad)?)?(?!\w)"
@@ -63,16 +64,28 @@ _PAGE_WORDS: dict[str, str] = {Verdict.NO_LIMIT: "no limit set"}  # of a verdict
 
 
 class _PageText(Text):
-    """Text that breaks into lines at its spaces, but for those within a number with its sign and unit."""
+    """Text that breaks into lines at its spaces, but for those within a number with its sign and unit.
+
+    A command breaks between its arguments, within quotes only where one is longer than a line; its lines end as a shell
+    goes on with the next one.
+    """
 
     def __init__(self, text: str, style: str = "") -> None:
-        super().__init__(_SPACE_IN_NUMBER.sub(_UNBROKEN, text), style)
+        spaces = _SPACE_IN_QUOTES if (is_command := text.startswith("hdassist ")) else _SPACE_IN_NUMBER
+        super().__init__(spaces.sub(_UNBROKEN, text), style)
+        self._ending = " \\" * is_command
 
-    def wrap(self, *args: Any, **options: Any) -> RichLines:
+    def wrap(self, console: Console, width: int, **options: Any) -> RichLines:
         """Lines of a width, as rich has them."""
-        lines = super().wrap(*args, **options)
+        ending = self._ending * (self.cell_len > width)
+        if ending and max(map(cell_len, self.plain.split())) > width - len(ending):
+            self.plain = self.plain.replace(_UNBROKEN, " ")
+        lines, quotes = super().wrap(console, width - len(ending), **options), 0
         for line in lines:
+            quotes += line.plain.count("'")
             line.plain = line.plain.replace(_UNBROKEN, " ")
+            if ending and quotes % 2 == 0 and line is not lines[-1]:
+                line.plain = line.plain.rstrip() + ending
         return lines
 
     def __rich_measure__(self, console: Console, options: ConsoleOptions) -> Measurement:

@@ -21,7 +21,7 @@ from hdassist.acceptance.answer import ANSWERS, answer_differences, read_answers
 from hdassist.acceptance.request import Request
 from hdassist.commands.acceptance import AcceptOptions, accept_lot
 from hdassist.run.kept import KeptOwner, RecordKind, open_kept
-from tests.process import CLEAN, COMMAND, SMALL, TINY, run
+from tests.process import CLEAN, COMMAND, SMALL, TINY, in_a_line, run
 from tests.rigs import drive_error, text
 
 TURNS = np.arange(30 * 60) / 60
@@ -81,7 +81,7 @@ def test_a_lot_on_paper_and_in_files(folder, here):
     page = [line for line in result.stdout.splitlines() if line.startswith("17-")]
     assert [line.split()[:2] for line in page] == [[f"17-{n}", v] for n, v in enumerate(verdicts, 1)]
     assert "F'_ior at 1 N·m: 55.00 ± 1.00″, limit ≤ 40, margin" in page[1]
-    words = " ".join(result.stdout.split())
+    words = in_a_line(result.stdout)
     assert "margin 0.20, guard 0.82, stated; within the guard band" in words
     assert f"turn it 17-2 next hdassist mount {SMALL} h0=55 --trial-torque 1" in words
     assert "lot.csv:5:10: measured@4: no such file: gone.csv" in page[3]

@@ -12,7 +12,7 @@ from typer.main import get_command
 
 from hdassist.cli import OTHER_NAMES, app
 from hdassist.terminal.options import CardOptions, RowsOptions
-from tests.process import TINY, run
+from tests.process import TINY, in_a_line, run
 from tests.rigs import even_wave, text
 
 SETS = ("--set", "mounting.holes=6", "--set", "source.supports.C_3={kind: assumed, range: [1000, 8000], ref: judged}")
@@ -35,7 +35,7 @@ def folder(tmp_path_factory) -> Path:
 def next_commands(page: str) -> list[list[str]]:
     """Commands of the lines that begin with "next", each with the lines that go on, in words."""
     found = re.findall(r"^ *next +(hdassist .*(?:\n {6,}\S.*)*)", page, re.MULTILINE)
-    return [shlex.split(" ".join(text.split())) for text in found]
+    return [shlex.split(in_a_line(text)) for text in found]
 
 
 def parsed(words: list[str]) -> dict[str, object]:

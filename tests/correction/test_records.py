@@ -19,7 +19,7 @@ from hdassist.errors import UntrustedError
 from hdassist.measuring.measure import measure
 from hdassist.model.geometry import Kinematics
 from hdassist.run.run import UNCHECKED
-from tests.process import TINY, run
+from tests.process import TINY, in_a_line, run
 from tests.rigs import recorded
 
 HIDDEN = ("phases.xi_b=130", "supports.C_2=8.0e3", "gears.j_n=18.7", "harmonics.a_b2=0.5")
@@ -163,7 +163,7 @@ def test_part_of_the_cycle_is_called_that_with_the_misfit_and_what_to_record(tmp
     rows = "".join(f"{360 * x:.3f},{y:.4f}\n" for x, y in zip(turns, error, strict=True))
     (tmp_path / "part.csv").write_text(f"cam_deg,error_arcsec\n{rows}")
     page = run("compensate", TINY, "part.csv", "--set", *OPEN, "--draws", "8", "--no-plot", cwd=tmp_path)
-    words = " ".join(page.stdout.split())
+    words = in_a_line(page.stdout)
     assert "computed as 0" not in page.stderr
     assert ", with noise of the record" in words
     assert " of 10 turns at 1 N·m; the correction has the preset's angles" in words

@@ -8,7 +8,7 @@ from unittest import mock
 
 import pytest
 
-from tests.process import ASSUMED, SMALL, TINY, on_terminal, run, run_cold
+from tests.process import ASSUMED, SMALL, TINY, in_a_line, on_terminal, run, run_cold
 
 
 @pytest.fixture(scope="module")
@@ -171,7 +171,7 @@ def test_progress_shows_on_a_terminal_only():
 def test_the_next_command_keeps_what_was_asked_for():
     asked = ["--set", "phases.phi_hb=unknown", "--torque=4", "--draws=2", "--seed=3"]
     page = run("check", TINY, *asked, "--jobs", "1", "--no-plot").stdout
-    assert f"next hdassist mount {TINY} {' '.join(asked)} proof" in " ".join(page.split())
+    assert f"next hdassist mount {TINY} {' '.join(asked)} proof" in in_a_line(page)
 
 
 def test_which_holes_to_measure_is_the_answer_of_mount_alone():

@@ -26,7 +26,7 @@ from hdassist.errors import DataError
 from hdassist.files import read_preset
 from hdassist.run.kept import KeptOwner, RecordKind, open_kept
 from hdassist.terminal import streams
-from tests.process import CLEAN, COMMAND, SMALL, ends, run, run_cold
+from tests.process import CLEAN, COMMAND, SMALL, ends, in_a_line, run, run_cold
 
 needs_proc = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs /proc")
 GRID = ("--vary", "tolerances.e_hb=10:80:15", "--vary", "operation.M_g=2,4")
@@ -123,7 +123,7 @@ def test_rows_of_two_fields(tmp_path):
     assert done.returncode == 0
     in_csv = list(csv.DictReader(io.StringIO((tmp_path / "rows.csv").read_text())))
     assert [bool(row["F_ior_arcsec"]) for row in in_csv] == [True, False] * 2  # there are no such drives
-    words = " ".join(done.stdout.split())
+    words = in_a_line(done.stdout)
     assert words.startswith(
         "small, F'_ior over tolerances.e_hb (30 to 60 µm) and gears.x_b (1.6 to 4), 4 rows: 22.10 to "
     )

@@ -20,7 +20,7 @@ from hdassist.measuring.bench import (
     position_quantities,
 )
 from hdassist.readers.trace import TraceForm, read_record
-from tests.process import SMALL, run
+from tests.process import SMALL, in_a_line, run
 from tests.rigs import text
 
 TARGETS, APPROACHES, REVERSAL, NOISE = 30.0 * np.arange(12), 7, 8.0, 1.0
@@ -121,7 +121,7 @@ def test_the_page_has_values_as_accept_takes_them(tmp_path):
         assert done.returncode == code
     beside = run("measure", "loops.csv", "--drive", SMALL, "--details", cwd=tmp_path).stdout
     assert "second hand" in beside
-    words = " ".join(beside.split())
+    words = in_a_line(beside)
     assert f"next hdassist accept {SMALL}" in words
     assert "--limit hysteresis_loss=LIMIT --limit lost_motion=LIMIT" in words
     assert "rated torque 40.5 N·m: the greatest of the loop; small has no operation.rated" in words

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from hdassist import MeasuredTeeth, MeasuredWheel, check, load_preset, read_pitch
-from tests.process import SMALL, run
+from tests.process import SMALL, in_a_line, run
 
 TEETH = np.arange(1, 63)
 VALUES = np.round(18 * np.sin(2 * np.pi * TEETH / 62 + 1) + 6 * np.sin(4 * np.pi * TEETH / 62), 1)
@@ -234,7 +234,7 @@ def test_an_open_verdict_beside_measured_teeth_has_its_reason_and_a_next_command
     (files / "my_wheel.csv").write_bytes((files / "wheel.csv").read_bytes())
     asked = ("--limit", "400", "--set", "uncertainty.phases.phi_hb=9", "--pitch-b", "my_wheel.csv", "--mark-b", "120")
     done = pitch("check", SMALL, "--torque", "4", *asked, files=files)
-    words = " ".join(done.stdout.split())
+    words = in_a_line(done.stdout)
     assert done.returncode == 6
     assert "1 inputs are not known exactly, and no samples of them were drawn" in words
     options = "--limit 400 --pitch-b=my_wheel.csv --mark-b=120.0"

@@ -5,6 +5,8 @@ from __future__ import annotations
 import io
 import os
 import re
+import shlex
+import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,13 +17,14 @@ from rich.table import Table
 from rich.text import Text
 
 from hdassist.errors import DataError
-from hdassist.report import Report
+from hdassist.report import Facts, Report
 from hdassist.report import Table as TableBlock
 from hdassist.terminal import output
 from hdassist.terminal.output import Output, complain
 from hdassist.terminal.page import report_page
 from hdassist.terminal.streams import Style
 from tests.conftest import ROOT
+from tests.paper import on_paper
 from tests.process import SMALL, TINY, on_terminal, run
 from tests.test_hidden import EVERY_HIDDEN, hidden
 
@@ -150,3 +153,25 @@ def test_every_character_of_pages_has_a_seven_bit_form() -> None:
     texts += [(ROOT / "hdassist/terminal/languages/en.yaml").read_text("utf-8")]
     strange = {letter for text in texts for letter in text if not letter.isascii()}
     assert "?" not in Style(ascii=True, codes=False, width=80).text("".join(strange))
+
+
+@pytest.mark.parametrize("width", [60, 80, 200])
+def test_a_command_that_breaks_is_the_same_to_a_shell(width):
+    words = [
+        "own.yaml",
+        "--set",
+        "catalogue.K_1=3 kN·m/rad",
+        "--set",
+        "name=a 'b' c",
+        *(f"h{k}=3{k}.25" for k in range(9)),
+    ]
+    facts = Facts.of(
+        [("next", shlex.join(["hdassist", *words])), ("limit", "30″ with 90 %, and no word of it is a command")]
+    )
+    page = on_paper(Report("mount", None, "own", blocks=(facts,)), width)
+    lines = page[page.index("next") : page.index("limit")].rstrip().splitlines()
+    assert max(map(len, lines)) <= width
+    assert [line.endswith(" \\") for line in lines] == [True] * (len(lines) - 1) + [False]
+    assert (len(lines) == 1) == (width == 200)
+    typed = "\n".join(lines).replace("next   hdassist", "printf '%s\\n'")
+    assert subprocess.run(["sh", "-c", typed], capture_output=True, text=True, check=True).stdout.splitlines() == words

@@ -5,7 +5,7 @@ import re
 
 import pytest
 
-from tests.process import TINY, run
+from tests.process import TINY, in_a_line, run
 
 FEW = ("--torque", "4", "--limit", "1950", "--yield", "0.9", "-n", "40", "--as-built", "--jobs", "1")
 KNOWN = ("--known", "phases.xi_g", "--known", "phases.xi_b", "--set", "tolerances.e_hh=0", "--set", "tolerances.e_hb=0")
@@ -46,7 +46,7 @@ def test_what_no_tolerances_reach_fails_and_says_why() -> None:
 
 def test_where_the_design_is_not_known_no_tolerance_is_recommended() -> None:
     done = run("allocate", TINY, *FEW, "-n", "20", "--limit", "F_ior@4=2050", *SOFT, "--set", "tolerances.e_hb=60")
-    words = " ".join(done.stdout.split())
+    words = in_a_line(done.stdout)
     assert done.returncode == 6, done.stdout + done.stderr
     assert "as built: none recommended: not sure enough" in words
     assert "measure more drives (-n) may decide it" in words
