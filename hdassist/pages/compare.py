@@ -405,12 +405,15 @@ def _drives_facts(result: DrivesComparison) -> Iterator[Fact]:
         yield "torques", f"none in common: each drive at {' and '.join(_loads(result))}"
     yield "differs", _some([row[0].path for row in result.differing])
     cells = [
-        (each.F_ior_is[k], each.probability_better[k]) for each in result.changes for k in range(len(result.torques))
+        (each.F_ior_is[k], each.probability_better[k], f" at {M_g:g} N·m" * (len(result.torques) > 1))
+        for each in result.changes
+        for k, M_g in enumerate(result.torques)
     ]
-    if open_ := [odds for sense, odds in cells if sense == NOT_KNOWN]:
-        likelier = [max(odds, odds.complement, key=attrgetter("value")) for odds in open_ if odds]
-        sure = f": {min(likelier, key=attrgetter('low')).text(SURE)}" if likelier else ""
-        yield "open", f"unknown inputs could reverse this change{sure}"
+    if open_ := [(odds, at) for sense, odds, at in cells if sense == NOT_KNOWN]:
+        likelier = [(max(odds, odds.complement, key=attrgetter("value")), at) for odds, at in open_ if odds]
+        least, at = min(likelier, key=lambda each: each[0].low, default=(None, ""))
+        sure = f": {least.text(SURE)}" if least else ""
+        yield "open", f"unknown inputs could reverse this change{at}{sure}"
     yield "next", again("report", result.sheets[result.best].drive, "-o", "report.html")
 
 
