@@ -124,7 +124,7 @@ class TableEffort:
     The usual mesh misses F'_ior of vzp160 by 3 %, beside the mean.
     """
 
-    deviations: int = 32
+    deviations: int = 64
     mesh: Mesh = field(default_factory=partial(Mesh, (9, 5, 7, 7), 16))
     compared: int = 1
 

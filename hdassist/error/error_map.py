@@ -77,7 +77,8 @@ class Batch:
         """
         row, parts = np.arange(len(self))[:, None], []
         for part, alpha in (("b", alpha_b), ("g", alpha_g)):
-            own = {key: wave[row] * ((key[1] == "g") == (part == "g")) for key, wave in self._waves.items()}
+            is_own = {key: (key[1] == "g") == (part == "g") for key in self._waves}
+            own = {key: wave[row] if is_own[key] else np.zeros(1) for key, wave in self._waves.items()}
             parts.append(scalars_of(own, alpha[None], alpha[None]))
         return parts[0], parts[1]
 
@@ -304,21 +305,22 @@ class ErrorTable:
         Arguments: values of their deviations by path, shape (drives,) each. Raises UntrustedError for
         deviations that the table does not span.
         """
-        alpha_g, alpha_b = 2 * np.pi / self.turns * np.indices((self.turns, self.turns)).reshape(2, -1)
-        batch, fine = Batch(self.drive, values), np.linspace(0, 2 * np.pi, _ROUGH_TURNS, endpoint=False)
-        teeth = [k + len(self.reach.axes) for k, column in enumerate(self.reach.others) if column >= SMOOTH_SCALARS]
-        slopes, found = np.nanmean(self.slopes[teeth], axis=(1, 2, 3, 4)), list[Array]()
+        batch, found = Batch(self.drive, values), list[Array]()
+        alpha, fine = (np.linspace(0, 2 * np.pi, n, endpoint=False) for n in (self.turns, _ROUGH_TURNS))
+        b, g = batch.by_wheel(alpha, alpha)
+        if is_rough := b.shape[-1] > SMOOTH_SCALARS:
+            reached = self.reach.axes + self.reach.others
+            teeth = [k for k, column in enumerate(reached) if column >= SMOOTH_SCALARS]
+            if not teeth:
+                raise UntrustedError(*_UNSPANNED)
+            slopes, finer = np.nanmean(self.slopes[teeth], axis=(1, 2, 3, 4)), _finer(self.turns)
+            rough_b, rough_g = (part[..., SMOOTH_SCALARS:] @ slopes for part in batch.by_wheel(fine, fine))
+            b, g = b[..., :SMOOTH_SCALARS], g[..., :SMOOTH_SCALARS]
         for row in np.array_split(np.arange(len(batch)), -(-len(batch) // _READ_AT_ONCE)):
-            scalars = batch.scalars(row[:, None], alpha_g, alpha_b)
-            error = self.rotation(scalars[..., :SMOOTH_SCALARS])
-            if scalars.shape[-1] > SMOOTH_SCALARS:
-                if not teeth:
-                    raise UntrustedError(*_UNSPANNED)
-                b, g = (part[..., SMOOTH_SCALARS:] @ slopes for part in batch.take(row).by_wheel(fine, fine))
-                finer = _finer(self.turns)
-                error = finer @ error.reshape(-1, self.turns, self.turns) @ finer.T + g[:, :, None] + b[:, None]
-                error = error.reshape(len(row), -1)
-            found.append(np.ptp(error, axis=-1))
+            error = self.rotation(g[row, :, None] + b[row, None])
+            if is_rough:
+                error = finer @ error @ finer.T + rough_g[row, :, None] + rough_b[row, None]
+            found.append(np.ptp(error, axis=(1, 2)))
         return np.concatenate(found)
 
 

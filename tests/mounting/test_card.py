@@ -114,7 +114,7 @@ def test_a_card_asks_for_no_hole_that_was_measured() -> None:
 
 def test_a_free_angle_has_degrees_and_no_holes():
     made = card(CARDS["free"])
-    assert made.instruction.text.startswith("Turn the rigid wheel by 114.7° clockwise, seen")
+    assert made.instruction.text.startswith("Turn the rigid wheel by 114.7° clockwise from the cam side")
     assert "the wheel is turned by 114.7° clockwise" in made.checks.lines
     assert made.seat.holes == ()
     assert "hole" not in re.sub("whole", "", everything(CARDS["free"])).replace("mounting.holes", "")

@@ -237,5 +237,5 @@ def test_an_open_verdict_beside_measured_teeth_has_its_reason_and_a_next_command
     words = in_a_line(done.stdout)
     assert done.returncode == 6
     assert "1 inputs are not known exactly, and no samples of them were drawn" in words
-    options = "--limit 400 --pitch-b=my_wheel.csv --mark-b=120.0"
+    options = "--limit 400 --pitch-b=my_wheel.csv --mark-b=120"
     assert f"next hdassist mount {SMALL} --set uncertainty.phases.phi_hb=9 --torque=4 {options}" in words
