@@ -53,7 +53,9 @@ _OCHRE = "color(136)"  # between green and red, read on white and on black, wher
 _STYLES = {"good": "bold green", "bad": "bold red", "open": f"bold {_OCHRE}", "loud": "bold", "quiet": "dim"}  # by tone
 _UNBROKEN = "\ufffe"  # in place of a space at which no line ends: rich breaks at those of Unicode, and texts have none
 _SPACE_IN_NUMBER = re.compile(r"(?<=[\d,]) (?=[%″°]|N·m|µm)|(?<=[±≤≥<>]) (?=\d)")  # before its unit, behind its sign
-_SPACE_IN_QUOTES = re.compile(r" (?=[^']*'(?:[^']*'[^']*')*[^']*$)")  # an odd number of quotes follows it
+_SPACE_IN_ARGUMENT = re.compile(  # within quotes, of which an odd number follows, or behind the name of an option
+    r" (?=[^']*'(?:[^']*'[^']*')*[^']*$)|(?<=--set) |(?<=--limit) |(?<= -[on]) "
+)
 _GAP = f"[ {_UNBROKEN}]"
 _NUMBERS_WITH_UNIT = (  # of grounds
     rf"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?:{_GAP}?[%″°]|{_GAP}N·m(?:/rad)?)?(?!\w)"
@@ -71,7 +73,7 @@ class _PageText(Text):
     """
 
     def __init__(self, text: str, style: str = "") -> None:
-        spaces = _SPACE_IN_QUOTES if (is_command := text.startswith("hdassist ")) else _SPACE_IN_NUMBER
+        spaces = _SPACE_IN_ARGUMENT if (is_command := text.startswith("hdassist ")) else _SPACE_IN_NUMBER
         super().__init__(spaces.sub(_UNBROKEN, text), style)
         self._ending = " \\" * is_command
 

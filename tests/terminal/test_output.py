@@ -173,5 +173,6 @@ def test_a_command_that_breaks_is_the_same_to_a_shell(width):
     assert max(map(len, lines)) <= width
     assert [line.endswith(" \\") for line in lines] == [True] * (len(lines) - 1) + [False]
     assert (len(lines) == 1) == (width == 200)
+    assert not any(line.endswith("--set \\") for line in lines)  # an option stands beside its value
     typed = "\n".join(lines).replace("next   hdassist", "printf '%s\\n'")
     assert subprocess.run(["sh", "-c", typed], capture_output=True, text=True, check=True).stdout.splitlines() == words
