@@ -28,7 +28,7 @@ from hdassist.terminal.words import (
     on_what,
     proof,
 )
-from tests.process import SMALL, run
+from tests.process import SMALL, in_a_line, run
 
 
 @pytest.mark.parametrize(
@@ -146,7 +146,7 @@ def test_a_command_that_goes_on_is_about_the_same_drive():
 def test_a_next_command_keeps_what_the_user_asked_with():
     asked = run("check", SMALL, "--torque", "4", "--limit", "45", "--draws", "32", "--seed", "3", "--no-plot").stdout
     command = f"hdassist tolerance {SMALL} --torque=4 --limit 45 --seed=3"
-    assert command in " ".join(asked.split())  # which draws drives, no samples
+    assert command in in_a_line(asked)  # which draws drives, no samples
     drive = CheckCommand(presets=[SMALL], overrides=[], torque=[], limit=[], draws=32, seed=3).load(SMALL)
     assert again("mount", drive) == f"hdassist mount {SMALL} --draws=32 --seed=3"
     usual = CheckCommand(presets=[SMALL], overrides=[], torque=[], limit=[]).load(SMALL)
