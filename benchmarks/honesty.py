@@ -32,7 +32,6 @@ PRELOAD = 0.012  # modules of profile shift, scale of Rayleigh's law
 LEAST_PLAY = 1.0  # arcsec, to which teeth are shifted
 STIFF = {"bearing.g_b": (0.0, 0.3), "supports.C_1": (0.6, 1.0), "supports.C_2": (0.6, 1.0), "supports.C_3": (0.5, 1.0)}
 OWN_DRAWS = 1024, 256  # of the belief of a data sheet, anywhere and within STIFF
-LEAST_EFFECTIVE = 64  # draws behind a range that is judged
 LIMITS = 1.0  # standard deviation of the logarithm of a limit around the true F'_ior
 
 
@@ -198,6 +197,7 @@ def own_drives(jobs: int, seed: int) -> list[list[bool]]:
     from hdassist.belief.draws import Sampling
     from hdassist.belief.evidence import evidence_of, stiffness_figures
     from hdassist.belief.prior import prior_of
+    from hdassist.belief.samples import EFFECTIVE_SAMPLES
     from hdassist.belief.statistics import effective_number, weighted_quantile
     from hdassist.loading import load_text, similar_preset
     from hdassist.preset.knowledge import read_requirements
@@ -226,7 +226,7 @@ def own_drives(jobs: int, seed: int) -> list[list[bool]]:
             if each.kind == "limit":
                 told = each if each.figure == "play" else replace(each, value=ROOM * one.figures[each.figure])
             weights *= np.exp(told.log_likelihood(figures[each.figure]))
-        if effective_number(weights) < LEAST_EFFECTIVE:
+        if effective_number(weights) < EFFECTIVE_SAMPLES:
             return None
         p5, p95 = (weighted_quantile(F_ior, weights, share) for share in (0.05, 0.95))
         return bool(p5 <= one.F_ior_arcsec[0] <= p95)

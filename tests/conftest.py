@@ -32,7 +32,7 @@ settings.register_profile("steady", deadline=None, derandomize=True)
 settings.load_profile("steady")
 hear_what_is_ignored()
 
-from hdassist.solve import loadcase  # noqa: E402
+from hdassist.solve import loadcase  # noqa: E402 (numpy is loaded by it, with the threads that are set above)
 
 _solve_through_cvxpy, _solved = loadcase.solve_through_cvxpy, dict[tuple[object, ...], tuple["Array", "Array"]]()
 
