@@ -29,7 +29,7 @@ from hdassist.variants import (
     drive_changes,
 )
 from tests.paper import on_paper
-from tests.process import SMALL, TINY, run
+from tests.process import SMALL, TINY, in_a_line, run
 from tests.support import PROVEN
 
 M_G = 4.0
@@ -113,7 +113,7 @@ def test_the_page_says_at_which_share_drives_without_a_common_torque_stand(bette
     half = load_preset(SMALL, [*FAST, *BETTER, "operation.M_g=2"])
     sheets = (better.sheets[0], replace(better.sheets[1], check=check(half)))
     page = on_paper(drives_report(replace(better, sheets=sheets), 0))
-    assert "torques none in common: each drive at 100 % of rated" in " ".join(page.split())
+    assert "torques none in common: each drive at 100 % of rated" in in_a_line(page)
     assert re.search(r"^B +2 N·m", page, re.MULTILINE)
 
 
@@ -172,7 +172,7 @@ def test_the_next_command_reports_the_drive_that_is_taken_or_kept(better):
 def test_a_change_that_unknown_inputs_could_reverse_is_open(better):
     def page(**known):
         changes = replace(better.changes[0], F_ior_is=("unknown",), **known)
-        return " ".join(on_paper(drives_report(replace(better, changes=(changes,)), 0)).split())
+        return in_a_line(on_paper(drives_report(replace(better, changes=(changes,)), 0)))
 
     assert ": keep A: B open F'_ior" not in page()
     assert ": take B: B open F'_ior" in page(probability_better=(None,))
@@ -368,7 +368,7 @@ def test_each_of_three_drives_has_as_built_mounted_best_and_its_field_on_one_scr
     lines = page.splitlines()
     share = 100 * better.changes[0].together.share[0]
     files = ", ".join(f"{letter} {SMALL}" for letter in "ABC")
-    assert " ".join(page.split()).startswith(f"{files}: take B: B {-share:+.0f} %; C {-share:+.0f} % ")
+    assert in_a_line(page).startswith(f"{files}: take B: B {-share:+.0f} %; C {-share:+.0f} % ")
     for letter, sheet in zip("ABC", three.sheets, strict=True):
         built = sheet.check.points[0].error.F_ior_arcsec
         best = sheet.advice.chosen
@@ -382,7 +382,7 @@ def test_each_of_three_drives_has_as_built_mounted_best_and_its_field_on_one_scr
 def test_the_rest_stands_in_the_details(better):
     report = drives_report(better, 0)
     short, long = (on_paper(report, ascii=True, details=details) for details in (False, True))
-    plain = re.sub(r"\s+", " ", short)
+    plain = in_a_line(short)
     assert "differs gears.j_n, tolerances.F_i2 next hdassist report" in plain
     for words in ("fields that differ", "25 (override)", "equilibrium", "each field alone from A to B"):
         assert words in long

@@ -53,9 +53,8 @@ _OCHRE = "color(136)"  # between green and red, read on white and on black, wher
 _STYLES = {"good": "bold green", "bad": "bold red", "open": f"bold {_OCHRE}", "loud": "bold", "quiet": "dim"}  # by tone
 _UNBROKEN = "\ufffe"  # in place of a space at which no line ends: rich breaks at those of Unicode, and texts have none
 _SPACE_IN_NUMBER = re.compile(r"(?<=[\d,]) (?=[%″°]|N·m|µm)|(?<=[±≤≥<>]) (?=\d)")  # before its unit, behind its sign
-_SPACE_IN_ARGUMENT = re.compile(  # within quotes, of which an odd number follows, or behind the name of an option
-    r" (?=[^']*'(?:[^']*'[^']*')*[^']*$)|(?<=--set) |(?<=--limit) |(?<= -[on]) "
-)
+_SPACE_IN_QUOTES = re.compile(r" (?=[^']*'(?:[^']*'[^']*')*[^']*$)")  # an odd number of quotes follows it
+_SPACE_BEHIND_OPTION = re.compile(r"(?<= )(--?[a-z][a-z-]*) (?=[^- ]\S{,39}(?: |$))")  # before a value that is short
 _GAP = f"[ {_UNBROKEN}]"
 _NUMBERS_WITH_UNIT = (  # of grounds
     rf"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?:{_GAP}?[%″°]|{_GAP}N·m(?:/rad)?)?(?!\w)"
@@ -73,8 +72,9 @@ class _PageText(Text):
     """
 
     def __init__(self, text: str, style: str = "") -> None:
-        spaces = _SPACE_IN_ARGUMENT if (is_command := text.startswith("hdassist ")) else _SPACE_IN_NUMBER
-        super().__init__(spaces.sub(_UNBROKEN, text), style)
+        if is_command := text.startswith("hdassist "):
+            text = _SPACE_BEHIND_OPTION.sub(rf"\1{_UNBROKEN}", _SPACE_IN_QUOTES.sub(_UNBROKEN, text))
+        super().__init__(text if is_command else _SPACE_IN_NUMBER.sub(_UNBROKEN, text), style)
         self._ending = " \\" * is_command
 
     def wrap(self, console: Console, width: int, **options: Any) -> RichLines:

@@ -22,7 +22,7 @@ from hdassist.readers.pitch import WheelFiles
 from hdassist.run.run import UNCHECKED
 from hdassist.terminal.output import report_object
 from tests.acceptances import accept
-from tests.process import TINY, run
+from tests.process import TINY, in_a_line, run
 
 PLAY = "source.gears.j_n={kind: assumed, range: [12, 18], ref: judged}"
 OPEN = ("phases.phi_hb=unknown", PLAY, "numerics.n_phase=4")
@@ -142,13 +142,13 @@ def test_the_page_says_what_it_would_take_and_how_to_measure():
         "1",
     )
     done = run(*asked, "--draws", "8")
-    page = " ".join(done.stdout.split())
+    page = in_a_line(done.stdout)
     assert done.returncode == 6
     assert page.startswith("tiny: INCONCLUSIVE F'_ior + self error at 4 N·m: kept with a probability of ")
     for words in ("predicted: PASS from 95 % probability", "--measured 4=FILE", "what it would take:",
                   "remarks hdassist explain UNKNOWN next hdassist accept "):  # fmt: skip
         assert words in page
-    page = " ".join(run(*asked, "--draws", "4", "--sure", "0.96").stdout.split())
+    page = in_a_line(run(*asked, "--draws", "4", "--sure", "0.96").stdout)
     assert "--draws=4 --sure=0.96 --measured 4=FILE" in page
     told = json.loads(run(*asked, "--draws", "4", "--sure", "0.8", "--json").stdout)
     assert told["rule"] == {"measured": "guard", "guard_standard_uncertainties": 1.65, "sure": 0.8}

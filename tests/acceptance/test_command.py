@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from hdassist.acceptance.decision import GUARD
-from tests.process import SMALL, TINY, run
+from tests.process import SMALL, TINY, in_a_line, run
 from tests.rigs import drive_error, text, whole_range
 
 ROOT = Path(__file__).parents[2]
@@ -121,7 +121,7 @@ def test_silence_about_a_source_is_inconclusive_and_says_how_to_end_it(rig):
     done = accepted(rig, *args, budget="encoder=0.1,reseating=0")
     assert done.returncode == 6
     words = "nothing stated of coupling, temperature: --budget coupling=U,temperature=U, U in ″, 0 where"
-    assert words in re.sub(r"\s+", " ", done.stdout)
+    assert words in in_a_line(done.stdout)
     stated = accepted(rig, *args, "--budget", "coupling=0.1,temperature=0", budget="encoder=0.1,reseating=0")
     assert stated.returncode == 0
     found = json.loads(accepted(rig, *args, "--json", budget="coupling=0").stdout)["checks"][0]

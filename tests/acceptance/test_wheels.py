@@ -15,7 +15,7 @@ from hdassist.acceptance.answer import ANSWERS
 from hdassist.readers.pitch import WheelFiles
 from hdassist.run.kept import KeptOwner, open_kept
 from tests.acceptances import accept
-from tests.process import TINY, run
+from tests.process import TINY, in_a_line, run
 
 HEAD = "# form: cumulative\n# unit: um\n# sense: ccw\n# mark: 1\n"
 LIMITS = ("--limit", "F_ior@4=100000", "--limit", "self_error@4=100000")
@@ -55,7 +55,7 @@ def test_a_prediction_is_that_of_the_measured_teeth(folder):
         for name, mark in (("b", 30.0), ("g", 0.0))
     ]
     page = run("accept", TINY, *LIMITS, *FILES, "--ascii", cwd=folder).stdout
-    assert "measured teeth: rigid wheel (b.csv), flexspline (g.csv)" in " ".join(page.split())
+    assert "measured teeth: rigid wheel (b.csv), flexspline (g.csv)" in in_a_line(page)
     assert run("accept", "--replay", "a.json", "-q", cwd=folder).stdout == "agrees\n"
     (folder / "g.csv").write_text(wheel(20, 1))
     changed = run("accept", "--replay", "a.json", cwd=folder)

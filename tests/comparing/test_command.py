@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import json
-import re
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,7 @@ import pytest
 
 from hdassist import load_preset, trace
 from hdassist.run.run import UNCHECKED
-from tests.process import SMALL, run
+from tests.process import SMALL, in_a_line, run
 from tests.rigs import text
 
 ROOT = Path(__file__).parents[2]
@@ -72,7 +71,7 @@ def test_people_see_both_curves_and_what_would_explain_them(rig):
     assert page.returncode == 0
     assert page.stdout.isascii()
     assert max(map(len, page.stdout.splitlines())) <= 80
-    told = re.sub(r"\s+", " ", page.stdout)
+    told = in_a_line(page.stdout)
     assert told.startswith(
         "changed.csv over small at 4 N*m: explained by one deviation cam offset that stands still with the rigid wheel "
         "(tolerances.e_hb), 4"

@@ -22,7 +22,7 @@ from hdassist.error.cycle import kinematic_error
 from hdassist.error.waves import POINTS_A_TURN, error_lines
 from hdassist.measuring.measure import measure
 from hdassist.run.run import UNCHECKED
-from tests.process import TINY, run
+from tests.process import TINY, in_a_line, run
 from tests.rigs import recorded
 
 NOISE = 0.3  # arcsec
@@ -147,7 +147,7 @@ def test_one_cycle_is_said_not_to_tell_noise_and_part_of_it_is_refused_with_the_
     (tmp_path / "one.csv").write_text(rows_of_drive(10))
     (tmp_path / "part.csv").write_text(rows_of_drive(6))
     options = ("--ratio", "10", "--torque", "1", "--no-plot")
-    page = " ".join(run("compensate", "one.csv", *options, cwd=tmp_path).stdout.split())
+    page = in_a_line(run("compensate", "one.csv", *options, cwd=tmp_path).stdout)
     assert "noise one cycle does not tell it from error" in page
     refused = run("compensate", "part.csv", *options, cwd=tmp_path)
     assert refused.returncode == 5

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from hdassist.pages.compensate import UNPROVEN
-from tests.process import TINY, run
+from tests.process import TINY, in_a_line, run
 
 OPEN = ("--set", "phases.xi_b=unknown", "--draws", "8")
 
@@ -22,7 +22,7 @@ def test_a_screen_says_first_how_much_can_be_taken_off():
     assert lines[0] == "tiny, correction at 1 N·m: 320 phasors leave 0.3 of 35.4″ (1 %)"
     assert lines[1].startswith("the error comes 10, 22, 21 times an output turn: a cam-turn table leaves ")
     assert lines[2] == UNPROVEN
-    assert "--csv correction.csv" in " ".join(page.stdout.split())
+    assert "--csv correction.csv" in in_a_line(page.stdout)
     assert any("before, " in line and line.endswith("after") for line in lines)
     assert len(lines) <= 25
     assert max(map(len, lines)) <= 80
@@ -34,7 +34,7 @@ def test_fewer_phasors_are_taken_where_asked_for_and_the_page_has_what_each_numb
     left = found["phasors"]
     assert found["forms"][0]["residuals"][0]["p50"] == pytest.approx(left["80"])
     assert sorted(left.values(), reverse=True) == [*left.values()]
-    words = " ".join(run("compensate", TINY, "--no-plot").stdout.split())
+    words = in_a_line(run("compensate", TINY, "--no-plot").stdout)
     assert "left by their number: 20: 9″, 80: 2.7″, " in words
 
 
@@ -69,14 +69,14 @@ def test_each_load_has_a_correction_in_json_but_where_it_may_make_it_worse():
         place = here["per_cam_turn"].index(other["per_cam_turn"][k])
         assert here["amplitude_arcsec"][place] == pytest.approx(other["amplitude_arcsec"][k])
     weak = ("--form", "output", "--points", "12", "--each-load")
-    page = " ".join(run("compensate", TINY, *weak, "--no-plot").stdout.split())
+    page = in_a_line(run("compensate", TINY, *weak, "--no-plot").stdout)
     worse = json.loads(run("compensate", TINY, *weak, "--json").stdout)["corrections"]
     assert ("stored none at 4 N·m, where it may make it worse" in page) == (len(worse) == 1)
 
 
 def test_the_next_command_keeps_the_form_and_is_left_out_once_written(tmp_path: Path):
     options = ("compensate", TINY, "--form", "output", "--points", "36", "--each-load", "--no-plot")
-    page = " ".join(run(*options).stdout.split())
+    page = in_a_line(run(*options).stdout)
     assert "--form=output --points=36 --each-load --csv correction.csv" in page
     assert "next " not in run(*options, "--csv", str(tmp_path / "table.csv")).stdout
 
@@ -96,7 +96,7 @@ def test_what_may_make_a_drive_worse_is_refused_and_not_written(tmp_path: Path):
     assert "record it first: " in page.stdout
     assert "phasors: refused" in page.stderr
     few = run("compensate", TINY, *OPEN, "--form", "output", "--points", "12", "--no-plot").stdout
-    assert "points over an output turn halve it" in " ".join(few.partition("the error comes")[0].split())
+    assert "points over an output turn halve it" in in_a_line(few.partition("the error comes")[0])
     assert not table.exists()
     assert json.loads(run("compensate", TINY, *OPEN, "--json").stdout)["correction"] is None
 

@@ -16,7 +16,7 @@ from hdassist.mounting.advice import advise
 from hdassist.mounting.decision import Decision
 from hdassist.mounting.positions import rotated, seat_positions
 from hdassist.run.run import UNCHECKED
-from tests.process import TINY, run
+from tests.process import TINY, in_a_line, run
 
 SIX = ("mount", TINY, "--set", "mounting.holes=6")
 TABLE = CorrectionForm("output", 20)
@@ -67,7 +67,7 @@ def test_the_order_goes_by_what_a_table_leaves_and_by_F_ior_where_phasors_tell_n
     assert (found["form"], found["order"]) == ("output turn, 36 points", "turn")
     assert answer["recommended"]["rotation_deg"] == best
     assert run(*SIX, "--compensated", "output:36", "-q").stdout == f"{round(best / 60)}\n"
-    page = " ".join(run(*SIX, "--compensated", "phasors", "--no-plot").stdout.split())
+    page = in_a_line(run(*SIX, "--compensated", "phasors", "--no-plot").stdout)
     plain = json.loads(run(*SIX, "--json").stdout)
     assert plain["compensated"] is None
     words = "With 1280 phasors no hole is better than another by what is left. By F'_ior: "
@@ -78,7 +78,7 @@ def test_the_order_goes_by_what_a_table_leaves_and_by_F_ior_where_phasors_tell_n
 def test_the_card_says_which_hole_the_correction_belongs_to(tmp_path: Path):
     (tmp_path / "wheel.csv").write_text("tooth,error\n")
     asked = (*SIX, "--compensated", "output:36")
-    words = " ".join(run(*asked, "--card", "-", "--serial", "17-042").stdout.split())
+    words = in_a_line(run(*asked, "--card", "-", "--serial", "17-042").stdout)
     hole = run(*asked, "-q").stdout.strip()
     assert f"the controller's correction is made for hole {hole} of this serial number, zero mark: ______;" in words
     assert "17-042" in words

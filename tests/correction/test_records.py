@@ -137,7 +137,7 @@ def test_the_command_takes_records_in_the_order_of_the_torques(tmp_path: Path):
         files[-1].write_text(f"cam_deg,error_arcsec\n{rows}")
     page = run("compensate", TINY, *map(str, files), "--each-load", "--no-plot", "--draws", "8")
     assert page.returncode == 0
-    assert "record at 1, 4 N·m, whose angles the correction has" in " ".join(page.stdout.split())
+    assert "record at 1, 4 N·m, whose angles the correction has" in in_a_line(page.stdout)
     found = json.loads(run("compensate", TINY, str(files[0]), "--json", "--draws", "4").stdout)
     assert found["recorded_Nm"] == [1.0]
     many = run("compensate", TINY, *map(str, [*files, files[0]]))

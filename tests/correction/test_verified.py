@@ -11,7 +11,7 @@ import pytest
 
 from hdassist import load_preset
 from hdassist.error.waves import POINTS_A_TURN, error_lines
-from tests.process import TINY, run
+from tests.process import TINY, in_a_line, run
 
 HIDDEN = ("phases.xi_b=130", "supports.C_2=8.0e3", "gears.j_n=18.7")
 ON = ("--torque", "1", "--no-plot")
@@ -86,7 +86,7 @@ def test_a_correction_that_leaves_no_more_than_noise_in_one_cycle_is_open_until_
     _, error, _, taken = bench
     once = verified(bench, error + taken, 10)
     assert once.returncode == 6
-    assert "twice or more: that shows the noise" in " ".join(once.stdout.split())
+    assert "twice or more: that shows the noise" in in_a_line(once.stdout)
 
 
 def test_an_error_that_is_no_line_of_the_model_is_not_passed(bench):

@@ -15,7 +15,7 @@ import pytest
 
 from hdassist import __version__, kinematic_error, load_preset, self_error
 from hdassist.solve.walk import walk_library
-from tests.process import CLEAN, COMMAND, TINY, interrupted, run, run_cold
+from tests.process import CLEAN, COMMAND, TINY, in_a_line, interrupted, run, run_cold
 
 
 @pytest.fixture(scope="module")
@@ -78,7 +78,7 @@ def test_the_accuracy_is_compared_at_the_least_load_with_the_range_over_what_is_
 def test_what_samples_are_weighed_by_stands_in_the_details_and_can_be_left_out(left_out):
     stated = ("--set", "catalogue.lost_motion=300", "--set", "catalogue.play=300")
     asked = ("--no-plot", "--set", "phases.phi_hb=unknown", "--torque", "1", "--draws", "2", *stated, *left_out)
-    page = " ".join(run("check", TINY, *asked, "--details").stdout.split())
+    page = in_a_line(run("check", TINY, *asked, "--details").stdout)
     weighed = "evidence catalogue.lost_motion, catalogue.play; --set catalogue.play= leaves that one out"
     without = "evidence catalogue.lost_motion; --set catalogue.lost_motion= leaves that one out"
     assert (without if left_out else weighed) in page
@@ -89,11 +89,11 @@ def test_the_accuracy_that_sellers_keep_is_offered_where_none_is_stated_of_a_dri
     offered = re.compile(
         r"catalogue.accuracy is not given; if the seller keeps the usual 90″, ([\d.]+) to ([\d.]+)″ at 1"
     )
-    page = " ".join(run("check", TINY, *asked, "--set", "catalogue.play=300").stdout.split())
+    page = in_a_line(run("check", TINY, *asked, "--set", "catalogue.play=300").stdout)
     low, high = map(float, offered.search(page).groups())
     assert low < high < 200  # a soft limit
     for given in ((), ("--set", "catalogue.play=300", "--set", "catalogue.accuracy=60")):
-        assert not offered.search(" ".join(run("check", TINY, *asked, *given).stdout.split()))
+        assert not offered.search(in_a_line(run("check", TINY, *asked, *given).stdout))
 
 
 def test_json_says_what_the_python_interface_says(answer):

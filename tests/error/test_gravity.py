@@ -11,7 +11,7 @@ from hdassist import load_preset
 from hdassist.error.cycle import kinematic_error
 from hdassist.error.waves import Gravity, trace
 from hdassist.run.run import UNCHECKED
-from tests.process import SMALL, run
+from tests.process import SMALL, in_a_line, run
 
 
 def test_the_error_is_that_of_states_solved_at_their_own_torque_within_its_bound():
@@ -40,7 +40,7 @@ def test_a_light_weight_changes_nothing_and_a_heavy_one_crosses_no_torque():
 
 
 def test_the_page_and_json():
-    page = " ".join(run("trace", SMALL, "--torque", "6", "--gravity", "4,70", "-n", "30", "--no-plot").stdout.split())
+    page = in_a_line(run("trace", SMALL, "--torque", "6", "--gravity", "4,70", "-n", "30", "--no-plot").stdout)
     assert "gravity 2 to 10 N·m, " in page
     assert " torques solved, lines between miss at most " in page
     assert "wind-up of " in page

@@ -25,7 +25,7 @@ from hdassist.measuring.measure import Measurement, measure
 from hdassist.pages.measure import history_report
 from hdassist.run.kept import RecordKind, open_kept
 from tests.paper import on_paper
-from tests.process import run
+from tests.process import in_a_line, run
 from tests.rigs import drive_error, recorded, text
 
 TURNS = np.arange(30 * 60) / 60
@@ -178,7 +178,7 @@ def test_only_what_is_alike_and_whole_is_compared():
     assert found.is_changed is False
     page = on_paper(history_report("17-1", "rig", [entry(), *more, entry(F_ior=20.5)]))
     assert "no change beyond its uncertainty" in page
-    assert "left out 1 of a part of the cycle" in " ".join(page.split())
+    assert "left out 1 of a part of the cycle" in in_a_line(page)
     assert "nothing to compare" in on_paper(history_report("17-1", "rig", [entry(unstated=("reseating",))]))
 
 

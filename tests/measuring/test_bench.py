@@ -105,7 +105,7 @@ def test_a_trace_is_none_of_them(names: str):
 def test_the_page_has_values_as_accept_takes_them(tmp_path):
     (tmp_path / "positions.csv").write_text(positions(1))
     (tmp_path / "loops.csv").write_text(loops((4.0, 9.0)))
-    page = " ".join(run("measure", "positions.csv", cwd=tmp_path).stdout.split())
+    page = in_a_line(run("measure", "positions.csv", cwd=tmp_path).stdout)
     assert "positions.csv, 168 rows: positioning one way 2" in page
     assert "--value 'repeatability=" in page
     kept = run("measure", "positions.csv", "--archive", "rig", "--serial", "17-1", cwd=tmp_path)

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.process import CLEAN, COMMAND, SMALL, run
+from tests.process import CLEAN, COMMAND, SMALL, in_a_line, run
 from tests.rigs import drive_error, text, whole_range
 
 ROOT = Path(__file__).parents[2]
@@ -92,7 +92,7 @@ def test_the_owner_of_a_joint_is_sent_to_its_correction(rig):
 
     def following(*options):
         page = run("measure", *options, "--no-plot", cwd=rig).stdout
-        return " ".join(page.partition("\nnext ")[2].partition("\nmore ")[0].split())
+        return in_a_line(page.partition("\nnext ")[2].partition("\nmore ")[0])
 
     alone = following("joint.csv", "--ratio", "30", "--travel", "170", "--budget", "encoder=0.1")
     assert alone == "hdassist compensate joint.csv --ratio 30 --travel 170 --torque TORQUE --budget=encoder=0.1"
@@ -112,7 +112,7 @@ def test_the_next_command_reads_the_file_alike(rig):
     assert (page.returncode, page.stderr) == (0, "")
     _, _, following = page.stdout.partition("\nnext ")
     assert following.split()[:2] == ["hdassist", "mount"]
-    assert following.split()[3:9] == ["h0=counts.csv", *options]
+    assert in_a_line(following).split()[3:9] == ["h0=counts.csv", *options]
     plain = run("measure", "run.csv", "--drive", SMALL, "--no-plot", cwd=rig).stdout
     assert plain.partition("h0=run.csv")[2].split()[0] == "more"
 
@@ -127,7 +127,7 @@ def test_the_rest_stands_in_the_details(rig):
     coupled = ERROR + 12 * np.cos(2 * np.pi * TURNS / 30)
     (rig / "coupled.csv").write_text(text([360 * TURNS, coupled], "cam_deg,error_arcsec"))
     beside = run("measure", "coupled.csv", "--drive", SMALL, "--no-plot", cwd=rig)
-    assert "once per output turn: also encoder graduation and coupling" in " ".join(beside.stdout.split())
+    assert "once per output turn: also encoder graduation and coupling" in in_a_line(beside.stdout)
 
 
 def test_both_directions_stand_side_by_side(rig):

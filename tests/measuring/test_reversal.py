@@ -10,7 +10,7 @@ import pytest
 
 from hdassist.measuring.measure import Measurement, measure
 from hdassist.readers.trace import TraceForm, read_trace
-from tests.process import run
+from tests.process import in_a_line, run
 from tests.rigs import Array, text
 
 RATIO = 30
@@ -109,7 +109,7 @@ def test_at_one_speed_the_page_has_the_part_of_a_lag(tmp_path):
     assert found.reversal.lost_motion_arcsec == pytest.approx(0.5 * per_ms - 8.0, abs=0.3)
     (tmp_path / "run.csv").write_text(there_and_back(5, (1.5,), 8.0, 0.5))
     page = run("measure", "run.csv", "--ratio", str(RATIO), "--second", "output_deg", "--no-plot", cwd=tmp_path).stdout
-    words = " ".join(page.split())
+    words = in_a_line(page)
     assert re.search(
         r"reversal lost motion 5\d\.\d\d ± 0\.\d\d″ where it turns back .* lag included, 130″ per ms", words
     )

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.process import ASSUMED, SMALL, run, run_cold
+from tests.process import ASSUMED, SMALL, in_a_line, run, run_cold
 
 # what the drive of the preset shows in these holes at 4 N·m with an offset of 50 um at 20 deg
 TRIALS = ("h0=73", "120=18.7", "h8=25", "h4=18.2", "h3=19.3")
@@ -100,7 +100,7 @@ def test_people_see_the_hole_how_sure_what_to_measure_and_where_to_go_on(answer)
     assert done.returncode == 0
     assert done.stdout.isascii()
     assert len(done.stdout.splitlines()) <= 36  # the next command stands there as it is typed
-    page = " ".join(done.stdout.split())
+    page = in_a_line(done.stdout)
     # the uncertainty by the default of --noise is no secret
     head = f"small, 5 values +- 2 arcsec at 4 N*m: TURN, hole {answer[0]['hole']} Turn the rigid wheel by "
     assert page.startswith(head)
@@ -125,7 +125,7 @@ def test_people_see_the_hole_how_sure_what_to_measure_and_where_to_go_on(answer)
 
 @pytest.mark.usefixtures("kept")
 def test_details_are_all_holes_and_what_was_learnt(answer):
-    page = " ".join(run(*LOOSE, *TRIALS, "--ascii", "--details").stdout.split())
+    page = in_a_line(run(*LOOSE, *TRIALS, "--ascii", "--details").stdout)
     for words in ("all holes: F'_ior", f"noise given 1, found {answer[0]['trials']['noise_found_arcsec']:.2f} arcsec"):
         assert words in page
 
@@ -151,7 +151,7 @@ def test_values_count_at_their_own_torque():
     page = run(*LOOSE, *FEW, *values, "--card", "-")
     assert page.returncode == 0, page.stderr
     for words in ("measured at 4 N·m: hole 0", "; 1 N·m: hole 4"):
-        assert words in " ".join(page.stdout.split())
+        assert words in in_a_line(page.stdout)
 
 
 def test_an_outcome_says_keep_or_go_back():
@@ -231,5 +231,5 @@ def test_the_number_of_samples_that_are_needed_is_that_of_the_help():
     )
     assert few.returncode == 5
     assert re.search(r" draws are effective, 8 are needed: catalogue\.K_2 ", few.stderr), few.stderr
-    words = " ".join(run("mount", "-h").stdout.split())
+    words = in_a_line(run("mount", "-h").stdout)
     assert "Effective samples of unknown inputs, at least; half of them with values measured in holes. [64]" in words

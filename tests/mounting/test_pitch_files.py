@@ -93,7 +93,7 @@ def test_people_see_whose_teeth_were_measured(command, files):
     args = (*QUICK, "--details") if command == "mount" else ("--torque", "4")
     page = pitch(command, SMALL, *args, "--pitch-b", "wheel.csv", "--mark-b", "120", files=files)
     assert (page.returncode, page.stderr) == (0, "")
-    assert "measured teeth: rigid wheel (wheel.csv)" in " ".join(page.stdout.split())
+    assert "measured teeth: rigid wheel (wheel.csv)" in in_a_line(page.stdout)
     assert max(map(len, page.stdout.splitlines())) <= 80
 
 
@@ -225,7 +225,7 @@ def test_beside_measured_teeth_nothing_is_drawn_and_the_hole_is_that_of_the_valu
         given = pitch(*asked, "-q", *more, files=files)
         assert (given.returncode, given.stdout in ("0\n", "1\n")) == (0, True)
         assert "were not drawn: 1" in given.stderr
-    assert ": ANY HOLE, hole 0" in " ".join(pitch(*asked, files=files).stdout.split())
+    assert ": ANY HOLE, hole 0" in in_a_line(pitch(*asked, files=files).stdout)
     with_values = pitch(*asked, "h0=20", files=files)
     assert (with_values.returncode, "--pitch-b does not take measured values" in with_values.stderr) == (2, True)
 

@@ -37,7 +37,7 @@ def test_what_no_tolerances_reach_fails_and_says_why() -> None:
     limit = ("--limit", "F_ior@4=1913.2", "--set", "cost.tolerances.F_i1.least=40", "--ascii")
     done = run("allocate", TINY, *FEW, *KNOWN, *FIXED, *limit)
     assert done.returncode == 3, done.stderr
-    words = " ".join(done.stdout.split())
+    words = in_a_line(done.stdout)
     assert "no tolerances reach it" in words
     assert words.startswith("tiny, tolerances for 90 % of drives within 1913.2 arcsec at 4 N*m: FAIL ")
     assert "self error takes 1913.1 of 1913.2 arcsec at 4 N*m; no tolerance changes that" in words

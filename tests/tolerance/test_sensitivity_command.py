@@ -5,7 +5,7 @@ import subprocess
 
 import pytest
 
-from tests.process import TINY, run
+from tests.process import TINY, in_a_line, run
 
 FEW = ("--torque", "4", "-n", "16", "--jobs", "1")
 
@@ -18,7 +18,7 @@ def as_json() -> subprocess.CompletedProcess[str]:
 def test_the_first_line_says_what_to_tighten_and_fits_a_terminal() -> None:
     done = run("sensitivity", TINY, *FEW, "--distribution=uniform", "--known=phases.phi_hb", "--ascii")
     assert done.returncode == 0, done.stderr
-    words = " ".join(done.stdout.split())
+    words = in_a_line(done.stdout)
     field = "tangential composite deviation F'_i2 of the rigid wheel (tolerances.F_i2)"
     assert words.startswith(f"tiny, tighten first at 4 N*m: {field} made 20 % tighter it takes ")
     for part in ("95th percentile", "tolerances.F_i1", "proof", "next hdassist allocate", " --limit LIMIT "):

@@ -41,7 +41,7 @@ def test_the_page_has_yields_both_ways_and_the_next_command() -> None:
 def test_the_page_of_a_yield_that_is_wanted_has_its_verdict_first_and_all_tables_by_details() -> None:
     few = ("-n", "12", "--torque", "1", "--limit", "55", "--yield", "0.99", "--jobs", "1")
     done = run("tolerance", TINY, *few, "--details", "--no-plot", "--ascii")
-    words = " ".join(done.stdout.split())
+    words = in_a_line(done.stdout)
     assert words.startswith("tiny, 12 random drives: FAIL probability that the yield reaches 99 %: 0 %, 95 % needed")
     for part in (
         "yield as built 0.0 %",
@@ -74,7 +74,7 @@ def test_json_has_percentiles_yield_and_what_was_drawn(kept: Path) -> None:
 def test_a_torque_without_a_limit_is_no_fault_and_a_worse_best_hole_has_its_reason() -> None:
     two = ("-n", "30", "--torque", "1", "--torque", "4", "--no-plot")
     done = run("tolerance", TINY, *two, "--limit", "F_ior@4=2050")
-    page, bare = " ".join(done.stdout.split()), run("tolerance", TINY, *two[:2], *two[4:]).stdout
+    page, bare = in_a_line(done.stdout), run("tolerance", TINY, *two[:2], *two[4:]).stdout
     assert done.returncode == 0, done.stderr
     assert "1 best of 12 1.36 3.57 7.67 - - " in page and "1 as built 1.38 3.36 7.79 - - " in page
     assert "best of 12 the hole whose greatest F'_ior against its limit is least, one for all torques" in page
@@ -92,7 +92,7 @@ def test_a_yield_that_hangs_on_what_is_not_known_of_the_design_is_a_range() -> N
     assert known.returncode == 0, known.stdout
     soft = ("--set", "source.supports.C_3={kind: assumed, range: [50, 80000], ref: judged}")
     open_ = run("tolerance", TINY, *few, *sizes, *soft)
-    words = " ".join(open_.stdout.split())
+    words = in_a_line(open_.stdout)
     assert open_.returncode == 6, open_.stdout + open_.stderr
     assert words.startswith("tiny, 100 random drives of 10 designs: INCONCLUSIVE")
     yields = r"yield as built [\d.]+ % \([\d.]+ to 100.0\) F'_ior, ″, .* of the type; yield: 5 to 95 % over designs"
