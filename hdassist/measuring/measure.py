@@ -15,6 +15,7 @@ from hdassist.files import number_of
 from hdassist.measuring.bench import LoopRecord, PositionRecord, bench_record
 from hdassist.measuring.fit import COVERAGE_FACTOR, TraceFit, drift_of, fit_orders
 from hdassist.measuring.orders import (
+    BEATS,
     DEFAULT_ORDERS,
     FULL_SHARE,
     STATED,
@@ -440,11 +441,16 @@ def _declared(trace: MeasuredTrace, orders: Sequence[float] | None, notes: list[
 
 
 def _fit(bins: Bins, declared: Sequence[float], ratio: float, slow: SlowTerms, notes: list[str]) -> TraceFit:
-    """Fit with beats where the record resolves them and has bins enough, else without."""
-    with_beats, without = (order_grid(declared, bins.span, ratio, slow, beats=beats) for beats in (True, False))
-    if len(with_beats) > len(without) and len(bins) >= BINS_PER_COLUMN * 2 * (2 * len(with_beats) + 4):
-        with suppress(UntrustedError):
-            return fit_orders(bins, with_beats, slow)
+    """Fit with as many beats as the record resolves and has bins for, or with none."""
+    grids = [order_grid(declared, bins.span, ratio, slow, beats=beats) for beats in range(BEATS + 1)]
+    without, most = grids[0], len(grids[-1])
+    for beats, orders in reversed([*enumerate(grids)]):
+        if len(orders) > len(without) and len(bins) >= BINS_PER_COLUMN * 2 * (2 * len(orders) + 4):
+            with suppress(UntrustedError):
+                fit = fit_orders(bins, orders, slow)
+                if len(orders) < most:
+                    notes.append(f"beats up to {beats} to either side of an order: too few angles for all {BEATS}")
+                return fit
     if len(without) < len(declared):
         notes.append(f"orders closer than 1/{bins.span:.3g} joined: the record does not tell them apart")
     notes.append("beats with the output are not resolved: each order stands for them too")

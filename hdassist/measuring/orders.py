@@ -37,7 +37,7 @@ _RATIO_ROUNDING = 1e-9
 FULL_SHARE = 0.95  # share from which the cycle counts as visited
 DEFAULT_ORDERS = tuple(float(order) for order in range(1, 13))
 _HIGHEST_ORDER = 200.0
-_BEATS = 6
+BEATS = 6
 _SLOW_ORDERS, _SLOW_PER_CAM_TURN = 12, 0.2  # periods of slow terms in a turn, at most: of the output and of the cam
 USUAL_RATIO = 100.0  # assumed for the width of the beats where none is known
 _DRIFTING = 4.0  # cam turns: from here on one order to either side stands for beats that change the error slowly
@@ -198,24 +198,25 @@ def order_grid(
     ratio: float,
     slow: SlowTerms = SlowTerms(),
     *,
-    beats: bool = True,
+    beats: int = BEATS,
 ) -> Array:
     """Orders per cam turn to fit, rising, shape (orders,).
 
-    Arguments: declared orders; turns of the cam that the record spans; ratio; slow terms beside them; beats,
-    whether to put them around the declared orders, as far as the record resolves them, and around 0 unless slow terms
+    Arguments: declared orders; turns of the cam that the record spans; ratio; slow terms beside them; beats to either
+    side of the declared orders, as far as the record resolves them, and all of them around 0 unless slow terms
     are there. In a travel they are those of whole turns, or nearer than the record resolves: its curve has no period.
     """
     base = 1 / ratio
-    width = _BEATS * base
+    width = BEATS * base
     if slow.ridge:
         step = max(base, _TRAVEL_GAP / turns)
         width = step * np.ceil(width / step - 1e-9)
     else:
         step = base if turns * base >= WHOLE_TURN else 1 / turns
-    count = max(int(width / step + 1e-9), int(turns >= _DRIFTING)) if beats else 0
-    around = np.arange(-count, count + 1) * step
-    every = np.concatenate([[] if slow.by_angle else around[around > 0], *(order + around for order in declared)])
+    count = np.arange(1, max(int(width / step + 1e-9), int(turns >= _DRIFTING)) + 1)
+    beside = step * count[:beats]
+    around = np.concatenate([-beside, [0.0], beside])
+    every = np.concatenate([[] if slow.by_angle else step * count, *(order + around for order in declared)])
     every = np.sort(every[every > 0])
     return np.asarray(every[np.concatenate([[True], np.diff(every) > step / 2])])
 
@@ -232,7 +233,7 @@ def order_tables(
     is_part = span < WHOLE_TURN * ratio
     fitted = orders[~fit.is_line]
     width = float(np.diff(fitted).min()) / 2 if len(fitted) > 1 else 0.5
-    is_beat = is_part & (distance(fit.lines, np.asarray(declared)) <= _BEATS / ratio + LINE_WIDTH / span)
+    is_beat = is_part & (distance(fit.lines, np.asarray(declared)) <= BEATS / ratio + LINE_WIDTH / span)
     causes: list[list[tuple[int, str]]] = [[] for _ in orders]
     for (k_g, k_b), (order, words) in (known_causes(drive) if drive else {}).items():
         place = int(np.abs(orders - order).argmin())
@@ -259,14 +260,14 @@ def order_tables(
     together = []
     for order in declared:
         off = np.abs(orders - order)
-        near = off <= np.minimum(_BEATS / ratio, np.diff(declared).min(initial=1.0) / 2) + 1e-9
+        near = off <= np.minimum(BEATS / ratio, np.diff(declared).min(initial=1.0) / 2) + 1e-9
         if not len(own := np.flatnonzero(near & ~fit.is_slow)):
             continue
         joint = MeasuredOrder(order, *fit.joint_wave(own)[1:], "")
         place = next((k for k, group in enumerate(fit.groups) if off.argmin() in group), 0)
         if is_part:
             widened = _over_whole_turns(fit, own, joint, ratio)
-            joint, table[place] = widened(joint, _BEATS), widened(table[place], 0)
+            joint, table[place] = widened(joint, BEATS), widened(table[place], 0)
         together.append(replace(joint, cause=table[place].cause))
     return tuple(table), tuple(together)
 
@@ -281,7 +282,7 @@ def _over_whole_turns(
     order itself and those further off smaller by half from one to the next; the coefficients of the record are B c
     and noise. Their common size is found by expectation and maximisation.
     """
-    away = np.tile(np.arange(-_BEATS, _BEATS + 1), 2)
+    away = np.tile(np.arange(-BEATS, BEATS + 1), 2)
     pair = fit.pair(own)
     beats, turns = joint.per_cam_rev + away[: len(away) // 2] / ratio, fit.bins.turns
     record = fit.design.project(lambda rows: order_columns(turns[rows], beats))[pair]

@@ -43,7 +43,7 @@ def test_the_grid_follows_what_the_record_resolves():
     part = order_grid((1.0, 2.0), 20.0, 100)
     assert np.diff(part).min() == pytest.approx(1 / 20)
     assert order_grid((2.0, 2.02), 10.0, 100).tolist() == pytest.approx([0.1, 1.9, 2.0, 2.1])
-    assert order_grid((2.01, 2.02), 10.0, 100, beats=False).tolist() == [2.01]
+    assert order_grid((2.01, 2.02), 10.0, 100, beats=0).tolist() == [2.01]
 
 
 @pytest.fixture(scope="module")
