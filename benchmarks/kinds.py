@@ -1,9 +1,9 @@
 """How often records of each kind are held: `python -m benchmarks.kinds [RIGS]`, 40 of each in about three minutes.
 
 Each rig is made of angles and times alone, with a drive that nobody knows: coloured noise, counts, lost rows, drift,
-lag, friction. It has none of the orders, bins or fits of the tool. Printed are F'_ior, order 2 of the cam with its
-beats, lost motion and lag that were held by their 95 % intervals, and verdicts at limits 3 % off the true F'_ior that
-were wrong.
+lag, friction, few angles. It has none of the orders, bins or fits of the tool. Printed are F'_ior, order 2 of the cam
+with its beats, lost motion and lag that were held by their 95 % intervals, and verdicts at limits 3 % off the true
+F'_ior that were wrong.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ from hdassist.model.geometry import Array
 from hdassist.readers.trace import TraceForm, read_trace
 
 RATIO, ROWS = 30, 60  # cam turns of the cycle, one output turn; rows a cam turn at one turn a second
-KINDS = ("white noise", "coloured noise", "counts", "lost rows", "drift", "lag", "friction")
+FEW_ROWS = 16
+KINDS = ("white noise", "coloured noise", "counts", "lost rows", "drift", "lag", "friction", "few angles")
 BOTH_WAYS = ("lag", "friction")  # at two speeds
 COUNTS = (2**14, 2**22)  # a turn, of the cam's and the output's encoder
 LIMITS = (0.97, 1.03)  # of the true F'_ior
@@ -68,10 +69,10 @@ class Rig:
 
     def written(self) -> str:
         """Columns of time, cam and output, as text."""
-        parts, start = [], 0.0
+        parts, start, per_turn = [], 0.0, FEW_ROWS if self.kind == "few angles" else ROWS
         for speed in (1.0, 2.0) if self.kind in BOTH_WAYS else (1.0,):
             for way in (1, -1) if self.kind in BOTH_WAYS else (1,):
-                time = np.arange(1, RATIO * ROWS + 1) / ROWS / speed
+                time = np.arange(1, RATIO * per_turn + 1) / per_turn / speed
                 first = 0.0 if way > 0 else float(RATIO)
                 turns = first + way * speed * time
                 if self.kind == "counts":  # no motor turns evenly

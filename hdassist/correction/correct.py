@@ -130,10 +130,10 @@ class Correction:
     drive: None where there is a record alone; errors: of drives as this one may be, by torque; parts of that; chosen:
     residuals of the form asked for, fitted to all these drives together, and corrections, those themselves, by torque:
     of other loads than the first where each has its own, and may make at most one drive in twenty worse there; forms:
-    residuals of each form, fitted to each drive by itself where the chosen is refused: as if its error were recorded
-    over the full cycle; fewest_points: of a table over the output turn that halves the error, None where none of those
-    tried does; phasors: median of the range [arcsec] that numbers of them leave; records, by torque [N*m]; misfit: of
-    the drives that agree with records of part of the cycle, over the error, else None; samples: None where
+    residuals of each form, fitted to each drive by itself where the chosen is refused without a record of the full
+    cycle: as if there were one; fewest_points: of a table over the output turn that halves the error, None where none
+    of those tried does; phasors: median of the range [arcsec] that numbers of them leave; records, by torque [N*m];
+    misfit: of the drives that agree with records of part of the cycle, over the error, else None; samples: None where
     all is known.
     """
 
@@ -251,7 +251,8 @@ def _fitted_correction(
     design = errors[torques[0]]
     uncorrected = percentiles(design.ranges)[1]
     phasors = _ranges_by_points(None, design, together=True)
-    if min(phasors.values()) >= uncorrected:  # phases are not known: as if they were
+    is_recorded = torques[0] in records and misfit is None
+    if not is_recorded and min(phasors.values()) >= uncorrected:  # phases are not known: as if they were
         phasors = _ranges_by_points(None, design)
     number = next(number for number, left in phasors.items() if left <= _ENOUGH * min(phasors.values()))
     if not form.turn:
@@ -260,8 +261,8 @@ def _fitted_correction(
     usual = (CorrectionForm(None, number), CorrectionForm(None, number, each_load=True), *USUAL_TABLES)
     forms = dict.fromkeys((*(each for each in usual if len(torques) > 1 or not each.each_load), form))
     chosen = _residuals_of(form, errors, together=True)
-    residuals = tuple(_residuals_of(each, errors, together=not chosen.is_refused) for each in forms)
-    tables = _ranges_by_points("output", design)
+    residuals = tuple(_residuals_of(each, errors, together=is_recorded or not chosen.is_refused) for each in forms)
+    tables = _ranges_by_points("output", design, together=is_recorded)
     halving = next((points for points, left in tables.items() if left <= HALVED * uncorrected), None)
     in_place = zip(torques, chosen.residuals[: len(torques)] if form.each_load else chosen.residuals[:1], strict=False)
     kept = [M_g for M_g, left in in_place if M_g == torques[0] or left.p95 < left.uncorrected_p50]

@@ -436,7 +436,9 @@ def _declared(trace: MeasuredTrace, orders: Sequence[float] | None, notes: list[
         raise UntrustedError(
             f"{trace.file}: {message}", f"up to {highest:.2g} can be declared: --orders", Fault.ORDERS_UNTOLD
         )
-    notes.append(f"orders up to {kept[-1]:g} only: the steps of the angle resolve no more")
+    notes.append(
+        f"orders up to {kept[-1]:g} only: the steps of the angle resolve no more, and may show higher ones as these"
+    )
     return kept
 
 

@@ -141,14 +141,14 @@ def _why(result: Correction) -> Iterator[str]:
 
 def _facts(result: Correction, is_written: bool) -> Iterator[Fact]:
     yield "parts", "; ".join(f"{each.name} {_range(each)}" for each in result.parts)
-    refused = ", ".join(each.form.name for each in result.forms if each.is_refused)
+    refused = "; ".join(each.form.name for each in result.forms if each.is_refused)
     yield "points", _enough(result) + (f"; refused, as they may make it worse: {refused}" if refused else "")
     yield "phasors", "left by their number: " + ", ".join(f"{n}: {left:.2g}″" for n, left in result.phasors.items())
     yield from _record_facts(result)
     missing = [f"{M_g:g}" for M_g in result.errors if M_g not in result.corrections]
     if result.chosen.form.each_load and missing:
         yield "stored", f"none at {', '.join(missing)} N·m, where it may make it worse"
-    if result.chosen.is_refused or result.misfit:
+    if result.misfit or (result.chosen.is_refused and result.M_g not in result.records):
         yield "next", again("compensate", result.drive, "record.csv")
     elif not (is_written or result.records):
         yield "next", again("compensate", result.drive, "--csv", "correction.csv")

@@ -6,6 +6,7 @@ import csv
 import hashlib
 import io
 import json
+import re
 import shutil
 import subprocess
 from functools import cache
@@ -112,11 +113,11 @@ def test_a_table_over_the_cam_is_of_the_lines_that_repeat_with_it():
 HIDDEN = ("phases.xi_b=130", "harmonics.a_b2=0.5")
 
 
-def rows_of_drive(turns: int) -> str:
-    """Record of a hidden drive with noise, over so many turns of its cam, as a file."""
+def rows_of_drive(turns: int, noise: float = NOISE) -> str:
+    """Record of a hidden drive with noise [arcsec], over so many turns of its cam, as a file."""
     error = error_lines(load_preset(TINY, HIDDEN), 1.0, [{}]).curves[0]
     rows = np.arange(turns * POINTS_A_TURN)
-    values = error[rows % len(error)] + NOISE * np.random.default_rng(5).standard_normal(len(rows))
+    values = error[rows % len(error)] + noise * np.random.default_rng(5).standard_normal(len(rows))
     lines = (f"{360 * k / POINTS_A_TURN:g},{y:.4f}" for k, y in zip(rows, values, strict=True))
     return "cam_deg,error_arcsec\n" + "\n".join(lines) + "\n"
 
@@ -149,6 +150,15 @@ def test_one_cycle_is_said_not_to_tell_noise_and_part_of_it_is_refused_with_the_
     options = ("--ratio", "10", "--torque", "1", "--no-plot")
     page = in_a_line(run("compensate", "one.csv", *options, cwd=tmp_path).stdout)
     assert "noise one cycle does not tell it from error" in page
+    (tmp_path / "noisy.csv").write_text(rows_of_drive(10, 10.0))
+    noisy = run("compensate", "noisy.csv", *options, cwd=tmp_path)
+    page = in_a_line(noisy.stdout)
+    assert noisy.returncode == 5
+    assert "phasors may make it worse" in page
+    assert "measure the cycle twice or more" in page
+    left = [float(end) for end in re.search(r"phasors (\S+)-(\S+) ", page.partition("arcsec left")[2]).groups()]
+    assert left[0] < 18.9 < left[1]
+    assert not {"record it first", "next "} & set(re.findall("record it first|next ", page))
     refused = run("compensate", "part.csv", *options, cwd=tmp_path)
     assert refused.returncode == 5
     assert "% of the full cycle" in refused.stderr

@@ -40,10 +40,12 @@ def test_declared_orders():
 def test_the_grid_follows_what_the_record_resolves():
     assert order_grid((1.0, 2.0), 3.0, 100).tolist() == [1, 2]
     assert len(order_grid((1.0, 2.0), 100.0, 100)) == 6 + 2 * 13
+    fewer = order_grid((1.0, 2.0), 100.0, 100, beats=2)
+    assert fewer.tolist() == pytest.approx(np.array([*range(1, 7), *range(98, 103), *range(198, 203)]) / 100)
     part = order_grid((1.0, 2.0), 20.0, 100)
     assert np.diff(part).min() == pytest.approx(1 / 20)
     assert order_grid((2.0, 2.02), 10.0, 100).tolist() == pytest.approx([0.1, 1.9, 2.0, 2.1])
-    assert order_grid((2.01, 2.02), 10.0, 100, beats=0).tolist() == [2.01]
+    assert order_grid((2.01, 2.02), 10.0, 100, beats=0).tolist() == [0.1, 2.01]
 
 
 @pytest.fixture(scope="module")
