@@ -169,14 +169,20 @@ def any_direction(prior: DrivePrior) -> bool:
     return not oval or (ovality is not None and ovality.is_any_direction)
 
 
-def tabled_errors(maps: Sequence[ErrorMap], prior: DrivePrior, effort: TableEffort, seed: list[int]) -> TabledErrors:
+def tabled_errors(
+    maps: Sequence[ErrorMap], prior: DrivePrior, effort: TableEffort, seed: list[int], other: DrivePrior | None = None
+) -> TabledErrors:
     """Draws of the deviations that a prior leaves open, and their F'_ior with all else of a drive.
 
-    Arguments: maps of the drive, one a torque; seed of these draws, its last number that of the drive among others.
+    Arguments: maps of the drive, one a torque; seed of these draws, its last number that of the drive among others;
+    other, a prior of which fewer draws stand behind these, each to be counted in the direction that it has.
     Raises UntrustedError where an answer cannot be trusted.
     """
     drive = maps[0].drive
     shares, columns = _draws(prior, effort.deviations, seed)
+    if other:
+        _, more = _draws(other, effort.deviations // _KNOWN_DIRECTION, seed, tuple(columns))
+        columns = {path: np.concatenate([of, more[path]]) for path, of in columns.items()}
     shape, number = columns[standing_offset(drive)[1]].shape, seed[-1]
     sizes = {path: float(column.max()) for path, column in columns.items() if path in deviation_sizes()}
     reach, rows = Reach.of(drive.with_values(sizes)), np.arange(effort.compared)
@@ -270,12 +276,18 @@ def _standing_directions(drive: Drive) -> tuple[str, ...]:
     return (turn,) if drive.mounting.fixed == "flexspline" else (turn, _OVALITY)
 
 
-def _draws(prior: DrivePrior, count: int, seed: list[int]) -> tuple[Array, dict[str, Array]]:
-    """Draws of the open deviations: shares of each field's probability, and values with what stands turned, by path."""
+def _draws(
+    prior: DrivePrior, count: int, seed: list[int], paths: tuple[str, ...] = ()
+) -> tuple[Array, dict[str, Array]]:
+    """Draws of the open deviations: shares of each field's probability, and values with what stands turned, by path.
+
+    paths: of further fields, known by this prior. Where all are known it has one draw.
+    """
     drive, directions, every = prior.drive, _directions_of(prior.drive), any_direction(prior)
     fields, stand = open_deviations(prior), _standing_directions(drive)
-    shares = sobol_points(2 ** int(np.ceil(np.log2(count if every else count * _KNOWN_DIRECTION))), len(fields), seed)
-    drawn = {path: np.full(len(shares), drive.number(path)) for path in (*standing_offset(drive), *stand)}
+    count = (count if every else count * _KNOWN_DIRECTION) if fields else 1
+    shares = sobol_points(2 ** int(np.ceil(np.log2(count))), len(fields), seed)
+    drawn = {path: np.full(len(shares), drive.number(path)) for path in (*standing_offset(drive), *stand, *paths)}
     drawn |= {each.path: each.value(shares[:, k]) for k, each in enumerate(fields)}
     if every:  # of each direction its own part of the turn
         drawn[stand[0]] = drawn[stand[0]] / directions

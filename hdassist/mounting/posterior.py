@@ -154,6 +154,7 @@ _FREE_SHARE = 0.5  # probability before any value that no drive of the preset sh
 _FREE_CURVES, _FREE_ORDERS = 1024, 4  # curves of no drive, and times that their waves go around the seat
 _FREE_LEVEL = 1.0  # standard deviation of the logarithm of their level
 _FREE_NEAR = 0.01  # of a value: within that of it they are drawn as densely, however little noise is stated
+_STATED_SHARE = 0.5  # probability before any value that the standing offset is as the preset states it
 _OPEN = 40.0  # deg: a direction whose standard deviation is more is not known
 
 
@@ -428,7 +429,8 @@ def hole_samples(
     """
     if not searchable(drive):
         raise UsageError("trials need locked balls", "bearing.ball_motion: locked")
-    prior = open_prior(drive)
+    prior, stated = open_prior(drive), prior_of(drive)
+    believed = stated if len(stated.fields) < len(prior.fields) else None
     systems = replace(prior, fields=tuple(each for each in prior.fields if each not in open_deviations(prior)))
     count = max(1, draws // SAMPLES_A_TABLE)
     if not systems.fields:  # as many samples where only deviations are unknown, from a finer table
@@ -442,7 +444,7 @@ def hole_samples(
         run=run,
     )  # fmt: skip
     weights, tables = list[float](), list[TabledErrors]()
-    solve = partial(_tabled, prior, every, table, run.seed)
+    solve = partial(_tabled, prior, believed, every, table, run.seed)
     found = run.map(solve, range(len(samples.weights)), samples.values())
     for weight, errors in zip(samples.weights.tolist(), found, strict=True):
         if errors:
@@ -453,12 +455,16 @@ def hole_samples(
         raise UntrustedError("no draw has an answer at the torque of the trials", "hdassist check says why")
     log_missed = np.concatenate([each.log_missed for each in tables], axis=1)  # (torques, compared)
     F_ior = np.concatenate([each.F_ior_arcsec for each in tables], axis=1)  # (torques, samples, directions)
-    weight = np.repeat(weights, len(tables[0].shares))[:, None] * np.ones(F_ior.shape[1:])
+    draws_each, opened = tables[0].F_ior_arcsec.shape[1], len(tables[0].shares)
+    weight = np.repeat(weights, draws_each)[:, None] * np.ones(F_ior.shape[1:])
+    as_stated = np.tile(np.arange(draws_each) >= opened, len(tables))
+    weight[as_stated if any_direction(prior) else slice(None), 1:] = 0
+    if believed:
+        for part, share in ((as_stated, _STATED_SHARE), (~as_stated, 1 - _STATED_SHARE)):
+            weight[part] *= share / weight[part].sum()
     for each in evidence_of(drive):
         if each.figure == ACCURACY:  # without load, where F'_ior is greatest: that of the trials keeps it too
             weight *= np.exp(each.log_likelihood(F_ior[0]))
-    if not any_direction(prior):
-        weight[:, 1:] = 0
     F_ior *= np.exp(log_missed.mean(axis=1))[:, None, None]  # tables are corrected for their mean error
     values = {path: np.concatenate([each.values[path] for each in tables]) for path in standing_offset(drive)}
     proof = sum((each.certificate for each in tables), samples.certificate)
@@ -470,6 +476,7 @@ def hole_samples(
 
 def _tabled(
     prior: DrivePrior,
+    believed: DrivePrior | None,
     torques: tuple[float, ...],
     effort: TableEffort,
     seed: int,
@@ -478,7 +485,9 @@ def _tabled(
 ) -> TabledErrors | None:
     """F'_ior of a system by its number, with values of its fields, and many deviations; None where it has none."""
     try:
-        return tabled_errors(error_maps(prior.drive.with_values(values), torques), prior, effort, [seed, number])
+        return tabled_errors(
+            error_maps(prior.drive.with_values(values), torques), prior, effort, [seed, number], believed
+        )
     except HdassistError:
         return None
 
