@@ -15,7 +15,7 @@ from hdassist.files import note_input
 from hdassist.report import Report
 from hdassist.run.stops import at_stop
 from hdassist.terminal import options as o
-from hdassist.terminal.output import Output, complain, give, run_each
+from hdassist.terminal.output import Output, complain, give, run_each, warn
 from hdassist.terminal.streams import begins_with, say, take_output, write_text
 
 if TYPE_CHECKING:
@@ -339,7 +339,7 @@ def _give(
 def _known(lot: Lot, kept: Kept[AcceptAnswer], options: AcceptOptions) -> list[AcceptAnswer | None]:
     """Answers to the rows that are there from before and still stand, None for the others.
 
-    Raises UsageError: answers are there, and not one of them stands: most likely it is the file of another lot.
+    Raises UsageError: answers are there, and none is of a drive of this lot.
     """
     from hdassist.acceptance.answer import still_stands
 
@@ -350,8 +350,9 @@ def _known(lot: Lot, kept: Kept[AcceptAnswer], options: AcceptOptions) -> list[A
         stands = answer and not row.fault and still_stands(answer, row.request)
         found.append(replace(answer, place=row.place) if answer and stands else None)
     if before and not any(found) and not options.force:
-        words = f"{options.jsonl}: not one of its answers is of these drives, files, options and version"
-        raise UsageError(words, "--force begins anew")
+        if not any(row.request.serial in before for row in lot.rows):
+            raise UsageError(f"{options.jsonl}: none of its answers is of a drive of this lot", "--force begins anew")
+        warn(f"{options.jsonl}: files, options or version have changed since: all rows are done again")
     if kept.done:
         say(f"{options.jsonl}: {sum(map(bool, found))} of {len(lot.rows)} rows are known")
     return found

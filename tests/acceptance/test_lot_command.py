@@ -172,10 +172,26 @@ def test_an_interrupt_keeps_what_is_done_and_resume_goes_on(tmp_path, here):
     lines = (tmp_path / "a.jsonl").read_text().splitlines()[1:]
     assert lines[: len(kept)] == kept
     assert [json.loads(line)["serial"] for line in lines] == [f"d{n}" for n in range(6)]
-    code, _, told = here(*args, "--resume", "--seed", "1")
+    lot = (tmp_path / "lot.csv").read_text()
+    (tmp_path / "lot.csv").write_text(lot.replace("\nd", "\nother"))
+    code, _, told = here(*args, "--resume")
     assert code == 2
-    assert "not one of its answers" in told
+    assert "none of its answers is of a drive of this lot" in told
     assert (tmp_path / "a.jsonl").read_text().splitlines()[1:] == lines
+
+
+def test_a_lot_whose_files_have_all_changed_is_done_again(folder, here):
+    (folder / "lot.csv").write_text("\n".join([*LOT.splitlines()[:1], "17-1;;;run.csv;60;"]) + "\n")
+    args = (*MEASURED, "--jsonl", "a.jsonl", "--resume", "-q")
+    assert here(*args)[:2] == (0, "17-1 PASS\n")
+    before = json.loads((folder / "a.jsonl").read_text().splitlines()[1])["measured"][0]["sha256"]
+    with (folder / "run.csv").open("a") as stream:
+        stream.write("# looked at again\n")
+    code, out, told = here(*args)
+    assert (code, out) == (0, "17-1 PASS\n")
+    assert "warning: a.jsonl: files, options or version have changed since: all rows are done again" in told
+    (answer,) = (folder / "a.jsonl").read_text().splitlines()[1:]
+    assert json.loads(answer)["measured"][0]["sha256"] != before
 
 
 def test_replay_agrees_differs_or_says_which_file_changed(folder, here):
