@@ -42,7 +42,7 @@ from hdassist.model.geometry import Kinematics
 from hdassist.preset.fields import REMOVED, Drive, OneLine, field_table, is_number, is_overridden, path_of
 from hdassist.preset.text import InvalidValueError, near_miss, shown
 from hdassist.readers.pitch import WheelFiles
-from hdassist.readers.table import CellTable, NumberTable, read_texts
+from hdassist.readers.table import CellTable, NumberTable, read_texts, shortened
 from hdassist.run.kept import ClosedRecord
 from hdassist.run.run import Run
 
@@ -300,8 +300,12 @@ def read_lot(path: str, base: Request) -> Lot:
     """
     table = read_texts(path)
     columns = _columns(table)
-    first: dict[str, int] = {}
-    rows = [_row(table, columns, place, base, first) for place in range(len(table.rows))]
+    lines: dict[str, list[int]] = {}  # of each serial
+    for line, cells in table.rows:
+        for cell, column in zip(cells, columns, strict=False):
+            if column == ("serial", ""):
+                lines.setdefault(cell.text, []).append(line)
+    rows = [_row(table, columns, place, base, lines) for place in range(len(table.rows))]
     return Lot(table.file, table.sha256, tuple(rows))
 
 
@@ -354,9 +358,9 @@ def _column(name: str) -> _Column:
 
 
 def _row(
-    table: CellTable, columns: Sequence[_Column | None], place: int, base: Request, first: dict[str, int]
+    table: CellTable, columns: Sequence[_Column | None], place: int, base: Request, lines: Mapping[str, list[int]]
 ) -> LotRow:
-    """One row by its place; first: line in which each serial stood first, which is added to."""
+    """One row by its place; lines: those in which each serial stands."""
     line, cells = table.rows[place]
     folder = Path() if table.file == STDIN else Path(table.file).parent
     given: dict[str, Any] = {"serial": "" if ("serial", "") in columns else f"line {line}"}
@@ -391,8 +395,8 @@ def _row(
     if not given["serial"]:
         wrong(1, "serial", "missing", hint="each drive needs its serial; without the column its line is its name")
         given["serial"] = f"line {line}"
-    elif first.setdefault(given["serial"], line) != line:
-        words = f"stands in line {first[given['serial']]} too"
+    elif others := [other for other in lines.get(given["serial"], ()) if other != line]:
+        words = f"stands in line {shortened(others)} too"
         wrong(1, "serial", words, given["serial"], "one row for each drive")
     given |= {mark: float(given[mark]) for mark in _MARK_COLUMNS if mark in given}
     wheels = {option.name: given.pop(option.name) for option in fields(WheelFiles) if option.name in given}

@@ -1,5 +1,6 @@
 """Acceptance of a drive, of a lot, or done again, as a report; each check in a sentence, in CSV and in JUnit XML."""
 
+import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, fields, replace
@@ -220,6 +221,7 @@ def lot_report(lot: Lot, answers: Sequence[AcceptAnswer]) -> Report:
     drives = tuple(
         (title(each), each.status, _deciding(each, same.setdefault(fault_words(each), each))) for each in answers
     )
+    warnings = tuple(_shared_records(answers))
     return Report(
         command="accept",
         drive=None,
@@ -233,12 +235,25 @@ def lot_report(lot: Lot, answers: Sequence[AcceptAnswer]) -> Report:
         details=(Facts((("version", __version__), ("lot", f"{lot.file}, sha256 {lot.sha256[:12]}"))),),
         values={
             **together("accept", [answer_json(answer) for answer in answers]),
+            "warnings": warnings,
             "lot": {"name": lot.file, "sha256": lot.sha256, "rows": len(lot.rows)},
             "summary": found,
         },
         line="\n".join(f"{name} {status}" for name, status, _ in drives),
+        warnings=warnings,
         exit_code=worst_exit_code(answer.exit_code for answer in answers),
     )
+
+
+def _shared_records(answers: Sequence[AcceptAnswer]) -> Iterator[str]:
+    """A warning for each record that several drives have: most likely one was copied, or named in a wrong row."""
+    drives: dict[str, dict[str, str]] = {}  # names of drives with the files that they name, by SHA-256
+    for answer in answers:
+        for trace in answer.measured:
+            drives.setdefault(trace.sha256, {})[title(answer)] = trace.file
+    for files in drives.values():
+        if len(files) > 1:
+            yield f"{', '.join(files)} have the same record: {', '.join(dict.fromkeys(files.values()))}"
 
 
 def _deciding(answer: AcceptAnswer, first_alike: AcceptAnswer) -> str:
@@ -254,7 +269,7 @@ def _deciding(answer: AcceptAnswer, first_alike: AcceptAnswer) -> str:
 
 def fault_words(answer: AcceptAnswer) -> str:
     """The error of a row without its place, by which rows with the same one are known; empty of a decided drive."""
-    return answer.error.message.removeprefix(f"{answer.place}: ") if answer.error else ""
+    return re.sub(rf"^{re.escape(answer.place or '')}(:\d+)?: ", "", answer.error.message) if answer.error else ""
 
 
 def _lot_facts(answers: Sequence[AcceptAnswer]) -> Iterator[Fact]:

@@ -97,7 +97,7 @@ def test_a_lot_on_paper_and_in_files(folder, here):
     assert told["schema"] == "hdassist.accept/2"
     assert told["exit_code"] == 4
     assert told["lot"]["rows"] == 5
-    assert told["summary"]["verdicts"] == {"PASS": 1, "FAIL": 1, "INCONCLUSIVE": 1, "DATA_ERROR": 2, "BROKEN": 2}
+    assert told["summary"]["verdicts"] == {"PASS": 1, "FAIL": 1, "INCONCLUSIVE": 1, "DATA_ERROR": 2}
     owner, *written = [json.loads(line) for line in (folder / "a.jsonl").read_text().splitlines()]
     assert (owner["command"], owner["inputs"]) == ("accept", {})
     assert untimed(written) == untimed(told["results"])
@@ -461,3 +461,17 @@ def test_a_record_in_place_of_a_lot_points_to_measure(folder, here):
     assert code == 4
     assert "none of its columns is one of a lot" in err
     assert "hdassist measure run.csv, or accept PRESET --measured TORQUE=run.csv" in err
+
+
+def test_drives_with_one_record_are_named_and_a_fault_of_all_rows_is_written_once(folder, here):
+    (folder / "copy.csv").write_bytes((folder / "run.csv").read_bytes())
+    rows = ["serial;measured@4;limit F_ior@4", "A;run.csv;60", "B;copy.csv;60", "C;gone.csv;60"]
+    (folder / "lot.csv").write_text("\n".join(rows) + "\n")
+    words = "A, B have the same record: run.csv, copy.csv"
+    code, out, told = here(*MEASURED, "--json")
+    assert (code, json.loads(out)["warnings"]) == (4, [words])
+    assert f"warning: {words}" in told
+    code, _, told = here("accept", "lot.csv", *STATED)
+    assert code == 4
+    assert told.count("preset: missing") == 1
+    assert "note: the same of 2 more rows" in told

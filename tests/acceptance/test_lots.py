@@ -100,12 +100,11 @@ def test_what_is_wrong_with_a_row_stays_with_it(tmp_path):
     faults = [str(row.fault or "") for row in lot.rows]
     assert [row.request.serial for row in lot.rows] == ["A", "A", "line 4", "B", "C", "D"]
     expected = (
-        "", "3:1: serial: stands in line 2", "4:1: serial: missing", "5:1: preset: missing", "6:7: a cell in a column",
-        "7:3: preset: a row cannot read standard",
+        "2:1: serial: stands in line 3", "3:1: serial: stands in line 2", "4:1: serial: missing",
+        "5:1: preset: missing", "6:7: a cell in a column", "7:3: preset: a row cannot read standard",
     )  # fmt: skip
     for said, words in zip(faults, expected, strict=True):
         assert words in said
-        assert bool(said) == bool(words)
 
 
 @pytest.mark.parametrize(
@@ -205,8 +204,8 @@ def test_a_bug_in_one_row_is_its_own(lot, monkeypatch):
 
 def test_summary_counts_and_has_the_yield_of_those_that_are_decided(told):
     found = lot_summary([*told, *(replace(told[0], verdict=Verdict.INCONCLUSIVE, exit_code=6),) * 4])
-    assert found["verdicts"] == {"PASS": 4, "FAIL": 1, "INCONCLUSIVE": 4, "DATA_ERROR": 1, "BROKEN": 1}
-    assert found["drives"] == 10
+    assert found["verdicts"] == {"PASS": 4, "FAIL": 1, "INCONCLUSIVE": 4, "DATA_ERROR": 1}
+    assert found["drives"] == 10 == sum(found["verdicts"].values())
     low, high = betaincinv(4.5, 1.5, [0.05, 0.95])
     assert found["yield"] == {"decided": 5, "share": 4 / 5, "low": pytest.approx(low), "high": pytest.approx(high)}
     assert lot_summary(told[3:4])["yield"] is None
