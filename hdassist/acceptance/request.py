@@ -164,7 +164,7 @@ class Request(ClosedRecord):
         positions: dict[float, tuple[NumberTable, SeenRange]] = {}
         stated = stated_values(self.values, drive)
         for M_g, file in files:
-            found = self.reading.measured_or_bench(file, drive, **how)
+            found = self.reading.measured_or_bench(file, drive, M_g=M_g, **how)
             if isinstance(found, Measurement):
                 measurements[M_g] = found
             elif isinstance(found, PositionRecord):

@@ -114,10 +114,11 @@ class MountCommand(
         # before the imports below, which take longer than all of this
         from hdassist.mounting.posterior import TrialSetup, read_trial_or_record
 
-        trials = [read_trial_or_record(text, drive, reading, self.seed) for text in self.trials or ()]
+        at = self.torque_of(drive.operation.M_g)
+        trials = [read_trial_or_record(text, drive, reading, at, self.seed) for text in self.trials or ()]
         outcome = None
         if self.verify is not None:
-            outcome = read_trial_or_record(self.verify, drive, reading, self.seed, drive.mounting.allowed)
+            outcome = read_trial_or_record(self.verify, drive, reading, at, self.seed, drive.mounting.allowed)
         has_values = bool(trials or outcome)
         for option in ("step", "compensated", "pitch_b", "pitch_g"):
             if has_values and getattr(self, option) is not None:
@@ -131,7 +132,7 @@ class MountCommand(
         measured, torques = self.teeth(files, drive), drive.operation.M_g
         rotations = [] if has_values else _rotations(drive, self.step)
         heaviest = () if self.trial_torque else (max(torques, key=abs),)
-        setup = TrialSetup(self.torque_of(torques), self.noise, heaviest)
+        setup = TrialSetup(at, self.noise, heaviest)
         states = advice_states(drive, len(rotations), draws=self.draws, measured=measured, trials=has_values)
         if self.compensated:
             from hdassist.correction.correct import advice_corrected, corrected_states
@@ -429,7 +430,8 @@ class CompensateCommand(
 
         travel = self.travel or drive.acceptance.travel
         how = {"seed": self.seed, "together": True, "may_be_noise": may_be_noise, "travel_deg": travel}
-        found = self.reading().measured(file, drive, **how)
+        at = drive.operation.M_g[0] if M_g is None else M_g
+        found = self.reading().measured(file, drive, M_g=at, **how)
         if M_g is not None:
             require_sense(found, drive, M_g, self.alignment())
         return recorded_error(found, Kinematics.of(drive), self.alignment())
@@ -455,7 +457,8 @@ class CompensateCommand(
         form = self.correction_form()
         target = self.controller_target(form, force=self.force)
         M_g = option_value("--torque", self.torque[0], "N*m")
-        found = self.reading().measured(file, None, self.ratio, seed=self.seed, together=True, travel_deg=self.travel)
+        how = {"seed": self.seed, "together": True, "travel_deg": self.travel}
+        found = self.reading().measured(file, None, self.ratio, M_g=M_g, **how)
         result = correction_alone(found, self.alignment(), M_g, form, self.output_turns)
         self.write_controller(result, target, force=self.force)
         return compensate_report(result, is_written=bool(self.csv or target), warnings=found.warnings)

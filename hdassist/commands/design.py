@@ -295,7 +295,7 @@ class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOpt
             M_g = torque_of(drive)
 
             def one(name: str) -> Report:
-                found = reading.measured(name, drive, seed=self.seed, together=True)
+                found = reading.measured(name, drive, seed=self.seed, together=True, M_g=M_g)
                 zero = given_zero if self.zero else zero_of(found.trace, drive, start)
                 fitted = (start is None, zero is None)
                 asked = replace(self.alignment(), start_deg=start or 0.0, zero_deg=zero or 0.0, fitted=fitted)

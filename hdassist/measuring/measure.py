@@ -45,6 +45,7 @@ from hdassist.measuring.slopes import (
     EncoderLag,
     RecordedTorque,
     Reversal,
+    at_torque,
     reversal_and_lag,
     speed_changes,
     tells_compliance,
@@ -70,6 +71,7 @@ _CHANGES_LEFT = (
     "the record does not tell how the orders change with the torque, which may be part of F'_ior: "
     "record a sweep at each torque"
 )
+_STRAIGHT = "F'_ior at {:g} N·m is by a straight line from {:.3g} to {:.3g} N·m: the record does not tell a bend"
 _BENT = 1 / 4  # of a drift: how far it may depart from a line to either side
 _COARSE_STEP = 1 / 4  # of F'_ior: greatest step in time with the turns that the error is resolved from
 _UNMODELLED = 1 / 5  # of F'_ior: least error beyond the orders that is reported
@@ -199,6 +201,7 @@ def measure(
     together: bool = False,
     may_be_noise: bool = False,
     travel_deg: float | None = None,
+    M_g: float | None = None,
 ) -> Measurement:
     """F'_ior, orders and coverage of a measured trace.
 
@@ -206,14 +209,17 @@ def measure(
     which the error is limited (None: 1 to 12, or as far as the steps of the angle resolve them); drift, none, linear
     or quadratic, to take off; stated, standard uncertainties [arcsec] by source; seed of the bootstrap;
     together, both directions as one, which is then 0; may_be_noise, whether F'_ior need not be clear of its noise;
-    travel_deg, of the output: F'_ior is the range of the error there, and slow terms are part of it.
-    Raises UsageError: a wrong argument; DataError: less than one cam turn in one direction; UntrustedError: orders that
-    the record does not resolve, or an F'_ior that is not clear of its noise.
+    travel_deg, of the output: F'_ior is the range of the error there, and slow terms are part of it; M_g, torque [N*m]
+    that is asked for, where the trace has a column of it.
+    Raises UsageError: a wrong argument; DataError: less than one cam turn in one direction, or another torque;
+    UntrustedError: orders that the record does not resolve, or an F'_ior that is not clear of its noise.
     """
     _require_drift(drift)
     gearing = gearing_of(drive, ratio)
     gearing = gearing and gearing.within(travel_deg)
-    record = _RecordUnderway(trace, gearing, drive, orders, drift, stated or {}, seed, together, may_be_noise)
+    if M_g is not None:
+        trace = at_torque(trace, M_g, drive.rated_torque if drive else 0.0)
+    record = _RecordUnderway(trace, gearing, drive, orders, drift, stated or {}, seed, together, may_be_noise, M_g)
     apart, alone = replace(record, together=False, may_be_noise=True), list[SweepResult]()
     directions = record.directions()
     if together:
@@ -251,6 +257,7 @@ class _RecordUnderway:
     seed: int
     together: bool
     may_be_noise: bool
+    M_g: float | None
 
     def __post_init__(self) -> None:
         """Begin without anything left out."""
@@ -293,6 +300,12 @@ class _RecordUnderway:
                 fit, drift_left = _with_lines_or_drift(fit)
             elif drift_left:
                 self.warnings.append(DRIFT_LEFT.format(drift_left))
+        if self.M_g is not None and len(fit.blocks) > 1:
+            low, _, high = bins.torques
+            nearest = min((self.M_g, -self.M_g), key=lambda load: max(low - load, load - high))
+            fit = fit.at_torque(min(max(nearest, low), high))
+            if miss is None:
+                self.warnings.append(_STRAIGHT.format(self.M_g, low, high))
         found = self._sweep_result(sign, fit, drift_left, miss)
         if not fit.unmodelled < _UNMODELLED * found.range.value:
             size = f"{fit.unmodelled:.2g}″"

@@ -21,7 +21,7 @@ from math import hypot, sqrt
 import numpy as np
 
 from hdassist.error.stiffness import catalogue_torques
-from hdassist.errors import UntrustedError
+from hdassist.errors import DataError, Fault, UntrustedError
 from hdassist.measuring.fit import TraceFit, fit_orders
 from hdassist.measuring.orders import ranges_of
 from hdassist.measuring.terms import Bins
@@ -34,6 +34,7 @@ _LEAST_SPEED_APART = 0.2  # of the greatest speed: between sweeps, from which on
 _LEAST_SPEED_CHANGE = 0.02  # of the speed: within sweeps, from which on a lag is fitted
 _LEAST_CHANGE = 0.01  # of the greatest torque: smaller ones wind up too little to see
 _LOAD_APART = 0.1  # of a torque's changes: least part that does not go with orders and slow terms
+_SAME_TORQUE, _SAME_OF_RATED = 0.02, 0.01  # of a torque, and of the rated one: columns that differ so little are at it
 _TORQUE_CLEAR = 2.0  # times the noise of its readings: spread of a torque that changes
 _SLOPE_CLEAR = 3.0  # standard uncertainties: a slope over the torque that is no chance
 _CHANGE_TOLD = 3.0  # times the noise of a curve without changes: that at each torque, at most, where a record has them
@@ -195,6 +196,44 @@ class RecordedTorque:
 def _noise_of(torque: Array) -> float:
     """Standard deviation of the noise that rows of a torque [N*m] are read with, by what each differs from the next."""
     return float(np.std(np.diff(torque))) / sqrt(2)
+
+
+def at_torque(trace: MeasuredTrace, M_g: float, rated: float = 0.0) -> MeasuredTrace:
+    """A trace whose column of torque has a torque M_g [N*m]: in each direction its sweeps there, or all around it.
+
+    The column may count the other way. rated: torque of the drive [N*m]. A trace without the column stays as it is.
+    Raises DataError: the column excludes the torque.
+    """
+    if trace.load is None:
+        return trace
+    loads, room = trace.by_sweep(trace.load), max(_SAME_TORQUE * abs(M_g), _SAME_OF_RATED * rated)
+    low, high = np.array([np.quantile(load, (0.05, 0.95)) for load in loads]).T
+    way = np.array([sweep.direction for sweep in trace.sweeps])
+    kept = np.zeros(len(loads), dtype=bool)
+    for own in (way > 0, way < 0):
+        for load in (M_g, -M_g):
+            at_it = own & (low - room <= load) & (load <= high + room)
+            around = own & (np.min(low, where=own, initial=np.inf) <= load <= np.max(high, where=own, initial=-np.inf))
+            if (taken := at_it if at_it.any() else around).any():
+                kept |= taken
+                break
+    if not kept.any():
+        has = dict.fromkeys(_torque_text(load, *ends) for load, *ends in zip(loads, low, high, strict=True))
+        words = f"{trace.file}: its column of torque has {', '.join(has)} N·m, not {M_g:g}"
+        hint = f"name a torque that it has, or record at {M_g:g} N·m; a column of another torque needs another name"
+        raise DataError(words, hint, Fault.FILE_INVALID)
+    if kept.all():
+        return trace
+    every = trace.by_sweep(np.arange(len(trace.line)))
+    left = np.setdiff1d(np.arange(len(trace.line)), np.concatenate([every[k] for k in np.flatnonzero(kept)]))
+    note = f"sweeps at other torques than {M_g:g} N·m left out: {np.sum(~kept)} of {len(kept)}"
+    return replace(trace.without(left), notes=(*trace.notes, note))
+
+
+def _torque_text(load: Array, low: float, high: float) -> str:
+    """Torque of a sweep [N*m], or its least and greatest where it changes."""
+    changes = np.std(load) > _TORQUE_CLEAR * _noise_of(load) and high - low > _SAME_TORQUE * abs(load.mean())
+    return f"{low:.3g} to {high:.3g}" if changes else f"{load.mean():.3g}"
 
 
 def tells_compliance(fit: TraceFit) -> bool:

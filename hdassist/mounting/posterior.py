@@ -117,26 +117,26 @@ def _read_trial_position(
 
 
 def read_trial_or_record(
-    text: str, drive: Drive, reading: Reading, seed: int = 0, allowed: Sequence[int] | str = "all"
+    text: str, drive: Drive, reading: Reading, M_g: float, seed: int = 0, allowed: Sequence[int] | str = "all"
 ) -> Trial:
     """Read h4=17.3 as read_trial does, or h4=run.csv, a record of the drive's error over its full cycle.
 
     A record's file has a suffix or a folder in its name, or is there and its name no number. reading: of the record;
-    seed of its bootstrap. Raises those of read_trial, read_trace and measure; UntrustedError for a record of less than
-    the cycle.
+    M_g, torque [N*m] where the text has none; seed of the bootstrap. Raises those of read_trial, read_trace and
+    measure; UntrustedError for a record of less than the cycle.
     """
     where, _, file = text.partition("=")
     if not (re.search(r"[/\\]|\.[A-Za-z]", file) or (isnan(number_of(file)) and os.path.lexists(file))):
         return read_trial(text, drive.mounting.holes, allowed)
-    rotation, M_g = _read_trial_position(where.lower(), text, drive.mounting.holes, allowed)
-    greatest = reading.measured(file, drive, seed=seed).directions[0]
+    rotation, own = _read_trial_position(where.lower(), text, drive.mounting.holes, allowed)
+    greatest = reading.measured(file, drive, seed=seed, M_g=M_g if own is None else own).directions[0]
     if greatest.is_bound and (covered := greatest.coverage):
         turns, cycle = covered.cam_turns, covered.cam_turns / covered.share
         raise UntrustedError(
             f"{file}: {turns:.3g} of the {cycle:g} cam turns of the full cycle: F'_ior is a lower bound, and no trial",
             "record the full cycle in one direction",
         )
-    return Trial(rotation, greatest.range.value, M_g=M_g, noise_arcsec=max(greatest.uncertainty_arcsec, _LEAST_NOISE))
+    return Trial(rotation, greatest.range.value, M_g=own, noise_arcsec=max(greatest.uncertainty_arcsec, _LEAST_NOISE))
 
 
 _Places = NDArray[np.int64]

@@ -35,19 +35,19 @@ def record(tmp_path):
 
 def test_a_record_gives_the_value_and_the_uncertainty_that_measure_gives(record):
     drive, file = load_preset(SMALL), record(CYCLE)
-    found = read_trial_or_record(f"h4={file}", drive, Reading())
+    found = read_trial_or_record(f"h4={file}", drive, Reading(), 10.0)
     assert found.rotation_deg == 120
     greatest = measure(read_trace(file), drive=drive).directions[0]
     assert (found.F_ior_arcsec, found.noise_arcsec) == (greatest.range.value, greatest.uncertainty_arcsec)
     assert found.F_ior_arcsec == pytest.approx(12, abs=0.5)
-    stated = read_trial_or_record(f"120={file}", drive, Reading(budget=("encoder=3",)))
+    stated = read_trial_or_record(f"120={file}", drive, Reading(budget=("encoder=3",)), 10.0)
     assert stated.noise_arcsec == pytest.approx(np.hypot(3.0, found.noise_arcsec), rel=0.01)
-    assert read_trial_or_record("h4=17.3", drive, Reading()) == Trial(120, 17.3)
+    assert read_trial_or_record("h4=17.3", drive, Reading(), 10.0) == Trial(120, 17.3)
 
 
 def test_a_record_of_less_than_the_cycle_is_no_trial(record):
     with pytest.raises(UntrustedError, match=r"3 of the 30 cam turns of the full cycle: F'_ior is a lower bound"):
-        read_trial_or_record(f"h4={record(3)}", load_preset(SMALL), Reading())
+        read_trial_or_record(f"h4={record(3)}", load_preset(SMALL), Reading(), 10.0)
 
 
 @pytest.mark.parametrize(
@@ -121,5 +121,5 @@ def test_errors_of_the_preset_and_of_the_command_line_are_the_same_at_any_torque
 
 
 def test_a_record_has_the_torque_in_its_name(record):
-    found = read_trial_or_record(f"h4@1={record(CYCLE)}", load_preset(SMALL), Reading())
+    found = read_trial_or_record(f"h4@1={record(CYCLE)}", load_preset(SMALL), Reading(), 10.0)
     assert (found.rotation_deg, found.M_g) == (120, 1.0)

@@ -68,7 +68,7 @@ def test_what_is_no_trial(text: str) -> None:
 def test_a_value_that_is_neither_a_number_nor_a_file_says_what_is_expected_of_its_hole(value: str) -> None:
     wanted = r"invalid trial 'h4=.*': expected F'_ior in arcsec, as h4=17\.3, or the file of a record, as h4=run\.csv"
     with pytest.raises(UsageError, match=wanted):
-        read_trial_or_record(f"h4={value}", load_preset(SMALL), Reading())
+        read_trial_or_record(f"h4={value}", load_preset(SMALL), Reading(), 10.0)
 
 
 def test_holes_of_a_seat_without_holes() -> None:

@@ -1,0 +1,104 @@
+"""A record with a column of torque is taken for the torque that is asked for, or refused there."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hdassist.errors import DataError
+from hdassist.measuring.measure import Measurement, measure
+from hdassist.readers.trace import read_trace
+from tests.process import SMALL, run
+from tests.rigs import text
+
+RATIO, PER_TURN = 30, 60
+ONCE = np.arange(RATIO * PER_TURN) / PER_TURN
+
+
+def curve(turns: np.ndarray, torque: np.ndarray | float) -> np.ndarray:
+    """Error [arcsec] of a made-up drive that falls with the torque [N*m]."""
+    size = 12 - np.abs(torque) / 5
+    return size * np.cos(4 * np.pi * turns) + 2 * np.cos(2 * np.pi * turns * (1 + 1 / RATIO) + 1)
+
+
+def true(torque: float) -> float:
+    fine = np.arange(RATIO * 240) / 240
+    return float(np.ptp(curve(fine, torque)))
+
+
+def record(turns: np.ndarray, torque: np.ndarray, seed: int = 5) -> str:
+    rng = np.random.default_rng(seed)
+    error = curve(turns, torque) + 0.4 * torque + 0.3 * rng.standard_normal(len(turns))
+    read = torque + 0.1 * rng.standard_normal(len(turns))
+    return text([360 * turns, error, read], "cam_deg;error_arcsec;torque [N·m]", ";")
+
+
+def at(words: str, M_g: float | None) -> Measurement:
+    return measure(read_trace(io.StringIO(words)), ratio=RATIO, M_g=M_g)
+
+
+def sweeps(seed: int) -> str:
+    return record(np.tile(ONCE, 3), np.repeat([10.0, 20.0, 30.0], len(ONCE)), seed)
+
+
+SWEEPS = sweeps(5)
+
+
+@pytest.mark.parametrize("M_g", [10.0, -30.0, 30.3, 25.0])
+def test_the_value_is_that_of_the_torque_asked(M_g: float):
+    held = 0
+    for seed in range(5):
+        (found,) = at(sweeps(seed), M_g).directions
+        held += abs(found.range.value - true(M_g)) <= 2 * found.uncertainty_arcsec
+        order = next(each for each in found.orders_of_cam if each.per_cam_rev == pytest.approx(2, abs=0.01))
+        assert order.amplitude_arcsec == pytest.approx(12 - abs(M_g) / 5, abs=0.2)
+        assert 2 * found.uncertainty_arcsec < abs(true(M_g) - true(20.0))
+    assert held >= 4
+
+
+def test_a_record_without_the_column_stays_as_it_was():
+    plain = "\n".join(line.rpartition(";")[0] for line in SWEEPS.splitlines()) + "\n"
+    assert at(plain, 10.0).F_ior_arcsec == at(plain, None).F_ior_arcsec
+
+
+def test_a_torque_that_the_column_excludes_is_refused():
+    with pytest.raises(DataError, match=r"column of torque has 10, 20, 30 N·m, not 800"):
+        at(SWEEPS, 800.0)
+    wandering = record(ONCE, 20 + 4 * np.sin(ONCE**2 / 9))
+    assert at(wandering, 21.0).F_ior_arcsec == at(wandering, None).F_ior_arcsec
+    with pytest.raises(DataError, match=r"has 16.1 to 23.9 N·m, not 40"):
+        at(wandering, 40.0)
+
+
+def test_each_direction_is_taken_by_its_own_torque():
+    words = record(np.append(ONCE, ONCE[::-1]), np.repeat([10.0, -30.0], len(ONCE)))
+    assert [each.direction for each in at(words, 10.0).directions] == [1]
+    assert [each.direction for each in at(words, 30.0).directions] == [-1]
+    opposite = record(np.append(ONCE, ONCE[::-1]), np.repeat([10.0, -10.0], len(ONCE)))
+    assert {each.direction for each in at(opposite, 10.0).directions} == {1, -1}
+
+
+def test_two_torques_tell_no_value_between_without_a_warning():
+    words = record(np.tile(ONCE, 2), np.repeat([10.0, 30.0], len(ONCE)))
+    assert any("by a straight line" in warning for warning in at(words, 20.0).warnings)
+    assert not at(words, 10.0).warnings
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("accept", SMALL, "--limit", "F_ior@800=99", "--measured", "800=run.csv", "--measured-only"),
+        ("mount", SMALL, "h0@800=run.csv"),
+        ("compare", SMALL, "run.csv", "--torque", "800"),
+        ("compensate", "run.csv", "--ratio", "30", "--torque", "800"),
+        ("compensate", SMALL, "run.csv", "--torque", "800"),
+    ],
+)
+def test_commands_refuse_a_record_of_other_torques(command: tuple[str, ...], tmp_path: Path):
+    (tmp_path / "run.csv").write_text(SWEEPS)
+    found = run(*command, cwd=tmp_path)
+    assert found.returncode == 4
+    assert "run.csv: its column of torque has 10, 20, 30 N·m, not 800" in found.stderr
