@@ -162,19 +162,25 @@ class Request(ClosedRecord):
         how = {"seed": self.seed, "travel_deg": drive.acceptance.travel}
         measurements: dict[float, Measurement] = {}
         positions: dict[float, tuple[NumberTable, SeenRange]] = {}
-        stated = stated_values(self.values, drive)
+        given = stated_values(self.values, drive)
+        recorded: dict[Limit, AcceptedValue] = {}
         for M_g, file in files:
             found = self.reading.measured_or_bench(file, drive, M_g=M_g, **how)
             if isinstance(found, Measurement):
                 measurements[M_g] = found
+                own = (each for each in given if each.check.of_trace and each.M_g_Nm == M_g)
+                recorded |= {each: AcceptedValue.measured(each, found.directions[0]) for each in own}
             elif isinstance(found, PositionRecord):
                 quantities = position_quantities(found, seed=self.seed)
                 positions[M_g] = found.table, seen_range(found, quantities)
-                stated = self._at_positions(*positions[M_g], quantities, M_g, drive) | stated
+                recorded |= self._at_positions(*positions[M_g], quantities, M_g, drive)
             else:
                 words = f"{found.table.file}: a torque loop, which has no F'_ior"
                 raise DataError(words, "hdassist measure has its figures; accept takes them as --value NAME=VALUE±U")
-        return Inputs(drive, measurements, stated, self.read_wheels(drive), positions)
+        for limit in given:
+            if limit in recorded and recorded[limit].value is not None:
+                raise UsageError(f"both a value and a record for {limit.label}", "leave out one of them")
+        return Inputs(drive, measurements, recorded | given, self.read_wheels(drive), positions)
 
     def _at_positions(
         self, table: NumberTable, found: SeenRange, quantities: Sequence[StatedQuantity], M_g: float, drive: Drive

@@ -395,6 +395,8 @@ class _RecordUnderway:
             return ranges_of(own, grid, np.random.default_rng([self.seed, sign + 1]), parts, whole=is_whole)
 
         extent, revolution, cam, slope = ranges(fit)
+        # both are without their own bias: a part is no more than the whole
+        revolution = replace(revolution, bias=max(revolution.bias, revolution.fitted - extent.value))
         torques = bins.torques if len(fit.blocks) > 1 else ()
         at_torques = [(torque, ranges(fit.at_torque(torque))[0]) for torque in torques]
         sources = (

@@ -142,7 +142,7 @@ def _shown_checks(answer: AcceptAnswer) -> list[DecidedCheck]:
 def _in_unit(check: DecidedCheck, unit: str) -> DecidedCheck:
     if not unit or check.belief or check.unit == "arcsec":
         return check
-    size, names = convert(f"1 {unit}", check.unit), ("limit", "value", "expanded_uncertainty", "margin")
+    size, names = convert(f"1 {unit}", check.unit), ("limit", "value", "expanded_uncertainty", "margin", "guard")
     return replace(check, unit=unit, **{name: (found := getattr(check, name)) and found / size for name in names})
 
 

@@ -196,3 +196,36 @@ def test_positions_of_no_plan_are_a_lower_bound(tmp_path):
     assert done.returncode == 4
     assert "loop.csv: a torque loop, which has no F'_ior" in done.stderr
     assert "--value NAME=VALUE±U" in done.stderr
+
+
+def test_a_value_beside_a_record_of_the_same_is_refused(rig, tmp_path):
+    limits = "--limit", "F_ior@4=60", "--limit", "lost_motion=60"
+    both = accepted(rig, *limits, "--measured", "4=run.csv", "--value", "F_ior@4=8±1")
+    assert both.returncode == 2
+    assert "both a value and a record for F'_ior at 4 N·m" in both.stderr
+    assert "leave out one of them" in both.stderr
+    other = accepted(rig, *limits, "--measured", "4=run.csv", "--value", "lost_motion=8±1", "-q")
+    assert (other.returncode, other.stdout) == (0, "PASS\n")
+    lot = tmp_path / "lot.csv"
+    lot.write_text(f"serial;measured@4;F_ior@4;limit F_ior@4\n1;{rig / 'run.csv'};8±1;60\n")
+    row = run("accept", str(lot), "--preset", SMALL, "--measured-only", cwd=rig)
+    assert row.returncode == 4
+    assert "both a value and a record for F'_ior at 4 N·m" in in_a_line(row.stdout)
+
+
+def test_the_guard_is_in_the_unit_of_its_row(rig):
+    value, limit = "K_1=1.2e5±5e3", "K_1=20 N*m/arcmin"
+    page = in_a_line(accepted(rig, "--value", value, "--limit", limit).stdout)
+    guard = float(re.findall(r"guard ([\d.]+)", page)[0])
+    assert guard == pytest.approx(GUARD * 2500 * np.pi / 180 / 60, rel=0.01)
+
+
+def test_a_turn_has_no_more_than_the_whole_cycle(rig):
+    limits = "--limit", "F_ior@4=60", "--limit", "turn_range@4=60"
+    for seed in range(3):
+        noise = np.random.default_rng(seed).standard_normal(len(TURNS))
+        error = 8 * np.cos(4 * np.pi * TURNS) + 0.5 * noise  # each turn alike: the greatest of 30 is more by its noise
+        (rig / "even.csv").write_text(text([360 * TURNS, error], "cam_deg,error_arcsec"))
+        checks = json.loads(accepted(rig, *limits, "--measured", "4=even.csv", "--json").stdout)["checks"]
+        value = {check["code"]: check["value"] for check in checks}
+        assert value["TURN_RANGE"] <= value["F_IOR"] + 1e-9
