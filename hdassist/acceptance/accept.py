@@ -29,6 +29,7 @@ from hdassist.acceptance.request import Inputs, LotRow, Request
 from hdassist.errors import GUARD, SEVERITY, DataError, HdassistError, UsageError, worst
 from hdassist.measuring.fit import COVERAGE_FACTOR
 from hdassist.model.deviations import unknown_names
+from hdassist.readers.table import NO_UNIT
 
 _QUARTER = 0.25  # of the limit: a test uncertainty ratio of 4 to 1
 
@@ -135,7 +136,8 @@ def _of_traces(inputs: Inputs, decisions: Sequence[DecidedCheck]) -> Iterator[No
             rise = max(direction.range.rise for direction in directions)
             more = f"; F'_ior may be {rise:.3g}″ greater in another cycle" if rise else ""
             yield Note("LINES", f"{where}: {', '.join(lines)} per cam turn{more}")
-        yield from (Note("RECORD", f"{where}: {text}") for text in measurement.warnings)
+        assumed = [note for note in measurement.notes if NO_UNIT in note]
+        yield from (Note("RECORD", f"{where}: {text}") for text in (*measurement.warnings, *assumed))
 
 
 def _of_decisions(

@@ -126,7 +126,7 @@ def _more_facts(answer: AcceptAnswer, predictions: Predictions | None) -> Iterat
         yield "samples", samples_words(predictions.samples) if predictions.samples else ""
         yield "exact", fitted_words(predictions.samples.prior) if predictions.samples else ""
     yield "reasons", "\n".join(f"{each.label}: {each.verdict}, {each.reason}" for each in answer.checks if each.reason)
-    yield "remarks", "\n".join(f"{note.code}: {note.text}" for note in answer.remarks)
+    yield "remarks", "\n".join(f"{note.code}: {note.text}" for note in answer.remarks if note.code != "RECORD")
     yield "version", f"{__version__}, preset sha256 {str(answer.preset.sha256)[:12]}"
     hashes = {each.file: each.sha256 for each in answer.measured} | {each.file: each.sha256 for each in answer.pitch}
     yield "files", "\n".join(f"{file}: sha256 {sha256[:12]}" for file, sha256 in hashes.items())
@@ -173,7 +173,8 @@ def _facts(answer: AcceptAnswer, predictions: Predictions | None, drive: Drive) 
     if predictions:
         yield steps_fact(predictions)
     codes = " ".join(dict.fromkeys(note.code for note in answer.remarks))
-    yield "remarks", f"hdassist explain {codes}" if codes else ""
+    records = [note.text for note in answer.remarks if note.code == "RECORD"]
+    yield "remarks", "\n".join([*records, f"hdassist explain {codes}"]) if codes else ""
     first = _by_severity(answer.checks)[0]
     if _is_open(first) and first.extent == "at least":
         turns = Kinematics.of(drive).cycle_cam_revolutions

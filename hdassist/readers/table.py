@@ -46,6 +46,7 @@ _MOST_TABLE_BYTES = 5_000_000
 SAMPLED_LINES = 300  # lines that settle how rows are written
 _FOREIGN_ROWS = 20  # that cannot be read, and most of those sampled: the file is no table of numbers
 _FOREIGN_HEAD = 3  # lines above the rows that are no names of columns
+NO_UNIT = "no unit given"  # in notes, before the one that is assumed
 _GREATEST = 1e30  # magnitude of a number: squares of it are still finite
 MAX_REMARKS = 1000  # remarks that are kept
 _DECIMAL_COMMA = re.compile(r"(?<=[0-9]),(?=[0-9])")
@@ -102,7 +103,7 @@ class NumberTable:
         sizes = next(sizes for sizes in (ANGLES, TIMES, TORQUES) if default in sizes)
         name = self.name(column)
         unit = unit_in(name, sizes)
-        self.notes.append(f'"{name}": {words}, {unit or f"no unit given, {default} assumed"}')
+        self.notes.append(f'"{name}": {words}, {unit or f"{NO_UNIT}, {default} assumed"}')
         return self.values[:, column] * sizes[unit or default]
 
     def add(self, line: int, column: int, path: str, message: str, got: str = "", hint: str = "") -> None:

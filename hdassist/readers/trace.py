@@ -20,7 +20,7 @@ from hdassist.errors import DataError, UsageError
 from hdassist.files import Readable
 from hdassist.model.geometry import Array
 from hdassist.preset.text import UnitError
-from hdassist.readers.table import NumberTable, read_numbers, shortened
+from hdassist.readers.table import NO_UNIT, NumberTable, read_numbers, shortened
 from hdassist.readers.words import ANGLES, COUNTS, angle_size, plain_unit, unit_in
 
 WHOLE_TURN_DEG = 360.0
@@ -538,6 +538,6 @@ def _in_unit(
     if asked is not None and named in ANGLES and named != column.unit:
         table.notes.append(f'"{name}": {asked} as asked for, though the name says {named}')
     elif asked is None and not named:
-        table.notes.append(f'"{name}": no unit given, {default} assumed ({option})')
+        table.notes.append(f'"{name}": {NO_UNIT}, {default} assumed ({option})')
     table.notes.append(f'"{name}": {words}, {column.unit}{" a turn" * column.in_counts}')
     return column

@@ -229,3 +229,19 @@ def test_a_turn_has_no_more_than_the_whole_cycle(rig):
         checks = json.loads(accepted(rig, *limits, "--measured", "4=even.csv", "--json").stdout)["checks"]
         value = {check["code"]: check["value"] for check in checks}
         assert value["TURN_RANGE"] <= value["F_IOR"] + 1e-9
+
+
+def test_an_assumed_unit_and_a_step_that_was_taken_off_are_on_the_page_and_in_json(rig):
+    error = CURVE(TURNS) + 0.3 * np.random.default_rng(1).standard_normal(len(TURNS))
+    (rig / "plain.csv").write_text(text([360 * TURNS, error], "angle,error"))
+    (rig / "stepped.csv").write_text(text([360 * TURNS, error + 50 * (TURNS > 12)], "cam_deg,error_arcsec"))
+    for name, words in (("plain", '"error": no unit given, arcsec assumed'), ("stepped", "the error steps by")):
+        asked = "--limit", "F_ior@4=60", "--measured", f"4={name}.csv"
+        page = in_a_line(accepted(rig, *asked).stdout)
+        assert f"{name}.csv, 4 N·m: " in page
+        assert words in page
+        assert "hdassist explain RECORD" in page
+        remarks = json.loads(accepted(rig, *asked, "--json").stdout)["remarks"]
+        assert any(note["code"] == "RECORD" and words in note["text"] for note in remarks)
+    clean = accepted(rig, "--limit", "F_ior@4=60", "--measured", "4=run.csv")
+    assert "RECORD" not in clean.stdout
