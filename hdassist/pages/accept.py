@@ -1,6 +1,7 @@
 """Acceptance of a drive, of a lot, or done again, as a report; each check in a sentence, in CSV and in JUnit XML."""
 
 import re
+import shlex
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, fields, replace
@@ -280,17 +281,25 @@ def _lot_facts(answers: Sequence[AcceptAnswer]) -> Iterator[Fact]:
     checks = sorted((check for answer in answers for check in answer.checks), key=lambda check: check.code)
     open_ = sorted({check.label for check in checks if _is_open(check)})
     yield "measure", f"{'; '.join(open_)}: open by its prediction, or by a part of the cycle" if open_ else ""
-    beyond = [
-        (each, check) for each in answers for check in each.checks if check.check is F_IOR and check.verdict == "FAIL"
+    failed = [
+        ((check.value or 0.0) / check.limit, place, check)
+        for place, answer in enumerate(answers)
+        for check in answer.checks
+        if check.check is F_IOR and check.verdict == "FAIL"
     ]
-    turning = ""
-    for first, check in beyond[:1]:
-        value = ("h0=VALUE" if check.basis == "predicted" or check.value is None else f"h0={check.value:g}",)
-        torque = ["--trial-torque", f"{check.M_g_Nm:g}"]
-        preset = first.request.preset if first.request else first.preset.name
-        more = f"; {len(beyond) - 1} more" * (len(beyond) > 1)
-        turning = again("mount", None, *value, *torque).replace("PRESET", preset)
-        yield "turn it", f"{title(first)}{more}"
+    worst = {place: (times, check) for times, place, check in sorted(failed, key=lambda each: each[0])}
+    turning, named = "", []
+    for place, (times, check) in sorted(worst.items(), key=lambda item: item[1][0]):  # what needs the least, first
+        request = answers[place].request
+        named.append(f"{title(answers[place])}, {times:.3g} times its limit")
+        if turning or request is None:
+            continue
+        value = "h0=VALUE" if check.basis == "predicted" or check.value is None else f"h0={check.value:g}"
+        sets = [word for text in request.overrides for word in ("--set", text)]
+        turning = shlex.join(["hdassist", "mount", request.preset, value, *sets, "--trial-torque", f"{check.M_g_Nm:g}"])
+    if named:
+        more = f"; {len(named) - _NAMED_CHECKS} more" * (len(named) > _NAMED_CHECKS)
+        yield "turn it", f"by the next command {'; '.join(named[:_NAMED_CHECKS])}{more}"
     yield "next", turning or _to_explain(checks)
 
 

@@ -83,7 +83,8 @@ def test_a_lot_on_paper_and_in_files(folder, here):
     assert "F'_ior at 1 N·m: 55.00 ± 1.00″, limit ≤ 40, margin" in page[1]
     words = in_a_line(result.stdout)
     assert "margin 0.20, guard 0.82, stated; within the guard band" in words
-    assert f"turn it 17-2 next hdassist mount {SMALL} h0=55 --trial-torque 1" in words
+    turning = f"next hdassist mount {SMALL} h0=55 --trial-torque 1"
+    assert f"turn it by the next command 17-2, 1.38 times its limit {turning}" in words
     assert "lot.csv:5:10: measured@4: no such file: gone.csv" in page[3]
     for words in (
         "error: 17-4: lot.csv:5:10: measured@4: no such file: gone.csv",
@@ -475,3 +476,15 @@ def test_drives_with_one_record_are_named_and_a_fault_of_all_rows_is_written_onc
     assert code == 4
     assert told.count("preset: missing") == 1
     assert "note: the same of 2 more rows" in told
+
+
+def test_the_drive_nearest_to_its_limit_is_turned_first_and_all_say_how_far_they_are(folder, here):
+    rows = [
+        "serial;F_ior@1;limit F_ior@1;F_ior@4;limit F_ior@4;phases.xi_b",
+        "far;50±1;0,5;;;",
+        "near;50±1;40;60±1;30;61",
+    ]
+    (folder / "lot.csv").write_text("\n".join(rows) + "\n")
+    words = in_a_line(here(*MEASURED)[1])
+    turning = f"next hdassist mount {SMALL} h0=60 --set phases.xi_b=61 --trial-torque 4"
+    assert f"turn it by the next command near, 2 times its limit; far, 100 times its limit {turning}" in words
