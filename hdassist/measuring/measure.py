@@ -54,7 +54,7 @@ from hdassist.measuring.slopes import (
 from hdassist.measuring.terms import BINS_PER_COLUMN, Bins, SlowTerms, bins_of, curve_of, travel_of
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
-from hdassist.readers.trace import MeasuredTrace, TraceForm, read_record, sweeps, trace_of
+from hdassist.readers.trace import BY_ORDER, MeasuredTrace, TraceForm, read_record, sweeps, trace_of
 from hdassist.run.kept import ClosedRecord
 
 _DRIFTS = {"none": 0, "linear": 1, "quadratic": 2}
@@ -413,6 +413,8 @@ class _RecordUnderway:
         if not (self.may_be_noise or (fit.clear_of_noise and extent.value > COVERAGE_FACTOR * alone)):
             message = f"F'_ior of {max(extent.value, 0.0):.3g}″ is not clear of its noise, u = {alone:.3g}″"
             hint = "it drifts: --drift linear" if drift_left else "record longer or with less noise; check the column"
+            if BY_ORDER in trace.notes:
+                hint = f"{BY_ORDER} in arcsec; of a second encoder at the output: --second 2"
             raise UntrustedError(f"{trace.file}: {message}", hint, Fault.ORDERS_UNTOLD)
         rows = trace.rows
         drifted = fit.design.drift_at(fit.drift, trace.cam_deg[rows] / 360, travel_of(trace)[rows])

@@ -49,6 +49,8 @@ _FOREIGN_HEAD = 3  # lines above the rows that are no names of columns
 NO_UNIT = "no unit given"  # in notes, before the one that is assumed
 _GREATEST = 1e30  # magnitude of a number: squares of it are still finite
 MAX_REMARKS = 1000  # remarks that are kept
+_SHAFTS = ("cam", "output", "angle", "error")  # contents of a column of a record
+_SEPARATOR_LINE = re.compile(r'"?sep=(?:.|\\t)"?[;,\s]*', re.IGNORECASE)  # which Excel writes above a table
 _DECIMAL_COMMA = re.compile(r"(?<=[0-9]),(?=[0-9])")
 
 _Cells = NDArray[np.float64]
@@ -257,6 +259,10 @@ class _Rows:
         sample = self.waiting[:SAMPLED_LINES]
         separator = separator_of([line.text for line in sample])
         cells = [cells_of(line.text, separator) for line in sample]
+        if (above := _preamble(cells)) and not _program_of([line.text for line in sample]):
+            left = shortened([line.number for line in sample[:above]])
+            self.table.notes.append(f"left out, above the line of names: lines {left}")
+            self.waiting, sample, cells = self.waiting[above:], sample[above:], cells[above:]
         rows = [(line.number, row) for line, row in zip(sample, cells, strict=True) if has_numbers(row)]
         first = sample[0] if sample else TableLine(1, "", 0)
         if not rows:
@@ -274,6 +280,9 @@ class _Rows:
         elif line and named:
             message = f"the line of names does not fit {self.width} columns"
             hint = "one name for each column, separated as the rows are"
+            empty = [cell.text for cell in cells[0][self.width :]]
+            if empty and all(each.text.rstrip().endswith(separator) for each in sample[1:]):
+                message, hint = f"nothing is written in {', '.join(empty)}", "fill it in, or leave out its name"
             self.table.add(line.number, 1, "", message, line.text.strip(), hint)
         self.separator = separator
         self._settle_decimal(cells)
@@ -368,12 +377,31 @@ class _Rows:
 def _lines(first: int, part: str, table: NumberTable) -> Iterator[TableLine]:
     """Lines of a part of a text that are not blank; one that is too long is added to the findings of the table."""
     for number, line in enumerate(part.split("\n"), first):
-        if not line.strip(' ;,\t"\x1a'):
+        if not line.strip(' ;,\t"\x1a') or (number == 1 and _SEPARATOR_LINE.fullmatch(line)):
             continue
         if len(line) > MAX_LINE:
             table.add(number, 1, "", f"a line of {len(line)} characters", line, "one row on each line")
         else:
             yield TableLine.of(number, line)
+
+
+def _preamble(cells: Sequence[Sequence[Cell]]) -> int:
+    """Number of lines above the names that an instrument writes; 0 where the line of names is not sure.
+
+    It is sure where numbers alone follow, in as many columns, and a name in it is known, as that of no line above it.
+    """
+    rows = next((k for k, row in enumerate(reversed(cells)) if not _is_row(row, len(cells[-1]))), len(cells))
+    names = len(cells) - rows - 1
+    if names < 1 or rows < _FOREIGN_ROWS or len(cells[names]) != len(cells[-1]) or has_numbers(cells[names]):
+        return 0
+    known = [
+        any(role_in(cell.text) in _SHAFTS for cell in row) and len(row) == len(cells[-1]) for row in cells[: names + 1]
+    ]
+    return names if known[-1] and not any(known[:-1]) else 0
+
+
+def _is_row(row: Sequence[Cell], width: int) -> bool:
+    return len(row) == width and not any(fault_of(cell.text, decimal_mark_in(cell.text) or ".")[0] for cell in row)
 
 
 def shortened(numbers: Sequence[int], most: int = 5) -> str:

@@ -16,7 +16,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from hdassist.errors import DataError, UsageError
+from hdassist.errors import DataError, PresetError, UsageError
 from hdassist.files import Readable
 from hdassist.model.geometry import Array
 from hdassist.preset.text import UnitError
@@ -33,6 +33,7 @@ _WIDEST_TURN_BACK = 2.5  # median steps: how far a reading may lie off those aro
 _FEW_ROWS = 5  # fewer rows are no move
 _SPIKE = 10.0  # median steps: longest first step after a restart
 _Angles = NDArray[np.float64]
+BY_ORDER = "columns by their order: cam angle, error"  # where none has a name
 MAX_TRACE_BYTES = 100_000_000
 _ARCSEC_PER_DEG = 3600.0
 LARGEST_ERROR = 7200.0  # arcsec, range of an error
@@ -304,7 +305,12 @@ def read_record(source: Readable, form: TraceForm) -> NumberTable:
     """
     form.require_sound()
     table = read_numbers(source, ("angle", "error"), MAX_TRACE_BYTES, lenient=form.robust)
-    table.require_sound()
+    try:
+        table.require_sound()
+    except PresetError as error:
+        if not form.robust and len(table.lines) >= _FEWEST_ROWS and any(each.path for each in table.findings):
+            error.hint = "--robust leaves out rows that are no readings"
+        raise
     if table.left_out:
         table.notes.append(f"left out, no readings: lines {shortened(table.left_out)}")
     return table
@@ -397,12 +403,16 @@ def _angle(
     angle = readings * (column.size / _ARCSEC_PER_DEG)
     if not np.ptp(angle):
         raise table.fault("a constant column", "check the column of the angle", 0, column.index)
-    if wrap is None and (wrap := _guessed_wrap(angle, abs(column.size) / _ARCSEC_PER_DEG)):
-        table.notes.append(f'"{table.name(column.index)}" begins again after {wrap:g} deg: joined')
+    guess = _guessed_wrap(angle, abs(column.size) / _ARCSEC_PER_DEG) if wrap is None else None
     try:
-        return angle if wrap is None else _unwrapped(angle, wrap, other)
+        joined = angle if (wrap or guess) is None else _unwrapped(angle, wrap or guess or WHOLE_TURN_DEG, other)
     except AngleError as wrong:
+        if guess and guess != WHOLE_TURN_DEG:  # no counter that begins again: the rows are out of order
+            return angle
         raise table.fault(wrong.message, wrong.hint, wrong.row, column.index) from None
+    if guess:
+        table.notes.append(f'"{table.name(column.index)}" begins again after {guess:g} deg: joined')
+    return joined
 
 
 def _beside(table: NumberTable, role: str, default: str) -> Array | None:
@@ -488,7 +498,7 @@ def _columns(table: NumberTable, form: TraceForm) -> tuple[_TraceColumn, _TraceC
     kinds = table.roles or [""] * table.values.shape[1]
     if len(kinds) == 2 and not any(kinds):
         kinds = ["cam", "error"]
-        table.notes.append("columns by their order: cam angle, error")
+        table.notes.append(BY_ORDER)
     kind = next((kind for kind in ("cam", "angle", "output") if kind in kinds), "angle")
     angle = _column(table, form.angle, kinds, kind, "angle")
     shaft: _Shaft = form.angle_of or ("output" if kinds[angle] == "output" else "cam")

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hdassist.errors import DataError, UsageError
+from hdassist.errors import DataError, PresetError, UsageError
 from hdassist.readers.trace import MeasuredTrace, TraceForm, read_trace, sweeps
 from hdassist.readers.words import role_in, unit_in
 from tests.rigs import text
@@ -338,3 +338,38 @@ def test_words():
     assert [role_in(name) for name in names] == ["cam", "output", "error", "cam", "error", "time", "angle", "error"]
     units = ("angle [°]", "error/µrad", "err_mdeg", "error (arcsec)", "angle", "d", "phi rad")
     assert [unit_in(name) for name in units] == ["deg", "urad", "mdeg", "arcsec", "", "", "rad"]
+
+
+def test_lines_that_bench_software_writes_above_the_names_are_left_out():
+    plain = read_trace(PLAIN.encode())
+    by_excel = read_trace(b"sep=,\n" + PLAIN.encode())
+    assert np.array_equal(by_excel.error_arcsec, plain.error_arcsec)
+    head = "Rig 4;Operator: A\nDate;2026-11-20\nChannel 1;ok;fine\n"
+    of_bench = read_trace((head + PLAIN.replace(",", ";")).encode())
+    assert np.array_equal(of_bench.cam_deg, plain.cam_deg)
+    assert "left out, above the line of names: lines 1, 2, 3" in of_bench.notes
+    assert of_bench.line[0] == 5
+    units = PLAIN.replace("\n", "\n(deg),(arcsec)\n", 1)
+    assert "2:1: a line of text among the rows" in fault(units)  # which of the lines has the names is not sure
+
+
+def test_rows_out_of_order_are_no_counter_that_begins_again():
+    angle = 9.0 * np.arange(4000)[np.random.default_rng(0).permutation(4000)]
+    assert "the angle runs backwards" in fault(text([angle, np.tile(ERROR, 10)], "cam_deg,err"))
+
+
+def test_a_record_that_is_not_filled_in_says_so():
+    rows = "".join(f"{9 * k},1,\n" for k in range(40))
+    words = "1:1: nothing is written in actual_deg (got target_deg,side,actual_deg; fill it in, or leave out its name)"
+    assert words in fault(f"target_deg,side,actual_deg\n{rows}")
+
+
+def test_rows_without_a_reading_name_the_option_that_leaves_them_out():
+    rows = PLAIN.splitlines()
+    rows[10] = "nan,1"
+    with pytest.raises(PresetError) as caught:
+        read_trace("\n".join(rows).encode())
+    assert caught.value.hint == "--robust leaves out rows that are no readings"
+    with pytest.raises(PresetError) as caught:  # where no cell has a fault nothing is to be left out
+        read_trace(("target_deg,side,actual_deg\n" + "9,1,\n" * 40).encode())
+    assert caught.value.hint == ""
