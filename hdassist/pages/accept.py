@@ -19,9 +19,10 @@ from hdassist.acceptance.answer import (
 )
 from hdassist.acceptance.decision import Belief, DecidedCheck, Predictions
 from hdassist.acceptance.limits import F_IOR, Limit, LimitText
-from hdassist.acceptance.request import Lot
+from hdassist.acceptance.request import Lot, torque_and_file
 from hdassist.errors import GUARD, SEVERITY, DataError, percent_text, worst_exit_code
-from hdassist.files import visible
+from hdassist.files import number_of, visible
+from hdassist.measuring.orders import STATED, parse_stated
 from hdassist.model.geometry import Kinematics
 from hdassist.pages.check import fitted_words, influence_at, steps_fact, steps_table
 from hdassist.preset.fields import Drive
@@ -178,10 +179,25 @@ def _facts(answer: AcceptAnswer, predictions: Predictions | None, drive: Drive) 
     yield "remarks", "\n".join([*records, f"hdassist explain {codes}"]) if codes else ""
     first = _by_severity(answer.checks)[0]
     if _is_open(first) and first.extent == "at least":
-        turns = Kinematics.of(drive).cycle_cam_revolutions
-        yield "measure", f"the full cycle, {turns} cam turns: a part of it can fail a drive, and never pass it"
+        of, travel = Kinematics.of(drive), drive.acceptance.travel
+        turns = travel * abs(of.u) / 360
+        whole = f"the full cycle, {of.cycle_cam_revolutions} cam turns"
+        if turns < of.cycle_cam_revolutions:
+            whole = f"all of the travel, {travel:g}° of the output, {turns:.4g} cam turns"
+        yield "measure", f"{whole}: a part of it can fail a drive, and never pass it"
     measured = _is_open(first) or (first.basis == "predicted" and first.verdict != "FAIL")
-    yield "next", f"{again('accept', drive)} {first.option}" if measured else _to_explain(answer.checks)
+    yield "next", _with_measured(first, answer, drive) if measured else _to_explain(answer.checks)
+
+
+def _with_measured(check: DecidedCheck, answer: AcceptAnswer, drive: Drive) -> str:
+    """The same command with a value of a check that is still to be measured, in place of a record at its torque."""
+    if not (answer.request and check.option.startswith("--measured")):
+        return f"{again('accept', drive)} {check.option}"
+    torques = {text: torque_and_file(text)[0] for text in answer.request.measured}  # empty: that of the only limit
+    others = [text for text, torque in torques.items() if torque and number_of(torque) != check.M_g_Nm]
+    command = again("accept", drive, *(word for text in others for word in ("--measured", text)), *check.option.split())
+    unstated = [name for name in STATED if name not in parse_stated(answer.request.reading.budget)]
+    return command + (f" --budget {','.join(f'{name}=U' for name in unstated)}" if unstated else "")
 
 
 def _sentence(check: DecidedCheck) -> str:

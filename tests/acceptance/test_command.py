@@ -245,3 +245,16 @@ def test_an_assumed_unit_and_a_step_that_was_taken_off_are_on_the_page_and_in_js
         assert any(note["code"] == "RECORD" and words in note["text"] for note in remarks)
     clean = accepted(rig, "--limit", "F_ior@4=60", "--measured", "4=run.csv")
     assert "RECORD" not in clean.stdout
+
+
+def test_the_next_command_replaces_the_record_that_leaves_a_check_open(rig):
+    asked = "--limit", "F_ior@4=60", "--limit", "F_ior@1=60", "--measured", "1=run.csv", "--measured", "4=part.csv"
+    page = in_a_line(accepted(rig, *asked).stdout)
+    assert "--measured 1=run.csv --measured 4=FILE" in page
+    assert "part.csv --measured" not in page
+    again = accepted(rig, *asked[:6], "--measured", "4=run.csv", "-q")
+    assert (again.returncode, again.stdout) == (0, "PASS\n")
+    silent = in_a_line(run("accept", SMALL, "--measured-only", *asked[:2], *asked[6:], cwd=rig).stdout)
+    assert "--measured 4=FILE --budget encoder=U,coupling=U,reseating=U,temperature=U" in silent
+    travel = in_a_line(accepted(rig, *asked, "--set", "acceptance.travel=180").stdout)
+    assert "all of the travel, 180° of the output, 15 cam turns" in travel
