@@ -12,6 +12,7 @@ of keeping the limit over all that is not known exactly. That is no decision on 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -260,6 +261,12 @@ def order_place(kinematics: Kinematics, order: float) -> int:
     return place
 
 
+def _with_points(text: str) -> str:
+    """A value with decimal points in place of commas, where none of these may stand between thousands."""
+    may_be_thousands = "." in text or re.search(r"(?<![0-9,])[1-9][0-9]{0,2}(,[0-9]{3})+(?![0-9])", text)
+    return text if may_be_thousands else re.sub(r"(?<=[0-9]),(?=[0-9])", ".", text)
+
+
 @dataclass(frozen=True)
 class AcceptedValue(ClosedRecord):
     """A measured or predicted value with its uncertainty; unknown without arguments.
@@ -300,7 +307,7 @@ class AcceptedValue(ClosedRecord):
             hint = f"like {given.text if isfinite(number_of(given.text)) else 28.1}±1.2: expanded, k = 2; ±0 for none"
             raise UsageError(f"--value {given}: without its uncertainty", hint)
         try:
-            value, expanded = read_spread(given.text, limit.check.unit)
+            value, expanded = read_spread(_with_points(given.text), limit.check.unit)
         except UnitError as error:
             raise UsageError(f"--value {given}: {error.message}", error.hint) from None
         if value < 0:

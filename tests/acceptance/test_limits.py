@@ -85,10 +85,12 @@ def test_words_of_stated_values():
     first, second, *_, lost = limits_of(drive)
     told = stated_values(["F_ior@4=8.1 ± 0.4", "lost_motion=1+-6 arcsec"], drive)
     assert told == {second: stated(8.1, 0.2), lost: stated(1.0, 3.0)}
+    assert stated_values(["F_ior@4=8,1±0,4", "lost_motion=1±6,0"], drive) == told
     assert next(iter(stated_values(["order_2@1=3±1"], drive))).per_cam_rev == 2
     for bad, why in (
         ("F_ior=8±1", "at which torque"), ("lost_motion=3", "without its uncertainty"), ("K_1=3±1", "no such limit"),
         ("F_ior@5=8±1", "no such limit"), ("lost_motion=x±1", "must be a number"),
+        ("lost_motion=1,234±1", "number"), ("lost_motion=1.5±0,5", "number"),
         ("F_ior@4=-8±1", "cannot be below zero"),
     ):  # fmt: skip
         with pytest.raises(UsageError, match=why):

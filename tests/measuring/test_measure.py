@@ -11,7 +11,8 @@ from hdassist.acceptance.limits import Limit
 from hdassist.errors import DataError, UntrustedError, UsageError
 from hdassist.measuring.measure import measure
 from hdassist.measuring.orders import combined, parse_stated
-from tests.rigs import EVEN, PER_TURN, RATIO, even_wave, recorded, simulated, turn_range, whole_range
+from hdassist.readers.trace import read_trace
+from tests.rigs import EVEN, PER_TURN, RATIO, even_wave, recorded, simulated, text, turn_range, whole_range
 from tests.support import rounding
 
 
@@ -52,6 +53,13 @@ def test_known_ranges_lie_within_the_stated_uncertainty():
 def test_what_cannot_be_trusted_is_not_given(turns, error, words):
     with pytest.raises((UntrustedError, DataError), match=words):
         measure(recorded(turns, error), ratio=100)
+
+
+def test_columns_read_by_their_order_are_named_where_they_tell_nothing():
+    noise = np.random.default_rng(0).standard_normal(600)
+    with pytest.raises(UntrustedError) as caught:
+        measure(read_trace(text([360 * EVEN, noise], "").lstrip().encode()), ratio=100)
+    assert caught.value.hint.startswith("columns by their order: cam angle, error in arcsec; of a second encoder")
 
 
 def test_steps_too_long_for_an_order():
