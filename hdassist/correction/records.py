@@ -33,7 +33,10 @@ from hdassist.solve.answers import EMPTY, Certificate
 _BEND_TURNS = 0.1  # of the cam, beyond the ends of a travel, in which the error bends from going on to its mirror image
 RECORDED_DRAWS = 64  # drives that agree with a record
 _LEAST_LINE = 0.02  # of the mean square of lines: that of each one by a misfit
-_ROUNDS = 3  # of least squares: readings that are not quite even mix lines
+_USUAL_GAP = 0.5  # share of the cycle in gaps between readings that are no wider: lines are what that one resolves
+_IMAGE = 0.5  # of a wave: a share that readings see of it in another one, from which that is its image
+_ROUNDS = 4  # of least squares, at most: readings that are not quite even mix lines
+_SOLVED = 1e-5  # of the slope of least squares, that is left
 _FINER = 32  # times the points of curves, at which places are told apart
 _WIDEST_GAP = 2  # steps between readings: in the middle of a wider gap the error counts as not read, and as 0
 _LEAST_REPEATS = 20  # readings beyond those that lines can follow, from which noise is known
@@ -104,39 +107,72 @@ class RecordedError:
         count, places = finer * POINTS_A_TURN * cycle, np.mod(self.cam_turns / cycle, 1)
         return np.asarray(np.rint(places * count).astype(np.int64) % count)
 
-    def weights(self, kinematics: Kinematics) -> Array:
-        """Shares of the full cycle that readings stand for: to the middle between each and the next."""
+    def _gaps(self, kinematics: Kinematics) -> tuple[NDArray[np.int64], Array]:
+        """Readings in the order of their places in the full cycle, and the gap behind each, as a share of it.
+
+        Of a gap that is too wide no more than counts as read.
+        """
         cycle = kinematics.cycle_cam_revolutions
         places = np.mod(self.cam_turns / cycle, 1)
         order = np.argsort(places, kind="stable")
         gaps = np.diff(places[order], append=places[order[0]] + 1)
-        gaps = np.minimum(gaps, _WIDEST_GAP * np.ptp(self.cam_turns) / cycle / len(places))
-        found = np.empty(len(places))
+        return order, np.minimum(gaps, _WIDEST_GAP * np.ptp(self.cam_turns) / cycle / len(places))
+
+    def weights(self, kinematics: Kinematics) -> Array:
+        """Shares of the full cycle that readings stand for: to the middle between each and the next."""
+        order, gaps = self._gaps(kinematics)
+        found = np.empty(len(order))
         found[order] = (gaps + np.roll(gaps, 1)) / 2
         return found
 
     def apart(self, lines: ErrorLines) -> Array:
         """The readings less the mean of lines [arcsec]."""
+        return self.error_arcsec - self._read(lines, lines.amplitude.mean(axis=0))
+
+    def _read(self, lines: ErrorLines, amplitude: Complex) -> Array:
+        """A curve [arcsec] of amplitudes of lines at the readings."""
         points = _FINER * POINTS_A_TURN * lines.kinematics.cycle_cam_revolutions
         spectrum = np.zeros(points // 2 + 1, dtype=complex)
-        spectrum[lines.per_cycle] = lines.amplitude.mean(axis=0)
-        curve = np.fft.irfft(spectrum, points) * (points / 2)
-        return self.error_arcsec - curve[self.points(lines, _FINER)]
+        spectrum[lines.per_cycle] = amplitude
+        return (np.fft.irfft(spectrum, points) * (points / 2))[self.points(lines, _FINER)]
 
     def lines(self, kinematics: Kinematics) -> ErrorLines:
-        """Its lines by least squares, as many as it tells apart and curves have: those of one drive."""
+        """Its lines by least squares, as many as it tells apart and curves have: those of one drive.
+
+        Those are as many as the usual gap between readings resolves, and as have no image among each other: readings
+        of two sweeps in pairs close together see the waves of one sweep. Conjugate gradients, as uneven readings mix
+        lines; few rounds, so that the error stays small where none was read.
+        """
         cycle = kinematics.cycle_cam_revolutions
-        steps = len(self.cam_turns) - 1
-        count = round(steps / max(steps / (steps + 1), np.ptp(self.cam_turns) / cycle))
-        often = np.arange(1, min(count // 2 + 1, POINTS_A_TURN * cycle // 2))
-        whole = np.where(2 * often < count, 2.0, 1.0)  # the last one has no sine at even readings
-        found = ErrorLines(kinematics, often, np.zeros((1, len(often)), dtype=complex), EMPTY)
-        points, weights = self.points(found, _FINER), self.weights(kinematics)
+        gaps, weights = np.sort(self._gaps(kinematics)[1]), self.weights(kinematics)
+        usual = gaps[np.searchsorted(np.cumsum(gaps), _USUAL_GAP * gaps.sum())]
+        finest = min(min(round(1 / usual), len(gaps)) // 2 + 1, POINTS_A_TURN * cycle // 2)
+        found = ErrorLines(kinematics, np.arange(1, finest), np.zeros((1, finest - 1), dtype=complex), EMPTY)
+        points, total = self.points(found, _FINER), weights.sum()
+        window = np.abs(np.fft.rfft(np.bincount(points, weights, _FINER * POINTS_A_TURN * cycle)))[: 2 * finest]
+        alike = window > _IMAGE * total
+        apart = int(np.argmin(alike))  # of part of the cycle, neighbours are alike, and no images
+        images = np.flatnonzero(alike[apart:])
+        often = found.per_cycle[: (apart + int(images[0]) - 1) // 2] if len(images) else found.per_cycle
+        found = replace(found, per_cycle=often)
+
+        def slope(left: Array) -> Complex:
+            put = np.bincount(points, weights * (left - weights @ left / total), _FINER * POINTS_A_TURN * cycle)
+            return np.asarray(np.fft.rfft(put)[often])
+
+        amplitude, left = np.zeros(len(often), dtype=complex), self.error_arcsec
+        down = way = slope(left)
+        power = first = float(np.vdot(down, down).real)
         for _ in range(_ROUNDS):
-            apart = self.apart(found)
-            put = np.bincount(points, weights * (apart - apart.mean()), _FINER * POINTS_A_TURN * cycle)
-            found = replace(found, amplitude=found.amplitude + whole * np.fft.rfft(put)[often])
-        return found
+            if power <= _SOLVED**2 * first:
+                break
+            curve = self._read(found, way)
+            bend = slope(curve)
+            size = power / float(np.vdot(way, bend).real)
+            amplitude, down, before = amplitude + size * way, down - size * bend, power
+            power = float(np.vdot(down, down).real)
+            way = down + power / before * way
+        return replace(found, amplitude=amplitude[None])
 
     def noise(self, lines: ErrorLines) -> tuple[int, float]:
         """Number of readings beyond those that lines can follow, and the variance of noise [arcsec^2]."""
