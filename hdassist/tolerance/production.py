@@ -101,9 +101,19 @@ class ProductionLaw:
         return {f.path: float(f.value(np.array(s))) for f, s in zip(self.own, rng.random(len(self.own)), strict=True)}
 
     def scaled(self, factors: Mapping[str, float]) -> ProductionLaw:
-        """The same law with some tolerances that many times as great."""
-        own = tuple(replace(f, high=f.high * factors[f.path]) if f.path in factors else f for f in self.own)
-        return replace(self, own=own)
+        """The same law with some tolerances that many times as great; bounds that are assumed from these follow."""
+        high = {f.path: f.high * factors[f.path] for f in self.tolerances if f.path in factors}
+        following = {f.path: f for f in prior_of(self.drive.with_values(high)).fields}
+        own = (
+            replace(f, high=high.get(f.path, f.high)) if isinstance(f, TolerancedSize) else following.get(f.path, f)
+            for f in self.own
+        )
+        return replace(self, own=tuple(own))
+
+    def following(self, path: str) -> list[str]:
+        """Paths of the sizes whose bound is assumed from a tolerance, by its path."""
+        pairs = zip(self.own, self.scaled({path: TIGHTER_STEP}).own, strict=True)
+        return [before.path for before, after in pairs if before.path != path and before.high != after.high]
 
 
 def production_law(

@@ -329,8 +329,15 @@ class Allocator:
         if not some:
             raise UntrustedError(f"none of {len(records)} drives has an answer: {records[0].refused}")
         F_ior = np.array([record.best_F_ior_arcsec for record in some])
-        tighter = np.array([[(record.tighter or {})[choice.path] for choice in self.choices] for record in some])
-        slopes = (F_ior[:, None] - tighter) / (1 - TIGHTER_STEP)
+        law = self.production.law
+        tighter = {path: np.array([(record.tighter or {})[path] for record in some]) for path in law.sizes}
+        slopes = np.stack(
+            [
+                sum((F_ior - tighter[path] for path in law.following(choice.path)), F_ior - tighter[choice.path])
+                for choice in self.choices
+            ],
+            axis=1,
+        ) / (1 - TIGHTER_STEP)
         designs = np.array([record.design for record in records])
         places = np.unique(designs)
         weights = np.array([self.production.designs[k][1] for k in places])

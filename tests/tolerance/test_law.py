@@ -45,6 +45,16 @@ def test_a_drive_is_the_same_whatever_is_drawn_beside_it(tiny: Drive) -> None:
     }
 
 
+def test_bounds_that_are_assumed_from_a_tolerance_follow_it_as_in_a_preset_that_has_the_tighter_one() -> None:
+    drive = load_preset(TINY, ["harmonics.a_b2=unknown", "harmonics.a_b3=unknown"])
+    law, F_i2 = production_law(drive), drive.number("tolerances.F_i2")
+    assert law.following("tolerances.F_i2") == ["harmonics.a_b2", "harmonics.a_b3"]
+    assert law.following("tolerances.e_hb") == []
+    tighter = production_law(drive.with_values({"tolerances.F_i2": 0.5 * F_i2}))
+    scaled = law.scaled({"tolerances.F_i2": 0.5})
+    assert [(f.path, f.low, f.high) for f in scaled.own] == [(f.path, f.low, f.high) for f in tighter.own]
+
+
 def test_given_sizes_go_up_to_their_tolerance_and_directions_are_any(tiny: Drive) -> None:
     found = {f.path: f for f in production_law(tiny).own}
     assert found["tolerances.e_hb"] == size("rayleigh", 30.0)
