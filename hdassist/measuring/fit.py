@@ -182,7 +182,8 @@ class TraceFit:
         The mean is over whole turns of the output, or over the record where it is part of one.
         """
         pair = self.pair(own)
-        square = self.mean_square(own) if self.design.slow.by_angle else np.eye(len(pair))
+        slow = self.design.slow
+        square = self.mean_square(own) if slow.by_angle or slow.ridge else np.eye(len(pair))
         order, amplitude, uncertainty, phase = self.wave(own, square)
         noise = square @ self.covariance(pair)
         spread = float(np.hypot(2 * amplitude * uncertainty, np.sqrt(2 * np.trace(noise @ noise))))

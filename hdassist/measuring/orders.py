@@ -441,13 +441,12 @@ def image_change(fit: TraceFit, turns: Array) -> float:
     for their images up to HIGHEST_IMAGE.
     """
     rate, start, evenness = even_readings(fit.bins)
-    image = rate - fit.orders
-    hidden = (image > fit.orders) & (image <= _HIGHEST_IMAGE)
+    image, order = rate - fit.orders, np.rint(fit.orders)
+    hidden = (rate - order > order) & (rate - order <= _HIGHEST_IMAGE)  # an order with all of its beats, or none
     if evenness < EVEN or not hidden.any():
         return 0.0
     turns = np.concatenate([turns, turns + 1 / (2 * _POINTS_PER_PERIOD * fit.orders[-1])])  # images are finer
-    each = np.unique(np.rint(fit.orders[hidden]))
-    taken = np.column_stack([hidden, *(hidden & (np.rint(fit.orders) == order) for order in each)])
+    taken = np.column_stack([hidden, *(hidden & (order == n) for n in np.unique(order[hidden]))])
     turned = (fit.coefficients.reshape(2, -1).T @ [1, -1j] * np.exp(2j * np.pi * rate * start)).conj()[:, None] * taken
     curves = curve_of(np.concatenate([turned.real, -turned.imag]), image, turns)
     kept = np.tile(~taken, (2, 1)) * fit.coefficients[:, None]

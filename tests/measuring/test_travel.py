@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from benchmarks.joints import RATIO, Joint, JointStudy
@@ -11,6 +12,7 @@ from hdassist.measuring.measure import measure
 from hdassist.measuring.orders import STATED, Gearing, gearing_of
 from hdassist.preset.fields import Acceptance
 from tests.acceptances import accept
+from tests.rigs import recorded
 
 NOTHING = dict.fromkeys(STATED, 0.0)
 
@@ -30,6 +32,19 @@ def test_ranges_of_joints_are_held(travel_deg):
         study.add(Joint(seed, travel_deg), travel_deg)
     assert (study.held, study.false_pass, study.false_fail) == (4, 0, 0)
     assert abs(study.bias) / 4 < 0.03
+
+
+@pytest.mark.parametrize("output_deg", [150.0, 200.0])
+def test_orders_of_the_cam_are_those_of_the_same_record_without_a_travel(output_deg: float):
+    """Orders nearer than the travel tells apart cancel each other: together they are no more than the error is."""
+    turns = np.arange(0, output_deg / 360 * RATIO, 1 / 36)
+    cam, output = 2 * np.pi * turns, 2 * np.pi * turns / RATIO
+    error = 8 * np.cos(2 * cam) + 3 * np.cos(2 * cam + output + 1) + 1.5 * np.cos(cam + 0.7) + 2 * np.cos(output + 0.5)
+    record = recorded(turns, error + 0.5 * np.random.default_rng(3).standard_normal(len(turns)))
+    (joint,), (alone,) = (measure(record, ratio=RATIO, travel_deg=travel).directions for travel in (output_deg, None))
+    sizes = [[each.amplitude_arcsec for each in found.orders_of_cam] for found in (joint, alone)]
+    assert sizes[0] == pytest.approx(sizes[1], abs=0.5)  # noise of 0.5 in 26 waves of each
+    assert max(sizes[0]) == pytest.approx(np.sqrt(2 * np.var(error - 2 * np.cos(output + 0.5))), rel=0.15)
 
 
 def test_less_than_the_travel_is_a_lower_bound():
