@@ -356,7 +356,7 @@ class DecidedCheck(AcceptedValue, Limit):
     """A value and the limit that it is held against, as the files of `hdassist accept` have them.
 
     guard: band on each side of the limit; limit_is: "greatest" or "least" value allowed; margin: room that the value
-    leaves to it; reason: None where the verdict is plain.
+    leaves to it, or at_most where a lower bound is not beyond it; reason: None where the verdict is plain.
     """
 
     guard: float
@@ -372,8 +372,10 @@ def decide(limit: Limit, held: AcceptedValue, rule: Rule, sure: float) -> Decide
     known = held.value is not None and held.basis != "predicted"
     held = replace(held, expanded_uncertainty=(held.expanded_uncertainty or 0.0) if known else None)
     guard = GUARD * (held.expanded_uncertainty or 0.0) / COVERAGE_FACTOR if rule == "guard" else 0.0
-    margin = None if held.value is None else limit.room(held.value)
-    verdict, reason = _verdict(held, margin, guard, rule, sure)
+    room = margin = None if held.value is None else limit.room(held.value)
+    verdict, reason = _verdict(held, room, guard, rule, sure)
+    if held.at_most is not None and verdict is not Verdict.FAIL:
+        margin = limit.room(held.at_most)
     return DecidedCheck(
         **vars(limit),
         **vars(held),

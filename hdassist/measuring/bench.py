@@ -22,7 +22,7 @@ from hdassist.files import number_of
 from hdassist.measuring.orders import BIAS_SHARE
 from hdassist.model.geometry import Array
 from hdassist.readers.table import NumberTable
-from hdassist.readers.trace import WHOLE_TURN_DEG, AngleError, sweeps
+from hdassist.readers.trace import LARGEST_ERROR, WHOLE_TURN_DEG, AngleError, sweeps
 from hdassist.readers.words import TURN_ARCSEC
 
 _LOOP_SHARE = 0.04  # of the rated torque, to each side: between them lies the lost motion
@@ -81,7 +81,7 @@ class StatedQuantity:
 class SeenRange:
     """What positions tell of F'_ior [arcsec]: the range that they see, which is a lower bound, and more by their plan.
 
-    uncertainty_arcsec: standard, None without repetition and without that of a plan; seen: share of F'_ior that they
+    uncertainty_arcsec: standard, with that of a plan, None without repetition; seen: share of F'_ior that they
     see, at 5, 50 and 95 % of drives and starts, empty without a plan; M_g: torque of the plan [N*m].
     """
 
@@ -123,7 +123,11 @@ def bench_record(table: NumberTable) -> PositionRecord | LoopRecord | None:
         if "error" in columns:
             deviation = read("error", "arcsec")
         else:
-            deviation = np.mod(read(angle, "deg") - target + TURN_ARCSEC / 2, TURN_ARCSEC) - TURN_ARCSEC / 2
+            off = read(angle, "deg") - target
+            deviation = np.mod(off - off[0] + TURN_ARCSEC / 2, TURN_ARCSEC) - TURN_ARCSEC / 2  # from any zero
+        if (extent := float(np.ptp(deviation))) > LARGEST_ERROR:
+            hint = "angles of the output belong there, in deg; deviations in a column deviation_arcsec"
+            raise DataError(f"{table.file}: readings are {extent:.3g}″ apart beside their targets", hint)
         return PositionRecord(table, target, deviation, np.sign(marks("side")))
     if "torque" in columns and angle and "error" not in columns:
         return LoopRecord(table, read("torque", "N·m"), read(angle, "arcsec"), marks("place"))
@@ -172,11 +176,11 @@ def position_quantities(record: PositionRecord, *, seed: int = 0, draws: int = 2
 def seen_range(record: PositionRecord, quantities: Sequence[StatedQuantity]) -> SeenRange:
     """F'_ior by a record of positions with such quantities. Raises DataError for remarks that no plan has."""
     (found,) = (each for each in quantities if each.name == "positioning")
-    unsure = [each for each in (found.uncertainty_arcsec, *record.remark("uncertainty")) if each]
+    unsure, own = record.remark("uncertainty"), found.uncertainty_arcsec  # scatter is known by repetition alone
     seen, torque = record.remark("sees"), record.remark("torque")
     if seen and not (len(seen) == 3 and 0 < seen[0] <= seen[1] <= seen[2] <= 1):
         raise DataError(f"{record.table.file}: remark sees: expected three rising shares", "as hdassist plan wrote it")
-    return SeenRange(found.arcsec, hypot(*unsure) if unsure else None, seen, torque[0] if torque else None)
+    return SeenRange(found.arcsec, None if own is None else hypot(own, *unsure), seen, torque[0] if torque else None)
 
 
 def place_loops(record: LoopRecord, rated: float) -> tuple[PlaceLoop, ...]:

@@ -207,6 +207,8 @@ def _sentence(check: DecidedCheck) -> str:
         return f"{_shown_label(check)}: no value, limit {_bound(check)}{_unit(check)}"
     spread = f" ± {cells['expanded_uncertainty']}" if cells["expanded_uncertainty"] else ""
     value = cells["value"] + spread + (f" ({cells['range']})" if cells["range"] else "")
+    if check.at_most is not None and check.verdict != "FAIL":
+        value += f" to {check.at_most:.4g}"
     rest = [f"{name} {cells[name]}" for name in ("limit", "margin", "guard", "kept") if cells[name]]
     return ", ".join(filter(None, (f"{_shown_label(check)}: {value}{_unit(check)}", *rest, check.basis)))
 

@@ -14,7 +14,7 @@ import pytest
 from hdassist import load_preset
 from hdassist.pages.plan import seen_curve
 from hdassist.planning import choose_plan
-from tests.process import SMALL, TINY, run
+from tests.process import SMALL, TINY, in_a_line, run
 
 OPEN = ("--set", "phases.xi_b=unknown", "--draws", "8")
 
@@ -163,7 +163,7 @@ def test_a_test_is_carried_out_and_decides(tmp_path):
     page = run("plan", SMALL, "--draws", "0", "--limit", "40", *options, *files, "--json", cwd=tmp_path)
     carried = json.loads(page.stdout)["carried_out"]
     page = run("plan", SMALL, "--draws", "0", "--limit", "40", *options, *files, "--force", cwd=tmp_path)
-    assert "measure run.csv --drive" in page.stdout
+    assert "measure run.csv --drive" in in_a_line(page.stdout)
     assert carried["readings"] == 2 * 2 * 29
     rows = [line for line in (tmp_path / "run.csv").read_text("utf-8").splitlines() if line.endswith(",")]
     minute, target, side = np.array([[float(cell) for cell in row.split(",")[:3]] for row in rows]).T
@@ -195,6 +195,22 @@ def test_a_test_is_carried_out_and_decides(tmp_path):
     assert elsewhere.returncode == 4
     assert "planned for 4 N·m, not for 9 N·m" in elsewhere.stderr
     text = (tmp_path / "read.csv").read_text("utf-8")
+    rows = [line for line in text.splitlines() if line[0].isdigit()]
+    first = {tuple(row.split(",")[1:3]): row for row in reversed(rows)}.values()  # an approach a position
+    remarks = [line for line in text.splitlines() if line not in rows]
+    (tmp_path / "half.csv").write_text("\n".join([*remarks, *sorted(first, key=rows.index)]) + "\n")
+    answer = ("accept", SMALL, "--limit", "F_ior@4=4000", "--measured-only", *budget)
+    half = run(*answer, "--measured", "4=half.csv", "-q", cwd=tmp_path)
+    assert (half.returncode, half.stdout) == (6, "INCONCLUSIVE\n")  # scatter is known by repetition alone
+    whole = json.loads(run(*answer, "--measured", "4=read.csv", "--json", cwd=tmp_path).stdout)["checks"][0]
+    assert whole["margin"] == pytest.approx(4000 - whole["at_most"])
+    page = in_a_line(run(*answer, "--measured", "4=read.csv", cwd=tmp_path).stdout)
+    least = whole["value"] - whole["expanded_uncertainty"]
+    assert f"≥ {least:.2f} to {whole['at_most']:.4g}″" in page
+    typed = "\n".join([*remarks, *(",".join([*row.split(",")[:3], f"{k % 7}"]) for k, row in enumerate(rows))])
+    (tmp_path / "typed.csv").write_text(typed + "\n")
+    refused = run(*answer, "--measured", "4=typed.csv", cwd=tmp_path)
+    assert (refused.returncode, "beside their targets" in refused.stderr) == (4, True)
     (tmp_path / "bare.csv").write_text("".join(line for line in text.splitlines(True) if "# sees" not in line))
     bare = run("accept", SMALL, "--limit", "F_ior@4=4000", "--measured", "4=bare.csv", *budget, "-q", cwd=tmp_path)
     assert (bare.returncode, bare.stdout) == (6, "INCONCLUSIVE\n")  # positions of no plan never pass
