@@ -185,8 +185,12 @@ def _facts(answer: AcceptAnswer, predictions: Predictions | None, drive: Drive) 
         if turns < of.cycle_cam_revolutions:
             whole = f"all of the travel, {travel:g}° of the output, {turns:.4g} cam turns"
         yield "measure", f"{whole}: a part of it can fail a drive, and never pass it"
-    measured = _is_open(first) or (first.basis == "predicted" and first.verdict != "FAIL")
-    yield "next", _with_measured(first, answer, drive) if measured else _to_explain(answer.checks)
+    if _is_open(first) or (first.basis == "predicted" and first.verdict != "FAIL"):
+        yield "next", _with_measured(first, answer, drive)
+    elif first.verdict == "INCONCLUSIVE" and first.unstated:
+        yield "next", again("accept", drive) + _with_budget(first.unstated)
+    else:
+        yield "next", _to_explain(answer.checks)
 
 
 def _with_measured(check: DecidedCheck, answer: AcceptAnswer, drive: Drive) -> str:
@@ -197,7 +201,12 @@ def _with_measured(check: DecidedCheck, answer: AcceptAnswer, drive: Drive) -> s
     others = [text for text, torque in torques.items() if torque and number_of(torque) != check.M_g_Nm]
     command = again("accept", drive, *(word for text in others for word in ("--measured", text)), *check.option.split())
     unstated = [name for name in STATED if name not in parse_stated(answer.request.reading.budget)]
-    return command + (f" --budget {','.join(f'{name}=U' for name in unstated)}" if unstated else "")
+    return command + _with_budget(unstated)
+
+
+def _with_budget(unstated: Sequence[str]) -> str:
+    """The option that states sources of uncertainty which nobody has stated; empty without any."""
+    return f" --budget {','.join(f'{name}=U' for name in unstated)}" if unstated else ""
 
 
 def _sentence(check: DecidedCheck) -> str:

@@ -121,7 +121,10 @@ def test_silence_about_a_source_is_inconclusive_and_says_how_to_end_it(rig):
     done = accepted(rig, *args, budget="encoder=0.1,reseating=0")
     assert done.returncode == 6
     words = "nothing stated of coupling, temperature: --budget coupling=U,temperature=U, U in ″, 0 where"
-    assert words in in_a_line(done.stdout)
+    page = in_a_line(done.stdout)
+    assert words in page
+    following = page.partition("next ")[2].partition(" more ")[0]
+    assert following.endswith("--budget coupling=U,temperature=U") and "--measured=4=run.csv" in following
     stated = accepted(rig, *args, "--budget", "coupling=0.1,temperature=0", budget="encoder=0.1,reseating=0")
     assert stated.returncode == 0
     found = json.loads(accepted(rig, *args, "--json", budget="coupling=0").stdout)["checks"][0]
