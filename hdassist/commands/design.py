@@ -206,7 +206,7 @@ class SweepCommand(o.RowsOptions, o.LoadedDriveOptions):
                 write_parquet(self.parquet, kinds, map(cells, results.records()), asdict(owner), self.force)
             if file is not None:
                 results.require_there()
-                say(f"wrote {file}")
+                say(f"wrote {file}" + ", as JSON Lines: --csv writes CSV" * file.endswith(".csv"))
             report = sweep_report(swept, results.records() if self.json else ())
             if report.exit_code:
                 say(f"error: no row has an answer: {swept.reason}")

@@ -170,12 +170,11 @@ def order_and_reason(advice: Advice) -> tuple[str, str]:
     if checked := advice.verification:
         predicted = f"predicted {checked.mean_arcsec:.1f} ({checked.low_arcsec:.1f} to {checked.high_arcsec:.1f})"
         told = f"{_measured(advice, checked.trial)}, {predicted}"
-        if back := checked.back_to:
-            return (
-                f"Go back to {_where(advice, back.rotation_deg)}, where {back.F_ior_arcsec:g} was measured: {told}.",
-                "",
-            )
         odd = "" if checked.as_predicted else " That is not as predicted: check seat and measurement."
+        if back := checked.back_to:
+            odd = "" if checked.as_predicted else f"{odd} The values measured decide then, not the table."
+            where = _where(advice, back.rotation_deg)
+            return f"Go back to {where}, where {back.F_ior_arcsec:g} was measured: {told}.{odd}", ""
         return f"Keep it: {told}.{odd}", ""
     order = instruction(advice)
     if advice.correction:
