@@ -326,7 +326,7 @@ def _lot_facts(answers: Sequence[AcceptAnswer]) -> Iterator[Fact]:
         turning = shlex.join(["hdassist", "mount", request.preset, value, *sets, "--trial-torque", f"{check.M_g_Nm:g}"])
     if named:
         more = f"; {len(named) - _NAMED_CHECKS} more" * (len(named) > _NAMED_CHECKS)
-        yield "turn it", f"by the next command {'; '.join(named[:_NAMED_CHECKS])}{more}"
+        yield "turn it", f"{'; '.join(named[:_NAMED_CHECKS])}{more}: the next command is of the first"
     yield "next", turning or _to_explain(checks)
 
 

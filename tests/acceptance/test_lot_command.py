@@ -84,7 +84,7 @@ def test_a_lot_on_paper_and_in_files(folder, here):
     words = in_a_line(result.stdout)
     assert "margin 0.20, guard 0.82, stated; within the guard band" in words
     turning = f"next hdassist mount {SMALL} h0=55 --trial-torque 1"
-    assert f"turn it by the next command 17-2, 1.38 times its limit {turning}" in words
+    assert f"turn it 17-2, 1.38 times its limit: the next command is of the first {turning}" in words
     assert "lot.csv:5:10: measured@4: no such file: gone.csv" in page[3]
     for words in (
         "error: 17-4: lot.csv:5:10: measured@4: no such file: gone.csv",
@@ -487,4 +487,7 @@ def test_the_drive_nearest_to_its_limit_is_turned_first_and_all_say_how_far_they
     (folder / "lot.csv").write_text("\n".join(rows) + "\n")
     words = in_a_line(here(*MEASURED)[1])
     turning = f"next hdassist mount {SMALL} h0=60 --set phases.xi_b=61 --trial-torque 4"
-    assert f"turn it by the next command near, 2 times its limit; far, 100 times its limit {turning}" in words
+    assert (
+        f"turn it near, 2 times its limit; far, 100 times its limit: the next command is of the first {turning}"
+        in words
+    )
