@@ -35,6 +35,7 @@ RECORDED_DRAWS = 64  # drives that agree with a record
 _LEAST_LINE = 0.02  # of the mean square of lines: that of each one by a misfit
 _USUAL_GAP = 0.5  # share of the cycle in gaps between readings that are no wider: lines are what that one resolves
 _IMAGE = 0.5  # of a wave: a share that readings see of it in another one, from which that is its image
+_EVEN = 0.999  # the same of readings at even angles
 _ROUNDS = 4  # of least squares, at most: readings that are not quite even mix lines
 _SOLVED = 1e-5  # of the slope of least squares, that is left
 _FINER = 32  # times the points of curves, at which places are told apart
@@ -153,7 +154,10 @@ class RecordedError:
         alike = window > _IMAGE * total
         apart = int(np.argmin(alike))  # of part of the cycle, neighbours are alike, and no images
         images = np.flatnonzero(alike[apart:])
-        often = found.per_cycle[: (apart + int(images[0]) - 1) // 2] if len(images) else found.per_cycle
+        often = found.per_cycle
+        if len(images):
+            image = apart + int(images[0])
+            often = often[: (image - (window[image] < _EVEN * total)) // 2]  # of even readings half of it is a line too
         found = replace(found, per_cycle=often)
 
         def slope(left: Array) -> Complex:

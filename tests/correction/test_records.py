@@ -51,6 +51,18 @@ def both():
     return correct(load_preset(TINY), form=TABLE, records={M_g: record(M_g) for M_g in (1.0, 4.0)}, draws=0)
 
 
+@pytest.mark.parametrize("again", [0, 8])
+def test_even_readings_have_the_line_that_comes_half_as_often_as_they_do(again: int):
+    """Single teeth may be such a line; from one reading of it to the next its sign changes."""
+    kinematics, per_turn = Kinematics.of(load_preset(TINY)), 36
+    rows = np.arange(per_turn * kinematics.cycle_cam_revolutions + again)
+    error = 2.0 * (-1.0) ** rows + np.cos(2 * np.pi * rows / per_turn)
+    lines = RecordedError(rows / per_turn, error).lines(kinematics)
+    often = per_turn * kinematics.cycle_cam_revolutions // 2
+    assert lines.per_cycle[-1] == often
+    assert lines.amplitude[0, -1].real == pytest.approx(2.0, abs=0.05)
+
+
 @pytest.mark.parametrize("M_g", [1.0, 4.0])
 def test_what_is_left_of_another_drive_s_solved_cycle_is_within_what_was_promised(both, M_g: float):
     error = kinematic_error(load_preset(TINY, HIDDEN), M_g, run=UNCHECKED)
