@@ -82,7 +82,7 @@ def test_each_verdict_reads_right(told):
     counts = [[int(suite.getAttribute(key)) for key in ("tests", "failures", "errors", "skipped")] for suite in suites]
     assert counts == [[1, 0, 0, 0], [1, 1, 0, 0], [1, 1, 0, 0], [1, 0, 1, 0], [2, 0, 0, 1]]
     assert [int(root.getAttribute(key)) for key in ("tests", "failures", "errors")] == [6, 2, 1]
-    assert lot_summary(told)["verdicts"] == {"PASS": 2, "FAIL": 1, "INCONCLUSIVE": 1, "DATA_ERROR": 1}
+    assert lot_summary(told)["verdicts"] == {"PASS": 2, "FAIL": 1, "INCONCLUSIVE": 1, "DATA_ERROR": 1, "BROKEN": 1}
 
 
 def test_provenance_is_properties(told):

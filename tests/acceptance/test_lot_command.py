@@ -98,7 +98,7 @@ def test_a_lot_on_paper_and_in_files(folder, here):
     assert told["schema"] == "hdassist.accept/2"
     assert told["exit_code"] == 4
     assert told["lot"]["rows"] == 5
-    assert told["summary"]["verdicts"] == {"PASS": 1, "FAIL": 1, "INCONCLUSIVE": 1, "DATA_ERROR": 2}
+    assert told["summary"]["verdicts"] == {"PASS": 1, "FAIL": 1, "INCONCLUSIVE": 1, "DATA_ERROR": 2, "BROKEN": 2}
     owner, *written = [json.loads(line) for line in (folder / "a.jsonl").read_text().splitlines()]
     assert (owner["command"], owner["inputs"]) == ("accept", {})
     assert untimed(written) == untimed(told["results"])
