@@ -461,13 +461,13 @@ def _declared(trace: MeasuredTrace, orders: Sequence[float] | None, notes: list[
 
 def _fit(bins: Bins, declared: Sequence[float], ratio: float, slow: SlowTerms, notes: list[str]) -> TraceFit:
     """Fit with as many beats as the record resolves and has bins for, or with none."""
-    grids = [order_grid(declared, bins.span, ratio, slow, beats=beats) for beats in range(BEATS + 1)]
-    without, most = grids[0], len(grids[-1])
-    for beats, orders in reversed([*enumerate(grids)]):
-        if len(orders) > len(without) and len(bins) >= BINS_PER_COLUMN * 2 * (2 * len(orders) + 4):
+    every = ((beats, order_grid(declared, bins.span, ratio, slow, beats=beats)) for beats in range(BEATS, -1, -1))
+    *grids, (_, without) = {len(orders): (beats, orders) for beats, orders in every}.values()  # each size once
+    for beats, orders in grids:
+        if len(bins) >= BINS_PER_COLUMN * 2 * (2 * len(orders) + 4):
             with suppress(UntrustedError):
                 fit = fit_orders(bins, orders, slow)
-                if len(orders) < most:
+                if orders is not grids[0][1]:
                     notes.append(f"beats up to {beats} to either side of an order: too few angles for all {BEATS}")
                 return fit
     if len(without) < len(declared):
