@@ -7,14 +7,6 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
-LONG = {
-    "commands.md",
-    "fields.md",
-    "glossary.md",
-    "performance.md",
-    "validation.md",
-    "theory.md",
-}  # generated, tables, mathematics
 LINK = r"\]\(([^)\s]+)\)|(?:src|srcset)=\"([^\"]+)\""
 
 
@@ -57,10 +49,3 @@ def test_the_sidebar_has_the_groups_of_the_readme():
         title: [{"CONTRIBUTING": "site/contributing", "CHANGELOG": "site/changelog"}.get(n, n) for n in names]
         for title, names in groups.items()
     }
-
-
-@pytest.mark.parametrize(
-    "page", sorted(page for page in (ROOT / "docs").glob("*.md") if page.name not in LONG), ids=lambda page: page.name
-)
-def test_a_page_has_at_most_1500_words(page: Path):
-    assert len(page.read_text(encoding="utf-8").split()) <= 1500
