@@ -141,8 +141,14 @@ class SweepResult:
 
     @property
     def is_bound(self) -> bool:
-        """Whether F'_ior of the full cycle may be greater, because not all of it was visited."""
-        return self.coverage is None or self.coverage.share < FULL_SHARE
+        """Whether F'_ior of the full cycle may be greater, because the readings do not determine all of it.
+
+        That is so if places were not visited, if slow terms were removed, or if a travel was recorded in parts, whose
+        levels are not known.
+        """
+        if self.coverage is None or self.coverage.share < FULL_SHARE or self.is_part:
+            return True
+        return bool(self.fit.design.slow.ridge) and self.coverage.longest_share < FULL_SHARE
 
 
 @dataclass(frozen=True, eq=False)
@@ -328,7 +334,7 @@ class _RecordUnderway:
         bins, slow = bins_of(own, declared[-1]), SlowTerms(_DRIFTS[self.drift])
         is_travel = bool(self.gearing and self.gearing.travel)
         if is_travel or not self.together:
-            slow = slow_terms(bins.span, ratio, slow.degree, is_travel=is_travel)
+            slow = slow_terms(bins.span_on_output(ratio), ratio, slow.degree, is_travel=is_travel)
         if own.time_s is not None and not self.together and speed_changes(bins):
             slow = replace(slow, over=("speed",))
         fit = _fit(bins, declared, ratio, slow, self.notes)
@@ -361,8 +367,9 @@ class _RecordUnderway:
             cycle = gearing.cycle * per_turn
             visited = np.unique(np.mod(places, cycle))
             steps = int(np.isin(np.mod(visited + 1, cycle), visited).sum())  # from one visited place to the next
-            visits = Coverage(steps / per_turn, min(1.0, steps / per_turn / gearing.cam_turns))
-            if bins.span >= WHOLE_TURN * gearing.ratio and not len(fit.lines):
+            share, longest = (min(1.0, turns / gearing.cam_turns) for turns in (steps / per_turn, bins.span))
+            visits = Coverage(steps / per_turn, share, longest)
+            if bins.span_on_output(gearing.ratio) >= WHOLE_TURN * gearing.ratio and not len(fit.lines):
                 places = visited
         grid = places / per_turn
         slow = fit.design.drift_at(fit.drift, bins.turns, bins.travel)
@@ -461,7 +468,8 @@ def _declared(trace: MeasuredTrace, orders: Sequence[float] | None, notes: list[
 
 def _fit(bins: Bins, declared: Sequence[float], ratio: float, slow: SlowTerms, notes: list[str]) -> TraceFit:
     """Fit with as many beats as the record resolves and has bins for, or with none."""
-    every = ((beats, order_grid(declared, bins.span, ratio, slow, beats=beats)) for beats in range(BEATS, -1, -1))
+    turns = bins.span if slow.ridge else bins.span_on_output(ratio)
+    every = ((beats, order_grid(declared, turns, ratio, slow, beats=beats)) for beats in range(BEATS, -1, -1))
     *grids, (_, without) = {len(orders): (beats, orders) for beats, orders in every}.values()  # each size once
     for beats, orders in grids:
         if len(bins) >= BINS_PER_COLUMN * 2 * (2 * len(orders) + 4):
@@ -471,7 +479,7 @@ def _fit(bins: Bins, declared: Sequence[float], ratio: float, slow: SlowTerms, n
                     notes.append(f"beats up to {beats} to either side of an order: too few angles for all {BEATS}")
                 return fit
     if len(without) < len(declared):
-        notes.append(f"orders closer than 1/{bins.span:.3g} joined: the record does not tell them apart")
+        notes.append(f"orders closer than 1/{turns:.3g} joined: the record does not tell them apart")
     notes.append("beats with the output are not resolved: each order stands for them too")
     return fit_orders(bins, without, slow)
 

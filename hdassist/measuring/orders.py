@@ -113,11 +113,13 @@ class Gearing:
 class Coverage:
     """Turns of the cam that a record has visited, each place of the full cycle once, and their share of it, 0 to 1.
 
-    An angle is visited between two readings that are near enough to follow the highest order.
+    An angle is visited between two readings that are near enough to follow the highest order. longest_share: that of
+    the longest sweep, from its first to its last angle.
     """
 
     cam_turns: float
     share: float
+    longest_share: float
 
 
 def gearing_of(drive: Drive | None, ratio: float | None) -> Gearing | None:
@@ -230,7 +232,7 @@ def order_tables(
     among the beats of a declared order is none, and the beats that it leaves open are part of the uncertainty.
     """
     orders, span, ratio = fit.orders, fit.bins.span, gearing.ratio if gearing else USUAL_RATIO
-    is_part = span < WHOLE_TURN * ratio
+    is_part = fit.bins.span_on_output(ratio) < WHOLE_TURN * ratio
     fitted = orders[~fit.is_line]
     width = float(np.diff(fitted).min()) / 2 if len(fitted) > 1 else 0.5
     is_beat = is_part & (distance(fit.lines, np.asarray(declared)) <= BEATS / ratio + LINE_WIDTH / span)

@@ -24,6 +24,8 @@ _PER_PERIOD = 40  # bins in a period of the highest order: its amplitude falls b
 _HEAVIEST = 4.0  # times the median weight: a shaft that stands still does not outweigh the rest
 DESIGN_CHUNK = 8192  # rows of the design that stand in memory at once
 _WORST_CONDITION = 1e8  # of the normal equations
+_JOINED_CELLS = 24  # in a turn of the cam, by which sweeps are joined on the output revolution
+_MOST_JOINED = 4  # sweeps: levels of more of them take too much of the slow terms
 BINS_PER_COLUMN = 1.5
 
 
@@ -76,6 +78,23 @@ class Bins:
     def span(self) -> float:
         """Turns of the cam from least to greatest angle of the longest sweep."""
         return max(float(np.ptp(turns)) for turns in self.by_sweep(self.turns))
+
+    def span_on_output(self, ratio: float) -> float:
+        """Return the turns of the cam that the sweeps cover on the output revolution, by their positions there.
+
+        These are the turns of the longest sweep. A few sweeps that cover more together count as one, in any order:
+        each has its own level, so they need not follow each other.
+
+        ratio: turns of the cam in an output revolution.
+        """
+        if self.span >= ratio or self.sweeps > _MOST_JOINED:
+            return self.span
+        cells = round(ratio * _JOINED_CELLS)
+        is_covered = np.zeros(cells, dtype=bool)
+        for turns in self.by_sweep(self.turns):
+            first, last = np.floor(np.array([turns.min(), turns.max()]) * _JOINED_CELLS).astype(np.int64)
+            is_covered[np.arange(first, last + 1) % cells] = True
+        return max(self.span, float(np.count_nonzero(is_covered)) / cells * ratio)
 
     def by_sweep(self, values: Array) -> list[Array]:
         """Values of all bins, shape (bins,), parted into those of each sweep."""

@@ -134,7 +134,7 @@ def read_trial_or_record(
         turns, cycle = covered.cam_turns, covered.cam_turns / covered.share
         raise UntrustedError(
             f"{file}: {turns:.3g} of the {cycle:g} cam turns of the full cycle: F'_ior is a lower bound, and no trial",
-            "record the full cycle in one direction",
+            "record the full cycle in one sweep",
         )
     return Trial(rotation, greatest.range.value, M_g=own, noise_arcsec=max(greatest.uncertainty_arcsec, _LEAST_NOISE))
 

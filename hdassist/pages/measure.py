@@ -129,11 +129,15 @@ def _lower_bound(result: Measurement, found: SweepResult) -> Iterator[str]:
         yield f"a lower bound: {found.bins.span:.2f} cam turns; without --drive or --ratio the cycle is unknown"
     elif found.is_bound and result.gearing.travel:
         yield f"a lower bound: {100 * found.coverage.share:.1f} % of {result.gearing.travel_deg:.4g}° of travel visited"
+        if found.coverage.share >= FULL_SHARE:
+            yield "the travel was recorded in several sweeps: record it in one"
     elif found.is_bound:
         cycle, output = result.gearing.cycle, result.gearing.cycle_output
         turns = f"{cycle} cam turns, {output} output turn{'s' * (output != 1)}"
         yield f"a lower bound: {100 * found.coverage.share:.1f} % visited of the full cycle: {turns}"
-        if found.bins.span >= FULL_SHARE * cycle:
+        if found.coverage.share >= FULL_SHARE:
+            yield "slow terms were removed: only readings of a whole output revolution determine them"
+        elif found.bins.span >= FULL_SHARE * cycle:
             gap = 360 * GAP_PERIODS / float(found.fit.orders[-1])
             yield f"rows are missing: gaps of more than {gap:.3g}° between readings are not visited"
 

@@ -1,0 +1,83 @@
+"""A recording that does not determine F'_ior gives a bound, and the order of its rows decides nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hdassist.measuring.measure import SweepResult, measure
+from tests.rigs import RATIO, Array, recorded, whole_range
+
+PER_TURN = 40
+PLACES = np.arange(round(RATIO * PER_TURN))
+TURNS = PLACES / PER_TURN
+
+
+def slow_error(turns: Array) -> Array:
+    """Orders of the cam, and larger ones of the output: 15 arcsec in one of its revolutions."""
+    output = 2 * np.pi * turns / RATIO
+    return 4 * np.cos(4 * np.pi * turns) + 7 * np.cos(output + 1) + 2 * np.cos(3 * output) + np.cos(2 * np.pi * turns)
+
+
+def readings(places: Array, seed: int = 0) -> Array:
+    """The error at places of the full cycle, with the same noise at a place in every recording."""
+    return slow_error(TURNS)[places] + 0.3 * np.random.default_rng(seed).standard_normal(len(TURNS))[places]
+
+
+def only_direction(turns: Array, error: Array, **how: float) -> SweepResult:
+    (found,) = measure(recorded(turns, error), ratio=RATIO, **how).directions
+    return found
+
+
+@pytest.mark.parametrize("share", [0.5, 0.9, 0.955, 0.965])
+def test_less_than_an_output_revolution_is_a_bound(share):
+    """Its slow terms are removed, so its range is none of the full cycle, however many positions it visited."""
+    places = PLACES[: round(share * len(PLACES))]
+    found = only_direction(TURNS[places], readings(places))
+    assert found.is_part
+    assert found.is_bound
+    assert found.interval_arcsec[0] < whole_range(slow_error, RATIO)
+
+
+@pytest.mark.parametrize("first", [1, 400, 1160])
+def test_the_start_of_the_cycle_never_matters(first):
+    """Angles modulo the output revolution: they begin again where the cycle was not begun at zero."""
+    once = only_direction(TURNS, readings(PLACES))
+    begun = np.roll(PLACES, -first)
+    found = only_direction(TURNS[begun], readings(begun))
+    assert not found.is_bound
+    assert found.range.value == pytest.approx(once.range.value, abs=0.15)
+    low, high = found.interval_arcsec
+    assert low < whole_range(slow_error, RATIO) < high
+
+
+@pytest.mark.parametrize("parts", [(600,), (200, 900)])
+def test_sweeps_that_join_on_the_output_are_one_cycle(parts):
+    """In any order, and each with a zero of its own."""
+    sweeps = np.split(PLACES, parts)[::-1]
+    places = np.concatenate(sweeps)
+    zero = np.concatenate([np.full(len(each), 3.0 * number) for number, each in enumerate(sweeps)])
+    found = only_direction(TURNS[places], readings(places) + zero)
+    assert not found.is_bound
+    low, high = found.interval_arcsec
+    assert low < whole_range(slow_error, RATIO) < high
+    assert high - low < 1.5 * np.ptp(only_direction(TURNS, readings(PLACES)).interval_arcsec)
+
+
+def test_many_short_sweeps_are_a_bound():
+    """The levels of so many sweeps take the slow terms, so that these are not known."""
+    parts = np.split(PLACES, 10)
+    places = np.concatenate([parts[k] for k in (5, 0, 7, 2, 9, 4, 6, 1, 8, 3)])
+    found = only_direction(TURNS[places], readings(places))
+    assert found.is_bound
+
+
+def test_a_travel_in_parts_is_a_bound():
+    """The slow terms of a travel are part of its error; sweeps with levels of their own do not show them."""
+    travel = PLACES[: len(PLACES) // 2]
+    once = only_direction(TURNS[travel], readings(travel), travel_deg=179.0)
+    assert not once.is_bound
+    second, first = travel[: len(travel) // 2], travel[len(travel) // 2 :]
+    places = np.concatenate([first, second])
+    found = only_direction(TURNS[places], readings(places), travel_deg=179.0)
+    assert found.is_bound
