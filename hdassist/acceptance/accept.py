@@ -59,6 +59,8 @@ def accept(
     for limit in limits:
         if limit in inputs.stated:
             values = [inputs.stated[limit]]
+        elif limit not in left and measured[limit.M_g_Nm or 0.0].trace.is_between_torques:
+            values = [AcceptedValue.between_torques()]
         elif limit not in left:
             by_direction = (
                 AcceptedValue.measured(limit, direction) for direction in measured[limit.M_g_Nm or 0.0].directions
@@ -81,7 +83,7 @@ def accept(
     traces = [
         TraceRecord(
             found.trace.file, found.trace.sha256, M_g, len(found.trace.line), found.F_ior_arcsec,
-            found.directions[0].is_bound, found.directions[0].uncertainty_arcsec,
+            found.directions[0].is_bound, found.directions[0].uncertainty_arcsec, found.trace.is_between_torques,
         )
         for M_g, found in measured.items()
     ]  # fmt: skip
@@ -126,7 +128,7 @@ def _of_traces(inputs: Inputs, decisions: Sequence[DecidedCheck]) -> Iterator[No
     """Remarks on traces."""
     for M_g, measurement in inputs.measurements.items():
         where, directions = f"{measurement.trace.file}, {M_g:g} N*m", measurement.directions
-        if any(d.M_g_Nm == M_g and d.extent not in (None, "whole") for d in decisions):
+        if any(d.M_g_Nm == M_g and d.extent not in (None, "whole", "between torques") for d in decisions):
             shares = [direction.coverage.share for direction in directions if direction.is_bound and direction.coverage]
             visited = [f"{100 * share:.3g} % of the full cycle visited" for share in shares]
             yield Note("COVERAGE", f"{where}: {' and '.join(visited) or 'unknown cycle'}")

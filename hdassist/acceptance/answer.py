@@ -75,7 +75,10 @@ class ErrorRecord(ClosedRecord):
 
 @dataclass(frozen=True)
 class TraceRecord(ClosedRecord):
-    """A measured trace: its file, torque, and F'_ior with its standard uncertainty."""
+    """A measured trace: its file, torque, and F'_ior with its standard uncertainty.
+
+    is_between_torques: whether it was recorded below and above the torque alone; F'_ior is by a straight line then.
+    """
 
     file: str
     sha256: str
@@ -84,6 +87,7 @@ class TraceRecord(ClosedRecord):
     F_ior_arcsec: float
     F_ior_is_lower_bound: bool
     standard_uncertainty_arcsec: Magnitude
+    is_between_torques: bool = False
 
 
 @dataclass(frozen=True)

@@ -273,10 +273,10 @@ class AcceptedValue(ClosedRecord):
 
     value, in the unit of its check, the median where there is a belief; expanded_uncertainty, k = 2, None where it is
     predicted; basis, how it is known; extent: the value of the whole cycle, a lower bound of it, that of a part which
-    does not hold for the whole, or a prediction at the preset's own numbers where others are as possible (not known);
-    rise, by how much it may be greater in another cycle; at_most, of a lower bound: value that 95 of 100 drives with it
-    stay below, by a plan of positions; unstated, sources of its uncertainty that nobody has stated;
-    belief, of a prediction over the uncertain inputs.
+    does not hold for the whole, a prediction at the preset's own numbers where others are as possible (not known), or
+    none at a torque between those that were recorded; rise, by how much it may be greater in another cycle; at_most, of
+    a lower bound: value that 95 of 100 drives with it stay below, by a plan of positions; unstated, sources of its
+    uncertainty that nobody has stated; belief, of a prediction over the uncertain inputs.
     """
 
     value: float | None = None
@@ -323,6 +323,11 @@ class AcceptedValue(ClosedRecord):
         greatest = found.estimates_arcsec[-1] if found.seen else None
         expanded = COVERAGE_FACTOR * hypot(found.uncertainty_arcsec, combined(sources))
         return cls(found.arcsec, expanded, "measured", "at least", unstated=unstated, at_most=greatest)
+
+    @classmethod
+    def between_torques(cls) -> AcceptedValue:
+        """Return no value: the torque lies between those that were recorded, and the error may bend there."""
+        return cls(extent="between torques")
 
     @classmethod
     def measured(cls, limit: Limit, sweep: SweepResult) -> AcceptedValue:
@@ -390,6 +395,8 @@ def decide(limit: Limit, held: AcceptedValue, rule: Rule, sure: float) -> Decide
 
 def _verdict(known: AcceptedValue, room: float | None, guard: float, rule: Rule, sure: float) -> tuple[Verdict, str]:
     """The verdict on a value by its room to the limit, and why where that is not plain."""
+    if known.extent == "between torques":
+        return Verdict.INCONCLUSIVE, "nothing was recorded at this torque, only below and above it"
     if room is None:
         return Verdict.INCONCLUSIVE, "neither the record nor a given value (--value) tells it"
     if belief := known.belief:

@@ -169,7 +169,8 @@ class Request(ClosedRecord):
             if isinstance(found, Measurement):
                 measurements[M_g] = found
                 own = (each for each in given if each.check.of_trace and each.M_g_Nm == M_g)
-                recorded |= {each: AcceptedValue.measured(each, found.directions[0]) for each in own}
+                if not found.trace.is_between_torques:
+                    recorded |= {each: AcceptedValue.measured(each, found.directions[0]) for each in own}
             elif isinstance(found, PositionRecord):
                 quantities = position_quantities(found, seed=self.seed)
                 positions[M_g] = found.table, seen_range(found, quantities)

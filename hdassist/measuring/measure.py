@@ -46,6 +46,7 @@ from hdassist.measuring.slopes import (
     RecordedTorque,
     Reversal,
     at_torque,
+    require_recorded,
     reversal_and_lag,
     speed_changes,
     tells_compliance,
@@ -523,10 +524,11 @@ class Reading(ClosedRecord, TraceForm):
     def measured(self, file: str, drive: Drive | None, ratio: float | None = None, **how: Any) -> Measurement:
         """Results of a record of a drive, or of one of a ratio; how: more arguments of `measure`.
 
-        Raises what it and read_trace do.
+        Raises what it and read_trace do; DataError for a torque between those that were recorded.
         """
         found = self.measured_or_bench(file, drive, ratio, **how)
         if isinstance(found, Measurement):
+            require_recorded(found.trace, how.get("M_g"))
             return found
         words = f"{found.table.file}: approached positions or a torque loop, which is no trace"
         raise DataError(words, "hdassist measure has its figures; accept takes them as --value NAME=VALUE±U")

@@ -35,6 +35,7 @@ _LEAST_SPEED_CHANGE = 0.02  # of the speed: within sweeps, from which on a lag i
 _LEAST_CHANGE = 0.01  # of the greatest torque: smaller ones wind up too little to see
 _LOAD_APART = 0.1  # of a torque's changes: least part that does not go with orders and slow terms
 _SAME_TORQUE, _SAME_OF_RATED = 0.02, 0.01  # of a torque, and of the rated one: columns that differ so little are at it
+_WIDEST_LOAD_GAP = 0.25  # of the torques of a sweep: a torque within a wider gap was not recorded
 _TORQUE_CLEAR = 2.0  # times the noise of its readings: spread of a torque that changes
 _SLOPE_CLEAR = 3.0  # standard uncertainties: a slope over the torque that is no chance
 _CHANGE_TOLD = 3.0  # times the noise of a curve without changes: that at each torque, at most, where a record has them
@@ -199,7 +200,7 @@ def _noise_of(torque: Array) -> float:
 
 
 def at_torque(trace: MeasuredTrace, M_g: float, rated: float = 0.0) -> MeasuredTrace:
-    """A trace whose column of torque has a torque M_g [N*m]: in each direction its sweeps there, or all around it.
+    """A trace whose column of torque has a torque M_g [N*m]: its sweeps there, or all around it if it has none there.
 
     The column may count the other way. rated: torque of the drive [N*m]. A trace without the column stays as it is.
     Raises DataError: the column excludes the torque.
@@ -209,25 +210,52 @@ def at_torque(trace: MeasuredTrace, M_g: float, rated: float = 0.0) -> MeasuredT
     loads, room = trace.by_sweep(trace.load), max(_SAME_TORQUE * abs(M_g), _SAME_OF_RATED * rated)
     low, high = np.array([np.quantile(load, (0.05, 0.95)) for load in loads]).T
     way = np.array([sweep.direction for sweep in trace.sweeps])
-    kept = np.zeros(len(loads), dtype=bool)
+    recorded = np.zeros(len(loads), dtype=bool)
+    around = np.zeros(len(loads), dtype=bool)
     for own in (way > 0, way < 0):
-        for load in (M_g, -M_g):
-            at_it = own & (low - room <= load) & (load <= high + room)
-            around = own & (np.min(low, where=own, initial=np.inf) <= load <= np.max(high, where=own, initial=-np.inf))
-            if (taken := at_it if at_it.any() else around).any():
-                kept |= taken
+        least, greatest = np.min(low, where=own, initial=np.inf), np.max(high, where=own, initial=-np.inf)
+        for torque in (M_g, -M_g):
+            has_it = own & np.array([_has_torque(load, torque, room) for load in loads])
+            is_between = bool(least <= torque <= greatest)
+            if has_it.any() or is_between:
+                recorded |= has_it
+                around |= own & ~has_it.any()
                 break
+    kept = recorded if recorded.any() else around
     if not kept.any():
         has = dict.fromkeys(_torque_text(load, *ends) for load, *ends in zip(loads, low, high, strict=True))
         words = f"{trace.file}: its column of torque has {', '.join(has)} N·m, not {M_g:g}"
         hint = f"name a torque that it has, or record at {M_g:g} N·m; a column of another torque needs another name"
         raise DataError(words, hint, Fault.FILE_INVALID)
+    if not recorded.any():
+        trace = replace(trace, is_between_torques=True)
     if kept.all():
         return trace
     every = trace.by_sweep(np.arange(len(trace.line)))
     left = np.setdiff1d(np.arange(len(trace.line)), np.concatenate([every[k] for k in np.flatnonzero(kept)]))
     note = f"sweeps at other torques than {M_g:g} N·m left out: {np.sum(~kept)} of {len(kept)}"
     return replace(trace.without(left), notes=(*trace.notes, note))
+
+
+def _has_torque(load: Array, torque: float, room: float) -> bool:
+    """Return whether a sweep was recorded at a torque: its readings lie on both sides of it, without a wide gap there.
+
+    load: torque of the readings [N*m], shape (rows,); torque [N*m]; room: difference that does not matter [N*m].
+    """
+    low, high = np.quantile(load, (0.05, 0.95))
+    if not low - room <= torque <= high + room:
+        return False
+    if float(np.abs(load - torque).min()) <= room:
+        return True
+    gap = float(load[load > torque].min() - load[load < torque].max())
+    return gap <= _WIDEST_LOAD_GAP * float(high - low)
+
+
+def require_recorded(trace: MeasuredTrace, M_g: float | None) -> None:
+    """Raise DataError if a torque M_g [N*m] that is asked of a trace lies between those that were recorded."""
+    if trace.is_between_torques and M_g is not None:
+        words = f"{trace.file}: nothing was recorded at {M_g:g} N·m, only at torques below and above it"
+        raise DataError(words, f"record a sweep at {M_g:g} N·m: the error may bend in between", Fault.FILE_INVALID)
 
 
 def _torque_text(load: Array, low: float, high: float) -> str:

@@ -248,6 +248,7 @@ class MeasuredTrace:
     the recorded angles; those of the output were multiplied by the ratio. sense: of two encoders, 1 where both count
     up, -1 where one counts down, 0 for a column of errors. notes: conversions, assumptions and rows left out.
     robust: whether readings far off all others are left out. breaks: lines at which the level of the error steps.
+    is_between_torques: whether the torque asked for lies between those of the sweeps, none of which has it.
     time_s: of each row, None without
     time stamps; load: torque [N*m] of each row, or the wind-up that it makes, None without.
     """
@@ -269,6 +270,7 @@ class MeasuredTrace:
     cam_step_arcsec: float = 0.0
     dithered: bool = False
     breaks: tuple[int, ...] = ()
+    is_between_torques: bool = False
 
     @property
     def rows(self) -> NDArray[np.int64]:

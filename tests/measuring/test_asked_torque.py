@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 
 from hdassist.errors import DataError
 from hdassist.measuring.measure import Measurement, measure
+from hdassist.measuring.slopes import at_torque
 from hdassist.readers.trace import read_trace
 from tests.process import SMALL, run
 from tests.rigs import text
@@ -102,3 +104,48 @@ def test_commands_refuse_a_record_of_other_torques(command: tuple[str, ...], tmp
     found = run(*command, cwd=tmp_path)
     assert found.returncode == 4
     assert "run.csv: its column of torque has 10, 20, 30 N·m, not 800" in found.stderr
+
+
+BETWEEN = {
+    "two sweeps": record(np.tile(ONCE, 2), np.repeat([10.0, 30.0], len(ONCE))),
+    "three sweeps": SWEEPS,
+    "a jump within a sweep": record(ONCE, np.repeat([10.0, 30.0], len(ONCE) // 2)),
+}
+
+
+@pytest.mark.parametrize("words", BETWEEN.values(), ids=BETWEEN)
+@pytest.mark.parametrize("limit", [1, 99])
+def test_a_torque_between_two_recorded_ones_neither_passes_nor_fails(words: str, limit: int, tmp_path: Path):
+    """A straight line from one to the other may miss a bend by any size."""
+    (tmp_path / "run.csv").write_text(words)
+    asked = ("--limit", f"F_ior@15={limit}", "--measured", "15=run.csv", "--measured-only", "--json")
+    budget = ("--budget", "encoder=0,coupling=0,reseating=0,temperature=0")
+    found = run("accept", SMALL, *asked, *budget, cwd=tmp_path)
+    assert found.returncode == 6
+    answer = json.loads(found.stdout)
+    (check,) = answer["checks"]
+    assert check["verdict"] == "INCONCLUSIVE"
+    assert check["extent"] == "between torques"
+    assert check.get("value") is None
+    assert answer["measured"][0]["is_between_torques"]
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("mount", SMALL, "h0@15=run.csv"),
+        ("compare", SMALL, "run.csv", "--torque", "15"),
+        ("compensate", "run.csv", "--ratio", "30", "--torque", "15"),
+        ("compensate", SMALL, "run.csv", "--torque", "15"),
+    ],
+)
+def test_commands_ask_for_a_record_at_a_torque_between(command: tuple[str, ...], tmp_path: Path):
+    (tmp_path / "run.csv").write_text(SWEEPS)
+    found = run(*command, cwd=tmp_path)
+    assert found.returncode == 4
+    assert "record a sweep at 15 N·m" in found.stderr
+
+
+def test_a_torque_that_changes_steadily_has_all_between():
+    wandering = read_trace(io.StringIO(record(ONCE, 20 + 4 * np.sin(ONCE**2 / 9))))
+    assert not at_torque(wandering, 21.0).is_between_torques
