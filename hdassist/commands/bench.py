@@ -270,7 +270,6 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
     preset: str | None = None
     ratio: float | None = None
     travel: float | None = None
-    speed: float | None = None
     joint: list[str]
     seed: int = 0
 
@@ -308,7 +307,7 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
                 if not isinstance(result, Measurement):
                     if self.archive:
                         raise UsageError(f"{name}: positions and torque loops are not kept in an archive", "traces are")
-                    return bench_report(result, drive, self.seed)
+                    return bench_report(result, drive, self.seed, words)
                 done.append(result)
                 take(result)
                 report = measure_report(result, drive, words, self.speed)

@@ -17,12 +17,12 @@ from math import hypot, isfinite, sqrt
 
 import numpy as np
 
-from hdassist.errors import DataError
+from hdassist.errors import DataError, UsageError
 from hdassist.files import number_of
 from hdassist.measuring.orders import BIAS_SHARE
 from hdassist.model.geometry import Array
 from hdassist.readers.table import NumberTable
-from hdassist.readers.trace import LARGEST_ERROR, WHOLE_TURN_DEG, AngleError, sweeps
+from hdassist.readers.trace import LARGEST_ERROR, WHOLE_TURN_DEG, AngleError, TraceForm, sweeps
 from hdassist.readers.words import TURN_ARCSEC
 
 _LOOP_SHARE = 0.04  # of the rated torque, to each side: between them lies the lost motion
@@ -105,32 +105,49 @@ class PlaceLoop:
     lost_motion: tuple[float, float]
 
 
-def bench_record(table: NumberTable) -> PositionRecord | LoopRecord | None:
-    """Positions or loops of a table by the names of its columns; None for any other, such as a trace."""
+def bench_record(table: NumberTable, form: TraceForm | None = None) -> PositionRecord | LoopRecord | None:
+    """Return positions or loops of a table by the names of its columns; None for any other, such as a trace.
+
+    Arguments: table of numbers with the names of its columns.
+    form: units that options state, None for none. One that names columns of a trace makes the table a trace.
+    Raises UsageError if a stated unit is that of no column; PresetError if a name has a unit that is not understood.
+    """
+    form = form or TraceForm()
     columns = {role: table.roles.index(role) for role in table.roles}
     angle = next((role for role in ("twist", "actual", "angle", "output") if role in columns), "")
-
-    def read(role: str, default: str) -> Array:
-        return table.in_unit(columns[role], role, default)
+    is_trace = not (form.angle is form.angle_of is form.error is form.second is None)
+    if "cam" in columns or is_trace:
+        return None
 
     def marks(role: str) -> Array:
         return table.values[:, columns[role]] if role in columns else np.ones(len(table.lines))
 
-    if "cam" in columns:
-        return None
     if "target" in columns and ("error" in columns or angle):
-        target = read("target", "deg")
+        angles = form.angle_units
+        if len(angles) > 1 and "error" in columns:
+            raise UsageError(f"--angle-unit {form.angle_unit}: positions with deviations have one column of angles")
+        asked = angles[0] if angles else None
+        target = table.in_unit(columns["target"], "target", "deg", asked, "--angle-unit")
         if "error" in columns:
-            deviation = read("error", "arcsec")
+            deviation = table.in_unit(columns["error"], "error", "arcsec", form.error_unit, "--error-unit")
         else:
-            off = read(angle, "deg") - target
+            if form.error_unit is not None:
+                words = f"--error-unit {form.error_unit}: the positions have no column of deviations"
+                raise UsageError(words, "--angle-unit has the unit of their angles")
+            asked = angles[-1] if angles else None
+            off = table.in_unit(columns[angle], angle, "deg", asked, "--angle-unit") - target
             deviation = np.mod(off - off[0] + TURN_ARCSEC / 2, TURN_ARCSEC) - TURN_ARCSEC / 2  # from any zero
         if (extent := float(np.ptp(deviation))) > LARGEST_ERROR:
             hint = "angles of the output belong there, in deg; deviations in a column deviation_arcsec"
             raise DataError(f"{table.file}: readings are {extent:.3g}″ apart beside their targets", hint)
         return PositionRecord(table, target, deviation, np.sign(marks("side")))
     if "torque" in columns and angle and "error" not in columns:
-        return LoopRecord(table, read("torque", "N·m"), read(angle, "arcsec"), marks("place"))
+        given = [*form.angle_units, *([] if form.error_unit is None else [form.error_unit])]
+        if len(given) > 1:
+            raise UsageError("a torque loop has one column of angles, and several units are given for it")
+        torque = table.in_unit(columns["torque"], "torque", "N·m")
+        twist = table.in_unit(columns[angle], angle, "arcsec", given[0] if given else None, "--angle-unit")
+        return LoopRecord(table, torque, twist, marks("place"))
     return None
 
 

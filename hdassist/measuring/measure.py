@@ -538,7 +538,7 @@ class Reading(ClosedRecord, TraceForm):
     ) -> Measurement | PositionRecord | LoopRecord:
         """The same of a trace; approached positions and torque loops as they were recorded."""
         table, gearing = read_record(file, self), gearing_of(drive, ratio)
-        if record := bench_record(table):
+        if record := bench_record(table, self):
             return record
         trace = trace_of(table, self, gearing.ratio if gearing else None)
         orders, stated = parse_orders(self.orders or None), parse_stated(self.budget)

@@ -361,8 +361,15 @@ _SEEN_RANGE = quantity_table(
 )
 
 
-def bench_report(record: PositionRecord | LoopRecord, drive: Drive | None, seed: int) -> Report:
-    """Quantities of approached positions, or of torque loops; drive, None where unknown, for the rated torque."""
+def bench_report(
+    record: PositionRecord | LoopRecord, drive: Drive | None, seed: int, options: Sequence[str] = ()
+) -> Report:
+    """Return the quantities of approached positions, or of torque loops.
+
+    Arguments: record; seed of the drawn approaches.
+    drive: the drive for its rated torque, None where it is unknown.
+    options: those by which the file was read, for the next command.
+    """
     table = record.table
     places: tuple[PlaceLoop, ...] = ()
     if isinstance(record, PositionRecord):
@@ -383,7 +390,7 @@ def bench_report(record: PositionRecord | LoopRecord, drive: Drive | None, seed:
     planned = positions and positions.M_g
     if planned and table.file != STDIN:  # all of it by one option
         budget = ["--budget", "encoder=U,coupling=U,reseating=U,temperature=U"]
-        words = ["--measured", f"{planned:g}={table.file}", "--measured-only", *budget]
+        words = ["--measured", f"{planned:.9g}={table.file}", "--measured-only", *options, *budget]
     unlimited = [q.name for q in unsure if drive is None or getattr(drive.acceptance, q.name) is None]
     words += [word for name in unlimited for word in ("--limit", f"{name}=LIMIT")]
     return Report(

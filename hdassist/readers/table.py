@@ -27,15 +27,21 @@ from hdassist.files import MAX_LINE, Readable, TextFile, number_of
 from hdassist.preset.text import MAX_FINDINGS, ordered_findings, shown
 from hdassist.readers.words import (
     ANGLES,
+    DEFINITIONS,
+    PITCH_KEYS,
     TIMES,
     TORQUES,
     Cell,
     TableLine,
+    angle_size,
     cells_of,
     decimal_mark_in,
     fault_of,
+    foreign_unit_in,
     has_numbers,
     names_in,
+    plain_unit,
+    quantity_of,
     role_in,
     row_text,
     separator_of,
@@ -97,16 +103,58 @@ class NumberTable:
         """Name of a column (from 0), for messages."""
         return self.names[column] if column < len(self.names) else f"column {column + 1}"
 
-    def in_unit(self, column: int, words: str, default: str) -> _Cells:
-        """Values of a column in the unit whose size is 1, by the unit in its name; how they were read is noted.
+    def unit_of(
+        self, column: int, words: str, default: str, units: Iterable[str], asked: str | None = None, option: str = ""
+    ) -> str:
+        """Return the unit of a column: the one asked for, that of its name, or the default; how it is read is noted.
 
-        words: of the contents of the column; default: unit where the name has none, which says of what the units are.
+        Arguments: column, its number from 0.
+        words: content of the column, for the notes.
+        default: unit of a column whose name has none.
+        units: units that the column may have.
+        asked: unit that an option states, None without one.
+        option: that option, empty where there is none.
+        Raises PresetError if the name or a remark states another unit and no option states one.
         """
-        sizes = next(sizes for sizes in (ANGLES, TIMES, TORQUES) if default in sizes)
         name = self.name(column)
-        unit = unit_in(name, sizes)
-        self.notes.append(f'"{name}": {words}, {unit or f"{NO_UNIT}, {default} assumed"}')
-        return self.values[:, column] * sizes[unit or default]
+        named = unit_in(name, units)
+        if asked is None:
+            self._require_known(column, named, default, units, option)
+        unit = plain_unit(asked) if asked is not None else named or default
+        foreign = foreign_unit_in(name, units)
+        if asked is not None and (foreign or (named and named != unit)):
+            self.notes.append(f'"{name}": {asked} as asked for, though the name says {named or foreign}')
+        assumed = f"{NO_UNIT}, {default} assumed{f' ({option})' * bool(option)}"
+        is_assumed = asked is None and not named
+        definition = f" ({DEFINITIONS[unit]})" if unit in DEFINITIONS else ""
+        self.notes.append(f'"{name}": {words}, {assumed if is_assumed else unit + definition}')
+        return unit
+
+    def _require_known(self, column: int, named: str, default: str, units: Iterable[str], option: str) -> None:
+        """Raise PresetError if a unit is stated for a column, in its name or in a remark, and is not understood."""
+        name, quantity = self.name(column), quantity_of(default) or "angle"
+        hint = f"write a unit of {quantity} in the name, such as [{default}]"
+        if option:
+            hint = f"state it: {option} {default}, or another unit of {quantity}"
+        if foreign := foreign_unit_in(name, units):
+            other = quantity_of(foreign)
+            fault = f"a unit of {other}, not of {quantity}" if other else f"no known unit of {quantity}"
+            if plain_unit(foreign) == "grad":
+                fault = "a degree in German and 1/400 of a revolution elsewhere: write deg or gon"
+            raise self.fault(f'"{name}": {foreign} is {fault}', hint)
+        entries = ((line, line.entry) for line in self.remarks)
+        stated = [(line, entry) for line, entry in entries if entry and PITCH_KEYS.get(entry[0]) == "unit"]
+        if stated and not named and quantity == "angle":
+            line, (_, text, place) = stated[0]
+            words = f'the remark states the unit {text}, the name "{name}" states none'
+            self.add(line.number, place, "", words, text, hint)
+            raise PresetError(self.findings)
+
+    def in_unit(self, column: int, words: str, default: str, asked: str | None = None, option: str = "") -> _Cells:
+        """Return the values of a column in the unit whose size is 1; arguments and errors are those of unit_of."""
+        sizes = next(sizes for sizes in (ANGLES, TIMES, TORQUES) if default in sizes)
+        unit = self.unit_of(column, words, default, sizes, asked, option)
+        return self.values[:, column] * (angle_size(unit) if sizes is ANGLES else sizes[unit])
 
     def add(self, line: int, column: int, path: str, message: str, got: str = "", hint: str = "") -> None:
         """Add a finding by line and column of the file."""

@@ -20,8 +20,17 @@ from hdassist.errors import DataError, PresetError, UsageError
 from hdassist.files import Readable
 from hdassist.model.geometry import Array
 from hdassist.preset.text import UnitError
-from hdassist.readers.table import NO_UNIT, NumberTable, read_numbers, shortened
-from hdassist.readers.words import ANGLES, COUNTS, angle_size, plain_unit, unit_in
+from hdassist.readers.table import NumberTable, read_numbers, shortened
+from hdassist.readers.words import (
+    ANGLES,
+    COUNTS,
+    TIMES,
+    angle_size,
+    foreign_unit_in,
+    plain_unit,
+    quantity_of,
+    unit_in,
+)
 
 WHOLE_TURN_DEG = 360.0
 _COUNTER_BITS = (16, 24, 32)  # of counters that begin again where they are full
@@ -34,6 +43,7 @@ _FEW_ROWS = 5  # fewer rows are no move
 _SPIKE = 10.0  # median steps: longest first step after a restart
 _Angles = NDArray[np.float64]
 BY_ORDER = "columns by their order: cam angle, error"  # where none has a name
+_TIME_BY_ORDER = "columns by their order: time, error (--angle-unit deg for an angle)"  # where a speed is given
 MAX_TRACE_BYTES = 100_000_000
 _ARCSEC_PER_DEG = 3600.0
 LARGEST_ERROR = 7200.0  # arcsec, range of an error
@@ -183,7 +193,8 @@ class TraceForm:
 
     At most one of error and second, the column of the output's own encoder; angle_unit: of the angle and, behind a
     comma, of the second encoder, as angle_size reads them; wrap: angle [deg] after which the encoders begin again;
-    robust: leave out rows that are no readings, and readings far off all others.
+    robust: leave out rows that are no readings, and readings far off all others; speed: of the output [arcsec/s], by
+    which a column of time is read as its angle.
     """
 
     angle: str | None = None
@@ -194,6 +205,7 @@ class TraceForm:
     second: str | None = None
     wrap: float | None = None
     robust: bool = False
+    speed: float | None = None
 
     def require_sound(self) -> None:
         """Raise UsageError for an unknown unit, a wrap that is none, or both error and second."""
@@ -202,7 +214,10 @@ class TraceForm:
             raise UsageError("invalid --error with --second: expected the error or a second encoder, not both")
         if len(angles) > _ENCODERS:
             raise UsageError(f"invalid --angle-unit {self.angle_unit}: expected one unit for each encoder")
-        units = [*(("--angle-unit", unit) for unit in angles), ("--error-unit", self.error_unit)]
+        times = [unit for unit in angles if plain_unit(unit) in TIMES]
+        if times and len(angles) > 1:
+            raise UsageError(f"invalid --angle-unit {self.angle_unit}: a time is no angle of an encoder")
+        units = [*(("--angle-unit", unit) for unit in angles if not times), ("--error-unit", self.error_unit)]
         for option, unit in units:
             try:
                 angle_size("deg" if unit is None else unit)
@@ -219,21 +234,23 @@ class TraceForm:
 
 @dataclass(frozen=True)
 class _TraceColumn:
-    """A column (from 0) of a trace: the shaft of its angle, None for errors, and its unit, or counts in a turn."""
+    """A column of a trace.
+
+    index: number of the column, from 0.
+    shaft: shaft of its angle, None for errors.
+    unit: unit as the file or an option states it, or counts in a turn.
+    size: size of the unit or count [arcsec]; of a time, the angle that the output turns through in it.
+    """
 
     index: int
     shaft: _Shaft | None
     unit: str
-
-    @property
-    def size(self) -> float:
-        """Size of the unit or count [arcsec]."""
-        return angle_size(self.unit)
+    size: float
 
     @property
     def in_counts(self) -> bool:
         """Whether it is in counts of an encoder."""
-        return self.unit.removeprefix("-") not in ANGLES
+        return self.unit.removeprefix("-") not in (*ANGLES, *TIMES)
 
 
 @dataclass(frozen=True, eq=False)
@@ -499,10 +516,16 @@ def _columns(table: NumberTable, form: TraceForm) -> tuple[_TraceColumn, _TraceC
     """
     kinds = table.roles or [""] * table.values.shape[1]
     if len(kinds) == 2 and not any(kinds):
-        kinds = ["cam", "error"]
-        table.notes.append(BY_ORDER)
+        is_time = form.speed is not None and form.angle_unit is form.angle_of is None
+        kinds = ["time" if is_time else "cam", "error"]
+        table.notes.append(_TIME_BY_ORDER if is_time else BY_ORDER)
     kind = next((kind for kind in ("cam", "angle", "output") if kind in kinds), "angle")
+    if kind not in kinds and kinds.count("time") == 1:
+        kind = "time"  # read by the speed of the output, or refused with that option
     angle = _column(table, form.angle, kinds, kind, "angle")
+    is_time = _is_time(table, angle, kinds[angle], form)
+    if is_time:
+        kinds[angle] = "output"
     shaft: _Shaft = form.angle_of or ("output" if kinds[angle] == "output" else "cam")
     kinds[angle] = ""
     by_second = form.second is not None or (form.error is None and "error" not in kinds and "output" in kinds)
@@ -513,11 +536,41 @@ def _columns(table: NumberTable, form: TraceForm) -> tuple[_TraceColumn, _TraceC
     if by_second and shaft == "output":
         raise table.fault("no column of cam angles", "name one: --angle NAME --angle-of cam")
     first, second = (*form.angle_units, None, None)[:_ENCODERS]
+    if is_time:
+        return _by_time(table, angle, form), _in_unit(
+            table, other, None, "error", form.error_unit, "arcsec", "--error-unit"
+        )
     angles = _in_unit(table, angle, shaft, f"{shaft} angle", first, "deg", "--angle-unit")
     if by_second:
         words = "output angle, second encoder"
         return angles, _in_unit(table, other, "output", words, second, angles.unit.removeprefix("-"), "--angle-unit")
     return angles, _in_unit(table, other, None, "error", form.error_unit, "arcsec", "--error-unit")
+
+
+def _is_time(table: NumberTable, index: int, kind: str, form: TraceForm) -> bool:
+    """Return whether the column of the angle has the time, by its unit or else by its content."""
+    if form.angle_unit is not None:
+        return plain_unit(form.angle_unit) in TIMES
+    name = table.name(index)
+    return not unit_in(name) and (kind == "time" or quantity_of(foreign_unit_in(name)) == "time")
+
+
+def _by_time(table: NumberTable, index: int, form: TraceForm) -> _TraceColumn:
+    """Return a column of time as the angle of the output, which turns at the speed of the form.
+
+    Raises PresetError if the form has no speed; UsageError if it has the angle as that of the cam.
+    """
+    if form.speed is None:
+        message = f'"{table.name(index)}" is a time, not an angle'
+        hint = "--speed ARCSEC/S of the output reads it as its angle, or name a column of angles: --angle NAME"
+        raise table.fault(message, hint)
+    if form.angle_of == "cam":
+        raise UsageError(
+            "--angle-of cam does not go with a column of time", "--speed is that of the output: leave out --angle-of"
+        )
+    unit = table.unit_of(index, "time", "s", TIMES, form.angle_unit, "--angle-unit")
+    table.notes[-1] += f", the output angle at {form.speed:g} arcsec/s (--speed)"
+    return _TraceColumn(index, "output", unit, TIMES[unit] * form.speed)
 
 
 def _column(table: NumberTable, asked: str | None, kinds: Sequence[str], kind: str, option: str) -> int:
@@ -543,13 +596,11 @@ def _in_unit(
     table: NumberTable, index: int, shaft: _Shaft | None, words: str, asked: str | None, default: str, option: str
 ) -> _TraceColumn:
     """A column in the unit asked for, that of its name, or the default; how it is read is noted."""
-    name, named = table.name(index), unit_in(table.name(index), (*ANGLES, COUNTS))
-    column = _TraceColumn(index, shaft, plain_unit(asked) if asked is not None else named or default)
-    if asked is None and column.in_counts:
-        raise table.fault(f'"{name}": counts of how many in a turn?', f"like {option} 16384,4194304")
-    if asked is not None and named in ANGLES and named != column.unit:
-        table.notes.append(f'"{name}": {asked} as asked for, though the name says {named}')
-    elif asked is None and not named:
-        table.notes.append(f'"{name}": {NO_UNIT}, {default} assumed ({option})')
-    table.notes.append(f'"{name}": {words}, {column.unit}{" a turn" * column.in_counts}')
+    unit = table.unit_of(index, words, default, (*ANGLES, COUNTS), asked, option)
+    is_in_counts = unit.removeprefix("-") not in ANGLES
+    if asked is None and is_in_counts:
+        raise table.fault(f'"{table.name(index)}": counts of how many in a turn?', f"like {option} 16384,4194304")
+    column = _TraceColumn(index, shaft, unit, angle_size(unit))
+    if is_in_counts:
+        table.notes[-1] += " a turn"
     return column

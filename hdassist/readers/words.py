@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from itertools import chain
+from itertools import chain, pairwise
+from math import isnan
 from typing import NamedTuple
 
 from hdassist.files import NUMBER, number_of, package_table
@@ -26,6 +27,18 @@ TURN_ARCSEC = ANGLES["turn"]
 COUNTS = "counts"  # whose size a name does not give
 _LENGTHS: dict[str, list[str]] = _TABLE["lengths"]
 _FLANKS: dict[str, str] = _TABLE["flanks"]
+DEFINITIONS: dict[str, str] = _TABLE["definitions"]
+_FOREIGN: dict[str, list[str]] = _TABLE["foreign"]
+_LETTERS: dict[str, list[str]] = _TABLE["letters"]
+_NO_UNIT = re.compile(_TABLE["no_units"]["words"], re.IGNORECASE)
+_GERMAN = re.compile(_TABLE["no_units"]["german"], re.IGNORECASE)
+_JOINED = [
+    (re.compile(rf"(?<![^\W\d_])(?:{entry['words']})", re.IGNORECASE), entry["unit"]) for entry in _TABLE["joined"]
+]
+_IN_BRACKETS = re.compile(r"\[([^\]]*)\]|\(([^)]*)\)|/\s*(\S+)\s*$")
+_AMBIGUOUS_DEGREE = "grad"  # a degree in German, 1/400 of a revolution elsewhere
+_LONGEST_UNIT = 14  # characters of a unit in brackets
+_LEAST_BARE = 2  # characters of a unit without brackets
 _MICRO = str.maketrans("µμ", "uu", "·⋅*")
 _WORD = r"(?<![^\W_\d])(?:{})(?![^\W_\d])"  # between letters it is none
 AMBIGUOUS = "ambiguous"
@@ -44,6 +57,8 @@ _WRITTEN = {".": re.compile(NUMBER), ",": re.compile(NUMBER.replace(r"\.", ","))
 
 def role_in(name: str) -> str:
     """Content of a column by its name: a key of _ROLES, as error, cam, output or angle; empty for an unknown one."""
+    if _names_temperature(name):
+        return "temperature"
     spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name).lower()
     return next((role for role, words in _ROLES.items() if re.search(_WORD.format(words), spaced)), "")
 
@@ -64,14 +79,75 @@ def names_teeth(text: str) -> bool:
     return bool(re.match(_TABLE["tooth"]["number"], text.strip().lower()))
 
 
+def _names_temperature(name: str) -> bool:
+    """Return whether a name is that of a temperature by its unit, or by a capital T without a unit of time."""
+    marked, bare = _unit_texts(name)
+    units = _FOREIGN["temperature"]
+    if any(plain_unit(text) in units for text in marked):
+        return True
+    if any(plain_unit(word) in ("degc", "degf") and isnan(number_of(before)) for before, word in pairwise(["", *bare])):
+        return True
+    if not bare or bare[0] != "T" or unit_in(name, TIMES) or unit_in(name, TORQUES):
+        return False
+    return len(bare) == 1 or f"°{plain_unit(bare[-1])}" in units or plain_unit(bare[-1]) in units
+
+
+def _unit_texts(name: str) -> tuple[list[str], list[str]]:
+    """Return the texts of a name that may be units: those in brackets or behind a slash, and its words.
+
+    Units of several words, as "arc min", are one.
+    """
+    for words, unit in _JOINED:
+        name = words.sub(f" {unit} ", name)
+    marked = ["".join(match.groups("")).strip() for match in _IN_BRACKETS.finditer(name)]
+    return marked, [word for word in re.split(r"[\s_()\[\],;/]+", name) if word]
+
+
 def unit_in(name: str, units: Iterable[str] = ANGLES) -> str:
     """The first of some units in a name, such as "angle [deg]", "error/arcsec" or "wg_angle_deg"; empty for none."""
     plain = {plain_unit(unit): unit for unit in units}
-    marked = re.findall(r"\[([^\]]*)\]|\(([^)]*)\)|/\s*(\S+)\s*$", name)
-    bare = re.split(r"[\s_()\[\],;/]+", name)
-    bare = [word for word in bare if (len(word) > 1 or word in _SPELLED) and word != "in"]
-    words = (plain.get(plain_unit(word), "") for word in (*map("".join, marked), *bare))
-    return next(filter(None, words), "")
+    marked, words = _unit_texts(name)
+    if "deg" in plain and _GERMAN.search(name):
+        plain[_AMBIGUOUS_DEGREE] = plain["deg"]
+    for text in marked:
+        if unit := plain.get(plain_unit(text)):
+            return unit
+    for word in words:
+        is_long = len(word) >= _LEAST_BARE or word.lower() in _SPELLED or word.lower() in _LETTERS["own"]
+        if is_long and word != "in" and (unit := plain.get(plain_unit(word))):
+            return unit
+    return ""
+
+
+def foreign_unit_in(name: str, units: Iterable[str] = ANGLES) -> str:
+    """Return the unit that a name states and that is none of some units, as it is written; empty without one.
+
+    Any text in brackets is a unit but for numbers, formulas and words such as "raw"; a word without brackets is one
+    only if it is the unit of another quantity, and no number stands before it, as in "error at 20 °C".
+    """
+    if unit_in(name, units):
+        return ""
+    marked, words = _unit_texts(name)
+    for text in marked:
+        is_formula = len(text) > _LONGEST_UNIT or re.search(r"[=+]|\s[-−]\s|\s\S+\s", text)
+        is_part = f"/{text}" in name.replace(" ", "") and len(text) < _LEAST_BARE
+        if text and not (is_formula or is_part or role_in(text) or _NO_UNIT.fullmatch(text)):
+            return text
+    known = {plain_unit(unit) for unit in (*ANGLES, *TORQUES, *TIMES, COUNTS, *chain(*_FOREIGN.values()))}
+    known.add(_AMBIGUOUS_DEGREE)
+    for before, word in pairwise(["", *words]):
+        is_word = (len(word) >= _LEAST_BARE and word != "in") or word.lower() in _LETTERS["foreign"]
+        if is_word and plain_unit(word) in known and isnan(number_of(before)):
+            return word
+    return ""
+
+
+def quantity_of(unit: str) -> str:
+    """Return the quantity that a unit measures, empty for a unit that is not known."""
+    plain = plain_unit(unit)
+    tables: dict[str, Iterable[str]] = {"angle": ANGLES, "torque": TORQUES, "time": TIMES, **_FOREIGN}
+    found = (quantity for quantity, units in tables.items() if plain in map(plain_unit, units))
+    return next(found, "")
 
 
 def length_in(name: str) -> str:
@@ -79,7 +155,11 @@ def length_in(name: str) -> str:
     for text in re.findall(r"\[([^\]]*)\]", name):
         if not form_in(text) and not flank_in(text):
             return plain_unit(text)
-    return unit_in(name, (*_LENGTHS["metric"], *_LENGTHS["inches"], *ANGLES))
+    known = (*_LENGTHS["metric"], *_LENGTHS["inches"], *ANGLES)
+    if unit := unit_in(name, known):
+        return unit
+    foreign = foreign_unit_in(name, known)
+    return "" if form_in(foreign) or flank_in(foreign) else foreign
 
 
 def plain_unit(unit: str) -> str:
@@ -96,6 +176,8 @@ def angle_size(unit: str) -> float:
     sense, text = (-1.0, unit.strip()[1:]) if unit.strip().startswith("-") else (1.0, unit)
     if (plain := plain_unit(text)) in ANGLES:
         return sense * ANGLES[plain]
+    if plain == _AMBIGUOUS_DEGREE:
+        raise UnitError("grad is a degree in German and 1/400 of a revolution elsewhere", "write deg or gon")
     number = number_of(plain.removesuffix("s").removesuffix("bit").strip())
     counts = 2 ** min(number, _MOST_BITS + 1) if "bit" in plain else number
     if not _FEWEST_COUNTS <= counts <= 2**_MOST_BITS:

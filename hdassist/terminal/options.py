@@ -326,6 +326,7 @@ class TraceOptions(OptionGroup):
     orders: str | None = None
     drift: str = "none"
     budget: list[str]
+    speed: float | None = None
 
     def reading(self) -> Reading:
         """How files are read and looked at."""
