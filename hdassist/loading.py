@@ -43,6 +43,7 @@ from hdassist.preset.fields import (
     Source,
     deviation_sizes,
     field_table,
+    is_overridden,
     measures,
     origin_counts,
     path_of,
@@ -126,8 +127,21 @@ def load_text(text: bytes | str, file: str, overrides: Sequence[str] = (), asked
         overrides=tuple(overrides),
         warnings=tuple(OVERRIDE_PLACE.sub("", str(each)) for each in ordered_findings(document.warnings)),
         asked=asked,
+        M_g=_replaced_torques(drive, text, file, overrides),
     )
     return drive
+
+
+def _replaced_torques(drive: Drive, text: bytes | str, file: str, overrides: Sequence[str]) -> tuple[float, ...]:
+    """Return the torques [N*m] in the file that an override of operation.M_g replaces.
+
+    drive: the drive with the overrides. The result is empty if nothing needs them: no override, a stated rated torque,
+    or a file that is no drive without its overrides.
+    """
+    if drive.operation.rated is not None or not is_overridden("operation.M_g", overrides):
+        return ()
+    in_file = _drive(_document(text, file))
+    return in_file.operation.M_g if in_file else ()
 
 
 _parsed = lru_cache(maxsize=4)(read_yaml)  # a sweep, a lot and the explorer load one text again and again

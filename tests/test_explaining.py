@@ -214,3 +214,18 @@ def test_forty_columns_hold_it_whole(names):
     assert max(map(len, told.splitlines())) <= 40
     assert "…" not in told
     assert sorted(in_a_line(told).split()) == sorted(in_a_line(wide).split())
+
+
+@pytest.mark.parametrize(
+    ("word", "term"),
+    [
+        ("draws", "samples"),
+        ("not known", "unknown"),
+        ("no-load accuracy", "transmission accuracy"),
+        ("backlash", "play"),
+        ("flank clearance", "clearance"),
+    ],
+)
+def test_a_word_of_the_trade_leads_to_its_own_term_alone(word: str, term: str) -> None:
+    names = [entry.names[0] for entry in explained(word) if entry.kind == "quantity or word"]
+    assert names == [term]

@@ -78,7 +78,7 @@ def test_start(tmp_path: Path):
     output_of("start.md", tmp_path)
     card = words_of(tmp_path / "card.txt")
     assert "Turn the rigid wheel by 3 holes (90°) clockwise" in card
-    assert "Values of the preset: 4 given, 0 identified, 31 assumed." in card
+    assert "Values of the preset: 4 given, 0 identified, 32 assumed." in card
     assert "this hole is better than staying by more than 1 % with a probability of 100 %" in card
     assert "hole 9: 22.1″" in card
 

@@ -85,6 +85,25 @@ class DrivePrior:
     fields: tuple[FieldPrior, ...]
     fitted: tuple[str, ...] = ()
 
+    def counts(self) -> dict[str, int]:
+        """Return the number of uncertain inputs of each kind; the kinds add up to the number of fields.
+
+        Kinds: "assumed" within a range by the preset's source, "default" within the usual range of a field that the
+        preset leaves out, "unknown" without any value, "stated" with an uncertainty, "fitted" together to
+        measurements, "derived" from the catalogue's backlash.
+        """
+        counts = dict.fromkeys(("assumed", "default", "unknown", "stated", "fitted", "derived"), 0)
+        kind_of_distribution = {"normal": "stated", "drawn": "fitted", "meshing": "derived"}
+        for field in self.fields:
+            if field.distribution in kind_of_distribution:
+                kind = kind_of_distribution[field.distribution]
+            elif self.drive.value(field.path) is None:
+                kind = "unknown"
+            else:
+                kind = "assumed" if field.path in self.drive.source else "default"
+            counts[kind] += 1
+        return counts
+
     @property
     def meshing(self) -> tuple[int, FieldPrior] | None:
         """The shift of the rigid wheel where it follows from all else, and its place among the fields."""

@@ -203,10 +203,12 @@ class PresetsValidateCommand(o.AnswerOptions, o.DriveOptions):
             complain(error, name)
             return Report(_VALIDATE, None, "", values=_invalid(name, error), exit_code=error.exit_code)
         values = origin_counts(drive)
-        verdict = f"OK, {values['assumed']} values still assumed" if values["assumed"] else "OK"
+        warnings = drive.origin.warnings
+        verdict = f"valid, warnings: {len(warnings)}" if warnings else "OK"
+        if values["assumed"]:
+            verdict += f", {values['assumed']} values still assumed"
         found = {"file": name, "valid": True, "values": values, "findings": []}
         line = verdict if len(self.presets) > 1 else f"{name}: {verdict}"  # several are named anyway
-        warnings = drive.origin.warnings
         return Report(_VALIDATE, drive, name, verdict, values=found, line=line, about=name, warnings=warnings)
 
 

@@ -389,9 +389,11 @@ def unknown_notes(drive: Drive) -> tuple[str, ...]:
 
 
 def unknown_names(fields: Sequence[Unknown], most: int = 4) -> str:
-    """Paths of some fields, and how many more there are."""
-    paths = ", ".join(u.path for u in fields[:most])
-    return f"{paths} and {len(fields) - most} more" if len(fields) > most else paths
+    """Return the paths of fields; of more than `most` their number, and the first of them."""
+    paths = ", ".join(field.path for field in fields[:most])
+    if len(fields) <= most:
+        return paths
+    return f"{len(fields)} inputs, among them {paths}"
 
 
 def _largest(drive: Drive, deviation: Deviation) -> tuple[float, str]:

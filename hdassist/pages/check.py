@@ -162,9 +162,17 @@ def check_facts(check: DesignCheck) -> Iterator[Fact]:
     if check.samples:
         yield "accuracy", _unstated_accuracy(check.drive, check.samples)
         yield "unknown", unknown_names(check.unknown)
+        yield "inputs", uncertain_inputs_words(check.samples.prior)
         yield "samples", samples_words(check.samples)
         yield "evidence", _evidence_words(check.drive)
         yield "exact", fitted_words(check.samples.prior)
+
+
+def uncertain_inputs_words(prior: DrivePrior) -> str:
+    """Return the number of uncertain inputs, and of each kind of them, in words."""
+    words = {"assumed": "assumed within a range", "default": "left to a default within a range"}
+    kinds = ", ".join(f"{count} {words.get(kind, kind)}" for kind, count in prior.counts().items() if count)
+    return f"{len(prior.fields)} uncertain: {kinds}"
 
 
 def _unstated_accuracy(drive: Drive, samples: Samples) -> str:

@@ -18,7 +18,7 @@ from hdassist.error.stiffness import (
 from hdassist.error.waves import ErrorAlong, Trace, order_legend
 from hdassist.errors import worst_exit_code
 from hdassist.model.deviations import unknown_notes, unknowns
-from hdassist.preset.fields import Drive, Measured, is_overridden
+from hdassist.preset.fields import Drive, Measured
 from hdassist.report import (
     Curve,
     Fact,
@@ -41,6 +41,8 @@ _LISTED_ORDERS, _NAMED_ORDERS = 12, 2  # with --details and without, the greates
 _LEAST_SHOWN = 0.005  # arcsec: a smaller amplitude is shown as 0.00
 _MANY_TURNS = 8  # cam turns from which on a curve is a block, and its envelope is drawn
 
+_UNKNOWN_AS_ZERO = "unknown inputs are taken as 0 here; hdassist check gives F'_ior with its range over them"
+
 ORDER_QUANTITIES = quantity_table("trace.orders")
 
 
@@ -58,7 +60,8 @@ def trace_report(drive: Drive, trace: Trace, seed: int, speed: float | None = No
     """
     error = trace.error
     cycle = error.kinematics.cycle_cam_revolutions
-    is_part, nominal = trace.revolutions < cycle, drive.measured != Measured.of_defaults()
+    is_part = trace.revolutions < cycle
+    is_measured = drive.measured != Measured.of_defaults()
     whole = ("-n", str(cycle), "--phi-g0", f"{trace.start_deg:g}")
     next_ = again("trace", drive, *whole) if is_part else again("mount", drive)
     turns = f"{error.M_g:g} N·m, {trace.revolutions} cam turn{'s' * (trace.revolutions != 1)}"
@@ -73,13 +76,13 @@ def trace_report(drive: Drive, trace: Trace, seed: int, speed: float | None = No
     return Report(
         command="trace",
         drive=drive,
-        head=f"{drive.name}{', nominal' * nominal}, {start}{heading(trace.measured)}",
+        head=f"{drive.name} at nominal values, {start}{heading(trace.measured)}",
         verdict=f"range {error.range_arcsec:.2f}″",
         why=(
-            *("values of the preset: what was measured on the drive is not weighed here",) * nominal,
+            *("values of the preset: what was measured on the drive is not weighed here",) * is_measured,
             *(f"{trace.revolutions} of the {cycle} cam turns of the full cycle: F'_ior is at least as large",)
             * is_part,
-            *("inputs that are not known are taken as 0: hdassist check has F'_ior with them",) * bool(unknowns(drive)),
+            *(_UNKNOWN_AS_ZERO,) * bool(unknowns(drive)),
         ),
         blocks=(
             *[Table.by_row("", quantity_table("trace.page"), orders[:_NAMED_ORDERS])] * bool(orders),
@@ -103,6 +106,7 @@ def trace_report(drive: Drive, trace: Trace, seed: int, speed: float | None = No
         values={
             "unknown": unknown_objects(unknowns(drive)),
             "pitch": pitch_object(trace.measured),
+            "statistic": "nominal",
             "M_g_Nm": error.M_g,
             "gravity": trace.along,
             f"{moving}_deg": trace.start_deg,
@@ -193,10 +197,8 @@ def stiffness_warnings(drive: Drive, result: Stiffness) -> tuple[str, ...]:
     """Warnings beside the numbers."""
     if drive.operation.rated is not None:
         return drive.origin.warnings
-    asked = is_overridden("operation.M_g", drive.origin.overrides)
-    whose = "the greatest torque asked for" if asked else "the greatest of operation.M_g"
-    stands = f"no operation.rated in the preset: {result.rated:g} N*m, {whose}, stands for it"
-    return (*drive.origin.warnings, f"{stands} in lost motion; --set operation.rated=T gives it" if asked else stands)
+    stands = f"no operation.rated in the preset: {result.rated:g} N*m, the largest of its operation.M_g, stands for it"
+    return (*drive.origin.warnings, f"{stands} in lost motion; --set operation.rated=T gives it")
 
 
 def _facts(drive: Drive, found: Stiffness) -> Iterator[Fact]:
@@ -205,11 +207,21 @@ def _facts(drive: Drive, found: Stiffness) -> Iterator[Fact]:
     yield "segments", "end at other torques than the catalogue's, so K is not compared" * elsewhere
     ends = f"±{100 * LOST_MOTION_SHARE:.0f} % of {found.rated:g} N·m"
     yield "lost motion", f"{found.lost_motion_arcsec:.2f}″ between {ends}; play {found.play_arcsec:.2f}″"
-    theirs = drive.catalogue.lost_motion
-    percent = _percent_off(off(found.lost_motion_arcsec, theirs) or 0.0)
-    yield "  catalogue", f"{theirs:g}″, with friction; ours is off by {percent}" if theirs else ""
+    yield "  catalogue", _lost_motion_limit(drive, found.lost_motion_arcsec)
     yield "assumed", on_what(drive)
     yield "next", again("check", drive)
+
+
+def _lost_motion_limit(drive: Drive, lost_motion_arcsec: float) -> str:
+    """Return the catalogue's upper limit of the lost motion in words, and whether the model is below it."""
+    limit_arcsec = drive.catalogue.lost_motion
+    if limit_arcsec is None:
+        return ""
+    source = drive.source.get("catalogue.lost_motion")
+    origin = " (assumed)" if source and source.kind == "assumed" else ""
+    excess = off(lost_motion_arcsec, limit_arcsec) or 0.0
+    compared = f"exceeds it by {excess:.0f} %" if excess > 0 else "is below it"
+    return f"at most {limit_arcsec:g}″{origin}, friction included; the model, which has no friction, {compared}"
 
 
 _ROW_COLUMNS = ("M_g_Nm", "F_ior_arcsec", "max_residual", "reason")
@@ -235,13 +247,15 @@ def sweep_report(swept: Swept, records: Iterable[SweepRow]) -> Report:
     return Report(
         command="sweep",
         drive=drive,
-        head=f"{drive.name}, F'_ior over {' and '.join(spans)}, {sweep.rows} rows",
+        head=f"{drive.name} at nominal values, F'_ior over {' and '.join(spans)}, {sweep.rows} rows",
         verdict=line.replace(" arcsec", "″"),
+        why=(_UNKNOWN_AS_ZERO,) if unknowns(swept.largest) else (),
         blocks=(Facts.of(_sweep_facts(swept)), *figures[:1]),
         details=tuple(figures[1:]),
         certificate=swept,
         values={
             "unknown": unknown_objects(unknowns(swept.largest)),
+            "statistic": "nominal",
             "vary": [{"field": axis.path, **attributes(axis, "unit", "values")} for axis in sweep.varied],
             **{end: found.get(end) for end in ("least", "greatest")},
             "rows": list(records),

@@ -19,7 +19,14 @@ from hdassist.files import visible
 from hdassist.model.deviations import unknown_names
 from hdassist.model.geometry import Array, Kinematics
 from hdassist.pages.card import TRADE, Card, hole_place
-from hdassist.pages.check import F_ior_table, check_facts, check_report, error_tables, steps_table
+from hdassist.pages.check import (
+    F_ior_table,
+    check_facts,
+    check_report,
+    error_tables,
+    steps_table,
+    uncertain_inputs_words,
+)
 from hdassist.pages.compare import sheet_warnings
 from hdassist.pages.curves import stiffness_report
 from hdassist.pages.mount import WORDS, mount_report
@@ -113,7 +120,8 @@ def _tiles(sheet: DriveSheet, values: Mapping[str, int]) -> Iterator[tuple[str, 
     for point in sheet.check.points:
         found = point.belief
         below = f"{found.p5:.1f} to {found.p95:.1f}″ in 90 % of cases" if found else "over the full cycle"
-        yield f"F'_ior at {point.M_g:g} N·m", f"{point.F_ior_or_error:.1f}″", below
+        statistic = "median" if found else "nominal"
+        yield f"F'_ior at {point.M_g:g} N·m, {statistic}", f"{point.F_ior_or_error:.1f}″", below
     advice = sheet.advice
     gain = f"{-100 * advice.gain_range[1]:+.0f} % error" if advice.turn else "leave it as it is"
     yield "position of the wheel", hole_place(advice.chosen), f"{WORDS[advice.word]}: {gain}"
@@ -133,7 +141,9 @@ def _basis(sheet: DriveSheet, values: Mapping[str, int]) -> Iterator[Block]:
     title = f"inputs by their share of the spread of F'_ior at {check.points[check.least_sure].M_g:g} N·m"
     yield Table(title, _INPUT_HEADS, rows)
     names = unknown_names(check.unknown)
-    sampled = f"{len(drawn)} inputs are not known exactly: {samples_words(check.samples)}. " if check.samples else ""
+    sampled = ""
+    if check.samples:
+        sampled = f"Inputs: {uncertain_inputs_words(check.samples.prior)}. Samples: {samples_words(check.samples)}. "
     yield Paragraph(
         f"{sampled}{f'Deviations that are not known: {names}. ' if names else ''}"
         f"The preset gives {sum(values.values())} values: {values['given']} given, {values['identified']} identified, "

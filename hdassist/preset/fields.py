@@ -550,6 +550,7 @@ class Origin:
     """Where a drive was read: file as named by the user, SHA-256 of its bytes, overrides on top.
 
     asked: other options that the user gave, of which a next command on the drive is to have its own.
+    M_g: torques [N*m] of operation.M_g in the file itself, if an override replaces them; empty otherwise.
     """
 
     file: str = ""
@@ -557,6 +558,7 @@ class Origin:
     overrides: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     asked: tuple[AskedOption, ...] = ()
+    M_g: tuple[float, ...] = ()
 
 
 class Drive(Section):
@@ -604,8 +606,13 @@ class Drive(Section):
 
     @property
     def rated_torque(self) -> float:
-        """Rated torque [N*m]; where the preset has none, the greatest of its torques."""
-        return self.operation.rated or max(map(abs, self.operation.M_g))
+        """Rated torque [N*m]; if the preset has none, the largest of the torques in its file.
+
+        The torques of one command do not replace it: a lost motion between shares of it stays the same number.
+        """
+        if self.operation.rated is not None:
+            return self.operation.rated
+        return max(abs(M_g) for M_g in self.origin.M_g or self.operation.M_g)
 
     @property
     def unused_tooth_field(self) -> str:
@@ -713,9 +720,18 @@ def resolved_fields(drive: Drive) -> list[ResolvedField]:
 
 
 def origin_counts(drive: Drive) -> dict[str, int]:
-    """Numbers of fields that are given, identified and assumed in a preset."""
-    kinds = [row.kind for row in resolved_fields(drive)]
-    return {kind: kinds.count(kind) for kind in ("given", "identified", "assumed")}
+    """Return the numbers of fields that are given, identified and assumed in a preset.
+
+    A value that a command replaces counts as its file has it, so that all pages on a preset state the same numbers.
+    """
+    counts = dict.fromkeys(("given", "identified", "assumed"), 0)
+    for row in resolved_fields(drive):
+        kind = row.kind
+        if kind == "override" and row.path in drive.source:
+            kind = str(drive.source[row.path].kind)
+        if kind in counts:
+            counts[kind] += 1
+    return counts
 
 
 def value_text(value: Any) -> str:

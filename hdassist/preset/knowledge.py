@@ -9,6 +9,7 @@ law and a plausible range, and profile shifts keep the bore in proportion to the
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from itertools import product
 from math import isfinite, log10, pi
 from typing import Any, NoReturn
 
@@ -25,6 +26,9 @@ CATALOGUE_K3 = 9.0e5
 # N*m/mm^3, rated torque over d^3 of catalogue sizes 14 to 65, ratio 100: from size 14 of the standard series (7.8 N*m)
 # to size 20 of the high-torque series (52 N*m); d = 2.54 mm a size
 TORQUE_DENSITY = (1.7e-4, 4.0e-4)
+# of K3 by the cube law: K1 of catalogue sizes is half of their K3; a stiffness beyond these is another unit
+_STIFFNESS_SHARES = (0.05, 5.0)
+_CATALOGUE_UNIT = 1e4  # N*m/rad, in which catalogues print stiffnesses
 _BOUND_ROUNDING = 1e-9  # of a bound
 # Greatest deviations where a preset does not give them. F'_i: F_p of this class of ISO 1328-1:2013, the coarsest teeth
 # that a drive is taken to have; those of the paper are there
@@ -127,6 +131,23 @@ def implausible(drive: Drive) -> Iterator[tuple[str, str, str]]:
         yield "operation.M_g", words, f"operation.rated: {rated:g} N*m"
     if rated is not None and rated > limit * 1.01:
         yield "operation.rated", f"{rated:g} N*m is {rated / limit:.3g} {beyond}", usual
+    yield from _implausible_stiffnesses(drive)
+
+
+def _implausible_stiffnesses(drive: Drive) -> Iterator[tuple[str, str, str]]:
+    """Yield torsional stiffnesses that no drive of this diameter has: path, message with the number, usual range."""
+    d = drive.gears.pitch_diameter
+    K_3 = CATALOGUE_K3 * (d / REFERENCE) ** 3
+    low, high = (share * K_3 for share in _STIFFNESS_SHARES)
+    for section, k in product(("catalogue", "measured"), (1, 2, 3)):
+        path = f"{section}.K_{k}"
+        K = drive.value(path)
+        if K is None or low <= K <= high:
+            continue
+        usual = f"usual at {d:.4g} mm: {_rounded(low, 2):g} to {_rounded(high, 2):g} N*m/rad"
+        if low <= K * _CATALOGUE_UNIT <= high:
+            usual += f"; a catalogue that prints {K:g} in 1e4 N*m/rad means {K * _CATALOGUE_UNIT:g}"
+        yield path, f"{K:g} N*m/rad is {K / K_3:.2g} times K3 of catalogue drives of this size", usual
 
 
 # --- the cam's support by its coupling

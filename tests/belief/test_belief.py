@@ -23,6 +23,7 @@ from hdassist.calibration import CalibrationTarget, predictions
 from hdassist.error.extremes import extremes_of
 from hdassist.error.stiffness import stiffness
 from hdassist.errors import UntrustedError, Verdict, percent_text, verdict_by_probability
+from hdassist.model.deviations import unknowns
 from hdassist.run.run import Run
 from tests.process import TINY
 from tests.support import PROVEN
@@ -386,3 +387,13 @@ def test_samples_that_keep_an_accuracy_are_those_weighed_by_its_limit():
     kept = samples.keeping(limit, 0)
     assert np.array_equal(kept.weights[F_ior <= limit], samples.weights[F_ior <= limit])
     assert np.all(kept.weights[F_ior > limit] < samples.weights[F_ior > limit])
+
+
+@pytest.mark.parametrize("name", ["vzp160", "size-25-100", "mvz-80"])
+def test_kinds_of_uncertain_inputs_add_up(name: str) -> None:
+    drive = load_preset(name)
+    prior = prior_of(drive)
+    counts = prior.counts()
+    assert sum(counts.values()) == len(prior.fields)
+    drawn = {field.path for field in prior.fields}
+    assert counts["unknown"] == len({unknown.path for unknown in unknowns(drive)} & drawn)

@@ -91,7 +91,7 @@ def test_a_page_says_what_is_compared():
     assert heads[3:5] == ["catalogue", "off by"]
     assert [row[3] for row in rows] == 2 * ["0.3", "-", "0.59"]
     assert [bool(re.fullmatch(r"[-+]\d+ %", row[4])) for row in rows] == 2 * [True, False, True]
-    assert re.search(r"catalogue +300 arcsec, with friction; ours is off by -\d+ %", page)
+    assert re.search(r"catalogue +at most 300 arcsec.* is below it", in_a_line(page))
     page = run("stiffness", SMALL, "--no-plot", *SAID, "--t1", "3", "--details", "--ascii").stdout
     assert "end at other torques than the catalogue's, so K is not compared" in in_a_line(page)
     assert "catalogue" not in run("stiffness", SMALL, "--no-plot").stdout
@@ -122,11 +122,29 @@ def test_headings_and_numbers_are_whole_in_forty_columns(found: Stiffness, ascii
     assert {"torque,", "N*m/rad" if ascii else "N·m/rad", "catalogue", "2", *numbers} <= set(words)
 
 
-def test_a_torque_asked_for_that_stands_for_the_rated_one_is_called_so(found: Stiffness) -> None:
-    (told,) = stiffness_warnings(load_preset(SMALL), found)
-    assert "4 N*m, the greatest of operation.M_g, stands for it" in told
-    (told,) = stiffness_warnings(load_preset(SMALL, ["operation.M_g=[4.0]"]), found)
-    assert "4 N*m, the greatest torque asked for, stands for it" in told and "--set operation.rated=T" in told
+def test_a_lost_motion_beyond_the_limit_of_the_catalogue_is_said_to_exceed_it(found: Stiffness) -> None:
+    limit = found.lost_motion_arcsec / 1.25
+    drive = load_preset(SMALL, [f"catalogue.lost_motion={limit}"])
+    (fact,) = [text for label, text in stiffness_report(drive, found).blocks[1].rows if label.strip() == "catalogue"]
+    assert fact.endswith("exceeds it by 25 %")
+
+
+def test_the_torques_of_a_command_do_not_move_the_rated_torque() -> None:
+    own = load_preset(SMALL)
+    asked = load_preset(SMALL, ["operation.M_g=[0.5]"])
+    assert own.operation.rated is None
+    assert asked.rated_torque == own.rated_torque == 4.0
+    assert load_preset(SMALL, ["operation.M_g=[0.5]", "operation.rated=3"]).rated_torque == 3.0
+    changed = asked.with_values({"gears.j_n": 1.0})  # a sample of the drive
+    assert changed.rated_torque == 4.0
+    lost_motions = {stiffness(drive, points=2, run=UNCHECKED).lost_motion_arcsec for drive in (own, asked)}
+    assert len(lost_motions) == 1
+
+
+def test_a_torque_that_stands_for_the_rated_one_is_called_so(found: Stiffness) -> None:
+    for overrides in ([], ["operation.M_g=[0.5]"]):
+        (warning,) = stiffness_warnings(load_preset(SMALL, overrides), found)
+        assert "4 N*m, the largest of its operation.M_g, stands for it" in warning
     assert stiffness_warnings(load_preset(SMALL, ["operation.rated=4"]), found) == ()
 
 

@@ -125,7 +125,7 @@ def test_rows_of_two_fields(tmp_path):
     assert [bool(row["F_ior_arcsec"]) for row in in_csv] == [True, False] * 2  # there are no such drives
     words = in_a_line(done.stdout)
     assert words.startswith(
-        "small, F'_ior over tolerances.e_hb (30 to 60 µm) and gears.x_b (1.6 to 4), 4 rows: 22.10 to "
+        "small at nominal values, F'_ior over tolerances.e_hb (30 to 60 µm) and gears.x_b (1.6 to 4), 4 rows: 22.10 to "
     )
     assert "no answer 2 of 4 rows; the first: gears.x_b:" in words
     assert f"next hdassist check {SMALL} --torque=4 --set tolerances.e_hb=30 --set gears.x_b=1.6 " in words
@@ -340,3 +340,15 @@ def test_a_residual_beyond_its_tolerance_is_no_proof(few):
     for change in ({"max_residual": 0.9}, {"max_residual": -1.0}, {"F_ior_arcsec": -1.0}, {"F_ior_arcsec": "2"}):
         with pytest.raises(ValueError, match="Input should be"):
             sweep.kind.adapter.validate_python({**fields, **change})
+
+
+def test_a_sweep_says_that_it_takes_unknown_inputs_as_zero(tmp_path):
+    vary = ("--vary", "operation.M_g=1:4:2", "--no-plot")
+    pages = []
+    for number, value in enumerate(("0", "unknown")):
+        rows = str(tmp_path / f"{number}.jsonl")  # a page stands on the terminal if the rows go to a file
+        pages.append(in_a_line(run("sweep", SMALL, *vary, "--set", f"tolerances.e_hh={value}", "-o", rows).stdout))
+    told = json.loads(run("sweep", SMALL, *vary, "--set", "tolerances.e_hh=unknown", "--json").stdout)
+    assert [("taken as 0" in page) for page in pages] == [False, True]
+    assert told["statistic"] == "nominal"
+    assert "tolerances.e_hh" in [field["field"] for field in told["unknown"]]

@@ -14,7 +14,7 @@ from hdassist.calibration import read_targets
 from hdassist.errors import DataError, PresetError, UsageError
 from hdassist.files import preset_names, read_preset
 from hdassist.loading import load_preset
-from hdassist.preset.fields import field_table, measures
+from hdassist.preset.fields import field_table, measures, origin_counts
 from hdassist.preset.text import read_yaml
 
 ROOT = Path(__file__).parents[2]
@@ -178,3 +178,8 @@ def test_only_files_whose_names_are_alike_are_offered_whatever_their_ending(tmp_
             load_preset(str(tmp_path / missing))
         meant = re.match(r"did you mean (.*?)\?", caught.value.hint)
         assert (Path(meant[1]).name if meant else "") == offered
+
+
+def test_values_of_a_preset_are_counted_as_its_file_has_them() -> None:
+    own = origin_counts(load_preset("size-25-100"))
+    assert origin_counts(load_preset("size-25-100", ["operation.M_g=[6.7]"])) == own

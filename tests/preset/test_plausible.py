@@ -6,6 +6,8 @@ import pytest
 
 from hdassist import load_preset
 from hdassist.files import preset_names
+from hdassist.preset.knowledge import implausible
+from tests.process import run
 
 
 @pytest.mark.parametrize(
@@ -52,3 +54,17 @@ def test_what_drives_have_is_not(overrides: list[str]) -> None:
 @pytest.mark.parametrize("name", preset_names())
 def test_nor_is_a_preset_of_the_library(name: str) -> None:
     assert load_preset(name).origin.warnings == ()
+
+
+@pytest.mark.parametrize("path", ["catalogue.K_1", "catalogue.K_3", "measured.K_2"])
+@pytest.mark.parametrize(("K", "is_plausible"), [(3.1, False), (3.1e4, True), (3.1e8, False)])
+def test_a_stiffness_in_another_unit_is_implausible(path: str, K: float, is_plausible: bool) -> None:
+    drive = load_preset("size-25-100", [f"{path}={K}"])
+    assert (path not in {found for found, _, _ in implausible(drive)}) == is_plausible
+
+
+def test_validate_does_not_call_a_stiffness_in_another_unit_ok() -> None:
+    result = run("presets", "validate", "size-25-100", "--set", "catalogue.K_1=3.1")
+    assert result.returncode == 0
+    assert "OK" not in result.stdout
+    assert "31000" in result.stderr  # N*m/rad: what a catalogue means that prints 3.1 in 1e4 N*m/rad
