@@ -321,7 +321,7 @@ class AcceptedValue(ClosedRecord):
         if found.uncertainty_arcsec is None:
             return cls(found.arcsec, 0.0, "measured", "at least", unstated=unstated)
         greatest = found.estimates_arcsec[-1] if found.seen else None
-        expanded = COVERAGE_FACTOR * hypot(found.uncertainty_arcsec, combined(sources))
+        expanded = hypot(found.expanded_arcsec, COVERAGE_FACTOR * combined(sources))
         return cls(found.arcsec, expanded, "measured", "at least", unstated=unstated, at_most=greatest)
 
     @classmethod

@@ -173,6 +173,9 @@ class Request(ClosedRecord):
                     recorded |= {each: AcceptedValue.measured(each, found.directions[0]) for each in own}
             elif isinstance(found, PositionRecord):
                 quantities = position_quantities(found, seed=self.seed)
+                if (plan := found.plan) and plan.drive != drive.name:
+                    words = f"{found.table.file}: the positions were planned for {plan.drive}, not for {drive.name}"
+                    raise DataError(words, f"plan the test of {drive.name}: hdassist plan {drive.name} --approach FILE")
                 positions[M_g] = found.table, seen_range(found, quantities)
                 recorded |= self._at_positions(*positions[M_g], quantities, M_g, drive)
             else:
@@ -201,8 +204,8 @@ class Request(ClosedRecord):
                 values[limit] = AcceptedValue.at_positions(found, sources)
             elif own := by_name.get(limit.check.field):
                 unsure = own.uncertainty_arcsec
-                is_whole: Extent = "whole" if unsure is not None else "at least"
-                values[limit] = AcceptedValue(own.arcsec, COVERAGE_FACTOR * (unsure or 0.0), "measured", is_whole)
+                extent: Extent = "at least" if unsure is None or found.is_cut else "whole"
+                values[limit] = AcceptedValue(own.arcsec, COVERAGE_FACTOR * (unsure or 0.0), "measured", extent)
         if not values:
             raise DataError(
                 f"{drive.name}: positions at {M_g:g} N*m, where it has no limit", f"--limit F_ior@{M_g:g}=30"

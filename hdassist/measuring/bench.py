@@ -11,6 +11,7 @@ Loops: the twist at a torque is that of a parabola through the readings around i
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import hypot, isfinite, sqrt
@@ -19,6 +20,7 @@ import numpy as np
 
 from hdassist.errors import DataError, UsageError
 from hdassist.files import number_of
+from hdassist.measuring.fit import COVERAGE_FACTOR
 from hdassist.measuring.orders import BIAS_SHARE
 from hdassist.model.geometry import Array
 from hdassist.readers.table import NumberTable
@@ -29,7 +31,22 @@ _LOOP_SHARE = 0.04  # of the rated torque, to each side: between them lies the l
 _AROUND = 5  # readings, at least, through which a parabola is laid
 TINY = 1e-30  # N*m
 _LOOP_HINT = "go from -T_0 to T_0 and back, T_0 the rated torque"
+_LEAST_CHANCE = 0.975  # that a range is at least its lower confidence limit
+_PLAN = re.compile(  # as hdassist plan names it
+    r"(?P<drive>.*), (?P<count>[0-9]+) positions(?: over (?P<turns>[0-9.e+-]+) output turns)?(?P<both> both ways)?"
+)
+_PLANNED_NEAR = 0.05  # of the step between positions: how far an approached position may lie off a planned one
 _SAME_TARGET = 0.5  # arcsec: targets nearer than that are one
+
+
+@dataclass(frozen=True)
+class _SheetPlan:
+    """The plan of a filled-in sheet: its drive by name, positions, output turns, and whether both ways."""
+
+    drive: str
+    positions: int
+    turns: float
+    both: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,13 +58,39 @@ class PositionRecord:
     deviation_arcsec: Array
     side: Array
 
+    def _remark_text(self, key: str) -> str:
+        """Return the text of a remark "key: text" of the file; empty without one."""
+        entries = (line.entry for line in self.table.remarks)
+        return next((entry[1] for entry in entries if entry and entry[0] == key), "")
+
+    @property
+    def plan(self) -> _SheetPlan | None:
+        """The plan in the remarks of the file; None without one, or if it is not as a plan writes it."""
+        written = _PLAN.fullmatch(self._remark_text("plan"))
+        if written is None:
+            return None
+        turns = number_of(written["turns"]) if written["turns"] else 1.0
+        return _SheetPlan(written["drive"], int(written["count"]), turns, bool(written["both"]))
+
+    def is_carried_out(self, plan: _SheetPlan) -> bool:
+        """Return whether every position of a plan was approached from every planned side."""
+        step = TURN_ARCSEC * plan.turns / plan.positions
+        planned, within = step * np.arange(plan.positions), _PLANNED_NEAR * step
+        sides = (1, -1) if plan.both else (1,)
+        for side in sides:
+            targets = self.target_arcsec[self.side == side]
+            if not len(targets):
+                return False
+            if np.abs(planned[:, None] - targets).min(axis=1).max() > within:
+                return False
+        return True
+
     def remark(self, key: str) -> tuple[float, ...]:
         """Numbers of a remark "key: number ..." of the file, as a plan writes them; empty without one.
 
         Raises DataError: others than positive numbers.
         """
-        entries = (line.entry for line in self.table.remarks)
-        text = next((entry[1] for entry in entries if entry and entry[0] == key), "")
+        text = self._remark_text(key)
         numbers = tuple(map(number_of, text.split()))
         if not all(isfinite(number) for number in numbers):
             raise DataError(f"{self.table.file}: remark {key}: {text}: expected numbers", "as hdassist plan wrote it")
@@ -68,27 +111,38 @@ class LoopRecord:
 class StatedQuantity:
     """A quantity that makers state: name of its limit in acceptance, value and standard uncertainty [arcsec].
 
-    uncertainty_arcsec: None without repetition. of: the readings that it is of, in words.
+    uncertainty_arcsec: None without repetition. of: the readings that it is of, in words. noise_arcsec: most by which
+    the scatter of the approaches makes a range larger than that of the true deviations, but once in 40 records.
     """
 
     name: str
     arcsec: float
     uncertainty_arcsec: float | None
     of: str
+    noise_arcsec: float = 0.0
 
 
 @dataclass(frozen=True)
 class SeenRange:
-    """What positions tell of F'_ior [arcsec]: the range that they see, which is a lower bound, and more by their plan.
+    """What positions tell of F'_ior [arcsec]: the range that they see, and more by their plan.
 
-    uncertainty_arcsec: standard, with that of a plan, None without repetition; seen: share of F'_ior that they
-    see, at 5, 50 and 95 % of drives and starts, empty without a plan; M_g: torque of the plan [N*m].
+    uncertainty_arcsec: standard, with that of a plan, None without repetition; expanded_arcsec: how far the lower
+    confidence limit of the range lies below it, 0 without repetition; seen: share of F'_ior that they see, at 5, 50 and
+    95 % of drives and starts, empty without a plan that was carried out; M_g: torque of the plan [N*m]; is_cut: whether
+    planned positions or sides are missing.
     """
 
     arcsec: float
     uncertainty_arcsec: float | None
+    expanded_arcsec: float = 0.0
     seen: tuple[float, ...] = ()
     M_g: float | None = None
+    is_cut: bool = False
+
+    @property
+    def at_least_arcsec(self) -> float:
+        """The lower confidence limit of the range that they see, which is one of F'_ior too."""
+        return max(0.0, self.arcsec - self.expanded_arcsec)
 
     @property
     def estimates_arcsec(self) -> tuple[float, ...]:
@@ -180,24 +234,40 @@ def position_quantities(record: PositionRecord, *, seed: int = 0, draws: int = 2
         means = np.concatenate([np.full(len(rows), deviation[rows].mean()) for rows in groups])
         rng = np.random.default_rng(seed)
         scatter = float(np.linalg.norm(deviation - means)) / np.sqrt(rng.chisquare(freedom, (draws, 1)))
-        drawn = figures(means + scatter * rng.standard_normal((draws, len(target))))
+        errors = scatter * rng.standard_normal((draws, len(target)))
+        drawn = figures(means + errors)
+        by_noise = figures(errors)  # a range is at most that of the true deviations plus this one
     quantities = []
     for name, (value,) in figures(deviation[None]).items():
         bias = max(0.0, float(drawn[name].mean() - value)) if drawn and name == "positioning" else 0.0
         unsure = hypot(float(drawn[name].std()), BIAS_SHARE * bias) if drawn else None
         words = f"{len(positions)} positions, {len(target)} approaches"
-        quantities.append(StatedQuantity(name, max(0.0, float(value) - bias), unsure, words))
+        noise = max(0.0, float(np.quantile(by_noise[name], _LEAST_CHANCE)) - bias) if drawn else 0.0
+        quantities.append(StatedQuantity(name, max(0.0, float(value) - bias), unsure, words, noise))
     return tuple(quantities)
 
 
 def seen_range(record: PositionRecord, quantities: Sequence[StatedQuantity]) -> SeenRange:
-    """F'_ior by a record of positions with such quantities. Raises DataError for remarks that no plan has."""
+    """F'_ior by a record of positions with such quantities.
+
+    The shares that a plan sees count only if all of its positions were approached from its sides. Raises DataError for
+    remarks that no plan has.
+    """
     (found,) = (each for each in quantities if each.name == "positioning")
     unsure, own = record.remark("uncertainty"), found.uncertainty_arcsec  # scatter is known by repetition alone
     seen, torque = record.remark("sees"), record.remark("torque")
     if seen and not (len(seen) == 3 and 0 < seen[0] <= seen[1] <= seen[2] <= 1):
         raise DataError(f"{record.table.file}: remark sees: expected three rising shares", "as hdassist plan wrote it")
-    return SeenRange(found.arcsec, None if own is None else hypot(own, *unsure), seen, torque[0] if torque else None)
+    M_g = torque[0] if torque else None
+    plan = record.plan
+    is_cut = bool(seen) and (plan is None or not record.is_carried_out(plan))
+    if is_cut:
+        seen = ()
+    if own is None:
+        return SeenRange(found.arcsec, None, 0.0, seen, M_g, is_cut)
+    by_scatter = max(COVERAGE_FACTOR * own, found.noise_arcsec)
+    expanded = hypot(by_scatter, COVERAGE_FACTOR * hypot(*unsure))
+    return SeenRange(found.arcsec, hypot(own, *unsure), expanded, seen, M_g, is_cut)
 
 
 def place_loops(record: LoopRecord, rated: float) -> tuple[PlaceLoop, ...]:

@@ -425,7 +425,9 @@ def bench_report(
 
 
 def _seen_words(found: SeenRange) -> str:
-    least = f"at least {found.arcsec:.2f}″ by these positions"
+    least = f"at least {found.at_least_arcsec:.2f}″ by these positions"
+    if found.is_cut:
+        return f"{least}; planned positions or sides are missing, so the shares of the plan do not count"
     if not found.seen:
         return f"{least}; hdassist plan tells how much they see"
     _, middle, most = found.estimates_arcsec

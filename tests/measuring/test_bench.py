@@ -18,6 +18,7 @@ from hdassist.measuring.bench import (
     bench_record,
     place_loops,
     position_quantities,
+    seen_range,
 )
 from hdassist.readers.trace import TraceForm, read_record
 from tests.process import SMALL, in_a_line, run
@@ -138,3 +139,26 @@ def test_a_limit_that_nothing_tells_is_never_passed():
     given = ("--limit", "ratchet_torque=100", "--value", "ratchet_torque=150±1")
     assert run("accept", SMALL, *given, "-q").returncode == 0
     assert run("accept", SMALL, *given, "--limit", "starting_torque=1", "-q").returncode == 6
+
+
+def test_the_lower_bound_of_positions_lies_below_a_truth_that_scatter_hides(tmp_path):
+    """Of 60 benches with a scatter of three times the true range, at most a few have it above that range."""
+    above = 0
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        target = np.tile(TARGETS, 3)
+        deviation = 5 * np.sin(np.radians(target)) + 30 * rng.standard_normal(len(target))
+        found = record(text([target, deviation, np.ones(len(target))], "target_deg,deviation_arcsec,side"))
+        assert isinstance(found, PositionRecord)
+        above += seen_range(found, position_quantities(found, draws=300)).at_least_arcsec > 10
+    assert above <= 4
+
+
+def test_at_least_is_the_same_in_measure_and_accept(tmp_path):
+    (tmp_path / "run.csv").write_text(positions(2))
+    told = json.loads(run("measure", "run.csv", "--json", cwd=tmp_path).stdout)["F_ior"]
+    asked = ("--limit", "F_ior@4=40", "--measured", "4=run.csv", "--measured-only", "--json")
+    budget = ("--budget", "encoder=0,coupling=0,reseating=0,temperature=0")
+    (check,) = json.loads(run("accept", SMALL, *asked, *budget, cwd=tmp_path).stdout)["checks"]
+    assert check["value"] - check["expanded_uncertainty"] == pytest.approx(told["at_least_arcsec"])
+    assert told["at_least_arcsec"] < told["range_arcsec"]

@@ -189,7 +189,7 @@ def test_a_test_is_carried_out_and_decides(tmp_path):
         without = run(*answer, "-q", cwd=tmp_path)
         assert without.returncode == (code or 6)  # no budget, no PASS
     told = json.loads(run("measure", "read.csv", "--json", cwd=tmp_path).stdout)["F_ior"]
-    assert told["at_most_arcsec"] == pytest.approx(told["at_least_arcsec"] / told["seen"][0])
+    assert told["at_most_arcsec"] == pytest.approx(told["range_arcsec"] / told["seen"][0])
     wrong = ("--limit", "F_ior@9=40", "--measured", "9=read.csv", "--measured-only")
     elsewhere = run("accept", SMALL, *wrong, cwd=tmp_path)
     assert elsewhere.returncode == 4
@@ -214,6 +214,32 @@ def test_a_test_is_carried_out_and_decides(tmp_path):
     (tmp_path / "bare.csv").write_text("".join(line for line in text.splitlines(True) if "# sees" not in line))
     bare = run("accept", SMALL, "--limit", "F_ior@4=4000", "--measured", "4=bare.csv", *budget, "-q", cwd=tmp_path)
     assert (bare.returncode, bare.stdout) == (6, "INCONCLUSIVE\n")  # positions of no plan never pass
+
+
+def test_a_sheet_counts_as_its_plan_only_if_that_was_carried_out(tmp_path):
+    options = ("--positions", "29", "--both", "--repeats", "2", "--torque", "4", "--draws", "0", "--limit", "4000")
+    assert run("plan", SMALL, *options, "--approach", "run.csv", cwd=tmp_path).returncode in (0, 3)
+    text = read_by_a_rig(tmp_path / "run.csv", 30.0)
+    rows = [line for line in text.splitlines() if line[0].isdigit()]
+    remarks = [line for line in text.splitlines() if line not in rows]
+    position = {row: float(row.split(",")[1]) for row in rows}
+    sheets = {
+        "whole": (0, rows),
+        "without a position": (6, [row for row in rows if not 95 < position[row] < 105]),
+        "without a repeat": (0, rows[1:]),
+        "two positions": (6, [row for row in rows if position[row] < 20]),
+        "one side": (6, [row for row in rows if row.split(",")[2] == "1"]),
+    }
+    asked = ("--limit", "F_ior@4=4000", "--limit", "positioning=4000", "--measured", "4=read.csv", "--measured-only")
+    budget = ("--budget", "encoder=0,coupling=0,reseating=0,temperature=0")
+    for name, (code, kept) in sheets.items():
+        (tmp_path / "read.csv").write_text("\n".join([*remarks, *kept]) + "\n")
+        answer = run("accept", SMALL, *asked, *budget, "--json", cwd=tmp_path)
+        assert answer.returncode == code, name
+        assert {each["verdict"] for each in json.loads(answer.stdout)["checks"]} == {"INCONCLUSIVE" if code else "PASS"}
+    other = run("accept", SMALL, "--set", "name=other", *asked, *budget, cwd=tmp_path)
+    assert other.returncode == 4
+    assert "planned for small, not for other" in other.stderr
 
 
 @pytest.mark.parametrize("text", ["x", "1,2,3,4", "-1", "nan"])
