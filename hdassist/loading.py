@@ -391,6 +391,8 @@ def _similar_lines(name: str, like: Drive, entries: Mapping[str, SimilarValue], 
     z_g, z_b, m = (entries[f"gears.{field}"].value for field in ("z_g", "z_b", "m"))
     yield "# `source` at the end of the file says how each was chosen, and in which range it may lie. Put in what you"
     yield "# know, with kind: given beside it. What is unknown is not zero: answers are ranges over it."
+    yield "# Assumed: a flexspline of steel (material.*), in the shape of a cup that is carried at its far end"
+    yield "# (flexspline.l, flexspline.h_3, supports.C_2), on a flexible ball bearing (bearing.*), with two waves."
     yield f"schema: {PRESET_SCHEMA}"
     yield f"name: {_name(name)}"
     words = description or (

@@ -229,8 +229,12 @@ class WishOptions(o.OptionGroup):
     ratio: float | None = None
     torque: str | None = None
     stiffness: str | None = None
+    T1: str | None = None
+    T2: str | None = None
     lost_motion: str | None = None
     accuracy: str | None = None
+    holes: str | None = None
+    allowed_holes: str | None = None
 
 
 class PresetsSchemaCommand(o.OptionGroup):
@@ -266,6 +270,7 @@ class PresetsNewCommand(WishOptions):
       hdassist presets new own --like vzp160 --pitch-diameter 63 --teeth 160/162
       hdassist presets new own --ratio 100 --stiffness 3.1e4,5e4,5.7e4
       hdassist presets new own --ratio 100 --torque 67 --lost-motion '1 arcmin'
+      hdassist presets new own --ratio 100 --holes 8 --allowed-holes 0,2,4,6
       hdassist presets new my-drive -o my-drive.yaml
 
     --coupling first: it says how far offsets of the cam are felt, and so how much turning the wheel can bring. oldham:
@@ -273,8 +278,10 @@ class PresetsNewCommand(WishOptions):
     of a motor's shaft.
     A value that is not given grows with the size of the other drive, is marked as assumed, and has its plausible range.
     The size is --pitch-diameter, else that of K3 by the cube law of catalogues, else that of --torque by the cube law.
-    --stiffness, --lost-motion and --accuracy stand in the preset's table catalogue as they are given: evidence by which
-    check weighs assumed values.
+    --stiffness, --T1, --T2, --lost-motion and --accuracy stand in the preset's table catalogue as they are given:
+    reference data by which check weighs assumed values. The only stiffness of a data sheet counts as K3.
+    The drive is assumed to have a steel flexspline in the shape of a cup on a flexible ball bearing, as the drive to be
+    like; the first lines of the preset name the fields that say so.
     """
 
     output: str = "-"

@@ -9,7 +9,7 @@ law and a plausible range, and profile shifts keep the bore in proportion to the
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from itertools import product
+from itertools import pairwise, product
 from math import isfinite, log10, pi
 from typing import Any, NoReturn
 
@@ -178,6 +178,7 @@ def with_cam_support(drive: Drive) -> Drive:
 
 PITCH_DIAMETER = "gears.pitch_diameter"
 STIFFNESS = "catalogue.K"
+_SEGMENTS = (1, 2, 3)  # of the stiffness curve of a catalogue
 _FARTHEST_TORQUE = 3.0  # times beyond the densities of catalogues: no such drive
 _FARTHEST_STIFFNESS = 4.0  # times stiffer or softer than catalogues have it at a diameter: no such drive
 _ASSUMED_CLASSES = (7, 8)  # of ISO 1328-1: that of the value of F'_i, and that of the upper end of its range
@@ -201,7 +202,7 @@ class SimilarValue:
     range: tuple[float, float] | None = None
 
 
-# on a new drive: its fields, by path, its PITCH_DIAMETER [mm], and its STIFFNESS, K1 to K3 [N*m/rad] at once
+# on a new drive: its fields, by path, its PITCH_DIAMETER [mm], and its STIFFNESS: K1, K2, K3 [N*m/rad], or K3 alone
 Requirements = dict[str, SimilarValue]
 
 
@@ -215,16 +216,16 @@ def _size_of(like: Drive, required: Requirements) -> tuple[SimilarValue, float]:
     own, stiffer = like.gears.pitch_diameter, 1.0
     T = required["operation.rated"].value if "operation.rated" in required else None
     K: tuple[float, ...] = required[STIFFNESS].value if STIFFNESS in required else ()
-    if K and not 0 < K[0] <= K[1] <= K[2]:
+    if K and not (K[0] > 0 and all(weaker <= stiffer for weaker, stiffer in pairwise(K))):
         raise UsageError(f"K1, K2, K3 must be above 0 and rise: {', '.join(map(plain, K))} N*m/rad")
     if size := required.get(PITCH_DIAMETER):
         of_catalogues = CATALOGUE_K3 * (size.value / REFERENCE) ** 3
-        stiffer = K[2] / of_catalogues if K else 1.0
+        stiffer = K[-1] / of_catalogues if K else 1.0
         if not 1 / _FARTHEST_STIFFNESS <= stiffer <= _FARTHEST_STIFFNESS:
-            _refuse_size(f"K3 = {plain(K[2])} N*m/rad", size.value, f"about {_rounded(of_catalogues, 2):g}")
+            _refuse_size(f"K3 = {plain(K[-1])} N*m/rad", size.value, f"about {_rounded(of_catalogues, 2):g}")
     elif K:
-        d = _rounded(REFERENCE * (K[2] / CATALOGUE_K3) ** (1 / 3))
-        why = f"{d:g} mm from K3 = {plain(K[2])} N*m/rad, which grows with d^3 in catalogues"
+        d = _rounded(REFERENCE * (K[-1] / CATALOGUE_K3) ** (1 / 3))
+        why = f"{d:g} mm from K3 = {plain(K[-1])} N*m/rad, which grows with d^3 in catalogues"
         size = SimilarValue(d, "assumed", why)
     elif T is None:
         return SimilarValue(own, "assumed", f"the pitch diameter of {like.name}, {own:g} mm"), stiffer
@@ -274,7 +275,9 @@ def similar(like: Drive, required: Requirements) -> dict[str, SimilarValue]:
     entries |= _shifts(like, entries, d) | _tolerances(d, m)
     entries |= _load(like, required, s, d) | _backlash(d) | required
     if stiffness := required.get(STIFFNESS):
-        entries |= {f"{STIFFNESS}_{k}": replace(stiffness, value=K) for k, K in enumerate(stiffness.value, 1)}
+        segments = _SEGMENTS if len(stiffness.value) == len(_SEGMENTS) else _SEGMENTS[-1:]
+        for segment, K in zip(segments, stiffness.value, strict=True):
+            entries[f"{STIFFNESS}_{segment}"] = replace(stiffness, value=K)
     if "cam.coupling" in entries:
         del entries["supports.C_3"]  # it follows from that
     written = {path: entries[path] for path in field_table() if path in entries}
@@ -371,6 +374,7 @@ def _rounded(value: float, digits: int = 4) -> float:
 _MEASURES = {
     "pitch_diameter": (PITCH_DIAMETER, "mm"), "torque": ("operation.rated", "N*m"),
     "lost_motion": ("catalogue.lost_motion", "arcsec"), "accuracy": ("catalogue.accuracy", "arcsec"),
+    "T1": ("catalogue.T_1", "N*m"), "T2": ("catalogue.T_2", "N*m"),
 }  # fmt: skip
 
 
@@ -379,8 +383,9 @@ def read_requirements(like: Drive, *, ratio: float | None = None, **given: str |
 
     Arguments, None where not given: ratio, of the drive built in as the other one; coupling of the cam, as cam.coupling
     has it; shaft, diameter and overhang [mm] of one that it is overhung on, like 14x30; pitch_diameter [mm] and torque
-    [N*m]; teeth, like 160/162; of a catalogue three stiffnesses [N*m/rad], lost_motion and accuracy [arcsec]: texts,
-    which may have a unit.
+    [N*m]; teeth, like 160/162; holes of the seat, and the allowed_holes; of a catalogue the stiffness [N*m/rad], K1,
+    K2, K3 or one number, T1 and T2, the ends of its segments [N*m], lost_motion and accuracy [arcsec]: texts, which may
+    have a unit.
     Raises UsageError: an option that cannot be read, or two that contradict each other.
     """
     required: dict[str, SimilarValue] = {}
@@ -402,11 +407,54 @@ def read_requirements(like: Drive, *, ratio: float | None = None, **given: str |
         required["gears.z_g"] = SimilarValue(z_g, "given", f"--ratio {plain(ratio)}, two waves")
     if (stiffness := given.get("stiffness")) is not None:
         K = tuple(_measure("--stiffness", part, "N*m/rad") for part in stiffness.split(","))
-        if len(K) != 3:
-            raise UsageError(f"invalid --stiffness {shown(stiffness)}: expected three numbers", "like 3.1e4,5e4,5.7e4")
+        if len(K) not in (1, len(_SEGMENTS)):
+            raise UsageError(
+                f"invalid --stiffness {shown(stiffness)}: expected one number or three",
+                "K1,K2,K3 like 3.1e4,5e4,5.7e4; the only stiffness of a data sheet, like 5e4, counts as K3",
+            )
         ref = f"--stiffness {','.join(map(plain, K))}; not fitted, hdassist stiffness compares"
+        if len(K) == 1:
+            ref += "; the only stiffness of the data sheet, taken as K3"
         required[STIFFNESS] = SimilarValue(K, "given", ref)
-    return required | _coupling(given.get("coupling"), given.get("shaft"))
+    T_1, T_2 = (required[path].value if path in required else None for path in ("catalogue.T_1", "catalogue.T_2"))
+    if T_1 is not None and T_2 is not None and T_1 >= T_2:
+        raise UsageError(f"--T1 {plain(T_1)} N*m must be below --T2 {plain(T_2)} N*m", "--T1 14 --T2 48")
+    seat = _seat(like, given.get("holes"), given.get("allowed_holes"))
+    return required | seat | _coupling(given.get("coupling"), given.get("shaft"))
+
+
+def _seat(like: Drive, holes: str | None, allowed: str | None) -> dict[str, SimilarValue]:
+    """Return the fields of the fixed wheel's seat, by path.
+
+    holes: number of bolt holes, 0 for a free angle. allowed: numbers of the usable holes, counted from 0, separated by
+    commas. Raises UsageError if a text is no such number, or a usable hole is not on the seat.
+    """
+    count = like.mounting.holes
+    seat: dict[str, SimilarValue] = {}
+    if holes is not None:
+        count = _hole_number("--holes", holes)
+        if not like.allows("mounting.holes", count):
+            raise UsageError(f"invalid --holes {count}: expected {field_table()['mounting.holes'].range_words()}")
+        seat["mounting.holes"] = SimilarValue(count, "given", f"--holes {count}")
+    if allowed is not None:
+        numbers = tuple(_hole_number("--allowed-holes", part) for part in allowed.split(","))
+        if count == 0:
+            raise UsageError("--allowed-holes needs holes: --holes 0 is a free angle", "leave one of them out")
+        if len(set(numbers)) < len(numbers) or max(numbers) >= count:
+            raise UsageError(
+                f"invalid --allowed-holes {shown(allowed)}: expected different holes from 0 to {count - 1}",
+                "--holes N gives the number of holes of the seat",
+            )
+        seat["mounting.allowed"] = SimilarValue(numbers, "given", f"--allowed-holes {','.join(map(str, numbers))}")
+    return seat
+
+
+def _hole_number(option: str, text: str) -> int:
+    if not re.fullmatch(r"\s*[0-9]{1,6}\s*", text):
+        raise UsageError(
+            f"invalid {option} {shown(text)}: expected whole numbers", "like --holes 12 --allowed-holes 0,4,8"
+        )
+    return int(text)
 
 
 def _teeth_of_ratio(like: Drive, ratio: float) -> int:

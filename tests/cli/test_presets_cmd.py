@@ -306,6 +306,26 @@ def test_new_keeps_the_stiffnesses() -> None:
     assert origin_counts(drive)["given"] == 3
 
 
+def test_new_takes_the_only_stiffness_of_a_data_sheet_as_K3() -> None:
+    drive = made("--ratio", "100", "--stiffness", "5.7e4")
+    assert (drive.catalogue.K_1, drive.catalogue.K_2, drive.catalogue.K_3) == (None, None, 57000)
+    assert "taken as K3" in drive.source["catalogue.K_3"].ref
+    with_all = made("--ratio", "100", "--stiffness", "3.1e4,5e4,5.7e4")
+    assert drive.gears.pitch_diameter == with_all.gears.pitch_diameter  # the size follows from K3
+
+
+def test_new_keeps_the_ends_of_the_segments() -> None:
+    catalogue = made("--ratio", "100", "--T1", "14", "--T2", "48 N*m").catalogue
+    assert (catalogue.T_1, catalogue.T_2) == (14.0, 48.0)
+
+
+def test_new_keeps_the_holes_of_the_seat() -> None:
+    seat = made("--holes", "8", "--allowed-holes", "0, 2,4").mounting
+    assert (seat.holes, seat.allowed) == (8, (0, 2, 4))
+    assert made("--allowed-holes", "0,6").mounting.holes == 12
+    assert made("--holes", "0").mounting.allowed == "all"
+
+
 def test_schema_is_json() -> None:
     printed = run("schema").stdout
     assert printed.isascii()
@@ -341,7 +361,13 @@ def test_values_are_counted_once(tmp_path: Path) -> None:
         (["--pitch-diameter", "20", "--torque", "800"], "contradicts a pitch diameter of 20 mm"),
         (["--lost-motion", "x"], "invalid --lost-motion 'x': must be a number"),
         (["--accuracy", "0"], "invalid --accuracy 0: expected a number above 0 arcsec"),
-        (["--stiffness", "3e4,5e4"], "invalid --stiffness 3e4,5e4: expected three numbers"),
+        (["--stiffness", "3e4,5e4"], "invalid --stiffness 3e4,5e4: expected one number or three"),
+        (["--T1", "48", "--T2", "14"], "--T1 48 N*m must be below --T2 14 N*m"),
+        (["--holes", "8.5"], "invalid --holes 8.5: expected whole numbers"),
+        (["--holes", "361"], "invalid --holes 361: expected 0 to 360"),
+        (["--holes", "0", "--allowed-holes", "0"], "--allowed-holes needs holes"),
+        (["--holes", "4", "--allowed-holes", "0,4"], "expected different holes from 0 to 3"),
+        (["--allowed-holes", "1,1"], "expected different holes from 0 to 11"),
         (["--stiffness", "3e4,5e4,x"], "invalid --stiffness 'x': must be a number"),
     ],
 )
