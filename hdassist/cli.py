@@ -21,7 +21,7 @@ from typer.core import TyperCommand, TyperGroup
 
 from hdassist import __version__
 from hdassist.errors import DataError, Fault, HdassistError, UntrustedError, UsageError, validation_words
-from hdassist.files import begin_run
+from hdassist.files import GREATEST, begin_run
 from hdassist.terminal.streams import say, silence
 
 # of click, of which typer has a copy: only its subclasses are public
@@ -120,11 +120,19 @@ def _require_memory() -> None:
 
 
 def _process(parameter: Any, process: Callable[[_Context, Any], Any], ctx: _Context, value: Any) -> Any:
-    """Process texts of an option of numbers, without the underscores and other scripts' digits that Python reads."""
+    """Process texts of an option of numbers, without the underscores and other scripts' digits that Python reads.
+
+    Raises typer.BadParameter for these, and for a number that is not finite or has no finite square.
+    """
     for text in value if isinstance(value, list | tuple) else [value]:
         if isinstance(text, str) and ("_" in text or not text.isascii()):
             raise typer.BadParameter(f"{text!r} is not a number: expected ASCII digits", ctx=ctx, param=parameter)
-    return process(ctx, value)
+    found = process(ctx, value)
+    for number in found if isinstance(found, list | tuple) else [found]:
+        if isinstance(number, float) and not abs(number) <= GREATEST:
+            words = f"{number:g} is out of range: expected a number up to {GREATEST:g}"
+            raise typer.BadParameter(words, ctx=ctx, param=parameter)
+    return found
 
 
 Row = tuple[str, tuple[str, str] | None]  # section of a help text; its left and right column

@@ -26,7 +26,7 @@ from contextlib import contextmanager, nullcontext, suppress
 from functools import cache
 from importlib.resources import files
 from importlib.resources.abc import Traversable
-from math import nan
+from math import copysign, inf, nan
 from pathlib import Path
 from typing import IO, Any, BinaryIO, cast
 
@@ -359,9 +359,17 @@ UNSIGNED = r"(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?"
 NUMBER = rf"[-+]?{UNSIGNED}"
 
 
+GREATEST = 1e30  # magnitude of a number that is read: its square is finite, and so are sums of squares
+
+
 def number_of(text: str) -> float:
-    """Value of a number, spaces around it allowed; NaN for any other text, infinity beyond the range of floats."""
-    return float(text) if re.fullmatch(NUMBER, text.strip()) else nan
+    """Value of a number, spaces around it allowed; NaN for any other text, infinity beyond GREATEST."""
+    return bounded(float(text)) if re.fullmatch(NUMBER, text.strip()) else nan
+
+
+def bounded(value: float) -> float:
+    """Return a number as it is, or infinity with its sign if its magnitude is beyond GREATEST."""
+    return copysign(inf, value) if abs(value) > GREATEST else value
 
 
 def package_table(name: str, parse_float: Callable[[str], Any] = float) -> dict[str, Any]:

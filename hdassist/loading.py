@@ -454,7 +454,13 @@ def with_changes(text: bytes, file: str, overrides: Sequence[str]) -> str:
     tables, changes = _tables(text.decode("utf-8-sig")), set()
     for override in overrides:
         key, _, written = override.partition("=")
-        section, name, *entry = path_of(key)
+        parts = path_of(key)
+        if len(parts) == 1 and isinstance(tables.get(parts[0]), str):  # name and description stand in no section
+            tables[parts[0]] = str(_tables(written))
+            continue
+        if len(parts) == 1:
+            raise DataError(f"--set {override} cannot be saved", "only single fields can: write it into the file")
+        section, name, *entry = parts
         path = f"{section}.{name}"
         if path not in field_table():
             raise DataError(f"--set {override} cannot be saved", "only single fields can: write it into the file")

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import hypot, isfinite, sqrt
+from math import hypot, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ from hdassist.error.error_map import searchable
 from hdassist.error.waves import POINTS_A_TURN, ErrorLines, error_lines
 from hdassist.errors import GUARD, UsageError, Verdict
 from hdassist.files import number_of
+from hdassist.measuring.orders import LARGEST_UNCERTAINTY
 from hdassist.model.deviations import ToothDeviations
 from hdassist.model.geometry import Array, Kinematics, pitch_locked_states
 from hdassist.preset.fields import DEVIATIONS, Drive
@@ -225,9 +226,10 @@ class EncoderData:
     def of(cls, text: str) -> EncoderData:
         """Read "0.5,1,0.1". Raises UsageError: no such text."""
         numbers = [number_of(part) for part in text.split(",")]
-        if len(numbers) > 3 or not all(isfinite(each) and each >= 0 for each in numbers):
+        if len(numbers) > 3 or not all(0 <= each <= LARGEST_UNCERTAINTY for each in numbers):
             hint = "step and graduation error of the output's in arcsec, step of the cam's in deg: 0.5,1,0.1"
-            raise UsageError(f"invalid --encoders {text}: expected STEP[,GRADUATION[,CAM]]", hint)
+            words = f"expected STEP[,GRADUATION[,CAM]], each from 0 to {LARGEST_UNCERTAINTY:g}"
+            raise UsageError(f"invalid --encoders {text}: {words}", hint)
         return cls(*numbers)
 
     def uncertainty_arcsec(self, ratio: float) -> float:

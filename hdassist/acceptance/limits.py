@@ -107,7 +107,7 @@ class Limit(ClosedRecord):
     @property
     def option(self) -> str:
         """The option of `hdassist accept` that gives its measured value."""
-        torque = "" if self.M_g_Nm is None else f"{self.M_g_Nm:g}"
+        torque = "" if self.M_g_Nm is None else f"{self.M_g_Nm:.15g}"
         if self.check.of_trace and torque:
             return f"--measured {torque}=FILE"
         name = self.check.field if self.per_cam_rev is None else f"{_ORDER_PREFIX}{self.per_cam_rev:g}"
@@ -208,7 +208,7 @@ class LimitText:
         if not fitting:
             raise UsageError(f"--value {self}: the drive has no such limit", f"--limit {self.name}=...")
         if len(fitting) > 1:
-            torques = ", ".join(f"@{limit.M_g_Nm:g}" for limit in fitting)
+            torques = ", ".join(f"@{limit.M_g_Nm:.15g}" for limit in fitting)
             raise UsageError(f"--value {self}: at which torque?", f"one of {torques}")
         return fitting[0]
 

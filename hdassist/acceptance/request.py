@@ -12,7 +12,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from math import isnan
+from math import isclose, isnan
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -46,6 +46,7 @@ from hdassist.readers.table import CellTable, NumberTable, read_texts, shortened
 from hdassist.run.kept import ClosedRecord
 from hdassist.run.run import Run
 
+_PRINTED = 5e-6  # of a torque: rounding of sheets that print six digits of it
 _TABLES = (".csv", ".tsv", ".csv.gz", ".tsv.gz")
 _MARK_COLUMNS = ("mark_b", "mark_g")
 _FILE_COLUMNS = ("preset", "pitch_b", "pitch_g", "measured")
@@ -87,7 +88,7 @@ class Inputs:
         by_trace = [limit for limit in limits if limit.check.of_trace and limit.M_g_Nm in self.measurements]
         if without := set(self.measurements) - {limit.M_g_Nm for limit in by_trace}:
             words = f"{drive.name}: measured at {min(without):g} N*m, where it has no limit"
-            raise DataError(words, f"--limit F_ior@{min(without):g}=30")
+            raise DataError(words, f"--limit F_ior@{min(without):.15g}=30")
         return tuple(limit for limit in limits if limit not in by_trace and limit not in self.stated)
 
 
@@ -194,9 +195,9 @@ class Request(ClosedRecord):
         Raises DataError: positions of a plan at another torque, or that no limit is for.
         """
         by_name = {each.name: each for each in quantities}
-        if found.M_g not in (None, M_g):
-            words = f"{table.file}: planned for {found.M_g:g} N*m, not for {M_g:g} N*m"
-            raise DataError(words, f"--measured {found.M_g:g}={table.file}")
+        if found.M_g is not None and not isclose(found.M_g, M_g, rel_tol=_PRINTED):
+            words = f"{table.file}: planned for {found.M_g:.9g} N*m, not for {M_g:.9g} N*m"
+            raise DataError(words, f"--measured {found.M_g:.9g}={table.file}")
         sources = stated_sources(parse_stated(self.reading.budget))
         values = {}
         for limit in limits_of(drive):
@@ -208,7 +209,7 @@ class Request(ClosedRecord):
                 values[limit] = AcceptedValue(own.arcsec, COVERAGE_FACTOR * (unsure or 0.0), "measured", extent)
         if not values:
             raise DataError(
-                f"{drive.name}: positions at {M_g:g} N*m, where it has no limit", f"--limit F_ior@{M_g:g}=30"
+                f"{drive.name}: positions at {M_g:g} N*m, where it has no limit", f"--limit F_ior@{M_g:.15g}=30"
             )
         return values
 

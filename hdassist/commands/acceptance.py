@@ -27,6 +27,9 @@ if TYPE_CHECKING:
     from hdassist.run.kept import Kept
 
 
+_MOST_READINGS = 1_000_000  # of a list of positions: records of more rows are not read either
+
+
 class PlanCommand(o.PlotOptions, o.SamplingOptions, o.LimitedDriveOptions):
     """How much of F'_ior a test sees, before it is made: which positions or which record are enough.
 
@@ -89,6 +92,10 @@ class PlanCommand(o.PlotOptions, o.SamplingOptions, o.LimitedDriveOptions):
 
         if self.sheet is not None and self.sheet != "-" and not self.sheet.endswith((".html", ".txt")):
             raise UsageError(f"a sheet cannot be written as {self.sheet!r}", "its name ends in .html or .txt")
+        readings = (self.positions or 0) * self.repeats * (1 + self.both)
+        if readings > _MOST_READINGS and not self.approach is self.sheet is None:
+            words = f"{self.positions} positions, {self.repeats} times: {readings} readings are no list to carry out"
+            raise UsageError(words, f"a file of positions has up to {_MOST_READINGS} readings")
         drive = self.load(preset)
         encoders = EncoderData.of(self.encoders) if self.encoders is not None else EncoderData()
         noise = hypot(self.noise, encoders.uncertainty_arcsec(abs(Kinematics.of(drive).u)))

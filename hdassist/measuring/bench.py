@@ -14,14 +14,14 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import hypot, isfinite, sqrt
+from math import hypot, sqrt
 
 import numpy as np
 
-from hdassist.errors import DataError, UsageError
+from hdassist.errors import DataError, PresetError, UsageError
 from hdassist.files import number_of
 from hdassist.measuring.fit import COVERAGE_FACTOR
-from hdassist.measuring.orders import BIAS_SHARE
+from hdassist.measuring.orders import BIAS_SHARE, LARGEST_UNCERTAINTY
 from hdassist.model.geometry import Array
 from hdassist.readers.table import NumberTable
 from hdassist.readers.trace import LARGEST_ERROR, WHOLE_TURN_DEG, AngleError, TraceForm, sweeps
@@ -33,10 +33,22 @@ TINY = 1e-30  # N*m
 _LOOP_HINT = "go from -T_0 to T_0 and back, T_0 the rated torque"
 _LEAST_CHANCE = 0.975  # that a range is at least its lower confidence limit
 _PLAN = re.compile(  # as hdassist plan names it
-    r"(?P<drive>.*), (?P<count>[0-9]+) positions(?: over (?P<turns>[0-9.e+-]+) output turns)?(?P<both> both ways)?"
+    r"(?P<drive>.*), (?P<count>[0-9]{1,9}) positions(?: over (?P<turns>[0-9.e+-]+) output turns)?(?P<both> both ways)?"
 )
 _PLANNED_NEAR = 0.05  # of the step between positions: how far an approached position may lie off a planned one
 _SAME_TARGET = 0.5  # arcsec: targets nearer than that are one
+
+
+_REMARKS = {  # of a sheet: least and largest number, and the numbers in words
+    "torque": (-1e7, 1e7, "a torque in N*m up to 1e+07"),
+    "sees": (1e-9, 1.0, "three rising shares"),
+    "uncertainty": (0.0, LARGEST_UNCERTAINTY, f"a standard uncertainty in arcsec from 0 to {LARGEST_UNCERTAINTY:g}"),
+}
+
+
+def _are_shares(numbers: Sequence[float]) -> bool:
+    """Return whether numbers are three rising shares, or there are none."""
+    return not numbers or (len(numbers) == 3 and list(numbers) == sorted(numbers))
 
 
 @dataclass(frozen=True)
@@ -79,22 +91,29 @@ class PositionRecord:
         sides = (1, -1) if plan.both else (1,)
         for side in sides:
             targets = self.target_arcsec[self.side == side]
-            if not len(targets):
+            if len(targets) < plan.positions:
                 return False
             if np.abs(planned[:, None] - targets).min(axis=1).max() > within:
                 return False
         return True
 
     def remark(self, key: str) -> tuple[float, ...]:
-        """Numbers of a remark "key: number ..." of the file, as a plan writes them; empty without one.
+        """Return the numbers of a remark "key: number ..." of the file, as a plan writes them; empty without one.
 
-        Raises DataError: others than positive numbers.
+        Raises PresetError with the line of the remark for other text and for numbers that a plan cannot have.
         """
-        text = self._remark_text(key)
-        numbers = tuple(map(number_of, text.split()))
-        if not all(isfinite(number) for number in numbers):
-            raise DataError(f"{self.table.file}: remark {key}: {text}: expected numbers", "as hdassist plan wrote it")
+        numbers = tuple(map(number_of, self._remark_text(key).split()))
+        low, high, words = _REMARKS[key]
+        if not all(low <= number <= high for number in numbers) or (key == "sees" and not _are_shares(numbers)):
+            raise self._remark_fault(key, f"expected {words}")
         return numbers
+
+    def _remark_fault(self, key: str, message: str) -> PresetError:
+        """Return the fault of a remark, with its line."""
+        entries = ((line.number, line.entry) for line in self.table.remarks)
+        number, (_, text, column) = next((line, entry) for line, entry in entries if entry and entry[0] == key)
+        self.table.add(number, column, key, message, text, "write the remark as hdassist plan wrote it")
+        return PresetError(self.table.findings)
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,14 +269,12 @@ def position_quantities(record: PositionRecord, *, seed: int = 0, draws: int = 2
 def seen_range(record: PositionRecord, quantities: Sequence[StatedQuantity]) -> SeenRange:
     """F'_ior by a record of positions with such quantities.
 
-    The shares that a plan sees count only if all of its positions were approached from its sides. Raises DataError for
-    remarks that no plan has.
+    The shares that a plan sees count only if all of its positions were approached from its sides. Raises PresetError
+    for remarks that no plan has.
     """
     (found,) = (each for each in quantities if each.name == "positioning")
     unsure, own = record.remark("uncertainty"), found.uncertainty_arcsec  # scatter is known by repetition alone
     seen, torque = record.remark("sees"), record.remark("torque")
-    if seen and not (len(seen) == 3 and 0 < seen[0] <= seen[1] <= seen[2] <= 1):
-        raise DataError(f"{record.table.file}: remark sees: expected three rising shares", "as hdassist plan wrote it")
     M_g = torque[0] if torque else None
     plan = record.plan
     is_cut = bool(seen) and (plan is None or not record.is_carried_out(plan))

@@ -17,7 +17,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import hypot, isfinite, sqrt
+from math import hypot, sqrt
 
 import numpy as np
 from scipy.special import stdtrit
@@ -54,6 +54,7 @@ _RIG_CAUSES = {  # parts of the rig that repeat so often in a turn of the output
     2.0: "twice per output turn: also encoder graduation and coupling",
 }
 _CAM_CAUSE = "once per cam turn: also the cam's encoder"
+LARGEST_UNCERTAINTY = 1e6  # arcsec, of one that is stated
 STATED = {  # sources that a single record cannot show
     "encoder": "graduation of the output's encoder, once per output turn; the cam's off its centre, once per cam turn",
     "coupling": "eccentricity of the output coupling: cannot be told from once-per-output error",
@@ -331,8 +332,8 @@ def parse_stated(texts: Sequence[str]) -> dict[str, float]:
     for text in (part for given in texts for part in given.split(",")):
         name, _, number = text.partition("=")
         value = number_of(number)
-        if name not in STATED or name in stated or not isfinite(value) or value < 0:
-            expected = "each source once" if name in stated else "NAME=ARCSEC"
+        if name not in STATED or name in stated or not 0 <= value <= LARGEST_UNCERTAINTY:
+            expected = "each source once" if name in stated else f"NAME=ARCSEC, from 0 to {LARGEST_UNCERTAINTY:g}"
             hint = f"a standard uncertainty of F'_ior, NAME one of {', '.join(STATED)}"
             raise UsageError(f"invalid --budget {text}: expected {expected}", hint)
         stated[name] = value

@@ -390,7 +390,7 @@ def bench_report(
     planned = positions and positions.M_g
     if planned and table.file != STDIN:  # all of it by one option
         budget = ["--budget", "encoder=U,coupling=U,reseating=U,temperature=U"]
-        words = ["--measured", f"{planned:.9g}={table.file}", "--measured-only", *options, *budget]
+        words = ["--measured", f"{planned:.15g}={table.file}", "--measured-only", *options, *budget]
     unlimited = [q.name for q in unsure if drive is None or getattr(drive.acceptance, q.name) is None]
     words += [word for name in unlimited for word in ("--limit", f"{name}=LIMIT")]
     return Report(

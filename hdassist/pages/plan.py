@@ -163,7 +163,7 @@ def approach_csv(choice: PlanChoice) -> str:
     rows = [f"{minute:.1f},{target:.6g},{side:g}," for minute, target, side in zip(*test.approaches, strict=True)]
     return "\n".join([
         f"# plan: {choice.drive.name}, {test.judged.plan.name}",
-        f"# torque: {choice.M_g:g}",
+        f"# torque: {choice.M_g:.15g}",
         f"# sees: {shares}",
         f"# uncertainty: {test.uncertainty_arcsec:.4g}",
         "# write behind each last comma the angle of the output that was read, in deg; or name that column",
@@ -192,7 +192,7 @@ def sheet_report(choice: PlanChoice, serial: str = "", file: str = "") -> Report
         f"it sees {low} to {high} % of F'_ior, {middle} % in the median",
         _verdicts(test),
         again(
-            "accept", drive, "--measured", f"{choice.M_g:g}={file}", "--measured-only",
+            "accept", drive, "--measured", f"{choice.M_g:.15g}={file}", "--measured-only",
             "--budget", "encoder=U,coupling=U,reseating=U,temperature=U",
         ) if file else "",
     )  # fmt: skip

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import yaml
 
 from hdassist.errors import Finding, PresetError
-from hdassist.files import NUMBER, escaped, package_table
+from hdassist.files import GREATEST, NUMBER, bounded, escaped, package_table
 
 MOST_PRESET_BYTES = 256 * 1024
 MAX_DEPTH = 20
@@ -353,8 +353,8 @@ def convert(text: str, unit: str) -> float:
     if given == "":
         raise UnitError("must be a number, not text", "leave out the quotes")
     value = float(number)
-    if isinf(value):
-        raise UnitError("must be a finite number")
+    if isinf(bounded(value)):
+        raise UnitError("must be a finite number" if isinf(value) else f"must be a number up to {GREATEST:g}")
     if looks := re.match(r"[:,_0-9]", given):
         raise _no_number(text.strip(), unit, looks[0])
     factor = _factor(given, unit)
@@ -390,8 +390,9 @@ def read_spread(text: str, unit: str) -> tuple[float, float]:
     )
     if match[2].startswith(("-", "+")):
         raise UnitError("an uncertainty has no sign", "like 260 ± 10")
-    if not (isfinite(value) and isfinite(spread)):
-        raise UnitError("must be a finite number")
+    if not (isfinite(bounded(value)) and isfinite(bounded(spread))):
+        is_huge = isfinite(value) and isfinite(spread)
+        raise UnitError(f"must be a number up to {GREATEST:g}" if is_huge else "must be a finite number")
     return value, spread
 
 
@@ -406,6 +407,8 @@ def read_number(value: Any, unit: str, *, spread: bool = False) -> float:
         raise InvalidValueError("must be a number", f"in {unit}" if unit else "")
     if not isfinite(value):
         raise InvalidValueError("must be a finite number")
+    if not abs(value) <= GREATEST:
+        raise InvalidValueError(f"must be a number up to {GREATEST:g}")
     return value
 
 

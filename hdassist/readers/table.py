@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdassist.errors import DataError, Finding, PresetError
-from hdassist.files import MAX_LINE, Readable, TextFile, number_of
+from hdassist.files import GREATEST, MAX_LINE, Readable, TextFile, number_of
 from hdassist.preset.text import MAX_FINDINGS, ordered_findings, shown
 from hdassist.readers.words import (
     ANGLES,
@@ -53,7 +53,6 @@ SAMPLED_LINES = 300  # lines that settle how rows are written
 _FOREIGN_ROWS = 20  # that cannot be read, and most of those sampled: the file is no table of numbers
 _FOREIGN_HEAD = 3  # lines above the rows that are no names of columns
 NO_UNIT = "no unit given"  # in notes, before the one that is assumed
-_GREATEST = 1e30  # magnitude of a number: squares of it are still finite
 MAX_REMARKS = 1000  # remarks that are kept
 _SHAFTS = ("cam", "output", "angle", "error")  # contents of a column of a record
 _SEPARATOR_LINE = re.compile(r'"?sep=(?:.|\\t)"?[;,\s]*', re.IGNORECASE)  # which Excel writes above a table
@@ -166,7 +165,7 @@ class NumberTable:
 
     def fault(self, message: str, hint: str, row: int | None = None, column: int = 0) -> PresetError:
         """The fault of a cell by row and column (from 0), or without a row that of the names, which it lists."""
-        if row is None:
+        if row is None or not len(self.lines):
             self.add(self.names_line, 1, "", message, self.listed, hint)
         else:
             self.add_at(row, column, message, hint=hint)
@@ -388,7 +387,7 @@ class _Rows:
             rows = np.loadtxt(lines, delimiter=None if separator == " " else separator, comments=None, ndmin=2)
         except ValueError:
             return None
-        return rows if rows.shape == (len(lines), self.width) and bool((np.abs(rows) <= _GREATEST).all()) else None
+        return rows if rows.shape == (len(lines), self.width) and bool((np.abs(rows) <= GREATEST).all()) else None
 
     def _settle_decimal(self, rows: Iterable[Sequence[Cell]]) -> None:
         if not self.decimal:
@@ -414,9 +413,9 @@ class _Rows:
         message, hint = fault_of(cell.text, self.decimal or ".")
         if not message:
             value = float(cell.text.replace(",", "."))
-            if abs(value) <= _GREATEST:
+            if abs(value) <= GREATEST:
                 return value
-            most = f"number up to {_GREATEST:g}" if isfinite(value) else "finite number"
+            most = f"number up to {GREATEST:g}" if isfinite(value) else "finite number"
             message, hint = f"must be a {most}", "check this cell"
         self.table.add(line, cell.column, self.table.name(index), message, cell.text or "nothing", hint)
         return nan
