@@ -429,10 +429,14 @@ class _RecordUnderway:
         at_each = tuple(_TorqueRange(torque, each.value, each.uncertainty) for torque, each in at_torques)
         raw = float(np.ptp(trace.error_arcsec[rows] - drifted))
         orders = order_tables(fit, _declared(trace, self.orders, []), self.drive, gearing)
-        return SweepResult(
+        found = SweepResult(
             sign, fit, grid, extent, revolution, cam, slope, float(np.ptp(slow)), raw, *orders, visits, sources,
             at_each, torque_miss,
         )  # fmt: skip
+        if not found.is_bound:
+            return found
+        span = min(raw, float(np.ptp(trace.error_arcsec[rows])))
+        return replace(found, range=extent.at_most(span), revolution=revolution.at_most(span))
 
 
 def _require_drift(kind: str) -> None:

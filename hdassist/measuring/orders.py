@@ -389,6 +389,10 @@ class Range:
         """The range without the bias."""
         return self.fitted - self.bias
 
+    def at_most(self, arcsec: float) -> Range:
+        """Return the range, or one of a smaller value: a lower bound is no more than the range of the readings."""
+        return replace(self, fitted=min(self.fitted, arcsec + self.bias))
+
     @property
     def bias_uncertainty(self) -> float:
         """Standard uncertainty of the correction."""

@@ -65,10 +65,15 @@ class _Peak:
 
 
 def with_lines(fit: TraceFit) -> TraceFit:
-    """A fit with the significant lines of its residuals, as far as the readings resolve them."""
+    """A fit with the significant lines of its residuals, as far as the readings resolve them.
+
+    Above half the readings a turn even readings have images of lower orders alone. Uneven ones tell them apart, but for
+    beats that a part of an output turn leaves in the residuals, whose images look like lines.
+    """
     bins, orders = fit.bins, fit.orders
     rate, _, evenness = even_readings(bins)
-    finest = min(_HIGHEST_LINE * float(orders[-1]), rate / 2 if evenness > EVEN else np.inf)
+    has_images = evenness > EVEN or fit.design.slow.by_angle
+    finest = min(_HIGHEST_LINE * float(orders[-1]), rate / 2 if has_images else np.inf)
     while len(fit.lines) < _MAX_LINES and len(bins) >= BINS_PER_COLUMN * (fit.design.columns + 2):
         peak = _highest_peak(fit, finest)
         if peak is None or peak.chance > _LINE_FALSE_ALARM or peak.amplitude < _SMALLEST_LINE * fit.amplitude.max():

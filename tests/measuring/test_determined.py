@@ -81,3 +81,25 @@ def test_a_travel_in_parts_is_a_bound():
     places = np.concatenate([first, second])
     found = only_direction(TURNS[places], readings(places), travel_deg=179.0)
     assert found.is_bound
+
+
+@pytest.mark.parametrize("seed", [0, 10, 24, 29])
+def test_images_of_beats_are_no_lines_of_uneven_readings(seed):
+    """A bound above the truth fails a good drive: readings of a part leave beats, whose images look like lines."""
+    rng = np.random.default_rng(seed)
+    beats = np.arange(-5, 6)
+    sizes = rng.exponential(4, len(beats)) / (1 + np.abs(beats) / 2)
+    phases = rng.uniform(0, 2 * np.pi, len(beats))
+
+    def curve(turns: Array) -> Array:
+        waves = np.cos(2 * np.pi * np.outer(turns, 2 + beats / RATIO) + phases)
+        return waves @ sizes + 2 * np.cos(8 * np.pi * turns) + 2 * np.cos(2 * np.pi * turns + 1)
+
+    places = np.arange(12 * PER_TURN)
+    turns = (places + rng.uniform(-0.2, 0.2, len(places))) / PER_TURN
+    error = curve(turns) + 0.02 * rng.standard_normal(len(turns))
+    found = only_direction(turns, error)
+    assert found.is_bound
+    assert not [line for line in found.lines if line.per_cam_rev > PER_TURN / 2]
+    assert found.range.value <= np.ptp(error)
+    assert found.interval_arcsec[0] < whole_range(curve, RATIO)
