@@ -389,8 +389,14 @@ def _open_streams() -> None:
     """Give a stream that was closed by the caller (>&-) a place of its own: Python has None in it.
 
     Messages go nowhere; an answer on standard output cannot be written, and the command says so by its exit code.
+    Standard output without a buffer (PYTHONUNBUFFERED) gets one: without it Python takes a part that a full device has
+    taken for the whole answer.
     """
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
             mode = os.O_RDONLY if name == "stdout" else os.O_WRONLY
             setattr(sys, name, os.fdopen(os.open(os.devnull, mode), "w", encoding="utf-8"))
+    bare = getattr(sys.stdout, "buffer", None)
+    if isinstance(bare, io.RawIOBase):
+        stream: Any = sys.stdout
+        sys.stdout = io.TextIOWrapper(io.BufferedWriter(bare), encoding=stream.encoding, errors=stream.errors)
