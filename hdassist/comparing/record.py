@@ -146,11 +146,13 @@ class Alignment:
     def of_file(self, trace: MeasuredTrace, kinematics: Kinematics) -> Alignment:
         """The alignment of a file that is asked to be read so.
 
-        Of two encoders the sign is that of the error as they count: the output's counts as the model does, or against.
+        The sense that is asked for is that of the angle and of the error of a file. Of two encoders the sign is that of
+        the error as they count: the output's counts as the model does, or against.
         """
         way = 1 if kinematics.u > 0 else -1
         sense = self.sense * (way if trace.angle_of == "output" else 1)
-        return replace(self, sense=sense, sign=self.sign * (-trace.sense * sense * way if trace.sense else 1))
+        counted = -trace.sense * sense * way if trace.sense else self.sense
+        return replace(self, sense=sense, sign=self.sign * counted)
 
 
 @dataclass(frozen=True)

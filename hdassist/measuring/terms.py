@@ -87,13 +87,13 @@ class Bins:
 
         ratio: turns of the cam in an output revolution.
         """
-        if self.span >= ratio or self.sweeps > _MOST_JOINED:
+        if self.span >= ratio or not 1 < self.sweeps <= _MOST_JOINED:
             return self.span
         cells = round(ratio * _JOINED_CELLS)
         is_covered = np.zeros(cells, dtype=bool)
         for turns in self.by_sweep(self.turns):
-            first, last = np.floor(np.array([turns.min(), turns.max()]) * _JOINED_CELLS).astype(np.int64)
-            is_covered[np.arange(first, last + 1) % cells] = True
+            first, last = np.ceil(turns.min() * _JOINED_CELLS), np.floor(turns.max() * _JOINED_CELLS)
+            is_covered[np.arange(first, last).astype(np.int64) % cells] = True
         return max(self.span, float(np.count_nonzero(is_covered)) / cells * ratio)
 
     def by_sweep(self, values: Array) -> list[Array]:

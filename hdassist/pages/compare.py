@@ -242,7 +242,7 @@ def _rows(found: Explanation) -> Iterator[tuple[str, ...]]:
 
 def _values(result: Comparison) -> Json:
     trace, best, mirror = result.measurement.trace, result.conclusion.best, result.mirror
-    place = _conventions(result.unchanged.alignment)
+    place = _conventions(result.unchanged.alignment if trace.sense else result.asked)
     for name, angle, u in _angles(result):
         place |= {f"{name}_deg": angle, f"{name}_uncertainty_deg": u, f"{name}_fitted": u is not None}
     return {

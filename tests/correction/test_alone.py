@@ -212,6 +212,27 @@ def test_a_table_of_two_encoders_takes_off_the_error_however_they_count(tmp_path
     assert np.ptp(error - by_rows(tmp_path, ahead * 360 * cam / CYCLE)) < 0.05 * np.ptp(error)
 
 
+@pytest.mark.parametrize("columns", ["cam_deg,error_arcsec", "cam_deg,output_deg"])
+def test_the_mirror_image_of_a_record_has_the_same_correction(tmp_path, columns):
+    """One clockwise rig, as a column of errors and as two encoders."""
+    often, vectors = hidden_lines(3)
+    turns = np.arange(round(1.02 * CYCLE * PER_TURN)) / PER_TURN
+    error = curve(often, vectors, turns)  # of the cam less the output
+    second = error if "error" in columns else -360 * turns / CYCLE - error / 3600
+    tables = []
+    for way, sense in ((1, "ccw"), (-1, "cw")):
+        rows = "".join(f"{way * 360 * x:.6f},{way * y:.9f}\n" for x, y in zip(turns, second, strict=True))
+        (tmp_path / "run.csv").write_text(f"{columns}\n{rows}")
+        options = ("--ratio", str(CYCLE), "--torque", "67", "--form", "cam", "--points", "256", "--cam-sense", sense)
+        done = run("compensate", "run.csv", *options, "--csv", "cam.csv", "--force", cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+        tables.append(np.genfromtxt(tmp_path / "cam.csv", delimiter=",", names=True)["error_arcsec"])
+    assert tables[1] == pytest.approx(tables[0], abs=1e-3)
+    with_cam = often % CYCLE == 0
+    places = np.arange(256) / 256
+    assert tables[0] == pytest.approx(-curve(often[with_cam], vectors[with_cam], places), abs=0.2)
+
+
 def by_compiler(folder: Path, reading):
     """The lookup of the C file as a compiler makes it."""
     compiler = shutil.which("cc")

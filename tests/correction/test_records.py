@@ -166,7 +166,13 @@ def test_a_mirrored_record_is_refused_with_the_options_that_read_it(tmp_path: Pa
     assert (refused.returncode, refused.stdout) == (5, "")
     assert "run.csv: mirrored, it fits tiny clearly better the other way round" in refused.stderr
     assert not (tmp_path / "table.csv").exists()
-    assert run(*asked, "--cam-sense", "cw", cwd=tmp_path).returncode == 0
+    assert "--error-is output-cam --cam-sense cw" in refused.stderr
+    read = (*asked, "--cam-sense", "cw", "--error-is", "output-cam", "--force")
+    assert run(*read, cwd=tmp_path).returncode == 0
+    mirrored = "".join(f"{-360 * x:.3f},{-y:.4f}\n" for x, y in zip(turns, error, strict=True))
+    (tmp_path / "mirrored.csv").write_text(f"cam_deg,error_arcsec\n{mirrored}")  # all of it counts clockwise
+    whole = (*asked[:2], "mirrored.csv", *asked[3:], "--cam-sense", "cw", "--force")
+    assert run(*whole, cwd=tmp_path).returncode == 0
     assert "mirrored" in run("compare", TINY, "run.csv", "--torque", "1", "-q", cwd=tmp_path).stdout
 
 
