@@ -161,14 +161,14 @@ def seat(centre: Point, turned: int) -> Iterator[str]:
     angle = 360 * turned / HOLES
     yield path("mark", at(centre, angle, 58), at(centre, angle, 95)) + circle(at(centre, angle, 105), 6, "marked")
     name = at(centre, angle, 46)
-    yield text((name[0], name[1] + 6), "W", "marked", size=18)
+    yield text((name[0], name[1] + 6), "dot", "marked", size=15)
 
 
 def holes() -> Iterator[str]:
     """Hole 0, and what "hole 4" means."""
     for left, hole, title, below in (
-        (180, 0, "hole 0: where the wheel stands now", "numbers on the housing, W on the wheel"),
-        (540, 4, "hole 4: four holes counter-clockwise", "both seen from the cam side"),
+        (180, 0, "hole 0: where the wheel is now", "numbers on the housing, a paint dot on the wheel"),
+        (540, 4, "hole 4: four holes counter-clockwise", "both seen from the wave generator side"),
     ):
         centre = (left, 205.0)
         yield from seat(centre, hole)

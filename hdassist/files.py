@@ -372,6 +372,12 @@ def bounded(value: float) -> float:
     return copysign(inf, value) if abs(value) > GREATEST else value
 
 
+def with_decimal_points(text: str) -> str:
+    """Return a value with decimal points in place of commas, unless these may separate thousands."""
+    may_be_thousands = "." in text or re.search(r"(?<![0-9,])[1-9][0-9]{0,2}(,[0-9]{3})+(?![0-9])", text)
+    return text if may_be_thousands else re.sub(r"(?<=[0-9]),(?=[0-9])", ".", text)
+
+
 def package_table(name: str, parse_float: Callable[[str], Any] = float) -> dict[str, Any]:
     """What a TOML file of this package declares; parse_float makes its numbers."""
     return tomllib.loads(files("hdassist").joinpath(name).read_text("utf-8"), parse_float=parse_float)

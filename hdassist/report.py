@@ -299,7 +299,7 @@ class Seat:
 
     holes: none where the angle is free; first_deg: direction of hole 0; turn_deg: the turn from now, the shorter
     way, negative for clockwise; barred: the letter of holes that are not allowed; legend: the meaning of letters
-    and numbers, for a drawing in characters.
+    and numbers, for a drawing in characters; note: what a drawing in HTML has below its title.
     """
 
     title: str
@@ -310,6 +310,7 @@ class Seat:
     pointers: tuple[SeatMark, ...]
     barred: str
     legend: str
+    note: str = ""
 
 
 @dataclass(frozen=True)

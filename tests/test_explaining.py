@@ -139,7 +139,7 @@ def test_all_words_of_pages_are_known() -> None:
 @pytest.mark.parametrize("say", [texts(), texts().variant("trials")], ids=["seat", "after trials"])
 def test_letters_of_seats_and_plots_have_one_meaning_which_is_explained(say: Texts) -> None:
     letters = {say(f"seat.letter_{kind}"): say(f"seat.{kind}") for kind in ("now", "best", "worst")}
-    letters |= {"x": "not allowed", "a": "mark now", "b": "mark afterwards", "c": "cam offset on the card"}
+    letters |= {"x": "not allowed", "p": "mark now", "q": "mark after assembly", "e": "eccentricity on the card"}
     marks = {mark: words for words, mark in MARK_SIGNS.items() if mark.isalpha() and " " not in words}
     assert {letter: words for letter, words in marks.items() if letters.get(letter, words) != words} == {}
     for letter, words in (*letters.items(), *marks.items()):

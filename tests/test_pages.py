@@ -77,9 +77,9 @@ def words_of(file: Path) -> str:
 def test_start(tmp_path: Path):
     output_of("start.md", tmp_path)
     card = words_of(tmp_path / "card.txt")
-    assert "Turn the rigid wheel by 3 holes (90°) clockwise" in card
+    assert "Put the circular spline in hole 9. That is 3 holes (90°) clockwise from hole 0" in card
     assert "Values of the preset: 4 given, 0 identified, 32 assumed." in card
-    assert "this hole is better than staying by more than 1 % with a probability of 100 %" in card
+    assert "Probability that hole 9 is better than hole 0 by more than 1 %" in card
     assert "hole 9: 22.1″" in card
 
 
@@ -95,8 +95,8 @@ def test_explore(tmp_path: Path):
 
 def test_mount(tmp_path: Path):
     output_of("mount.md", tmp_path)
-    assert "Turn the rigid wheel by 4 holes (120°) clockwise" in words_of(tmp_path / "known.txt")
-    assert "Turn the rigid wheel by 2 holes (60°) clockwise" in words_of(tmp_path / "card.txt")
+    assert "That is 4 holes (120°) clockwise from hole 0" in words_of(tmp_path / "known.txt")
+    assert "That is 2 holes (60°) clockwise from hole 0" in words_of(tmp_path / "card.txt")
 
 
 def test_measure(tmp_path: Path):

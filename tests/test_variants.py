@@ -236,7 +236,7 @@ def test_what_one_preset_does_not_know_makes_ranges_and_any_hole_as_good(files):
     assert known["operating_points"][0]["belief"]["p95_arcsec"] is None
     assert open_["operating_points"][0]["belief"]["p95_arcsec"] > 0
     assert (known["word"], known["order"]) == ("TURN", "turn")
-    assert (open_["word"], open_["order"], open_["best"]["hole"]) == ("ANY_HOLE", "leave", 0)
+    assert (open_["word"], open_["order"], open_["best"]["hole"]) == ("ANY_HOLE", "leave", None)
     [changed] = told["changes"]
     assert changed["pairs"] == 4
     assert changed["together"]["p5_arcsec"] < changed["together"]["p95_arcsec"]

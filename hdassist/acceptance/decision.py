@@ -12,7 +12,6 @@ of keeping the limit over all that is not known exactly. That is no decision on 
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -32,7 +31,7 @@ from hdassist.error.error_map import TABLE_SECTIONS, searchable
 from hdassist.error.stiffness import Stiffness, stiffness
 from hdassist.error.waves import EstimatedCycle, estimated_cycle, turn_range_arcsec
 from hdassist.errors import GUARD, SURE, UsageError, Verdict
-from hdassist.files import number_of
+from hdassist.files import number_of, with_decimal_points
 from hdassist.measuring.bench import SeenRange
 from hdassist.measuring.fit import COVERAGE_FACTOR
 from hdassist.measuring.measure import SweepResult
@@ -261,12 +260,6 @@ def order_place(kinematics: Kinematics, order: float) -> int:
     return place
 
 
-def _with_points(text: str) -> str:
-    """A value with decimal points in place of commas, where none of these may stand between thousands."""
-    may_be_thousands = "." in text or re.search(r"(?<![0-9,])[1-9][0-9]{0,2}(,[0-9]{3})+(?![0-9])", text)
-    return text if may_be_thousands else re.sub(r"(?<=[0-9]),(?=[0-9])", ".", text)
-
-
 @dataclass(frozen=True)
 class AcceptedValue(ClosedRecord):
     """A measured or predicted value with its uncertainty; unknown without arguments.
@@ -307,7 +300,7 @@ class AcceptedValue(ClosedRecord):
             hint = f"like {given.text if isfinite(number_of(given.text)) else 28.1}±1.2: expanded, k = 2; ±0 for none"
             raise UsageError(f"--value {given}: without its uncertainty", hint)
         try:
-            value, expanded = read_spread(_with_points(given.text), limit.check.unit)
+            value, expanded = read_spread(with_decimal_points(given.text), limit.check.unit)
         except UnitError as error:
             raise UsageError(f"--value {given}: {error.message}", error.hint) from None
         if value < 0:

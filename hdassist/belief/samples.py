@@ -224,18 +224,20 @@ def drive_samples(
     draws: int = EFFECTIVE_SAMPLES,
     sure: float = SURE,
     rotations_deg: Sequence[float] = (),
+    other_torques: Sequence[float] = (),
     run: Run = Run(),
     seen: Callable[[Samples], None] | None = None,
 ) -> Samples:
     """Samples of a drive at its torques, until as many again would hardly change a verdict.
 
     Arguments: prior of the drive; held_arcsec, limit less self error at each torque, None without one; draws, effective
-    samples at least; sure, probability of a limit that settles a verdict; the others, and errors, as those of
-    draw_samples.
+    samples at least; sure, probability of a limit that settles a verdict; other_torques [N*m], which follow those of
+    the drive and have no limit; the others, and errors, as those of draw_samples.
     """
     drive = prior.drive
+    torques = (*drive.operation.M_g, *other_torques)
     return draw_samples(
-        prior, drive.operation.M_g, rotations_deg=rotations_deg, evidence=evidence_of(drive),
+        prior, torques, rotations_deg=rotations_deg, evidence=evidence_of(drive),
         enough=partial(limits_settled, held_arcsec, sure=sure), effort=SamplingEffort.of(draws), run=run, seen=seen,
     )  # fmt: skip
 

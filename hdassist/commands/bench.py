@@ -44,19 +44,20 @@ class MountCommand(
       hdassist mount my-drive.yaml --compensated output:256
       hdassist mount my-drive.yaml --card card.html --lang ru --serial 17-042
 
-    The fixed wheel is the rigid wheel (circular spline) or the flexspline. Turns are counter-clockwise seen from the
-    side of the cam (wave generator), from where the wheel stood at first. All that the preset does not know exactly is
-    drawn jointly, as check draws it (docs/unknown.md). The hole is that of the least expected loss at the torque served
-    worst, with a limit the likeliest to keep it. TURN or LEAVE: the choice is right with a probability of 95 %
-    (--sure), a turn where it gains more than 1 %. BEST BET: it is less sure. ANY HOLE: none is expected to be better
-    than another by 1 %. -q prints the hole (or the angle) alone. The exit code is 0 for all of them; with --sure it is
-    6 where the choice is less sure.
+    The fixed wheel is the rigid wheel (circular spline) or the flexspline. Holes and turns count counter-clockwise seen
+    from the wave generator side, from hole 0, where the wheel was before the first trial. All that the preset does not
+    know exactly is drawn jointly, as check draws it (docs/unknown.md). The hole is that of the least expected loss at
+    the torque served worst, with a limit the likeliest to keep it. TURN or LEAVE: the choice is right with a
+    probability of 95 % (--sure), a turn where it gains more than 1 %. BEST BET: it is less sure. ANY HOLE: none is
+    expected to be better than another by 1 %. -q prints the hole (or the angle) alone, or any. The exit code is 0 for
+    all of them; with --sure it is 6 where the choice is less sure.
 
     F'_ior measured in holes makes it surer: the first three 120 deg apart, at a light torque, the wheel taken out and
     put back each time. The page names the hole to measure next and what that is expected to bring, until a further
     value is worth less than 2 % (--worth). A value may be the file of a record: its F'_ior and uncertainty are those of
-    hdassist measure, the full cycle needed. measured.F_ior of the preset counts too. A misread value is named; --verify
-    compares the outcome with its prediction and says keep, or go back (3).
+    hdassist measure, the full cycle needed. measured.F_ior of the preset counts too. A value that is
+    probably misread is the next one to repeat; --verify compares the outcome with its prediction and says keep, go back
+    (3), or measure again, because the outcome itself is probably misread (6).
 
     --bolted has a turn earn so many per cent, for a drive that is assembled already. --compensated has what a stored
     correction (hdassist compensate) leaves that is made in each hole for each torque. --pitch-b and --pitch-g put

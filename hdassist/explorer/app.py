@@ -70,8 +70,8 @@ the best hole. A torque has its own bar: ─◌─ the first, ═▫═ the seco
 
 After a change the old answer stays, marked old, beside a typical drive as it was and as it is now.
 
-Holes: F'_ior with the fixed wheel turned, counted counter-clockwise from now, seen from the cam side. Bars go from \
-the 5th to the 95th percentile, on one scale for all torques.
+Holes: F'_ior with the fixed wheel turned, counted counter-clockwise from hole 0, seen from the wave generator \
+side. Bars go from the 5th to the 95th percentile, on one scale for all torques.
 N now, B best, W worst, ? measure next, ◆ measured, x not allowed, o looked at, │ limit.
 
 Why: the inputs from which the width of the range comes, and what each measurement would bring.
@@ -465,9 +465,8 @@ class Explorer(_Exporting):
         drive, letters = self.session.drive, defaultdict(str, {0.0: "N"})
         advice = self.known.advice
         if advice and advice.word != "ANY_HOLE":
-            ranked = advice.ranked
-            letters[ranked[0].rotation_deg] += "B"
-            letters[ranked[-1].rotation_deg] += "W"
+            letters[advice.chosen.rotation_deg] += "B"
+            letters[advice.ranked[-1].rotation_deg] += "W"
         if advice and advice.next:
             letters[advice.next.rotation_deg] += "?"
         for at in {*self.session.positions} - {*usable_positions(drive.mounting.holes, drive.mounting.allowed)}:

@@ -48,7 +48,7 @@ _RED = "#d04040"
 if os.environ.get("NO_COLOR"):  # as the screen would make greys of them, which say less than the ground's own ink
     _INK, _RED = ("not dim",) * len(_INK), "not dim"
 _LETTER_STYLES = {"B": f"{_INK[3]} bold", "W": f"{_RED} bold", "?": f"{_INK[2]} bold"}
-_LETTER_KINDS = {"N": "now", "B": "best", "W": "worst", "?": "best"}
+_LETTER_KINDS = {"N": "now", "B": "best", "W": "worst", "?": "next"}
 _SEAT_WORDS = {"N": "now", "B": "best", "W": "worst", "?": "measure next", "x": "not allowed", "o": "looked at"}
 _LEAST_BAR, _LEAST_PANE = 14, 10  # columns of a bar that has ranges beside it, and of a pane with text
 _LEGEND_COLUMNS = 60  # of a pane that has room for a legend beside the seat

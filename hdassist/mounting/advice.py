@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 
@@ -46,6 +47,7 @@ from hdassist.mounting.posterior import (
     Trial,
     TrialSetup,
     hole_samples,
+    in_order,
     likelier_torque,
     posterior_of,
 )
@@ -54,17 +56,20 @@ from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.loadcase import CrossCheck
 
+_VerificationVerdict = Literal["KEEP", "GO_BACK", "MEASURE_AGAIN"]
+_WORD_AFTER: dict[_VerificationVerdict, Word] = {"KEEP": "LEAVE", "GO_BACK": "TURN", "MEASURE_AGAIN": "BEST_BET"}
+
 _FORESEEN_VALUES = 6  # measured values of which the gain is foreseen before any
 _DOUBTED = 0.5  # probability from which on a value is taken for misread
 UNSHOWN_VALUES = 0.95  # probability of curves that no drive made, from which on the preset is doubted
 
 
 @dataclass(frozen=True)
-class _Verification:
+class Verification:
     """A value measured after an advice, in the hole that the wheel stands in, beside its prediction [arcsec].
 
     mean_arcsec, and 2.5 % and 97.5 % quantiles, from the values before it; back_to, the value in whose hole the
-    wheel is expected to be better, None where it stays.
+    wheel is expected to be better, None where it stays; is_misread, whether the value itself is probably misread.
     """
 
     trial: Trial
@@ -72,11 +77,24 @@ class _Verification:
     low_arcsec: float
     high_arcsec: float
     back_to: Trial | None = None
+    is_misread: bool = False
 
     @property
     def as_predicted(self) -> bool:
         """Whether the value lies between the quantiles."""
         return self.low_arcsec <= self.trial.F_ior_arcsec <= self.high_arcsec
+
+    @property
+    def verdict(self) -> _VerificationVerdict:
+        """What to do with the wheel: to move it because of a misread value would be wrong."""
+        if self.back_to:
+            return "GO_BACK"
+        return "MEASURE_AGAIN" if self.is_misread else "KEEP"
+
+    @property
+    def goal(self) -> Trial:
+        """The value in whose hole the wheel is to be."""
+        return self.back_to or self.trial
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +125,7 @@ class Advice:
     sure: float = SURE
     worth: float = WORTH
     compensated: tuple[str, Decision] | None = None
-    verification: _Verification | None = None
+    verification: Verification | None = None
     fault: str = ""
 
     @property
@@ -118,7 +136,14 @@ class Advice:
     @property
     def word(self) -> Word:
         """The choice in a word."""
+        if self.verification:
+            return _WORD_AFTER[self.verification.verdict]
         return self.decision.word(self.sure)
+
+    @property
+    def names_hole(self) -> bool:
+        """Whether the choice is one hole: not so of ANY_HOLE."""
+        return self.word != "ANY_HOLE"
 
     @property
     def no_hole_better(self) -> str:
@@ -147,6 +172,15 @@ class Advice:
         phase = phase_deg(drive, self.measured, rotation)
         return Position(rotation, phase, hole_of(rotation, drive.mounting.holes), found.quantile(0.5, place))
 
+    def _position_at(self, rotation_deg: float) -> Position:
+        """Return a position, without F'_ior if it is none of the holes that may be chosen."""
+        place = self.decision.place(rotation_deg)
+        if place is not None:
+            return self.position(place)
+        first = self.position(None)
+        phase = (first.phase_deg + rotation_deg) % 360
+        return Position(rotation_deg, phase, hole_of(rotation_deg, self.drive.mounting.holes), ())
+
     @cached_property
     def current(self) -> Position:
         """Where the wheel stands (where it stood before the first trial, if there were trials)."""
@@ -159,8 +193,15 @@ class Advice:
 
     @property
     def turn(self) -> bool:
-        """Whether the wheel is to be turned."""
+        """Whether the wheel is to be turned from hole 0."""
         return self.chosen.rotation_deg != 0
+
+    @property
+    def order(self) -> Literal["turn", "leave"]:
+        """Whether the wheel is to be moved: from hole 0, or after an outcome from the hole where that was measured."""
+        if self.verification:
+            return "turn" if self.verification.back_to else "leave"
+        return "turn" if self.turn else "leave"
 
     @cached_property
     def ranked(self) -> tuple[Position, ...]:
@@ -194,13 +235,37 @@ class Advice:
 
     @property
     def next(self) -> Position | None:
-        """The position to measure next; None where further values are not worth it."""
+        """The position to measure next; None where further values are not worth it, or an outcome ends the trials.
+
+        A value that is probably misread is measured again before anything else.
+        """
+        if self.verification and self.verification.verdict != "MEASURE_AGAIN":
+            return None
+        if repeat := self.to_repeat:
+            return self._position_at(repeat.rotation_deg)
         value = self.value
         if not value or not (self.values < FEWEST_VALUES or value.is_worth(self.worth)):
             return None
         if not self.values and value.F_ior_arcsec[0] - value.F_ior_arcsec[-1] < self.worth * value.F_ior_arcsec[0]:
             return None
         return self.position(self.decision.place(value.rotation_deg))
+
+    @property
+    def next_torque(self) -> float:
+        """Torque of the value to measure next [N*m]."""
+        if repeat := self.to_repeat:
+            return self.torque_of(repeat)
+        return self.value.M_g if self.value else self.setup.M_g
+
+    @property
+    def to_repeat(self) -> Trial | None:
+        """The value that is probably misread, if nobody has repeated it; None without one."""
+        doubted = self.suspected
+        if not doubted:
+            return None
+        beside = [trial for trial in self.trials if self.setup.point(trial) == self.setup.point(doubted)]
+        is_outcome = self.verification is not None and doubted is self.verification.trial
+        return doubted if is_outcome or len(beside) == 1 else None
 
     @property
     def worths(self) -> tuple[tuple[int, float], ...]:
@@ -285,19 +350,26 @@ def advise(
     known, prior = beside_measured_teeth(drive, measured)
     torques, of_drive = drive.operation.M_g, measured_errors(drive)
     setup = setup or TrialSetup(min(torques, key=abs))
+    more = () if setup.M_g in torques else (setup.M_g,)  # values may be measured where no torque decides
     drawn = draws > 0 and bool(prior.fields) and not measured and searchable(drive)
     curve, checked = begun_curve(drive, torques, rotations_deg, measured=measured, drawn=drawn, run=run)
     left = limits_left(drive, torques)
-    found, samples, fault = Decision.as_given(curve, left), None, ""
+    found = whole = Decision.as_given(curve, left)
+    samples, fault = None, ""
     if drawn:
         positions = tuple(usable_positions(drive.mounting.holes, drive.mounting.allowed))
         try:
             samples = drive_samples(
-                prior, left, rotations_deg=sorted({0.0, *positions}), draws=draws, sure=sure, run=run
-            )
-            found = Decision.of(samples.of_ranges, positions, left)
+                prior, left, rotations_deg=sorted({0.0, *positions}), other_torques=more, draws=draws, sure=sure,
+                run=run,
+            )  # fmt: skip
         except UntrustedError as refusal:  # an action never is refused
             fault = refusal.message
+        if samples and len(samples.of_ranges.weights) < 2:  # whose numbers are those of a drive drawn by chance
+            samples, fault = None, "one sample of the uncertain inputs has no range"
+        if samples:
+            whole = Decision.of(samples.of_ranges, positions, left)
+            found = whole.of_torques(slice(len(torques)))
         if of_drive and (not samples or samples.few):  # tables leave more that agree with values
             return advise_after(drive, (), setup, draws=draws, sure=sure, cost=cost, worth=worth, run=run)
     advice = Advice(
@@ -309,9 +381,11 @@ def advise(
     advice = replace(advice, decision=found)
     if not samples or advice.no_hole_better:
         return advice
-    shown = found if of_drive else as_measured(found, seed=run.seed)
-    torque = min(range(len(torques)), key=lambda k: (torques[k] != setup.M_g, abs(torques[k])))
-    value = _value(shown, {setup.M_g: shown.F_ior_arcsec[torque]}, None, setup, len(of_drive), run.seed)
+    whole = replace(whole, cost=cost, all_alike=found.all_alike)
+    shown = whole if of_drive else as_measured(whole, seed=run.seed)
+    at_setup = shown.F_ior_arcsec[(*torques, *more).index(setup.M_g)]
+    deciding = shown.of_torques(slice(len(torques)))
+    value = _value(deciding, {setup.M_g: at_setup}, None, setup, len(of_drive), run.seed)
     return replace(advice, value=value)
 
 
@@ -335,30 +409,42 @@ def advise_after(
     others; samples, already drawn; other_torques [N*m], at which values that the drive does not show may have been
     measured; the others as those of advise. Raises what hole_samples does, and UsageError without any value.
     """
-    torques, trials = drive.operation.M_g, (*_of_preset(drive, setup, (*trials, outcome)), *trials)
+    torques = drive.operation.M_g
+    trials = in_order([*_of_preset(drive, setup, (*trials, outcome)), *trials], setup)
     if not trials:
         raise UsageError(f"no trials at {setup.M_g:g} N·m: expected HOLE=VALUE, or measured.F_ior", TRIAL_HINT)
     every = (*trials, outcome) if outcome else trials
+    each_own = all(each.M_g is not None for each in every)
     positions = usable_positions(drive.mounting.holes, drive.mounting.allowed)
     if not drive.mounting.holes:
         positions = sorted({*positions, *(trial.rotation_deg for trial in every)})
     tried = [setup.point(each)[1] for each in every]
-    whole = samples or hole_samples(drive, (*torques, *tried), setup, draws=draws, run=run)
-    after = posterior_of(whole.with_free_curves(every), every, [*positions, 0.0])
+    values = [replace(each, M_g=M_g) for each, M_g in zip(every, tried, strict=True)]
+    # the torque that others are related to goes by the values, not by how they were written
+    common = replace(setup, M_g=min(tried, key=lambda M_g: (abs(M_g), M_g)))
+    whole = samples or hole_samples(drive, (*torques, *tried), common, draws=draws, run=run)
+    after = posterior_of(whole.with_free_curves(values), values, [*positions, 0.0])
     found = after.decision(torques, limits_left(drive, torques), cost)
     noise, likelier = after.noise * setup.noise_arcsec, None
     if after.by_values > UNSHOWN_VALUES or after.misread.sum() > _DOUBTED:
-        likelier = likelier_torque(whole, every)
+        likelier = likelier_torque(whole, values)
         others = sorted({*other_torques} - {*whole.F_ior_by_torque})
         if not likelier and others and after.by_values > UNSHOWN_VALUES:
-            likelier = likelier_torque(hole_samples(drive, others, setup, draws=draws, run=run), every)
-    measurable = {M_g: after.F_ior_by_torque[M_g][:, :-1] for M_g in (setup.M_g, *setup.others, *tried)}
+            likelier = likelier_torque(hole_samples(drive, others, common, draws=draws, run=run), values)
+    # whose values all have a torque of their own measures at these torques, as one who gives it for all of them
+    further = {*tried} if each_own else {*tried, *setup.others}
+    measured_at = (common.M_g, *sorted(further - {common.M_g}))
+    measurable = {M_g: after.F_ior_by_torque[M_g][:, :-1] for M_g in measured_at}
     value = _value(found, measurable, noise, setup, len(every), run.seed)
     advice = Advice(
         drive, found, setup, trials=every, after=after, value=value, likelier_torque=likelier,
         unknown=unknowns(drive), open_=tuple(each.path for each in prior_of(drive).fields), sure=sure, worth=worth,
     )  # fmt: skip
-    return replace(advice, verification=_verified(advice, outcome, whole)) if outcome else advice
+    if not outcome:
+        return advice
+    checked = _verified(advice, values, whole)
+    settled = replace(found, settled_deg=checked.goal.rotation_deg)
+    return replace(advice, decision=settled, verification=checked)
 
 
 def _value(
@@ -377,27 +463,38 @@ def _value(
     return value_of_measurement(decision, measurable, noise, steps=steps, first=first, seed=seed)
 
 
-def _verified(advice: Advice, outcome: Trial, samples: HoleSamples) -> _Verification:
-    """The outcome of an advice beside what samples and the values before it predict, and where to go back to."""
-    found, before = advice.decision, advice.trials[:-1]
-    told = posterior_of(samples.with_free_curves(before), before, [outcome.rotation_deg])
+def _verified(advice: Advice, values: Sequence[Trial], samples: HoleSamples) -> Verification:
+    """Return the outcome of an advice beside its prediction, and where the wheel is to be after it.
+
+    The wheel goes back to the measured hole of the least expected loss, the outcome being one of the values that this
+    loss is expected by. It stays if the outcome's hole is as good, or is as good because the outcome itself is probably
+    misread. An outcome that is neither as predicted nor misread makes the prediction doubtful: the measured values
+    decide then.
+
+    advice: by all values, the outcome the last one.
+    values: the same with their torques, shape (trials,).
+    samples: those of the drive.
+    """
+    found, outcome = advice.decision, advice.trials[-1]
+    told = posterior_of(samples.with_free_curves(values[:-1]), values[:-1], [outcome.rotation_deg])
     noise = np.random.default_rng([samples.seed, 4]).standard_normal(len(told.noise))
     predicted = told.F_ior_by_torque[advice.torque_of(outcome)][:, 0]
     read = predicted + noise * told.noise * samples.noise([outcome])
-    checked = _Verification(outcome, float(predicted.mean()), *np.quantile(read, (0.025, 0.975)).tolist())
+    low, high = np.quantile(read, (0.025, 0.975)).tolist()
+    checked = Verification(outcome, float(predicted.mean()), low, high, None, advice.suspected is outcome)
 
     def loss(trial: Trial) -> float:
-        """Expected loss in the hole of a value; where the outcome is not as predicted the measured value."""
+        """Return the loss in the hole of a value, as a share; infinite if the hole may not be used."""
         place = found.place(trial.rotation_deg)
         if place is None:
             return np.inf
-        if checked.as_predicted:
+        if checked.as_predicted or checked.is_misread:
             return float(found.expected_loss[place])
         is_comparable = advice.torque_of(trial) == advice.torque_of(outcome)
         return trial.F_ior_arcsec / outcome.F_ior_arcsec if is_comparable else np.inf
 
-    others = [each for each in reversed(before) if each.rotation_deg != outcome.rotation_deg]
-    least = min(others, key=loss, default=outcome)
+    others = [trial for trial in advice.trials[:-1] if trial.rotation_deg != outcome.rotation_deg]
+    least = min(reversed(others), key=loss, default=outcome)
     back = least if loss(least) + found.cost < loss(outcome) else None
     return replace(checked, back_to=back)
 

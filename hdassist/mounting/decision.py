@@ -69,7 +69,8 @@ class Decision:
     now_arcsec, at rotation 0, shape (torques, samples); sample_weights, shape (samples,), a single one where values are
     taken as given; room_arcsec that a limit leaves F'_ior at each torque, None without a limit; cost, share of F'_ior
     that a turn has to earn; all_alike, whether no hole can be told from another by what is known; worth, effective
-    samples that samples drawn again from others stand for, None of those that stand for themselves.
+    samples that samples drawn again from others stand for, None of those that stand for themselves; settled_deg, the
+    hole that an outcome measured after the choice has settled on, None before.
     """
 
     rotations_deg: tuple[float, ...]
@@ -80,12 +81,13 @@ class Decision:
     cost: float = LEAST_GAIN
     all_alike: bool = field(default=False, kw_only=True)
     worth: float | None = field(default=None, kw_only=True)
+    settled_deg: float | None = field(default=None, kw_only=True)
 
     @classmethod
     def of(
         cls, samples: Samples, rotations_deg: tuple[float, ...], room_arcsec: Sequence[float | None] = ()
     ) -> Decision:
-        """The decision over samples of the belief that were drawn at these rotations."""
+        """Return the decision over samples of the belief that were drawn at these rotations, at all their torques."""
         columns = [samples.rotations_deg.index(each) for each in rotations_deg]
         F_ior = np.moveaxis(samples.turned_arcsec[..., columns], 0, 1)
         return cls(rotations_deg, F_ior, samples.F_ior_arcsec.T, samples.weights, room_arcsec)
@@ -197,7 +199,13 @@ class Decision:
 
     @property
     def best(self) -> int:
-        """The hole to mount the wheel in; that where it stands, unless a turn is expected to earn its cost."""
+        """The hole to mount the wheel in; that where it stands, unless a turn is expected to earn its cost.
+
+        A measured outcome has the last word.
+        """
+        settled = None if self.settled_deg is None else self.place(self.settled_deg)
+        if settled is not None:
+            return settled
         best, stay = self.ranked[0], self.stay
         if stay is None:
             return best
@@ -240,8 +248,12 @@ class Decision:
         return self.probability.verdict(sure) is Verdict.PASS
 
     def word(self, sure: float = SURE) -> Word:
-        """The choice in a word: TURN or LEAVE where it is at least so sure, else BEST_BET; ANY_HOLE of equal ones."""
-        if self.all_alike or np.ptp(self.expected_loss) < LEAST_GAIN:
+        """Return the choice in a word: TURN or LEAVE if it is at least so sure, else BEST_BET; ANY_HOLE of equal ones.
+
+        Holes of equal loss are not equal if a limit makes the wheel leave its hole for another one.
+        """
+        has_to_turn = self.stay is not None and self.best != self.stay
+        if self.all_alike or (np.ptp(self.expected_loss) < LEAST_GAIN and not has_to_turn):
             return "ANY_HOLE"
         if not self.is_sure(sure):
             return "BEST_BET"
@@ -258,10 +270,13 @@ class Decision:
         )  # fmt: skip
 
     def of_torque(self, torque: int) -> Decision:
-        """The decision for one of the torques alone, by its place."""
-        room = self.room_arcsec[torque : torque + 1]
-        one = slice(torque, torque + 1)
-        return replace(self, F_ior_arcsec=self.F_ior_arcsec[one], now_arcsec=self.now_arcsec[one], room_arcsec=room)
+        """Return the decision for one of the torques alone, by its place."""
+        return self.of_torques(slice(torque, torque + 1))
+
+    def of_torques(self, some: slice) -> Decision:
+        """Return the decision for some of the torques alone, by their places."""
+        F_ior, now = self.F_ior_arcsec[some], self.now_arcsec[some]
+        return replace(self, F_ior_arcsec=F_ior, now_arcsec=now, room_arcsec=self.room_arcsec[some])
 
 
 # What further values bring
@@ -271,8 +286,9 @@ class Decision:
 class MeasurementValue:
     """What further measured values are worth: the hole and torque [N*m] to measure next, and F'_ior [arcsec] expected.
 
-    F_ior_arcsec in the hole that would be chosen: now, after one more value, after two, and so on, at the torque of the
-    values; of several torques what that served worst leaves of F'_ior there.
+    F_ior_arcsec: F'_ior in the hole that would be chosen now, after one more value, after two, and so on. If one torque
+        decides, it is F'_ior at that torque, wherever values are measured. If several torques decide, it is the share
+        that the torque served worst leaves, times F'_ior at the torque of the values.
     """
 
     rotation_deg: float
@@ -310,7 +326,9 @@ def value_of_measurement(
     rng, rows = np.random.default_rng(seed), even_rows(decision.sample_weights, _LOOKED_AT)
     losses, noise, count = decision.losses[rows], noise_arcsec[rows], len(decision.rotations_deg)
     F_ior = np.hstack([each[rows] for each in measured_arcsec.values()])  # (samples, torques x holes)
-    served_arcsec = decision.served[rows] * F_ior[:, :count].mean(axis=1, keepdims=True)  # of one torque F'_ior itself
+    several = len(decision.F_ior_arcsec) > 1
+    level = F_ior[:, :count] if several else decision.F_ior_arcsec[0, rows]
+    served_arcsec = decision.served[rows] * level.mean(axis=1, keepdims=True)  # of one torque F'_ior itself
     holes = np.linspace(0, count, min(count, _MOST_CANDIDATES), endpoint=False).astype(int)
     candidates = np.add.outer(np.arange(0, F_ior.shape[1], count), holes).ravel()
     off = rng.permutation(ndtri((np.arange(_LOOKED_AT) + 0.5) / _LOOKED_AT))

@@ -48,7 +48,7 @@ from hdassist.belief.proposals import (
 from hdassist.belief.samples import EFFECTIVE_SAMPLES, FEWEST_SAMPLES, SamplingEffort, draw_samples
 from hdassist.error.error_map import Mesh, error_maps, searchable
 from hdassist.errors import HdassistError, UntrustedError, UsageError
-from hdassist.files import number_of
+from hdassist.files import number_of, with_decimal_points
 from hdassist.measuring.measure import Reading
 from hdassist.model.deviations import standing_offset
 from hdassist.model.geometry import Array
@@ -69,22 +69,27 @@ TRIAL_HINT = "like 120=17.3 (deg) or h4=17.3 (hole): F'_ior in arcsec, with a po
 class Trial:
     """F'_ior measured [arcsec] with the fixed wheel turned by rotation_deg from where it stood at 0.
 
-    M_g, torque [N*m], and noise_arcsec, standard deviation of this value; None: those of the setup.
+    M_g: torque [N*m]; None: that of the setup.
+    noise_arcsec: standard deviation of this value; None: that of the setup.
+    file: the recording that has this value; empty if the value itself was given.
     """
 
     rotation_deg: float
     F_ior_arcsec: float
     M_g: float | None = field(default=None, kw_only=True)
     noise_arcsec: float | None = field(default=None, kw_only=True)
+    file: str = field(default="", kw_only=True, compare=False)
 
 
 def read_trial(text: str, holes: int, allowed: Sequence[int] | str = "all") -> Trial:
     """Read 120=17.3 (degrees), h4=17.3 (holes of the seat, of which some are allowed) or h4@80=17.3 (N*m).
 
+    A decimal comma is a decimal point, as in all values of the command line: the Russian card prints 17,3.
     Raises UsageError for all else.
     """
     where, _, value = text.lower().partition("=")
-    (rotation, M_g), F_ior = _read_trial_position(where, text, holes, allowed), number_of(value)
+    rotation, M_g = _read_trial_position(where, text, holes, allowed)
+    F_ior = number_of(with_decimal_points(value))
     if not 0 < F_ior <= LARGEST_ERROR:
         wanted = f"expected F'_ior in arcsec, as {where}=17.3, or the file of a record, as {where}=run.csv"
         raise UsageError(f"invalid trial {shown(text)!r}: {wanted}", TRIAL_HINT)
@@ -99,9 +104,10 @@ def _read_trial_position(
     Raises UsageError for all else.
     """
     where, at, torque = name.partition("@")
-    M_g = number_of(torque) if at else None
+    M_g = number_of(with_decimal_points(torque)) if at else None
     if M_g is not None and not _is_torque(M_g):
         raise UsageError(f"invalid trial {shown(text)!r}: expected HOLE@TORQUE=VALUE, N·m", TRIAL_HINT)
+    where = with_decimal_points(where)
     rotation = turn_of(where, holes)
     if rotation != rotation and not (where.startswith("h") and where[1:].isdecimal()):
         raise UsageError(f"invalid trial {shown(text)!r}: expected HOLE=VALUE", TRIAL_HINT)
@@ -126,7 +132,8 @@ def read_trial_or_record(
     measure; UntrustedError for a record of less than the cycle.
     """
     where, _, file = text.partition("=")
-    if not (re.search(r"[/\\]|\.[A-Za-z]", file) or (isnan(number_of(file)) and os.path.lexists(file))):
+    is_number = not isnan(number_of(with_decimal_points(file)))
+    if not (re.search(r"[/\\]|\.[A-Za-z]", file) or (not is_number and os.path.lexists(file))):
         return read_trial(text, drive.mounting.holes, allowed)
     rotation, own = _read_trial_position(where.lower(), text, drive.mounting.holes, allowed)
     greatest = reading.measured(file, drive, seed=seed, M_g=M_g if own is None else own).directions[0]
@@ -136,7 +143,8 @@ def read_trial_or_record(
             f"{file}: {turns:.3g} of the {cycle:g} cam turns of the full cycle: F'_ior is a lower bound, and no trial",
             "record the full cycle in one sweep",
         )
-    return Trial(rotation, greatest.range.value, M_g=own, noise_arcsec=max(greatest.uncertainty_arcsec, _LEAST_NOISE))
+    noise_arcsec = max(greatest.uncertainty_arcsec, _LEAST_NOISE)
+    return Trial(rotation, greatest.range.value, M_g=own, noise_arcsec=noise_arcsec, file=file)
 
 
 _Places = NDArray[np.int64]
@@ -179,6 +187,16 @@ class TrialSetup:
     def point(self, trial: Trial) -> Point:
         """Position [deg] and torque [N*m] of a value."""
         return trial.rotation_deg, self.M_g if trial.M_g is None else trial.M_g
+
+
+def in_order(trials: Sequence[Trial], setup: TrialSetup) -> tuple[Trial, ...]:
+    """Return measured values by position, torque, value and noise: sums and random numbers follow their order."""
+
+    def place(trial: Trial) -> tuple[float, float, float, float]:
+        noise_arcsec = setup.noise_arcsec if trial.noise_arcsec is None else trial.noise_arcsec
+        return *setup.point(trial), trial.F_ior_arcsec, noise_arcsec
+
+    return tuple(sorted(trials, key=place))
 
 
 def _is_torque(M_g: float) -> bool:
@@ -345,7 +363,8 @@ class HolePosterior:
     def facing(self) -> tuple[float, float] | tuple[None, None]:
         """Direction of the standing offset and its standard deviation [deg]; None where it is open."""
         mean = np.exp(1j * np.radians(self.offset[1])).mean() if len(self.offset[1]) else 0j
-        if not (length := abs(mean)) or (spread := float(np.degrees(np.sqrt(-2 * np.log(length))))) > _OPEN:
+        length = min(float(abs(mean)), 1.0)  # rounding makes more of equal directions
+        if not length or (spread := float(np.degrees(np.sqrt(-2 * np.log(length))))) > _OPEN:
             return None, None
         return float(np.degrees(np.angle(mean)) % 360), spread
 
@@ -435,7 +454,8 @@ def hole_samples(
     count = max(1, draws // SAMPLES_A_TABLE)
     if not systems.fields:  # as many samples where only deviations are unknown, from a finer table
         table, count = TableEffort(count * table.deviations, Mesh(), min(_COMPARED, count)), 1
-    every = tuple(dict.fromkeys((setup.M_g, *setup.others, *torques)))
+    others = {*setup.others, *torques} - {setup.M_g}
+    every = (setup.M_g, *sorted(others))  # the random numbers of a torque go by its place
     samples = draw_samples(
         systems, (), evidence=tuple(each for each in evidence_of(drive) if not each.M_g),
         effort=SamplingEffort(

@@ -3,18 +3,22 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from datetime import date
+from math import floor, log10
+from pathlib import Path
 
 from hdassist import __version__
 from hdassist.model.deviations import standing_offset
 from hdassist.mounting.advice import Advice
+from hdassist.mounting.decision import GOOD
 from hdassist.mounting.positions import Position, hole_of
+from hdassist.mounting.posterior import Trial
 from hdassist.preset.fields import Drive, origin_counts
 from hdassist.preset.text import shown
 from hdassist.report import Block, Facts, Hole, Lines, Paragraph, Seat, SeatMark, Table
 from hdassist.terminal.words import HOME, Texts, texts
 
 ENGLISH = texts()
-TRADE = {"rigid": "rigid wheel (circular spline)", "flexspline": "flexspline"}  # the fixed wheel, in the trade's words
+TRADE = {"rigid": "circular spline", "flexspline": "flexspline"}  # the fixed wheel, in the trade's words
 
 
 def wheel(drive: Drive, say: Texts = ENGLISH) -> str:
@@ -44,14 +48,52 @@ def place_at(rotation_deg: float, hole: int | None, say: Texts = ENGLISH) -> str
 
 
 def instruction(advice: Advice, say: Texts = ENGLISH, *, gains: bool = True) -> str:
-    """What to do with the wheel, which lies in the last trial if there were trials; gains: what it brings by torque."""
-    fixed = wheel(advice.drive, say)
+    """Return where to put the fixed wheel: the destination first, then the turn to it from hole 0.
+
+    After trials nobody knows in which hole the wheel is: all turns count from hole 0.
+
+    advice: the choice.
+    say: texts of the reader's language.
+    gains: whether F'_ior before and after follows.
+    """
+    say = say.variant("trials") if advice.trials else say
+    fixed, chosen = wheel(advice.drive, say), advice.chosen
+    if not advice.names_hole:
+        return _any_hole(advice, say)
     if not advice.turn:
-        return say("instruction.first" if advice.trials else "instruction.leave", wheel=fixed)
-    values = zip(advice.torques, advice.current.F_ior_arcsec, advice.chosen.F_ior_arcsec, strict=True)
-    gain = ", ".join(f"F'_ior {now:.2f} → {new:.2f}″ at {M_g:g} N·m" for M_g, now, new in values)
-    order = say("instruction.turn", wheel=fixed, turn=turn(advice.chosen, say)) + f": {gain}" * gains
-    return f"{order}. {say('instruction.from_first')}" if advice.trials else f"{order}."
+        return say("instruction.leave", wheel=fixed, place=hole_place(chosen, say))
+    kind = "angle" if chosen.hole is None else "hole"
+    parts = {"place": hole_place(chosen, say), "turn": turn(chosen, say), "start": start_of_count(advice.drive, say)}
+    sentences = [say(f"instruction.{kind}", wheel=fixed, **parts), say(f"instruction.zero_{kind}", wheel=fixed)]
+    if gains:
+        values = zip(advice.torques, advice.current.F_ior_arcsec, chosen.F_ior_arcsec, strict=True)
+        changes = ", ".join(f"{now:.2f} → {new:.2f}″ at {M_g:g} N·m" for M_g, now, new in values)
+        statistic = "Median F'_ior" if advice.decision.is_sampled else "F'_ior"
+        sentences.append(f"{statistic}: {changes}.")
+    return " ".join(sentences)
+
+
+def _any_hole(advice: Advice, say: Texts) -> str:
+    """Return that the wheel may be put in any hole, or in any of those that are allowed."""
+    mounting, fixed = advice.drive.mounting, wheel(advice.drive, say)
+    if not mounting.holes:
+        return say("instruction.any_angle", wheel=fixed)
+    if mounting.allowed == "all":
+        return say("instruction.any", wheel=fixed)
+    return say("instruction.any_allowed", wheel=fixed, holes=", ".join(map(str, mounting.allowed)))
+
+
+def start_of_count(drive: Drive, say: Texts = ENGLISH) -> str:
+    """Return the position that turns count from, as in "clockwise from hole 0"."""
+    return say("place.start_hole") if drive.mounting.holes else say.angle(0.0)
+
+
+def measured_value(trial: Trial, say: Texts = ENGLISH) -> str:
+    """Return a measured value [arcsec] as given, that of a recording to the first digit of its standard error."""
+    if not (trial.file and trial.noise_arcsec):
+        return say.number(trial.F_ior_arcsec)
+    decimals = max(0, -floor(log10(trial.noise_arcsec)))
+    return say.number(trial.F_ior_arcsec, f".{decimals}f")
 
 
 def seat_holes(drive: Drive) -> tuple[Hole, ...]:
@@ -62,14 +104,16 @@ def seat_holes(drive: Drive) -> tuple[Hole, ...]:
 
 
 def seat_of(advice: Advice, say: Texts, goal: Position | None, pointers: Sequence[SeatMark] = ()) -> Seat:
-    """The seat of a drive with the position now, and, unless all are equal, the worst one and the one to go to.
+    """Return the seat of a drive with the position now, and, unless all are equal, the worst and the best one.
 
-    Arguments: say, the texts of the reader's language; goal, where the wheel goes, None where it stays;
-    pointers, directions of the mark and the cam.
+    advice: the choice.
+    say: texts of the reader's language.
+    goal: where the wheel is to be, the present position if it stays.
+    pointers: directions of the mark and the eccentricity.
     """
     mounting = advice.drive.mounting
     first, barred = mounting.first_hole, say("seat.letter_barred")
-    differ = advice.word != "ANY_HOLE"
+    differ = advice.names_hole and goal is not None
     named = {"now": advice.current, "best": goal if differ else None, "worst": advice.ranked[-1] if differ else None}
     places = [
         SeatMark(kind, first + p.rotation_deg, say(f"seat.letter_{kind}"), say(f"seat.{kind}"))
@@ -77,13 +121,17 @@ def seat_of(advice: Advice, say: Texts, goal: Position | None, pointers: Sequenc
         if p
     ]
     holes = seat_holes(advice.drive)
-    words = ", ".join(f"{p.letter} {p.words}" for p in places)
+    letters = [f"{p.letter} {p.words}" for p in places]
+    if goal and differ and holes:
+        letters.append(say("seat.goal", hole=goal.hole))
+    words = ", ".join(letters)
     legend = say("seat.legend" if holes else "seat.legend_free", places=words)
     if not all(hole.usable for hole in holes):
         legend += "; " + say("seat.barred", letter=barred)
     drawn = sorted(places, key=lambda p: ("worst", "now", "best").index(p.kind))  # the best one on top
-    turned = goal.short_way_deg if goal else 0.0
-    return Seat(say("seat.title"), holes, first, turned, tuple(drawn), tuple(pointers), barred, legend)
+    turned = goal.short_way_deg if goal and differ else 0.0
+    note = say("seat.filled") if differ else ""
+    return Seat(say("seat.title"), holes, first, turned, tuple(drawn), tuple(pointers), barred, legend, note)
 
 
 _WARNINGS = 4  # that a card has room for
@@ -127,7 +175,7 @@ def card_of(advice: Advice, say: Texts, warnings: Sequence[str] = (), *, serial:
     """
     if advice.trials:
         say = say.variant("trials")
-    seat = seat_of(advice, say, advice.chosen if advice.turn else None, tuple(_pointers(advice, say)))
+    seat = seat_of(advice, say, advice.chosen, tuple(_pointers(advice, say)))
     return Card(
         language=say.language,
         title=say("card.title"),
@@ -162,55 +210,60 @@ def _subject(advice: Advice, say: Texts, serial: str) -> Facts:
         "fixed": fixed,
         "seat": say("card.seat_holes" if holes else "card.seat_free", holes=say.holes(holes), angle=angle),
         "mark": say(f"card.mark_{kind}", wheel=fixed, symbol=symbol, deviation=deviation, tooth=tooth),
-        "sense": say("card.sense_is"),
+        "sense": say("card.sense_is" if holes else "card.sense_free"),
     }
     return Facts(tuple((say(f"card.{name}"), text) for name, text in rows.items()))
 
 
 def _pointers(advice: Advice, say: Texts) -> Iterator[SeatMark]:
-    """Directions of the mark now and afterwards (one where they are the same), and of the cam offset if it has one."""
+    """Directions of the mark now and afterwards (one if they are the same), and of the eccentricity if it has one."""
     drive, turned = advice.drive, advice.chosen.rotation_deg
+    letters = {kind: say(f"pointer.letter_{kind}") for kind in ("now", "after", "cam")}
     rigid = drive.mounting.fixed == "rigid"
     measured = advice.measured and advice.measured.fixed(drive)
     mark = measured.mark_deg if measured else drive.value("phases.xi_b" if rigid else "phases.xi_g")
     if mark is None:
         pass  # nobody knows where it points
+    elif not advice.names_hole:
+        yield SeatMark("now", mark % 360, letters["now"], say("pointer.now"))
     elif turned % 360:
-        yield SeatMark("now", mark % 360, "a", say("pointer.now"))
-        yield SeatMark("after", (mark % 360 + turned) % 360, "b", say("pointer.after"))
+        yield SeatMark("now", mark % 360, letters["now"], say("pointer.now"))
+        yield SeatMark("after", (mark % 360 + turned) % 360, letters["after"], say("pointer.after"))
     else:
-        yield SeatMark("after", mark % 360, "b", say("pointer.stays"))
+        yield SeatMark("after", mark % 360, letters["after"], say("pointer.stays"))
     offset, cam = standing_offset(drive)
     cam_deg = advice.after.facing[0] if advice.after else drive.value(cam) if drive.value(offset) else None
     if cam_deg is not None:
-        yield SeatMark("cam", cam_deg % 360, "c", say("pointer.cam", symbol="e_hb" if rigid else "e_hg"))
+        yield SeatMark("cam", cam_deg % 360, letters["cam"], say("pointer.cam", symbol="e_hb" if rigid else "e_hg"))
 
 
 def _torques(advice: Advice, say: Texts) -> Table:
-    """A row a torque: F'_ior now and, where the wheel is turned, afterwards; the last column is left to write in."""
-    names = ("torque", "now", *(("after", "change") if advice.turn else ()), "measured")
+    """A row a torque: F'_ior now and, if the wheel is turned, afterwards; the last column is left to write in."""
+    is_moved = advice.turn and advice.names_hole
+    places = {"place": hole_place(advice.chosen, say), "zero": _zero(advice, say)}
+    names = ("torque", "now", *(("after", "change") if is_moved else ()), "measured")
     rows = []
     for M_g, now, new in zip(advice.torques, advice.current.F_ior_arcsec, advice.chosen.F_ior_arcsec, strict=True):
-        after = (say.number(new, ".2f"), say.percent(new / now - 1, "+")) if advice.turn else ()
+        after = (say.number(new, ".2f"), say.percent(new / now - 1, "+")) if is_moved else ()
         rows.append((say.number(M_g), say.number(now, ".2f"), *after, ""))
-    return Table(say("torques.title"), tuple(say(f"torques.{name}") for name in names), tuple(rows))
+    return Table(say("torques.title"), tuple(say(f"torques.{name}", **places) for name in names), tuple(rows))
+
+
+def _zero(advice: Advice, say: Texts) -> str:
+    """Return the position at the start in words."""
+    return place_at(0.0, 0 if advice.drive.mounting.holes else None, say)
 
 
 def _chances(advice: Advice, say: Texts) -> Iterator[str]:
-    """How sure the choice is, what to do if it comes out wrong, and what it rests on."""
-    found = advice.decision
-    if advice.word == "ANY_HOLE":
-        yield say("chance.any")
-    elif not found.is_sampled:
-        yield say("chance.given")
-    else:
-        name = "chance.turn" if advice.turn else "chance.leave"
-        odds = {"cost": say.percent(found.cost), "sure": say.percent(found.probability.value)}
-        yield say(name, count=len(advice.open_), **odds)
+    """The probability of the choice, what to do if it comes out wrong, and what it rests on."""
+    yield _chance(advice, say)
+    if advice.to_repeat:
+        yield say("chance.repeat", **_doubted(advice, advice.to_repeat, say))
     to_try = [advice.next] if advice.trials else advice.to_try
     measured = {trial.rotation_deg for trial in advice.trials}
     left = [p for p in [p for p in to_try if p] or [advice.current] if p.rotation_deg not in measured]
     holes, enough = ", ".join(hole_place(p, say) for p in left), "" if left else "_measured"
+    found = advice.decision
     if found.is_sampled:
         k = min(range(len(advice.torques)), key=lambda k: abs(advice.torques[k]))
         high, torque = say.number(found.quantile(0.95, found.best)[k], ".1f"), say.torque(advice.torques[k])
@@ -221,13 +274,38 @@ def _chances(advice: Advice, say: Texts) -> Iterator[str]:
     yield say("chance.values", **{kind: str(kinds[kind]) for kind in ("given", "identified", "assumed")})
 
 
+def _chance(advice: Advice, say: Texts) -> str:
+    """Return the probability that the choice is right."""
+    found = advice.decision
+    if not advice.names_hole:
+        return say("chance.any")
+    if not found.is_sampled:
+        return say("chance.given")
+    count, sure = len(advice.open_), say.percent(found.probability.value)
+    place, zero = hole_place(advice.chosen, say), _zero(advice, say)
+    if found.stay is None:  # the wheel has to leave its hole: the best allowed one is what a hole is compared with
+        return say("chance.good", place=place, cost=say.percent(GOOD), count=count, sure=sure)
+    if advice.turn:
+        return say("chance.turn", place=place, zero=zero, cost=say.percent(found.cost), count=count, sure=sure)
+    return say("chance.leave", zero=zero, cost=say.percent(found.cost), count=count, sure=sure)
+
+
+def _doubted(advice: Advice, trial: Trial, say: Texts) -> dict[str, str]:
+    """Return place and value of a measured value as fields of a text."""
+    where = place_at(trial.rotation_deg, hole_of(trial.rotation_deg, advice.drive.mounting.holes), say)
+    return {"place": where, "value": f"{measured_value(trial, say)}″"}
+
+
 def _checks(advice: Advice, say: Texts) -> list[str]:
-    chosen, place = advice.chosen, ["place_first"] if advice.trials else []
+    chosen, drive = advice.chosen, advice.drive
+    place = ["place_first"] if advice.trials else []
     if advice.turn:
         place = ["place_angle" if chosen.hole is None else "place_hole"]
-    names = ("clean", "pilot", *place, "free", "screws", "mesh")
-    found = [say(f"checks.{name}", turn=turn(chosen, say), hole=chosen.hole) for name in names]
+    if not advice.names_hole:
+        place = []
     where = hole_place(chosen, say)
+    parts = {"wheel": wheel(drive, say), "place": where, "turn": turn(chosen, say), "start": start_of_count(drive, say)}
+    found = [say(f"checks.{name}", **parts) for name in ("clean", "pilot", *place, "free", "screws", "mesh")]
     return found + [say("checks.correction", where=where)] * bool(advice.correction)
 
 
@@ -250,11 +328,16 @@ def _foot(advice: Advice, say: Texts, made: date) -> Iterator[str]:
     by_torque = dict[float, list[str]]()
     for trial in advice.trials[:_CARD_TRIALS]:
         where = place_at(trial.rotation_deg, hole_of(trial.rotation_deg, drive.mounting.holes), say)
-        words = say("foot.trial", where=where, value=say.number(trial.F_ior_arcsec))
+        name = "foot.trial_of_file" if trial.file else "foot.trial"
+        file = shown(Path(trial.file).name)
+        words = say(name, where=where, value=measured_value(trial, say), file=file)
         by_torque.setdefault(advice.torque_of(trial), []).append(words)
     if by_torque:
         (first, words), *others = ((say.torque(M_g), "; ".join(words)) for M_g, words in by_torque.items())
-        yield say("foot.trials", torque=first, trials="; ".join([words, *(": ".join(each) for each in others)]))
+        every = [words, *(": ".join(each) for each in others)]
+        if len(advice.trials) > _CARD_TRIALS:
+            every.append(say("foot.trials_more", count=len(advice.trials) - _CARD_TRIALS))
+        yield say("foot.trials", torque=first, trials="; ".join(every))
     yield say("foot.source")
     digest = drive.origin.sha256[:_DIGITS]
     yield say("foot.origin", version=__version__, name=drive.name, digest=digest, date=say.date(made))

@@ -326,7 +326,8 @@ def _drive_rows(result: DrivesComparison) -> Iterator[tuple[str, ...]]:
             better = NO_VALUE if odds is None else f"{100 * odds.value:.0f} %"
             best, point = sheet.advice.chosen, sheet.check.points[k]
             spread = f" ({belief.p5:.1f}-{belief.p95:.1f})" if (belief := point.belief) else ""
-            built, mounted = f"{point.F_ior_or_error:.1f}{spread}", f"{best.F_ior_arcsec[k]:.1f}, {hole_place(best)}"
+            where = hole_place(best) if sheet.advice.names_hole else "any hole"
+            built, mounted = f"{point.F_ior_or_error:.1f}{spread}", f"{best.F_ior_arcsec[k]:.1f}, {where}"
             yield letter, f"{point.M_g:g} N·m", built, mounted, change, better
 
 
@@ -454,12 +455,17 @@ def _drives_values(result: DrivesComparison, seed: int) -> Json:
 def _drive_object(sheet: DriveSheet, seed: int) -> Json:
     """The JSON of `check` and `mount` on a drive, as far as it is compared."""
     check, best = report_object(check_report(sheet.check, seed)), sheet.advice.chosen
-    ordered = {"hole": best.hole, "rotation_deg": best.rotation_deg, "F_ior_arcsec": list(best.F_ior_arcsec)}
+    is_one = sheet.advice.names_hole
+    ordered = {
+        "hole": best.hole if is_one else None,
+        "rotation_deg": best.rotation_deg if is_one else None,
+        "F_ior_arcsec": list(best.F_ior_arcsec),
+    }
     return {
         **check["preset"],
         "file": sheet.drive.origin.file,
         **{key: check[key] for key in ("operating_points", "unknown", "influence")},
         "word": sheet.advice.word,
-        "order": "turn" if sheet.advice.turn else "leave",
+        "order": sheet.advice.order,
         "best": ordered,
     }

@@ -10,9 +10,9 @@ import numpy as np
 from hdassist.error.cycle import limits_left
 from hdassist.errors import Verdict
 from hdassist.model.deviations import unknown_names
-from hdassist.mounting.advice import UNSHOWN_VALUES, Advice
+from hdassist.mounting.advice import UNSHOWN_VALUES, Advice, Verification
 from hdassist.mounting.decision import FEWEST_SURE, FEWEST_VALUES, LEVELS
-from hdassist.mounting.positions import MountingCurve, bare, hole_of, hole_words, named_position
+from hdassist.mounting.positions import MountingCurve, bare, hole_of, named_position
 from hdassist.mounting.posterior import Trial
 from hdassist.pages.card import (
     ENGLISH,
@@ -20,9 +20,12 @@ from hdassist.pages.card import (
     WHEELS,
     hole_place,
     instruction,
+    measured_value,
     place_at,
     seat_of,
+    start_of_count,
     warnings_of,
+    wheel,
 )
 from hdassist.preset.text import shown
 from hdassist.readers.pitch import ASSUMED
@@ -46,6 +49,8 @@ from hdassist.report import (
 from hdassist.terminal.words import Texts, again, heading, influence_words, samples_words
 
 WORDS = {"TURN": "TURN", "LEAVE": "LEAVE", "BEST_BET": "BEST BET", "ANY_HOLE": "ANY HOLE"}
+_VERIFICATION_WORDS = {"KEEP": "KEEP", "GO_BACK": "GO BACK", "MEASURE_AGAIN": "MEASURE AGAIN"}
+_ANY_LINE = "any"  # in place of a hole on the page of a script
 _NO_HOLE_BETTER = {
     "floating": "the cam aligns itself (its support has a stiffness of 0), so no offset of it is felt",
     "standing": "nothing that stands still with the seat is off",
@@ -70,7 +75,7 @@ def mount_report(
     drive, figures = advice.drive, list[Figure](_position_curves(advice))
     say = ENGLISH.variant("trials") if advice.trials else ENGLISH
     figures.append(seat_of(advice, say, advice.chosen))
-    count, checked = len(advice.trials), advice.verification
+    count = len(advice.trials)
     where = f"{TRADE[drive.mounting.fixed]} on its seat{heading(advice.measured)}"
     if count:
         torques = " and ".join(f"{M_g:g}" for M_g in advice.torques_of_values)
@@ -78,18 +83,16 @@ def mount_report(
         own = all(trial.noise_arcsec for trial in advice.trials)
         spread = "" if own else f" ± {2 * advice.setup.noise_arcsec:g}″"
         where = f"{count} value{'s' * (count > 1)}{spread} at {torques} N·m"
-    found, short = advice.decision, Verdict.INCONCLUSIVE.exit_code
-    rows = dict.fromkeys((*found.ranked[:_ROWS], *(() if found.stay is None else (found.stay,)), found.ranked[-1]))
+    found = advice.decision
+    stay = () if found.stay is None else (found.stay,)
+    rows = dict.fromkeys((found.best, *found.ranked[:_ROWS], *stay, found.ranked[-1]))
     if found.all_alike:  # what the others differ by is chance
         rows = {found.best: None}
-    back = checked and checked.back_to
-    word = ("GO BACK" if back else "KEEP") if checked else WORDS[advice.word]
-    to_deg = (checked.back_to or checked.trial).rotation_deg if checked else advice.chosen.rotation_deg
     return Report(
         command="mount",
         drive=drive,
         head=f"{drive.name}, {where}",
-        verdict=f"{word}, {place_at(to_deg, hole_of(to_deg, drive.mounting.holes))}",
+        verdict=_verdict(advice),
         why=tuple(filter(None, _why(advice))),
         blocks=(_positions_table(advice, list(rows)), Facts.of(_facts(advice, carded=carded)), *figures[:1]),
         details=(
@@ -100,10 +103,27 @@ def mount_report(
         cross_checks=advice.cross_checks,
         values=_values(advice, seed),
         csv=_csv(advice),
-        line=bare(to_deg, drive.mounting.holes),
+        line=bare(advice.chosen.rotation_deg, drive.mounting.holes) if advice.names_hole else _ANY_LINE,
         warnings=mount_warnings(advice),
-        exit_code=Verdict.FAIL.exit_code if back else short if sure and not found.is_sure(sure) else 0,
+        exit_code=_exit_code(advice, sure),
     )  # fmt: skip
+
+
+def _verdict(advice: Advice) -> str:
+    """Return the choice in a word, and the hole unless any will do."""
+    if not advice.names_hole:
+        return WORDS[advice.word]
+    word = _VERIFICATION_WORDS[advice.verification.verdict] if advice.verification else WORDS[advice.word]
+    return f"{word}, {hole_place(advice.chosen)}"
+
+
+def _exit_code(advice: Advice, sure: float | None) -> int:
+    """Return the exit code of an advice; sure: probability that was asked for, None without one."""
+    if advice.verification and advice.verification.verdict == "GO_BACK":
+        return Verdict.FAIL.exit_code
+    if advice.verification and advice.verification.verdict == "MEASURE_AGAIN":
+        return Verdict.INCONCLUSIVE.exit_code
+    return Verdict.INCONCLUSIVE.exit_code if sure and not advice.decision.is_sure(sure) else 0
 
 
 def mount_warnings(advice: Advice, say: Texts = ENGLISH) -> tuple[str, ...]:
@@ -116,48 +136,54 @@ def mount_warnings(advice: Advice, say: Texts = ENGLISH) -> tuple[str, ...]:
     for name, measured in advice.measured.by_name.items() if advice.measured else ():
         if ASSUMED["sense"][1] in measured.pitch.notes:
             found.append(say("warning.sense", wheel=say(f"wheel.{WHEELS[name]}"), file=shown(measured.pitch.file)))
-    return (*found, *_warnings_of_values(advice))
+    return (*found, *_warnings_of_values(advice, say))
 
 
-def _warnings_of_values(advice: Advice) -> Iterator[str]:
-    """Oddities of measured values."""
+def _warnings_of_values(advice: Advice, say: Texts) -> Iterator[str]:
+    """Oddities of measured values, in the language of the texts."""
     yield from advice.samples.remarks if advice.samples else ()
     if not (after := advice.after):
         return
     if after.samples.few:
         yield f"{after.samples.few}: how sure the hole is, is rough; check measured figures, then assumed ranges"
     elif after.effective < FEWEST_SURE:
-        yield f"{after.effective:.0f} samples agree with the values: how sure the hole is, is rough; more: --draws"
+        yield say("warning.effective", count=f"{after.effective:.0f}")
     if M_g := advice.likelier_torque:
-        stated = f"{advice.torques_of_values[0]:g} N·m"
-        yield f"the values fit {M_g:g} N·m far better than {stated}: measured at it? (--trial-torque {M_g:g})"
+        stated = say.torque(advice.torques_of_values[0])
+        yield say("warning.torque", likelier=say.torque(M_g), stated=stated, M_g=f"{M_g:g}")
     if trial := advice.suspected:
-        share = f"{100 * after.misread[advice.trials.index(trial)]:.0f} %"
-        yield f"{_measured(advice, trial)} is probably misread ({share}): without it the others agree best"
+        odds = float(after.misread[advice.trials.index(trial)])
+        name = "warning.misread" if odds > 0.5 else "warning.misread_of_several"
+        yield say(name, value=_measured(advice, trial, say), share=say.percent(odds))
     if after.by_values > UNSHOWN_VALUES:
-        sure, check = f"{100 * after.by_values:.0f} %", "check the preset, the torque and how the holes were counted"
-        yield f"no drive of this preset shows these values ({sure}): they alone decide; {check}"
+        yield say("warning.by_values", share=say.percent(after.by_values))
     elif advice.contradicted:
         path, found, spread = advice.contradicted
-        stated = f"{advice.drive.number(path):g}°"
-        yield f"the values put the cam offset at {found:.0f}° ± {spread:.0f}°, the preset at {stated}: taken as open"
+        stated = say.angle(advice.drive.number(path))
+        yield say("warning.contradicted", found=say.angle(round(found)), spread=say.angle(round(spread)), stated=stated)
     for k, a in enumerate(advice.trials):
         for b in advice.trials[:k]:
             noise = float(np.linalg.norm(after.samples.noise((a, b))))
             alike = advice.setup.point(a) == advice.setup.point(b)
             if alike and abs(a.F_ior_arcsec - b.F_ior_arcsec) > _APART * noise:
-                values = f"{_where(advice, a.rotation_deg)}: {b.F_ior_arcsec:g} and {a.F_ior_arcsec:g}″"
-                yield f"{values} differ by more than a noise of {advice.setup.noise_arcsec:g} makes likely"
+                values = f"{measured_value(b, say)}″, {measured_value(a, say)}″"
+                where, stated = _where(advice, a.rotation_deg, say), say.number(advice.setup.noise_arcsec)
+                yield say("warning.repeats", where=where, values=values, noise=stated)
 
 
-def _where(advice: Advice, rotation_deg: float) -> str:
-    return hole_words(rotation_deg, advice.drive.mounting.holes)
+def _where(advice: Advice, rotation_deg: float, say: Texts = ENGLISH) -> str:
+    """Return a position in words, with its angle."""
+    hole = hole_of(rotation_deg, advice.drive.mounting.holes)
+    angle = say.angle(rotation_deg)
+    return angle if hole is None else f"{place_at(rotation_deg, hole, say)} ({angle})"
 
 
-def _measured(advice: Advice, trial: Trial) -> str:
-    """A value, its position and, of several torques, the torque in words."""
-    torque = f" and {advice.torque_of(trial):g} N·m" * (len(advice.torques_of_values) > 1)
-    return f"{trial.F_ior_arcsec:g}″ at {_where(advice, trial.rotation_deg)}{torque}"
+def _measured(advice: Advice, trial: Trial, say: Texts = ENGLISH) -> str:
+    """Return a value with its position and, if values have several torques, its torque."""
+    parts = [_where(advice, trial.rotation_deg, say)]
+    if len(advice.torques_of_values) > 1:
+        parts.append(say.torque(advice.torque_of(trial)))
+    return say("foot.trial", where=", ".join(parts), value=measured_value(trial, say))
 
 
 def instruction_of(advice: Advice) -> str:
@@ -167,22 +193,17 @@ def instruction_of(advice: Advice) -> str:
 
 def order_and_reason(advice: Advice) -> tuple[str, str]:
     """The order for the wheel, and why no hole is better than another; empty where one is."""
-    if checked := advice.verification:
-        predicted = f"predicted {checked.mean_arcsec:.1f} ({checked.low_arcsec:.1f} to {checked.high_arcsec:.1f})"
-        told = f"{_measured(advice, checked.trial)}, {predicted}"
-        odd = "" if checked.as_predicted else " That is not as predicted: check seat and measurement."
-        if back := checked.back_to:
-            odd = "" if checked.as_predicted else f"{odd} The values measured decide then, not the table."
-            where = _where(advice, back.rotation_deg)
-            return f"Go back to {where}, where {back.F_ior_arcsec:g} was measured: {told}.{odd}", ""
-        return f"Keep it: {told}.{odd}", ""
+    if advice.verification:
+        return _verification_words(advice, advice.verification), ""
+    if advice.to_repeat:  # what F'_ior is there hangs on the value
+        return f"{_repeat_words(advice)} Until then the best choice is: {instruction(advice, gains=False)}", ""
     order = instruction(advice)
     if advice.correction:
         order = instruction(advice, gains=False)
         order += f" The correction ({advice.correction}) is made there, and for no other hole."
     if advice.compensated and not advice.correction:
         order = f"With {advice.compensated[0]} no hole is better than another by what is left. By F'_ior: {order}"
-    if advice.word != "ANY_HOLE":
+    if advice.names_hole:
         return order, ""
     if why := _NO_HOLE_BETTER.get(advice.no_hole_better):
         return order, f"No hole is better than another: {why}."
@@ -190,32 +211,68 @@ def order_and_reason(advice: Advice) -> tuple[str, str]:
     return order, f"No hole is expected to be better than another{why}."
 
 
+def _verification_words(advice: Advice, checked: Verification) -> str:
+    """Return whether the wheel stays after a measured outcome, and the prediction beside it."""
+    fixed = wheel(advice.drive)
+    predicted = f"predicted {checked.mean_arcsec:.1f}″ ({checked.low_arcsec:.1f} to {checked.high_arcsec:.1f}″, 95 %)"
+    told = f"Measured {_measured(advice, checked.trial)}; {predicted}."
+    odd = "" if checked.as_predicted else " That is not as predicted: check seat and measurement."
+    place = hole_place(advice.chosen)
+    if checked.verdict == "GO_BACK":
+        back = measured_value(checked.goal)
+        moved = instruction(advice, gains=False)
+        decided = (
+            "" if checked.as_predicted or checked.is_misread else " The measured values decide, not the prediction."
+        )
+        return f"{moved} There {back}″ was measured. {told}{odd}{decided}"
+    if checked.verdict == "MEASURE_AGAIN":
+        odds = advice.after.misread[-1] if advice.after else 1.0
+        return (
+            f"Make sure that the {fixed} is in {place}, and measure there again: the value is probably misread "
+            f"({100 * odds:.0f} %). {told}"
+        )
+    return f"Keep the {fixed} in {place}. {told}{odd}"
+
+
+def _repeat_words(advice: Advice) -> str:
+    """Return that a value is to be measured again before anything else."""
+    doubted = advice.to_repeat
+    if not (doubted and advice.after):
+        return ""
+    odds = 100 * advice.after.misread[advice.trials.index(doubted)]
+    where = place_at(doubted.rotation_deg, hole_of(doubted.rotation_deg, advice.drive.mounting.holes))
+    several = f" at {advice.torque_of(doubted):g} N·m" * (len(advice.torques_of_values) > 1)
+    return f"Measure in {where}{several} again: {measured_value(doubted)}″ is probably misread ({odds:.0f} %)."
+
+
 def _why(advice: Advice) -> Iterator[str]:
     """The order, how sure it is, and the next measurement."""
     yield instruction_of(advice)
     if not advice.verification:
         yield _sure_words(advice)
-        yield next_value_words(advice)
+        if not advice.to_repeat:
+            yield next_value_words(advice)
 
 
 def _sure_words(advice: Advice) -> str:
     """How sure the choice is; empty where no hole can be told from another."""
     found = advice.decision
-    if advice.word == "ANY_HOLE":
-        return ""
+    if not advice.names_hole:
+        return f"{advice.fault}." * bool(advice.fault)
     if not found.is_sampled:
         why = f": {advice.fault}" if advice.fault else ""
         return f"By the values as given; how sure that is, is not known{why}."
     few, by = found.probability.few, f" by more than {100 * found.cost:g} %"
     sure = found.probability.text(advice.sure if few else None)
+    place, start = hole_place(advice.chosen), start_of_count(advice.drive)
     if found.best == found.stay:
-        words = f"No other hole is better{by} with {sure}."
+        words = f"Probability that no other hole is better than {start}{by}: {sure}."
     elif found.stay is None:
-        words = f"It loses less than 5 % against the best hole with {sure}; the wheel may not stay where it stands."
+        words = f"Probability that {place} is within 5 % of the best allowed hole: {sure}."
     else:
-        words = f"It is better than staying{by} with {sure}."
+        words = f"Probability that {place} is better than {start}{by}: {sure}."
     if advice.after and advice.decision.effective:
-        words += f" From {advice.after.effective:.0f} effective samples."
+        words += f" It rests on {advice.after.effective:.0f} effective samples."
     return words
 
 
@@ -226,12 +283,14 @@ def next_value_words(advice: Advice) -> str:
         return ""
     (count, now), *later = worths
     torque, several = f"at {advice.setup.M_g:g} N·m", len(advice.torques) > 1
+    deciding = advice.torques[0]
+    elsewhere = f" at {deciding:g} N·m" * (not several and {deciding} != {*advice.torques_of_values})
 
     def brought(F_ior: float, *, new: bool = True) -> str:
         """F'_ior then; of several torques what of it is saved, as the hole serves all of them."""
         if several:
             return f"{100 * max(1 - F_ior / now, 0.0):.1f} %" + " less F'_ior" * new
-        return f"{now:.1f} → {F_ior:.1f}″" if new else f"{F_ior:.1f}"
+        return f"{now:.1f} → {F_ior:.1f}″{elsewhere}" if new else f"{F_ior:.1f}"
 
     if not count:
         after = dict(later)
@@ -255,15 +314,20 @@ def _facts(advice: Advice, *, carded: bool) -> Iterator[Fact]:
     """The choice of each torque alone, limits, and the next command, a label and a text each."""
     found, drive, at = advice.decision, advice.drive, advice.chosen.rotation_deg
     alone = [p.rotation_deg for p in advice.by_torque]
-    if advice.word != "ANY_HOLE" and any(each != alone[0] for each in alone):
+    if advice.names_hole and not advice.verification and any(each != alone[0] for each in alone):
         words = (f"{M_g:g} N·m {hole_place(p)}" for M_g, p in zip(advice.torques, advice.by_torque, strict=True))
         yield "each torque alone", ", ".join(words)
     if found.stay is None:
         yield "forbidden", "the wheel may not stay where it stands"
     if found.is_sampled and (kept := found.probability_kept) is not None and not advice.correction:
         limits = [f"{limit:g}″ at {M_g:g} N·m" for M_g in advice.torques if (limit := drive.limit(M_g)) is not None]
-        stays = "" if not at or found.stay is None else f", {100 * kept[found.stay]:.0f} % where it stands"
-        held = f"{_where(advice, at)} keeps {', '.join(limits)} (F'_ior + self error)"
+        stays = (
+            ""
+            if not at or found.stay is None or not advice.names_hole
+            else f", {100 * kept[found.stay]:.0f} % where it stands"
+        )
+        goal = _where(advice, at) if advice.names_hole else "any hole"
+        held = f"{goal} keeps {', '.join(limits)} (F'_ior + self error)"
         yield "limit", f"{held} with {100 * kept[found.best]:.0f} %{stays}"
     if advice.unknown and not found.is_sampled:
         yield "unknown", f"taken as 0: {unknown_names(advice.unknown)}"
@@ -271,7 +335,7 @@ def _facts(advice: Advice, *, carded: bool) -> Iterator[Fact]:
         return
     if advice.next and not advice.measured:
         if advice.trials:
-            M_g = advice.value.M_g if advice.value else advice.setup.M_g
+            M_g = advice.next_torque
             name = _name(advice, advice.next.rotation_deg) + f"@{M_g:g}" * (M_g != advice.setup.M_g)
             names = [name]
         else:
@@ -310,8 +374,10 @@ def _positions_table(advice: Advice, places: Sequence[int], title: str = "") -> 
     """Some holes, by their places: F'_ior, median and range over samples, and how good each is."""
     found, rows = advice.decision, []
     names = {found.stay: _standing(advice)}
-    if advice.word != "ANY_HOLE":
+    if advice.names_hole:
         names = {found.ranked[-1]: "worst", **names, found.best: "best"}
+    if advice.verification:
+        names[found.best] = _VERIFICATION_WORDS[advice.verification.verdict].lower()
     sampled = found.is_sampled
     for place in places:
         action = found.action(place)
@@ -321,11 +387,14 @@ def _positions_table(advice: Advice, places: Sequence[int], title: str = "") -> 
         ]
         shares = (f"{100 * action.probability_better:.0f}", f"{100 * action.probability_good:.0f}") * sampled
         hole = bare(action.rotation_deg, advice.drive.mounting.holes)
-        rows.append((names.get(place, ""), hole, *cells, *shares, f"{100 * action.expected_loss:.1f}"))
+        label = names.get(place, "")
+        if found.all_alike and not title:  # one row stands for all holes
+            label, hole = "", _ANY_LINE
+        rows.append((label, hole, *cells, *shares, f"{100 * action.expected_loss:.1f}"))
     spread = ": median (5 to 95 %)" * sampled + " in any hole" * (found.all_alike and not title)
     left = f"left by {advice.correction}" if advice.correction else "F'_ior"
     heads = (f"at {M_g:g} N·m" for M_g in advice.torques)
-    where = "hole" if advice.drive.mounting.holes else "turn, °"
+    where, counted = ("hole", "holes") if advice.drive.mounting.holes else ("turn, °", "turns")
     of_shares = ("better", "good") * sampled
     better = "better: than staying; good: within 5 % of the best hole; both in %"
     first = f"{title}: " if title else ""
@@ -333,7 +402,7 @@ def _positions_table(advice: Advice, places: Sequence[int], title: str = "") -> 
         f"{first}{left}, ″{spread}", ("", where, *heads, *of_shares, "loss"), tuple(rows),
         notes=(
             *((better,) if sampled else ()),
-            "loss: against the best hole, %; turns counter-clockwise from the cam side",
+            f"loss: against the best hole, %; {counted} count counter-clockwise",
         ),
     )  # fmt: skip
 
@@ -353,7 +422,7 @@ def _position_curves(advice: Advice) -> Iterator[Curve]:
     ends = [np.array([found.quantile(level, place) for place in range(len(turns))]) for level in LEVELS.values()]
     now, next_words = _standing(advice), "next"
     marked = {now: advice.current, "best": advice.chosen}
-    if advice.next and advice.word != "ANY_HOLE" and advice.next.rotation_deg == marked["best"].rotation_deg:
+    if advice.next and advice.names_hole and advice.next.rotation_deg == marked["best"].rotation_deg:
         del marked["best"]
         next_words = "best and next"
     for k, (M_g, limit) in enumerate(zip(advice.torques, limits_left(advice.drive, advice.torques), strict=True)):
@@ -364,15 +433,14 @@ def _position_curves(advice: Advice) -> Iterator[Curve]:
             x, line = curve.rotation_deg[order] / per, curve.F_ior_arcsec[k, order]
         tried = [t for t in advice.trials if advice.torque_of(t) == M_g]
         marks = [CurveMark(t.rotation_deg / per, t.F_ior_arcsec, "measured", "now") for t in tried]
-        if advice.word != "ANY_HOLE":
+        if advice.names_hole:
             marks += [
                 CurveMark(p.rotation_deg / per, p.F_ior_arcsec[k], name, "now" if name == now else "target")
                 for name, p in marked.items()
-                if name == now or p.rotation_deg
             ]
-        if advice.next:
-            next_deg = advice.next.rotation_deg
-            marks.append(CurveMark(next_deg / per, float(ends[1][found.place(next_deg), k]), next_words, "target"))
+        next_place = found.place(advice.next.rotation_deg) if advice.next else None
+        if next_place is not None:
+            marks.append(CurveMark(turns[next_place] / per, float(ends[1][next_place, k]), next_words, "target"))
         notes = ["median, 5 to 95 %"] * sampled
         notes += ["unknown as 0"] * (bool(advice.unknown) and not sampled)
         notes += ["line: limit less self error"] * (limit is not None)
@@ -391,7 +459,8 @@ def _values(advice: Advice, seed: int) -> Json:
         attributes(advice.position(place), "hole", "phase_deg") | asdict(found.action(place))
         for place in range(len(found.rotations_deg))
     ]
-    value, checked, setup = advice.value, advice.verification, advice.setup
+    checked, setup = advice.verification, advice.setup
+    goal = _goal(advice)
     probability = found.probability if found.is_sampled else None
     now = [
         {"M_g_Nm": M_g, **dict(zip(LEVELS, found.range_of(F_ior), strict=True))}
@@ -403,8 +472,12 @@ def _values(advice: Advice, seed: int) -> Json:
     misread = zip(advice.trials, after.misread if after else (), strict=True)
     return {
         **attributes(advice, "word", M_g_Nm="torques", probability_needed="sure"),
-        **attributes(advice, "current", hole="chosen.hole", rotation_deg="chosen.rotation_deg"),
-        **attributes(advice, recommended="chosen", best_bet="chosen"),
+        **attributes(advice, "current"),
+        "hole": goal["hole"],
+        "rotation_deg": goal["rotation_deg"],
+        "recommended": goal,
+        "best_bet": goal,
+        "destination": _destination(advice),
         "worst": advice.ranked[-1],
         "probability": probability,
         "instruction": instruction_of(advice),
@@ -414,12 +487,10 @@ def _values(advice: Advice, seed: int) -> Json:
             {"torque_Nm": M_g, **attributes(each, "hole", "rotation_deg")}
             for M_g, each in zip(advice.torques, advice.by_torque, strict=True)
         ],
-        "next": value
-        and advice.next
-        and attributes(advice.next, "hole", "rotation_deg") | attributes(value, "gain_arcsec", M_g_Nm="M_g"),
+        "next": _next(advice),
         "worth": [{"values": count, "F_ior_arcsec": F_ior} for count, F_ior in advice.worths],
         "suspected": advice.suspected and _trial(advice, advice.suspected),
-        "order": "turn" if advice.turn else "leave",
+        "order": advice.order,
         "gain": dict(zip(LEVELS, advice.gain_range, strict=True)),
         "to_try": advice.to_try if advice.next and not advice.trials else [],
         "influence": influence_objects(advice.influences),
@@ -444,13 +515,53 @@ def _values(advice: Advice, seed: int) -> Json:
         and {
             **_trial(advice, checked.trial),
             **attributes(checked, "mean_arcsec", "low_arcsec", "high_arcsec", "as_predicted"),
-            "verdict": "GO_BACK" if checked.back_to else "KEEP",
-            "position": _trial(advice, checked.back_to or checked.trial),
+            "verdict": checked.verdict,
+            "position": _trial(advice, checked.goal),
         },
         "pitch": pitch_object(advice.measured),
         "unknown": unknown_objects(advice.unknown),
         "seed": seed,
     }
+
+
+def _goal(advice: Advice) -> Json:
+    """Return the position that is chosen; if any hole will do it has no hole and no angle."""
+    names = ("rotation_deg", "phase_deg", "hole", "F_ior_arcsec")
+    goal = attributes(advice.chosen, *names)
+    if advice.names_hole:
+        return goal
+    return goal | {"rotation_deg": None, "phase_deg": None, "hole": None}
+
+
+def _destination(advice: Advice) -> Json | None:
+    """Return where the wheel goes, and the turn to it from hole 0 by the shorter way; None if any hole will do."""
+    if not advice.names_hole:
+        return None
+    chosen, drive = advice.chosen, advice.drive
+    turn_deg = chosen.short_way_deg
+    direction = "counter-clockwise" if turn_deg > 0 else "clockwise" if turn_deg else None
+    return {
+        "fixed": drive.mounting.fixed,
+        "fixed_wheel": wheel(drive),
+        "hole": chosen.hole,
+        "rotation_deg": chosen.rotation_deg,
+        "from": start_of_count(drive),
+        "turn_deg": abs(turn_deg),
+        "turn_holes": None if chosen.hole is None else round(abs(turn_deg) * drive.mounting.holes / 360),
+        "direction": direction,
+        "seen_from": "wave generator side",
+    }
+
+
+def _next(advice: Advice) -> Json | None:
+    """Return the hole to measure next, its gain unless a value is only repeated; None if measuring ends."""
+    value = advice.value
+    if not advice.next or not (value or advice.to_repeat):
+        return None
+    repeats = advice.to_repeat is not None
+    gain_arcsec = None if repeats or not value else value.gain_arcsec
+    place = attributes(advice.next, "hole", "rotation_deg")
+    return place | {"gain_arcsec": gain_arcsec, "M_g_Nm": advice.next_torque, "repeats_misread": repeats}
 
 
 def _curve(curve: MountingCurve, torque: int) -> Json:
@@ -467,14 +578,14 @@ def _compensated(advice: Advice) -> Json | None:
     form, found = advice.compensated
     places = range(len(found.rotations_deg))
     left = {name: [found.quantile(level, each) for each in places] for name, level in LEVELS.items()}
-    order = "none" if not advice.correction else "turn" if advice.turn else "leave"
+    order = advice.order if advice.correction else "none"
     return {"form": form, "order": order, "rotation_deg": found.rotations_deg, "left_arcsec": left}
 
 
 def _trial(advice: Advice, trial: Trial) -> Json:
     hole = hole_of(trial.rotation_deg, advice.drive.mounting.holes)
     of_value = attributes(trial, "rotation_deg", "F_ior_arcsec", "noise_arcsec", value="F_ior_arcsec")
-    return {"hole": hole, **of_value, "M_g_Nm": advice.torque_of(trial)}
+    return {"hole": hole, **of_value, "M_g_Nm": advice.torque_of(trial), "file": trial.file or None}
 
 
 def _csv(advice: Advice) -> CsvTable:

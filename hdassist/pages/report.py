@@ -123,8 +123,11 @@ def _tiles(sheet: DriveSheet, values: Mapping[str, int]) -> Iterator[tuple[str, 
         statistic = "median" if found else "nominal"
         yield f"F'_ior at {point.M_g:g} N·m, {statistic}", f"{point.F_ior_or_error:.1f}″", below
     advice = sheet.advice
-    gain = f"{-100 * advice.gain_range[1]:+.0f} % error" if advice.turn else "leave it as it is"
-    yield "position of the wheel", hole_place(advice.chosen), f"{WORDS[advice.word]}: {gain}"
+    if advice.names_hole:
+        gain = f"{-100 * advice.gain_range[1]:+.0f} % error" if advice.turn else "leave it as it is"
+        yield "position of the wheel", hole_place(advice.chosen), f"{WORDS[advice.word]}: {gain}"
+    else:
+        yield "position of the wheel", "any", "no hole is expected to be better"
     yield "values assumed", str(values["assumed"]), f"{values['given']} given, {values['identified']} identified"
 
 
@@ -246,7 +249,7 @@ def _environment(finalize: Callable[[Any], Any], style: Style, *, autoescape: bo
 def _unbroken(text: str) -> str:
     """A text for HTML: an arrow as its sign, and no line ends within a range or before a unit."""
     return re.sub(
-        r"\([-+.\d]+-[-+.\d]+\)|[-+.\d]+ to [-+.\d]+|\d (?:N·m|µm|mm|%)",
+        r"\([-+.\d]+-[-+.\d]+\)|[-+.\d]+ to [-+.\d]+|\d (?:N·m|\u041d·\u043c|µm|mm|%)",
         lambda found: found[0].replace("-", "\N{NON-BREAKING HYPHEN}").replace(" ", "\N{NO-BREAK SPACE}"),
         text.replace(" -> ", " → "),
     )

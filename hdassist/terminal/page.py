@@ -52,7 +52,9 @@ _ASCII_HEAD = box.Box(str(box.SIMPLE_HEAD).replace("─", "-"), ascii=True)
 _OCHRE = "color(136)"  # between green and red, read on white and on black, where a terminal's yellow is not
 _STYLES = {"good": "bold green", "bad": "bold red", "open": f"bold {_OCHRE}", "loud": "bold", "quiet": "dim"}  # by tone
 _UNBROKEN = "\ufffe"  # in place of a space at which no line ends: rich breaks at those of Unicode, and texts have none
-_SPACE_IN_NUMBER = re.compile(r"(?<=[\d,]) (?=[%″°]|N·m|µm)|(?<=[±≤≥<>]) (?=\d)")  # before its unit, behind its sign
+_UNIT = r"[%″°]|N[·*]m|\u041d[·*]\u043c|µm|um\b|deg\b|arcsec\b"  # also in 7 bits, and the Russian N*m
+_SPACE_IN_NUMBER = re.compile(rf"(?<=[\d,]) (?={_UNIT})|(?<=[±≤≥<>]) (?=\d)")  # before its unit, behind its sign
+_COMMAND = re.compile("hdassist [a-z]")  # not the version, of which a line may begin too
 _SPACE_IN_QUOTES = re.compile(r" (?=[^']*'(?:[^']*'[^']*')*[^']*$)")  # an odd number of quotes follows it
 _SPACE_BEHIND_OPTION = re.compile(r"(?<= )(--?[a-z][a-z-]*) (?=[^- ]\S{,39}(?: |$))")  # before a value that is short
 _GAP = f"[ {_UNBROKEN}]"
@@ -72,7 +74,8 @@ class _PageText(Text):
     """
 
     def __init__(self, text: str, style: str = "") -> None:
-        if is_command := text.startswith("hdassist "):
+        is_command = bool(_COMMAND.match(text))
+        if is_command:
             text = _SPACE_BEHIND_OPTION.sub(rf"\1{_UNBROKEN}", _SPACE_IN_QUOTES.sub(_UNBROKEN, text))
         super().__init__(text if is_command else _SPACE_IN_NUMBER.sub(_UNBROKEN, text), style)
         self._ending = " \\" * is_command

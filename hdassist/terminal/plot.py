@@ -215,11 +215,14 @@ def _ticks_within(low: float, high: float, count: int) -> list[float]:
 
 
 def seat_in_characters(seat: Seat) -> str:
-    """The seat seen from the cam side, without its legend."""
+    """Return the seat seen from the wave generator side, without its legend; the hole to go to stands in brackets."""
     canvas = [[" "] * SEAT_WIDTH for _ in range(_SEAT_HEIGHT)]
     each = ceil(len(seat.holes) / _NUMBERED_IN_TEXT)
+    goals = [place.angle_deg for place in seat.places if place.kind == "best"]
     for hole in seat.holes:
         label = "." if hole.number % each else str(hole.number)
+        if any(abs(hole.angle_deg - goal) < 1e-6 for goal in goals):
+            label = f"[{hole.number}]"
         _put(canvas, hole.angle_deg, label if hole.usable else seat.barred, 1.0)
     for k in range(0 if seat.holes else _NUMBERED_IN_TEXT):
         _put(canvas, seat.first_deg + 360 * k / _NUMBERED_IN_TEXT, ".", 1.0)

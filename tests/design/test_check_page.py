@@ -29,7 +29,7 @@ def test_people_read_it_in_80_columns(human):
 def test_the_short_page_fits_a_screen_and_ends_in_a_command():
     asked = ("--no-plot", "--torque", "4", "--set", "phases.phi_hb=unknown", "--set", ASSUMED)
     lines = run("check", TINY, *asked, "--set", "acceptance.F_ior=2050").stdout.splitlines()
-    assert lines[0] == "tiny, 20/22 teeth, rigid wheel fixed: INCONCLUSIVE"
+    assert lines[0] == "tiny, 20/22 teeth, circular spline fixed: INCONCLUSIVE"
     words = r"4 N·m: F'_ior \+ self error ≤ 2050″: \d+ % \(\d+ to \d+\)"
     assert re.match(words, lines[1])
     assert len(lines) <= 24
@@ -53,7 +53,7 @@ def test_a_screen_answers_an_engineer_and_has_a_plot(args, verdict, reason):
     lines = run("check", *args, "--draws", "8").stdout.splitlines()
     assert len(lines) <= 24
     assert max(map(len, lines)) <= 80
-    assert lines[0] == f"{args[0]}, 200/202 teeth, rigid wheel fixed: {verdict}"  # verdict
+    assert lines[0] == f"{args[0]}, 200/202 teeth, circular spline fixed: {verdict}"  # verdict
     assert next(filter(None, lines[1:])).startswith(reason)  # how sure, behind an empty line where no reason is given
     starts = [line.split()[0] for line in lines if line]
     assert [word for word in starts if word in ("steps", "next")] == ["steps", "next"]

@@ -21,7 +21,7 @@ def test_the_screen_has_error_seat_holes_levers_cam_turn_and_the_order() -> None
         await pilot.pause(REST + 0.2)
         await settled(app, pilot)
         told = screen(app)
-        assert app.known.advice is not None and "Turn the rigid wheel" in told
+        assert app.known.advice is not None and "Put the circular spline in hole " in told
         assert "SEAT" in told and "LEVERS" in told and "F'_ior by hole, ″" in told
         assert f"= hdassist mount {TINY[:40]}" in told
         assert "PROVEN" in told and "80 N·m" not in told

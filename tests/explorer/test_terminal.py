@@ -125,7 +125,7 @@ def explorer(*args: str, rows: int = ROWS) -> Iterator[Terminal]:
 def test_a_session_in_a_terminal() -> None:
     before = processes()
     with explorer() as terminal:
-        seen = terminal.wait_for("Turn the rigid wheel")
+        seen = terminal.wait_for("Put the circular spline")
         assert "7 advice" in seen and "F'_ior by hole, ″" in seen and "hole 0 (0°), where it stands" in seen
         terminal.press("\x1b[C")
         terminal.wait_for("hole 1 (60°)")

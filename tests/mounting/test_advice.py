@@ -54,7 +54,9 @@ def test_no_gain_means_stay():
     words = [advice_of(curve_of([10.0, best, 12.0], holes=3)).word for best in (11.0, 9.95, 9.8)]
     assert words == ["LEAVE", "LEAVE", "TURN"]  # less than a hundredth is nothing
     assert mount_report(advice_of(curve_of([10.0, 9.95, 12.0], holes=3)), 0).line == "0"
-    assert instruction(advice_of(curve_of([10.0, 11.0, 12.0], holes=3))) == "Leave the rigid wheel as it is."
+    assert instruction(advice_of(curve_of([10.0, 11.0, 12.0], holes=3))) == (
+        "Leave the circular spline in hole 0, where it is now."
+    )
 
 
 def test_the_instruction_takes_the_shorter_way():
@@ -63,7 +65,7 @@ def test_the_instruction_takes_the_shorter_way():
     assert turn(curve.at(2)) == "2 holes (180°) counter-clockwise"
     assert turn(curve.at(3)) == "1 hole (90°) clockwise"
     said = instruction(advice_of(curve))
-    assert said.startswith("Turn the rigid wheel by 1 hole (90°) clockwise from the cam side: ")
+    assert said.startswith("Put the circular spline in hole 3. That is 1 hole (90°) clockwise from hole 0, ")
     assert "20.00 → 8.00″ at 1 N" in said
     free = curve_of([20.0, 9.0, 30.0, 8.0], holes=0)
     assert turn(free.at(1)) == "90° counter-clockwise"

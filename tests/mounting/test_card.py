@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import asdict, replace
 from html.parser import HTMLParser
+from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -13,12 +14,14 @@ import pytest
 from hdassist import __version__
 from hdassist.errors import UsageError
 from hdassist.model.deviations import Unknown
+from hdassist.mounting.advice import Advice
+from hdassist.mounting.posterior import Trial
 from hdassist.pages.card import Card, instruction, seat_of, warnings_of
 from hdassist.pages.mount import mount_warnings
 from hdassist.pages.report import CENTRE, HOLE_CIRCLE, card_html, card_text
 from hdassist.terminal.plot import seat_in_characters
 from hdassist.terminal.words import Texts, languages, texts
-from tests.advices import MADE, TRIALS, advice_of, card, cards, crowded
+from tests.advices import MADE, TRIALS, advice_of, card, cards, crowded, sampled
 
 CARDS = cards()
 SVG = "{http://www.w3.org/2000/svg}"
@@ -52,14 +55,14 @@ def test_the_facts():
     made = card(CARDS["plain"], serial="17-042")
     assert dict(made.subject.rows)["drive"] == "small"
     assert dict(made.subject.rows)["serial number"] == "17-042"
-    assert dict(made.subject.rows)["teeth"] == "flexspline 60, rigid wheel (circular spline) 62; module 0.5 mm"
+    assert dict(made.subject.rows)["teeth"] == "flexspline 60, circular spline 62; module 0.5 mm"
     assert made.instruction.text == instruction(CARDS["plain"], gains=False)
     assert made.torques.rows == (("1", "28.09", "14.94", "-47 %", ""), ("10", "8.09", "4.52", "-44 %", ""))
-    assert "the wheel stands at hole 8: 4 holes (120°) clockwise" in made.checks.lines
-    assert made.chance.title == "How sure this is: TURN"
+    assert "the circular spline is in hole 8: 4 holes (120°) clockwise from hole 0" in made.checks.lines
+    assert made.chance.title == "Probability: TURN"
     assert made.chance.lines == (
-        "By the values as given: how sure that is, is not known.",
-        "If it comes out worse than predicted: measure in hole 0, hole 4, hole 8 too, and give all values to hdassist "
+        "The choice is made at nominal values; its probability is not known.",
+        "If F'_ior is larger than predicted: measure in hole 0, hole 4, hole 8 too, and give all values to hdassist "
         "mount.",
         "Values of the preset: 50 given, 0 identified, 0 assumed.",
     )
@@ -71,35 +74,41 @@ def test_the_facts():
 
 def test_the_mark_turns_with_the_wheel_and_the_cam_does_not():
     made = card(CARDS["plain"])  # xi_b 90, phi_hb 0, turned by 240
-    assert made.directions.lines == ("a: mark now, 90°", "b: mark afterwards, 330°", "c: cam offset e_hb, 0°")
-    assert dict(made.subject.rows)["mark"] == "the phase xi_b itself, of the deviation F'_i2 of the rigid wheel"
+    assert made.directions.lines == (
+        "p: mark now, 90°", "q: mark after assembly, 330°", "e: eccentricity of the wave generator e_hb, 0°",
+    )  # fmt: skip
+    assert dict(made.subject.rows)["mark"] == "the phase xi_b itself, of the deviation F'_i2 of the circular spline"
     other = card(CARDS["flexspline"])  # xi_g 0, phi_hg 0
-    assert other.directions.lines == ("a: mark now, 0°", "b: mark afterwards, 240°", "c: cam offset e_hg, 0°")
-    assert dict(other.subject.rows)["mark"] == "high spot of the radial run-out of the flexspline"
-    assert other.instruction.text.startswith("Turn the flexspline by 4 holes (120°) clockwise")
+    assert other.directions.lines == (
+        "p: mark now, 0°", "q: mark after assembly, 240°", "e: eccentricity of the wave generator e_hg, 0°",
+    )  # fmt: skip
+    assert dict(other.subject.rows)["mark"] == "high spot of the radial runout of the flexspline"
+    assert other.instruction.text.startswith("Put the flexspline in hole 8. That is 4 holes (120°) clockwise")
     without = card(advice_of(overrides=("mounting.fixed=flexspline",)))  # e_hg is 0: no hole is better
-    assert without.directions.lines == ("b: mark, now and afterwards, 0°",)
-    assert dict(card(CARDS["free"]).subject.rows)["mark"] == "greatest cumulative pitch deviation of the rigid wheel"
+    assert without.directions.lines == ("p: mark now, 0°",)
+    assert (
+        dict(card(CARDS["free"]).subject.rows)["mark"] == "greatest cumulative pitch deviation of the circular spline"
+    )
 
 
 def test_a_measured_wheel_is_marked_at_its_tooth():
     made = card(CARDS["measured"])  # turned by 240
-    assert dict(made.subject.rows)["mark"] == "tooth 17 of the measured rigid wheel"
-    assert made.directions.lines[:2] == ("a: mark now, 33°", "b: mark afterwards, 273°")
-    assert made.foot.lines[2] == "measured teeth: rigid wheel, wheel.csv, sha256 0123456789ab"
+    assert dict(made.subject.rows)["mark"] == "tooth 17 of the measured circular spline"
+    assert made.directions.lines[:2] == ("p: mark now, 33°", "q: mark after assembly, 273°")
+    assert made.foot.lines[2] == "measured teeth: circular spline, wheel.csv, sha256 0123456789ab"
     assert len(made.warnings.lines) == 2
 
 
 def test_a_wheel_that_is_left_stays_on_its_hole():
     made = card(CARDS["leave"])
-    assert made.instruction.text == "Leave the rigid wheel as it is."
-    assert made.torques.heads == ("torque, N·m", "now, ″", "measured, ″")
+    assert made.instruction.text == "Leave the circular spline in hole 0, where it is now."
+    assert made.torques.heads == ("torque, N·m", "hole 0, ″", "measured, ″")
     assert made.torques.rows == (("1", "10.00", ""),)
-    assert made.directions.lines[0] == "b: mark, now and afterwards, 90°"
-    assert [p.kind for p in made.seat.places] == ["worst", "now"]
+    assert made.directions.lines[0] == "q: mark, now and after assembly, 90°"
+    assert [p.kind for p in made.seat.places] == ["worst", "now", "best"]
     assert not [text for text in made.checks.lines if "hole" in text]
     unsure = card(CARDS["not sure"])
-    assert unsure.instruction.text == "Leave the rigid wheel as it is."
+    assert unsure.instruction.text == "Leave the circular spline in hole 0, where it is now."
     assert len(unsure.chance.lines) == 3
 
 
@@ -107,15 +116,17 @@ def test_a_card_asks_for_no_hole_that_was_measured() -> None:
     """With all that is worth it measured, the value after bolting is what is left to enter."""
     in_hole_0 = TRIALS[:1]
     wrong = card(CARDS["sampled"], trials=in_hole_0).chance.lines[1]
-    assert wrong.endswith("after bolting): give this value too, with all others, to hdassist mount.")
+    assert wrong.endswith("after bolting: give this value, with all others, to hdassist mount.")
     elsewhere = card(CARDS["sampled"], trials=TRIALS[1:2]).chance.lines[1]
     assert elsewhere.endswith("measure in hole 0 too, and give all values to hdassist mount.")
 
 
 def test_a_free_angle_has_degrees_and_no_holes():
     made = card(CARDS["free"])
-    assert made.instruction.text.startswith("Turn the rigid wheel by 114.7° clockwise from the cam side")
-    assert "the wheel is turned by 114.7° clockwise" in made.checks.lines
+    assert made.instruction.text.startswith(
+        "Turn the circular spline to 245.3°. That is 114.7° clockwise from 0°, seen"
+    )
+    assert "the circular spline is at 245.3°: 114.7° clockwise from 0°" in made.checks.lines
     assert made.seat.holes == ()
     assert "hole" not in re.sub("whole", "", everything(CARDS["free"])).replace("mounting.holes", "")
 
@@ -134,15 +145,14 @@ def test_a_card_says_how_sure_its_position_is_and_names_no_field():
     advice = CARDS["sampled"]
     said, wrong, _ = card(advice).chance.lines
     assert advice.word == "TURN"
-    assert "(3 values), this hole is better than staying by more than 1 % with a probability of 100 %." in said
+    assert "that hole 8 is better than hole 0 by more than 1 %, over 3 uncertain inputs: 100 %." in said
     high = advice.decision.quantile(0.95, advice.decision.best)[0]
-    assert wrong.startswith(
-        f"If it comes out wrong (more than {high:.1f}″ at 1 N·m after bolting): measure in hole 0, "
-    )
+    assert wrong.startswith(f"If F'_ior is more than {high:.1f}″ at 1 N·m after bolting: measure in hole 0, ")
     unsure, word = card(UNSURE), UNSURE.decision.probability.value
-    assert (UNSURE.word, unsure.chance.title) == ("BEST_BET", "How sure this is: BEST BET")
+    assert (UNSURE.word, unsure.chance.title) == ("BEST_BET", "Probability: BEST BET")
     assert (
-        f"no other hole is better by more than 1 % with a probability of {100 * word:.0f} %." in unsure.chance.lines[0]
+        f"other position is better than hole 0 by more than 1 %, over 3 uncertain inputs: {100 * word:.0f} %."
+        in unsure.chance.lines[0]
     )
     assert card(CARDS["any"]).chance.lines[0] == "By what is known no hole is better than another."
     for each in (advice, UNSURE, UNKNOWN_TURN):
@@ -269,6 +279,29 @@ def test_catalogues_have_the_same_keys_and_fields():
             assert fields(entries[key]) == fields(home[key]), (language, key)
 
 
+def doubtful() -> list[Advice]:
+    """Advices by values that are odd in every way, and of seats where any of some positions will do."""
+    tried = (
+        Trial(0.0, 28.0),
+        Trial(0.0, 21.0),
+        Trial(30.0, 9.0),
+        Trial(60.0, 20.123, noise_arcsec=0.3, file="a/r.csv"),
+    )
+    samples = SimpleNamespace(few="", noise=lambda trials: np.full(len(trials), 0.01))
+    after = SimpleNamespace(
+        samples=samples, effective=3.0, by_values=0.5, facing=(90.0, 5.0), misread=np.array([0, 0, 0.6, 0])
+    )
+    odd = replace(CARDS["sampled"], trials=tried, after=after, likelier_torque=40.0)
+    several = SimpleNamespace(**vars(after) | {"misread": np.full(4, 0.2), "by_values": 0.99})
+    alike = [10.0, 10.0, 10.0]
+    some = advice_of(alike[:2], rotations=[60.0, 90.0], overrides=("mounting.allowed=[2,3]",))
+    some = replace(some, decision=replace(some.decision, all_alike=True))
+    free = advice_of(alike, overrides=("mounting.holes=0",))
+    left = sampled(CARDS["plain"])
+    left = replace(left, decision=replace(left.decision, rotations_deg=tuple(k + 30.0 for k in range(0, 360, 30))))
+    return [odd, replace(odd, after=several), some, free, left]
+
+
 def test_no_text_of_the_catalogue_is_unused(monkeypatch):
     used, look_up = set(), Texts.__call__
 
@@ -285,6 +318,9 @@ def test_no_text_of_the_catalogue_is_unused(monkeypatch):
     card(CARDS["leave"], "ru", trials=TRIALS)
     card(crowded(CARDS["many"]), "en")
     card(UNKNOWN_TURN, "ru", trials=TRIALS)
+    for advice in doubtful():
+        card(advice, "ru", trials=advice.trials)
+        mount_warnings(advice, texts("ru"))
     mount_warnings(replace(CARDS["measured"], open_=("gears.j_n",)), texts("ru"))
     texts("ru").holes(1)
     entries = set(texts("ru").entries)
@@ -303,7 +339,7 @@ def test_nothing_on_a_russian_card_is_english(name):
     for known in (*advice.drive.origin.overrides, advice.drive.name, *known_words):
         text = text.replace(known, "")
     text = re.sub(
-        r"\bxi_[bg]\b|\be_h[bg]\b|F'_i[12]\b|\b[0-9a-f]{12}\b|^[abcx]$|^[abc]: |\bx (?=нельзя)", "", text, flags=re.M
+        r"\bxi_[bg]\b|\be_h[bg]\b|F'_i[12]\b|\b[0-9a-f]{12}\b|^[pqex]$|^[pqe]: |\bx (?=нельзя)", "", text, flags=re.M
     )
     assert re.findall("[A-Za-z]+", text) == []
     assert "." not in re.sub(r"\.(\s|$)|\d\d\.\d\d\.\d{4}", "", text)  # decimal commas
@@ -327,7 +363,8 @@ def test_russian_plurals():
 def test_an_instruction_in_russian():
     made = card(CARDS["plain"], "ru")
     assert made.instruction.text == (
-        "Поверните жёсткое колесо на 4 отверстия (120°) по часовой стрелке, если смотреть со стороны генератора."
+        "Поставьте жёсткое колесо на отверстие 8. Это 4 отверстия (120°) по часовой стрелке от отверстия 0, если "
+        "смотреть со стороны генератора волн. Отверстием 0 считается то, где жёсткое колесо стоит сейчас."
     )
     assert made.foot.lines[1].endswith(f"{MADE:%d.%m.%Y}")
 
@@ -342,7 +379,7 @@ def test_an_unknown_language_names_those_there_are(language):
 def test_a_card_says_what_is_not_known_and_draws_no_mark_that_is_not():
     open_ = ("phases.xi_b=unknown", "harmonics.a_g2=unknown", "source.cam.W_0={kind: assumed}")
     made = card(advice_of(overrides=open_), trials=TRIALS)
-    assert dict(made.subject.rows)["mark"].startswith("not known where it points")
+    assert dict(made.subject.rows)["mark"].startswith("its direction is not known")
     assert [p.kind for p in made.seat.pointers] == ["cam"]
     assert "Values of the preset: 47 given, 0 identified, 1 assumed." in made.chance.lines
 

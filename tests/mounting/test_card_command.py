@@ -18,7 +18,7 @@ def test_cards_are_written_beside_the_answer(tmp_path):
     assert (result.returncode, result.stderr) == (0, f"wrote {target}\n")
     told = json.loads(result.stdout)
     page = target.read_text(encoding="utf-8")
-    assert told["instruction"].split(":")[0] in page
+    assert told["instruction"].partition(" F'_ior: ")[0] in page
     assert "17-&lt;042&gt;" in page
     assert told["preset"]["sha256"][:12] in page
     assert f"card made {date.today()}" in page

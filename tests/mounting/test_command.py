@@ -57,7 +57,7 @@ def test_people_see_curve_and_tables(answer):
     page = run(*QUICK)
     assert page.returncode == 0
     assert max(map(len, page.stdout.splitlines())) <= 80
-    for words in ("from the cam side", "hole", "counter-clockwise", "turned by, holes", "proof"):
+    for words in ("wave generator side", "hole", "counter-clockwise", "turned by, holes", "proof"):
         assert words in page.stdout
     assert len(page.stdout.splitlines()) <= 30
     told = json.loads(answer.stdout)
@@ -69,7 +69,7 @@ def test_people_see_curve_and_tables(answer):
 
 def test_curves_and_the_other_tables_stand_in_the_details():
     page = run(*QUICK, "--details")
-    for words in ("F'_ior at 1 N·m", "F'_ior at 4 N·m", "seat from the cam side", "equilibrium"):
+    for words in ("F'_ior at 1 N·m", "F'_ior at 4 N·m", "seen from the wave generator side: ", "equilibrium"):
         assert words in page.stdout
 
 

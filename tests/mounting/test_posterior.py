@@ -267,10 +267,11 @@ def test_the_order_of_values_does_not_matter(order: list[int]) -> None:
     samples = two_torques()
     values = [*LIGHT_VALUES, Trial(90.0, 8.0, M_g=1.0), Trial(270.0, 4.5, M_g=1.0)]
     first, other = (advise_after(BOTH, tried, SETUP, samples=samples) for tried in (values, [values[k] for k in order]))
-    assert other.decision.best == first.decision.best
-    assert other.decision.expected_loss == pytest.approx(first.decision.expected_loss, abs=0.02)
+    assert other.trials == first.trials  # in an order of their own
+    assert np.array_equal(other.decision.F_ior_arcsec, first.decision.F_ior_arcsec)
     assert first.after and other.after
-    assert other.after.misread == pytest.approx(first.after.misread[order], abs=1e-4)
+    assert np.array_equal(other.after.misread, first.after.misread)
+    assert other.value == first.value
 
 
 def test_forbidden_holes_are_not_chosen(cloud: HoleSamples) -> None:
@@ -294,7 +295,8 @@ def test_one_misread_value_of_six_is_named_and_the_hole_all_the_same(cloud: Hole
         wrong = [*tried]
         wrong[k] = replace(tried[k], F_ior_arcsec=tried[k].F_ior_arcsec + off)
         advice = advise_after(ONE, wrong, cloud.setup, samples=cloud)
-        assert advice.suspected == wrong[k]
+        assert advice.suspected == advice.to_repeat == wrong[k]
+        assert advice.next and advice.next.rotation_deg == wrong[k].rotation_deg
         assert values[advice.decision.best] < 1.05 * min(values)
 
 

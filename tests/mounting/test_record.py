@@ -56,7 +56,7 @@ def test_a_record_of_less_than_the_cycle_is_no_trial(record):
         ("h4={missing}", 4, "no such file"),
         ("h4={empty}", 4, "the file is empty"),
         ("h4={short}", 4, "less than one cam turn in one direction"),
-        ("h4=17,3", 2, "expected F'_ior in arcsec, as h4=17.3"),
+        ("h4=1,234", 2, "expected F'_ior in arcsec, as h4=17.3"),  # or are these thousands?
         ("h12={short}", 2, "the seat's holes are h0 to h11"),
         ("x={short}", 2, "expected HOLE=VALUE"),
     ],
@@ -99,7 +99,7 @@ def test_a_trial_of_the_preset_counts_once_whether_given_again_or_not(cloud):
     def trials_of(*tried):
         return advise_after(told(one), tried, SETUP, samples=cloud).trials
 
-    assert trials_of(*given) == (Trial(120.0, 20.0, M_g=4.0, noise_arcsec=0.5), *given)
+    assert trials_of(*given) == (*given, Trial(120.0, 20.0, M_g=4.0, noise_arcsec=0.5))
     assert trials_of(*given, again) == (*given, again)
     assert len(trials_of(*given, replace(again, F_ior_arcsec=21.0))) == 3
     assert trials_of(*given, replace(again, M_g=4.0)) == (*given, replace(again, M_g=4.0))

@@ -33,8 +33,8 @@ def test_without_a_direction_that_decides_any_hole_may_be_the_best():
     advice = advice_on("phases.phi_hb=unknown", "operation.M_g=4")
     report = mount_report(advice, 0)
     told = report_object(report)
-    assert (advice.word, report.line, told["exit_code"]) == ("ANY_HOLE", "0", 0)
-    assert (told["word"], told["hole"], told["order"]) == ("ANY_HOLE", 0, "leave")
+    assert (advice.word, report.line, told["exit_code"]) == ("ANY_HOLE", "any", 0)
+    assert (told["word"], told["hole"], told["order"]) == ("ANY_HOLE", None, "leave")
     assert [place["hole"] for place in told["to_try"]] == [0, 4, 8]
     assert told["next"]["hole"] == 0
     assert told["unknown"] == [{"field": "phases.phi_hb", "range": [0, 360], "reason": "any direction"}]
@@ -42,7 +42,7 @@ def test_without_a_direction_that_decides_any_hole_may_be_the_best():
     assert values == (0, 3, 4, 5, 6)
     assert list(F_ior) == sorted(F_ior, reverse=True) and F_ior[2] < 0.9 * F_ior[0]
     assert report.why[0].startswith("No hole is expected to be better than another: the direction that decides is not")
-    assert [row[1] for row in report.blocks[0].rows] == ["0"]  # what the others differ by is chance
+    assert [row[1] for row in report.blocks[0].rows] == ["any"]  # what the others differ by is chance
     assert [len(block.rows) for block in report.details if isinstance(block, Table)] == [12]
     assert f"{F_ior[0]:.1f} → {F_ior[2]:.1f}″ is expected on average with four values" in next_value_words(advice)
     several = replace(advice, drive=changed(advice.drive, operation__M_g=[4.0, 8.0]))
@@ -73,8 +73,10 @@ def test_where_no_hole_can_be_better_the_first_line_says_why_and_nothing_is_to_b
     # holes are no whole number of teeth apart
     assert advice.curve.F_ior_arcsec.max() < 1.01 * advice.curve.F_ior_arcsec.min()
     told = report_object(mount_report(advice, 0))
-    assert (advice.word, mount_report(advice, 0).line) == ("ANY_HOLE", "0")
-    assert instruction_of(advice) == f"No hole is better than another: {why} Leave the rigid wheel as it is."
+    assert (advice.word, mount_report(advice, 0).line) == ("ANY_HOLE", "any")
+    assert (
+        instruction_of(advice) == f"No hole is better than another: {why} The circular spline may be put in any hole."
+    )
     assert (told["exit_code"], told["to_try"], told["next"], told["worth"]) == (0, [], None, [])
 
 
@@ -110,9 +112,9 @@ def test_what_is_known_is_ordered_as_ever():
 def test_without_a_direction_there_is_a_hole_and_a_card_that_says_any(tmp_path):
     open_ = (SMALL, "--set", "phases.phi_hb=unknown", "--torque", "4", "--no-plot", "--draws", "16")
     done = run("mount", *open_, "--card", "card.txt", "-q", cwd=tmp_path)
-    assert (done.returncode, done.stdout) == (0, "0\n")
+    assert (done.returncode, done.stdout) == (0, "any\n")
     text = " ".join((tmp_path / "card.txt").read_text(encoding="utf-8").split())
-    assert "How sure this is: ANY HOLE" in text
+    assert "Probability: ANY HOLE" in text
     assert "By what is known no hole is better than another." in text
     assert "measure in hole 0, hole 4, hole 8 too" in text
     given = run("mount", *open_, "--card", "card.txt", "--assume-phases", cwd=tmp_path)
