@@ -51,13 +51,22 @@ def closings(args: argparse.Namespace) -> bool:
     return report("closed terminals", closed(args.n, args.seed))
 
 
+def relations(args: argparse.Namespace) -> bool:
+    """The same question asked in two ways."""
+    from tests.fuzz.relations import study
+
+    return study(args.n, args.seed)
+
+
 def inputs(args: argparse.Namespace) -> bool:
     """Presets, targets, traces, pitch tables, lots, options, answers and states, changed at random."""
     if args.guided:
         more = ["--n", str(args.n), "--seed", str(args.seed), *(["--kinds", *args.kinds] if args.kinds else [])]
         os.execv(sys.executable, [sys.executable, "-m", "tests.fuzz.guided", *more])  # which imports under a watch
-    from tests.fuzz.inputs import made, outcomes, report, save
+    from tests.fuzz.inputs import made, outcomes, report, save, until_results
 
+    if args.results:
+        return report(until_results(args.results, args.seed, args.kinds), args.seed, args.kinds, one_kind=True)
     if args.save is not None:
         save(made(args.save, args.seed, args.kinds), Path(f"input-{args.save}"))
     numbers = range(args.start, args.n) if args.save is None else [args.save]
@@ -87,6 +96,10 @@ def main() -> int:
     study.add_argument("--n", type=int, default=300, help="runs")
     study.add_argument("--seed", type=int, default=0)
     study.set_defaults(run=closings)
+    study = studies.add_parser("relations", help="the same question asked in two ways, of drives at random")
+    study.add_argument("--n", type=int, default=20, help="drives, some twenty relations each")
+    study.add_argument("--seed", type=int, default=0)
+    study.set_defaults(run=relations)
     study = studies.add_parser("inputs", help="everything that is read, changed at random")
     study.add_argument("--n", type=int, default=1000, help="inputs")
     study.add_argument("--start", type=int, default=0, help="go on with this one: the first was 0")
@@ -95,6 +108,7 @@ def main() -> int:
     study.add_argument(
         "--save", type=int, metavar="K", help="run this one only, and keep its files in a folder input-K"
     )
+    study.add_argument("--results", type=int, help="go on until so many of each kind have reached a result")
     study.add_argument("--guided", action="store_true", help="readers alone, guided by coverage (needs .[fuzz])")
     study.set_defaults(run=inputs)
     args = parser.parse_args()

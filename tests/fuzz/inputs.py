@@ -36,6 +36,9 @@ TOGETHER = 1000  # inputs that a process takes, one after the other
 SOLVED = 100  # one input of so many goes all the way
 SEARCHES = ("targets", "state")  # which solve many drives each
 SOLVED_KINDS = ("results",)  # which solve before they read
+ALL_THE_WAY = ("results", "pitch", "targets")  # of which no input has a result before states are solved
+RESULTS = (0, 3, 6)  # exit codes of a result: done or PASS, FAIL, INCONCLUSIVE
+MOST_TRIES = 40  # inputs a result that is wanted
 GOOD = (0, 2, 3, 4, 5, 6)
 TOLD = 500  # inputs after which the counts so far are printed
 
@@ -58,15 +61,20 @@ def made(k: int, seed: int, kinds: Sequence[str] = ()) -> Input:
     return KINDS[names[k % len(names)]](np.random.default_rng([seed, k]))
 
 
-def outcomes(numbers: Sequence[int], seed: int, kinds: Sequence[str] = ()) -> Iterator[Outcome]:
-    """What becomes of the inputs with these numbers; a process that dies or hangs is followed by another one."""
+def outcomes(
+    numbers: Sequence[int], seed: int, kinds: Sequence[str] = (), solved_kinds: Sequence[str] = SOLVED_KINDS
+) -> Iterator[Outcome]:
+    """What becomes of the inputs with these numbers; a process that dies or hangs is followed by another one.
+
+    solved_kinds: kinds of which all inputs are solved, not some alone.
+    """
     _import_all()
     context = multiprocessing.get_context("fork")
     at = 0
     while at < len(numbers):
         ours, theirs = context.Pipe(duplex=False)
         part = numbers[at : at + TOGETHER]
-        process = context.Process(target=_work, args=(part, seed, kinds, theirs))
+        process = context.Process(target=_work, args=(part, seed, kinds, solved_kinds, theirs))
         process.start()
         theirs.close()
         for k in part:
@@ -86,6 +94,18 @@ def outcomes(numbers: Sequence[int], seed: int, kinds: Sequence[str] = ()) -> It
         ours.close()
 
 
+def until_results(wanted: int, seed: int, kinds: Sequence[str] = ()) -> Iterator[Outcome]:
+    """Yield what becomes of inputs until so many of each kind have reached a result, or far more were tried."""
+    for kind in kinds or list(KINDS):
+        results = 0
+        tried = 0
+        while results < wanted and tried < MOST_TRIES * wanted:
+            for outcome in outcomes(range(tried, tried + max(wanted // 2, 50)), seed, [kind], ALL_THE_WAY):
+                results += outcome.code in RESULTS
+                tried += 1
+                yield outcome
+
+
 def _import_all() -> None:
     """Import what commands import when they run, so that no process has to."""
     for args in (("check", "-h"), ("presets", "list")):
@@ -102,7 +122,9 @@ def _import_all() -> None:
     from hdassist.pages import measure as measured  # noqa: F401
 
 
-def _work(numbers: Sequence[int], seed: int, kinds: Sequence[str], answer: Connection) -> None:
+def _work(
+    numbers: Sequence[int], seed: int, kinds: Sequence[str], solved_kinds: Sequence[str], answer: Connection
+) -> None:
     os.setpgid(0, 0)
     warnings.simplefilter("error")  # what numpy has to say is no message of ours
     with tempfile.TemporaryDirectory() as name:
@@ -110,11 +132,8 @@ def _work(numbers: Sequence[int], seed: int, kinds: Sequence[str], answer: Conne
             folder = Path(name) / "there" / str(k)
             folder.mkdir(parents=True)
             given = made(k, seed, kinds)
-            answer.send(judged(k, given, folder, solves=_solves(k, given)))
-
-
-def _solves(k: int, given: Input) -> bool:
-    return given.kind in SOLVED_KINDS or (k % SOLVED == 0 and given.kind not in SEARCHES)
+            one_of_some = k % SOLVED == 0 and given.kind not in SEARCHES
+            answer.send(judged(k, given, folder, solves=one_of_some or given.kind in solved_kinds))
 
 
 def judged(k: int, given: Input, folder: Path, *, solves: bool) -> Outcome:
@@ -204,8 +223,11 @@ def _memory(name: str, *, fresh: bool = False) -> float:
     return int(line.split()[1]) / 1024
 
 
-def report(found: Iterator[Outcome], seed: int, kinds: Sequence[str] = ()) -> bool:
-    """Print what became of inputs as it comes, those that are not as promised in full; whether all are."""
+def report(found: Iterator[Outcome], seed: int, kinds: Sequence[str] = (), *, one_kind: bool = False) -> bool:
+    """Print what became of inputs as it comes, those that are not as promised in full; whether all are.
+
+    one_kind: an input is numbered among those of its kind alone, as `until_results` has them.
+    """
     count: Counter[tuple[str, int]] = Counter()
     slowest = most = Outcome(-1, "", 0, "", 0, 0)
     good, spent, begun = True, 0.0, time.monotonic()
@@ -224,7 +246,9 @@ def report(found: Iterator[Outcome], seed: int, kinds: Sequence[str] = ()) -> bo
         if outcome.fault:
             good = False
             print(
-                f"{outcome.k} ({outcome.kind}): {outcome.fault}\n  {_shown(made(outcome.k, seed, kinds))}", flush=True
+                f"{outcome.k} ({outcome.kind}): {outcome.fault}\n"
+                f"  {_shown(made(outcome.k, seed, [outcome.kind] if one_kind else kinds))}",
+                flush=True,
             )
         if count.total() % TOLD == 0:
             told()

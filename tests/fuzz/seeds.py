@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 from typer.main import get_command
 
 from hdassist.cli import app
-from tests.fuzz import mutate
+from tests.fuzz import gentle, mutate
 from tests.fuzz.drives import preset, toothed
 from tests.fuzz.mutate import Rng, pick
 from tests.process import ROOT, SMALL, run
@@ -55,6 +55,45 @@ TRACES: tuple[tuple[str, Args], ...] = (  # with the options that they need
     (
         "phi_g error\n"
         + "".join(f"{k / 15:.5f}   {math.sin(k / 40):.5f}\n" for k in [*range(0, 400, 4), *range(400, 0, -4)]),
+        (),
+    ),
+)
+COUNTS: tuple[tuple[str, Args], ...] = (  # encoders that count, of 4000 and a million counts a revolution
+    (
+        "cam,out\n"
+        + "".join(
+            f"{round(4000 * x)},{round(1e6 * (x / 15 + 2e-5 * math.sin(12.566 * x)))}\n"
+            for x in (k / 60 + 0.003 * math.sin(k * k) for k in range(910))
+        ),
+        ("--angle", "cam", "--second", "out", "--angle-unit", "4000,1000000"),
+    ),
+)
+POSITIONS: tuple[tuple[str, Args], ...] = (
+    (
+        "target_deg,deviation_arcsec,side\n"
+        + "".join(
+            f"{10 * k},{9 * math.sin(k / 2) + 2 * n + 5 * (side == '-')},{side}\n"
+            for n in range(3)
+            for side in "+-"
+            for k in range(36)
+        ),
+        (),
+    ),
+    (
+        "target_deg;output_deg\n"
+        + "".join(
+            f"{10 * k};{10 * k + 0.003 * math.sin(k / 2) + 0.0002 * n:.6f}\n" for n in range(2) for k in range(36)
+        ),
+        (),
+    ),
+)
+LOOPS: tuple[tuple[str, Args], ...] = (
+    (
+        "torque_Nm,twist_arcsec,place\n"
+        + "".join(
+            f"{4 * math.sin(k / 15.92):.4f},{30 * math.sin(k / 15.92 - 0.15) + math.cos(k / 15.92):.4f},1\n"
+            for k in range(126)
+        ),
         (),
     ),
 )
@@ -141,14 +180,16 @@ def results(args: Args) -> str:
 
 
 def _kept(kind: str, args: Args, files: Files, file: str, given: str, rng: Rng) -> Input:
-    """A command that goes on with kept work: edited as anyone may, or with checksums that hold."""
+    """A command that goes on with kept work: edited as anyone may, with checksums that hold, or cut at its end."""
+    if rng.random() < 0.5:
+        return Input(kind, args, files | {file: gentle.lines_text(given, rng)}, (file,), {file: given})
     if rng.random() < 0.5:
         return Input(kind, args, files | {file: mutate.json_text(given, rng)}, (file,), {file: given})
     return Input(kind, args, files | {file: mutate.kept_text(given, rng)}, (file,))
 
 
 def preset_input(rng: Rng) -> Input:
-    changed = mutate.yaml_text(pick(rng, presets()), rng)
+    changed = _yaml(pick(rng, presets()), rng)
     how: Args = pick(rng, (("presets", "validate"), ("presets", "show", "--resolved"), ("check", *JOBS)))
     more: Args = pick(rng, ((), (), ("--json",), ("--set", f"cam.W_0={mutate.word(rng)}")))
     return Input("preset", (*how, "given.yaml", *more), {"given.yaml": changed})
@@ -156,7 +197,53 @@ def preset_input(rng: Rng) -> Input:
 
 def targets_input(rng: Rng) -> Input:
     args = ("calibrate", "drive.yaml", "--targets", "targets.yaml", "--evaluations", "8", *JOBS)
-    return Input("targets", args, LOADED | {"targets.yaml": mutate.yaml_text(TARGETS, rng)})
+    return Input("targets", args, LOADED | {"targets.yaml": _yaml(TARGETS, rng)})
+
+
+def _table(text: str, rng: Rng) -> bytes:
+    """Return a table changed so that it is mostly refused, or, as often, so that it mostly reaches a result."""
+    return gentle.table_text(text, rng) if rng.random() < 0.5 else mutate.table_text(text, rng)
+
+
+def _yaml(text: str, rng: Rng) -> bytes:
+    return gentle.yaml_text(text, rng) if rng.random() < 0.5 else mutate.yaml_text(text, rng)
+
+
+def counts_input(rng: Rng) -> Input:
+    """A recording of two encoders that count."""
+    text, form = pick(rng, COUNTS)
+    more: Args = pick(rng, ((), ("--json",), ("--robust",), ("--drift", "linear"), ("--wrap", "2000")))
+    return Input("counts", ("measure", "given.csv", *RATIO, *form, *more), {"given.csv": _table(text, rng)})
+
+
+def positions_input(rng: Rng) -> Input:
+    """A test at positions of the output, measured or held against a limit."""
+    text, form = pick(rng, POSITIONS)
+    limit = ("--limit", "positioning=60", "--budget", "encoder=0.3,coupling=0.2,reseating=0.3,temperature=0.4")
+    how: Args = pick(
+        rng,
+        (
+            ("measure", "given.csv", *form),
+            ("measure", "given.csv", *RATIO, *form, "--json"),
+            ("measure", "given.csv", *form, "--error-unit", pick(rng, ("arcmin", "deg", "mm"))),
+            ("accept", "drive.yaml", "--measured", "1=given.csv", *form, *limit, *MEASURED),
+        ),
+    )
+    return Input("positions", how, LOADED | {"given.csv": _table(text, rng)})
+
+
+def loop_input(rng: Rng) -> Input:
+    """A torque loop, measured or held against a limit."""
+    text, form = pick(rng, LOOPS)
+    how: Args = pick(
+        rng,
+        (
+            ("measure", "given.csv", *form),
+            ("measure", "given.csv", *form, "--json", "--error-unit", pick(rng, ("arcsec", "arcmin", "deg"))),
+            ("accept", "drive.yaml", "--measured", "1=given.csv", "--limit", "lost_motion=60", *MEASURED),
+        ),
+    )
+    return Input("loop", how, LOADED | {"given.csv": _table(text, rng)})
 
 
 def trace_input(rng: Rng) -> Input:
@@ -173,14 +260,19 @@ def trace_input(rng: Rng) -> Input:
             ("compare", "drive.yaml", "given.csv", *form, "--no-plot"),
         ),
     )
-    return Input("trace", how, LOADED | {"given.csv": mutate.table_text(text, rng)})
+    return Input("trace", how, LOADED | {"given.csv": _table(text, rng)})
 
 
 def pitch_input(rng: Rng) -> Input:
     text, form = pick(rng, PITCH)
     more: Args = pick(rng, ((), (), (), ("--pitch-form", "single"), ("--mark-b", mutate.word(rng))))
+    if rng.random() < 0.5:  # as it is meant, but for readings and marks
+        numbers = re.sub(r"(?<=[,;\t] )\d|(?<=[,;\t])\d", lambda found: str(int(rng.integers(10))), text)
+        text, more = numbers, pick(rng, ((), ("--mark-b", str(int(rng.integers(1, 33))))))
+        args = ("check", "drive.yaml", "--pitch-b", "given.csv", *form, *more, "--draws", "1", *JOBS)
+        return Input("pitch", args, LOADED | {"given.csv": text.encode()})
     args = (pick(rng, ("check", "mount")), "drive.yaml", "--pitch-b", "given.csv", *form, *more, *JOBS)
-    return Input("pitch", args, LOADED | {"given.csv": mutate.table_text(text, rng)})
+    return Input("pitch", args, LOADED | {"given.csv": _table(text, rng)})
 
 
 def lot_input(rng: Rng) -> Input:
@@ -200,13 +292,16 @@ def lot_input(rng: Rng) -> Input:
             ("--json",),
         ),
     )
-    files = LOADED | {"given.csv": mutate.table_text(pick(rng, LOTS), rng)}
+    lot = pick(rng, LOTS)
+    changed = gentle.lot_text(lot, rng) if rng.random() < 0.5 else mutate.table_text(lot, rng)
+    files = LOADED | {"given.csv": changed}
     return Input("lot", ("accept", "given.csv", *more, *MEASURED), files)
 
 
 def replay_input(rng: Rng) -> Input:
     more: Args = pick(rng, ((), ("--json",)))
-    changed = mutate.json_text(pick(rng, answers()), rng)
+    answer = pick(rng, answers())
+    changed = gentle.lines_text(answer, rng) if rng.random() < 0.5 else mutate.json_text(answer, rng)
     return Input("replay", ("accept", "--replay", "given.json", *more, *JOBS), LOADED | {"given.json": changed})
 
 
@@ -309,7 +404,8 @@ def _name(rng: Rng) -> str:
 
 
 KINDS: dict[str, Callable[[Rng], Input]] = {
-    "preset": preset_input, "targets": targets_input, "trace": trace_input, "pitch": pitch_input, "lot": lot_input,
+    "preset": preset_input, "targets": targets_input, "trace": trace_input, "counts": counts_input,
+    "positions": positions_input, "loop": loop_input, "pitch": pitch_input, "lot": lot_input,
     "options": options_input, "replay": replay_input, "kept": kept_input,
     "results": results_input,
 }  # fmt: skip

@@ -13,7 +13,7 @@ from tests.fuzz.inputs import Outcome, judged, made, outcomes, unsolved
 from tests.fuzz.seeds import KINDS, Input
 from tests.process import run
 
-FEW = 153
+FEW = 156
 
 
 @pytest.fixture(scope="module")
