@@ -68,6 +68,9 @@ _GREEK = {
     "±": "plusminus",
     "″": "arcsec",
 }
+_LATIN = dict(zip("абвгдеёзийклмнопрстуфыэ", "abvgdeeziiklmnoprstufye", strict=True)) | {  # as in passports
+    "ж": "zh", "х": "kh", "ц": "ts", "ч": "ch", "ш": "sh", "щ": "shch", "ю": "iu", "я": "ia", "ъ": "", "ь": "",
+}  # fmt: skip
 _LONGEST_NAME = 60  # characters of a name that are compared with others
 _LONGEST_PHRASE = 12  # words of a phrase whose parts are looked up
 
@@ -80,6 +83,24 @@ class Entry:
     names: tuple[str, ...]
     words: str
     facts: tuple[tuple[str, str], ...] = ()
+
+    def in_latin(self) -> Entry:
+        """Return the entry with Cyrillic and Greek letters transliterated, for terminals that show 7 bits."""
+        facts = tuple((label, latin(text)) for label, text in self.facts)
+        return Entry(self.kind, tuple(map(latin, self.names)), latin(self.words), facts)
+
+
+def latin(text: str) -> str:
+    """Return a text with its Cyrillic and Greek letters transliterated."""
+    letters = []
+    for letter in text:
+        low = letter.lower()
+        other = _LATIN.get(low) or (_GREEK.get(low) if low.isalpha() else None)
+        if other is None:
+            letters.append(letter)
+        else:
+            letters.append(other if letter == low else other.capitalize())
+    return "".join(letters)
 
 
 @cache

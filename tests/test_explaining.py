@@ -11,7 +11,7 @@ import pytest
 
 from hdassist.acceptance.limits import CHECKS, CODES
 from hdassist.errors import Fault, HdassistError, UsageError, Verdict
-from hdassist.explaining import FAULTS, SYMBOLS, TERMS, entries, explained
+from hdassist.explaining import FAULTS, SYMBOLS, TERMS, entries, explained, latin
 from hdassist.explorer.panes import MARKS
 from hdassist.pages import check as check_page
 from hdassist.pages import curves as curves_page
@@ -229,3 +229,12 @@ def test_forty_columns_hold_it_whole(names):
 def test_a_word_of_the_trade_leads_to_its_own_term_alone(word: str, term: str) -> None:
     names = [entry.names[0] for entry in explained(word) if entry.kind == "quantity or word"]
     assert names == [term]
+
+
+def test_seven_bits_have_letters_in_place_of_russian_and_greek_ones() -> None:
+    for name in ("eccentricity", "phi_h", "гибкое колесо", "xi_b"):
+        done = run("explain", name, "--ascii")
+        assert done.stdout.isascii()
+        assert "?" not in done.stdout
+    assert "ekstsentrisitet" in run("explain", "eccentricity", "--ascii").stdout
+    assert latin("Угол φ_h, ″") == "Ugol phi_h, ″"

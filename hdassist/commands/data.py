@@ -437,11 +437,13 @@ class ExplainCommand(o.PageOptions):
 
     names: list[str]
 
-    def report(self, _out: Output, _preset: str) -> Report:
+    def report(self, out: Output, _preset: str) -> Report:
         """The names, explained."""
         from hdassist.explaining import explained
         from hdassist.pages.data import explain_report
 
         options = {field: words["help"] for table in o.DECLARED.values() for field, words in table.items()}
         found = list(dict.fromkeys(entry for name in self.names for entry in explained(name, options)))
+        if out.style.ascii and not out.json:
+            found = [entry.in_latin() for entry in found]
         return explain_report(found)
