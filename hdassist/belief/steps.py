@@ -388,14 +388,12 @@ def _changed_one(drive: Drive, supports: Mapping[str, float], *, M_g: float, dra
 
     every_hole: whether the best hole is asked for, not only what trying some brings.
     """
-    holes = drive.mounting.holes or _FREE_HOLES
-    allowed = range(holes) if drive.mounting.allowed == "all" or not drive.mounting.holes else drive.mounting.allowed
-    others = [] if no_hole_better(drive) else [hole for hole in allowed if hole % holes]
-    tried = [
-        [0, *others][round(k * (1 + len(others)) / _TRIED_HOLES)] for k in range(min(_TRIED_HOLES, 1 + len(others)))
-    ]
+    holes, usable = drive.mounting.holes or _FREE_HOLES, _usable_holes(drive)
+    tried = _apart(usable)
     changes: dict[str, dict[str, float]] = {"": {}}
-    for hole in others if every_hole else tried[1:]:
+    for hole in usable if every_hole else tried:
+        if hole == 0:
+            continue  # as the drive is
         changes[f"hole:{hole}"] = {path: drive.number(path) + 360 * hole / holes for path in carried(drive)}
     for each in DEVIATIONS:
         if each.size.startswith("tolerances.") and drive.number(each.size) > 0:
@@ -407,8 +405,8 @@ def _changed_one(drive: Drive, supports: Mapping[str, float], *, M_g: float, dra
     F_ior = dict(zip(changes, searched.F_ior_arcsec.tolist(), strict=True))
     now = F_ior.pop("")
     after: dict[str, float | None] = {**F_ior}
-    if drawn and others:
-        least = min(F_ior.get(f"hole:{hole}", now) for hole in tried)
+    if drawn and len(tried) > 1:
+        least = min(now if hole == 0 else F_ior[f"hole:{hole}"] for hole in tried)
         after[f"trials:{','.join(map(str, tried))}"] = least
     waves = ErrorWaves(drive, M_g, UNCHECKED, error_map)
     z = waves.waves([drive], _GRID_OF_WAVES)[0]
@@ -423,6 +421,23 @@ def _changed_one(drive: Drive, supports: Mapping[str, float], *, M_g: float, dra
             moved = _extremes(error_maps(there, [M_g])[0], Batch.of(there), drawn)
             after[f"coupling:{coupling}"], proof = moved.first, proof + moved.certificate
     return _Changed(now, after, proof)
+
+
+def _usable_holes(drive: Drive) -> list[int]:
+    """Return the holes that the fixed wheel may be put in, of a free seat directions; none if no hole is better."""
+    if no_hole_better(drive):
+        return []
+    if not drive.mounting.holes:
+        return list(range(_FREE_HOLES))
+    if drive.mounting.allowed == "all":
+        return list(range(drive.mounting.holes))
+    return sorted(drive.mounting.allowed)
+
+
+def _apart(holes: Sequence[int]) -> list[int]:
+    """Return up to _TRIED_HOLES of some holes, as far apart as they can be."""
+    count = min(_TRIED_HOLES, len(holes))
+    return [holes[round(k * len(holes) / count)] for k in range(count)]
 
 
 def _extremes(error_map: ErrorMap, batch: Batch, drawn: bool) -> Extremes:

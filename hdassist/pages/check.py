@@ -305,6 +305,9 @@ def _before_steps(check: DesignCheck) -> tuple[OperatingPoint, str, str]:
     return point, f"F'_ior + self error, limit {point.limit_arcsec:g}″,", f"{point.F_ior_upper_arcsec:.1f}″"
 
 
+_COUNTS = {2: "two", 3: "three", 4: "four"}  # holes that a step tries
+
+
 def _step_words(step: Step, drive: Drive) -> str:
     """A step in words, the field or the command behind it in brackets."""
     holes = drive.mounting.holes
@@ -315,7 +318,8 @@ def _step_words(step: Step, drive: Drive) -> str:
         return f"mount in {place} (hdassist mount)"
     if step.kind == "trials":
         places = "holes" if holes else "directions"  # which ones, mount says
-        return f"measure F'_ior in four {places}, keep the best (hdassist mount)"
+        count = _COUNTS[len(step.of.split(","))]
+        return f"measure F'_ior in {count} {places}, keep the best (hdassist mount)"
     return {
         "correction": f"correct {step.of} phasors (hdassist compensate)",
         "tolerance": f"a third less of {named(step.of)}",

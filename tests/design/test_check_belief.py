@@ -10,7 +10,7 @@ import pytest
 from hdassist import load_preset
 from hdassist.design import check
 from hdassist.errors import Verdict
-from hdassist.pages.check import check_report
+from hdassist.pages.check import check_report, steps_table
 from hdassist.run.run import Run
 from hdassist.terminal.output import report_object
 from tests.process import SMALL, TINY, run
@@ -169,3 +169,11 @@ def test_F_ior_in_the_json_is_the_answer_and_never_with_the_unknown_at_0(open_):
     (told,) = report_object(check_report(undrawn, 0))["operating_points"]
     assert (told["F_ior_arcsec"], told["F_ior_upper_arcsec"]) == (None, None)
     assert told["F_ior_shown_arcsec"] > 0
+
+
+@pytest.mark.parametrize(("allowed", "words"), [("0,4", "two"), ("1,4,5", "three")])
+def test_a_seat_of_few_usable_holes_is_measured_in_all_of_them_and_in_no_other(allowed: str, words: str) -> None:
+    found = check(load_preset(TINY, ["phases.phi_hb=unknown", PLAY, f"mounting.allowed=[{allowed}]"]), draws=16)
+    report = check_report(found, 0)
+    assert [each["of"] for each in report_object(report)["steps"] if each["kind"] == "trials"] == [allowed]
+    assert any(f"measure F'_ior in {words} holes" in row[0] for row in steps_table(found).rows)
