@@ -27,7 +27,7 @@ from hdassist.model.deviations import ToothDeviations
 from hdassist.model.geometry import Array, Kinematics, pitch_locked_states
 from hdassist.preset.fields import DEVIATIONS, Drive
 from hdassist.run.run import UNCHECKED, Run
-from hdassist.solve.answers import Certificate
+from hdassist.solve.answers import EMPTY, Certificate
 
 _QUOTED_POSITIONS = 12  # of a test as makers quote it
 _FEWEST_POSITIONS, _MOST_A_CAM_TURN = 6, 5  # positions that are tried, from and up to
@@ -358,16 +358,20 @@ def choose_plan(
     """
     if not searchable(drive):
         raise UsageError("a plan needs locked balls", "--set bearing.ball_motion=locked")
-    torques, left = drive.operation.M_g, limits_left(drive, drive.operation.M_g)
+    torques = drive.operation.M_g
+    rooms = limits_left(drive, torques, run)
+    left = rooms.arcsec
     place = next((k for k, each in enumerate(left) if each is not None), 0)
     prior, weights = prior_of(drive), np.ones(1)
     samples = drive_samples(prior, left, draws=draws, run=run) if prior.fields and draws else None
     lines = error_lines(drive, torques[place], samples.values() if samples else [{}], run)
-    curves, proof = lines.curves, lines.certificate
+    curves, proof = lines.curves, rooms.certificate + lines.certificate
     F_ior = np.ptp(curves, axis=1, keepdims=True)
     if samples:  # F'_ior as every page has it
         weights, proof, F_ior = samples.weights, proof + samples.certificate, samples.F_ior_arcsec[:, [place]]
-    curves += rough_curves(drive, torques[place], samples.values() if samples else [{}], curves.shape[1], run.seed)
+    rough = rough_curves(drive, torques[place], samples.values() if samples else [{}], curves.shape[1], run)
+    curves += rough.arcsec
+    proof += rough.certificate
     curves *= F_ior / np.maximum(np.ptp(curves, axis=1, keepdims=True), _LEAST_ARCSEC)
     cycle, ratio = lines.kinematics.cycle_cam_revolutions, abs(lines.kinematics.u)
     output, used = round(cycle / ratio), (travel_deg or drive.acceptance.travel) / 360
@@ -390,15 +394,30 @@ def choose_plan(
     return PlanChoice(drive, M_g, drives, bool(own), judged, enough, scan, seen, samples, proof, verdict, planned)
 
 
-def rough_curves(drive: Drive, M_g: float, changes: Sequence[Mapping[str, float]], points: int, seed: int = 0) -> Array:
-    """Error [arcsec] by rough teeth over the full cycle of drives, shape (drives, points).
+@dataclass(frozen=True)
+class RoughCurves:
+    """Error of drives by rough teeth over the full cycle.
+
+    arcsec: the error, shape (drives, points).
+    certificate: proof of all states behind it.
+    """
+
+    arcsec: Array
+    certificate: Certificate
+
+
+def rough_curves(
+    drive: Drive, M_g: float, changes: Sequence[Mapping[str, float]], points: int, run: Run = Run()
+) -> RoughCurves:
+    """Return the error by rough teeth over the full cycle of drives.
 
     Of wheels whose single pitch deviation counts as 0: harmonics and noise of single teeth, in proportion to their
     composite deviation, are solved in the drive without other deviations, where the error is that of one wheel plus
     that of the other; of some wheels, in a random position in each drive. Arguments: M_g [N*m]; changes of the drive by
-    path; points of the cycle; seed.
+    path; points of the cycle; run, its seed among it.
     """
-    rng, kinematics = np.random.default_rng([seed, 2]), Kinematics.of(drive)
+    rng, kinematics = np.random.default_rng([run.seed, 2]), Kinematics.of(drive)
+    proof = EMPTY
     smooth = drive.with_values({each.size: 0.0 for each in DEVIATIONS})
     state, part = np.divmod(np.arange(points) * kinematics.cycle_states / points, 1)
     index, curves = state.astype(np.int64), np.zeros((len(changes), points))
@@ -416,13 +435,15 @@ def rough_curves(drive: Drive, M_g: float, changes: Sequence[Mapping[str, float]
             for order in _ROUGH_ORDERS:
                 teeth += _ROUGH_SIZE * rng.rayleigh() / order / 2 * np.cos(order * turn - 2 * np.pi * rng.random())
             states, rough = pitch_locked_states(kinematics, np.arange(z)), ToothDeviations(**{wheel: _ROUGH_UM * teeth})
-            found = kinematic_error(smooth, M_g, states=states, teeth=rough, run=UNCHECKED).error_arcsec
-            errors.append(found - found.mean())
+            found = kinematic_error(smooth, M_g, states=states, teeth=rough, run=UNCHECKED)
+            proof += found.certificate
+            run.solved(found.certificate.states)
+            errors.append(found.error_arcsec - found.error_arcsec.mean())
         for curve, size in zip(curves, sizes, strict=True):
             error, first = errors[rng.integers(_ROUGH_WHEELS)], rng.integers(z)
             at = (index + first) % z
             curve += size * (error[at] * (1 - part) + error[(at + 1) % z] * part)
-    return curves
+    return RoughCurves(curves, proof)
 
 
 def _lines_seen(lines: ErrorLines, drives: DrivesUnderTest, plan: ReadingPlan) -> tuple[_LineSeen, ...]:

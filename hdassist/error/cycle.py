@@ -310,11 +310,28 @@ def _self_errors(drive: Drive, torques: Sequence[float]) -> list[tuple[list[list
     return list(zip(rotation.tolist(), certificates, strict=True))
 
 
-def limits_left(drive: Drive, torques: Sequence[float]) -> list[float | None]:
-    """Room that limits of a drive leave F'_ior beside self error [arcsec] at torques [N*m]; None without a limit."""
+@dataclass(frozen=True)
+class LimitRooms:
+    """Room that limits leave F'_ior beside the self error.
+
+    arcsec: the room at each torque, None without a limit there.
+    certificate: proof of the self error, empty without any limit.
+    """
+
+    arcsec: list[float | None]
+    certificate: Certificate
+
+
+def limits_left(drive: Drive, torques: Sequence[float], run: Run = Run()) -> LimitRooms:
+    """Return the room that limits of a drive leave F'_ior beside the self error at torques [N*m].
+
+    Raises UntrustedError if a self error cannot be trusted.
+    """
     limits = [drive.limit(M_g) for M_g in torques]
-    own = self_error(drive, torques) if any(limits) else []
-    return [None if limit is None else limit - each.range_arcsec for limit, each in zip_longest(limits, own)]
+    own = self_error(drive, torques, run=run) if any(limits) else []
+    proof = sum((each.certificate for each in own), EMPTY)
+    rooms = [None if limit is None else limit - each.range_arcsec for limit, each in zip_longest(limits, own)]
+    return LimitRooms(rooms, proof)
 
 
 def _place(tau: float, beta: float, M_g: float, _: int) -> str:

@@ -107,7 +107,8 @@ class Advice:
     probable than at that of the setup; measured: wheels in place of first harmonics; unknown: deviations that are not
     known; open_: fields, by path, that are not known exactly; sure, probability from which on a choice is an order;
     worth, gain below which measuring stops; compensated: words for a stored correction, and the decision by what it
-    leaves; verification of a choice; fault: why nothing could be drawn.
+    leaves; verification of a choice; fault: why nothing could be drawn; more_certificate: proof of states beside
+    these, of the self error among them.
     """
 
     drive: Drive
@@ -127,6 +128,7 @@ class Advice:
     compensated: tuple[str, Decision] | None = None
     verification: Verification | None = None
     fault: str = ""
+    more_certificate: Certificate = EMPTY
 
     @property
     def torques(self) -> tuple[float, ...]:
@@ -155,7 +157,7 @@ class Advice:
     def certificate(self) -> Certificate:
         """Proof of all states behind it."""
         parts = (self.curve, self.samples, self.after and self.after.samples)
-        return sum((each.certificate for each in parts if each), EMPTY)
+        return sum((each.certificate for each in parts if each), self.more_certificate)
 
     @property
     def cross_checks(self) -> tuple[CrossCheck, ...]:
@@ -353,7 +355,8 @@ def advise(
     more = () if setup.M_g in torques else (setup.M_g,)  # values may be measured where no torque decides
     drawn = draws > 0 and bool(prior.fields) and not measured and searchable(drive)
     curve, checked = begun_curve(drive, torques, rotations_deg, measured=measured, drawn=drawn, run=run)
-    left = limits_left(drive, torques)
+    rooms = limits_left(drive, torques, run)
+    left, proof = rooms.arcsec, rooms.certificate
     found = whole = Decision.as_given(curve, left)
     samples, fault = None, ""
     if drawn:
@@ -366,15 +369,19 @@ def advise(
         except UntrustedError as refusal:  # an action never is refused
             fault = refusal.message
         if samples and len(samples.of_ranges.weights) < 2:  # whose numbers are those of a drive drawn by chance
+            proof += samples.certificate
             samples, fault = None, "one sample of the uncertain inputs has no range"
         if samples:
             whole = Decision.of(samples.of_ranges, positions, left)
             found = whole.of_torques(slice(len(torques)))
         if of_drive and (not samples or samples.few):  # tables leave more that agree with values
-            return advise_after(drive, (), setup, draws=draws, sure=sure, cost=cost, worth=worth, run=run)
+            by_values = advise_after(drive, (), setup, draws=draws, sure=sure, cost=cost, worth=worth, run=run)
+            proof = curve.certificate + (samples.certificate if samples else EMPTY)
+            return replace(by_values, more_certificate=by_values.more_certificate + proof)
     advice = Advice(
         drive, found, setup, checked(), samples, measured=measured, unknown=unknowns(known),
         open_=tuple(each.path for each in prior.fields), sure=sure, worth=worth, fault=fault,
+        more_certificate=proof,
     )  # fmt: skip
     any_direction = advice.unknown and unknown_turn(known) and not of_drive
     found = replace(found, cost=cost, all_alike=bool(advice.no_hole_better or any_direction))
@@ -424,13 +431,15 @@ def advise_after(
     common = replace(setup, M_g=min(tried, key=lambda M_g: (abs(M_g), M_g)))
     whole = samples or hole_samples(drive, (*torques, *tried), common, draws=draws, run=run)
     after = posterior_of(whole.with_free_curves(values), values, [*positions, 0.0])
-    found = after.decision(torques, limits_left(drive, torques), cost)
+    rooms = limits_left(drive, torques, run)
+    found, proof = after.decision(torques, rooms.arcsec, cost), rooms.certificate
     noise, likelier = after.noise * setup.noise_arcsec, None
     if after.by_values > UNSHOWN_VALUES or after.misread.sum() > _DOUBTED:
         likelier = likelier_torque(whole, values)
         others = sorted({*other_torques} - {*whole.F_ior_by_torque})
         if not likelier and others and after.by_values > UNSHOWN_VALUES:
-            likelier = likelier_torque(hole_samples(drive, others, common, draws=draws, run=run), values)
+            beside = hole_samples(drive, others, common, draws=draws, run=run)
+            likelier, proof = likelier_torque(beside, values), proof + beside.certificate
     # whose values all have a torque of their own measures at these torques, as one who gives it for all of them
     further = {*tried} if each_own else {*tried, *setup.others}
     measured_at = (common.M_g, *sorted(further - {common.M_g}))
@@ -439,6 +448,7 @@ def advise_after(
     advice = Advice(
         drive, found, setup, trials=every, after=after, value=value, likelier_torque=likelier,
         unknown=unknowns(drive), open_=tuple(each.path for each in prior_of(drive).fields), sure=sure, worth=worth,
+        more_certificate=proof,
     )  # fmt: skip
     if not outcome:
         return advice

@@ -7,7 +7,6 @@ from dataclasses import asdict
 
 import numpy as np
 
-from hdassist.error.cycle import limits_left
 from hdassist.errors import Verdict
 from hdassist.model.deviations import unknown_names
 from hdassist.mounting.advice import UNSHOWN_VALUES, Advice, Verification
@@ -421,11 +420,12 @@ def _position_curves(advice: Advice) -> Iterator[Curve]:
         return
     ends = [np.array([found.quantile(level, place) for place in range(len(turns))]) for level in LEVELS.values()]
     now, next_words = _standing(advice), "next"
+    rooms = found.room_arcsec or [None] * len(advice.torques)
     marked = {now: advice.current, "best": advice.chosen}
     if advice.next and advice.names_hole and advice.next.rotation_deg == marked["best"].rotation_deg:
         del marked["best"]
         next_words = "best and next"
-    for k, (M_g, limit) in enumerate(zip(advice.torques, limits_left(advice.drive, advice.torques), strict=True)):
+    for k, (M_g, limit) in enumerate(zip(advice.torques, rooms, strict=True)):
         x, line = turns / per, ends[1][:, k]
         as_given = curve is not None and not sampled and len(curve.rotation_deg) > len(turns)
         if as_given and curve:

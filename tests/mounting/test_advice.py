@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
+from hdassist.error.cycle import limits_left
 from hdassist.mounting.advice import Advice
 from hdassist.mounting.decision import Decision, MeasurementValue
 from hdassist.mounting.positions import MountingCurve, seat_positions
@@ -108,10 +109,12 @@ def test_the_page_names_what_each_torque_alone_would_choose_where_that_differs()
 
 def test_the_curve_has_the_limit_less_the_self_error():
     plain = advice_of(curve_of([20.0, 9.0, 12.0], holes=3))
-    limited = replace(plain, drive=load_preset(SMALL, [*plain.drive.origin.overrides, "acceptance.F_ior=15"]))
+    drive = load_preset(SMALL, [*plain.drive.origin.overrides, "acceptance.F_ior=15"])
+    rooms = limits_left(drive, plain.torques)
+    limited = replace(plain, drive=drive, decision=replace(plain.decision, room_arcsec=rooms.arcsec))
     curve, line = (mount_report(each, 0).blocks[-1] for each in (plain, limited))
     assert curve.limit is None
-    assert 0 < line.limit < 15
+    assert line.limit == rooms.arcsec[0] and 0 < line.limit < 15
 
 
 def test_measuring_ends_where_one_more_value_is_not_worth_it_and_never_before_four():

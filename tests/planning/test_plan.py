@@ -163,11 +163,13 @@ def test_a_plan_of_a_joint_is_of_its_travel():
 def test_rough_teeth_leave_the_range_and_lower_the_share():
     drive, cycle = load_preset(SMALL, ["operation.M_g=4"]), 30 * 180
     sizes = {"tolerances.F_i1": 40.0, "tolerances.F_i2": 25.0}
-    none, one, both = rough_curves(drive, 4.0, [dict.fromkeys(sizes, 0.0), {"tolerances.F_i1": 40.0}, sizes], cycle)
+    none, one, both = rough_curves(
+        drive, 4.0, [dict.fromkeys(sizes, 0.0), {"tolerances.F_i1": 40.0}, sizes], cycle
+    ).arcsec
     assert not none.any()
     assert min(np.ptp(one), np.ptp(both)) > 0
-    twice = rough_curves(drive, 4.0, [{path: 2 * size for path, size in sizes.items()}] * 3, cycle)[2]
-    assert twice == pytest.approx(2 * rough_curves(drive, 4.0, [sizes] * 3, cycle)[2])
+    twice = rough_curves(drive, 4.0, [{path: 2 * size for path, size in sizes.items()}] * 3, cycle).arcsec[2]
+    assert twice == pytest.approx(2 * rough_curves(drive, 4.0, [sizes] * 3, cycle).arcsec[2])
     smooth = DrivesUnderTest(error_lines(drive, 4.0, [{}]).curves, np.ones(1), 1)
     rough = choose_plan(drive, draws=0).drives
     assert rough.F_ior_arcsec == pytest.approx(smooth.F_ior_arcsec)  # that of every page
