@@ -395,7 +395,7 @@ def choose_plan(
 
 
 @dataclass(frozen=True)
-class RoughCurves:
+class _RoughCurves:
     """Error of drives by rough teeth over the full cycle.
 
     arcsec: the error, shape (drives, points).
@@ -408,7 +408,7 @@ class RoughCurves:
 
 def rough_curves(
     drive: Drive, M_g: float, changes: Sequence[Mapping[str, float]], points: int, run: Run = Run()
-) -> RoughCurves:
+) -> _RoughCurves:
     """Return the error by rough teeth over the full cycle of drives.
 
     Of wheels whose single pitch deviation counts as 0: harmonics and noise of single teeth, in proportion to their
@@ -443,7 +443,7 @@ def rough_curves(
             error, first = errors[rng.integers(_ROUGH_WHEELS)], rng.integers(z)
             at = (index + first) % z
             curve += size * (error[at] * (1 - part) + error[(at + 1) % z] * part)
-    return RoughCurves(curves, proof)
+    return _RoughCurves(curves, proof)
 
 
 def _lines_seen(lines: ErrorLines, drives: DrivesUnderTest, plan: ReadingPlan) -> tuple[_LineSeen, ...]:

@@ -311,7 +311,7 @@ def _self_errors(drive: Drive, torques: Sequence[float]) -> list[tuple[list[list
 
 
 @dataclass(frozen=True)
-class LimitRooms:
+class _LimitRooms:
     """Room that limits leave F'_ior beside the self error.
 
     arcsec: the room at each torque, None without a limit there.
@@ -322,7 +322,7 @@ class LimitRooms:
     certificate: Certificate
 
 
-def limits_left(drive: Drive, torques: Sequence[float], run: Run = Run()) -> LimitRooms:
+def limits_left(drive: Drive, torques: Sequence[float], run: Run = Run()) -> _LimitRooms:
     """Return the room that limits of a drive leave F'_ior beside the self error at torques [N*m].
 
     Raises UntrustedError if a self error cannot be trusted.
@@ -331,7 +331,7 @@ def limits_left(drive: Drive, torques: Sequence[float], run: Run = Run()) -> Lim
     own = self_error(drive, torques, run=run) if any(limits) else []
     proof = sum((each.certificate for each in own), EMPTY)
     rooms = [None if limit is None else limit - each.range_arcsec for limit, each in zip_longest(limits, own)]
-    return LimitRooms(rooms, proof)
+    return _LimitRooms(rooms, proof)
 
 
 def _place(tau: float, beta: float, M_g: float, _: int) -> str:
