@@ -35,12 +35,15 @@ def hold(arguments: Sequence[str], stdout: str) -> None:
         digest = sha256(stdout.encode()).hexdigest()[:16]
         (Path(folder) / f"{_file(answer['schema'])}-{digest}.json").write_text(stdout, encoding="utf-8")
         return
-    faults = [f"{fault.json_path}: {fault.message[:200]}" for fault in _validator(answer["schema"]).iter_errors(answer)]
+    faults = [
+        f"{fault.json_path}: {fault.message[:200]}" for fault in validator_of(answer["schema"]).iter_errors(answer)
+    ]
     assert not faults, (answer["schema"], faults[:5])
 
 
 @cache
-def _validator(name: str) -> Draft202012Validator:
+def validator_of(name: str) -> Draft202012Validator:
+    """The schema of a name, such as hdassist.accept/2."""
     return Draft202012Validator(json.loads((SCHEMAS / f"{_file(name)}.schema.json").read_text(encoding="utf-8")))
 
 

@@ -26,7 +26,7 @@ from hdassist.acceptance.answer import (
 from hdassist.acceptance.decision import AcceptedValue, DecidedCheck, Predictions, decide
 from hdassist.acceptance.limits import Limit, limits_of
 from hdassist.acceptance.request import Inputs, LotRow, Request
-from hdassist.errors import GUARD, SEVERITY, DataError, HdassistError, UsageError, worst
+from hdassist.errors import GUARD, SEVERITY, DataError, HdassistError, UsageError, Verdict, worst
 from hdassist.measuring.fit import COVERAGE_FACTOR
 from hdassist.model.deviations import unknown_names
 from hdassist.readers.table import NO_UNIT
@@ -50,7 +50,7 @@ def accept(
     drive, measured = inputs.drive, inputs.measurements
     limits, rule = limits_of(drive), drive.acceptance.rule
     left = inputs.unmeasured
-    if predictions is None and len(left) == len(limits):
+    if predictions is None and len(left) == len(limits) and not request.strict:
         raise DataError(
             f"{drive.name}: nothing was measured that has a limit",
             " ".join(limit.option for limit in limits) + ", or no --measured-only" * request.measured_only,
@@ -71,14 +71,18 @@ def accept(
             values = values or [AcceptedValue()]
         elif predictions and limit.check.needs:
             values = [AcceptedValue.predicted(limit, predictions)]
-        elif not request.measured_only and not limit.check.needs:
-            values = [AcceptedValue()]  # only a given value decides it
+        elif request.strict or (not request.measured_only and not limit.check.needs):
+            values = [AcceptedValue()]  # only a measured value decides it
         else:
             continue
         decisions.append(_decisive([decide(limit, value, rule, request.sure) for value in values]))
-    left_out = [] if predictions else left
+    if request.shared and not request.shared_records:
+        decisions = [_open_by_sharing(decision, request.shared) for decision in decisions]
+    left_out = [] if predictions or request.strict else left
     samples = predictions.samples if predictions else None
     remarks = [*_of_traces(inputs, decisions), *_of_decisions(inputs, decisions, left_out, predictions)]
+    if request.shared:
+        remarks.append(Note("SHARED_RECORD", f"a recording is that of {', '.join(request.shared)} too"))
     verdict = worst(decision.verdict for decision in decisions)
     traces = [
         TraceRecord(
@@ -111,6 +115,14 @@ def accept(
         "place": place,
         **of_predictions(predictions, inputs.wheels),
     })  # fmt: skip
+
+
+def _open_by_sharing(decision: DecidedCheck, others: Sequence[str]) -> DecidedCheck:
+    """Return a decision without its verdict if it is by a recording, which is that of other drives too."""
+    if decision.basis != "measured":
+        return decision
+    reason = f"the recording is that of {', '.join(others)} too (--shared-records)"
+    return replace(decision, verdict=Verdict.INCONCLUSIVE, reason=reason)
 
 
 def _decisive(decisions: Sequence[DecidedCheck]) -> DecidedCheck:
@@ -174,7 +186,7 @@ def answer_row(row: LotRow, *, debug: bool = False) -> AcceptAnswer:
             raise row.fault
         drive = row.request.load()
         inputs = row.request.read(drive)
-        alike = replace(row.request, serial="", measured=(), values=())
+        alike = replace(row.request, serial="", measured=(), values=(), shared=())
         predictions = predicted(alike, inputs.unmeasured)
         return accept(row.request, inputs, predictions, row.place)
     except HdassistError as error:
@@ -196,11 +208,19 @@ def predicted(request: Request, limits: tuple[Limit, ...]) -> Predictions | None
     return request.predict(drive, limits, request.read_wheels(drive))
 
 
+def _drive_name(request: Request) -> str:
+    """Return the name of the drive of a request, that of its preset as asked for if it cannot be loaded."""
+    try:
+        return request.load().name
+    except Exception:
+        return request.preset
+
+
 def failure_of(row: LotRow, error: HdassistError) -> AcceptAnswer:
     """The answer of a row with an error; the fault of a row is wrong data, not wrong usage."""
     kind, request = DataError if isinstance(error, UsageError) else error, row.request
     return AcceptAnswer(
-        version=__version__, preset=PresetRecord(request.preset), exit_code=kind.exit_code, serial=request.serial,
+        version=__version__, preset=PresetRecord(_drive_name(request)), exit_code=kind.exit_code, serial=request.serial,
         seed=request.seed, request=None if row.fault else request, time=now(), place=row.place,
         error=ErrorRecord(row.message(error), error.hint, kind.fault),
     )  # fmt: skip

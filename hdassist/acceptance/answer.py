@@ -184,9 +184,10 @@ class SamplesRecord(ClosedRecord):
 class AcceptAnswer(ClosedRecord):
     """The answer about a drive: verdict, decisions, and all that it takes to do it again; or its error.
 
-    request: None for a row of a lot that is wrong in itself; place: of the row, None without one; certificate, unknown,
-    influence, steps, samples and pitch (wheels with measured teeth): of its predictions, as `hdassist check` has
-    them. Raises ValueError for a verdict without a check, and an exit code that is not that of its verdict or error.
+    request: None for a row of a lot that is wrong in itself; status: the verdict, or DATA_ERROR in its place, whatever
+    is given; place: of the row, None without one; certificate, unknown, influence, steps, samples and pitch (wheels
+    with measured teeth): of its predictions, as `hdassist check` has them. Raises ValueError for a verdict without a
+    check, and an exit code that is not that of its verdict or error.
     """
 
     schema: Annotated[str, own_schema(_ACCEPT_SCHEMA)] = _ACCEPT_SCHEMA
@@ -212,8 +213,10 @@ class AcceptAnswer(ClosedRecord):
     samples: SamplesRecord | None = None
     place: OneLine | None = None
     error: ErrorRecord | None = None
+    status: OneLine = ""
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "status", _NO_VERDICT if self.error else str(self.verdict))
         if bool(self.verdict) == bool(self.error):
             raise ValueError("expected either a verdict or an error")
         if self.verdict and not self.checks:
@@ -221,11 +224,6 @@ class AcceptAnswer(ClosedRecord):
         codes = (self.verdict.exit_code,) if self.verdict else _ERROR_CODES
         if self.exit_code not in codes:
             raise ValueError(f"exit_code: expected {' or '.join(map(str, codes))}, got {self.exit_code}")
-
-    @property
-    def status(self) -> str:
-        """The verdict, or DATA_ERROR in its place."""
-        return _NO_VERDICT if self.error else str(self.verdict)
 
 
 ANSWER = TypeAdapter(AcceptAnswer)
@@ -298,6 +296,10 @@ def read_answers(path: str) -> list[AcceptAnswer]:
             if b"\0" in part or len(data) > _MOST_ANSWER_BYTES:  # a device may never end
                 raise DataError(f"{file}: a binary file, or larger than {_MOST_ANSWER_BYTES / 1e6:g} MB", hint)
     if (kept := read_kept(bytes(data), file, ANSWERS)) is not None:
+        if not kept:
+            raise DataError(
+                f"{file}: no answers in the file", "its first line alone is there: hdassist accept LOT.csv --jsonl FILE"
+            )
         return kept
     try:
         content = json.loads(data.decode("utf-8", "replace"))

@@ -305,6 +305,9 @@ class AcceptedValue(ClosedRecord):
             raise UsageError(f"--value {given}: {error.message}", error.hint) from None
         if value < 0:
             raise UsageError(f"--value {given}: {limit.label} cannot be below zero", "its size, without a sign")
+        if value == 0 and (limit.check is F_IOR or not expanded):
+            words = f"--value {given}: {limit.label} must be above 0"
+            raise UsageError(words, "leave it out if it was not measured")
         return cls(value, expanded, "stated", "whole")
 
     @classmethod

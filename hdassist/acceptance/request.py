@@ -9,8 +9,11 @@ option would, and their faults are reported with their places.
 
 from __future__ import annotations
 
+import hashlib
+import os
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 from math import isclose, isnan
 from pathlib import Path
@@ -31,7 +34,7 @@ from hdassist.acceptance.limits import (
 )
 from hdassist.belief.samples import EFFECTIVE_SAMPLES
 from hdassist.errors import SURE, DataError, Fault, Finding, HdassistError, PresetError, UsageError
-from hdassist.files import STDIN, number_of, preset_names
+from hdassist.files import STDIN, is_file, number_of, preset_names
 from hdassist.loading import Asked
 from hdassist.measuring.bench import PositionRecord, SeenRange, StatedQuantity, position_quantities, seen_range
 from hdassist.measuring.fit import COVERAGE_FACTOR
@@ -43,6 +46,7 @@ from hdassist.preset.fields import REMOVED, Drive, OneLine, field_table, is_numb
 from hdassist.preset.text import InvalidValueError, near_miss, shown
 from hdassist.readers.pitch import WheelFiles
 from hdassist.readers.table import CellTable, NumberTable, read_texts, shortened
+from hdassist.readers.trace import MAX_TRACE_BYTES
 from hdassist.run.kept import ClosedRecord
 from hdassist.run.run import Run
 
@@ -100,7 +104,8 @@ class Request(ClosedRecord):
     preset's; measured, traces; values, measured otherwise; reading, how traces are read; measured_only, predict
     nothing; cross_check, solver of some predicted states again; draws, effective samples of what is not known at least;
     sure, probability of keeping a limit that PASS of a prediction needs; seed; wheels, with measured teeth, for
-    predictions.
+    predictions; strict, whether every limit has to be decided by a measurement; shared, serials of other drives of the
+    lot that have one of the same recordings; shared_records, whether these decide all the same.
     """
 
     preset: OneLine
@@ -116,6 +121,9 @@ class Request(ClosedRecord):
     wheels: WheelFiles = field(default_factory=WheelFiles)
     draws: Annotated[int, Field(ge=0)] = EFFECTIVE_SAMPLES
     sure: Annotated[float, Field(ge=0.5, lt=1)] = SURE
+    strict: bool = False
+    shared: tuple[OneLine, ...] = ()
+    shared_records: bool = False
 
     def files(self) -> list[str]:
         """Paths of all that is read for it; its preset, the first one, may be one of the library."""
@@ -226,7 +234,7 @@ class Request(ClosedRecord):
         Raises UntrustedError: no answer to be trusted.
         """
         limits = tuple(limit for limit in limits if limit.check.needs)
-        if self.measured_only or not limits:
+        if self.measured_only or self.strict or not limits:
             return None
         run = replace(run, seed=self.seed, cross_check=self.cross_check)
         return predict(drive, limits=limits, wheels=wheels, draws=self.draws, sure=self.sure, run=run)
@@ -286,11 +294,38 @@ class LotRow:
 
 @dataclass(frozen=True)
 class Lot:
-    """Drives to accept: file that names them with its SHA-256, rows in its order."""
+    """Drives to accept: file that names them with its SHA-256, rows in its order, and lines taken as remarks."""
 
     file: str
     sha256: str
     rows: tuple[LotRow, ...]
+    remarks: tuple[int, ...] = ()
+
+    def with_shared_records(self) -> Lot:
+        """Return the lot with the other drives named in each request whose recording is that of several drives."""
+        recordings = [_recordings(row.request) for row in self.rows]
+        serials: dict[str, dict[str, None]] = {}  # of the drives of each recording, by its SHA-256
+        for row, found in zip(self.rows, recordings, strict=True):
+            for sha256 in found:
+                serials.setdefault(sha256, {})[row.request.serial] = None
+        rows = []
+        for row, found in zip(self.rows, recordings, strict=True):
+            others = dict.fromkeys(serial for sha256 in found for serial in serials[sha256])
+            others.pop(row.request.serial, None)
+            rows.append(replace(row, request=replace(row.request, shared=tuple(others))) if others else row)
+        return replace(self, rows=tuple(rows))
+
+
+def _recordings(request: Request) -> list[str]:
+    """Return the SHA-256 of each recording of a request that is a file; a file that cannot be read has none."""
+    found = []
+    for text in request.measured:
+        path = torque_and_file(text)[1]
+        with suppress(OSError, ValueError):
+            if is_file(path) and os.path.getsize(path) <= MAX_TRACE_BYTES:  # noqa: PTH202 (a path may have a NUL)
+                with open(path, "rb") as stream:  # noqa: PTH123
+                    found.append(hashlib.file_digest(stream, "sha256").hexdigest())
+    return found
 
 
 _Column = tuple[str, str]  # the field of a request (or of its wheels) that a column gives, and the text before a cell
@@ -317,7 +352,7 @@ def read_lot(path: str, base: Request) -> Lot:
             if column == ("serial", ""):
                 lines.setdefault(cell.text, []).append(line)
     rows = [_row(table, columns, place, base, lines) for place in range(len(table.rows))]
-    return Lot(table.file, table.sha256, tuple(rows))
+    return Lot(table.file, table.sha256, tuple(rows), table.remarks)
 
 
 def _columns(table: CellTable) -> list[_Column | None]:
@@ -356,7 +391,7 @@ def _column(name: str) -> _Column:
             return gives, f"{text.strip()}="
     if ".".join(map(str, path_of(name)[:2])) in field_table():
         return "overrides", f"{name}="
-    typed = name.partition("@")[2]
+    typed = name.partition("@")[2].replace(",", ".")
     torque = typed if is_number(typed) else "80"
     examples = [f"{column}@{torque}" for column in ("F_ior", "limit F_ior", "measured")]
     known = [*_PLAIN_COLUMNS, "measured", *field_table(), *examples]
@@ -381,6 +416,8 @@ def _row(
     def wrong(column: int, path: str, message: str, got: str = "", hint: str = "") -> None:
         faults.append(Finding(table.file, line, column, path, message, shown(got), hint))
 
+    if opened := table.unclosed.get(line):
+        wrong(opened, "", "quotes are not closed", hint="end the cell with quotes too")
     for index, cell in enumerate(cells):
         name, column = (table.names[index].text, columns[index]) if index < len(columns) else ("", None)
         if cell.text and not name:

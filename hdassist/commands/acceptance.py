@@ -174,6 +174,8 @@ class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOption
     measured: list[str]
     value: list[str]
     measured_only: bool = False
+    strict: bool = False
+    shared_records: bool = False
     sure: float = 0.95
     serial: str = ""
     preset: str = ""
@@ -224,7 +226,9 @@ class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOption
             measured=tuple(self.measured),
             values=tuple(self.value),
             reading=self.reading(),
-            measured_only=self.measured_only,
+            measured_only=self.measured_only or self.strict,
+            strict=self.strict,
+            shared_records=self.shared_records,
             cross_check=self.cross_check,
             seed=self.seed,
             wheels=self.wheels(),
@@ -287,7 +291,7 @@ def accept_lot(path: str, base: Request, options: AcceptOptions, out: Output) ->
     def one(path: str) -> Report:
         nonlocal name, sha256
         base.require_sound()
-        lot = read_lot(path, base)
+        lot = read_lot(path, base).with_shared_records()
         name, sha256 = lot.file, lot.sha256
         for file in (file for row in lot.rows for file in row.request.files()):
             note_input(file)
@@ -369,7 +373,7 @@ def _replay_answers(path: str, options: AcceptOptions, out: Output) -> int:
     """Do the answers of a file of --json or --jsonl again; returns the exit code. Raises DataError: no such file."""
     from hdassist.acceptance.answer import changed_file, read_answers
     from hdassist.acceptance.request import LotRow
-    from hdassist.pages.accept import replay_report
+    from hdassist.pages.accept import replay_report, title
 
     recorded = read_answers(path)
     faults = list(map(changed_file, recorded))
@@ -381,6 +385,11 @@ def _replay_answers(path: str, options: AcceptOptions, out: Output) -> int:
         reports = [
             replay_report(answer, None if fault or not answer.request else next(fresh), fault)
             for answer, fault in pairs
+        ]
+    if len(reports) > 1:
+        reports = [
+            replace(report, line=f"{title(answer)} {report.line}")
+            for report, answer in zip(reports, recorded, strict=True)
         ]
     return give("accept-replay", reports, out)
 

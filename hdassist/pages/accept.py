@@ -27,6 +27,7 @@ from hdassist.model.geometry import Kinematics
 from hdassist.pages.check import fitted_words, influence_at, steps_fact, steps_table
 from hdassist.preset.fields import Drive
 from hdassist.preset.text import convert, shown
+from hdassist.readers.table import shortened
 from hdassist.report import NO_VALUE, Fact, Facts, Quantities, Quantity, Report, Table, attributes, four_digits
 from hdassist.terminal.output import csv_text, together
 from hdassist.terminal.words import WHEEL_WORDS, again, samples_words
@@ -251,6 +252,9 @@ def lot_report(lot: Lot, answers: Sequence[AcceptAnswer]) -> Report:
         (title(each), each.status, _deciding(each, same.setdefault(fault_words(each), each))) for each in answers
     )
     warnings = tuple(_shared_records(answers))
+    if lot.remarks:
+        lines = shortened(lot.remarks)
+        warnings = (*warnings, f"{lot.file}: taken as remarks, not as rows: line{'s' * (len(lot.remarks) > 1)} {lines}")
     return Report(
         command="accept",
         drive=None,
@@ -374,9 +378,11 @@ def csv(answers: Sequence[AcceptAnswer]) -> str:
             "serial": answer.serial,
             "preset": answer.preset.name,
             **{figure.key: figure.of(check) for figure in _CHECK_FIGURES},
+            **({"verdict": answer.status} if answer.error else {}),
             "exit_code": answer.exit_code,
             "error": answer.error and answer.error.message,
             **provenance(answer),
+            "status": answer.status,
         }
         for answer in answers
         for check in answer.checks or [None]

@@ -15,7 +15,7 @@ from __future__ import annotations
 import re
 from array import array
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import cos, isfinite, nan, radians
 
@@ -45,6 +45,7 @@ from hdassist.readers.words import (
     role_in,
     row_text,
     separator_of,
+    unclosed_quote,
     unit_in,
 )
 
@@ -184,9 +185,10 @@ class NumberTable:
 
 @dataclass(frozen=True)
 class CellTable:
-    """A table of text: SHA-256 of its file, separator, names and their line, rows, and the lines that are remarks.
+    """A table of text: SHA-256 of its file, separator, names and their line, and rows.
 
-    rows: line number and cells of each row.
+    rows: line number and cells of each row. remarks: numbers of the lines below the names that are remarks.
+    unclosed: column of the first quote that is not closed, by the line.
     """
 
     file: str
@@ -196,6 +198,7 @@ class CellTable:
     names_line: int
     rows: tuple[tuple[int, tuple[Cell, ...]], ...]
     remarks: tuple[int, ...]
+    unclosed: Mapping[int, int]
 
     def with_points(self, text: str) -> str:
         """A cell with decimal points, where the separator leaves commas free and the cell has no list in it."""
@@ -206,27 +209,43 @@ class CellTable:
 def read_texts(source: Readable) -> CellTable:
     """Read a table of text under a line of names, separated by semicolons, tabs or commas.
 
+    A line that begins like a remark and has as many cells as there are names is a row: a serial may begin with #.
     Argument: source, a path, stream or bytes. Raises DataError: a file that cannot be read; PresetError: one that has
     no rows, or lines that are too long.
     """
     text = TextFile(source, _MOST_TABLE_BYTES)
     table = NumberTable(text.name)
-    lines, remarks = [], []
+    lines: list[TableLine] = []
+    remarks: list[int] = []
+    separator = ""
     for first, part in text.parts():
         for line in _lines(first, part, table):
-            if line.remark:
-                remarks.append(line.number)
-            else:
+            if not line.remark:
+                separator = separator or next((mark for mark in ";\t," if mark in line.text), ";")
                 lines.append(line)
+            elif lines and _is_wide(line.text, separator, lines[0].text):
+                lines.append(line)
+            elif lines:
+                remarks.append(line.number)
     table.require_sound()
     if len(lines) < 2:
         hint = "a line of names such as serial;preset;measured, and a row for each drive"
         raise PresetError(
             [Finding(text.name, lines[0].number if lines else 1, 1, "", "no rows in the table", "", hint)]
         )
-    separator = next((mark for mark in ";\t," if mark in lines[0].text), ";")
     names, *rows = ((line.number, tuple(cells_of(line.text, separator))) for line in lines)
-    return CellTable(text.name, text.sha256, separator, names[1], names[0], tuple(rows), tuple(remarks))
+    opened = {line.number: column for line in lines if (column := unclosed_quote(line.text, separator))}
+    return CellTable(text.name, text.sha256, separator, names[1], names[0], tuple(rows), tuple(remarks), opened)
+
+
+def _is_wide(text: str, separator: str, heading: str) -> bool:
+    """Return whether a line has as many cells as a heading, empty ones included, and the heading has several."""
+    end = f"{separator}end"  # behind which no empty cell is left out
+    width = len(cells_of(heading, separator))
+    cells = cells_of(text.rstrip("\r\n") + end, separator)[:-1]
+    if len(cells) > width and not cells[-1].text:
+        cells.pop()  # a separator at the end of the line
+    return len(cells) == width > 1
 
 
 def read_numbers(

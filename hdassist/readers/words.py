@@ -243,6 +243,16 @@ def cells_of(line: str, separator: str) -> list[Cell]:
     return cells
 
 
+def unclosed_quote(line: str, separator: str) -> int:
+    """Return the column of the first cell of a line that begins with a quote and does not end with it; 0 for none."""
+    begin, end = len(line) - len(line.lstrip()), len(line.rstrip())
+    while begin <= end and (match := _CELLS[separator].search(line, begin, end)):
+        if match[1].startswith('"') and not re.fullmatch(_QUOTED, match[1].strip()):
+            return match.start(1) + 1
+        begin = line.find(separator, match.end(), end) + 1 or end + 1
+    return 0
+
+
 def row_text(row: Iterable[Cell]) -> str:
     """Texts of some cells, with blanks between them."""
     return " ".join(cell.text for cell in row).strip()

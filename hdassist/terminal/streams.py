@@ -314,9 +314,14 @@ def require_writable(path: str, force: bool) -> None:
         if not folder.is_dir():
             raise _unwritable(path, f"there is no directory {folder}")
         if not os.access(target if _is_device(target) else folder, os.W_OK):
-            raise _unwritable(path, "no permission")
+            raise _unwritable(path, "the file system is read-only" if _is_read_only(folder) else "no permission")
     except (OSError, ValueError) as error:  # ValueError: a path with a NUL in it
         raise _unwritable(path, getattr(error, "strerror", None) or str(error)) from None
+
+
+def _is_read_only(folder: Path) -> bool:
+    """Return whether the file system of a folder is mounted read-only; False on systems that do not tell."""
+    return hasattr(os, "statvfs") and bool(os.statvfs(folder).f_flag & os.ST_RDONLY)
 
 
 def _real(target: Path) -> Path:

@@ -171,7 +171,7 @@ def test_figures_of_several_drives_and_the_worst_code(rig, tmp_path):
     rows = list(csv.DictReader(io.StringIO((tmp_path / "figures.csv").read_text())))
     found = ("LOST_MOTION", "predicted", "FAIL", "3")
     told = [(r["code"], r["basis"], r["verdict"], r["exit_code"]) for r in rows]
-    assert told == [found, ("", "", "", "4"), found]
+    assert told == [found, ("", "", "DATA_ERROR", "4"), found]
     assert float(rows[0]["margin"]) == float(rows[0]["limit"]) - float(rows[0]["value"])
     again = run("accept", SMALL, "--limit", "lost_motion=1", "--csv", str(tmp_path / "figures.csv"))
     assert again.returncode == 2

@@ -226,7 +226,7 @@ def test_csv_has_a_row_for_each_check_and_its_provenance(told):
     assert len(rows) == sum(len(a.checks) or 1 for a in told)
     assert {row["version"] for row in rows} == {__version__}
     (broken,) = (row for row in rows if row["error"])
-    assert (broken["serial"], broken["verdict"], broken["exit_code"]) == ("broken", "", "4")
+    assert (broken["serial"], broken["verdict"], broken["exit_code"]) == ("broken", "DATA_ERROR", "4")
     assert float(rows[0]["value"]) == told[0].checks[0].value
 
 

@@ -133,7 +133,10 @@ def test_a_lot_from_standard_input(folder):
     again = run(*asked, "--jsonl", "a.jsonl", "--resume", stdin=LOT, cwd=folder)
     assert "a.jsonl: 2 of 4 rows are known" in again.stderr
     replayed = run("accept", "--replay", "a.jsonl", "-q", cwd=folder)
-    assert (replayed.returncode, replayed.stdout.split()) == (0, ["agrees"] * 2 + ["left", "out"] * 2)
+    assert (replayed.returncode, replayed.stdout.split("\n")) == (
+        0,
+        ["1 agrees", "2 agrees", "3 left out", "4 left out", ""],
+    )
     with open_kept(str(folder / "a.jsonl"), KeptOwner(command="accept", inputs={}), ANSWERS):
         locked = run(*asked, "--jsonl", "a.jsonl", "--resume", stdin=LOT, cwd=folder)
     assert (locked.returncode, "being written by another run" in locked.stderr) == (2, True)
