@@ -19,7 +19,7 @@ from math import hypot, sqrt
 import numpy as np
 
 from hdassist.errors import DataError, PresetError, UsageError
-from hdassist.files import number_of
+from hdassist.files import GREATEST, number_of
 from hdassist.measuring.fit import COVERAGE_FACTOR
 from hdassist.measuring.orders import BIAS_SHARE, LARGEST_UNCERTAINTY
 from hdassist.model.geometry import Array
@@ -82,7 +82,10 @@ class PositionRecord:
         if written is None:
             return None
         turns = number_of(written["turns"]) if written["turns"] else 1.0
-        return _SheetPlan(written["drive"], int(written["count"]), turns, bool(written["both"]))
+        positions = int(written["count"])
+        if not (positions and 0 < turns < GREATEST):
+            return None
+        return _SheetPlan(written["drive"], positions, turns, bool(written["both"]))
 
     def is_carried_out(self, plan: _SheetPlan) -> bool:
         """Return whether every position of a plan was approached from every planned side."""

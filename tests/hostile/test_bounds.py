@@ -76,6 +76,15 @@ def test_a_sheet_with_impossible_remarks_is_refused_with_the_line(
         assert f"read.csv:{line}:" in json.loads(done.stdout)["error"]["message"]
 
 
+@pytest.mark.parametrize(
+    "plan", ["0 positions", "12 positions over 1e308 output turns", "12 positions over . output turns"]
+)
+def test_a_plan_that_cannot_be_carried_out_promises_no_share(plan: str, folder: Path) -> None:
+    (folder / "read.csv").write_text(sheet().replace("12 positions", plan))
+    words = ["--limit", "F_ior@1=60", "--measured", "1=read.csv", "--measured-only", "--budget", BUDGET]
+    assert run("accept", "small.yaml", *words, cwd=folder).returncode == 6
+
+
 def test_one_row_that_is_left_out_leaves_none(folder: Path) -> None:
     (folder / "one.csv").write_text("cam_deg,error_arcsec\ninf,2.0\n")
     done = run("measure", "one.csv", "--robust", cwd=folder)

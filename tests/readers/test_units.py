@@ -85,6 +85,7 @@ def test_words_that_are_no_units() -> None:
     names = (
         "error (raw)", "error [filtered]", "error (cam - output)", "error[0]", "error_2", "error at 20 °C",
         "output_error", "error_left", "TE", "error at 60 rpm", "a/b", "error (ccw)", "error", "in_error",
+        "error (1st run)", "error (meas.)", "time (UTC)",
     )  # fmt: skip
     assert [foreign_unit_in(name) for name in names] == [""] * len(names)
 
