@@ -338,9 +338,8 @@ class AcceptedValue(ClosedRecord):
 
 
 def _amplitude(sweep: SweepResult, order: float) -> tuple[float, float, float] | None:
-    near = [o for o in sweep.orders if abs(o.per_cam_rev - order) <= 0.5 / sweep.bins.span]
-    best = min(near, key=lambda o: abs(o.per_cam_rev - order), default=None)
-    return (best.amplitude_arcsec, best.uncertainty_arcsec, 0.0) if best else None
+    found = sweep.order_alone(order)
+    return (found.amplitude_arcsec, found.uncertainty_arcsec, 0.0) if found else None
 
 
 # values of checks by their code, from a direction of a trace and the order: with its standard uncertainty, and by how

@@ -32,6 +32,7 @@ from hdassist.measuring.orders import (
     image_change,
     order_grid,
     order_tables,
+    other_ratio,
     parse_orders,
     parse_stated,
     ranges_of,
@@ -73,6 +74,7 @@ _CHANGES_LEFT = (
     "record a sweep at each torque"
 )
 _STRAIGHT = "F'_ior at {:g} N·m is by a straight line from {:.3g} to {:.3g} N·m: the record does not tell a bend"
+_CYCLES_OF_RATIO = 1.2  # full cycles, from which on a record shows whether its beats are those of the ratio
 _BENT = 1 / 4  # of a drift: how far it may depart from a line to either side
 _COARSE_STEP = 1 / 4  # of F'_ior: greatest step in time with the turns that the error is resolved from
 _UNMODELLED = 1 / 5  # of F'_ior: least error beyond the orders that is reported
@@ -139,6 +141,11 @@ class SweepResult:
     def lines(self) -> tuple[MeasuredOrder, ...]:
         """Lines that are none of the declared orders."""
         return tuple(order for order in self.orders if order.is_line)
+
+    def order_alone(self, per_cam_rev: float) -> MeasuredOrder | None:
+        """Return an order without its beats, the value that a limit of it is compared with; None if it has none."""
+        near = [order for order in self.orders if abs(order.per_cam_rev - per_cam_rev) <= 0.5 / self.bins.span]
+        return min(near, key=lambda order: abs(order.per_cam_rev - per_cam_rev), default=None)
 
     @property
     def is_bound(self) -> bool:
@@ -313,11 +320,25 @@ class _RecordUnderway:
             fit = fit.at_torque(min(max(nearest, low), high))
             if miss is None:
                 self.warnings.append(_STRAIGHT.format(self.M_g, low, high))
+        self._require_ratio(fit)
         found = self._sweep_result(sign, fit, drift_left, miss)
         if not fit.unmodelled < _UNMODELLED * found.range.value:
             size = f"{fit.unmodelled:.2g}″"
             self.warnings.append(f"error beyond the declared orders, {size}: declare more of them, or it drifts")
         return found
+
+    def _require_ratio(self, fit: TraceFit) -> None:
+        """Raise DataError if the beats of a record show another ratio than that of the drive, or of --ratio."""
+        gearing = self.gearing
+        if gearing is None or fit.bins.span < _CYCLES_OF_RATIO * gearing.cycle:
+            return
+        shown = with_lines(fit) if self.together else fit
+        other = other_ratio(shown, _declared(self.trace, self.orders, []), gearing.ratio)
+        if other is None:
+            return
+        words = f"{self.trace.file}: the error beats once in about {other:.3g} cam turns, not in {gearing.ratio:g}"
+        hint = f"check the file and the ratio: a drive of ratio {other:.0f} or so has such beats"
+        raise DataError(words, hint, Fault.FILE_INVALID)
 
     def _fitted(self, sign: int) -> TraceFit:
         """The fit to a direction, once all is left out and taken off that fits before show."""

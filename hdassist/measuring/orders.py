@@ -75,6 +75,9 @@ _SLOPE_ENDS = 1.0  # turns of the cam, at the ends of a travel, whose slope nois
 _SLOPE_DRAWS = 60  # of the bootstrap, for a slope
 _SHRINK = 2.0  # times the power of noise, taken off the power of each order
 _HIGHEST_IMAGE = 30.0  # per cam turn: of orders that may be the image of another; ball passes lie below
+_SAME_BEAT = 0.2  # of the resolution: distances of beats from their orders that are the same
+_CLEAR_BEAT = 0.05  # of the greatest amplitude: least beat that shows a ratio
+_FEWEST_BEATS = 3  # beats at the same distance that show a ratio
 _CORRELATED = 1e3  # condition of the normal equations: beyond, orders cannot be shrunk one by one
 
 
@@ -273,6 +276,31 @@ def order_tables(
             joint, table[place] = widened(joint, BEATS), widened(table[place], 0)
         together.append(replace(joint, cause=table[place].cause))
     return tuple(table), tuple(together)
+
+
+def other_ratio(fit: TraceFit, declared: Sequence[float], ratio: float) -> float | None:
+    """Return the ratio that the beats of a fit show, if it is another one than that of the drive; else None.
+
+    The error of a drive has beats at the same distances from several orders. Lines of a ball pass or of the rig do not
+    come in such pairs around declared orders.
+
+    fit: with its lines; declared: orders per cam turn, rising; ratio: cam turns in an output turn of the drive.
+    """
+    within, step = _SAME_BEAT / fit.bins.span, 1 / ratio
+    beats: dict[tuple[float, bool], float] = {}  # distance from its order, by the order and the side
+    for place in np.flatnonzero(fit.is_line):
+        line, size = float(fit.orders[place]), float(fit.amplitude[place])
+        order = min(declared, key=lambda each: abs(each - line))
+        away = abs(line - order)
+        is_own = abs(away / step - round(away / step)) * step <= within
+        is_beat = within < away <= min(BEATS / ratio, 1 / _LEAST_RATIO) and not is_own
+        if is_beat and size >= _CLEAR_BEAT * float(fit.amplitude.max()):
+            beats[order, line > order] = away
+    for away in sorted(beats.values()):
+        alike = [other for other in beats.values() if abs(other - away) <= within]
+        if len(alike) >= _FEWEST_BEATS:
+            return 1 / float(np.mean(alike))
+    return None
 
 
 def _over_whole_turns(

@@ -147,11 +147,12 @@ def _facts(result: Measurement, drive: Drive | None, options: Sequence[str], spe
     found, file = result.directions[0], result.trace.file
     greatest = sorted(found.orders_of_cam, key=lambda o: -o.amplitude_arcsec)[:_NAMED_ORDERS]
     of_record = " here"  # over whole turns of the output it may be none or much more
-    named = (
-        f"{o.per_cam_rev:g}: {o.amplitude_arcsec:.2f}"
-        + (of_record if o.is_of_record else f" ± {COVERAGE_FACTOR * o.uncertainty_arcsec:.2f}")
-        for o in greatest
-    )
+    named = []
+    for order in greatest:
+        spread = of_record if order.is_of_record else f" ± {COVERAGE_FACTOR * order.uncertainty_arcsec:.2f}"
+        alone = found.order_alone(order.per_cam_rev)
+        beside = f" ({alone.amplitude_arcsec:.2f} alone)" if alone else ""
+        named.append(f"{order.per_cam_rev:g}: {order.amplitude_arcsec:.2f}{spread}{beside}")
     yield "orders", f"{', '.join(named)} (″, with beats)"
     yield "slow", _slow(found)
     if speed and (slope := result.slope_arcsec_per_deg):

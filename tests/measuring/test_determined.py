@@ -5,7 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from hdassist.acceptance.decision import MEASURED
+from hdassist.errors import DataError
 from hdassist.measuring.measure import SweepResult, measure
+from hdassist.pages.measure import measure_report
 from tests.rigs import RATIO, Array, recorded, whole_range
 
 PER_TURN = 40
@@ -103,3 +106,36 @@ def test_images_of_beats_are_no_lines_of_uneven_readings(seed):
     assert not [line for line in found.lines if line.per_cam_rev > PER_TURN / 2]
     assert found.range.value <= np.ptp(error)
     assert found.interval_arcsec[0] < whole_range(curve, RATIO)
+
+
+def test_the_page_shows_the_amplitude_that_accept_compares():
+    """`orders` shows an order with its beats, and beside it the amplitude alone, which a limit of the order is for."""
+    output = 2 * np.pi * TURNS / RATIO
+    error = readings(PLACES) + 3 * np.cos(4 * np.pi * TURNS + output)
+    found = measure(recorded(TURNS, error), ratio=RATIO)
+    amplitude, *_ = MEASURED["ORDER"](found.directions[0], 2.0) or (0.0,)
+    assert amplitude == pytest.approx(4, abs=0.1)
+    facts = dict(measure_report(found, None).blocks[1].rows)
+    assert f"2: {found.directions[0].orders_of_cam[1].amplitude_arcsec:.2f}" in facts["orders"]
+    assert f"({amplitude:.2f} alone)" in facts["orders"]
+
+
+@pytest.mark.parametrize("together", [False, True])
+def test_beats_of_another_ratio_are_refused(together):
+    """A recording of ratio 100 is none of a drive of ratio 30, whose cycle it goes through three times."""
+    turns = np.arange(100 * PER_TURN) / PER_TURN
+    output = 2 * np.pi * turns / 100
+    error = (10 + 2 * np.cos(output)) * np.cos(4 * np.pi * turns) + 2 * np.cos(2 * np.pi * turns + output)
+    error += 6 * np.cos(output + 1) + 0.2 * np.random.default_rng(1).standard_normal(len(turns))
+    with pytest.raises(DataError, match=r"beats once in about (99|100)"):
+        measure(recorded(turns, error), ratio=RATIO, together=together)
+    assert not measure(recorded(turns, error), ratio=100, together=together).directions[0].is_bound
+
+
+def test_ball_passes_are_no_beats_of_another_ratio():
+    """Lines of a cage and its balls lie near orders too, but not at the same distance from several of them."""
+    turns = np.arange(3 * len(PLACES)) / PER_TURN
+    error = slow_error(turns) + 0.3 * np.random.default_rng(2).standard_normal(len(turns))
+    for line in (0.402, 0.804, 1.206, 2.01, 4.826):
+        error += np.cos(2 * np.pi * line * turns + line)
+    assert len(measure(recorded(turns, error), ratio=RATIO).directions[0].lines) >= 4
