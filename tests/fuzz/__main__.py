@@ -58,6 +58,13 @@ def relations(args: argparse.Namespace) -> bool:
     return study(args.n, args.seed)
 
 
+def recordings(args: argparse.Namespace) -> bool:
+    """The same readings, written as another recording."""
+    from tests.fuzz.recordings import study
+
+    return study(args.n, args.seed)
+
+
 def inputs(args: argparse.Namespace) -> bool:
     """Presets, targets, traces, pitch tables, lots, options, answers and states, changed at random."""
     if args.guided:
@@ -100,6 +107,10 @@ def main() -> int:
     study.add_argument("--n", type=int, default=20, help="drives, some twenty relations each")
     study.add_argument("--seed", type=int, default=0)
     study.set_defaults(run=relations)
+    study = studies.add_parser("recordings", help="the same readings, written as another recording")
+    study.add_argument("--n", type=int, default=20, help="recordings, a dozen relations each")
+    study.add_argument("--seed", type=int, default=0)
+    study.set_defaults(run=recordings)
     study = studies.add_parser("inputs", help="everything that is read, changed at random")
     study.add_argument("--n", type=int, default=1000, help="inputs")
     study.add_argument("--start", type=int, default=0, help="go on with this one: the first was 0")
