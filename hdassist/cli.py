@@ -21,8 +21,8 @@ from typer.core import TyperCommand, TyperGroup
 
 from hdassist import __version__
 from hdassist.errors import DataError, Fault, HdassistError, UntrustedError, UsageError, validation_words
-from hdassist.files import GREATEST, begin_run
-from hdassist.terminal.streams import say, silence
+from hdassist.files import GREATEST, begin_run, is_written
+from hdassist.terminal.streams import give_stdout, say, silence
 
 # of click, of which typer has a copy: only its subclasses are public
 _Context: TypeAlias = Any
@@ -331,6 +331,8 @@ def run_command_line() -> None:
         error.show(shown)
         lines = f"\n{shown.getvalue()}".replace("\nError: ", "\nerror: ")[1:]
         _say(lines, hint, Fault.USAGE if "error: " in lines else None)  # a group without a command shows its help
+        if "error: " in lines:
+            _give_wrong_usage(UsageError(lines.partition("error: ")[2].strip(), hint))
         sys.exit(error.exit_code)
     except Exception as error:  # whatever ends a command: known errors by their exit codes, the rest as a bug, 1
         if "--debug" in sys.argv:
@@ -339,9 +341,26 @@ def run_command_line() -> None:
 
         known = _as_known(error)
         complain(known)
+        if isinstance(known, UsageError):
+            _give_wrong_usage(known)
         sys.exit(known.exit_code)
     finally:
         _say_of_cache()
+
+
+def _give_wrong_usage(error: UsageError) -> None:
+    """Write wrong usage as JSON on standard output, if --json is asked for and nothing was written there.
+
+    It has a schema of its own, as the command may be what is wrong, and never goes to the file of -o, which may be too.
+    """
+    from hdassist.terminal.output import failure, json_text
+
+    if "--json" not in sys.argv or is_written("-"):
+        return
+    try:
+        give_stdout(json_text(failure("usage", error)))
+    except DataError as unwritten:
+        _say(f"error: {unwritten.message}")
 
 
 def _say_of_cache() -> None:

@@ -130,9 +130,9 @@ def foreign_unit_in(name: str, units: Iterable[str] = ANGLES) -> str:
     marked, words = _unit_texts(name)
     for text in marked:
         is_formula = len(text) > _LONGEST_UNIT or re.search(r"[=+]|\s[-−]\s|\s\S+\s", text)
-        is_formula = is_formula or (" " in text and "[" not in name)  # as (1st run)
+        is_remark = " " in text and "[" not in name  # as (1st run)
         is_part = f"/{text}" in name.replace(" ", "") and len(text) < _LEAST_BARE
-        if text and not (is_formula or is_part or role_in(text) or _NO_UNIT.fullmatch(text)):
+        if text and not (is_formula or is_remark or is_part or role_in(text) or _NO_UNIT.fullmatch(text)):
             return text
     known = {plain_unit(unit) for unit in (*ANGLES, *TORQUES, *TIMES, COUNTS, *chain(*_FOREIGN.values()))}
     known.add(_AMBIGUOUS_DEGREE)

@@ -80,6 +80,28 @@ def test_an_answer_is_followed_by_no_error_object() -> None:
     assert "error" not in json.loads(done.stdout)
 
 
-def test_wrong_usage_has_no_object() -> None:
-    done = run("mount", TINY, "--set", "gears.flywheel=1", "--json")
-    assert (done.returncode, done.stdout) == (2, "")
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("mount", TINY, "--set", "gears.flywheel=1"),
+        ("accept", TINY, "--nonsense"),
+        ("trials", TINY, "--jobs", "x"),
+        ("presets", "show"),
+        ("explain", "no such word"),
+        ("nothing",),
+        ("check", TINY, "--json", "-o", "there.json"),
+    ],
+)
+def test_wrong_usage_is_an_object_on_standard_output(tmp_path, words) -> None:
+    (tmp_path / "there.json").write_text("kept")
+    done = run(*words, "--json", cwd=tmp_path)
+    answer = json.loads(done.stdout)
+    assert answer["schema"] == "hdassist.usage/1"
+    assert (done.returncode, answer["exit_code"]) == (2, 2)
+    assert answer["error"]["code"] in ("USAGE", "FILE_EXISTS", "FILE_INVALID")
+    assert (tmp_path / "there.json").read_text() == "kept"
+    assert done.stderr.count("error: ") == 1
+
+
+def test_wrong_usage_without_json_has_no_object() -> None:
+    assert run("accept", TINY, "--nonsense").stdout == ""
