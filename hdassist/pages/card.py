@@ -180,7 +180,7 @@ def card_of(advice: Advice, say: Texts, warnings: Sequence[str] = (), *, serial:
         language=say.language,
         title=say("card.title"),
         subject=_subject(advice, say, serial),
-        instruction=Paragraph(instruction(advice, say, gains=False)),
+        instruction=Paragraph(_card_instruction(advice, say)),
         seat=seat,
         directions=Lines(
             "", tuple(f"{p.letter}: {p.words}, {say.angle(round(p.angle_deg, 1))}" for p in seat.pointers)
@@ -192,6 +192,17 @@ def card_of(advice: Advice, say: Texts, warnings: Sequence[str] = (), *, serial:
         sign=Facts(((say("sign.date"), ""), (say("sign.name"), ""))),
         foot=Lines("", tuple(_foot(advice, say, made))),
     )
+
+
+def _card_instruction(advice: Advice, say: Texts) -> str:
+    """Return the instruction, behind a value that has to be measured again before anything is bolted."""
+    order = instruction(advice, say, gains=False)
+    doubted = advice.to_repeat
+    if not doubted:
+        return order
+    hole = hole_of(doubted.rotation_deg, advice.drive.mounting.holes)
+    place, value = place_at(doubted.rotation_deg, hole, say), f"{measured_value(doubted, say)}″"
+    return f"{say('instruction.repeat', place=place, value=value)} {order}"
 
 
 def _subject(advice: Advice, say: Texts, serial: str) -> Facts:
@@ -257,8 +268,6 @@ def _zero(advice: Advice, say: Texts) -> str:
 def _chances(advice: Advice, say: Texts) -> Iterator[str]:
     """The probability of the choice, what to do if it comes out wrong, and what it rests on."""
     yield _chance(advice, say)
-    if advice.to_repeat:
-        yield say("chance.repeat", **_doubted(advice, advice.to_repeat, say))
     to_try = [advice.next] if advice.trials else advice.to_try
     measured = {trial.rotation_deg for trial in advice.trials}
     left = [p for p in [p for p in to_try if p] or [advice.current] if p.rotation_deg not in measured]
@@ -288,12 +297,6 @@ def _chance(advice: Advice, say: Texts) -> str:
     if advice.turn:
         return say("chance.turn", place=place, zero=zero, cost=say.percent(found.cost), count=count, sure=sure)
     return say("chance.leave", zero=zero, cost=say.percent(found.cost), count=count, sure=sure)
-
-
-def _doubted(advice: Advice, trial: Trial, say: Texts) -> dict[str, str]:
-    """Return place and value of a measured value as fields of a text."""
-    where = place_at(trial.rotation_deg, hole_of(trial.rotation_deg, advice.drive.mounting.holes), say)
-    return {"place": where, "value": f"{measured_value(trial, say)}″"}
 
 
 def _checks(advice: Advice, say: Texts) -> list[str]:

@@ -201,6 +201,8 @@ def test_a_value_that_is_probably_misread_is_measured_again_before_anything_else
     assert not any("Stop measuring" in words or "→" in words for words in report.why)
     (facts,) = [block for block in report.blocks if type(block).__name__ == "Facts"]
     assert "h6=F_IOR" in dict(facts.rows)["next"]
+    paper = card(advice, trials=advice.trials)
+    assert paper.instruction.text.startswith("Before bolting: measure in hole 6 again.")
     repeated = advise_after(AT_4, [*others, wrong, tried[3]], SETUP, samples=samples)
     assert repeated.suspected == wrong and repeated.to_repeat is None
 
