@@ -257,7 +257,7 @@ def _sure_words(advice: Advice) -> str:
     """How sure the choice is; empty where no hole can be told from another."""
     found = advice.decision
     if not advice.names_hole:
-        return f"{advice.fault}." * bool(advice.fault)
+        return f"F'_ior is that at nominal values: {advice.fault}." if advice.fault else ""
     if not found.is_sampled:
         why = f": {advice.fault}" if advice.fault else ""
         return f"By the values as given; how sure that is, is not known{why}."
