@@ -50,6 +50,11 @@ LARGEST_ERROR = 7200.0  # arcsec, range of an error
 _RESTART_HINT = "an encoder that was restarted? take the rows above or below this line alone"
 _LEAP_REST = 0.5  # of a leap: range of the rest, at most, where an encoder was restarted
 _SLIP = 0.02  # of the ratio: greatest disagreement of the two encoders with it
+# A ramp of the error over the angle is a wrong ratio where it is so many times as long as all else in the record, and
+# so much of the ratio: 1300 arcsec an output revolution at ratio 100, which no drive, rig or drift has
+_RAMP_OVER_REST = 5.0
+_RAMP_OF_RATIO = 1e-3
+_NEAR_ONE = 0.05  # of a ratio: how near to 1 its difference is that has the other wheel fixed
 _LEAST_WRAP = 1e-3  # deg, of encoders that restart
 _ENCODERS = 2
 _FEWEST_ROWS = 20  # rows
@@ -387,6 +392,8 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
             in_time = in_time or _is_even(cam, max(_COUNTS_APART * by_cam, by_output) * per_turn / _ARCSEC_PER_DEG)
             dithered = not (step or in_time)
             step = max(step, hypot(by_cam, by_output))
+    if ratio is not None:
+        _require_ratio(table, other.index, cam, error, per_turn, sense)
     try:
         moves = sweeps(cam)
     except AngleError as wrong:
@@ -462,6 +469,31 @@ def _second(table: NumberTable, column: int, output: Array, cam: Array, ratio: f
     table.notes.append(f"error = output - cam/ratio, ratio {sense * ratio:+g}: as the two encoders count")
     error = (output - output[0] - sense * (cam - cam[0]) / ratio) * _ARCSEC_PER_DEG
     return error, sense
+
+
+def _require_ratio(table: NumberTable, column: int, cam: Array, error: Array, ratio: float, sense: int) -> None:
+    """Raise PresetError if the error grows with the angle as it does where the ratio is another one.
+
+    Arguments: column of the error or of the output, from 0; cam [deg]; error [arcsec], output less cam over ratio; sense
+    in which two encoders count, 0 for an error of unknown sign, of which two ratios fit.
+    """
+    centred = cam - cam.mean()
+    slope = float(centred @ error / (centred @ centred))  # arcsec per degree of the cam
+    ramp = abs(slope) * float(np.ptp(cam))
+    rest = float(np.ptp(error - slope * centred))
+    signs = (sense,) if sense else (1, -1)
+    speeds = [1 / ratio + sign * slope / _ARCSEC_PER_DEG for sign in signs]  # of the output, over that of the cam
+    if ramp < _RAMP_OVER_REST * rest or abs(speeds[0] * ratio - 1) < _RAMP_OF_RATIO:
+        return
+    fitting = [1 / speed for speed in speeds if speed > 0]
+    if not fitting:
+        return
+    words = " or ".join(f"{fit:.3f}" for fit in fitting)
+    hint = "--ratio, or the preset, with the ratio that fits"
+    if any(abs(abs(fit - ratio) - 1) < _NEAR_ONE for fit in fitting):
+        hint += "; a ratio that differs by 1 has the other wheel fixed: the output is then on the circular spline"
+    grows = f"the error grows by {ramp:.5g} arcsec over {np.ptp(cam) / WHOLE_TURN_DEG:.3g} input revolutions"
+    raise table.fault(f"{grows}: the ratio that fits is {words}, not {ratio:g}", hint, 0, column)
 
 
 def _leap_in(values: Array) -> int | None:
