@@ -474,8 +474,11 @@ def _second(table: NumberTable, column: int, output: Array, cam: Array, ratio: f
 def _require_ratio(table: NumberTable, column: int, cam: Array, error: Array, ratio: float, sense: int) -> None:
     """Raise PresetError if the error grows with the angle as it does where the ratio is another one.
 
-    Arguments: column of the error or of the output, from 0; cam [deg]; error [arcsec], output less cam over ratio; sense
-    in which two encoders count, 0 for an error of unknown sign, of which two ratios fit.
+    Arguments: column of the error or of the output, from 0.
+    cam: angles of the input [deg].
+    error: output minus cam over ratio [arcsec].
+    ratio: stated ratio, above 0.
+    sense: sense in which two encoders count, 0 for an error of unknown sign, for which two ratios fit.
     """
     centred = cam - cam.mean()
     slope = float(centred @ error / (centred @ centred))  # arcsec per degree of the cam

@@ -126,7 +126,7 @@ def test_its_mirror_image_does_not_and_is_reported(drive):
 
 def test_a_cam_angle_that_counts_clockwise(drive):
     turned = rig(drive, 4)
-    clockwise = recorded(-turned.cam_deg / 360, turned.error_arcsec)
+    clockwise = recorded(-turned.cam_deg / 360, -turned.error_arcsec)  # angles and errors count alike
     result = compare(clockwise, drive, M_G, asked=replace(KNOWN, sense=-1))
     assert np.abs(result.residual_arcsec).max() < 1e-6
 

@@ -14,7 +14,7 @@ TWO_ENCODERS = TraceForm(angle="cam", second="out", angle_unit="deg")
 
 
 def recording(ratio: float, *, turns: float = 10, stated: float | None = None, drift_arcsec: float = 0.0) -> bytes:
-    """Return a recording of a drive of a ratio with 20 arcsec at order 2, by two encoders, or as its error by `stated`."""
+    """Return a recording with 20 arcsec at order 2: of two encoders, or the error by a stated ratio."""
     cam = np.arange(0, turns * 360, 6.0)
     error = 20 * np.sin(np.radians(2 * cam)) + drift_arcsec * cam / cam[-1]
     output = cam / ratio + error / 3600
