@@ -52,6 +52,7 @@ from hdassist.measuring.slopes import (
     speed_changes,
     tells_compliance,
     with_order_changes,
+    without_lag,
 )
 from hdassist.measuring.terms import BINS_PER_COLUMN, Bins, SlowTerms, bins_of, curve_of, travel_of
 from hdassist.model.geometry import Array
@@ -77,6 +78,8 @@ _STRAIGHT = "F'_ior at {:g} N·m is by a straight line from {:.3g} to {:.3g} N·
 _CYCLES_OF_RATIO = 1.2  # full cycles, from which on a record shows whether its beats are those of the ratio
 _BENT = 1 / 4  # of a drift: how far it may depart from a line to either side
 _COARSE_STEP = 1 / 4  # of F'_ior: greatest step in time with the turns that the error is resolved from
+_BOTH_WAYS = 2  # directions
+_LAG_CLEAR = 3.0  # standard uncertainties of a lag that moves the angles
 _UNMODELLED = 1 / 5  # of F'_ior: least error beyond the orders that is reported
 
 
@@ -235,10 +238,11 @@ def measure(
         trace = at_torque(trace, M_g, drive.rated_torque if drive else 0.0)
     record = _RecordUnderway(trace, gearing, drive, orders, drift, stated or {}, seed, together, may_be_noise, M_g)
     apart, alone = replace(record, together=False, may_be_noise=True), list[SweepResult]()
-    directions = record.directions()
     if together:
         with suppress(HdassistError):
             alone = apart.directions()
+        record.read_in_time(alone)
+    directions = record.directions()
     growing_first = sorted(directions, key=lambda each: -each.direction)
     places = [np.rint(each.grid_turns * 1e6) for each in growing_first]
     reversal, lag = reversal_and_lag(
@@ -278,6 +282,26 @@ class _RecordUnderway:
         load = self.trace.load
         self.torque = None if load is None else RecordedTorque(float(load.mean()), float(load.min()), float(load.max()))
         self.notes, self.warnings = list(self.trace.notes), list[str]()
+
+    def read_in_time(self, alone: Sequence[SweepResult]) -> None:
+        """Take the lag between the encoders off the angles of the cam, if both directions as one agree better then.
+
+        A lag moves the error along the angle, one way in each direction, and more at a higher speed. The level tells
+        its size; the better agreement tells its sense, and that it is no friction. alone: results of each direction.
+        """
+        if self.trace.time_s is None or self.gearing is None or len(alone) != _BOTH_WAYS:
+            return
+        fits = [each.fit for each in sorted(alone, key=lambda each: -each.direction)]
+        _, lag = reversal_and_lag(fits, np.empty(0), 0.0, self.trace, self.gearing.ratio)
+        if lag is None or abs(lag.ms) <= _LAG_CLEAR * lag.uncertainty_ms:
+            return
+        as_read = self.trace
+        least = self._fitted_once(0).variance
+        for lag_s in (lag.ms / 1e3, -lag.ms / 1e3):
+            moved = without_lag(as_read, lag_s)
+            other = replace(self, trace=moved)._fitted_once(0).variance
+            if other < least:
+                self.trace, least = moved, other
 
     def directions(self) -> list[SweepResult]:
         """Results of each direction, that of the greatest F'_ior first. Raises what `measure` does."""

@@ -37,6 +37,7 @@ _LOAD_APART = 0.1  # of a torque's changes: least part that does not go with ord
 _SAME_TORQUE, _SAME_OF_RATED = 0.02, 0.01  # of a torque, and of the rated one: columns that differ so little are at it
 _WIDEST_LOAD_GAP = 0.25  # of the torques of a sweep: a torque within a wider gap was not recorded
 _TORQUE_CLEAR = 2.0  # times the noise of its readings: spread of a torque that changes
+_SPEED_ROWS = 15  # rows that the speed of a row is averaged over
 _SLOPE_CLEAR = 3.0  # standard uncertainties: a slope over the torque that is no chance
 _CHANGE_TOLD = 3.0  # times the noise of a curve without changes: that at each torque, at most, where a record has them
 _CATALOGUE_SHARE = 0.1  # of a wind-up: standard uncertainty of a drive's stiffness by its catalogue; a guess
@@ -109,6 +110,22 @@ def reversal_and_lag(
             per_ms = 2e-3 * speed * TURN_ARCSEC / ratio
         reversal = Reversal(mean, departure, *(lost or (abs(mean), unsure)), per_ms, by)
     return reversal, lag
+
+
+def without_lag(trace: MeasuredTrace, lag_s: float) -> MeasuredTrace:
+    """Return a trace with time stamps whose angles are those of the cam when the output was read.
+
+    lag_s: time by which the reading of the output is older than that of the cam [s].
+    """
+    cam_deg = trace.cam_deg.copy()
+    for sweep in trace.sweeps:
+        speed = np.gradient(trace.cam_deg[sweep.rows], np.asarray(trace.time_s)[sweep.rows])
+        around = min(_SPEED_ROWS, len(speed))
+        even = np.convolve(speed, np.ones(around), mode="same") / np.convolve(
+            np.ones(len(speed)), np.ones(around), "same"
+        )
+        cam_deg[sweep.rows] -= even * lag_s
+    return replace(trace, cam_deg=cam_deg)
 
 
 def _lost_by_sweeps(fits: Sequence[TraceFit]) -> tuple[_ValueAndSpread, _ValueAndSpread] | None:

@@ -9,6 +9,7 @@ import json
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -323,6 +324,25 @@ def test_readings_of_both_ways_show_no_line_that_is_the_image_of_another(kind: s
     assert found.amplitude_arcsec[~true].max(initial=0) < 0.5 * NOISE
     assert not result.chosen.is_refused
     assert np.ptp(-error - found.error_at(fine)) <= promised.p95 < 0.5 * np.ptp(error)
+
+
+@pytest.mark.parametrize("lag_s", [3e-3, -3e-3])
+def test_a_lag_between_the_encoders_is_off_a_correction_of_sweeps_at_two_speeds(lag_s: float):
+    """It moves the error along the angle: 1.7 arcsec were left where 1.0 was promised."""
+    rng, fine, step_s = np.random.default_rng(0), np.arange(CYCLE * 400) / 400, 1 / 135
+    often = np.array([1, CYCLE, 2 * CYCLE, 2 * CYCLE + 1, 2 * CYCLE + 2, 4 * CYCLE])
+    vectors = np.array([2, 1.5, 8, 3, 4, 1]) * np.exp(2j * np.pi * rng.random(6))
+    turns = there_and_back("two speeds", rng)
+    sweeps_of = recorded(turns, turns).sweeps
+    speed = np.concatenate([np.gradient(turns[sweep.rows], step_s) for sweep in sweeps_of])
+    read = np.concatenate([turns[sweep.rows] for sweep in sweeps_of])
+    error = curve(often, vectors, read - speed * lag_s) + speed * lag_s * 1296000 / CYCLE + 20.0 * (speed < 0)
+    trace = recorded(read, error + NOISE * rng.standard_normal(len(read)))
+    timed = replace(trace, time_s=step_s * np.arange(len(read)))
+    result = correction_alone(measure(timed, ratio=CYCLE, together=True), Alignment(), 80.0, PHASORS)
+    left = np.ptp(-curve(often, vectors, fine) - result.correction.error_at(fine))
+    assert left < 0.4
+    assert left <= result.chosen.residuals[0].p95
 
 
 def test_a_record_has_one_f_ior_whoever_reads_it():
