@@ -137,8 +137,8 @@ def test_the_card_has_the_tooth(files):
         "mount", SMALL, *QUICK, "--pitch-b", "wheel.csv", "--mark-b", "120", "--card", "-", files=files
     )  # fmt: skip
     assert told.returncode == 0
-    assert "tooth 17 of the measured rigid wheel" in told.stdout
-    assert "measured teeth: rigid wheel, wheel.csv, sha256" in told.stdout
+    assert "tooth 17 of the measured circular spline" in told.stdout
+    assert "measured teeth: circular spline, wheel.csv, sha256" in told.stdout
 
 
 @pytest.mark.parametrize(("language", "words"), [("en", "taken as numbered counter-clockwise"), ("ru", "считаются")])
@@ -223,9 +223,9 @@ def test_beside_measured_teeth_nothing_is_drawn_and_the_hole_is_that_of_the_valu
     asked = ("mount", SMALL, *QUICK, "--pitch-b", "wheel.csv", "--set", "uncertainty.phases.phi_hb=9")
     for more in ((), ("--draws", "0")):
         given = pitch(*asked, "-q", *more, files=files)
-        assert (given.returncode, given.stdout in ("0\n", "1\n")) == (0, True)
+        assert (given.returncode, given.stdout) == (0, "any\n")
         assert "were not drawn: 1" in given.stderr
-    assert ": ANY HOLE, hole 0" in in_a_line(pitch(*asked, files=files).stdout)
+    assert ": ANY HOLE No hole is expected to be better" in in_a_line(pitch(*asked, files=files).stdout)
     with_values = pitch(*asked, "h0=20", files=files)
     assert (with_values.returncode, "--pitch-b does not take measured values" in with_values.stderr) == (2, True)
 
