@@ -204,7 +204,7 @@ def test_each_fault_ends_with_4_and_its_place(name, tmp_path):
         (["check", SMALL, SMALL, "--pitch-b", "wheel.csv"], "those of one drive"),
         (["mount", SMALL, "--mark-b", "20"], "--mark-b is the mark of a measured wheel"),
         (["mount", SMALL, "--pitch-b", "wheel.csv", "--mark-g", "20"], "--mark-g is the mark of a measured wheel"),
-        (["mount", SMALL, "--pitch-b", "wheel.csv", "--mark-b", "nan"], "expected an angle"),
+        (["mount", SMALL, "--pitch-b", "wheel.csv", "--mark-b", "nan"], "nan is out of range"),
         (["trace", SMALL, "--pitch-sense", "cw"], "say how to read"),
     ],
 )
