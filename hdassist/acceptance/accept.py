@@ -212,7 +212,7 @@ def _drive_name(request: Request) -> str:
     """Return the name of the drive of a request, that of its preset as asked for if it cannot be loaded."""
     try:
         return request.load().name
-    except Exception:
+    except Exception:  # why it cannot be loaded is the row's own error, which is reported beside the name
         return request.preset
 
 
