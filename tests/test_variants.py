@@ -100,7 +100,8 @@ def test_the_answer_alone_is_the_change_of_each_drive(better):
 
 
 def test_where_no_torque_is_common_each_drive_has_the_same_share_of_its_rated_torque():
-    drives = at_common_torques([load_preset(SMALL), load_preset("size-14-100"), tiny("operation.M_g=[2, 8]")])
+    other = tiny("operation.M_g=[2, 8]", "operation.rated=8")
+    drives = at_common_torques([load_preset(SMALL), load_preset("size-14-100"), other])
     rated = load_preset("size-14-100").operation.rated
     assert [drive.operation.M_g for drive in drives] == [(1, 4), (pytest.approx(rated / 4), rated), (2, 8)]
     common = at_common_torques([load_preset(SMALL), tiny("operation.M_g=[4, 8]")])

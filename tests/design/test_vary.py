@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
 
 from hdassist import load_preset
@@ -94,5 +96,6 @@ def test_a_grid_that_would_never_end_is_refused():
 def test_wrong_usage_ends_before_anything_is_written(tmp_path, options):
     done = run("sweep", SMALL, *options, "-o", "rows.jsonl", cwd=tmp_path)
     assert done.returncode == 2
-    assert done.stdout == ""
+    answer = json.loads(done.stdout or "null")  # with --json the error is an object
+    assert (answer and answer["error"]["code"]) == ("USAGE" if "--json" in options else None)
     assert not list(tmp_path.iterdir())

@@ -125,6 +125,8 @@ def test_both_sides_may_be_open_that_of_the_wheel_first():
     assert open_fields("tolerances.e_hb=0.5", "phases.phi_hb=unknown") == {"phases.phi_hb"}
 
 
-@pytest.mark.parametrize(("count", "said"), [(1, "p0"), (4, "p0, p1, p2, p3"), (6, "p0, p1, p2, p3 and 2 more")])
+@pytest.mark.parametrize(
+    ("count", "said"), [(1, "p0"), (4, "p0, p1, p2, p3"), (6, "6 inputs, among them p0, p1, p2, p3")]
+)
 def test_a_few_names_and_how_many_more(count, said):
     assert unknown_names([Unknown(f"p{k}", 0, 1, "") for k in range(count)]) == said
