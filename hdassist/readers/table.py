@@ -44,6 +44,7 @@ from hdassist.readers.words import (
     quantity_of,
     role_in,
     row_text,
+    scaled_unit_in,
     separator_of,
     unclosed_quote,
     unit_in,
@@ -141,6 +142,9 @@ class NumberTable:
             fault = f"a unit of {other}, not of {quantity}" if other else f"no known unit of {quantity}"
             if plain_unit(foreign) == "grad":
                 fault = "a degree in German and 1/400 of a revolution elsewhere: write deg or gon"
+            elif scaled_unit_in(name):  # a unit that an option states would not have the factor
+                fault = f"a unit with a factor, or of another quantity than {quantity}"
+                hint = f"convert the column to one unit of {quantity}, and name it so, such as [{default}]"
             raise self.fault(f'"{name}": {foreign} is {fault}', hint)
         entries = ((line, line.entry) for line in self.remarks)
         stated = [(line, entry) for line, entry in entries if entry and PITCH_KEYS.get(entry[0]) == "unit"]

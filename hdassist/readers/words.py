@@ -35,6 +35,20 @@ _GERMAN = re.compile(_TABLE["no_units"]["german"], re.IGNORECASE)
 _JOINED = [
     (re.compile(rf"(?<![^\W\d_])(?:{entry['words']})", re.IGNORECASE), entry["unit"]) for entry in _TABLE["joined"]
 ]
+_SPELLINGS = sorted({*ANGLES, *TORQUES, *TIMES, *_SPELLED, "nm"}, key=len, reverse=True)
+_UNIT = rf"(?<![^\W\d_])(?:{'|'.join(map(re.escape, _SPELLINGS))})(?![^\W\d_⁰¹²³⁴⁵⁶⁷⁸⁹])"
+_POWER = r"(?:(?:\^|\*\*)\s*[-+−]?\d+|[⁻⁺]?[⁰¹²³⁴⁵⁶⁷⁸⁹]+)"
+_FACTOR = rf"\d+(?:[.,]\d+)?(?:e[-+−]?\d+)?(?:\s*[×x*·]\s*10)?{_POWER}?"
+_SCALED_IN_BRACKETS = re.compile(  # texts in brackets that are a unit with a factor, a power, or a quotient of units
+    rf"[×x*·]?\s*(?!1\s){_FACTOR}\s*[×x*·]?\s*{_UNIT}|{_UNIT}\s*(?:{_POWER}|(?:[/×*·x]|per\s).*)|[^\s,;]+\s*(?:/|per\s)\s*{_UNIT}",
+    re.IGNORECASE,
+)
+_SCALED = re.compile(  # the same in a name, where a number without an operator is the number of a channel or a sweep
+    rf"(?:[×*·/]|(?<![^\W\d_])x)\s*{_FACTOR}[\s_\[(]*{_UNIT}"
+    rf"|\d(?:e[-+−]?\d+|{_POWER})[\s_×x*·\[(]*{_UNIT}"
+    rf"|{_UNIT}[\])]?[\s_]*(?:[/×*·]\s*\d|x[\s_]?\d|e[-−]\d|{_POWER}|per[\s_]+\w|/\s*{_UNIT})",
+    re.IGNORECASE,
+)
 _IN_BRACKETS = re.compile(r"\[([^\]]*)\]|\(([^)]*)\)|/\s*(\S+)\s*$")
 _AMBIGUOUS_DEGREE = "grad"  # a degree in German, 1/400 of a revolution elsewhere
 _LONGEST_UNIT = 14  # characters of a unit in brackets
@@ -103,8 +117,28 @@ def _unit_texts(name: str) -> tuple[list[str], list[str]]:
     return marked, [word for word in re.split(r"[\s_()\[\],;/]+", name) if word]
 
 
+def scaled_unit_in(name: str) -> str:
+    """Return the text of a name that has a unit with a factor, a power or another unit, as "0.1 arcsec"; else "".
+
+    Such a text is no unit: readings in it are another number of times as large, or of another quantity.
+    """
+    for words, unit in _JOINED:
+        name = words.sub(f" {unit} ", name)
+    for match in _IN_BRACKETS.finditer(name):
+        text = "".join(match.groups("")).strip()
+        if _SCALED_IN_BRACKETS.fullmatch(text):
+            return text
+    scaled = _SCALED.search(name)
+    return scaled[0].strip() if scaled else ""
+
+
 def unit_in(name: str, units: Iterable[str] = ANGLES) -> str:
-    """The first of some units in a name, such as "angle [deg]", "error/arcsec" or "wg_angle_deg"; empty for none."""
+    """The first of some units in a name, such as "angle [deg]", "error/arcsec" or "wg_angle_deg"; empty for none.
+
+    A unit with a factor, as in "error [0.1 arcsec]" or "error [arcsec/s]", is none of them.
+    """
+    if scaled_unit_in(name):
+        return ""
     plain = {plain_unit(unit): unit for unit in units}
     marked, words = _unit_texts(name)
     if "deg" in plain and _GERMAN.search(name):
@@ -125,6 +159,8 @@ def foreign_unit_in(name: str, units: Iterable[str] = ANGLES) -> str:
     Any text in brackets is a unit but for numbers, formulas and words such as "raw"; a word without brackets is one
     only if it is the unit of another quantity, and no number stands before it, as in "error at 20 °C".
     """
+    if scaled := scaled_unit_in(name):
+        return scaled
     if unit_in(name, units):
         return ""
     marked, words = _unit_texts(name)

@@ -75,6 +75,43 @@ def test_any_other_unit_is_refused_with_its_column_unless_an_option_states_one(h
     assert trace(f"cam_deg;{head}", 60.0, error_unit="arcmin").error_arcsec == pytest.approx(ERROR, abs=2e-3)
 
 
+SCALED = (
+    "error [0.1 arcsec]", "error [10 arcsec]", "error (10 arc sec)", "error [arcsec/10]", "error_arcsec/10",
+    "error x10 arcsec", "error_arcsec_x10", "error/10 arcsec", "error*1000 [deg]", "error [10^-3 deg]",
+    "error [×10⁻³ °]", "error (deg/1000)", "error 1e-3 deg", "error [rad]*1e6", "error [1e-6 rad]", "error urad e-6",
+    "error [arcsec/s]", "error_arcsec/s", "error_arcsec_per_turn", "error [arcsec²]", "error [mV/deg]",
+    "error [arcsec/rev]", "error [deg/N·m]",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("head", SCALED)
+def test_a_unit_with_a_factor_or_of_a_rate_is_not_taken_for_the_unit_alone(head: str) -> None:
+    assert head in refusal(f"cam_deg;{head}")
+    assert trace(f"cam_deg;{head}", 60.0, error_unit="arcmin").error_arcsec == pytest.approx(ERROR, abs=2e-3)
+
+
+@pytest.mark.parametrize("head", ["cam [0.1 deg]", "cam_deg/10", "cam [deg/s]"])
+def test_an_angle_of_such_a_unit_is_refused_too(head: str) -> None:
+    assert head in refusal(f"{head};error_arcsec")
+
+
+@pytest.mark.parametrize("head", ["error_cnt", "err_lsb", "error_inc", "error_pulses", "error_digits"])
+def test_counts_by_any_name_need_their_number_in_a_turn(head: str) -> None:
+    assert "counts" in refusal(f"cam_deg;{head}")
+
+
+def test_numbers_of_channels_and_sweeps_are_no_factors() -> None:
+    names = (
+        "error_2 [arcsec]", "error2_arcsec", "error_arcsec_2", "err ch 2 arcsec", "error [arcsec pk-pk]",
+        "error [1 arcsec]", "error [arcsec] at 20 °C", "error (x) [arcsec]", "error a/b [arcsec]", "error, arcsec",
+    )  # fmt: skip
+    assert [unit_in(name) for name in names] == ["arcsec"] * len(names)
+    assert [foreign_unit_in(name) for name in names] == [""] * len(names)
+    assert unit_in("cam_deg / error_arcsec") == "deg"
+    for name in ("torque [N*m]", "torque [N·m]", "torque, N m"):
+        assert unit_in(name, TORQUES) == "N·m"
+
+
 @pytest.mark.parametrize("head", ["cam_mm", "cam [V]", "cam [blurbs]"])
 def test_angles_too(head: str) -> None:
     assert head in refusal(f"{head};error_arcsec")
@@ -228,3 +265,9 @@ def test_grad_alone_is_open() -> None:
         assert "gon" in caught.value.hint
     with pytest.raises(DataError, match="gon"):
         trace("cam_deg;error [grad]")
+
+
+def test_the_hint_to_a_scaled_unit_does_not_propose_the_option_that_would_drop_the_factor() -> None:
+    words = refusal("cam_deg;error [0.1 arcsec]")
+    assert "--error-unit" not in words
+    assert "convert" in words
