@@ -1,0 +1,166 @@
+"""Coverage of the interval of F'_ior, and verdicts, of hdassist.recording on recordings that are made without it.
+
+python -m benchmarks.recordings --n 40
+
+Each drive is a sum of cosines with random sizes: orders 1 to 16 of the input, sidebands up to 8 on either side, waves
+of the output. Half of them have the sizes of typical drives, half are spectra of no drive (every order equally likely,
+sidebands as large as the order). A recording covers the whole cycle, the whole cycle in 2 to 4 sweeps with levels of
+their own, or 15 to 95 % of the cycle; it has 20 to 200 readings a revolution, white noise or noise with a memory, and a
+drift. The truth is the range of the drive's own error on a fine grid of the cycle.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections import defaultdict
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from hdassist.errors import Verdict
+from hdassist.model.geometry import Array
+from hdassist.recording.figures import range_figure
+from hdassist.recording.positions import Recording, recording_from_columns
+from hdassist.recording.posterior import posterior_of_recording
+
+LIMITS = (0.9, 0.97, 1.03, 1.1)  # of the truth
+FINE = 400  # points of the truth an input revolution
+
+
+@dataclass(frozen=True)
+class MadeDrive:
+    """Waves of a drive: periods per cycle of the input and the output, sizes [arcsec] and phases."""
+
+    ratio: int
+    orders: Array
+    sidebands: Array
+    sizes: Array
+    phases: Array
+
+    def error(self, turns: Array) -> Array:
+        total = np.zeros(len(turns))
+        for k, j, size, phase in zip(self.orders, self.sidebands, self.sizes, self.phases, strict=True):
+            total += size * np.cos(2 * np.pi * (k + j / self.ratio) * turns + phase)
+        return total
+
+    @property
+    def range(self) -> float:
+        return float(np.ptp(self.error(np.arange(self.ratio * FINE) / FINE)))
+
+
+def made_drive(rng: np.random.Generator, is_typical: bool) -> MadeDrive:
+    """A drive with the sizes of typical ones, or a spectrum that is no drive's."""
+    ratio = int(rng.choice([30, 50, 80, 100, 120]))
+    waves = []
+    if is_typical:
+        largest = rng.uniform(5, 20)
+        strength = {1: 0.15, 2: 1.0, 3: 0.08, 4: 0.5, 6: 0.08, 8: 0.05, 10: 0.02, 16: 0.01}
+        for k, share in strength.items():
+            main = largest * share * rng.lognormal(0, 0.5)
+            waves.append((k, 0, main))
+            waves.append((k, k * int(rng.choice([-1, 1])), main * rng.uniform(0, 0.8)))
+            for j in range(1, 6):
+                waves += [(k, sign * j, main * rng.uniform(0, 0.5) / 2.0**j) for sign in (-1, 1)]
+        waves += [(0, j, largest * rng.uniform(0, 0.6) / j) for j in (1, 2, 4)]
+    else:
+        for k in rng.choice(np.arange(1, 17), size=int(rng.integers(1, 7)), replace=False).tolist():
+            main = rng.uniform(1, 10)
+            waves.append((k, 0, main))
+            for j in rng.integers(-8, 9, size=int(rng.integers(0, 4))).tolist():
+                waves.append((k, j, main * rng.uniform(0, 1)))
+        waves += [(0, j, rng.uniform(0, 8)) for j in range(1, int(rng.integers(1, 4)))]
+    k, j, sizes = np.array(waves, float).T
+    return MadeDrive(ratio=ratio, orders=k, sidebands=j, sizes=sizes, phases=rng.uniform(0, 2 * np.pi, len(k)))
+
+
+def made_recording(rng: np.random.Generator, drive: MadeDrive, kind: str) -> Recording:
+    """A recording of a drive: whole, split or part."""
+    per_rev = rng.uniform(20, min(200, 6000 / drive.ratio))
+    begin = rng.uniform(0, drive.ratio)
+    share = rng.uniform(0.15, 0.95) if kind == "part" else 1.0
+    turns = begin + np.arange(int(share * drive.ratio * per_rev)) / per_rev
+    sweep = np.zeros(len(turns), int)
+    if kind == "split":
+        sweep = np.arange(len(turns)) * int(rng.integers(2, 5)) // len(turns)
+    sigma = 0.2 * 10 ** rng.uniform(0, 1)
+    noise = sigma * rng.standard_normal(len(turns))
+    if rng.random() < 0.5:
+        decay = float(np.exp(-1 / (per_rev * rng.uniform(0.01, 0.2))))
+        for row in range(1, len(noise)):
+            noise[row] = decay * noise[row - 1] + np.sqrt(1 - decay**2) * noise[row]
+    error = drive.error(turns) + noise + rng.uniform(-1, 1) * (turns - begin) / drive.ratio
+    stamps = np.arange(len(turns), dtype=float)
+    if kind == "split":  # recorded in any order, each with the level at which its encoder began
+        pieces = int(sweep.max()) + 1
+        order = rng.permutation(pieces)
+        error += rng.uniform(-5, 5, pieces)[sweep]
+        stamps += 2.0 * len(turns) * order[sweep]
+    return recording_from_columns(turns, error, drive.ratio, sweep=sweep, time=stamps)
+
+
+@dataclass
+class Tally:
+    """Counts of a kind of recordings."""
+
+    recordings: int = 0
+    truth_below: int = 0
+    truth_above: int = 0
+    few_samples: int = 0
+    widths: list[float] = field(default_factory=list)
+    seconds: list[float] = field(default_factory=list)
+    verdicts: dict[tuple[float, Verdict], int] = field(default_factory=lambda: defaultdict(int))
+
+
+def judge(rng: np.random.Generator, tally: Tally, is_typical: bool, kind: str) -> None:
+    """Record a new drive and add the answer to a tally."""
+    drive = made_drive(rng, is_typical)
+    recording = made_recording(rng, drive, kind)
+    begin = time.process_time()
+    figure = range_figure(posterior_of_recording(recording, seed=int(rng.integers(1 << 30))))
+    tally.seconds.append(time.process_time() - begin)
+    truth = drive.range
+    low, high = figure.interval_arcsec
+    tally.recordings += 1
+    tally.truth_below += truth < low
+    tally.truth_above += truth > high
+    tally.few_samples += figure.has_few_samples
+    tally.widths.append((high - low) / truth)
+    for limit in LIMITS:
+        tally.verdicts[limit, figure.verdict(limit * truth)] += 1
+
+
+def main() -> None:
+    """Print coverage, wrong verdicts and times by kind."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--n", type=int, default=40, help="number of recordings")
+    parser.add_argument("--seed", type=int, default=0, help="first seed")
+    arguments = parser.parse_args()
+    tallies: dict[str, Tally] = defaultdict(Tally)
+    for number in range(arguments.n):
+        is_typical = number % 2 == 0
+        kind = ("whole", "part", "split", "part")[number // 2 % 4]
+        name = f"{'typical' if is_typical else 'other'} {kind}"
+        judge(np.random.default_rng([arguments.seed, number]), tallies[name], is_typical, kind)
+    heads = "interval holds | truth below, above | width | few samples | CPU s median, max"
+    print(f"{'recordings':>16}: {heads} | PASS/FAIL/INCONCLUSIVE at {LIMITS} of the truth")
+    for name, tally in sorted(tallies.items()):
+        held = tally.recordings - tally.truth_below - tally.truth_above
+        decisions = "  ".join(
+            "/".join(
+                str(tally.verdicts[limit, verdict]) for verdict in (Verdict.PASS, Verdict.FAIL, Verdict.INCONCLUSIVE)
+            )
+            for limit in LIMITS
+        )
+        print(
+            f"{name:>16}: {held} of {tally.recordings} | {tally.truth_below}, {tally.truth_above} | "
+            f"{100 * np.median(tally.widths):.1f} % | {tally.few_samples} | "
+            f"{np.median(tally.seconds):.1f}, {max(tally.seconds):.1f} | {decisions}"
+        )
+    wrong_pass = sum(t.verdicts[limit, Verdict.PASS] for t in tallies.values() for limit in LIMITS if limit < 1)
+    wrong_fail = sum(t.verdicts[limit, Verdict.FAIL] for t in tallies.values() for limit in LIMITS if limit > 1)
+    print(f"wrong PASS {wrong_pass}, wrong FAIL {wrong_fail} of {2 * arguments.n} each")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,88 @@
+"""Memory of the noise.
+
+Residuals of a recording are seldom white: the rig creeps, bearings hum, counters round. A process ARMA(1,1) of the
+blocks along a run describes a white part beside a part that decays:
+
+    n_i = rho n_(i-1) + u_i + theta u_(i-1),   0 <= rho < 1,   -rho <= theta <= 0,   u white.                  (R4)
+
+Its correlations at lags 1 and 2 give both numbers:
+
+    r_2 / r_1 = rho,   r_1 = (1 + rho theta) (rho + theta) / (1 + 2 rho theta + theta^2).                      (R5)
+
+Whitening applies u_i = n_i - rho n_(i-1) - theta u_(i-1) to the errors and to every column of the design. A run starts
+anew.
+
+A memory must not swallow the signal: noise with a long memory resembles a wave that the model lacks. Three bounds hold.
+The memory is estimated once, from the residuals of a fit that takes the noise as white, so that it never competes with
+a wave of the model. Correlations within 3 standard errors of chance are taken as none. The decay length is at most half
+an input revolution, so that the main orders (2 and its multiples) always stand out of the noise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from hdassist.model.geometry import Array
+
+_Indices = NDArray[np.int64]
+_CHANCE_SIGMAS = 3.0
+_LEAST_RHO = 0.1
+_LONGEST_DECAY_REV = 0.5  # of the input
+_THETA_STEPS = 400
+
+
+@dataclass(frozen=True)
+class NoiseMemory:
+    """The two coefficients of (R4); both 0 for white noise."""
+
+    rho: float = 0.0
+    theta: float = 0.0
+
+
+WHITE = NoiseMemory()
+
+
+def memory_of(residual: Array, run: _Indices, blocks_per_rev: float) -> NoiseMemory:
+    """Return the memory of residuals by (R5).
+
+    residual: of each block [arcsec], shape (blocks,).
+    run: number of the run of each block, ascending, shape (blocks,).
+    blocks_per_rev: blocks in an input revolution.
+    """
+    at_lag = [_covariance(residual, run, lag) for lag in (0, 1, 2)]
+    if not at_lag[0]:
+        return WHITE
+    first = at_lag[1] / at_lag[0]
+    if first < _CHANCE_SIGMAS / np.sqrt(len(residual)):
+        return WHITE
+    largest = float(np.exp(-1 / (_LONGEST_DECAY_REV * blocks_per_rev)))
+    rho = float(np.clip(at_lag[2] / at_lag[1], min(_LEAST_RHO, largest), largest))
+    thetas = np.linspace(-rho, 0.0, _THETA_STEPS)
+    firsts = (1 + rho * thetas) * (rho + thetas) / (1 + 2 * rho * thetas + thetas**2)
+    return NoiseMemory(rho=rho, theta=float(thetas[np.argmin(np.abs(firsts - first))]))
+
+
+def _covariance(residual: Array, run: _Indices, lag: int) -> float:
+    """Return the mean product of residuals `lag` blocks apart within a run; 0 if no run is as long."""
+    same = run[lag:] == run[: len(run) - lag]
+    products = (residual[lag:] * residual[: len(residual) - lag])[same]
+    return float(products.mean()) if len(products) else 0.0
+
+
+def whitened(values: Array, run: _Indices, memory: NoiseMemory) -> Array:
+    """Return values with the memory (R4) removed, run by run.
+
+    values: errors or columns of each block, shape (blocks, ...).
+    run: number of the run of each block, ascending, shape (blocks,).
+    """
+    if memory == WHITE:
+        return values
+    white = np.empty_like(values)
+    borders = np.flatnonzero(np.diff(run)) + 1
+    for rows in np.split(np.arange(len(run)), borders):
+        white[rows] = lfilter([1.0, -memory.rho], [1.0, memory.theta], values[rows], axis=0)
+    return white

@@ -1,0 +1,271 @@
+"""Readings of a recording by their positions.
+
+A reading has a position: the angle phi of the input and the angle psi of the output, both in revolutions modulo 1. They
+are two coordinates of one place on the full cycle, after which both shafts stand as before. With the ratio i = p/q in
+lowest terms the cycle has p input revolutions, and the place t (input revolutions from the start of the cycle) is
+
+    phi = t mod 1,   psi = t / i mod 1,   0 <= t < p.                                                          (R1)
+
+The order of the rows, wrapping and the begin of the recording do not enter (R1). Three more properties of a reading
+matter: the sense in which the shaft turned, the run that it belongs to, and its neighbours in time. A run is at most
+one cycle long and unbroken: sweeps that continue one another form one run, and a second pass over the cycle starts a
+new one. Each run has a level of its own, because encoders are often zeroed between two runs.
+
+`in_order` puts readings into one canonical order, so that equal readings give equal results to rounding. Turning back
+and the sign of the error are undone there; the posterior restores both.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hdassist.errors import DataError
+from hdassist.model.geometry import Array
+from hdassist.readers.trace import MeasuredTrace
+
+_Indices = NDArray[np.int64]
+_LARGEST_DENOMINATOR = 20  # of the ratio, output revolutions: a longer cycle is not recorded by anybody
+_FEWEST_READINGS = 20
+_MISFIT_REV = 0.1  # of an input revolution, by which the two angles of a reading may disagree
+_PLACE_DIGITS = 9  # of a revolution: places that differ by less are one place
+_JOINED_STEPS = 3.0  # median steps: a longer gap starts a new run
+_ONE_WAY = 0.9  # share of the steps in one sense, from which a sweep has turned that way
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Readings of the error of one drive at one torque, in one direction.
+
+    input_rev: angle of the input [rev], any multiple of a revolution, shape (readings,).
+    output_rev: angle of the output [rev], shape (readings,).
+    error_arcsec: error [arcsec], shape (readings,).
+    sweep: number of the sweep of each reading, shape (readings,).
+    time: time stamp of each reading in any unit, or its number, shape (readings,).
+    ratio: input revolutions for each output revolution, above 1.
+    Raises DataError for arrays of different lengths, values that are not finite, fewer than 20 readings, a constant
+    error, a ratio without a closed cycle, and angles that contradict the ratio.
+    """
+
+    input_rev: Array
+    output_rev: Array
+    error_arcsec: Array
+    sweep: _Indices
+    time: Array
+    ratio: float
+
+    def __post_init__(self) -> None:
+        columns = (self.input_rev, self.output_rev, self.error_arcsec, self.sweep, self.time)
+        rows = len(self.error_arcsec)
+        if any(np.shape(column) != (rows,) for column in columns):
+            raise DataError("the columns of the recording have different lengths", "give one value for each reading")
+        if not all(np.isfinite(column).all() for column in columns):
+            raise DataError("the recording contains values that are not finite", "remove these readings")
+        if rows < _FEWEST_READINGS:
+            raise DataError(f"{rows} readings", f"a recording has {_FEWEST_READINGS} readings or more")
+        if not np.ptp(self.error_arcsec):
+            raise DataError("the error is constant", "check the column of the error")
+        if not (np.isfinite(self.ratio) and self.ratio > 1):
+            raise DataError(
+                f"invalid ratio {self.ratio:g}", "give the input revolutions per output revolution, above 1"
+            )
+        misfit = float(_place_and_misfit(self)[1].max())
+        if misfit > _MISFIT_REV:
+            message = f"input and output angles disagree by {misfit:.3g} input revolutions at ratio {self.ratio:g}"
+            raise DataError(message, "check the ratio and the units of both angles")
+
+    @property
+    def cycle(self) -> Fraction:
+        """The ratio in lowest terms: numerator, input revolutions of a cycle; denominator, its output revolutions."""
+        return cycle_of(self.ratio)
+
+
+@dataclass(frozen=True, eq=False)
+class OrderedReadings:
+    """Readings in canonical order: by run, then by place.
+
+    place_rev: place on the cycle [input rev], shape (readings,).
+    input_rev, output_rev: angles [rev] in 0..1, shape (readings,).
+    error_arcsec: error [arcsec], shape (readings,).
+    run: number of the run, ascending from 0, shape (readings,).
+    elapsed: time within the run, -1/2 to 1/2, shape (readings,).
+    turned: -1 if the angles were mirrored because the shaft turned backwards, else 1.
+    flipped: -1 if the error was multiplied by -1, else 1.
+    cycle: ratio in lowest terms.
+    """
+
+    place_rev: Array
+    input_rev: Array
+    output_rev: Array
+    error_arcsec: Array
+    run: _Indices
+    elapsed: Array
+    turned: int
+    flipped: int
+    cycle: Fraction
+
+
+def cycle_of(ratio: float) -> Fraction:
+    """Return a ratio in lowest terms.
+
+    Raises DataError if the cycle does not close within 20 output revolutions.
+    """
+    fraction = Fraction(ratio).limit_denominator(_LARGEST_DENOMINATOR)
+    if abs(float(fraction) - ratio) > 1e-9 * ratio:
+        message = f"the cycle of ratio {ratio:.6g} does not close within {_LARGEST_DENOMINATOR} output revolutions"
+        raise DataError(message, "give the ratio of the numbers of teeth")
+    return fraction
+
+
+def recording_from_columns(
+    input_rev: ArrayLike,
+    error_arcsec: ArrayLike,
+    ratio: float,
+    sweep: ArrayLike | None = None,
+    time: ArrayLike | None = None,
+) -> Recording:
+    """Return a recording whose output angle follows from the input angle.
+
+    input_rev: unwrapped angle of the input [rev], shape (readings,).
+    error_arcsec: error [arcsec], shape (readings,).
+    ratio: input revolutions for each output revolution.
+    sweep: number of the sweep, shape (readings,); one sweep if omitted.
+    time: time stamps, shape (readings,); the number of the reading if omitted.
+    Raises DataError as Recording does.
+    """
+    angle = np.asarray(input_rev, float)
+    error = np.asarray(error_arcsec, float)
+    sweeps = np.zeros(len(error), np.int64) if sweep is None else np.asarray(sweep, np.int64)
+    times = np.arange(len(error), dtype=float) if time is None else np.asarray(time, float)
+    return Recording(
+        input_rev=angle, output_rev=angle / ratio, error_arcsec=error, sweep=sweeps, time=times, ratio=ratio
+    )
+
+
+def recording_from_trace(trace: MeasuredTrace, ratio: float) -> Recording:
+    """Return the readings of the sweeps of a measured trace.
+
+    trace: trace with sweeps in one direction.
+    ratio: input revolutions for each output revolution.
+    Raises DataError for sweeps in both directions, and as Recording does.
+    """
+    if len({sweep.direction for sweep in trace.sweeps}) > 1:
+        raise DataError("the recording has sweeps in both directions", "take the sweeps of one direction")
+    rows = trace.rows
+    numbers = [np.full(len(sweep), number) for number, sweep in enumerate(trace.sweeps)]
+    return recording_from_columns(
+        input_rev=trace.cam_deg[rows] / 360.0,
+        error_arcsec=trace.error_arcsec[rows],
+        ratio=ratio,
+        sweep=np.concatenate(numbers),
+        time=None if trace.time_s is None else trace.time_s[rows],
+    )
+
+
+def in_order(recording: Recording) -> OrderedReadings:
+    """Return the readings of a recording in canonical order.
+
+    Raises DataError for sweeps in both directions.
+    """
+    cycle = recording.cycle
+    length = float(cycle.numerator)
+    place = _place_and_misfit(recording)[0]
+    sweeps = _sweeps_in_time(recording)
+    senses = [_sense(place[rows], length) for rows in sweeps]
+    if {1, -1} <= set(senses):
+        raise DataError("the recording has sweeps in both directions", "take the sweeps of one direction")
+    turned = -1 if -1 in senses else 1
+    place = np.round(turned * place, _PLACE_DIGITS) % length
+    centred = recording.error_arcsec - recording.error_arcsec.mean()
+    flipped = -1 if centred[np.argmax(np.abs(centred))] < 0 else 1
+    error = flipped * recording.error_arcsec
+
+    joined = _joined(sweeps, senses, place, length)
+    runs = [run for rows, sense in joined for run in _passes(rows, sense, place, length)]
+    sorted_runs = [rows[np.lexsort((error[rows], place[rows]))] for rows in runs]
+    sorted_runs.sort(key=lambda rows: (place[rows[0]], len(rows), error[rows[0]]))
+    order = np.concatenate(sorted_runs)
+    return OrderedReadings(
+        place_rev=place[order],
+        input_rev=place[order] % 1.0,
+        output_rev=place[order] / float(cycle) % 1.0,
+        error_arcsec=error[order],
+        run=np.repeat(np.arange(len(sorted_runs)), [len(rows) for rows in sorted_runs]),
+        elapsed=np.concatenate([_elapsed(recording.time[rows]) for rows in sorted_runs]),
+        turned=turned,
+        flipped=flipped,
+        cycle=cycle,
+    )
+
+
+def _place_and_misfit(recording: Recording) -> tuple[Array, Array]:
+    """Return the places (R1) of readings on the cycle and the disagreement of their angles [input rev].
+
+    The output angle alone leaves open which of its q revolutions of the cycle it is in; the input angle decides.
+    """
+    cycle = cycle_of(recording.ratio)
+    phi = recording.input_rev % 1.0
+    psi = recording.output_rev % 1.0
+    candidates = float(cycle) * (psi + np.arange(cycle.denominator)[:, None])
+    misfits = np.abs(candidates - phi - np.round(candidates - phi))
+    chosen = misfits.argmin(axis=0)
+    readings = np.arange(len(phi))
+    place = phi + np.round(candidates[chosen, readings] - phi)
+    return place % float(cycle.numerator), misfits[chosen, readings]
+
+
+def _sweeps_in_time(recording: Recording) -> list[_Indices]:
+    """Return the rows of each sweep in the order of time, the sweeps by their first reading."""
+    rows_by_time = np.lexsort((recording.time, recording.sweep))
+    borders = np.flatnonzero(np.diff(recording.sweep[rows_by_time])) + 1
+    sweeps = np.split(rows_by_time, borders)
+    return sorted(sweeps, key=lambda rows: float(recording.time[rows[0]]))
+
+
+def _sense(place: Array, length: float) -> int:
+    """Return 1 if the places of a sweep ascend along the cycle, -1 if they descend, 0 if they have no order."""
+    steps = np.diff(np.unwrap(place, period=length))
+    steps = steps[steps != 0]
+    if not len(steps):
+        return 0
+    ascending = float(np.mean(steps > 0))
+    if ascending >= _ONE_WAY:
+        return 1
+    return -1 if ascending <= 1 - _ONE_WAY else 0
+
+
+def _joined(sweeps: list[_Indices], senses: list[int], place: Array, length: float) -> list[tuple[_Indices, int]]:
+    """Return sweeps and their senses, those that continue the sweep before them joined to it.
+
+    place: places in the forward sense, so that every sweep with a sense ascends.
+    """
+    joined: list[tuple[_Indices, int]] = []
+    for rows, sense in zip(sweeps, senses, strict=True):
+        if joined and sense and joined[-1][1]:
+            before = joined[-1][0]
+            steps = np.diff(np.unwrap(place[np.concatenate([before, rows])], period=length))
+            step = float(np.median(np.abs(steps)))
+            gap = (place[rows[0]] - place[before[-1]] + step / 2) % length - step / 2
+            if gap <= _JOINED_STEPS * step:
+                joined[-1] = (np.concatenate([before, rows]), sense)
+                continue
+        joined.append((rows, sense))
+    return joined
+
+
+def _passes(rows: _Indices, sense: int, place: Array, length: float) -> list[_Indices]:
+    """Return the rows of each pass over the cycle of a joined sweep."""
+    if not sense:
+        return [rows]
+    progress = np.unwrap(place[rows], period=length)
+    number = np.floor((progress - progress[0]) / length + 10.0**-_PLACE_DIGITS).astype(np.int64)
+    return [rows[number == chosen] for chosen in np.unique(number)]
+
+
+def _elapsed(time: Array) -> Array:
+    """Return times scaled to -1/2..1/2; zeros if all are equal."""
+    span = float(np.ptp(time))
+    return (time - time.min()) / span - 0.5 if span else np.zeros(len(time))

@@ -1,0 +1,305 @@
+"""Posterior of the amplitudes, by Gibbs sampling.
+
+Block means of the readings are linear in all coefficients beta: amplitudes of the waves, a level for each run, and a
+slow drift for each run (polynomials of the time, up to a stated degree):
+
+    y = X beta + n,   n with the memory (R4) and white variance sigma^2,   beta ~ N(0, V).                     (R8)
+
+V is diagonal: v_kj of the waves (R6), one variance for all drifts, and none (a flat prior) for levels. Given the sizes
+the posterior of beta is normal. With X and y whitened,
+
+    P = X^T X / sigma^2 + V^-1,   beta | V, sigma, y ~ N(P^-1 X^T y / sigma^2, P^-1),                          (R9)
+
+one Cholesky factor for each draw. Columns that hardly correlate (over a long recording, waves of different orders)
+are drawn in groups, each given the others: with the columns g of X and all other coefficients o held,
+
+    P_g = X_g^T X_g / sigma^2 + V_g^-1,   m_g = P_g^-1 X_g^T (y - X_o beta_o) / sigma^2,                       (R10)
+
+which is still a Gibbs sampler of the same posterior, at a small part of the work. Given beta, the sizes are drawn by (R7) and sigma^2 is inverse gamma:
+
+    sigma^2 | beta, y ~ IG(m/2, |y - X beta|^2 / 2),   m blocks.                                               (R11)
+
+Sampling alternates the two steps. It stops when the range of the curve over the cycle, the slowest figure, has enough
+effective samples, or at a largest number of draws; the number of effective samples is part of the result. The width of
+the sidebands is increased while the residuals have a memory and the likelihood, less 2 for each column, grows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cholesky, solve_triangular
+from scipy.sparse.csgraph import connected_components
+
+from hdassist.model.geometry import Array
+from hdassist.recording.noise import WHITE, NoiseMemory, memory_of, whitened
+from hdassist.recording.positions import OrderedReadings, Recording, in_order
+from hdassist.recording.sizes import SizeTree, inverse_gamma
+from hdassist.recording.waves import block_design, block_means, block_starts, cycle_curves, wave_pairs
+
+_Indices = NDArray[np.int64]
+ENOUGH_SAMPLES = 100.0  # effective: the ends of a 95 % interval are then good to some 10 % of its width
+_MOST_DRAWS = 600
+_BATCH = 40  # draws between two looks at the effective samples
+_BURN_SHARE = 0.2  # of the draws so far, dropped as not yet settled
+_FIRST_DRAWS, _FIRST_KEPT = 50, 12  # of the fit with white noise; draws averaged for its residuals
+_MORE_SIDEBANDS = (4, 8)  # beyond the usual 6, tried in this order
+_MEMORY_OF_WIDER = 0.2  # rho of residuals, from which wider sidebands are tried
+_DRIFT_SIZE = 0.02  # of A: scale of the drift over a run, a half-t distribution (assumed)
+_LEVEL_PRECISION = 1e-10  # over A^2: flat in effect
+_COHERENT = 0.1  # correlation of two columns from which they are drawn together; below, a chain hardly slows
+_GROUP_COLUMNS = 100  # small groups are merged up to so many columns, which one factor takes fastest
+_LEAST_NOISE = 1e-3  # of A: no recording is better, and rounding errors stay far below
+
+
+@dataclass(frozen=True, eq=False)
+class AmplitudePosterior:
+    """Samples of the amplitudes of a recording.
+
+    pairs: waves (k, j), shape (waves, 2).
+    cycle: ratio in lowest terms.
+    amplitudes: cosines, then sines [arcsec], shape (draws, 2 waves).
+    sigma_arcsec: white part of the noise of a block, shape (draws,).
+    memory: memory of the noise.
+    residual_rms: rms of the residuals of the mean curve [arcsec].
+    visited_rev: places with readings on the cycle [input rev], ascending, shape (readings,).
+    readings_range: range of the readings less levels and drifts [arcsec].
+    drift: coefficients of the drift of each run and power [arcsec], shape (draws, runs * degree).
+    effective: number of effective samples of the range over the cycle.
+    """
+
+    pairs: _Indices
+    cycle: Fraction
+    amplitudes: Array
+    sigma_arcsec: Array
+    memory: NoiseMemory
+    residual_rms: float
+    visited_rev: Array
+    readings_range: float
+    drift: Array
+    effective: float
+
+
+def posterior_of_recording(
+    recording: Recording, *, drift_degree: int = 1, seed: int = 0, most_draws: int = _MOST_DRAWS
+) -> AmplitudePosterior:
+    """Return samples of the amplitudes given a recording.
+
+    recording: readings of one drive at one torque in one direction.
+    drift_degree: degree of the slow drift over the time of a run; 0 for none.
+    seed: of the random numbers.
+    most_draws: draws at most, with those that are dropped.
+    Raises DataError for sweeps in both directions.
+    """
+    readings = in_order(recording)
+    model = _Model(readings, drift_degree=drift_degree)
+    sampler = _Sampler(model, WHITE, seed=seed)
+    mean = sampler.first_mean()
+    memory = model.memory(mean)
+    for more_sidebands in _MORE_SIDEBANDS:
+        if memory.rho <= _MEMORY_OF_WIDER:
+            break
+        wider = _Model(readings, drift_degree=drift_degree, more_sidebands=more_sidebands)
+        if wider.design.shape[1] == model.design.shape[1]:
+            break
+        other = _Sampler(wider, WHITE, seed=seed)
+        other_mean = other.first_mean()
+        if wider.criterion(other_mean) > model.criterion(mean):
+            break
+        model, sampler, mean, memory = wider, other, other_mean, wider.memory(other_mean)
+    sampler.use_memory(memory)
+    coefficients, sigma, effective = sampler.run(most_draws)
+    return _result(readings, model, memory, coefficients, sigma, effective)
+
+
+def effective_samples(values: Array) -> float:
+    """Return the number of independent samples that a chain is worth (Geyer 1992, initial positive sequence).
+
+    values: of successive draws, shape (draws,).
+    """
+    draws = len(values)
+    centred = values - values.mean()
+    if not centred.any():
+        return float(draws)
+    spectrum = np.fft.rfft(centred, 2 * draws)
+    covariance = np.fft.irfft(np.abs(spectrum) ** 2)[:draws]
+    correlation = covariance / covariance[0]
+    pairs = correlation[: 2 * (draws // 2)].reshape(-1, 2).sum(axis=1)
+    negative = np.flatnonzero(pairs <= 0)
+    positive = pairs[: negative[0]] if len(negative) else pairs
+    return float(min(draws, draws / max(2 * positive.sum() - 1, 1e-12)))
+
+
+def coherent_groups(gram: Array) -> list[_Indices]:
+    """Return groups of columns such that columns of different groups hardly correlate.
+
+    gram: products of the columns, shape (columns, columns).
+    """
+    lengths = np.sqrt(np.diag(gram))
+    lengths[lengths == 0] = 1.0
+    coherence = np.abs(gram) / np.outer(lengths, lengths)
+    count, label = connected_components(coherence > _COHERENT, directed=False)
+    merged: list[_Indices] = []
+    for number in range(count):
+        columns = np.flatnonzero(label == number)
+        if merged and len(merged[-1]) + len(columns) <= _GROUP_COLUMNS:
+            merged[-1] = np.concatenate([merged[-1], columns])
+        else:
+            merged.append(columns)
+    return merged
+
+
+class _Model:
+    """Block means and their design (R8): columns of the waves, then levels, then drifts."""
+
+    def __init__(self, readings: OrderedReadings, *, drift_degree: int, more_sidebands: int = 0) -> None:
+        starts = block_starts(readings)
+        self.cycle = readings.cycle
+        self.run = readings.run[starts]
+        self.runs = int(self.run.max()) + 1
+        self.errors = block_means(readings.error_arcsec, starts)
+        steps = np.diff(block_means(readings.place_rev, starts))[np.diff(self.run) == 0]
+        positive = steps[steps > 0]
+        self.blocks_per_rev = 1 / float(np.median(positive)) if len(positive) else 1.0
+        self.pairs = wave_pairs(readings.cycle, self.blocks_per_rev, more_sidebands)
+        self.row_slow = slow_columns(readings.run, readings.elapsed, drift_degree)
+        slow = block_means(self.row_slow, starts)
+        self.design = np.hstack([block_design(readings, starts, self.pairs), slow])
+        self.waves = 2 * len(self.pairs)
+        offsets = np.linalg.lstsq(slow, self.errors, rcond=None)[0]
+        self.mean_square = float(np.var(self.errors - slow @ offsets)) or float(np.var(self.errors)) or 1e-12
+
+    def residual(self, coefficients: Array) -> Array:
+        """Return block means less the model's."""
+        return self.errors - self.design @ coefficients
+
+    def memory(self, coefficients: Array) -> NoiseMemory:
+        """Return the memory of the residuals."""
+        return memory_of(self.residual(coefficients), self.run, self.blocks_per_rev)
+
+    def criterion(self, coefficients: Array) -> float:
+        """Return -2 log likelihood of white residuals, plus 2 for each column (Akaike's criterion)."""
+        blocks, columns = self.design.shape
+        return blocks * float(np.log(np.mean(self.residual(coefficients) ** 2))) + 2 * columns
+
+
+def slow_columns(run: _Indices, elapsed: Array, degree: int) -> Array:
+    """Return the columns of levels and drifts, shape (readings, runs * (1 + degree)).
+
+    run: number of the run, shape (readings,).
+    elapsed: time within the run, -1/2 to 1/2, shape (readings,).
+    degree: highest power of the time.
+    """
+    in_run = (run[:, None] == np.arange(int(run.max()) + 1)).astype(float)
+    powers = [in_run]
+    for power in range(1, degree + 1):
+        legendre = np.polynomial.legendre.legval(2 * elapsed, np.eye(degree + 1)[power]) / 2  # 1 from end to end
+        powers.append(in_run * legendre[:, None])
+    return np.hstack(powers)
+
+
+class _Sampler:
+    """The chain: coefficients given sizes by (R9) and (R10), sizes given coefficients by (R7) and (R11)."""
+
+    def __init__(self, model: _Model, memory: NoiseMemory, *, seed: int) -> None:
+        self._model = model
+        self._rng = np.random.default_rng(seed)
+        self._tree = SizeTree.start(model.pairs, model.mean_square)
+        self._sigma2 = 1e-2 * model.mean_square
+        self._drift2 = 1e-3 * model.mean_square
+        self._beta = np.zeros(model.design.shape[1])
+        self.use_memory(memory)
+
+    def use_memory(self, memory: NoiseMemory) -> None:
+        """Whiten design and errors by a memory."""
+        design = whitened(self._model.design, self._model.run, memory)
+        errors = whitened(self._model.errors, self._model.run, memory)
+        self._gram = design.T @ design
+        self._moment = design.T @ errors
+        self._square = float(errors @ errors)
+        self._blocks = len(errors)
+        self._groups = coherent_groups(self._gram)
+        self._group_grams = [self._gram[np.ix_(group, group)] for group in self._groups]
+
+    def first_mean(self) -> Array:
+        """Return the mean coefficients of a short chain."""
+        draws = [self._step() for _ in range(_FIRST_DRAWS)]
+        return np.asarray(np.mean(draws[-_FIRST_KEPT:], axis=0))
+
+    def run(self, most_draws: int) -> tuple[Array, Array, float]:
+        """Return draws of the coefficients, of sigma, and the number of effective samples."""
+        model = self._model
+        cycle_ranges: list[float] = []
+        draws: list[Array] = []
+        sigmas: list[float] = []
+        while True:
+            for _ in range(_BATCH):
+                draws.append(self._step())
+                sigmas.append(float(np.sqrt(self._sigma2)))
+            batch = np.array(draws[-_BATCH:])[:, : model.waves]
+            curves = cycle_curves(batch, model.pairs, model.cycle)
+            cycle_ranges.extend(np.ptp(curves, axis=1).tolist())
+            burnt = int(_BURN_SHARE * len(draws))
+            effective = effective_samples(np.array(cycle_ranges[burnt:]))
+            if effective >= ENOUGH_SAMPLES or len(draws) + _BATCH > most_draws:
+                return np.array(draws[burnt:]), np.array(sigmas[burnt:]), effective
+
+    def _step(self) -> Array:
+        """Draw coefficients, then sizes; return the coefficients."""
+        model, rng = self._model, self._rng
+        waves, runs = model.waves, model.runs
+        variances = np.concatenate([self._tree.wave, self._tree.wave])
+        drifts = len(self._moment) - waves - runs
+        levels = np.full(runs, _LEVEL_PRECISION / model.mean_square)
+        prior = np.concatenate([1 / variances, levels, np.full(drifts, 1 / self._drift2)])
+        beta = self._beta
+        for group, gram in zip(self._groups, self._group_grams, strict=True):
+            others = self._gram[group] @ beta - gram @ beta[group]
+            moment = (self._moment[group] - others) / self._sigma2
+            precision = gram / self._sigma2
+            precision[np.diag_indices_from(precision)] += prior[group]
+            factor = cholesky(precision, lower=True, overwrite_a=True, check_finite=False)
+            half = solve_triangular(factor, moment, lower=True, check_finite=False)
+            normal = rng.standard_normal(len(group))
+            beta[group] = solve_triangular(factor, half + normal, lower=True, trans="T", check_finite=False)
+
+        cosines, sines = beta[: waves // 2], beta[waves // 2 : waves]
+        self._tree.draw(cosines**2 + sines**2, rng)
+        misfit = self._square - 2 * beta @ self._moment + beta @ self._gram @ beta
+        drawn = float(inverse_gamma(self._blocks / 2, np.array(max(misfit, 0.0) / 2), rng))
+        self._sigma2 = max(drawn, _LEAST_NOISE**2 * model.mean_square)
+        if drifts:
+            drift = beta[waves + runs :]
+            rate = (_DRIFT_SIZE**2 * model.mean_square + drift @ drift) / 2
+            self._drift2 = float(inverse_gamma((1 + drifts) / 2, np.array(rate), rng))
+        return beta.copy()
+
+
+def _result(
+    readings: OrderedReadings,
+    model: _Model,
+    memory: NoiseMemory,
+    coefficients: Array,
+    sigma: Array,
+    effective: float,
+) -> AmplitudePosterior:
+    """Return the posterior in the sense and sign of the recording as it was given."""
+    mean = coefficients.mean(axis=0)
+    cosines, sines = np.split(coefficients[:, : model.waves], 2, axis=1)
+    amplitudes = readings.flipped * np.hstack([cosines, readings.turned * sines])
+    levelled = readings.error_arcsec - model.row_slow @ mean[model.waves :]
+    return AmplitudePosterior(
+        pairs=model.pairs,
+        cycle=readings.cycle,
+        amplitudes=amplitudes,
+        sigma_arcsec=sigma,
+        memory=memory,
+        residual_rms=float(np.std(model.residual(mean))),
+        visited_rev=np.sort(readings.turned * readings.place_rev % float(readings.cycle.numerator)),
+        readings_range=float(np.ptp(levelled)),
+        drift=readings.flipped * coefficients[:, model.waves + model.runs :],
+        effective=effective,
+    )

@@ -1,0 +1,138 @@
+"""Prior sizes of the waves.
+
+Each amplitude is normal with mean 0 and a variance of its own, a_kj and b_kj ~ N(0, v_kj). The sizes form a tree: the
+size s_k of an order, the size b_k of its sidebands, the size sqrt v_kj of a wave. Each is half-t distributed with
+nu = 3 degrees of freedom around the one above it:
+
+    s_k ~ half-t(q_k A),   b_k ~ half-t(s_k),   sqrt v_k0 ~ half-t(s_k),   sqrt v_kj ~ half-t(r_kj b_k).        (R6)
+
+A is the rms of the readings without levels, so a change of units changes nothing. The profiles q (orders) and r
+(sidebands) are data: `ORDER_PROFILE`, `SIDEBAND_PROFILE`, `OUTPUT_PROFILE`. A half-t has most of its mass near 0 and a
+long tail: a wave that the readings show gets its size from them, and a wave that they do not visit stays as open as the
+profile says.
+
+A half-t variable of scale s is conjugate with one auxiliary variable x (Wand et al. 2011, Bayesian Analysis 6, 847):
+
+    v | x ~ IG(nu/2, nu/x),   x ~ IG(1/2, 1/s^2),   IG the inverse gamma distribution.                         (R7)
+
+So each variable given the others is inverse gamma, which `SizeTree.draw` uses.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdassist.model.geometry import Array
+
+_Indices = NDArray[np.int64]
+_FREEDOM = 3.0  # nu: tails like x^-4, so that a wave far above its profile is not shrunk
+_LEAST_VARIANCE = 1e-14  # of A^2, so that no precision overflows
+# Assumed values, from the amplitudes of 36 solved drives of the tool's own model (typical deviations, several torques
+# and sizes): an order's size over the rms of the error, by k = 0, 1, 2, ...; the last value holds beyond.
+ORDER_PROFILE = (0.5, 0.3, 1.0, 0.2, 0.8, 0.1, 0.08, 0.04, 0.05, 0.03, 0.03, 0.02)
+# Size of a sideband over its order's sidebands, by |j| = 1, 2, ...: half as large each step, not below the last.
+SIDEBAND_PROFILE = (0.35, 0.175, 0.0875, 0.04375, 0.021875, 0.02)
+OTHER_WHEEL = 0.6  # the same for (k, +-k), a part that turns with the other wheel: as large as the order itself
+OUTPUT_PROFILE = (1.0, 0.4, 0.3, 0.4, 0.1, 0.1, 0.05)  # of (0, j) by j = 1, 2, ...
+REST_RATIO, REST_LOG_SIGMA = 0.91, 0.46  # rms of waves beyond the pairs over that of the widest sidebands: log-normal
+REST_RANGE = 1.5  # what such waves change the range by, over their rms: the standard deviation
+WIDEST_SIDEBANDS = 5  # |j| from which sidebands count as the widest
+
+
+def wave_profile(pairs: _Indices) -> tuple[Array, Array]:
+    """Return q_k of each order 0, 1, ... up to the highest, and r_kj of each wave.
+
+    pairs: waves (k, j), shape (waves, 2).
+    """
+    k = pairs[:, 0]
+    distance = np.abs(pairs[:, 1])
+    orders = np.array([ORDER_PROFILE[min(order, len(ORDER_PROFILE) - 1)] for order in range(int(k.max()) + 1)])
+    waves = np.empty(len(pairs))
+    for number, (order, sideband) in enumerate(zip(k.tolist(), distance.tolist(), strict=True)):
+        if sideband == 0:
+            waves[number] = 1.0
+        elif order == 0:
+            waves[number] = OUTPUT_PROFILE[min(sideband, len(OUTPUT_PROFILE)) - 1]
+        elif sideband == order:
+            waves[number] = OTHER_WHEEL
+        else:
+            waves[number] = SIDEBAND_PROFILE[min(sideband, len(SIDEBAND_PROFILE)) - 1]
+    return orders, waves
+
+
+@dataclass(eq=False)
+class SizeTree:
+    """The state of (R6) during sampling: squared sizes and the auxiliary variables of (R7).
+
+    order_prior, wave_prior: squared q_k A, shape (orders,), and squared r_kj, shape (waves,).
+    order_of: k of each wave; is_main: j = 0, both of shape (waves,).
+    order, sideband: squared s_k and b_k; order_aux, sideband_aux: their auxiliaries [1/arcsec^2], all of shape (orders,).
+    wave, wave_aux: v_kj [arcsec^2] and its auxiliary [1/arcsec^2], shape (waves,).
+    """
+
+    order_prior: Array
+    wave_prior: Array
+    order_of: _Indices
+    is_main: NDArray[np.bool_]
+    order: Array
+    sideband: Array
+    order_aux: Array
+    sideband_aux: Array
+    wave: Array
+    wave_aux: Array
+    least: float
+
+    @classmethod
+    def start(cls, pairs: _Indices, mean_square: float) -> SizeTree:
+        """Return the tree at the sizes of the profile.
+
+        pairs: waves (k, j), shape (waves, 2).
+        mean_square: A^2 [arcsec^2].
+        """
+        orders, waves = wave_profile(pairs)
+        order_prior = orders**2 * mean_square
+        wave_prior = waves**2
+        wave = wave_prior * order_prior[pairs[:, 0]]
+        return cls(
+            order_prior=order_prior,
+            wave_prior=wave_prior,
+            order_of=pairs[:, 0],
+            is_main=pairs[:, 1] == 0,
+            order=order_prior.copy(),
+            sideband=order_prior.copy(),
+            order_aux=1 / order_prior,
+            sideband_aux=1 / order_prior,
+            wave=wave,
+            wave_aux=1 / wave,
+            least=_LEAST_VARIANCE * mean_square,
+        )
+
+    def draw(self, squares: Array, rng: np.random.Generator) -> None:
+        """Draw every size given the amplitudes, each from its conditional distribution by (R7).
+
+        squares: a_kj^2 + b_kj^2 [arcsec^2], shape (waves,).
+        """
+        nu = _FREEDOM
+        orders = len(self.order)
+        self.wave = self.least + inverse_gamma(nu / 2 + 1, nu / self.wave_aux + squares / 2, rng)
+        parent = np.where(self.is_main, self.order[self.order_of], self.sideband[self.order_of])
+        self.wave_aux = inverse_gamma((nu + 1) / 2, nu / self.wave + 1 / (self.wave_prior * parent), rng)
+        precision = 1 / (self.wave_prior * self.wave_aux)
+        beside = ~self.is_main
+        sidebands = np.bincount(self.order_of[beside], minlength=orders)
+        sideband_sum = np.bincount(self.order_of[beside], precision[beside], minlength=orders)
+        self.sideband = inverse_gamma((nu + sidebands) / 2, nu / self.sideband_aux + sideband_sum, rng)
+        self.sideband_aux = inverse_gamma((nu + 1) / 2, nu / self.sideband + 1 / self.order, rng)
+        mains = np.bincount(self.order_of[self.is_main], minlength=orders)
+        main_sum = np.bincount(self.order_of[self.is_main], precision[self.is_main], minlength=orders)
+        rate = nu / self.order_aux + main_sum + 1 / self.sideband_aux
+        self.order = inverse_gamma((nu + mains + 1) / 2, rate, rng)
+        self.order_aux = inverse_gamma((nu + 1) / 2, nu / self.order + 1 / self.order_prior, rng)
+
+
+def inverse_gamma(shape: float | Array, rate: Array, rng: np.random.Generator) -> Array:
+    """Return a draw of the inverse gamma distribution for each rate, shape as rate."""
+    return np.asarray(rate / rng.gamma(shape, size=np.shape(rate)))

@@ -1,0 +1,132 @@
+"""Waves on the torus and their design matrix.
+
+The error is a smooth function of both angles, so it is a Fourier series on their torus:
+
+    e(phi, psi) = sum over (k, j) of a_kj cos 2 pi (k phi + j psi) + b_kj sin 2 pi (k phi + j psi).            (R2)
+
+k counts periods per input revolution (the orders), j periods per output revolution (the sidebands of an order). The
+waves with k = 0, j > 0 are those of the output; the two waves (k, +-k) are those of a part that turns with the other
+wheel. Along the cycle (R1) the wave (k, j) has k p + j q periods, so that a fast Fourier transform of the amplitudes
+gives the curve over the whole cycle.
+
+Readings are averaged over blocks of consecutive readings of a run, the columns of the design as well as the errors:
+
+    y_B = mean over B of y,   X_B = mean over B of x.                                                          (R3)
+
+An average of both sides of a linear equation is exact, so averaging damps no wave.
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdassist.model.geometry import Array
+from hdassist.recording.positions import OrderedReadings
+
+_Indices = NDArray[np.int64]
+BLOCKS_PER_REV = 100  # of the input, at most
+CURVE_POINTS_PER_REV = 160  # of the input: 3.5 a period of the highest order, between which a parabola finds the peak
+_ALWAYS_ORDER = 12  # orders that are open whatever the sampling: coarse readings do not exclude them
+_SIDEBAND_ORDER = 20  # the highest order with sidebands
+_HIGHEST_ORDER = 45
+_POINTS_PER_PERIOD = 2.2  # blocks for each period of the highest order
+_SIDEBANDS = 6  # on each side of an order
+_CHUNK = 8192  # rows whose columns are computed at once, for the memory
+
+
+def wave_pairs(cycle: Fraction, blocks_per_rev: float, more_sidebands: int = 0) -> _Indices:
+    """Return the waves (k, j) of the model, shape (waves, 2), sorted.
+
+    cycle: ratio in lowest terms.
+    blocks_per_rev: blocks of readings in an input revolution.
+    more_sidebands: sidebands on each side beyond the usual 6.
+    """
+    ratio = float(cycle)
+    sidebands = min(_SIDEBANDS + more_sidebands, max(1, int(ratio // 2)))
+    resolved = blocks_per_rev / _POINTS_PER_PERIOD
+    highest_beside = int(np.clip(resolved, _ALWAYS_ORDER, _SIDEBAND_ORDER))
+    highest = int(np.clip(resolved, _ALWAYS_ORDER, _HIGHEST_ORDER))
+    pairs = {(0, j) for j in range(1, sidebands + 1)}
+    for k in range(1, highest_beside + 1):
+        pairs |= {(k, j) for j in range(-sidebands, sidebands + 1)}
+        if 2 * k < ratio:
+            pairs |= {(k, k), (k, -k)}
+    pairs |= {(k, 0) for k in range(1, highest + 1)}
+    return np.array(sorted(pairs))
+
+
+def wave_columns(input_rev: Array, output_rev: Array, pairs: _Indices) -> Array:
+    """Return the columns of (R2): cosines of all waves, then sines, shape (readings, 2 waves).
+
+    input_rev, output_rev: angles [rev], shape (readings,).
+    pairs: waves (k, j), shape (waves, 2).
+    """
+    orders = np.arange(pairs[:, 0].max() + 1)
+    widest = int(np.abs(pairs[:, 1]).max())
+    sidebands = np.arange(-widest, widest + 1)
+    by_order = np.exp(2j * np.pi * np.outer(input_rev, orders))
+    by_sideband = np.exp(2j * np.pi * np.outer(output_rev, sidebands))
+    waves = by_order[:, pairs[:, 0]] * by_sideband[:, pairs[:, 1] + widest]
+    return np.hstack([waves.real, waves.imag])
+
+
+def block_starts(readings: OrderedReadings) -> _Indices:
+    """Return the first row of each block, shape (blocks,): parts of a run of equal size, at most one reading apart."""
+    borders = np.flatnonzero(np.diff(readings.run)) + 1
+    starts: list[_Indices] = []
+    for rows in np.split(np.arange(len(readings.run)), borders):
+        blocks = max(1, round(len(rows) / _readings_per_block(readings.place_rev[rows])))
+        starts.append(rows[0] + np.arange(blocks) * len(rows) // blocks)
+    return np.concatenate(starts)
+
+
+def _readings_per_block(place: Array) -> int:
+    """Return how many readings of a run one block takes."""
+    steps = np.diff(place)
+    steps = steps[steps > 0]
+    if not len(steps):
+        return 1
+    return max(1, int(1 / (float(np.median(steps)) * BLOCKS_PER_REV) + 1e-6))
+
+
+def block_means(values: Array, starts: _Indices) -> Array:
+    """Return the means of values over blocks (R3), shape (blocks, ...).
+
+    values: of each reading, shape (readings, ...).
+    starts: first row of each block, shape (blocks,).
+    """
+    sizes = np.diff(np.append(starts, len(values)))
+    sums = np.add.reduceat(values, starts, axis=0)
+    return np.asarray(sums / sizes.reshape(-1, *[1] * (values.ndim - 1)))
+
+
+def block_design(readings: OrderedReadings, starts: _Indices, pairs: _Indices) -> Array:
+    """Return the columns of the waves averaged over blocks (R3), shape (blocks, 2 waves)."""
+    design = np.empty((len(starts), 2 * len(pairs)))
+    ends = np.append(starts[1:], len(readings.run))
+    first = 0
+    while first < len(starts):
+        last = max(first + 1, int(np.searchsorted(ends, starts[first] + _CHUNK, side="right")))
+        rows = slice(starts[first], ends[last - 1])
+        columns = wave_columns(readings.input_rev[rows], readings.output_rev[rows], pairs)
+        design[first:last] = block_means(columns, starts[first:last] - starts[first])
+        first = last
+    return design
+
+
+def cycle_curves(amplitudes: Array, pairs: _Indices, cycle: Fraction) -> Array:
+    """Return the curves of (R2) over the whole cycle, shape (curves, CURVE_POINTS_PER_REV * p).
+
+    amplitudes: cosines, then sines, of each curve, shape (curves, 2 waves).
+    pairs: waves (k, j), shape (waves, 2).
+    cycle: ratio p/q in lowest terms.
+    """
+    points = CURVE_POINTS_PER_REV * cycle.numerator
+    periods = pairs[:, 0] * cycle.numerator + pairs[:, 1] * cycle.denominator
+    cosines, sines = np.split(amplitudes, 2, axis=1)
+    spectrum = np.zeros((points // 2 + 1, len(amplitudes)), complex)
+    np.add.at(spectrum, periods, (points / 2) * (cosines - 1j * sines).T)
+    return np.fft.irfft(spectrum.T, points, axis=1)

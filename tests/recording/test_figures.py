@@ -1,0 +1,94 @@
+"""F'_ior and its verdict: two ends, few samples, travels."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hdassist.errors import UsageError, Verdict
+from hdassist.recording.figures import RangeFigure, peak_range, range_figure
+from hdassist.recording.positions import recording_from_columns
+from hdassist.recording.posterior import posterior_of_recording
+from tests.recording.readings import RATIO, known_error, known_range, noisy_readings
+
+TRUE = known_range()
+
+
+@pytest.fixture(scope="module")
+def whole():
+    return posterior_of_recording(recording_from_columns(*noisy_readings(), RATIO))
+
+
+@pytest.fixture(scope="module")
+def part():
+    return posterior_of_recording(recording_from_columns(*noisy_readings(readings=300, span=9.0), RATIO))
+
+
+def test_a_whole_cycle_decides_both_ways(whole):
+    figure = range_figure(whole)
+    low, high = figure.interval_arcsec
+    assert low < TRUE < high
+    assert high - low < 0.06 * TRUE
+    assert figure.verdict(0.93 * TRUE) is Verdict.FAIL
+    assert figure.verdict(1.07 * TRUE) is Verdict.PASS
+    assert figure.verdict(TRUE) is Verdict.INCONCLUSIVE
+    assert figure.verdict(1.07 * TRUE, uncertainty_arcsec=0.1 * TRUE) is Verdict.INCONCLUSIVE
+
+
+def test_a_part_of_the_cycle_leaves_a_wide_upper_end(whole, part):
+    figure = range_figure(part)
+    low, high = figure.interval_arcsec
+    visited = float(np.ptp(known_error(np.arange(0, 9, 1 / 500))))
+    assert low < visited * 1.03
+    assert high > TRUE
+    assert high - low > 5 * np.subtract(*range_figure(whole).interval_arcsec[::-1])
+    assert figure.verdict(1.03 * TRUE) is not Verdict.FAIL
+    assert figure.verdict(0.8 * visited) is Verdict.FAIL
+
+
+def test_a_travel_is_a_part_of_the_cycle(whole, part):
+    truth = float(np.ptp(known_error(np.arange(0.25 * RATIO, 0.5 * RATIO, 1 / 500))))
+    low, high = range_figure(whole, travel_rev=(0.25, 0.5)).interval_arcsec
+    assert low < truth < high
+    unvisited = range_figure(part, travel_rev=(0.5, 0.7))
+    assert unvisited.visited_share == 0
+    assert unvisited.interval_arcsec[0] == 0
+    assert unvisited.verdict(0.1) is Verdict.INCONCLUSIVE
+    assert range_figure(whole, travel_rev=(3.0, 4.5)).visited_share == range_figure(whole).visited_share
+    with pytest.raises(UsageError):
+        range_figure(whole, travel_rev=(0.2, 0.2))
+
+
+def test_nothing_exceeds_the_range_of_the_readings(whole):
+    assert range_figure(replace(whole, readings_range=5.0)).seen_arcsec.max() <= 5.0
+
+
+def figure(whole, seen, effective=200.0):
+    """A figure of 200 samples around two values."""
+    spread = np.linspace(-1, 1, 200)
+    return RangeFigure(
+        whole_arcsec=whole + spread,
+        seen_arcsec=seen + spread,
+        visited_share=0.5,
+        whole_effective=effective,
+        seen_effective=effective,
+    )
+
+
+@pytest.mark.parametrize(
+    ("limit", "verdict"), [(31.1, "PASS"), (30.0, "INCONCLUSIVE"), (20.0, "INCONCLUSIVE"), (18.9, "FAIL")]
+)
+def test_pass_asks_the_whole_cycle_and_fail_the_visited_places(limit, verdict):
+    assert figure(whole=30.0, seen=20.0).verdict(limit) == verdict
+
+
+def test_few_effective_samples_decide_nothing():
+    few = figure(whole=30.0, seen=20.0, effective=12.0)
+    assert few.has_few_samples
+    assert few.verdict(31.1) is Verdict.INCONCLUSIVE
+    assert few.verdict(18.9) is Verdict.INCONCLUSIVE
+
+
+def test_peaks_lie_between_points():
+    turns = (np.arange(16) + 0.37) / 16
+    assert np.isclose(peak_range(np.cos(2 * np.pi * turns)[None])[0], 2.0, rtol=2e-3)

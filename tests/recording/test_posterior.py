@@ -1,0 +1,105 @@
+"""The posterior against a second way: a normal posterior by hand, known amplitudes, and relations."""
+
+import numpy as np
+import pytest
+
+from hdassist.recording import posterior as module
+from hdassist.recording.figures import range_figure
+from hdassist.recording.noise import WHITE
+from hdassist.recording.positions import in_order, recording_from_columns
+from hdassist.recording.posterior import effective_samples, posterior_of_recording
+from tests.recording.readings import RATIO, WAVES, noisy_readings
+
+TURNS, ERROR = noisy_readings()
+ROWS = len(TURNS)
+
+
+@pytest.fixture(scope="module")
+def reference():
+    return posterior_of_recording(recording_from_columns(TURNS, ERROR, RATIO), drift_degree=0)
+
+
+def test_coefficients_are_those_of_a_dense_normal_posterior():
+    turns, error = noisy_readings(readings=120, span=6.0)
+    readings = in_order(recording_from_columns(turns, error, RATIO))
+    model = module._Model(readings, drift_degree=1)
+    sampler = module._Sampler(model, WHITE, seed=0)
+    variances = np.concatenate([sampler._tree.wave, sampler._tree.wave, [1e4], [sampler._drift2]])
+    sigma2 = sampler._sigma2
+    # by the covariance of the readings, not by the precision of the coefficients
+    covariance = sigma2 * np.eye(len(model.errors)) + (model.design * variances) @ model.design.T
+    gain = (model.design * variances).T @ np.linalg.inv(covariance)
+    mean = gain @ model.errors
+    curve_covariance = model.design @ (np.diag(variances) - gain @ (model.design * variances)) @ model.design.T
+    tree, draws = sampler._tree.wave.copy(), []
+    for _ in range(1500):
+        draws.append(sampler._step())
+        sampler._tree.wave, sampler._sigma2, sampler._drift2 = tree, sigma2, float(variances[-1])
+    curves = np.array(draws) @ model.design.T
+    sigmas = np.sqrt(np.diag(curve_covariance))
+    assert np.all(np.abs(curves.mean(axis=0) - model.design @ mean) < 5 * sigmas / np.sqrt(1500))
+    assert np.allclose(curves.std(axis=0), sigmas, rtol=0.12)
+
+
+def test_known_amplitudes_are_recovered(reference):
+    mean, sigma = reference.amplitudes.mean(axis=0), reference.amplitudes.std(axis=0)
+    pairs = reference.pairs.tolist()
+    for k, j, size, phase in WAVES:
+        place = pairs.index([k, j])
+        for column, true in ((place, size * np.cos(phase)), (len(pairs) + place, size * np.sin(phase))):
+            assert abs(mean[column] - true) < 4 * sigma[column]
+            assert sigma[column] < 0.05
+    assert reference.memory == WHITE
+    assert np.isclose(np.median(reference.sigma_arcsec), 0.4, rtol=0.15)
+
+
+@pytest.mark.parametrize("relation", ["permuted", "split", "elsewhere", "wrapped", "mirrored", "negated", "units"])
+def test_relations_hold_to_rounding(reference, relation):
+    turns, error, sweep, time, scale = TURNS, ERROR, None, None, 1.0
+    if relation == "permuted":
+        time = np.random.default_rng(1).permutation(ROWS)
+        turns, error = TURNS[time], ERROR[time]
+    elif relation == "split":
+        sweep = np.arange(ROWS) // 250
+    elif relation == "elsewhere":
+        rows = np.roll(np.arange(ROWS), -217)
+        turns, error = TURNS[rows] + RATIO * (rows < 217), ERROR[rows]
+    elif relation == "wrapped":
+        turns = TURNS + 3 * RATIO
+    elif relation == "mirrored":
+        turns = -TURNS
+    elif relation == "negated":
+        error = -ERROR
+    else:
+        scale = 60.0
+        error = ERROR * scale
+    posterior = posterior_of_recording(
+        recording_from_columns(turns, error, RATIO, sweep=sweep, time=time), drift_degree=0
+    )
+    figure, first = range_figure(posterior), range_figure(reference)
+    assert np.allclose(figure.whole_arcsec, scale * first.whole_arcsec, rtol=1e-6)
+    assert np.allclose(figure.seen_arcsec, scale * first.seen_arcsec, rtol=1e-6)
+    signs = np.ones(2 * len(posterior.pairs))
+    if relation == "mirrored":
+        signs[len(posterior.pairs) :] = -1
+    signs *= -scale if relation == "negated" else scale
+    assert np.allclose(posterior.amplitudes, signs * reference.amplitudes, rtol=1e-6, atol=1e-6 * scale)
+
+
+def test_a_memory_does_not_swallow_waves_beyond_the_pairs():
+    extra = 3.0 * np.cos(2 * np.pi * (2 + 9 / RATIO) * TURNS)
+    posterior = posterior_of_recording(recording_from_columns(TURNS, ERROR + extra, RATIO))
+    pairs = posterior.pairs.tolist()
+    size = np.hypot(*posterior.amplitudes.mean(axis=0).reshape(2, -1)[:, pairs.index([2, 9])])
+    assert abs(size - 3.0) < 0.1
+
+
+def test_a_chain_is_worth_the_samples_that_it_has():
+    rng = np.random.default_rng(2)
+    white = rng.standard_normal(4000)
+    slow = np.zeros(4000)
+    for step in range(1, 4000):
+        slow[step] = 0.9 * slow[step - 1] + white[step]
+    assert effective_samples(white) > 3000
+    assert 100 < effective_samples(slow) < 400  # 4000 (1 - 0.9) / (1 + 0.9) = 211
+    assert effective_samples(np.ones(10)) == 10

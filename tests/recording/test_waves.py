@@ -1,0 +1,66 @@
+"""Waves and their design: columns by their formula, means that damp nothing, curves by two ways."""
+
+from fractions import Fraction
+
+import numpy as np
+
+from hdassist.recording.positions import in_order, recording_from_columns
+from hdassist.recording.waves import (
+    BLOCKS_PER_REV,
+    CURVE_POINTS_PER_REV,
+    block_design,
+    block_means,
+    block_starts,
+    cycle_curves,
+    wave_columns,
+    wave_pairs,
+)
+from tests.recording.readings import RATIO, known_error
+
+RNG = np.random.default_rng(3)
+
+
+def test_pairs_have_both_sides_the_other_wheel_and_no_constant():
+    pairs = {tuple(pair) for pair in wave_pairs(Fraction(100), blocks_per_rev=100).tolist()}
+    assert (0, 0) not in pairs
+    assert {(2, 6), (2, -6), (9, 9), (9, -9), (45, 0), (0, 6)} <= pairs
+    assert not {(2, 7), (0, -1), (46, 0), (21, 1)} & pairs
+    coarse = wave_pairs(Fraction(100), blocks_per_rev=8)
+    assert coarse[:, 0].max() == 12
+
+
+def test_columns_are_cosines_and_sines():
+    phi, psi = RNG.random((2, 50))
+    pairs = wave_pairs(Fraction(30), blocks_per_rev=30)
+    angle = 2 * np.pi * (np.outer(phi, pairs[:, 0]) + np.outer(psi, pairs[:, 1]))
+    assert np.allclose(wave_columns(phi, psi, pairs), np.hstack([np.cos(angle), np.sin(angle)]))
+
+
+def test_curves_of_the_cycle_are_those_of_the_columns():
+    for cycle in (Fraction(30), Fraction(61, 2)):
+        pairs = wave_pairs(cycle, blocks_per_rev=30)
+        amplitudes = RNG.standard_normal((2, 2 * len(pairs)))
+        turns = np.arange(CURVE_POINTS_PER_REV * cycle.numerator) / CURVE_POINTS_PER_REV
+        columns = wave_columns(turns % 1, turns / float(cycle) % 1, pairs)
+        assert np.allclose(cycle_curves(amplitudes, pairs, cycle), amplitudes @ columns.T)
+
+
+def test_means_over_blocks_damp_no_wave():
+    turns = np.sort(RNG.random(20_000)) * RATIO
+    readings = in_order(recording_from_columns(turns, known_error(turns), RATIO))
+    starts = block_starts(readings)
+    assert len(starts) <= 1.5 * BLOCKS_PER_REV * RATIO
+    pairs = wave_pairs(readings.cycle, blocks_per_rev=100)
+    design = block_design(readings, starts, pairs)
+    solution = np.linalg.lstsq(design, block_means(readings.error_arcsec, starts), rcond=None)[0]
+    cosine = solution[pairs.tolist().index([2, 0])]
+    sine = solution[len(pairs) + pairs.tolist().index([2, 0])]
+    assert np.allclose(readings.flipped * np.array([cosine, sine]), [9 * np.cos(1.0), 9 * np.sin(1.0)])
+
+
+def test_no_block_reaches_over_two_runs():
+    turns = np.concatenate([np.arange(1000) / 333, 10 + np.arange(700) / 333])
+    sweep = np.repeat([0, 1], [1000, 700])
+    readings = in_order(recording_from_columns(turns, known_error(turns), RATIO, sweep=sweep))
+    borders = set((np.flatnonzero(np.diff(readings.run)) + 1).tolist())
+    assert borders <= set(block_starts(readings).tolist())
