@@ -112,8 +112,8 @@ class Tally:
     verdicts: dict[tuple[float, Verdict], int] = field(default_factory=lambda: defaultdict(int))
 
 
-def judge(rng: np.random.Generator, tally: Tally, is_typical: bool, kind: str) -> None:
-    """Record a new drive and add the answer to a tally."""
+def judge(rng: np.random.Generator, name: str, tally: Tally, is_typical: bool, kind: str) -> None:
+    """Record a new drive, add the answer to a tally and print it if the interval misses the truth."""
     drive = made_drive(rng, is_typical)
     recording = made_recording(rng, drive, kind)
     begin = time.process_time()
@@ -121,6 +121,9 @@ def judge(rng: np.random.Generator, tally: Tally, is_typical: bool, kind: str) -
     tally.seconds.append(time.process_time() - begin)
     truth = drive.range
     low, high = figure.interval_arcsec
+    if not low <= truth <= high:
+        rows = len(recording.error_arcsec)
+        print(f"  missed: {name}, {rows} readings, ratio {drive.ratio}: {truth:.2f} not in {low:.2f} to {high:.2f}")
     tally.recordings += 1
     tally.truth_below += truth < low
     tally.truth_above += truth > high
@@ -141,7 +144,8 @@ def main() -> None:
         is_typical = number % 2 == 0
         kind = ("whole", "part", "split", "part")[number // 2 % 4]
         name = f"{'typical' if is_typical else 'other'} {kind}"
-        judge(np.random.default_rng([arguments.seed, number]), tallies[name], is_typical, kind)
+        rng = np.random.default_rng([arguments.seed, number])
+        judge(rng, f"{name} {number}", tallies[name], is_typical, kind)
     heads = "interval holds | truth below, above | width | few samples | CPU s median, max"
     print(f"{'recordings':>16}: {heads} | PASS/FAIL/INCONCLUSIVE at {LIMITS} of the truth")
     for name, tally in sorted(tallies.items()):

@@ -202,4 +202,5 @@ def _rest(posterior: AmplitudePosterior, seed: int) -> Array:
         rms = _FEWEST_SIDEBANDS * np.sqrt(mean_squares.sum(axis=1))
     draws = len(rms)
     size = REST_RATIO * np.exp(REST_LOG_SIGMA * rng.standard_normal(draws)) * rms
-    return np.minimum(size, posterior.residual_rms) * REST_RANGE * rng.standard_normal(draws)
+    rest = np.minimum(size, posterior.residual_rms) * REST_RANGE * rng.standard_normal(draws)
+    return np.asarray(rest)

@@ -11,8 +11,8 @@ matter: the sense in which the shaft turned, the run that it belongs to, and its
 one cycle long and unbroken: sweeps that continue one another form one run, and a second pass over the cycle starts a
 new one. Each run has a level of its own, because encoders are often zeroed between two runs.
 
-`in_order` puts readings into one canonical order, so that equal readings give equal results to rounding. Turning back
-and the sign of the error are undone there; the posterior restores both.
+`ordered_readings` puts readings into one canonical order, so that equal readings give equal results to rounding.
+Turning back and the sign of the error are undone there; the posterior restores both.
 """
 
 from __future__ import annotations
@@ -165,7 +165,7 @@ def recording_from_trace(trace: MeasuredTrace, ratio: float) -> Recording:
     )
 
 
-def in_order(recording: Recording) -> OrderedReadings:
+def ordered_readings(recording: Recording) -> OrderedReadings:
     """Return the readings of a recording in canonical order.
 
     Raises DataError for sweeps in both directions.

@@ -35,7 +35,7 @@ _LEAST_VARIANCE = 1e-14  # of A^2, so that no precision overflows
 ORDER_PROFILE = (0.5, 0.3, 1.0, 0.2, 0.8, 0.1, 0.08, 0.04, 0.05, 0.03, 0.03, 0.02)
 # Size of a sideband over its order's sidebands, by |j| = 1, 2, ...: half as large each step, not below the last.
 SIDEBAND_PROFILE = (0.35, 0.175, 0.0875, 0.04375, 0.021875, 0.02)
-OTHER_WHEEL = 0.6  # the same for (k, +-k), a part that turns with the other wheel: as large as the order itself
+_OTHER_WHEEL = 0.6  # the same for (k, +-k), a part that turns with the other wheel: as large as the order itself
 OUTPUT_PROFILE = (1.0, 0.4, 0.3, 0.4, 0.1, 0.1, 0.05)  # of (0, j) by j = 1, 2, ...
 REST_RATIO, REST_LOG_SIGMA = 0.91, 0.46  # rms of waves beyond the pairs over that of the widest sidebands: log-normal
 REST_RANGE = 1.5  # what such waves change the range by, over their rms: the standard deviation
@@ -57,7 +57,7 @@ def wave_profile(pairs: _Indices) -> tuple[Array, Array]:
         elif order == 0:
             waves[number] = OUTPUT_PROFILE[min(sideband, len(OUTPUT_PROFILE)) - 1]
         elif sideband == order:
-            waves[number] = OTHER_WHEEL
+            waves[number] = _OTHER_WHEEL
         else:
             waves[number] = SIDEBAND_PROFILE[min(sideband, len(SIDEBAND_PROFILE)) - 1]
     return orders, waves
@@ -69,8 +69,10 @@ class SizeTree:
 
     order_prior, wave_prior: squared q_k A, shape (orders,), and squared r_kj, shape (waves,).
     order_of: k of each wave; is_main: j = 0, both of shape (waves,).
-    order, sideband: squared s_k and b_k; order_aux, sideband_aux: their auxiliaries [1/arcsec^2], all of shape (orders,).
+    order, sideband: squared s_k and b_k [arcsec^2], shape (orders,).
+    order_aux, sideband_aux: their auxiliaries [1/arcsec^2], shape (orders,).
     wave, wave_aux: v_kj [arcsec^2] and its auxiliary [1/arcsec^2], shape (waves,).
+    least: smallest v_kj [arcsec^2].
     """
 
     order_prior: Array

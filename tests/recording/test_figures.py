@@ -21,7 +21,8 @@ def whole():
 
 @pytest.fixture(scope="module")
 def part():
-    return posterior_of_recording(recording_from_columns(*noisy_readings(readings=300, span=9.0), RATIO))
+    recording = recording_from_columns(*noisy_readings(readings=200, span=9.0), RATIO)
+    return posterior_of_recording(recording, most_draws=240)
 
 
 def test_a_whole_cycle_decides_both_ways(whole):

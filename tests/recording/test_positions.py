@@ -11,7 +11,7 @@ from hdassist.readers.trace import TraceForm, read_trace
 from hdassist.recording.positions import (
     Recording,
     cycle_of,
-    in_order,
+    ordered_readings,
     recording_from_columns,
     recording_from_trace,
 )
@@ -29,54 +29,54 @@ def assert_same(one, other, left_out=()):
             assert np.allclose(*values, atol=1e-8), field.name
 
 
-REFERENCE = in_order(recording_from_columns(TURNS, ERROR, RATIO))
+REFERENCE = ordered_readings(recording_from_columns(TURNS, ERROR, RATIO))
 
 
 def test_rows_may_be_permuted():
     rows = np.random.default_rng(1).permutation(ROWS)
     permuted = recording_from_columns(TURNS[rows], ERROR[rows], RATIO, time=rows)
-    assert_same(in_order(permuted), REFERENCE)
+    assert_same(ordered_readings(permuted), REFERENCE)
 
 
 def test_a_sweep_may_be_split_where_it_goes_on():
     split = recording_from_columns(TURNS, ERROR, RATIO, sweep=np.arange(ROWS) // 250)
-    assert_same(in_order(split), REFERENCE)
+    assert_same(ordered_readings(split), REFERENCE)
 
 
 def test_angles_may_be_wrapped_and_begin_anywhere_by_revolutions():
     wrapped = recording_from_columns(TURNS % RATIO + 7 * RATIO, ERROR, RATIO)
-    assert_same(in_order(wrapped), REFERENCE)
+    assert_same(ordered_readings(wrapped), REFERENCE)
 
 
 def test_a_recording_may_begin_elsewhere():
     start = 217
     rows = np.roll(np.arange(ROWS), -start)
     turns = TURNS[rows] + RATIO * (rows < start)
-    assert_same(in_order(recording_from_columns(turns, ERROR[rows], RATIO)), REFERENCE, left_out={"elapsed"})
+    assert_same(ordered_readings(recording_from_columns(turns, ERROR[rows], RATIO)), REFERENCE, left_out={"elapsed"})
 
 
 def test_a_mirrored_recording_is_turned_back():
-    mirrored = in_order(recording_from_columns(-TURNS, ERROR, RATIO))
+    mirrored = ordered_readings(recording_from_columns(-TURNS, ERROR, RATIO))
     assert mirrored.turned == -1
     assert_same(mirrored, REFERENCE, left_out={"turned"})
-    flipped = in_order(recording_from_columns(TURNS, -ERROR, RATIO))
+    flipped = ordered_readings(recording_from_columns(TURNS, -ERROR, RATIO))
     assert flipped.flipped == -REFERENCE.flipped
     assert_same(flipped, REFERENCE, left_out={"flipped"})
 
 
 def test_passes_over_the_cycle_and_sweeps_apart_are_runs():
     turns, error = noisy_readings(readings=1800, span=2 * RATIO)
-    assert in_order(recording_from_columns(turns, error, RATIO)).run.max() == 1
+    assert ordered_readings(recording_from_columns(turns, error, RATIO)).run.max() == 1
     apart = np.concatenate([TURNS[500:700], TURNS[:300]])
     recording = recording_from_columns(apart, np.resize(ERROR, 500), RATIO, sweep=np.repeat([0, 1], [200, 300]))
-    runs = in_order(recording).run
+    runs = ordered_readings(recording).run
     assert np.bincount(runs).tolist() == [300, 200]
 
 
 def test_the_cycle_of_a_half_ratio_has_two_output_revolutions():
     assert cycle_of(50.5).as_integer_ratio() == (101, 2)
     turns, error = noisy_readings(readings=1010, span=101.0, ratio=50.5)
-    readings = in_order(recording_from_columns(turns, error, 50.5))
+    readings = ordered_readings(recording_from_columns(turns, error, 50.5))
     assert readings.run.max() == 0
     assert np.allclose(readings.place_rev, turns)
 
@@ -84,7 +84,7 @@ def test_the_cycle_of_a_half_ratio_has_two_output_revolutions():
 def test_a_trace_gives_its_sweeps():
     lines = ["cam_deg,error_arcsec", *(f"{360 * t:.9f},{e:.9f}" for t, e in zip(TURNS, ERROR, strict=True))]
     trace = read_trace(BytesIO("\n".join(lines).encode()), TraceForm())
-    assert_same(in_order(recording_from_trace(trace, RATIO)), REFERENCE)
+    assert_same(ordered_readings(recording_from_trace(trace, RATIO)), REFERENCE)
 
 
 def columns(**changes):
@@ -121,4 +121,4 @@ def test_both_directions_are_refused():
     there_and_back = np.concatenate([TURNS, TURNS[::-1]])
     recording = recording_from_columns(there_and_back, np.tile(ERROR, 2), RATIO, sweep=np.repeat([0, 1], ROWS))
     with pytest.raises(DataError):
-        in_order(recording)
+        ordered_readings(recording)

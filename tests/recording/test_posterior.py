@@ -6,7 +6,7 @@ import pytest
 from hdassist.recording import posterior as module
 from hdassist.recording.figures import range_figure
 from hdassist.recording.noise import WHITE
-from hdassist.recording.positions import in_order, recording_from_columns
+from hdassist.recording.positions import ordered_readings, recording_from_columns
 from hdassist.recording.posterior import effective_samples, posterior_of_recording
 from tests.recording.readings import RATIO, WAVES, noisy_readings
 
@@ -21,7 +21,7 @@ def reference():
 
 def test_coefficients_are_those_of_a_dense_normal_posterior():
     turns, error = noisy_readings(readings=120, span=6.0)
-    readings = in_order(recording_from_columns(turns, error, RATIO))
+    readings = ordered_readings(recording_from_columns(turns, error, RATIO))
     model = module._Model(readings, drift_degree=1)
     sampler = module._Sampler(model, WHITE, seed=0)
     variances = np.concatenate([sampler._tree.wave, sampler._tree.wave, [1e4], [sampler._drift2]])
@@ -32,13 +32,13 @@ def test_coefficients_are_those_of_a_dense_normal_posterior():
     mean = gain @ model.errors
     curve_covariance = model.design @ (np.diag(variances) - gain @ (model.design * variances)) @ model.design.T
     tree, draws = sampler._tree.wave.copy(), []
-    for _ in range(1500):
+    for _ in range(500):
         draws.append(sampler._step())
         sampler._tree.wave, sampler._sigma2, sampler._drift2 = tree, sigma2, float(variances[-1])
     curves = np.array(draws) @ model.design.T
     sigmas = np.sqrt(np.diag(curve_covariance))
-    assert np.all(np.abs(curves.mean(axis=0) - model.design @ mean) < 5 * sigmas / np.sqrt(1500))
-    assert np.allclose(curves.std(axis=0), sigmas, rtol=0.12)
+    assert np.all(np.abs(curves.mean(axis=0) - model.design @ mean) < 5 * sigmas / np.sqrt(500))
+    assert np.allclose(curves.std(axis=0), sigmas, rtol=0.2)
 
 
 def test_known_amplitudes_are_recovered(reference):
@@ -88,7 +88,8 @@ def test_relations_hold_to_rounding(reference, relation):
 
 def test_a_memory_does_not_swallow_waves_beyond_the_pairs():
     extra = 3.0 * np.cos(2 * np.pi * (2 + 9 / RATIO) * TURNS)
-    posterior = posterior_of_recording(recording_from_columns(TURNS, ERROR + extra, RATIO))
+    recording = recording_from_columns(TURNS, ERROR + extra, RATIO)
+    posterior = posterior_of_recording(recording, most_draws=40)
     pairs = posterior.pairs.tolist()
     size = np.hypot(*posterior.amplitudes.mean(axis=0).reshape(2, -1)[:, pairs.index([2, 9])])
     assert abs(size - 3.0) < 0.1

@@ -31,7 +31,7 @@ def test_a_chain_without_readings_keeps_the_prior():
     pairs = wave_pairs(Fraction(30), blocks_per_rev=12)
     tree = SizeTree.start(pairs, mean_square=4.0)
     orders = []
-    for _ in range(4000):
+    for _ in range(2500):
         amplitudes = np.sqrt(tree.wave) * rng.standard_normal((2, len(pairs)))
         tree.draw((amplitudes**2).sum(axis=0), rng)
         orders.append(np.sqrt(tree.order) / (2.0 * wave_profile(pairs)[0]))

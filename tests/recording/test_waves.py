@@ -4,7 +4,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from hdassist.recording.positions import in_order, recording_from_columns
+from hdassist.recording.positions import ordered_readings, recording_from_columns
 from hdassist.recording.waves import (
     BLOCKS_PER_REV,
     CURVE_POINTS_PER_REV,
@@ -47,7 +47,7 @@ def test_curves_of_the_cycle_are_those_of_the_columns():
 
 def test_means_over_blocks_damp_no_wave():
     turns = np.sort(RNG.random(20_000)) * RATIO
-    readings = in_order(recording_from_columns(turns, known_error(turns), RATIO))
+    readings = ordered_readings(recording_from_columns(turns, known_error(turns), RATIO))
     starts = block_starts(readings)
     assert len(starts) <= 1.5 * BLOCKS_PER_REV * RATIO
     pairs = wave_pairs(readings.cycle, blocks_per_rev=100)
@@ -61,6 +61,6 @@ def test_means_over_blocks_damp_no_wave():
 def test_no_block_reaches_over_two_runs():
     turns = np.concatenate([np.arange(1000) / 333, 10 + np.arange(700) / 333])
     sweep = np.repeat([0, 1], [1000, 700])
-    readings = in_order(recording_from_columns(turns, known_error(turns), RATIO, sweep=sweep))
+    readings = ordered_readings(recording_from_columns(turns, known_error(turns), RATIO, sweep=sweep))
     borders = set((np.flatnonzero(np.diff(readings.run)) + 1).tolist())
     assert borders <= set(block_starts(readings).tolist())
