@@ -22,7 +22,8 @@ which is still a Gibbs sampler of the same posterior, at a small part of the wor
 
 Sampling alternates the two steps. It stops when the range of the curve over the cycle, the slowest figure, has enough
 effective samples, or at a largest number of draws; the number of effective samples is part of the result. The width of
-the sidebands is increased from 6 to 10 and 14 on each side while Akaike's criterion of white residuals improves.
+the sidebands is increased from 6 to 10 and 14 on each side while Akaike's criterion of white residuals
+improves, up to a quarter of the ratio: half of the spectrum is left to tell noise with a memory from waves.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ from hdassist.model.geometry import Array
 from hdassist.recording.noise import WHITE, NoiseMemory, memory_of, whitened
 from hdassist.recording.positions import OrderedReadings, Recording, ordered_readings
 from hdassist.recording.sizes import SizeTree, inverse_gamma
-from hdassist.recording.waves import block_design, block_means, block_starts, cycle_curves, wave_pairs
+from hdassist.recording.waves import USUAL_SIDEBANDS, block_design, block_means, block_starts, cycle_curves, wave_pairs
 
 _Indices = NDArray[np.int64]
 ENOUGH_SAMPLES = 100.0  # effective: the ends of a 95 % interval are then good to some 10 % of its width
@@ -48,6 +49,7 @@ _BATCH = 40  # draws between two looks at the effective samples
 _BURN_SHARE = 0.2  # of the draws so far, dropped as not yet settled
 _FIRST_DRAWS, _FIRST_KEPT = 50, 12  # of the fit with white noise; draws averaged for its residuals
 _MORE_SIDEBANDS = (4, 8)  # beyond the usual 6, tried in this order
+_WIDEST_OF_RATIO = 0.25  # sidebands over the ratio: wider ones fill the spectrum and take slow noise for waves
 _DRIFT_SIZE = 0.02  # of A: scale of the drift over a run, a half-t distribution (assumed)
 _LEVEL_PRECISION = 1e-10  # over A^2: flat in effect
 _COHERENT = 0.1  # correlation of two columns from which they are drawn together; below, a chain hardly slows
@@ -100,6 +102,8 @@ def posterior_of_recording(
     mean = sampler.first_mean()
     memory = model.memory(mean)
     for more_sidebands in _MORE_SIDEBANDS:
+        if more_sidebands + USUAL_SIDEBANDS > _WIDEST_OF_RATIO * recording.ratio:
+            break
         wider = _Model(readings, drift_degree=drift_degree, more_sidebands=more_sidebands)
         if wider.design.shape[1] == model.design.shape[1]:
             break

@@ -33,7 +33,7 @@ _ALWAYS_ORDER = 12  # orders that are open whatever the sampling: coarse reading
 _SIDEBAND_ORDER = 20  # the highest order with sidebands
 _HIGHEST_ORDER = 45
 _POINTS_PER_PERIOD = 2.2  # blocks for each period of the highest order
-_SIDEBANDS = 6  # on each side of an order
+USUAL_SIDEBANDS = 6  # on each side of an order
 _CHUNK = 8192  # rows whose columns are computed at once, for the memory
 
 
@@ -45,7 +45,7 @@ def wave_pairs(cycle: Fraction, blocks_per_rev: float, more_sidebands: int = 0) 
     more_sidebands: sidebands on each side beyond the usual 6.
     """
     ratio = float(cycle)
-    sidebands = min(_SIDEBANDS + more_sidebands, max(1, int(ratio // 2)))
+    sidebands = min(USUAL_SIDEBANDS + more_sidebands, max(1, int(ratio // 2)))
     resolved = blocks_per_rev / _POINTS_PER_PERIOD
     highest_beside = int(np.clip(resolved, _ALWAYS_ORDER, _SIDEBAND_ORDER))
     highest = int(np.clip(resolved, _ALWAYS_ORDER, _HIGHEST_ORDER))

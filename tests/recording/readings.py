@@ -2,7 +2,7 @@
 
 import numpy as np
 
-RATIO = 30.0
+RATIO = 40.0
 WAVES = ((0, 1, 4.0, 0.3), (2, 0, 9.0, 1.0), (2, 2, 3.0, 2.0), (4, 0, 2.5, 0.1), (4, -1, 1.0, 2.5))  # k, j, size, phase
 
 
@@ -19,7 +19,7 @@ def known_range(ratio=RATIO):
     return float(np.ptp(known_error(np.arange(0, ratio, 1 / 500), ratio)))
 
 
-def noisy_readings(readings=600, span=RATIO, sigma=0.4, seed=0, ratio=RATIO):
+def noisy_readings(readings=800, span=RATIO, sigma=0.4, seed=0, ratio=RATIO):
     """Input angles [rev] from 0 to span and errors [arcsec] with white noise."""
     turns = np.arange(readings) * span / readings
     noise = sigma * np.random.default_rng(seed).standard_normal(readings)
