@@ -8,8 +8,8 @@ lowest terms the cycle has p input revolutions, and the place t (input revolutio
 
 The order of the rows, wrapping and the begin of the recording do not enter (R1). Three more properties of a reading
 matter: the sense in which the shaft turned, the run that it belongs to, and its neighbours in time. A run is at most
-one cycle long and unbroken: sweeps that continue one another form one run, and a second pass over the cycle starts a
-new one. Each run has a level of its own, because encoders are often zeroed between two runs.
+one cycle long and unbroken: sweeps that continue one another in place and time form one run, and a second pass over the
+cycle starts a new one. Each run has a level of its own, because encoders are often zeroed between two runs.
 
 `ordered_readings` puts readings into one canonical order, so that equal readings give equal results to rounding.
 Turning back and the sign of the error are undone there; the posterior restores both.
@@ -183,7 +183,7 @@ def ordered_readings(recording: Recording) -> OrderedReadings:
     flipped = -1 if centred[np.argmax(np.abs(centred))] < 0 else 1
     error = flipped * recording.error_arcsec
 
-    joined = _joined(sweeps, senses, place, length)
+    joined = _joined(sweeps, senses, place, recording.time, length)
     runs = [run for rows, sense in joined for run in _passes(rows, sense, place, length)]
     sorted_runs = [rows[np.lexsort((error[rows], place[rows]))] for rows in runs]
     sorted_runs.sort(key=lambda rows: (place[rows[0]], len(rows), error[rows[0]]))
@@ -237,8 +237,12 @@ def _sense(place: Array, length: float) -> int:
     return -1 if ascending <= 1 - _ONE_WAY else 0
 
 
-def _joined(sweeps: list[_Indices], senses: list[int], place: Array, length: float) -> list[tuple[_Indices, int]]:
-    """Return sweeps and their senses, those that continue the sweep before them joined to it.
+def _joined(
+    sweeps: list[_Indices], senses: list[int], place: Array, time: Array, length: float
+) -> list[tuple[_Indices, int]]:
+    """Return sweeps and their senses, those that continue the sweep before them in place and time joined to it.
+
+    A pause between them separates two runs: the encoders may have been zeroed in it.
 
     place: places in the forward sense, so that every sweep with a sense ascends.
     """
@@ -249,7 +253,9 @@ def _joined(sweeps: list[_Indices], senses: list[int], place: Array, length: flo
             steps = np.diff(np.unwrap(place[np.concatenate([before, rows])], period=length))
             step = float(np.median(np.abs(steps)))
             gap = (place[rows[0]] - place[before[-1]] + step / 2) % length - step / 2
-            if gap <= _JOINED_STEPS * step:
+            time_step = float(np.median(np.diff(time[np.concatenate([before, rows])])))
+            pause = float(time[rows[0]] - time[before[-1]])
+            if gap <= _JOINED_STEPS * step and pause <= _JOINED_STEPS * time_step:
                 joined[-1] = (np.concatenate([before, rows]), sense)
                 continue
         joined.append((rows, sense))

@@ -43,6 +43,12 @@ def test_a_sweep_may_be_split_where_it_goes_on():
     assert_same(ordered_readings(split), REFERENCE)
 
 
+def test_a_pause_between_two_sweeps_starts_a_run():
+    sweep = (np.arange(ROWS) >= 300).astype(int)
+    recording = recording_from_columns(TURNS, ERROR, RATIO, sweep=sweep, time=np.arange(ROWS) + 500.0 * sweep)
+    assert ordered_readings(recording).run.max() == 1
+
+
 def test_angles_may_be_wrapped_and_begin_anywhere_by_revolutions():
     wrapped = recording_from_columns(TURNS % RATIO + 7 * RATIO, ERROR, RATIO)
     assert_same(ordered_readings(wrapped), REFERENCE)
