@@ -314,10 +314,11 @@ class AcceptedValue(ClosedRecord):
     def at_positions(cls, found: SeenRange, sources: Sequence[UncertaintySource]) -> AcceptedValue:
         """F'_ior by approached positions, which see a part of it; sources: of its uncertainty, stated or not."""
         unstated = tuple(source.name for source in sources if source.arcsec is None)
-        if found.uncertainty_arcsec is None:
-            return cls(found.arcsec, 0.0, "measured", "at least", unstated=unstated)
-        greatest = found.estimates_arcsec[-1] if found.seen else None
         expanded = hypot(found.expanded_arcsec, COVERAGE_FACTOR * combined(sources))
+        if found.uncertainty_arcsec is None:
+            extent: Extent = "at least" if found.expanded_arcsec else "scatter not known"
+            return cls(found.arcsec, expanded, "measured", extent, unstated=unstated)
+        greatest = found.estimates_arcsec[-1] if found.seen else None
         return cls(found.arcsec, expanded, "measured", "at least", unstated=unstated, at_most=greatest)
 
     @classmethod
@@ -402,6 +403,8 @@ def _verdict(known: AcceptedValue, room: float | None, guard: float, rule: Rule,
         return verdict, f"kept with a probability of {belief.kept.text(sure)}" * open_
     if known.extent == "not known":
         return Verdict.INCONCLUSIVE, "what is not known exactly was not drawn"
+    if known.extent == "scatter not known":
+        return Verdict.INCONCLUSIVE, "each position was approached once: scatter may make the range larger"
     if known.extent == "part":
         return Verdict.INCONCLUSIVE, "of a part of the cycle only"
     if room < -guard:

@@ -20,7 +20,7 @@ from hdassist.preset.text import OVERRIDE
 from hdassist.run.kept import ClosedRecord
 
 _Need = Literal["cycle", "self error", "stiffness"]
-Extent = Literal["whole", "at least", "at most", "part", "not known", "between torques"]
+Extent = Literal["whole", "at least", "at most", "part", "not known", "between torques", "scatter not known"]
 Option = Literal["--limit", "--value"]
 _ValueT = TypeVar("_ValueT", float, Array)
 

@@ -213,7 +213,9 @@ class Request(ClosedRecord):
                 values[limit] = AcceptedValue.at_positions(found, sources)
             elif own := by_name.get(limit.check.field):
                 unsure = own.uncertainty_arcsec
-                extent: Extent = "at least" if unsure is None or found.is_cut else "whole"
+                extent: Extent = "at least" if found.is_cut else "whole"
+                if unsure is None:
+                    extent = "scatter not known"
                 values[limit] = AcceptedValue(own.arcsec, COVERAGE_FACTOR * (unsure or 0.0), "measured", extent)
         if not values:
             raise DataError(

@@ -149,9 +149,9 @@ class SeenRange:
     """What positions tell of F'_ior [arcsec]: the range that they see, and more by their plan.
 
     uncertainty_arcsec: standard, with that of a plan, None without repetition; expanded_arcsec: how far the lower
-    confidence limit of the range lies below it, 0 without repetition; seen: share of F'_ior that they see, at 5, 50 and
-    95 % of drives and starts, empty without a plan that was carried out; M_g: torque of the plan [N*m]; is_cut: whether
-    planned positions or sides are missing.
+    confidence limit of the range lies below it, without repetition by the plan alone; seen: share of F'_ior that they
+    see, at 5, 50 and 95 % of drives and starts, empty without a plan that was carried out; M_g: torque of the plan
+    [N*m]; is_cut: whether planned positions or sides are missing.
     """
 
     arcsec: float
@@ -283,8 +283,8 @@ def seen_range(record: PositionRecord, quantities: Sequence[StatedQuantity]) -> 
     is_cut = bool(seen) and (plan is None or not record.is_carried_out(plan))
     if is_cut:
         seen = ()
-    if own is None:
-        return SeenRange(found.arcsec, None, 0.0, seen, M_g, is_cut)
+    if own is None:  # what the plan expects of the readings is all that is known of their scatter
+        return SeenRange(found.arcsec, None, COVERAGE_FACTOR * hypot(*unsure), seen, M_g, is_cut)
     by_scatter = max(COVERAGE_FACTOR * own, found.noise_arcsec)
     expanded = hypot(by_scatter, COVERAGE_FACTOR * hypot(*unsure))
     return SeenRange(found.arcsec, hypot(own, *unsure), expanded, seen, M_g, is_cut)

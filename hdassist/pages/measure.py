@@ -427,6 +427,8 @@ def bench_report(
 
 def _seen_words(found: SeenRange) -> str:
     least = f"at least {found.at_least_arcsec:.2f}″ by these positions"
+    if found.uncertainty_arcsec is None and not found.expanded_arcsec:
+        return f"not told: scatter may be part of the {found.arcsec:.2f}″; approach the positions twice or more"
     if found.is_cut:
         return f"{least}; planned positions or sides are missing, so the shares of the plan do not count"
     if not found.seen:

@@ -125,7 +125,7 @@ def scaled_unit_in(name: str) -> str:
     for words, unit in _JOINED:
         name = words.sub(f" {unit} ", name)
     for match in _IN_BRACKETS.finditer(name):
-        text = "".join(match.groups("")).strip()
+        text = " ".join("".join(match.groups("")).split())
         if _SCALED_IN_BRACKETS.fullmatch(text):
             return text
     scaled = _SCALED.search(name)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
@@ -13,6 +15,7 @@ from hdassist.acceptance.limits import Limit, limits_of
 from hdassist.pages.accept import accept_report
 from tests.acceptances import accept, stated, tiny
 from tests.paper import on_paper
+from tests.process import SMALL, run
 
 UPPER = Limit("F_IOR", 30.0, 80.0)
 
@@ -100,3 +103,22 @@ def test_no_width_cuts_a_number():
             missing = {"1876.54", "6.42", "-1826.54", "12.5", "1234.5"} - set(words)
             assert not missing, (plain, width, missing)
             assert (words.count("PASS"), words.count("FAIL")) == (1, 3)
+
+
+def test_positions_that_were_approached_once_fail_no_drive_whose_scatter_is_not_known(tmp_path):
+    places = np.arange(120) * 3.0
+    error = 6 * np.cos(np.radians(places)) + 2 * np.random.default_rng(0).standard_normal(120)  # a range of 12
+    rows = [f"{place},{value:.4f},1\n" for place, value in zip(places, error, strict=True)]
+    once, plan = tmp_path / "once.csv", tmp_path / "plan.csv"
+    once.write_text("target_deg,deviation_arcsec,side\n" + "".join(rows))
+    plan.write_text("# uncertainty: 4\n" + once.read_text())
+    limits = ("--limit", "F_ior@4=12.5", "--measured-only", "-q")
+    assert np.ptp(error) > 14
+    assert run("accept", SMALL, "--measured", f"4={once}", *limits).returncode == 6
+    assert run("accept", SMALL, "--measured", f"4={once}", "--limit", "positioning=12.5", *limits).returncode == 6
+    done = run("accept", SMALL, "--measured", f"4={once}", "--json", *limits[:3])
+    assert json.loads(done.stdout)["checks"][0]["extent"] == "scatter not known"
+    # a plan states how far the readings scatter
+    done = run("accept", SMALL, "--measured", f"4={plan}", "--json", *limits[:3])
+    (check,) = json.loads(done.stdout)["checks"]
+    assert check["expanded_uncertainty"] == pytest.approx(8)
