@@ -187,7 +187,7 @@ def test_a_limit_that_nothing_predicts_asks_for_its_own_value():
 
 def test_positions_of_no_plan_are_a_lower_bound(tmp_path):
     rows = "".join(f"{30 * k},{k % 5},{side}\n" for side in (1, -1) for k in range(12))
-    (tmp_path / "positions.csv").write_text(f"target_deg,error_arcsec,side\n{rows}")
+    (tmp_path / "positions.csv").write_text(f"target_deg,error_arcsec,side\n{rows}{rows}")
     done = run(
         "accept", TINY, "--limit", "F_ior@4=60", "--measured", "4=positions.csv", "--measured-only", cwd=tmp_path
     )
