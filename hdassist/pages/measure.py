@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from datetime import date
 from typing import Any
 
@@ -38,6 +38,7 @@ from hdassist.report import (
     Facts,
     Json,
     Lines,
+    Quantity,
     Report,
     ReportSection,
     Table,
@@ -73,6 +74,13 @@ _SWEEP_QUANTITIES = quantity_table(
 _ON_PAGE = quantity_table("measure.page", percent_sign=lambda share: f"{100 * share:.1f} %", **FORMATS)
 
 
+def _columns(found: SweepResult) -> Sequence[Quantity[SweepResult]]:
+    """Return the columns of the short table; of a lower bound the range is that of the recorded part, not F'_ior."""
+    if not found.is_bound:
+        return _ON_PAGE
+    return [replace(column, label="range") if column.key == "F_ior_arcsec" else column for column in _ON_PAGE]
+
+
 def measure_report(
     result: Measurement, drive: Drive | None, options: Sequence[str] = (), speed: float | None = None
 ) -> Report:
@@ -93,7 +101,7 @@ def measure_report(
         else f"F'_ior {found.range.value:.2f}″{travel}",
         why=tuple(_lower_bound(result, found)),
         blocks=(
-            Table.by_row("", _ON_PAGE, result.directions),
+            Table.by_row("", _columns(found), result.directions),
             Facts.of(_facts(result, drive, options, speed)),
             _curve(found),
         ),

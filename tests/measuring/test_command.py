@@ -76,6 +76,8 @@ def test_part_of_the_cycle_is_a_lower_bound_and_says_why(rig):
     lines = run("measure", "part.csv", "--ratio", "30", "--ascii", cwd=rig).stdout.splitlines()
     told = json.loads(run("measure", "part.csv", "--ratio", "30", "--json", cwd=rig).stdout)
     assert lines[0] == f"part.csv, 600 rows: F'_ior at least {told['directions'][0]['interval_arcsec'][0]:.2f} arcsec"
+    (heads,) = [line for line in lines if line.startswith("cam angle")]
+    assert "range" in heads and "F'_ior" not in heads  # of the part, above the lower bound
     quiet = run("measure", "part.csv", "--ratio", "30", "-q", cwd=rig).stdout
     assert quiet == f">= {told['directions'][0]['interval_arcsec'][0]:.2f}″\n"
     assert lines[1] == "a lower bound: 16.6 % visited of the full cycle: 30 cam turns, 1 output turn"
