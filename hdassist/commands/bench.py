@@ -425,7 +425,7 @@ class CompensateCommand(
         self, file: str, drive: Drive, M_g: float | None = None, *, may_be_noise: bool = False
     ) -> RecordedError:
         """Error of a record of the drive, at a torque M_g [N*m] where it is its own; may_be_noise as of `measure`."""
-        from hdassist.correction.records import recorded_error, require_sense
+        from hdassist.correction.records import recorded_error, require_fine_counts, require_sense
         from hdassist.model.geometry import Kinematics
 
         travel = self.travel or drive.acceptance.travel
@@ -433,6 +433,7 @@ class CompensateCommand(
         at = drive.operation.M_g[0] if M_g is None else M_g
         found = self.reading().measured(file, drive, M_g=at, **how)
         if M_g is not None:
+            require_fine_counts(found)
             require_sense(found, drive, M_g, self.alignment())
         return recorded_error(found, Kinematics.of(drive), self.alignment())
 
@@ -446,6 +447,7 @@ class CompensateCommand(
     def of_record(self, file: str) -> Report:
         """Correction of a record without a preset. Raises UsageError for options that need one."""
         from hdassist.correction.correct import correction_alone
+        from hdassist.correction.records import require_fine_counts
         from hdassist.pages.compensate import compensate_report
         from hdassist.preset.knowledge import option_value
 
@@ -459,6 +461,7 @@ class CompensateCommand(
         M_g = option_value("--torque", self.torque[0], "N*m")
         how = {"seed": self.seed, "together": True, "travel_deg": self.travel}
         found = self.reading().measured(file, None, self.ratio, M_g=M_g, **how)
+        require_fine_counts(found)
         result = correction_alone(found, self.alignment(), M_g, form, self.output_turns)
         self.write_controller(result, target, force=self.force)
         return compensate_report(result, is_written=bool(self.csv or target), warnings=found.warnings)

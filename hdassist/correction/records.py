@@ -22,7 +22,8 @@ from hdassist.comparing.record import Alignment, doubts_of
 from hdassist.correction.forms import between_points
 from hdassist.error.cycle import kinematic_error
 from hdassist.error.waves import POINTS_A_TURN, Complex, ErrorLines, error_lines
-from hdassist.errors import UntrustedError
+from hdassist.errors import Fault, UntrustedError
+from hdassist.measuring.fit import COVERAGE_FACTOR
 from hdassist.measuring.measure import Measurement
 from hdassist.model.deviations import unknowns
 from hdassist.model.geometry import Array, Kinematics
@@ -40,6 +41,7 @@ _ROUNDS = 4  # of least squares, at most: readings that are not quite even mix l
 _SOLVED = 1e-5  # of the slope of least squares, that is left
 _FINER = 32  # times the points of curves, at which places are told apart
 _WIDEST_GAP = 2  # steps between readings: in the middle of a wider gap the error counts as not read, and as 0
+_MOST_ROUNDED = 0.1  # of the range of a record: expanded uncertainty by counts that are read at even angles
 _LEAST_REPEATS = 20  # readings beyond those that lines can follow, from which noise is known
 _LEAST_CHANCE = 0.05  # that noise is less than it counts as for what is lost
 _PEAK_CHANCE = 0.01  # that noise alone has a reading which counts as a peak of the error
@@ -197,6 +199,26 @@ def require_sense(measurement: Measurement, drive: Drive, M_g: float, asked: Ali
     if mirror := mirrored_reading(measurement, drive, M_g, asked):
         words = f"{measurement.trace.file}: mirrored, it fits {drive.name} clearly better the other way round"
         raise UntrustedError(f"{words}, {mirror.rms_arcsec:.2f}″ rms off", mirror.options)
+
+
+def require_fine_counts(measurement: Measurement) -> None:
+    """Raise UntrustedError if a correction of a record would store what the counts of an encoder round.
+
+    Counts at even angles round alike in each revolution. The repetition of a record does not show that, and a
+    correction would promise to remove an error that the drive does not have.
+    """
+    sweep, trace = measurement.directions[0], measurement.trace
+    if not trace.in_time:
+        return
+    u = next((source.arcsec for source in sweep.sources if source.name == "resolution"), None) or 0.0
+    if COVERAGE_FACTOR * u > _MOST_ROUNDED * sweep.range.value:
+        counts = f"counts of up to {trace.step_arcsec:.3g}″ at the output, read at even angles"
+        rounding = f"a correction would store their rounding, u = {u:.2g}″ of {sweep.range.value:.4g}″"
+        raise UntrustedError(
+            f"{trace.file}: {counts}: {rounding}",
+            "read both encoders by the clock, at uneven angles, or use an encoder with finer counts",
+            Fault.ORDERS_UNTOLD,
+        )
 
 
 def recorded_error(measurement: Measurement, kinematics: Kinematics, asked: Alignment) -> RecordedError:

@@ -357,3 +357,16 @@ def test_a_record_has_one_f_ior_whoever_reads_it():
     assert together.greatest.interval_arcsec == alone.directions[0].interval_arcsec
     result = correction_alone(together, Alignment(), 67.0, PHASORS)
     assert result.chosen.residuals[0].uncorrected_p50 == pytest.approx(alone.F_ior_arcsec)
+
+
+@pytest.mark.parametrize(("counts", "code"), [(4096, 5), (65536, 0)])
+def test_counts_that_round_alike_in_each_revolution_are_not_corrected(tmp_path, counts, code):
+    turns = np.arange(0, 30, 1 / 80)  # 80 readings a revolution: 51.2 counts of 4096 apart
+    error = 20 * np.sin(4 * np.pi * turns) + 5 * np.sin(2 * np.pi * turns / 30)
+    cam, out = counts * turns, 4194304 * (turns / 30 + error / 1296000)
+    rows = "".join(f"{round(a)},{round(b)}\n" for a, b in zip(cam, out, strict=True))
+    (tmp_path / "counts.csv").write_text("cam,out\n" + rows)
+    units = ("--angle", "cam", "--second", "out", "--angle-unit", f"{counts},4194304")
+    done = run("compensate", "counts.csv", "--ratio", "30", "--torque", "1", *units, "--no-plot", cwd=tmp_path)
+    assert done.returncode == code
+    assert bool(done.stdout) == (code == 0)
