@@ -142,7 +142,9 @@ def accepted(number: int, draws: int, seed: int) -> Counter[str]:
         off = partial(reading, error, turn, int(rng.integers(len(error))), rng.uniform(0, 2 * np.pi), rng)
         record = bench_record(read_numbers(filled_in(file, off).encode()))
         assert isinstance(record, PositionRecord)
-        value = AcceptedValue.at_positions(seen_range(record, position_quantities(record)), ())
+        seen = seen_range(record, position_quantities(record))
+        assert seen is not None
+        value = AcceptedValue.at_positions(seen, ())
         limit = float(found.F_ior_arcsec * np.exp(NEAR * rng.standard_normal()))
         decided = decide(Limit(code="F_IOR", limit=limit, M_g_Nm=M_g), value, "guard", 0.95)
         is_good = "within" if found.F_ior_arcsec <= limit else "beyond"

@@ -185,7 +185,11 @@ class Request(ClosedRecord):
                 if (plan := found.plan) and plan.drive != drive.name:
                     words = f"{found.table.file}: the positions were planned for {plan.drive}, not for {drive.name}"
                     raise DataError(words, f"plan the test of {drive.name}: hdassist plan {drive.name} --approach FILE")
-                positions[M_g] = found.table, seen_range(found, quantities)
+                seen = seen_range(found, quantities)
+                if seen is None:
+                    hint = "approach two and more positions, 12 or better 211"
+                    raise DataError(f"{found.table.file}: one position, which has no F'_ior", hint)
+                positions[M_g] = found.table, seen
                 recorded |= self._at_positions(*positions[M_g], quantities, M_g, drive)
             else:
                 words = f"{found.table.file}: a torque loop, which has no F'_ior"

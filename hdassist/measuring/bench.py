@@ -1,7 +1,8 @@
 """Figures that makers and buyers state of a drive beside F'_ior: from approached positions, and from torque loops.
 
 A file of either is known by the names of its columns. Positions: a target angle of the output, the angle or the
-deviation that was measured there, and the side from which it was approached, 1 or -1. A loop: torque at the output and
+deviation that was measured there, and the side from which it was approached, 1 or -1; or a target and a column of
+deviations for each run, with its side in the name ("run 1 fwd"). A loop: torque at the output and
 its twist, the cam held; a number of the place in a third column.
 
 Positions: every deviation is that of its position and side, and scatter of the approach, alike everywhere. Statistics
@@ -17,6 +18,7 @@ from dataclasses import dataclass
 from math import hypot, sqrt
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hdassist.errors import DataError, PresetError, UsageError
 from hdassist.files import GREATEST, number_of
@@ -25,7 +27,7 @@ from hdassist.measuring.orders import BIAS_SHARE, LARGEST_UNCERTAINTY
 from hdassist.model.geometry import Array
 from hdassist.readers.table import NumberTable
 from hdassist.readers.trace import LARGEST_ERROR, WHOLE_TURN_DEG, AngleError, TraceForm, sweeps
-from hdassist.readers.words import TURN_ARCSEC
+from hdassist.readers.words import TURN_ARCSEC, run_side_in
 
 _LOOP_SHARE = 0.04  # of the rated torque, to each side: between them lies the lost motion
 _AROUND = 5  # readings, at least, through which a parabola is laid
@@ -69,6 +71,10 @@ class PositionRecord:
     target_arcsec: Array
     deviation_arcsec: Array
     side: Array
+
+    def position_numbers(self) -> NDArray[np.int64]:
+        """Return the number of the position of each approach, from 0 by rising target, shape (rows,)."""
+        return np.unique(np.rint(self.target_arcsec / _SAME_TARGET), return_inverse=True)[1]
 
     def _remark_text(self, key: str) -> str:
         """Return the text of a remark "key: text" of the file; empty without one."""
@@ -198,6 +204,8 @@ def bench_record(table: NumberTable, form: TraceForm | None = None) -> PositionR
     def marks(role: str) -> Array:
         return table.values[:, columns[role]] if role in columns else np.ones(len(table.lines))
 
+    if "target" in columns and (runs := _run_sides(table)):
+        return _positions_of_runs(table, columns["target"], runs, form)
     if "target" in columns and ("error" in columns or angle):
         angles = form.angle_units
         if len(angles) > 1 and "error" in columns:
@@ -213,9 +221,7 @@ def bench_record(table: NumberTable, form: TraceForm | None = None) -> PositionR
             asked = angles[-1] if angles else None
             off = table.in_unit(columns[angle], angle, "deg", asked, "--angle-unit") - target
             deviation = np.mod(off - off[0] + TURN_ARCSEC / 2, TURN_ARCSEC) - TURN_ARCSEC / 2  # from any zero
-        if (extent := float(np.ptp(deviation))) > LARGEST_ERROR:
-            hint = "angles of the output belong there, in deg; deviations in a column deviation_arcsec"
-            raise DataError(f"{table.file}: readings are {extent:.3g}″ apart beside their targets", hint)
+        _require_deviations(table, deviation)
         return PositionRecord(table, target, deviation, np.sign(marks("side")))
     if "torque" in columns and angle and "error" not in columns:
         given = [*form.angle_units, *([] if form.error_unit is None else [form.error_unit])]
@@ -227,17 +233,61 @@ def bench_record(table: NumberTable, form: TraceForm | None = None) -> PositionR
     return None
 
 
-def position_quantities(record: PositionRecord, *, seed: int = 0, draws: int = 2000) -> tuple[StatedQuantity, ...]:
-    """Positioning one way, repeatability, and repeatability from both sides of positions, as far as they were measured.
+def _run_sides(table: NumberTable) -> dict[int, int]:
+    """Return the sides of the columns that have one run each, by their numbers; empty for another form of table."""
+    roles = table.roles
+    if roles.count("target") != 1 or "side" in roles:
+        return {}
+    sides = {column: run_side_in(name) for column, name in enumerate(table.names) if roles[column] != "target"}
+    return {column: side for column, side in sides.items() if side}
 
-    Raises DataError: fewer than two positions.
+
+def _positions_of_runs(table: NumberTable, target_column: int, runs: dict[int, int], form: TraceForm) -> PositionRecord:
+    """Return the approaches of a table that has a row for each position and a column of deviations for each run.
+
+    Arguments: table of numbers with the names of its columns.
+    target_column: number of the column of targets.
+    runs: sides of the columns that have one run each, by their numbers.
+    form: units that options state.
+    Raises UsageError for more than one unit of angles; PresetError for a name with a unit that is not understood;
+    DataError for readings that are no deviations.
+    """
+    angles = form.angle_units
+    if len(angles) > 1:
+        raise UsageError(f"--angle-unit {form.angle_unit}: positions with deviations have one column of angles")
+    target = table.in_unit(target_column, "target", "deg", angles[0] if angles else None, "--angle-unit")
+    deviations, sides = [], []
+    for column, side in runs.items():
+        words = "deviations, forward" if side > 0 else "deviations, backward"
+        deviations.append(table.in_unit(column, words, "arcsec", form.error_unit, "--error-unit"))
+        sides.append(np.full(len(target), float(side)))
+    unused = [name for column, name in enumerate(table.names) if column not in runs and column != target_column]
+    if unused:
+        table.notes.append(f"not used: {', '.join(unused)}")
+    deviation = np.concatenate(deviations)
+    _require_deviations(table, deviation)
+    return PositionRecord(table, np.tile(target, len(runs)), deviation, np.concatenate(sides))
+
+
+def _require_deviations(table: NumberTable, deviation_arcsec: Array) -> None:
+    """Raise DataError for readings that are too far apart to be deviations [arcsec], shape (rows,)."""
+    if (extent := float(np.ptp(deviation_arcsec))) > LARGEST_ERROR:
+        hint = "angles of the output belong there, in deg; deviations in a column deviation_arcsec"
+        raise DataError(f"{table.file}: readings are {extent:.3g}″ apart beside their targets", hint)
+
+
+def position_quantities(record: PositionRecord, *, seed: int = 0, draws: int = 2000) -> tuple[StatedQuantity, ...]:
+    """Return positioning one way, repeatability, and repeatability from both sides, as far as they were measured.
+
+    One position has no positioning. Raises DataError for a single approach.
     """
     target = np.rint(record.target_arcsec / _SAME_TARGET)
     order = np.lexsort([record.side, target])
     target, side, deviation = target[order], record.side[order], record.deviation_arcsec[order]
     positions = [np.flatnonzero(target == each) for each in np.unique(target)]
-    if len(positions) < 2:
-        raise DataError(f"{record.table.file}: one position", "approach two and more positions, 12 or better 211")
+    if len(target) < 2:
+        hint = "approach two and more positions, 12 or better 211, or one position from both sides"
+        raise DataError(f"{record.table.file}: one approach of one position", hint)
     groups = [rows[side[rows] == way] for rows in positions for way in np.unique(side[rows])]
 
     def figures(values: Array) -> dict[str, Array]:
@@ -263,19 +313,26 @@ def position_quantities(record: PositionRecord, *, seed: int = 0, draws: int = 2
     for name, (value,) in figures(deviation[None]).items():
         bias = max(0.0, float(drawn[name].mean() - value)) if drawn and name == "positioning" else 0.0
         unsure = hypot(float(drawn[name].std()), BIAS_SHARE * bias) if drawn else None
-        words = f"{len(positions)} positions, {len(target)} approaches"
+        words = f"{_counted(len(positions), 'position')}, {len(target)} approaches"
         noise = max(0.0, float(np.quantile(by_noise[name], _LEAST_CHANCE)) - bias) if drawn else 0.0
         quantities.append(StatedQuantity(name, max(0.0, float(value) - bias), unsure, words, noise))
     return tuple(quantities)
 
 
-def seen_range(record: PositionRecord, quantities: Sequence[StatedQuantity]) -> SeenRange:
-    """F'_ior by a record of positions with such quantities.
+def _counted(number: int, noun: str) -> str:
+    """Return a number with its noun, in the plural for more than one."""
+    return f"{number} {noun}{'s' * (number != 1)}"
+
+
+def seen_range(record: PositionRecord, quantities: Sequence[StatedQuantity]) -> SeenRange | None:
+    """Return what a record of positions with such quantities tells of F'_ior; None for one position.
 
     The shares that a plan sees count only if all of its positions were approached from its sides. Raises PresetError
     for remarks that no plan has.
     """
-    (found,) = (each for each in quantities if each.name == "positioning")
+    found = next((quantity for quantity in quantities if quantity.name == "positioning"), None)
+    if found is None:
+        return None
     unsure, own = record.remark("uncertainty"), found.uncertainty_arcsec  # scatter is known by repetition alone
     seen, torque = record.remark("sees"), record.remark("torque")
     M_g = torque[0] if torque else None

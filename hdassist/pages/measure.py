@@ -25,6 +25,7 @@ from hdassist.measuring.bench import (
     seen_range,
 )
 from hdassist.measuring.fit import COVERAGE_FACTOR, SLOWEST_ORDER
+from hdassist.measuring.iso230 import FEWEST_APPROACHES, PositioningTest, positioning_test
 from hdassist.measuring.measure import Measurement, SweepResult
 from hdassist.measuring.orders import FULL_SHARE, GAP_PERIODS, STATED, UncertaintySource
 from hdassist.measuring.slopes import RecordedTorque, Reversal
@@ -362,6 +363,7 @@ _STATED_COLUMNS = quantity_table(
     "bench.page", words=lambda found: _CHECKS[found.name].words, interval=_interval, **FORMATS
 )
 _PLACES = quantity_table("bench.places")
+_ISO230_COLUMNS = quantity_table("bench.iso230")
 _SEEN_RANGE = quantity_table(
     "bench.seen",
     median=lambda found: found.estimates_arcsec[1] if found.seen else None,
@@ -394,6 +396,10 @@ def bench_report(
         found = loop_quantities(places)
     first, unsure = found[0], [each for each in found if each.uncertainty_arcsec is not None]
     positions = seen_range(record, found) if isinstance(record, PositionRecord) else None
+    iso230 = positioning_test(record) if isinstance(record, PositionRecord) else None
+    verdict = f"{_CHECKS[first.name].words} {first.arcsec:.2f}″"
+    if positions is None and iso230 and iso230.figure("B"):
+        verdict = _reversal_verdict(iso230)
     once = "one approach a position: no uncertainty, and scatter widens the range by an unknown part"
     words = [word for q in unsure for word in ("--value", f"{q.name}={q.arcsec:.3g}±{_expanded(q):.2g}")]
     planned = positions and positions.M_g
@@ -406,9 +412,10 @@ def bench_report(
         command="measure",
         drive=drive,
         head=f"{table.file}, {len(table.lines)} rows" + (f", {drive.name}" if drive else ""),
-        verdict=f"{_CHECKS[first.name].words} {first.arcsec:.2f}″",
+        verdict=verdict,
         blocks=(
             Table.by_row("", _STATED_COLUMNS, found),
+            *(_iso230_table(each) for each in [iso230] if each),
             *(Table.by_row("places", _PLACES, each) for each in [places] * (len(places) > 1)),
             Facts.of([
                 ("F'_ior", _seen_words(positions) if positions else ""),
@@ -422,15 +429,46 @@ def bench_report(
             "notes": list(table.notes),
             "quantities": as_objects(_QUANTITIES, found),
             "F_ior": positions and as_object(_SEEN_RANGE, positions),
+            "iso230_2": iso230 and _iso230_object(iso230),
             "places": as_objects(_PLACES, places),
             "seed": seed,
         },
-        line=", ".join(
-            f"{q.name} {q.arcsec:.2f}{f' ± {_expanded(q):.2f}' if q in unsure else ''}″" for q in found
-        ),
+        line=", ".join([
+            *([verdict] if positions is None and iso230 and iso230.figure("B") else []),
+            *(f"{q.name} {q.arcsec:.2f}{f' ± {_expanded(q):.2f}' if q in unsure else ''}″" for q in found),
+        ]),
         about=table.file,
         warnings=(once,) * (len(unsure) < len(found)),
     )  # fmt: skip
+
+
+def _reversal_verdict(test: PositioningTest) -> str:
+    """Return the mean reversal value in words, with its expanded uncertainty where the scatter is known."""
+    reversal = test.figure("B_mean")
+    value = reversal.arcsec if reversal else 0.0
+    if test.reversal_uncertainty_arcsec is None:
+        return f"reversal value {value:.2f}″, forward minus backward"
+    reach = COVERAGE_FACTOR * test.reversal_uncertainty_arcsec
+    return f"reversal value {value:.2f} ± {reach:.2f}″ (k = {COVERAGE_FACTOR:g}), forward minus backward"
+
+
+def _iso230_table(test: PositioningTest) -> Table:
+    """Return the figures by the definitions of ISO 230-2 as a table; its title says how many approaches they are of."""
+    needed = "" if test.is_complete else f", the standard requires {FEWEST_APPROACHES}"
+    number = f"{test.approaches} approach{'es' * (test.approaches != 1)} from each side{needed}"
+    return Table.by_row(
+        f"by the definitions of ISO 230-2, {number}; + forward, - backward", _ISO230_COLUMNS, test.figures
+    )
+
+
+def _iso230_object(test: PositioningTest) -> Json:
+    """Return the figures by the definitions of ISO 230-2 as JSON."""
+    return {
+        "positions": test.positions,
+        "approaches": test.approaches,
+        "reversal_standard_uncertainty_arcsec": test.reversal_uncertainty_arcsec,
+        "figures": as_objects(_ISO230_COLUMNS, test.figures),
+    }
 
 
 def _seen_words(found: SeenRange) -> str:

@@ -30,6 +30,7 @@ _FLANKS: dict[str, str] = _TABLE["flanks"]
 DEFINITIONS: dict[str, str] = _TABLE["definitions"]
 _FOREIGN: dict[str, list[str]] = _TABLE["foreign"]
 _LETTERS: dict[str, list[str]] = _TABLE["letters"]
+_RUNS: dict[str, str] = _TABLE["runs"]
 _NO_UNIT = re.compile(_TABLE["no_units"]["words"], re.IGNORECASE)
 _GERMAN = re.compile(_TABLE["no_units"]["german"], re.IGNORECASE)
 _JOINED = [
@@ -75,6 +76,23 @@ def role_in(name: str) -> str:
         return "temperature"
     spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name).lower()
     return next((role for role, words in _ROLES.items() if re.search(_WORD.format(words), spaced)), "")
+
+
+def run_side_in(name: str) -> int:
+    """Return the side of a column that has one run of approaches, by its name: 1 forward, -1 backward; 0 for no run.
+
+    A run without a side, as "run 3", is one forward. A sign is a side only at the end of a word, as in "run 1 -".
+    """
+    words = re.sub(r"[\[(][^\])]*[\])]", " ", name.lower().replace("_", " "))
+    sides = []
+    for side, key in ((1, "forward"), (-1, "backward")):
+        spelled, _, signs = _RUNS[key].rpartition("|")
+        if re.search(_WORD.format(spelled), words) or re.search(rf"{signs}(?=\s|$)", words):
+            sides.append(side)
+    if len(sides) == 1:
+        return sides[0]
+    is_numbered = re.search(rf"(?<![^\W\d_]){_RUNS['number']}\s*\d+", words)
+    return 1 if is_numbered and not sides else 0
 
 
 def form_in(text: str) -> str:

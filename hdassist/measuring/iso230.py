@@ -1,0 +1,188 @@
+"""Figures of approached positions as ISO 230-2 defines them: reversal value, repeatability and accuracy of positioning.
+
+At position i the deviations of the approaches from side s have the mean x_is and the sample standard deviation s_is.
+Forward is the side 1 (+), backward the side -1 (-):
+
+    B_i = x_i+ - x_i-,   B = max |B_i|,   B_mean = mean of B_i                                        (1)
+    M   = range over i of (x_i+ + x_i-) / 2                                                           (2)
+    E_s = range over i of x_is,   E = range over i and s of x_is                                      (3)
+    R_s = max over i of 4 s_is,   R = max over i of max(2 s_i+ + 2 s_i- + |B_i|, R_i+, R_i-)          (4)
+    A_s = max over i of (x_is + 2 s_is) - min over i of (x_is - 2 s_is);   A: over i and s            (5)
+
+Source: ISO 230-2:2014, clause 2. The standard requires five approaches from each side, and adds no uncertainty of the
+measurement to these figures; the number of approaches is a result here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdassist.measuring.bench import PositionRecord
+from hdassist.model.geometry import Array
+
+_FORWARD, _BACKWARD = 1.0, -1.0
+FEWEST_APPROACHES = 5  # of each position from each side, by the standard
+_SIDES = 2
+_FEWEST_FOR_SCATTER = 2  # approaches, of which a sample standard deviation is defined
+
+
+@dataclass(frozen=True)
+class _PositioningFigure:
+    """A figure of ISO 230-2: symbol, what it is in words, and value [arcsec]."""
+
+    symbol: str
+    words: str
+    arcsec: float
+
+
+@dataclass(frozen=True)
+class PositioningTest:
+    """Figures of approached positions by ISO 230-2.
+
+    positions: number of them. approaches: fewest of a position from a side. reversal_uncertainty_arcsec: standard
+    uncertainty of the mean reversal value by the scatter of the approaches, None where it is not known.
+    """
+
+    figures: tuple[_PositioningFigure, ...]
+    positions: int
+    approaches: int
+    reversal_uncertainty_arcsec: float | None
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether there are as many approaches as the standard requires."""
+        return self.approaches >= FEWEST_APPROACHES
+
+    def figure(self, symbol: str) -> _PositioningFigure | None:
+        """Return the figure of a symbol; None where the approaches do not determine it."""
+        return next((figure for figure in self.figures if figure.symbol == symbol), None)
+
+
+@dataclass(frozen=True, eq=False)
+class _SideStatistics:
+    """Approaches from one side, each of shape (positions,): mean and standard deviation [arcsec], number of them.
+
+    The standard deviation of one approach is NaN.
+    """
+
+    mean: Array
+    deviation: Array
+    count: Array
+
+    @property
+    def has_scatter(self) -> bool:
+        """Whether every position was approached often enough for a standard deviation."""
+        return bool((self.count >= _FEWEST_FOR_SCATTER).all())
+
+    @property
+    def low(self) -> Array:
+        """Mean less two standard deviations [arcsec], shape (positions,)."""
+        return self.mean - 2 * self.deviation
+
+    @property
+    def high(self) -> Array:
+        """Mean plus two standard deviations [arcsec], shape (positions,)."""
+        return self.mean + 2 * self.deviation
+
+
+def positioning_test(record: PositionRecord) -> PositioningTest | None:
+    """Return the figures of ISO 230-2 that approached positions determine; None where they determine none.
+
+    Figures of both sides need each position approached from both. Figures with a standard deviation need every
+    position approached twice from each side that occurs.
+    """
+    numbers = record.position_numbers()
+    count = int(numbers.max()) + 1
+    sides = {}
+    for side in (_FORWARD, _BACKWARD):
+        statistics = _side_statistics(numbers, record.deviation_arcsec, record.side == side, count)
+        if statistics is not None:
+            sides[side] = statistics
+    figures = []
+    for side, statistics in sides.items():
+        figures += _one_sided(statistics, "+" if side == _FORWARD else "-")
+    uncertainty = None
+    if len(sides) == _SIDES:
+        figures += _two_sided(sides[_FORWARD], sides[_BACKWARD])
+        uncertainty = _reversal_uncertainty(sides[_FORWARD], sides[_BACKWARD])
+    if not figures:
+        return None
+    approaches = min(int(statistics.count.min()) for statistics in sides.values())
+    return PositioningTest(tuple(figures), count, approaches, uncertainty)
+
+
+def _side_statistics(
+    numbers: NDArray[np.int64], deviation_arcsec: Array, is_side: Array, count: int
+) -> _SideStatistics | None:
+    """Return the statistics of the approaches from one side; None unless every position has one.
+
+    Arguments: numbers of the positions from 0, shape (rows,).
+    deviation_arcsec: deviations [arcsec], shape (rows,).
+    is_side: whether an approach was from the side, shape (rows,).
+    count: number of positions.
+    """
+    means, deviations, counts = np.empty(count), np.empty(count), np.empty(count)
+    for number in range(count):
+        own = deviation_arcsec[is_side & (numbers == number)]
+        if not len(own):
+            return None
+        counts[number] = len(own)
+        means[number] = own.mean()
+        deviations[number] = own.std(ddof=1) if len(own) > 1 else np.nan
+    return _SideStatistics(means, deviations, counts)
+
+
+def _one_sided(side: _SideStatistics, sign: str) -> list[_PositioningFigure]:
+    """Return the figures of one side of several positions, by (3) to (5); of one position its repeatability only."""
+    words = "forward" if sign == "+" else "backward"
+    figures = []
+    if len(side.mean) > 1:
+        figures.append(
+            _PositioningFigure(f"E{sign}", f"systematic positioning error, {words}", float(np.ptp(side.mean)))
+        )
+    if side.has_scatter:
+        repeatability = float(4 * side.deviation.max())
+        figures.append(_PositioningFigure(f"R{sign}", f"positioning repeatability, {words}", repeatability))
+        if len(side.mean) > 1:
+            accuracy = float(side.high.max() - side.low.min())
+            figures.append(_PositioningFigure(f"A{sign}", f"positioning accuracy, {words}", accuracy))
+    return figures
+
+
+def _two_sided(forward: _SideStatistics, backward: _SideStatistics) -> list[_PositioningFigure]:
+    """Return the figures of both sides, by (1) to (5); of one position reversal value and repeatability only."""
+    reversal = forward.mean - backward.mean
+    figures = [
+        _PositioningFigure("B", "largest reversal value", float(np.abs(reversal).max())),
+        _PositioningFigure("B_mean", "mean reversal value, forward minus backward", float(reversal.mean())),
+    ]
+    is_several = len(reversal) > 1
+    if is_several:
+        centre = (forward.mean + backward.mean) / 2
+        means = np.concatenate([forward.mean, backward.mean])
+        figures.append(_PositioningFigure("M", "mean bidirectional positioning error", float(np.ptp(centre))))
+        figures.append(_PositioningFigure("E", "bidirectional systematic positioning error", float(np.ptp(means))))
+    if forward.has_scatter and backward.has_scatter:
+        both = 2 * forward.deviation + 2 * backward.deviation + np.abs(reversal)
+        one_sided = 4 * np.maximum(forward.deviation, backward.deviation)
+        figures.append(
+            _PositioningFigure("R", "bidirectional positioning repeatability", float(np.maximum(both, one_sided).max()))
+        )
+        if is_several:
+            high, low = max(forward.high.max(), backward.high.max()), min(forward.low.min(), backward.low.min())
+            figures.append(_PositioningFigure("A", "bidirectional positioning accuracy", float(high - low)))
+    return figures
+
+
+def _reversal_uncertainty(forward: _SideStatistics, backward: _SideStatistics) -> float | None:
+    """Return the standard uncertainty of the mean reversal value [arcsec] by pooled scatter; None without scatter."""
+    counts = np.concatenate([forward.count, backward.count])
+    freedom = float((counts - 1).sum())
+    if not freedom:
+        return None
+    deviations = np.nan_to_num(np.concatenate([forward.deviation, backward.deviation]))
+    pooled_variance = float(((counts - 1) * deviations**2).sum()) / freedom
+    return float(np.sqrt(pooled_variance * (1 / counts).sum())) / len(forward.mean)
