@@ -455,7 +455,7 @@ def _reversal_verdict(test: PositioningTest) -> str:
 def _iso230_table(test: PositioningTest) -> Table:
     """Return the figures by the definitions of ISO 230-2 as a table; its title says how many approaches they are of."""
     needed = "" if test.is_complete else f", the standard requires {FEWEST_APPROACHES}"
-    number = f"{test.approaches} approach{'es' * (test.approaches != 1)} from each side{needed}"
+    number = f"{test.approaches} approach{'es' * (test.approaches != 1)} of each position and side{needed}"
     return Table.by_row(
         f"by the definitions of ISO 230-2, {number}; + forward, - backward", _ISO230_COLUMNS, test.figures
     )

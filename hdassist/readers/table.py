@@ -46,6 +46,7 @@ from hdassist.readers.words import (
     row_text,
     scaled_unit_in,
     separator_of,
+    sexagesimal_degrees,
     unclosed_quote,
     unit_in,
 )
@@ -56,6 +57,7 @@ _FOREIGN_ROWS = 20  # that cannot be read, and most of those sampled: the file i
 _FOREIGN_HEAD = 3  # lines above the rows that are no names of columns
 NO_UNIT = "no unit given"  # in notes, before the one that is assumed
 MAX_REMARKS = 1000  # remarks that are kept
+_ANGLE_ROLES = ("cam", "output", "angle", "error", "target", "actual", "twist")  # contents that are angles
 _SHAFTS = ("cam", "output", "angle", "error")  # contents of a column of a record
 _SEPARATOR_LINE = re.compile(r'"?sep=(?:.|\\t)"?[;,\s]*', re.IGNORECASE)  # which Excel writes above a table
 _DECIMAL_COMMA = re.compile(r"(?<=[0-9]),(?=[0-9])")
@@ -80,6 +82,7 @@ class NumberTable:
 
     values: shape (rows, columns); lines: line number of each row, shape (rows,); names: of the columns, empty without a
     line of names; remarks: the first thousand; left_out: lines that are no rows of numbers, where that is allowed.
+    sexagesimal: number of cells in degrees, minutes and seconds by the column; their values are in deg.
     """
 
     file: str
@@ -94,6 +97,7 @@ class NumberTable:
     sha256: str = ""
     is_latin: bool = False
     left_out: list[int] = field(default_factory=list)
+    sexagesimal: Counter[int] = field(default_factory=Counter)
 
     @property
     def roles(self) -> list[str]:
@@ -119,6 +123,10 @@ class NumberTable:
         """
         name = self.name(column)
         named = unit_in(name, units)
+        if column in self.sexagesimal:
+            self._require_degrees(column, words, units, named, asked)
+            self.notes.append(f'"{name}": {words}, degrees, minutes and seconds')
+            return "deg"
         if asked is None:
             self._require_known(column, named, default, units, option)
         unit = plain_unit(asked) if asked is not None else named or default
@@ -130,6 +138,20 @@ class NumberTable:
         definition = f" ({DEFINITIONS[unit]})" if unit in DEFINITIONS else ""
         self.notes.append(f'"{name}": {words}, {assumed if is_assumed else unit + definition}')
         return unit
+
+    def _require_degrees(self, column: int, words: str, units: Iterable[str], named: str, asked: str | None) -> None:
+        """Raise PresetError if a column in degrees, minutes and seconds has other cells, or another unit is stated."""
+        name = self.name(column)
+        others = len(self.values) - self.sexagesimal[column]
+        if others > 0:
+            message = f'"{name}": {others} of {len(self.values)} rows are numbers without degrees, minutes and seconds'
+            raise self.fault(message, "write every angle of a column in the same way")
+        stated = plain_unit(asked) if asked is not None else named or foreign_unit_in(name, units)
+        if "deg" not in units:
+            raise self.fault(f'"{name}": degrees, minutes and seconds are no {words}', "check the names of the columns")
+        if stated not in ("", "deg"):
+            message = f'"{name}": degrees, minutes and seconds, and the unit {stated} is stated'
+            raise self.fault(message, "leave the unit out, or write plain numbers in it")
 
     def _require_known(self, column: int, named: str, default: str, units: Iterable[str], option: str) -> None:
         """Raise PresetError if a unit is stated for a column, in its name or in a remark, and is not understood."""
@@ -253,16 +275,22 @@ def _is_wide(text: str, separator: str, heading: str) -> bool:
 
 
 def read_numbers(
-    source: Readable, needs: Sequence[str] = (), at_most: int = _MOST_TABLE_BYTES, *, lenient: bool = False
+    source: Readable,
+    needs: Sequence[str] = (),
+    at_most: int = _MOST_TABLE_BYTES,
+    *,
+    lenient: bool = False,
+    takes_sexagesimal: bool = False,
 ) -> NumberTable:
     """Read a table of numbers; faults of its text are added to its findings.
 
     Arguments: source, a path, stream or bytes; needs, contents of the columns, at least as many as are needed;
-    at_most, the bytes it may have; lenient, leave rows with a fault out. Raises DataError: a file that cannot be read.
+    at_most, the bytes it may have; lenient, leave rows with a fault out; takes_sexagesimal, read angles in degrees,
+    minutes and seconds, which `NumberTable.in_unit` then converts. Raises DataError: a file that cannot be read.
     """
     text = TextFile(source, at_most)
     table = NumberTable(text.name)
-    rows = _Rows(table, needs)
+    rows = _Rows(table, needs, takes_sexagesimal=takes_sexagesimal)
     try:
         for first, part in _readable_parts(text, table.notes):
             rows.take(first, part)
@@ -286,8 +314,9 @@ def read_numbers(
 class _Rows:
     """Rows of a table of numbers, read part by part, with separator, decimal mark and width from its first lines."""
 
-    def __init__(self, table: NumberTable, needs: Sequence[str]) -> None:
+    def __init__(self, table: NumberTable, needs: Sequence[str], *, takes_sexagesimal: bool = False) -> None:
         self.table, self.needs = table, needs
+        self.takes_sexagesimal = takes_sexagesimal
         self.separator, self.decimal, self.width = "", "", 0  # not settled yet
         self.waiting: list[TableLine] = []  # lines until they are settled
         self.above: TableLine | None = None  # the last remark above the rows that is no "key: value"
@@ -440,6 +469,15 @@ class _Rows:
                 return value
             most = f"number up to {GREATEST:g}" if isfinite(value) else "finite number"
             message, hint = f"must be a {most}", "check this cell"
+        elif self.takes_sexagesimal:
+            try:
+                degrees = sexagesimal_degrees(cell.text, by_colons=role_in(self.table.name(index)) in _ANGLE_ROLES)
+            except ValueError as error:
+                message, hint = f"an angle of {error}", "write 12°34'56.7\""
+            else:
+                if degrees is not None:
+                    self.table.sexagesimal[index] += 1
+                    return degrees
         self.table.add(line, cell.column, self.table.name(index), message, cell.text or "nothing", hint)
         return nan
 

@@ -328,7 +328,7 @@ def read_record(source: Readable, form: TraceForm) -> NumberTable:
     Raises DataError: a file that cannot be read; PresetError: every fault of its rows; UsageError: a wrong argument.
     """
     form.require_sound()
-    table = read_numbers(source, ("angle", "error"), MAX_TRACE_BYTES, lenient=form.robust)
+    table = read_numbers(source, ("angle", "error"), MAX_TRACE_BYTES, lenient=form.robust, takes_sexagesimal=True)
     try:
         table.require_sound()
     except PresetError as error:

@@ -67,6 +67,14 @@ _REMARK = re.compile(r'[\s"]*(?:#|//|%)[#/%]*\s*')
 _ENTRY = re.compile(r"([^\W\d][^:=]{0,39}?)\s*[:=](?!\s*//)\s*(.*)")
 _CELLS = {mark: re.compile(rf" *({_QUOTED}(?= *(?:{mark}|$))|[^{mark}]*)") for mark in ";\t,"}
 _CELLS[" "] = re.compile(rf"({_QUOTED}(?!\S)|\S+)")
+_SEXAGESIMAL = re.compile(  # degrees, minutes and seconds of arc, by their signs, by d m s, or by colons
+    r"(?P<sign>[-+−]?)\s*(?P<degrees>\d{1,6})"
+    r"(?:\s*(?:°|d|deg)\s*(?:(?P<minutes>\d{1,2}(?:[.,]\d+)?)\s*(?:['′’]|m)\s*"
+    r"(?:(?P<seconds>\d{1,2}(?:[.,]\d+)?)\s*(?:[\"″”]|''|s)?)?)?"
+    r"|:(?P<minutes_by_colon>\d{2}(?:[.,]\d+)?)(?::(?P<seconds_by_colon>\d{2}(?:[.,]\d+)?))?)",
+    re.IGNORECASE,
+)
+_SIXTY = 60  # minutes of arc in a degree, and seconds in a minute
 _WRITTEN = {".": re.compile(NUMBER), ",": re.compile(NUMBER.replace(r"\.", ","))}
 
 
@@ -323,7 +331,8 @@ def separator_of(lines: Sequence[str]) -> str:
 
     Semicolons and tabs are never part of a number, so they count before commas, and commas before blanks.
     """
-    bare = [re.sub(_QUOTED, "0", line).strip() for line in lines]
+    quoted = rf"(?<![^\s;,]){_QUOTED}"  # a quote behind a digit is a sign of seconds of arc
+    bare = [re.sub(quoted, "0", line).strip() for line in lines]
     bare = [line for line in bare if _MEANT.match(line)] or bare
     for separator in ";\t":
         if 2 * sum(separator in line for line in bare) >= max(len(bare), 1):
@@ -348,6 +357,28 @@ def decimal_mark_in(text: str) -> str:
     if ("." in text) == ("," in text) or not _LIKE_A_NUMBER.fullmatch(text):
         return ""
     return "." if "." in text else ","
+
+
+def sexagesimal_degrees(text: str, *, by_colons: bool) -> float | None:
+    """Return an angle [deg] written in degrees, minutes and seconds, as 12°34'56.7", 12d34m or -0:00:30; None for none.
+
+    Arguments: text of the cell.
+    by_colons: whether colons part degrees, minutes and seconds here; elsewhere they may be those of a time.
+    Raises ValueError for 60 and more minutes or seconds, and for a fraction that is not at the end.
+    """
+    match = _SEXAGESIMAL.fullmatch(text.strip())
+    if match is None or (match["minutes_by_colon"] and not by_colons):
+        return None
+    minutes_text = match["minutes"] or match["minutes_by_colon"] or "0"
+    seconds_text = match["seconds"] or match["seconds_by_colon"] or ""
+    if seconds_text and ("." in minutes_text or "," in minutes_text):
+        raise ValueError("minutes with a fraction before seconds")
+    minutes = float(minutes_text.replace(",", "."))
+    seconds = float(seconds_text.replace(",", ".") or 0.0)
+    if minutes >= _SIXTY or seconds >= _SIXTY:
+        raise ValueError("60 or more minutes or seconds")
+    degrees = float(match["degrees"]) + minutes / _SIXTY + seconds / _SIXTY**2
+    return -degrees if match["sign"] in ("-", "−") else degrees
 
 
 def fault_of(text: str, decimal: str) -> tuple[str, str]:
