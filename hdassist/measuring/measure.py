@@ -102,6 +102,7 @@ class SweepResult:
     raw_range_arcsec: of the readings themselves, drift taken off where asked; orders_of_cam: each with its beats;
     coverage: None where the ratio is not known; sources: of the uncertainty of F'_ior; torques: the least, the mean and
     the greatest, where the orders change with it, and torque_miss_arcsec, the most that lines between them miss.
+    is_scale_bound: whether all errors may be larger by one factor.
     """
 
     direction: int
@@ -119,6 +120,7 @@ class SweepResult:
     sources: tuple[UncertaintySource, ...]
     torques: tuple[_TorqueRange, ...] = ()
     torque_miss_arcsec: float | None = None
+    is_scale_bound: bool = False
 
     @property
     def bins(self) -> Bins:
@@ -154,10 +156,10 @@ class SweepResult:
     def is_bound(self) -> bool:
         """Whether F'_ior of the full cycle may be greater, because the readings do not determine all of it.
 
-        That is so if places were not visited, if slow terms were removed, or if a travel was recorded in parts, whose
-        levels are not known.
+        That is so if places were not visited, if slow terms were removed, if a travel was recorded in parts, whose
+        levels are not known, or if all errors may be larger by one factor.
         """
-        if self.coverage is None or self.coverage.share < FULL_SHARE or self.is_part:
+        if self.coverage is None or self.coverage.share < FULL_SHARE or self.is_part or self.is_scale_bound:
             return True
         return bool(self.fit.design.slow.ridge) and self.coverage.longest_share < FULL_SHARE
 
@@ -428,11 +430,13 @@ class _RecordUnderway:
             UncertaintySource("drift", drift / sqrt(3), "how straight it is, or whether it is one"),
             UncertaintySource(WIND_UP, wind_up, "stiffnesses of a catalogue, by which it was taken off"),
         )
+        errors_range = float(np.ptp(trace.error_arcsec[trace.rows]))
         misses = [torque_miss] if torque_miss else []
         common = (
             # both extremes of a range err by themselves: hence sqrt(2)
             UncertaintySource("between readings", image_change(fit, grid) / sqrt(2), "orders that even readings hide"),
             UncertaintySource("beyond the orders", sqrt(2) * fit.unmodelled, "residuals that go on from step to step"),
+            UncertaintySource("guide rate", trace.scale_uncertainty * errors_range, "pulses that were added back"),
             resolution_source(trace, float(np.sqrt(np.mean(bins.rows * fit.residual**2)))),
             *(
                 UncertaintySource("between torques", each / sqrt(12), "how straight the orders change")
@@ -476,7 +480,7 @@ class _RecordUnderway:
         orders = order_tables(fit, _declared(trace, self.orders, []), self.drive, gearing)
         found = SweepResult(
             sign, fit, grid, extent, revolution, cam, slope, float(np.ptp(slow)), raw, *orders, visits, sources,
-            at_each, torque_miss,
+            at_each, torque_miss, trace.is_lower_bound,
         )  # fmt: skip
         if not found.is_bound:
             return found
@@ -578,6 +582,9 @@ class Reading(ClosedRecord, TraceForm):
         found = self.measured_or_bench(file, drive, ratio, **how)
         if isinstance(found, Measurement):
             require_recorded(found.trace, how.get("M_g"))
+            if found.trace.is_lower_bound:
+                words = "the declination of the guide star is unknown, and with it the size of the error"
+                raise DataError(f"{found.trace.file}: {words}", "--declination DEG")
             return found
         words = f"{found.table.file}: approached positions or a torque loop, which is no trace"
         raise DataError(words, "hdassist measure has its figures; accept takes them as --value NAME=VALUE±U")

@@ -46,10 +46,13 @@ _UNKNOWN_AS_ZERO = "unknown inputs are taken as 0 here; hdassist check gives F'_
 ORDER_QUANTITIES = quantity_table("trace.orders")
 
 
-def slope_words(slope: float, uncertainty: float, speed: float | None) -> str:
-    """Words for the greatest slope [arcsec per deg of the output], and for the rate at a speed [arcsec/s]."""
+def slope_words(slope: float, uncertainty: float, speed: float | None, *, is_least: bool = False) -> str:
+    """Words for the greatest slope [arcsec per deg of the output], and for the rate at a speed [arcsec/s].
+
+    is_least: whether the slope is a lower bound.
+    """
     reach = f" ± {2 * uncertainty:.2g}" if uncertainty else ""
-    words = f"at most {slope:.3g}{reach}″ per ° of the output"
+    words = f"at {'least' if is_least else 'most'} {slope:.3g}{reach}″ per ° of the output"
     return f"{words}; {slope * speed / 3600:.3g}″/s at {speed:g}″/s" if speed else words
 
 

@@ -111,7 +111,11 @@ def measure_report(
             Table.by_column("all numbers", _SWEEP_QUANTITIES, result.directions),
             *(block for each in result.directions for block in _details(each)),
             *map(_curve, others),
-            Facts.of([("slope", slope_words(*slope, None))] if (slope := result.slope_arcsec_per_deg) else []),
+            Facts.of(
+                [("slope", slope_words(*slope, None, is_least=found.is_scale_bound))]
+                if (slope := result.slope_arcsec_per_deg)
+                else []
+            ),
         ),
         values={
             "file": {"name": trace.file, "sha256": trace.sha256, "rows": len(trace.line)},
@@ -136,6 +140,8 @@ def _lower_bound(result: Measurement, found: SweepResult) -> Iterator[str]:
     """Why F'_ior is a lower bound; empty of the full cycle."""
     if found.coverage is None or result.gearing is None:
         yield f"a lower bound: {found.bins.span:.2f} cam turns; without --drive or --ratio the cycle is unknown"
+    elif found.is_scale_bound:
+        yield "a lower bound: the declination is unknown; state it (--declination DEG)"
     elif found.is_bound and result.gearing.travel:
         yield f"a lower bound: {100 * found.coverage.share:.1f} % of {result.gearing.travel_deg:.4g}° of travel visited"
         if found.coverage.share >= FULL_SHARE:
@@ -165,7 +171,7 @@ def _facts(result: Measurement, drive: Drive | None, options: Sequence[str], spe
     yield "orders", f"{', '.join(named)} (″, with beats)"
     yield "slow", _slow(found)
     if speed and (slope := result.slope_arcsec_per_deg):
-        yield "slope", slope_words(*slope, speed)
+        yield "slope", slope_words(*slope, speed, is_least=found.is_scale_bound)
     if found.lines:
         lines = ", ".join(f"{line.per_cam_rev:.3f} ({line.amplitude_arcsec:.2f}″)" for line in found.lines)
         rise = f"; in another cycle they may add {found.range.rise:.2f}″" if found.range.rise else ""

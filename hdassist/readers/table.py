@@ -5,8 +5,7 @@ above the rows, in a table of numbers as a remark too. The first lines settle se
 columns; then every row is read by the same rules.
 
 Files of other programs are known by their first lines; two become rows of a table in the same places.
-PHD2 guide log: sections of rows under a line of names; RARawDistance in pixels, `Pixel scale` and `Dec` above them.
-Where no row has a pulse (RADuration), the mount follows the sky by itself; a line between rows may move the star.
+PHD2 guide log: see `readers/guiding.py`.
 EQMOD PE file: `!WormPeriod` in s, `!StepsPerWorm`, then rows of time in s, motor steps and error in arcsec.
 """
 
@@ -17,14 +16,15 @@ from array import array
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from math import cos, isfinite, nan, radians
+from math import isfinite, nan
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hdassist.errors import DataError, Finding, PresetError
+from hdassist.errors import DataError, Finding, PresetError, UsageError
 from hdassist.files import GREATEST, MAX_LINE, Readable, TextFile, number_of
 from hdassist.preset.text import MAX_FINDINGS, ordered_findings, shown
+from hdassist.readers.guiding import GuideForm, guide_rows
 from hdassist.readers.words import (
     ANGLES,
     DEFINITIONS,
@@ -63,7 +63,6 @@ _SEPARATOR_LINE = re.compile(r'"?sep=(?:.|\\t)"?[;,\s]*', re.IGNORECASE)  # whic
 _DECIMAL_COMMA = re.compile(r"(?<=[0-9]),(?=[0-9])")
 
 _Cells = NDArray[np.float64]
-_SIDEREAL = 15.041067  # arcsec/s: of a telescope's axis that follows the sky
 _PROGRAMS = {  # words in the first lines, and the file that they are of
     r"PHD2 (?:version|log version)|^PHD2": "a guide log of PHD2",
     r"^!WormPeriod": "a PE file of EQMOD",
@@ -73,7 +72,6 @@ _PROGRAMS = {  # words in the first lines, and the file that they are of
     r"^\d{4}-\d\d-\d\d[ T]\d\d:\d\d:\d\d\S* \D": "a log of events",
 }
 _HEAD = 40  # lines that name a program
-_GUIDE_FACT = r"(Pixel scale|(?<!Cal )\bDec) = ([-+0-9.]+)(?: arc-sec/px| deg)?(?:,|$)"
 
 
 @dataclass(eq=False)
@@ -83,6 +81,7 @@ class NumberTable:
     values: shape (rows, columns); lines: line number of each row, shape (rows,); names: of the columns, empty without a
     line of names; remarks: the first thousand; left_out: lines that are no rows of numbers, where that is allowed.
     sexagesimal: number of cells in degrees, minutes and seconds by the column; their values are in deg.
+    is_lower_bound, scale_uncertainty: of the errors, see `guiding.GuideRows`.
     """
 
     file: str
@@ -98,6 +97,8 @@ class NumberTable:
     is_latin: bool = False
     left_out: list[int] = field(default_factory=list)
     sexagesimal: Counter[int] = field(default_factory=Counter)
+    is_lower_bound: bool = False
+    scale_uncertainty: float = 0.0
 
     @property
     def roles(self) -> list[str]:
@@ -281,18 +282,20 @@ def read_numbers(
     *,
     lenient: bool = False,
     takes_sexagesimal: bool = False,
+    guide: GuideForm | None = None,
 ) -> NumberTable:
     """Read a table of numbers; faults of its text are added to its findings.
 
     Arguments: source, a path, stream or bytes; needs, contents of the columns, at least as many as are needed;
     at_most, the bytes it may have; lenient, leave rows with a fault out; takes_sexagesimal, read angles in degrees,
-    minutes and seconds, which `NumberTable.in_unit` then converts. Raises DataError: a file that cannot be read.
+    minutes and seconds, which `NumberTable.in_unit` then converts; guide, what options state of a guide log.
+    Raises DataError: a file that cannot be read.
     """
     text = TextFile(source, at_most)
     table = NumberTable(text.name)
     rows = _Rows(table, needs, takes_sexagesimal=takes_sexagesimal)
     try:
-        for first, part in _readable_parts(text, table.notes):
+        for first, part in _readable_parts(text, table, guide or GuideForm()):
             rows.take(first, part)
             if len(table.findings) > MAX_FINDINGS and not lenient:
                 break
@@ -524,22 +527,35 @@ def _program_of(lines: Sequence[str]) -> str:
     return next((words for pattern, words in _PROGRAMS.items() if re.search(pattern, text, re.MULTILINE)), "")
 
 
-def _readable_parts(text: TextFile, notes: list[str]) -> Iterator[tuple[int, str]]:
-    """Parts of a text, those of a guide log or PE file as lines of a table in the same places.
+def _readable_parts(text: TextFile, table: NumberTable, guide: GuideForm) -> Iterator[tuple[int, str]]:
+    """Return parts of a text, those of a guide log or PE file as lines of a table in the same places.
 
-    Arguments: text; notes, to which it is added how a file was taken.
-    Raises PresetError: such a file without anything that a trace can be made of.
+    Arguments: text of the file.
+    table: to whose notes it is added how a file was taken.
+    guide: what options state of a guide log.
+    Raises PresetError for such a file without anything that a trace can be made of; UsageError for options of a guide
+    log with another file.
     """
     parts = text.parts()
     for first, part in parts:
         program = _program_of(part.split("\n", _HEAD)) if first == 1 else ""
-        translate = {"a guide log of PHD2": _of_guide_log, "a PE file of EQMOD": _of_pe_file}.get(program)
-        if translate is None:
+        is_guide_log = program == "a guide log of PHD2"
+        if first == 1 and guide != GuideForm() and not is_guide_log:
+            raise UsageError(
+                f"--declination and --guide-rate are for guide logs; {text.name} is none", "leave them out"
+            )
+        if not (is_guide_log or program == "a PE file of EQMOD"):
             yield first, part
             continue
         lines = "\n".join([part, *(following for _, following in parts)]).split("\n")
         try:
-            yield 1, "\n".join(translate(lines, notes))
+            if is_guide_log:
+                rows = guide_rows(lines, guide)
+                table.notes += rows.notes
+                table.is_lower_bound, table.scale_uncertainty = rows.is_lower_bound, rows.scale_uncertainty
+                yield 1, "\n".join(rows.lines)
+            else:
+                yield 1, "\n".join(_of_pe_file(lines, table.notes))
         except DataError as error:
             raise PresetError([Finding(text.name, 1, 1, "", error.message, hint=error.hint)]) from None
 
@@ -562,33 +578,3 @@ def _of_pe_file(lines: list[str], notes: list[str]) -> Iterator[str]:
         row = f"{360 * numbers[column] / turn:.7f} {numbers[2]:g}" if is_row else ""
         yield names if names and "=" in line else row
         names = "" if "=" in line else names
-
-
-def _of_guide_log(lines: list[str], notes: list[str]) -> list[str]:
-    """The longest unguided section: error in right ascension over the angle of the axis that follows the sky."""
-    sections: list[tuple[float | None, dict[int, str]]] = [(None, {})]
-    stated: dict[str, float] = {}
-    names: list[str] = []
-    for index, line in enumerate(lines):
-        stated |= {key: number_of(number) for key, number in re.findall(_GUIDE_FACT, line)}
-        names = line.split(",") if line.startswith("Frame,") else names
-        row = dict(zip(names, line.split(","), strict=False))
-        pulse = row.get("RADuration", "")
-        if not line[:1].isdecimal() or pulse.strip("0"):
-            sections.append((stated.get("Dec"), {}))
-            continue
-        time, pixels = (number_of(row.get(name, "")) for name in ("Time", "RARawDistance"))
-        arcsec = pixels * stated.get("Pixel scale", nan) / cos(radians(stated.get("Dec", 0.0)))
-        if pulse and isfinite(time) and isfinite(arcsec):
-            sections[-1][1][index] = f"{time * _SIDEREAL / 3600:.7f} {arcsec:.4f}"
-    dec, longest = max(sections, key=lambda section: len(section[1]))
-    if not longest:
-        raise DataError(
-            "a guide log of PHD2 without an unguided section: corrections hide the error",
-            "record with guide output off, as the Guiding Assistant does, for some turns of the cam",
-        )
-    first, last = min(longest), max(longest)
-    where = f"lines {first + 1} to {last + 1}, at declination {'0, not stated' if dec is None else f'{dec:g} deg'}"
-    words = f"error in right ascension over the angle at {_SIDEREAL:g} arcsec/s; its sense is not known"
-    notes.append(f"a guide log of PHD2: the longest unguided section, {where}, {words}")
-    return [longest.get(index, "output_deg error_arcsec" * (index == first - 1)) for index in range(len(lines))]

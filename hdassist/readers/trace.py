@@ -20,6 +20,7 @@ from hdassist.errors import DataError, PresetError, UsageError
 from hdassist.files import Readable
 from hdassist.model.geometry import Array
 from hdassist.preset.text import UnitError
+from hdassist.readers.guiding import GuideForm
 from hdassist.readers.table import NumberTable, read_numbers, shortened
 from hdassist.readers.words import (
     ANGLES,
@@ -199,7 +200,7 @@ class TraceForm:
     At most one of error and second, the column of the output's own encoder; angle_unit: of the angle and, behind a
     comma, of the second encoder, as angle_size reads them; wrap: angle [deg] after which the encoders begin again;
     robust: leave out rows that are no readings, and readings far off all others; speed: of the output [arcsec/s], by
-    which a column of time is read as its angle.
+    which a column of time is read as its angle; declination [deg] and guide_rate [arcsec/s]: of a guide log.
     """
 
     angle: str | None = None
@@ -211,6 +212,8 @@ class TraceForm:
     wrap: float | None = None
     robust: bool = False
     speed: float | None = None
+    declination: float | None = None
+    guide_rate: float | None = None
 
     def require_sound(self) -> None:
         """Raise UsageError for an unknown unit, a wrap that is none, or both error and second."""
@@ -271,7 +274,8 @@ class MeasuredTrace:
     up, -1 where one counts down, 0 for a column of errors. notes: conversions, assumptions and rows left out.
     robust: whether readings far off all others are left out. breaks: lines at which the level of the error steps.
     is_between_torques: whether the torque asked for lies between those of the sweeps, none of which has it.
-    time_s: of each row, None without
+    is_lower_bound: whether all errors may be larger by one factor. scale_uncertainty: relative standard uncertainty of
+    such a factor. time_s: of each row, None without
     time stamps; load: torque [N*m] of each row, or the wind-up that it makes, None without.
     """
 
@@ -293,6 +297,8 @@ class MeasuredTrace:
     dithered: bool = False
     breaks: tuple[int, ...] = ()
     is_between_torques: bool = False
+    is_lower_bound: bool = False
+    scale_uncertainty: float = 0.0
 
     @property
     def rows(self) -> NDArray[np.int64]:
@@ -328,7 +334,10 @@ def read_record(source: Readable, form: TraceForm) -> NumberTable:
     Raises DataError: a file that cannot be read; PresetError: every fault of its rows; UsageError: a wrong argument.
     """
     form.require_sound()
-    table = read_numbers(source, ("angle", "error"), MAX_TRACE_BYTES, lenient=form.robust, takes_sexagesimal=True)
+    guide = GuideForm(form.declination, form.guide_rate)
+    table = read_numbers(
+        source, ("angle", "error"), MAX_TRACE_BYTES, lenient=form.robust, takes_sexagesimal=True, guide=guide
+    )
     try:
         table.require_sound()
     except PresetError as error:
@@ -419,6 +428,7 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
     return MeasuredTrace(
         table.file, table.sha256, cam, error, table.lines, step, tuple(moves), tuple(table.notes),
         first.shaft or "cam", sense, in_time, form.robust, time_s, torque, by_cam, dithered,
+        is_lower_bound=table.is_lower_bound, scale_uncertainty=table.scale_uncertainty,
     )  # fmt: skip
 
 

@@ -327,6 +327,8 @@ class TraceOptions(OptionGroup):
     drift: str = "none"
     budget: list[str]
     speed: float | None = None
+    declination: float | None = None
+    guide_rate: float | None = None
 
     def reading(self) -> Reading:
         """How files are read and looked at."""

@@ -309,17 +309,17 @@ def test_an_unguided_section_of_a_guide_log_is_an_error_over_the_axis_that_follo
     assert trace.cam_deg == pytest.approx(2 * np.array(kept) * 15.041067 / 3600 * 100)
     assert trace.error_arcsec == pytest.approx(ERROR[kept], abs=1e-4)
     assert (trace.line[0], trace.line[-1]) == (28, 357)
-    assert any("a guide log of PHD2: the longest unguided section, lines 28 to 357" in note for note in trace.notes)
+    assert any("lines 28 to 357" in note for note in trace.notes)
     # what the log says of guiding does not count, only whether there are pulses
     assert read(guide_log(between=""), ratio=100).line.tolist() == (trace.line - 1).tolist()
-    assert "without an unguided section: corrections hide the error" in fault(guide_log(0, 0), ratio=100)
+    assert "without a guide rate" in fault(guide_log(0, 0), ratio=100)
     # nor are rows before and after a line that may have moved the star one section
     moved = read(guide_log(0, 400, "INFO: DITHER by 1.0, 2.0, new lock pos = 300, 200\n"), ratio=100)
     assert (moved.line[0], moved.line[-1]) == (28, 357)
     bare = guide_log().replace("Dec = 30.0 deg", "Cal Dec = 60.0")
-    assert any("at declination 0, not stated" in note for note in read(bare, ratio=100).notes)
+    assert read(bare, ratio=100).is_lower_bound
     for wrong, right in (("1.50 arc", "1.5.0 arc"), ("RARawDistance", "Raw"), ("RADuration", "Pulse")):
-        assert "without an unguided section" in fault(guide_log().replace(wrong, right), ratio=100)
+        assert "without a section of frames" in fault(guide_log().replace(wrong, right), ratio=100)
 
 
 @pytest.mark.parametrize(("stated", "turn_s"), [("!StepsPerWorm=90000\n", 90000 / 187.5), ("", 479.0)])

@@ -1,0 +1,282 @@
+"""Guide logs of telescope mounts as recordings: the error of the right ascension axis over the angle that it turns.
+
+A guide log of PHD2 (of ASIAIR and KStars too) has sections of frames. A frame has a time, the distance of the guide
+star from its lock position along right ascension, and the pulse that moves the axis afterwards. With the pixel scale p
+[arcsec/px] and the declination delta a distance d [px] is an error of the axis:
+
+    e = d p / cos(delta)                                                                              (1)
+
+An unknown declination makes e a lower bound, since cos(delta) <= 1. In a guided section the pulses before a frame
+have already moved the star. They are added back with the guide rate r [px/s] and their durations t_j [s], west
+positive, because a pulse to the west reduces the distance:
+
+    d_unguided = d + r sum of t_j over the frames j before                                            (2)
+
+Pulses follow the error closely, so that a relative deviation of r is nearly one of the whole unguided error.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from math import cos, isfinite, nan, radians
+
+from hdassist.errors import DataError
+from hdassist.files import number_of
+
+_SIDEREAL = 15.041067  # arcsec/s: speed of an axis that follows the sky
+_BEGINNINGS = ("Guiding Begins", "Calibration Begins")  # of sections, whose facts stand below
+_FACTS = {
+    "scale": r"Pixel scale = ([-+0-9.]+)",
+    "declination": r"(?<!Cal )\bDec = ([-+0-9.]+) deg",
+    "calibrated": r"\bxRate = ([-+0-9.]+)",
+    "at_equator": r"Norm rates RA = ([-+0-9.]+)",
+    "guide_speed": r"RA Guide Speed = ([-+0-9.]+)",
+}
+_NO_RATE = 1.0  # px/s, which KStars writes for a calibration that it does not know
+_HARMLESS = ("SETTLING STATE CHANGE", "Guiding parameter change", "Alert")  # lines that do not move the star
+_GUIDING_SWITCH = "MountGuidingEnabled"
+_LEAST_RATE_UNCERTAINTY = 0.05  # relative standard uncertainty of a calibrated guide rate, assumed
+_ONE_RATE_UNCERTAINTY = 0.10  # of a rate without a second one beside it, assumed
+_LONG_S = 1800.0  # an unguided section of this length is preferred to any guided one
+_PREFERRED_SHARE = 0.5  # of the longest guided section, from which on a shorter unguided one is preferred
+
+
+@dataclass(frozen=True)
+class GuideForm:
+    """What options state of a guide log: declination [deg] and guide rate of the axis [arcsec/s]; None for neither."""
+
+    declination_deg: float | None = None
+    rate_arcsec_s: float | None = None
+
+
+@dataclass(frozen=True)
+class GuideRows:
+    """Rows of a table that a guide log gives.
+
+    lines: texts of the table in the places of the log's lines, empty where it has none.
+    notes: how the log was read. is_lower_bound: whether the error is one, because the declination is unknown.
+    scale_uncertainty: relative standard uncertainty of the error by that of the guide rate.
+    """
+
+    lines: tuple[str, ...]
+    notes: tuple[str, ...]
+    is_lower_bound: bool
+    scale_uncertainty: float
+
+
+@dataclass(frozen=True)
+class _Facts:
+    """What the head of a section states; NaN for what it does not.
+
+    scale: of a pixel [arcsec]; declination [deg]; calibrated: guide rate [px/s]; at_equator, guide_speed: rates of the
+    axis [arcsec/s], as calibrated and as the mount states it. is_guided: whether guiding was switched on.
+    """
+
+    scale: float = nan
+    declination: float = nan
+    calibrated: float = nan
+    at_equator: float = nan
+    guide_speed: float = nan
+
+
+@dataclass(frozen=True)
+class _Frame:
+    """A frame: number of its line from 0, time [s], distance [px], pulse after it [s], west positive."""
+
+    line: int
+    time_s: float
+    distance_px: float
+    pulse_s: float
+
+
+@dataclass
+class _Section:
+    """Frames between which only pulses move the star, with the facts of their head."""
+
+    facts: _Facts
+    frames: list[_Frame] = field(default_factory=list)
+
+    @property
+    def span_s(self) -> float:
+        """Time from the first to the last frame [s]."""
+        return self.frames[-1].time_s - self.frames[0].time_s if self.frames else 0.0
+
+    @property
+    def is_guided(self) -> bool:
+        """Whether a pulse moved the star before the last frame."""
+        return any(frame.pulse_s for frame in self.frames[:-1])
+
+
+@dataclass(frozen=True)
+class _GuideRate:
+    """A guide rate [px/s], its relative standard uncertainty, and where it comes from, in words."""
+
+    px_s: float
+    uncertainty: float
+    words: str
+
+
+def guide_rows(lines: Sequence[str], form: GuideForm) -> GuideRows:
+    """Return the table of the best section of a guide log: error in right ascension over the angle of the axis.
+
+    An unguided section is taken if it lasts half an hour or half as long as the longest guided one; else the longest
+    guided one is, with its pulses added back.
+
+    Arguments: lines of the log.
+    form: what options state of it.
+    Raises DataError for a log without a section that an error can be made of.
+    """
+    sections = list(_sections(lines))
+    whole = max(sections, key=lambda section: section.span_s, default=_Section(_Facts()))
+    unguided = max(map(_longest_unguided, sections), key=lambda section: section.span_s, default=_Section(_Facts()))
+    is_preferred = unguided.span_s >= min(_LONG_S, _PREFERRED_SHARE * whole.span_s)
+    chosen = unguided if is_preferred or not whole.is_guided else whole
+    if not (chosen.span_s and isfinite(chosen.facts.scale)):
+        raise DataError(
+            "a guide log of PHD2 without a section of frames with a pixel scale, times, distances and pulses",
+            "Pixel scale above the frames, and the columns Time, RARawDistance and RADuration",
+        )
+    chosen = replace(chosen, facts=_with_stated(chosen.facts, form))
+    frames, uncertainty, rate_words = chosen.frames, 0.0, "no pulses"
+    if chosen.is_guided:
+        rate = _guide_rate(chosen.facts, form)
+        frames, uncertainty = _with_pulses_added(frames, rate.px_s), rate.uncertainty
+        rate_words = f"pulses added back at {rate.words}"
+    is_unknown = not isfinite(chosen.facts.declination)
+    arcsec_per_px = chosen.facts.scale / (1.0 if is_unknown else cos(radians(chosen.facts.declination)))
+    first, last = frames[0].line, frames[-1].line
+    rows = {frame.line: _row(frame, arcsec_per_px) for frame in frames}
+    rows[first - 1] = "output_deg error_arcsec"
+    total = sum(len(section.frames) for section in sections)
+    where = "declination unknown: the error is a lower bound (--declination DEG)"
+    if not is_unknown:
+        where = f"declination {chosen.facts.declination:g} deg"
+    notes = (
+        f"a guide log of PHD2: lines {first + 1} to {last + 1}, {len(frames)} of {total} frames, {rate_words}; {where}",
+        f"error in right ascension over the angle at {_SIDEREAL:g} arcsec/s; its sense is not known",
+    )
+    table = tuple(rows.get(number, "") for number in range(len(lines)))
+    return GuideRows(table, notes, is_unknown, uncertainty)
+
+
+def _row(frame: _Frame, arcsec_per_px: float) -> str:
+    """Return the angle of the axis [deg] and its error [arcsec] as a row of a table."""
+    return f"{frame.time_s * _SIDEREAL / 3600:.7f} {frame.distance_px * arcsec_per_px:.4f}"
+
+
+def _sections(lines: Sequence[str]) -> Iterator[_Section]:
+    """Return the sections of a log; a line that may move the star ends one."""
+    facts, names = _Facts(), list[str]()
+    section = _Section(facts)
+    for number, line in enumerate(lines):
+        if line.startswith(_BEGINNINGS):
+            facts, names = _Facts(), []
+        facts = _with_facts(facts, line)
+        if line.startswith("Frame,"):
+            names = line.split(",")
+        if line[:1].isdecimal():
+            frame = _frame(number, dict(zip(names, line.split(","), strict=False)))
+            if frame is not None:
+                section.frames.append(frame)
+        elif line.strip() and not _is_harmless(line):
+            if section.frames:
+                yield section
+            section = _Section(facts)
+        section.facts = facts
+    if section.frames:
+        yield section
+
+
+def _with_facts(facts: _Facts, line: str) -> _Facts:
+    """Return facts with those that a line of the head states."""
+    stated = {name: match[1] for name, pattern in _FACTS.items() if (match := re.search(pattern, line))}
+    return replace(facts, **{name: number_of(text) for name, text in stated.items()})
+
+
+def _with_stated(facts: _Facts, form: GuideForm) -> _Facts:
+    """Return facts with the declination that an option states."""
+    return facts if form.declination_deg is None else replace(facts, declination=form.declination_deg)
+
+
+def _is_harmless(line: str) -> bool:
+    """Return whether a line between frames neither moves the star nor switches guiding."""
+    is_known = any(words in line for words in _HARMLESS)
+    return is_known and _GUIDING_SWITCH not in line
+
+
+def _frame(number: int, cells: dict[str, str]) -> _Frame | None:
+    """Return the frame of a row; None for one without a star or without a column of pulses."""
+    duration = cells.get("RADuration", "")
+    time_s, distance_px = number_of(cells.get("Time", "")), number_of(cells.get("RARawDistance", ""))
+    if not (duration and isfinite(time_s) and isfinite(distance_px)):
+        return None
+    pulse_s = number_of(duration) / 1e3
+    if not isfinite(pulse_s):
+        return None
+    west = {"W": 1.0, "E": -1.0}.get(cells.get("RADirection", "").strip().upper(), nan)
+    return _Frame(number, time_s, distance_px, west * pulse_s if pulse_s else 0.0)
+
+
+def _longest_unguided(section: _Section) -> _Section:
+    """Return the longest part of a section without pulses; a frame that is followed by a pulse is not in it."""
+    longest, part = _Section(section.facts), _Section(section.facts)
+    for frame in section.frames:
+        if frame.pulse_s:
+            part = _Section(section.facts)
+            continue
+        part.frames.append(frame)
+        if part.span_s > longest.span_s:
+            longest = part
+    return longest
+
+
+def _guide_rate(facts: _Facts, form: GuideForm) -> _GuideRate:
+    """Return the guide rate of a section: as an option states it, as it was calibrated, or as the mount states it.
+
+    Raises DataError where none is known, or where the declination that it depends on is not.
+    """
+    if not isfinite(facts.declination):
+        words = "a guided section of a guide log, of which the declination is unknown: the guide rate depends on it"
+        raise DataError(words, "--declination DEG")
+    px_per_arcsec = cos(radians(facts.declination)) / facts.scale
+    if form.rate_arcsec_s is not None:
+        return _GuideRate(form.rate_arcsec_s * px_per_arcsec, 0.0, f"{form.rate_arcsec_s:g} arcsec/s as stated")
+    rates = []  # of the axis, arcsec/s
+    if facts.calibrated > 0 and facts.calibrated != _NO_RATE:
+        rates.append((facts.calibrated / px_per_arcsec, "as calibrated"))
+    elif facts.at_equator > 0:
+        rates.append((facts.at_equator, "as calibrated"))
+    if facts.guide_speed > 0:
+        rates.append((facts.guide_speed, "as the mount states it"))
+    if not rates:
+        words = "a guided section of a guide log without a guide rate"
+        raise DataError(words, "--guide-rate ARCSEC/S, such as 7.52 for half the sidereal rate")
+    rate, origin = rates[0]
+    uncertainty = _ONE_RATE_UNCERTAINTY
+    if len(rates) > 1:
+        uncertainty = max(_LEAST_RATE_UNCERTAINTY, abs(rates[1][0] / rate - 1) / 2)
+    words = f"{rate:.3g} arcsec/s {origin}, standard uncertainty {100 * uncertainty:.0f} % (assumed)"
+    return _GuideRate(rate * px_per_arcsec, uncertainty, words)
+
+
+def _with_pulses_added(frames: Sequence[_Frame], rate_px_s: float) -> list[_Frame]:
+    """Return frames at the distances that they would have without pulses, by (2).
+
+    Raises DataError for a pulse without a direction, and for pulses that increase the distances.
+    """
+    if any(frame.pulse_s != frame.pulse_s for frame in frames):
+        raise DataError(
+            "a guide log with pulses without a direction", "the column RADirection has E or W beside RADuration"
+        )
+    if sum(frame.pulse_s * frame.distance_px for frame in frames) < 0:
+        raise DataError(
+            "a guide log whose pulses increase the error instead of reducing it",
+            "use a log with guide output off, as the Guiding Assistant makes it",
+        )
+    moved_s, unguided = 0.0, []
+    for frame in frames:
+        unguided.append(replace(frame, distance_px=frame.distance_px + rate_px_s * moved_s))
+        moved_s += frame.pulse_s
+    return unguided
