@@ -55,6 +55,7 @@ from hdassist.error.extremes import DRAWN_GRIDS, many_extremes
 from hdassist.error.stiffness import NEAR_ZERO, Twist
 from hdassist.errors import HdassistError
 from hdassist.model.contacts import contact_system
+from hdassist.model.deviations import no_hole_better
 from hdassist.model.geometry import Array, Geometry, flank_candidates
 from hdassist.model.rules import first_conflict
 from hdassist.preset.fields import Drive
@@ -243,15 +244,18 @@ class Sampling:
         if unturned.F_ior_arcsec is None:
             return unturned
         drive = self.prior.drive.with_values(values).with_values(unturned.follows)
-        maps = error_maps(drive, self._held(drive)[1])
+        maps = error_maps(drive, self._held(drive, 0)[1])
         turned, proof = errors_by_turn(maps, drive, self.torques, unturned.F_ior_arcsec, self.rotations_deg)
         return replace(unturned, turned_arcsec=tuple(map(tuple, turned.tolist())), turned_proof=proof)
 
-    def _held(self, drive: Drive) -> tuple[dict[str, tuple[float, float]], tuple[float, ...]]:
-        """Torque [N*m] and turn [deg] at which F'_ior is evidence on a drive, by figure; all torques that it needs."""
+    def _held(self, drive: Drive, number: int) -> tuple[dict[str, tuple[float, float]], tuple[float, ...]]:
+        """Torque [N*m] and turn [deg] at which F'_ior is evidence on a drive, by figure; all torques that it needs.
+
+        number: that of the draw, which decides the turn of the accuracy.
+        """
         held = {each.figure: (each.M_g, each.rotation_deg) for each in self.measured}
         if self.torques and any(each.figure == ACCURACY for each in self.evidence):
-            held[ACCURACY] = (ACCURACY_LOAD * drive.rated_torque, 0.0)
+            held[ACCURACY] = (ACCURACY_LOAD * drive.rated_torque, turn_of_test_deg(drive, [self.seed, number]))
         return held, tuple(dict.fromkeys((*self.torques, *(M_g for M_g, _ in held.values()))))
 
     def _solved(
@@ -280,7 +284,7 @@ class Sampling:
             going_on = min(1.0, of_stiffness_alone / density / kept)  # equation (1)
         if chance >= going_on:
             return [Draw(figures=figures, proof=proof, follows=follows)] * self.alike
-        held, torques = self._held(drive)
+        held, torques = self._held(drive, number)
         maps = error_maps(drive, torques, formulation)
         nearer, of_tables = self.near.drawn(maps, number) if self.near else ([({}, 1.0)], EMPTY)
         proof += of_tables
@@ -326,6 +330,25 @@ class Sampling:
         return shown[:, 0], shown[:, 1:]
 
 
+_TESTED_TURN = 7  # of the seeds of a draw: that of the turn in which its accuracy was tested
+
+
+def turn_of_test_deg(drive: Drive, seed: Sequence[int]) -> float:
+    """Return the turn of the fixed wheel [deg] in which the manufacturer tested the accuracy of a drive.
+
+    The preset does not state it, so that each hole is equally likely: to compare the accuracy with the present hole
+    would make this hole seem better than the others.
+
+    drive: the drive; if no hole is better than another, the turn is 0.
+    seed: seed and number of the draw.
+    """
+    if no_hole_better(drive):
+        return 0.0
+    share = float(np.random.default_rng([*seed, _TESTED_TURN]).random())
+    holes = drive.mounting.holes
+    return 360 * int(share * holes) / holes if holes else 360 * share
+
+
 def errors_now(
     maps: Sequence[ErrorMap],
     drive: Drive,
@@ -339,13 +362,16 @@ def errors_now(
     """
     now, there, proof = dict[float, float](), dict[tuple[float, float], float](), EMPTY
     for error_map in maps:
-        found = many_extremes(error_map, Batch.of(drive), DRAWN_GRIDS)
-        now[error_map.M_g] = found.first
         # by themselves, so that their digits are the same whatever else is searched
         alone = [at for at in measured if at[0] == error_map.M_g]
-        F_ior, of_measured = _at_turns(error_map, drive, found.first, [turn for _, turn in alone])
+        first = np.nan
+        if error_map.M_g in torques or any(turn % 360 == 0 for _, turn in alone):
+            found = many_extremes(error_map, Batch.of(drive), DRAWN_GRIDS)
+            first = now[error_map.M_g] = found.first
+            proof += found.certificate
+        F_ior, of_measured = _at_turns(error_map, drive, first, [turn for _, turn in alone])
         there |= zip(alone, F_ior.tolist(), strict=True)
-        proof += found.certificate + of_measured
+        proof += of_measured
     return np.array([now[M_g] for M_g in torques]), np.array([there[at] for at in measured]), proof
 
 

@@ -127,8 +127,8 @@ class MountCommand(
         if self.compensated and files.files:
             raise UsageError("--compensated does not take measured teeth", "leave out --pitch-b and --pitch-g")
 
+        from hdassist.belief.holes import LEAST_GAIN
         from hdassist.mounting.advice import advice_states, advise, advise_after
-        from hdassist.mounting.decision import LEAST_GAIN
 
         measured, torques = self.teeth(files, drive), drive.operation.M_g
         rotations = [] if has_values else _rotations(drive, self.step)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from hdassist.belief.prior import prior_of
 from hdassist.belief.samples import EFFECTIVE_SAMPLES, Samples, drive_samples
+from hdassist.belief.statistics import even_rows
 from hdassist.comparing.record import Alignment
 from hdassist.correction.forms import (
     TRIED_POINTS,
@@ -45,6 +46,8 @@ from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
 
 _REPORTED_SHARES = (0.05, 0.5, 0.95)
+_SOLVED_DRIVES = 8  # whose whole cycle is solved, for the part that lines leave out
+_SOLVED_A_POSITION = 2  # of these in each position of the fixed wheel
 PHASORS = CorrectionForm(None)  # as many as are enough
 _ENOUGH = 1.1  # times the least that phasors leave: fewer of them are enough up to that
 IN_PLACE, TURN_LOST = "in place", "turn lost"
@@ -63,15 +66,16 @@ _IN_ZERO_DEG = 3.0  # of the cam, as far as a zero counts as right
 class _LoadedError:
     """Error of drives as one may be, at a torque, by its lines.
 
-    beyond: range of all that the lines do not have, over that of the error; F_ior_arcsec: of a record of
-    the full cycle, None without one; visited: points that count, shape (points,), None
-    where all do.
+    beyond: range of all that the lines do not have, over that of the error, shape (drives,), or a number for all of
+    them; F_ior_arcsec: of a record of the full cycle, None without one; visited: points that count, shape (points,),
+    None if all do; stated_arcsec: median of F'_ior over the samples, as `check` states it; None without samples.
     """
 
     lines: ErrorLines
-    beyond: float = 0.0
+    beyond: Array | float = 0.0
     F_ior_arcsec: float | None = None
     visited: NDArray[np.bool_] | None = None
+    stated_arcsec: float | None = None
 
     @cached_property
     def actual(self) -> Array:
@@ -91,6 +95,11 @@ class _LoadedError:
         """Ranges of the error without a correction [arcsec], shape (drives,)."""
         ranges = self.range_of(self.actual)
         return np.asarray(ranges if self.F_ior_arcsec is None else np.full_like(ranges, self.F_ior_arcsec))
+
+    @property
+    def uncorrected_p50(self) -> float:
+        """Median of the range of the error without a correction [arcsec]."""
+        return percentiles(self.ranges)[1] if self.stated_arcsec is None else self.stated_arcsec
 
 
 _ErrorsByTorque = Mapping[float, _LoadedError]
@@ -198,7 +207,11 @@ def correct(
     if not (prior.fields and draws):
         return correction_of(drive, [{}], records, form, run)
     samples = drive_samples(prior, [None] * len(drive.operation.M_g), draws=draws, run=run)
-    return correction_of(drive, samples.equal_drives(draws), records, form, run, samples=samples)
+    first = samples.of_ranges
+    rows = even_rows(first.weights, draws)
+    return correction_of(
+        drive, first.values(rows), records, form, run, samples=samples, F_ior_arcsec=first.F_ior_arcsec[rows]
+    )
 
 
 def correction_of(
@@ -209,19 +222,34 @@ def correction_of(
     run: Run,
     *,
     samples: Samples | None = None,
+    F_ior_arcsec: Array | None = None,
     misfit: float | None = None,
 ) -> Correction:
-    """Corrections of a drive from the values, by path, of drives as it may be; misfit as of alike_lines."""
+    """Return corrections of a drive from drives as it may be.
+
+    drive: the drive.
+    drives: values by path of drives as it may be.
+    records: records of the drive by torque [N*m].
+    form: form of the correction.
+    run: the run.
+    samples: samples that the drives are from; None if all is known, or records decide.
+    F_ior_arcsec: F'_ior of the drives [arcsec] at the torques, shape (drives, torques); None without samples.
+    misfit: as that of alike_lines.
+    Raises UntrustedError if a state cannot be trusted.
+    """
     torques = drive.operation.M_g
     alike = misfit is not None or len(drives) == 1
     errors, certificate = {}, samples.certificate if samples else EMPTY
-    for M_g in torques:
-        record, found = records.get(M_g), _loaded_error(drive, M_g, drives, run, alike=alike)
+    for k, M_g in enumerate(torques):
+        sampled = None if F_ior_arcsec is None else F_ior_arcsec[:, k]
+        record, found = records.get(M_g), _loaded_error(drive, M_g, drives, run, alike=alike, F_ior_arcsec=sampled)
         certificate += found.lines.certificate
         if record and not record.is_part:
             found = _recorded_belief(found.lines, record, run)
         elif records:
-            found = replace(found, lines=alike_lines(found.lines, run, misfit))
+            found = replace(found, lines=alike_lines(found.lines, run, misfit), beyond=float(np.mean(found.beyond)))
+        elif samples and sampled is not None:
+            found = replace(found, stated_arcsec=samples.of_ranges.percentile(0.5, k))
         errors[M_g] = found
     return _fitted_correction(
         drive, errors, form, records, drive.name, samples=samples, misfit=misfit, certificate=certificate
@@ -249,12 +277,13 @@ def _fitted_correction(
     """Corrections fitted to errors by torque, the first of which counts most; name: of the drive, or of its record."""
     torques = tuple(errors)
     design = errors[torques[0]]
-    uncorrected = percentiles(design.ranges)[1]
+    uncorrected = design.uncorrected_p50
     phasors = _ranges_by_points(None, design, together=True)
     is_recorded = torques[0] in records and misfit is None
-    if not is_recorded and min(phasors.values()) >= uncorrected:  # phases are not known: as if they were
-        phasors = _ranges_by_points(None, design)
-    number = next(number for number, left in phasors.items() if left <= _ENOUGH * min(phasors.values()))
+    number = _enough_phasors(phasors)
+    if not is_recorded and _residuals_of(CorrectionForm(None, number), {torques[0]: design}, together=True).is_refused:
+        phasors = _ranges_by_points(None, design)  # phases are not known: as if they were
+        number = _enough_phasors(phasors)
     if not form.turn:
         number = form.points or number
         form = replace(form, points=number)
@@ -274,24 +303,61 @@ def _fitted_correction(
 
 
 def _loaded_error(
-    drive: Drive, M_g: float, drives: Sequence[Mapping[str, float]], run: Run, *, alike: bool
+    drive: Drive,
+    M_g: float,
+    drives: Sequence[Mapping[str, float]],
+    run: Run,
+    *,
+    alike: bool,
+    F_ior_arcsec: Array | None = None,
+    solved: int = _SOLVED_DRIVES,
 ) -> _LoadedError:
-    """Error of drives at a torque M_g [N*m], from their values by path.
+    """Return the error of drives at a torque.
 
-    The first of them is solved in each state of its cycle, for the part that lines leave out and for F'_ior. alike:
-    whether all are so near to it that the lines of that part are theirs too.
+    Some drives are solved in each state of their cycle, for the part that lines leave out: one drive may have twice the
+    part of another. The other drives have the part of these in turn.
+
+    drive: the drive.
+    M_g: torque [N*m].
+    drives: values by path of drives as it may be.
+    run: the run.
+    alike: whether all drives are so near to the first one that its part beyond the lines is theirs too.
+    F_ior_arcsec: F'_ior of the drives [arcsec], shape (drives,); None to take it from the solved cycles.
+    solved: number of drives that are solved.
+    Raises UntrustedError if a state cannot be trusted.
     """
     lines = error_lines(drive, M_g, drives, run)
-    solved, proof = solved_error(drive.with_values(drives[0]), M_g, run)
-
-    def off(lines: ErrorLines) -> Array:
-        return solved.apart(replace(lines, amplitude=lines.amplitude[:1]))
-
+    rows = np.linspace(0, len(drives), 1 if alike else min(solved, len(drives)), endpoint=False).astype(int)
+    cycles, proof = [], lines.certificate
+    for row in rows.tolist():
+        cycle, of_cycle = solved_error(drive.with_values(drives[row]), M_g, run)
+        cycles.append(cycle)
+        proof += of_cycle
     if alike:
-        lines = with_more_lines(lines, replace(solved, error_arcsec=off(lines)).lines(lines.kinematics))
-    scale = np.ptp(solved.error_arcsec) / np.maximum(np.ptp(lines.curves[0]), np.finfo(float).tiny)
-    lines = replace(lines, amplitude=lines.amplitude * scale, certificate=lines.certificate + proof)
-    return _LoadedError(lines, float(np.ptp(off(lines))) / np.ptp(lines.curves[0]))
+        rest = cycles[0].apart(replace(lines, amplitude=lines.amplitude[:1]))
+        lines = with_more_lines(lines, replace(cycles[0], error_arcsec=rest).lines(lines.kinematics))
+    ranges = np.maximum(np.ptp(lines.curves, axis=1), np.finfo(float).tiny)
+    of_cycles = np.array([np.ptp(cycle.error_arcsec) for cycle in cycles])
+    if F_ior_arcsec is None:
+        scale = np.full(len(drives), np.mean(of_cycles / ranges[rows]))
+        scale[rows] = of_cycles / ranges[rows]
+    else:
+        scale = F_ior_arcsec / ranges
+    lines = replace(lines, amplitude=lines.amplitude * scale[:, None], certificate=proof)
+    beyond = []
+    for row, cycle in zip(rows.tolist(), cycles, strict=True):
+        one = replace(lines, amplitude=lines.amplitude[row : row + 1])
+        beyond.append(float(np.ptp(cycle.apart(one))) / max(float(np.ptp(one.curves)), np.finfo(float).tiny))
+    return _LoadedError(lines, np.resize(beyond, len(drives)))
+
+
+def _enough_phasors(left_arcsec: Mapping[int, float]) -> int:
+    """Return the smallest number of phasors that leaves hardly more than the best number.
+
+    left_arcsec: median of the range [arcsec] that numbers of phasors leave.
+    """
+    least = min(left_arcsec.values())
+    return next(number for number, left in left_arcsec.items() if left <= _ENOUGH * least)
 
 
 def _exported(chosen: FormResiduals, errors: _ErrorsByTorque, M_g: float, preset: str) -> CorrectionTable | Phasors:
@@ -326,8 +392,8 @@ def _residuals_of(form: CorrectionForm, errors: _ErrorsByTorque, *, together: bo
     found = []
     for case, M_g, off_turns in cases:
         left = ranges_left(fitted[M_g if form.each_load else design], errors[M_g], off_turns)
-        found.append(ExpectedResidual(M_g, percentiles(errors[M_g].ranges)[1], *percentiles(left), case))
-    uncorrected = np.maximum(errors[design].ranges, np.finfo(float).tiny)
+        found.append(ExpectedResidual(M_g, errors[M_g].uncorrected_p50, *percentiles(left), case))
+    uncorrected = np.maximum(errors[design].ranges, np.finfo(float).tiny)  # of each drive
     share = ranges_left(fitted[design], errors[design])[0] / uncorrected
     return FormResiduals(form, tuple(found), percentiles(share))
 
@@ -516,7 +582,7 @@ def advice_corrected(advice: Advice, form: CorrectionForm, draws: int, run: Run)
             for values in drives
         ]
         for M_g in advice.torques:
-            error = _loaded_error(drive, M_g, changes, run, alike=len(drives) == 1)
+            error = _loaded_error(drive, M_g, changes, run, alike=len(drives) == 1, solved=_SOLVED_A_POSITION)
             proof += error.lines.certificate
             left.append(ranges_left(form.fitted(error.lines, M_g), error)[0])
     arcsec = np.reshape(left, (len(every), -1, len(drives))).transpose(1, 2, 0)  # (torques, drives, positions)

@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 
 from hdassist.belief.evidence import measured_errors
+from hdassist.belief.holes import LEAST_GAIN
 from hdassist.belief.prior import beside_measured_teeth, prior_of
 from hdassist.belief.proposals import TableEffort
 from hdassist.belief.samples import EFFECTIVE_SAMPLES, Samples, drive_samples
@@ -22,7 +23,6 @@ from hdassist.model.deviations import MeasuredTeeth, Unknown, no_hole_better, st
 from hdassist.model.geometry import Array, Kinematics
 from hdassist.mounting.decision import (
     FEWEST_VALUES,
-    LEAST_GAIN,
     WORTH,
     Decision,
     MeasurementValue,
@@ -372,7 +372,7 @@ def advise(
             proof += samples.certificate
             samples, fault = None, "one sample of the uncertain inputs has no range"
         if samples:
-            whole = Decision.of(samples.of_ranges, positions, left)
+            whole = Decision.of(samples, positions, left, sure)
             found = whole.of_torques(slice(len(torques)))
         if of_drive and (not samples or samples.few):  # tables leave more that agree with values
             by_values = advise_after(drive, (), setup, draws=draws, sure=sure, cost=cost, worth=worth, run=run)

@@ -16,6 +16,15 @@ from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from hdassist.belief.evidence import LEAST_SHOWN, MISFITS, SCALE, SMOOTH_NUMBERS, smooth_misfits
+from hdassist.belief.holes import (
+    LEAST_GAIN,
+    NO_ERROR,
+    chosen_hole,
+    governing_share,
+    limits_met,
+    losses_of,
+    ranked_holes,
+)
 from hdassist.belief.samples import Samples
 from hdassist.belief.statistics import (
     Probability,
@@ -27,10 +36,9 @@ from hdassist.belief.statistics import (
 )
 from hdassist.errors import SURE, Verdict
 from hdassist.model.geometry import Array
-from hdassist.mounting.positions import NO_ERROR, MountingCurve
+from hdassist.mounting.positions import MountingCurve
 
 GOOD = 0.05  # loss against the best hole below which a hole is as good
-LEAST_GAIN = 0.01  # of F'_ior: a smaller one is not worth a turn, nor makes a hole better than another
 WORTH = 0.02  # of F'_ior: gain of one more value below which measuring stops
 FEWEST_VALUES = 4  # measured values before which it never stops
 LEVELS = {"p5": 0.05, "p50": 0.5, "p95": 0.95}  # percentiles of an answer, by name
@@ -70,7 +78,9 @@ class Decision:
     taken as given; room_arcsec that a limit leaves F'_ior at each torque, None without a limit; cost, share of F'_ior
     that a turn has to earn; all_alike, whether no hole can be told from another by what is known; worth, effective
     samples that samples drawn again from others stand for, None of those that stand for themselves; settled_deg, the
-    hole that an outcome measured after the choice has settled on, None before.
+    hole that an outcome measured after the choice has settled on, None before; samples of the belief that the
+    probability of meeting limits is from, None if there are no others, with torque_places, the places of the torques
+    among theirs, and sure, the probability that PASS needs.
     """
 
     rotations_deg: tuple[float, ...]
@@ -82,15 +92,32 @@ class Decision:
     all_alike: bool = field(default=False, kw_only=True)
     worth: float | None = field(default=None, kw_only=True)
     settled_deg: float | None = field(default=None, kw_only=True)
+    samples: Samples | None = field(default=None, kw_only=True)
+    torque_places: tuple[int, ...] = field(default=(), kw_only=True)
+    sure: float = field(default=SURE, kw_only=True)
 
     @classmethod
     def of(
-        cls, samples: Samples, rotations_deg: tuple[float, ...], room_arcsec: Sequence[float | None] = ()
+        cls,
+        samples: Samples,
+        rotations_deg: tuple[float, ...],
+        room_arcsec: Sequence[float | None] = (),
+        sure: float = SURE,
     ) -> Decision:
-        """Return the decision over samples of the belief that were drawn at these rotations, at all their torques."""
-        columns = [samples.rotations_deg.index(each) for each in rotations_deg]
-        F_ior = np.moveaxis(samples.turned_arcsec[..., columns], 0, 1)
-        return cls(rotations_deg, F_ior, samples.F_ior_arcsec.T, samples.weights, room_arcsec)
+        """Return the decision over the first samples that are enough for a range, at all their torques.
+
+        samples: samples that were drawn at these rotations; a probability of meeting limits may need more of them.
+        rotations_deg: turns [deg] of the holes that may be chosen.
+        room_arcsec: the limit minus the self error at each torque [arcsec]; None without a limit.
+        sure: probability of meeting a limit that PASS needs.
+        """
+        first, columns = samples.of_ranges, [samples.rotations_deg.index(turn) for turn in rotations_deg]
+        F_ior = np.moveaxis(first.turned_arcsec[..., columns], 0, 1)
+        places = tuple(range(len(samples.torques)))
+        return cls(
+            rotations_deg, F_ior, first.F_ior_arcsec.T, first.weights, room_arcsec,
+            samples=samples, torque_places=places, sure=sure,
+        )  # fmt: skip
 
     @classmethod
     def as_given(cls, curve: MountingCurve, room_arcsec: Sequence[float | None] = ()) -> Decision:
@@ -125,8 +152,12 @@ class Decision:
         return self.now_arcsec if place is None else self.F_ior_arcsec[:, :, place]
 
     def quantile(self, share: float, place: int | None) -> tuple[float, ...]:
-        """Percentile of F'_ior [arcsec] in a hole at each torque, by its share (0.95)."""
-        return tuple(weighted_quantile(each, self.sample_weights, share) for each in self.at(place))
+        """Return the percentile of F'_ior [arcsec] in a hole at each torque, by its share (0.95).
+
+        If no hole can be told from another, it is that of the present hole: their samples differ by chance alone.
+        """
+        F_ior = self.now_arcsec if self.all_alike else self.at(place)
+        return tuple(weighted_quantile(at_torque, self.sample_weights, share) for at_torque in F_ior)
 
     def range_of(self, values: Array) -> tuple[float, float, float]:
         """5th percentile, median and 95th percentile of values, shape (samples,)."""
@@ -140,8 +171,7 @@ class Decision:
 
         The mean is the same wherever the wheel stands, so that no hole is preferred for being the present one.
         """
-        mean = self.F_ior_arcsec.mean(axis=2).reshape(F_ior_arcsec.shape[:2] + (1,) * (F_ior_arcsec.ndim - 2))
-        return np.asarray((F_ior_arcsec / np.maximum(mean, NO_ERROR)).max(axis=0))
+        return governing_share(F_ior_arcsec, self.F_ior_arcsec)
 
     @cached_property
     def served(self) -> Array:
@@ -151,7 +181,7 @@ class Decision:
     @cached_property
     def losses(self) -> Array:
         """Loss of each hole against the best one at the torque served worst, as a share, shape (samples, holes)."""
-        return np.asarray(self.served / np.maximum(self.served.min(axis=1, keepdims=True), 1e-12) - 1)
+        return losses_of(self.served)
 
     @cached_property
     def expected_loss(self) -> Array:
@@ -177,25 +207,45 @@ class Decision:
         return np.asarray(self.served[:, place] < (1 - self.cost) * self.served_at(self.now_arcsec))
 
     def probability_better(self, place: int) -> float:
-        """Probability of that."""
-        return float(np.average(self.is_better(place), weights=self.sample_weights))
+        """Return the probability that a hole is better than the present one, one number for all equivalent holes."""
+        places = [place]
+        if self.all_alike and place != self.stay:
+            places = [other for other in range(len(self.rotations_deg)) if other != self.stay]
+        found = [float(np.average(self.is_better(other), weights=self.sample_weights)) for other in places]
+        return sum(found) / len(found)
 
     @cached_property
     def probability_kept(self) -> Array | None:
-        """Probability of each hole to keep the limits at all torques that have one, shape (holes,); None without."""
-        limits = [(k, room) for k, room in enumerate(self.room_arcsec) if room is not None]
-        if not limits:
+        """Probability of each hole to meet the limits at all torques that have one, shape (holes,); None without.
+
+        It is that of the samples from which `check` states it. Holes that are all alike have that of the present one.
+        """
+        kept = limits_met(self.F_ior_arcsec, self.room_arcsec)
+        if kept is None:
             return None
-        kept = np.all([self.F_ior_arcsec[k] <= room for k, room in limits], axis=0)
-        return np.average(kept, axis=0, weights=self.sample_weights)
+        if not self.samples:
+            return np.average(kept, axis=0, weights=self.sample_weights)
+        return np.array([self._probability_in(place) for place in range(len(self.rotations_deg))])
+
+    def _probability_in(self, place: int) -> float:
+        """Return the probability to meet all limits in a hole, from as many samples as settle it."""
+        assert self.samples
+        column = None if self.all_alike else self.samples.rotations_deg.index(self.rotations_deg[place])
+
+        def met(samples: Samples) -> Array:
+            F_ior = samples.F_ior_arcsec if column is None else samples.turned_arcsec[..., column]
+            found = limits_met(F_ior.T[list(self.torque_places)], self.room_arcsec)
+            assert found is not None
+            return found
+
+        return self.samples.probability(met, self.sure).value
 
     # The choice
 
     @cached_property
     def ranked(self) -> list[int]:
         """Places of the holes: with a limit the likeliest to keep it first (to a hundredth), then the least loss."""
-        kept = np.zeros(len(self.rotations_deg)) if self.probability_kept is None else -self.probability_kept
-        return [int(place) for place in np.lexsort((self.expected_loss, np.round(kept, 2)))]
+        return ranked_holes(self.expected_loss, self.probability_kept)
 
     @property
     def best(self) -> int:
@@ -206,13 +256,9 @@ class Decision:
         settled = None if self.settled_deg is None else self.place(self.settled_deg)
         if settled is not None:
             return settled
-        best, stay = self.ranked[0], self.stay
-        if stay is None:
-            return best
-        kept = self.probability_kept
-        as_sure = kept is None or round(kept[stay], 2) >= round(kept[best], 2)
-        earned = self.expected_loss[stay] - self.expected_loss[best] > self.cost
-        return best if not self.all_alike and (earned or not as_sure) else stay
+        if self.all_alike and self.stay is not None:
+            return self.stay
+        return chosen_hole(self.expected_loss, self.probability_kept, self.stay, self.cost)
 
     @property
     def challenger(self) -> int | None:
@@ -276,7 +322,8 @@ class Decision:
     def of_torques(self, some: slice) -> Decision:
         """Return the decision for some of the torques alone, by their places."""
         F_ior, now = self.F_ior_arcsec[some], self.now_arcsec[some]
-        return replace(self, F_ior_arcsec=F_ior, now_arcsec=now, room_arcsec=self.room_arcsec[some])
+        places, room = self.torque_places[some], self.room_arcsec[some]
+        return replace(self, F_ior_arcsec=F_ior, now_arcsec=now, room_arcsec=room, torque_places=places)
 
 
 # What further values bring
@@ -389,4 +436,4 @@ def as_measured(decision: Decision, number: int = _LOOKED_AT, seed: int = 0) -> 
         shown.append(np.maximum(f * scale + misfit * f.mean(axis=1, keepdims=True) * smooth, LEAST_SHOWN * f))
     every, stay = np.array(shown), decision.stay
     now = decision.now_arcsec[:, rows] if stay is None else every[..., stay]
-    return replace(decision, F_ior_arcsec=every, now_arcsec=now, sample_weights=np.ones(number))
+    return replace(decision, F_ior_arcsec=every, now_arcsec=now, sample_weights=np.ones(number), samples=None)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, ConfigDict, StrictBool, TypeAdapter
 
+from hdassist.belief.holes import NO_ERROR
 from hdassist.error.cycle import WITHOUT_EFFECT, KinematicError, cross_checks_of, kinematic_error, require_programme
 from hdassist.error.error_map import Batch, error_maps, searchable
 from hdassist.error.extremes import many_extremes
@@ -100,9 +101,6 @@ class MountingCurve:
         """The usable positions, best first."""
         order = np.argsort(merit(self.F_ior_arcsec, self.F_ior_arcsec[:, self.usable].mean(axis=1)), kind="stable")
         return [self.at(place) for place in order[self.usable[order]].tolist()]
-
-
-NO_ERROR = 1e-9  # arcsec: a drive without deviations has less
 
 
 def merit(F_ior: Array, scale: Array) -> Array:

@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import beta, norm, qmc
 
 from hdassist import load_preset
-from hdassist.belief.draws import KEPT_LIKELIHOOD
+from hdassist.belief.draws import KEPT_LIKELIHOOD, turn_of_test_deg
 from hdassist.belief.evidence import Evidence, evidence_of, log_likelihood, stiffness_figures
 from hdassist.belief.prior import prior_of
 from hdassist.belief.samples import Samples, SamplingEffort, draw_samples
@@ -24,6 +24,7 @@ from hdassist.error.extremes import extremes_of
 from hdassist.error.stiffness import stiffness
 from hdassist.errors import UntrustedError, Verdict, percent_text, verdict_by_probability
 from hdassist.model.deviations import unknowns
+from hdassist.mounting.positions import rotated
 from hdassist.run.run import Run
 from tests.process import TINY
 from tests.support import PROVEN
@@ -375,8 +376,9 @@ def test_the_words_of_a_probability_never_show_another_verdict_than_the_rule():
 def test_a_catalogues_accuracy_is_held_against_the_error_at_hardly_any_load():
     drive = tiny(C_3, "operation.rated=10", "catalogue.accuracy=30")
     samples = draw_samples(prior_of(drive), (4.0,), evidence=evidence_of(drive), effort=FEW)
-    (kept, *_) = [each for each in samples.made if each.F_ior_arcsec is not None]
-    there = drive.with_values(samples.values()[0])
+    number = next(k for k, each in enumerate(samples.made) if each.F_ior_arcsec is not None)
+    kept, tested_deg = samples.made[number], turn_of_test_deg(drive, [0, number])
+    there = rotated(drive.with_values(samples.values()[0]), tested_deg)
     assert kept.figures["accuracy"] == pytest.approx(extremes_of(there, [0.2])[0].F_ior_arcsec[0], abs=1e-6)
 
 
