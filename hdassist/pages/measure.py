@@ -25,6 +25,7 @@ from hdassist.measuring.bench import (
     seen_range,
 )
 from hdassist.measuring.fit import COVERAGE_FACTOR, SLOWEST_ORDER
+from hdassist.measuring.full_cycle import FullCycle, full_cycle
 from hdassist.measuring.iso230 import FEWEST_APPROACHES, PositioningTest, positioning_test
 from hdassist.measuring.measure import Measurement, SweepResult
 from hdassist.measuring.orders import FULL_SHARE, GAP_PERIODS, STATED, UncertaintySource
@@ -93,6 +94,7 @@ def measure_report(
     found, *others = result.directions
     travel = f" over {result.gearing.travel_deg:.4g}° of travel" if result.gearing and result.gearing.travel else ""
     trace, gearing, reversal, lag = result.trace, result.gearing, result.reversal, result.lag
+    cycles = [full_cycle(result, each) if each.is_bound else None for each in result.directions]
     return Report(
         command="measure",
         drive=drive,
@@ -100,7 +102,7 @@ def measure_report(
         verdict=f"F'_ior at least {found.interval_arcsec[0]:.2f}″"
         if found.is_bound
         else f"F'_ior {found.range.value:.2f}″{travel}",
-        why=tuple(_lower_bound(result, found)),
+        why=(*_lower_bound(result, found), *_full_cycle_words(result, cycles[0])),
         blocks=(
             Table.by_row("", _columns(found), result.directions),
             Facts.of(_facts(result, drive, options, speed)),
@@ -122,7 +124,7 @@ def measure_report(
             "notes": list(result.notes),
             "cycle": gearing and as_object(_CYCLE, gearing),
             "F_ior_arcsec": result.F_ior_arcsec,
-            "directions": [_sweep(each) for each in result.directions],
+            "directions": [_sweep(*each) for each in zip(result.directions, cycles, strict=True)],
             "reversal_error": reversal and asdict(reversal),
             "encoder_lag": lag and asdict(lag),
             "torque": result.torque and asdict(result.torque),
@@ -155,6 +157,17 @@ def _lower_bound(result: Measurement, found: SweepResult) -> Iterator[str]:
         elif found.bins.span >= FULL_SHARE * cycle:
             gap = 360 * GAP_PERIODS / float(found.fit.orders[-1])
             yield f"rows are missing: gaps of more than {gap:.3g}° between readings are not visited"
+
+
+def _full_cycle_words(result: Measurement, found: FullCycle | str | None) -> Iterator[str]:
+    """F'_ior of the full cycle and the part of the cycle to record next; empty without a model of the cycle."""
+    if not isinstance(found, FullCycle) or result.gearing is None:
+        return
+    low, high = found.interval_arcsec
+    yield f"F'_ior over the full cycle: {low:.1f} to {high:.1f}″ (95 %)"
+    if found.record_next_rev:
+        first, last = (360 * turns / result.gearing.ratio for turns in found.record_next_rev)
+        yield f"to narrow it, record the output from {first:.0f} to {last:.0f}° next"
 
 
 def _facts(result: Measurement, drive: Drive | None, options: Sequence[str], speed: float | None) -> Iterator[Fact]:
@@ -300,14 +313,16 @@ def _details(found: SweepResult) -> Iterator[ReportSection]:
     yield ReportSection(f"{_DIRECTION_NAMES[found.direction]} cam angle", (together_with_beats, orders, budget))
 
 
-def _sweep(found: SweepResult) -> Json:
-    """One direction as a JSON object."""
+def _sweep(found: SweepResult, cycle: FullCycle | str | None) -> Json:
+    """One direction as a JSON object; cycle: F'_ior of the full cycle, or the reason why it is missing."""
     return {
         **as_object(_SWEEP_QUANTITIES, found),
         **{name: as_objects(_ORDER_COLUMNS, getattr(found, name)) for name in ("orders", "orders_of_cam", "lines")},
         "budget": as_objects(_BUDGET, found.sources),
         "torques": [asdict(each) for each in found.torques],
         "torque_miss_arcsec": found.torque_miss_arcsec,
+        "full_cycle": asdict(cycle) if isinstance(cycle, FullCycle) else None,
+        "full_cycle_missing": cycle if isinstance(cycle, str) else None,
     }
 
 

@@ -3,20 +3,29 @@
 F'_ior is the range of the curve e (R2) over the full cycle or over a stated travel. Each sample of the amplitudes gives
 one range. Two ends matter, and they answer different questions:
 
-    whole = range over all places + rest - excess,                                                             (R12)
-    seen  = min(range over visited places + min(rest, 0) - excess, range of the readings).                     (R13)
+    whole = range over all places + rest + 2 sum of lines - excess,                                            (R12)
+    seen  = min(range over visited places + min(rest, 0) + min(flank, 0) - excess, range of the readings).     (R13)
 
-- rest: the effect of waves beyond the model, N(0, 1.5 u), with u from the widest sidebands (see sizes) and at most the
-  rms of the residuals.
+- rest: what waves beyond the model add to the range, c u, with the rms u of such waves from the fine waves of the model
+  and c as in solved drives (see sizes); u is at most the rms of the residuals. `seen` does without what they add.
+- lines: the amplitudes of lines off the orders. In another cycle their peaks may meet those of the curve; `seen` has
+  them with the phases that were recorded.
 - excess: noise makes the range of a sample larger than that of the true curve. It is the mean range of the samples less
   the range of the mean curve, over visited places.
-- A place is visited if a reading lies within 0.009 input revolutions of it. What no reading has visited cannot show
-  that a drive is bad, whatever the prior says, so `seen` leaves it out; what no reading has visited can hide a bad
-  drive, so `whole` includes it.
+- flank: a finite series overshoots beside a steep flank, and its range is too large. The readings there lie inside the
+  curve. flank is the mean residual at the highest places of the mean curve less that at the lowest, if it is negative
+  beyond its own noise, else 0.
+- A place is visited if a reading lies near it (`visited_places`). Between two readings a steep flank overshoots too, so
+  the range over visited places is at most that of the curve at the readings, with peaks between them by parabolas. What
+  no reading has visited cannot show that a drive is bad, whatever the prior says, so `seen` leaves it out; what no
+  reading has visited can hide a bad drive, so `whole` includes it.
 
 The interval runs from the 2.5 % quantile of `seen` to the 97.5 % quantile of `whole`: part of a cycle simply leaves a
 wide upper end. PASS needs P(whole <= limit) >= 95 %, FAIL needs P(seen > limit) >= 95 %, anything else is INCONCLUSIVE.
-Both probabilities count at the lower end of their Monte Carlo interval, which few effective samples make wide.
+Quantiles and probabilities count at the far end of their Monte Carlo interval, which few effective samples make wide:
+with n of them a quantile p is taken at the share whose Jeffreys interval of n p of n ends there,
+
+    p' = 95 % quantile of Beta(n p + 1/2, n (1 - p) + 1/2).                                                    (R15)
 """
 
 from __future__ import annotations
@@ -25,19 +34,21 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr
+from scipy.special import betaincinv, ndtr
 
-from hdassist.belief.statistics import Probability, probability_by_share
+from hdassist.belief.statistics import CONFIDENCE, Probability, probability_by_share
 from hdassist.errors import SURE, UsageError, Verdict
 from hdassist.model.geometry import Array
 from hdassist.recording.posterior import ENOUGH_SAMPLES, AmplitudePosterior, effective_samples
-from hdassist.recording.sizes import REST_LOG_SIGMA, REST_RANGE, REST_RATIO, WIDEST_SIDEBANDS
-from hdassist.recording.waves import CURVE_POINTS_PER_REV, cycle_curves
+from hdassist.recording.sizes import FINE_ORDER, rest_profile
+from hdassist.recording.waves import CURVE_POINTS_PER_REV, cycle_curves, visited_places
 
-_VISITED_REV = 0.009  # of the input: a place with a reading within this distance on either side is visited
 _CHUNK = 50  # curves computed at once, for the memory
-_FEWEST_SIDEBANDS = 0.01  # of the rms of the waves, which stands for the widest sidebands if the model has none
-_TAILS = (0.025, 0.5, 0.975)
+_CELLS = 36  # of the cycle, one or several of which are the part to record next
+_CELL_SHARE = 0.5  # of the weight of the best cell, from which its neighbours are part of it
+_TAIL = 0.025  # beyond each end of an interval
+_EXTREME_SHARE = 0.03  # of the range, from either extreme of the mean curve, within which readings show an overshoot
+_FLANK_SIGMAS = 2.0  # standard errors from which an overshoot is not chance
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,13 +70,13 @@ class RangeFigure:
     @property
     def median_arcsec(self) -> float:
         """Median of the range over all places."""
-        return float(np.quantile(self.whole_arcsec, _TAILS[1]))
+        return float(np.median(self.whole_arcsec))
 
     @property
     def interval_arcsec(self) -> tuple[float, float]:
         """95 % interval: from the lower end over visited places to the upper end over all places."""
-        low = float(np.quantile(self.seen_arcsec, _TAILS[0]))
-        return low, float(np.quantile(self.whole_arcsec, _TAILS[2]))
+        low = float(np.quantile(self.seen_arcsec, 1 - _far_share(1 - _TAIL, self.seen_effective)))
+        return low, float(np.quantile(self.whole_arcsec, _far_share(1 - _TAIL, self.whole_effective)))
 
     @property
     def has_few_samples(self) -> bool:
@@ -98,6 +109,37 @@ class RangeFigure:
         return Verdict.INCONCLUSIVE
 
 
+def part_to_record(posterior: AmplitudePosterior) -> tuple[float, float] | None:
+    """Return the part of the cycle that would narrow F'_ior most [input rev from the zero of the angles].
+
+    It is where the samples of the curve have most of their extremes at places without readings, each weighted by what
+    such places add to its range. The end lies beyond the cycle if the part contains its close. None if every place was
+    visited or unvisited places add to no range.
+    """
+    seen = visited_places(posterior.visited_rev, posterior.cycle)
+    cell_of_point = np.arange(len(seen)) * _CELLS // len(seen)
+    is_open = np.bincount(cell_of_point, ~seen, minlength=_CELLS) > 0.5 * len(seen) / _CELLS
+    weights = np.zeros(_CELLS)
+    for first in range(0, len(posterior.amplitudes), _CHUNK):
+        curves = cycle_curves(posterior.amplitudes[first : first + _CHUNK], posterior.pairs, posterior.cycle)
+        gained = np.ptp(curves, axis=1) - np.ptp(curves[:, seen], axis=1)
+        for extremes in (curves.argmax(axis=1), curves.argmin(axis=1)):
+            np.add.at(weights, cell_of_point[extremes], np.where(seen[extremes], 0.0, gained))
+    weights[~is_open] = 0.0
+    if not weights.any():
+        return None
+    best = int(weights.argmax())
+    enough = _CELL_SHARE * weights[best]
+    first, last = best, best
+    while weights[(first - 1) % _CELLS] > enough and last - first < _CELLS - 1:
+        first -= 1
+    while weights[(last + 1) % _CELLS] > enough and last - first < _CELLS - 1:
+        last += 1
+    length = posterior.cycle.numerator / _CELLS
+    start = first % _CELLS
+    return start * length, (start + last - first + 1) * length
+
+
 def range_figure(
     posterior: AmplitudePosterior, travel_rev: tuple[float, float] | None = None, seed: int = 0
 ) -> RangeFigure:
@@ -110,7 +152,8 @@ def range_figure(
     """
     in_travel = _places_of_travel(posterior, travel_rev)
     is_cycle = bool(in_travel.all())
-    seen = in_travel & _visited_places(posterior)
+    seen = in_travel & visited_places(posterior.visited_rev, posterior.cycle)
+    at_blocks = _BlockPoints(posterior, in_travel)
     draws = len(posterior.amplitudes)
     whole_range = np.empty(draws)
     seen_range = np.zeros(draws)
@@ -119,16 +162,21 @@ def range_figure(
         curves = cycle_curves(posterior.amplitudes[chosen], posterior.pairs, posterior.cycle)
         whole_range[chosen] = peak_range(curves) if is_cycle else np.ptp(curves[:, in_travel], axis=1)
         if seen.any():
-            seen_range[chosen] = np.ptp(curves[:, seen], axis=1)
+            seen_range[chosen] = np.minimum(np.ptp(curves[:, seen], axis=1), at_blocks.range(curves))
     whole_effective, seen_effective = effective_samples(whole_range), effective_samples(seen_range)
     rest = _rest(posterior, seed)
+    lines = 2 * posterior.line_amplitudes.sum(axis=1)
     if seen.any():
         mean_curve = cycle_curves(posterior.amplitudes.mean(axis=0)[None], posterior.pairs, posterior.cycle)[0]
-        excess = float(seen_range.mean() - np.ptp(mean_curve[seen]))
-        seen_range = np.minimum(seen_range + np.minimum(rest, 0.0) - excess, posterior.readings_range)
+        mean_range = min(float(np.ptp(mean_curve[seen])), float(at_blocks.range(mean_curve[None])[0]))
+        excess = float(seen_range.mean()) - mean_range
+        if len(posterior.lines):
+            seen_range = np.asarray(np.ptp(posterior.block_curves[:, at_blocks.inside], axis=1))
+        flank = _flank(posterior, mean_curve, at_blocks)
+        seen_range = np.minimum(seen_range + np.minimum(rest, 0.0) + flank - excess, posterior.readings_range)
         whole_range = whole_range - excess
     return RangeFigure(
-        whole_arcsec=np.maximum(whole_range + rest, 0.0),
+        whole_arcsec=np.maximum(whole_range + lines + rest, 0.0),
         seen_arcsec=np.maximum(seen_range, 0.0),
         visited_share=float(seen.sum() / in_travel.sum()),
         whole_effective=whole_effective,
@@ -141,6 +189,61 @@ def _share_below(values: Array, limit: float, uncertainty: float) -> float:
     if uncertainty:
         return float(np.mean(ndtr((limit - values) / uncertainty)))
     return float(np.mean(values <= limit))
+
+
+def _far_share(share: float, effective: float) -> float:
+    """Return the share of samples p' (R15) at which an upper quantile is taken, for a number of effective samples."""
+    return float(betaincinv(effective * share + 0.5, effective * (1 - share) + 0.5, 1 - (1 - CONFIDENCE) / 2))
+
+
+class _BlockPoints:
+    """The blocks of readings inside a travel and their places on the grid of the cycle.
+
+    inside: which blocks they are, shape (blocks,).
+    points: nearest point of the grid to each of them, shape (blocks inside,).
+    """
+
+    def __init__(self, posterior: AmplitudePosterior, in_travel: NDArray[np.bool_]) -> None:
+        points = np.rint(posterior.block_place_rev * CURVE_POINTS_PER_REV).astype(np.int64) % len(in_travel)
+        self.inside = in_travel[points]
+        self.points = points[self.inside]
+        run = posterior.block_run[self.inside]
+        self._is_first = np.diff(run, prepend=-1) != 0
+        self._is_last = np.diff(run, append=-1) != 0
+
+    def range(self, curves: Array) -> Array:
+        """Return the range of curves over the blocks, peaks between neighbours of a run by parabolas, shape (curves,).
+
+        curves: over the cycle, shape (curves, points). It is 0 without a block.
+        """
+        if not len(self.points):
+            return np.zeros(len(curves))
+        values = curves[:, self.points]
+        return self._highest(values) + self._highest(-values)
+
+    def _highest(self, values: Array) -> Array:
+        """Return the maximum of values at the blocks, shape (curves, blocks), by a parabola through its neighbours."""
+        rows = np.arange(len(values))
+        highest = values.argmax(axis=1)
+        before = values[rows, np.where(self._is_first[highest], highest, highest - 1)]
+        behind = values[rows, np.where(self._is_last[highest], highest, highest + 1)]
+        return _parabola_peak(before, values[rows, highest], behind)
+
+
+def _flank(posterior: AmplitudePosterior, mean_curve: Array, at_blocks: _BlockPoints) -> float:
+    """Return the overshoot of the mean curve beside flanks [arcsec], at most 0.
+
+    mean_curve: over the cycle, shape (points,).
+    """
+    curve, residual = mean_curve[at_blocks.points], posterior.block_residual[at_blocks.inside]
+    if not len(curve):
+        return 0.0
+    margin = _EXTREME_SHARE * float(np.ptp(curve))
+    highest = residual[curve >= curve.max() - margin]
+    lowest = residual[curve <= curve.min() + margin]
+    overshoot = float(highest.mean() - lowest.mean())
+    standard_error = float(np.std(posterior.block_residual) * np.sqrt(1 / len(highest) + 1 / len(lowest)))
+    return overshoot if overshoot < -_FLANK_SIGMAS * standard_error else 0.0
 
 
 def peak_range(curves: Array) -> Array:
@@ -159,6 +262,11 @@ def _peak(curves: Array) -> Array:
     before = curves[rows, (highest - 1) % points]
     here = curves[rows, highest]
     behind = curves[rows, (highest + 1) % points]
+    return _parabola_peak(before, here, behind)
+
+
+def _parabola_peak(before: Array, here: Array, behind: Array) -> Array:
+    """Return the maximum of parabolas through three even points, of which the middle one is the highest."""
     bend = np.minimum(before - 2 * here + behind, -1e-300)
     return np.asarray(here - (before - behind) ** 2 / (8 * bend))
 
@@ -178,29 +286,15 @@ def _places_of_travel(posterior: AmplitudePosterior, travel_rev: tuple[float, fl
     return covered
 
 
-def _visited_places(posterior: AmplitudePosterior) -> NDArray[np.bool_]:
-    """Return which places of the cycle's grid have a reading within 0.009 revolutions, shape (points,)."""
-    length = float(posterior.cycle.numerator)
-    points = np.arange(CURVE_POINTS_PER_REV * posterior.cycle.numerator) / CURVE_POINTS_PER_REV
-    visited = posterior.visited_rev
-    closed = np.concatenate([[visited[-1] - length], visited, [visited[0] + length]])
-    after = np.searchsorted(closed, points)
-    nearest = np.minimum(closed[after] - points, points - closed[np.maximum(after - 1, 0)])
-    return np.asarray(nearest <= _VISITED_REV)
-
-
 def _rest(posterior: AmplitudePosterior, seed: int) -> Array:
-    """Return samples of the effect of waves beyond the model on a range [arcsec], shape (draws,)."""
+    """Return samples of what waves beyond the model add to a range [arcsec], shape (draws,)."""
     rng = np.random.default_rng(seed)
-    order, sideband = posterior.pairs[:, 0], np.abs(posterior.pairs[:, 1])
-    is_wide = (sideband >= WIDEST_SIDEBANDS) & (sideband != order)
+    order = posterior.pairs[:, 0]
+    profile = rest_profile(int(order.max()))
     cosines, sines = np.split(posterior.amplitudes, 2, axis=1)
-    mean_squares = (cosines**2 + sines**2) / 2
-    if is_wide.any():
-        rms = np.sqrt(mean_squares[:, is_wide].sum(axis=1))
-    else:
-        rms = _FEWEST_SIDEBANDS * np.sqrt(mean_squares.sum(axis=1))
-    draws = len(rms)
-    size = REST_RATIO * np.exp(REST_LOG_SIGMA * rng.standard_normal(draws)) * rms
-    rest = np.minimum(size, posterior.residual_rms) * REST_RANGE * rng.standard_normal(draws)
-    return np.asarray(rest)
+    is_fine = order >= FINE_ORDER
+    fine = np.sqrt(((cosines**2 + sines**2) / 2)[:, is_fine].sum(axis=1))
+    draws = len(fine)
+    size = profile.ratio * np.exp(profile.log_sigma * rng.standard_normal(draws)) * fine
+    added = profile.added + profile.added_sigma * rng.standard_normal(draws)
+    return np.asarray(np.minimum(size, posterior.residual_rms) * added)

@@ -90,6 +90,7 @@ class OrderedReadings:
     place_rev: place on the cycle [input rev], shape (readings,).
     input_rev, output_rev: angles [rev] in 0..1, shape (readings,).
     error_arcsec: error [arcsec], shape (readings,).
+    path_rev: angle of the input along the run [rev], without a jump where the cycle closes, shape (readings,).
     run: number of the run, ascending from 0, shape (readings,).
     elapsed: time within the run, -1/2 to 1/2, shape (readings,).
     turned: -1 if the angles were mirrored because the shaft turned backwards, else 1.
@@ -98,6 +99,7 @@ class OrderedReadings:
     """
 
     place_rev: Array
+    path_rev: Array
     input_rev: Array
     output_rev: Array
     error_arcsec: Array
@@ -188,8 +190,12 @@ def ordered_readings(recording: Recording) -> OrderedReadings:
     sorted_runs = [rows[np.lexsort((error[rows], place[rows]))] for rows in runs]
     sorted_runs.sort(key=lambda rows: (place[rows[0]], len(rows), error[rows[0]]))
     order = np.concatenate(sorted_runs)
+    path = np.empty(len(place))
+    for rows, sense in joined:
+        path[rows] = np.unwrap(place[rows], period=length) if sense else place[rows]
     return OrderedReadings(
         place_rev=place[order],
+        path_rev=path[order],
         input_rev=place[order] % 1.0,
         output_rev=place[order] / float(cycle) % 1.0,
         error_arcsec=error[order],

@@ -1,12 +1,14 @@
 """Posterior of the amplitudes, by Gibbs sampling.
 
-Block means of the readings are linear in all coefficients beta: amplitudes of the waves, a level for each run, and a
-slow drift for each run (polynomials of the time, up to a stated degree):
+Block means of the readings are linear in all coefficients beta: amplitudes of the waves, a level for each run, a slow
+drift for each run (polynomials of the time, up to a stated degree), and lines off the orders:
 
     y = X beta + n,   n with the memory (R4) and white variance sigma^2,   beta ~ N(0, V).                     (R8)
 
-V is diagonal: v_kj of the waves (R6), one variance for all drifts, and none (a flat prior) for levels. Given the sizes
-the posterior of beta is normal. With X and y whitened,
+V is diagonal: v_kj of the waves (R6), one variance for the drifts of each power, inverse gamma distributed so that a
+drift is Cauchy distributed with a scale of 0.02 A, none (a flat prior) for levels, and A^2 for lines. The readings
+decide the degree of the drift: a power that they do not show stays near 0. Given the sizes the posterior of beta is
+normal. With X and y whitened,
 
     P = X^T X / sigma^2 + V^-1,   beta | V, sigma, y ~ N(P^-1 X^T y / sigma^2, P^-1),                          (R9)
 
@@ -20,10 +22,11 @@ which is still a Gibbs sampler of the same posterior, at a small part of the wor
 
     sigma^2 | beta, y ~ IG(m/2, |y - X beta|^2 / 2),   m blocks.                                               (R11)
 
-Sampling alternates the two steps. It stops when the range of the curve over the cycle, the slowest figure, has enough
-effective samples, or at a largest number of draws; the number of effective samples is part of the result. The width of
-the sidebands is increased from 6 to 10 and 14 on each side while Akaike's criterion of white residuals
-improves, up to a quarter of the ratio: half of the spectrum is left to tell noise with a memory from waves.
+Sampling alternates the two steps. It stops when the ranges of the curve over the cycle and over the visited places have
+enough effective samples, or at a largest number of draws; the number of effective samples is part of the result. The
+width of the sidebands is increased from 6 to 10 and 14 on each side while Akaike's criterion of white residuals
+improves, up to a quarter of the ratio: half of the spectrum is left to tell noise with a memory from waves. Then
+components of the residuals with clear evidence (R14) are added.
 """
 
 from __future__ import annotations
@@ -33,14 +36,24 @@ from fractions import Fraction
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cholesky, solve_triangular
+from scipy.linalg.lapack import dpotrf, dtrtrs
 from scipy.sparse.csgraph import connected_components
 
+from hdassist.errors import Fault, UntrustedError
 from hdassist.model.geometry import Array
+from hdassist.recording.components import NO_COMPONENTS, Components, clear_components, line_columns
 from hdassist.recording.noise import WHITE, NoiseMemory, memory_of, whitened
 from hdassist.recording.positions import OrderedReadings, Recording, ordered_readings
 from hdassist.recording.sizes import SizeTree, inverse_gamma
-from hdassist.recording.waves import USUAL_SIDEBANDS, block_design, block_means, block_starts, cycle_curves, wave_pairs
+from hdassist.recording.waves import (
+    USUAL_SIDEBANDS,
+    block_design,
+    block_means,
+    block_starts,
+    cycle_curves,
+    visited_places,
+    wave_pairs,
+)
 
 _Indices = NDArray[np.int64]
 ENOUGH_SAMPLES = 100.0  # effective: the ends of a 95 % interval are then good to some 10 % of its width
@@ -50,7 +63,7 @@ _BURN_SHARE = 0.2  # of the draws so far, dropped as not yet settled
 _FIRST_DRAWS, _FIRST_KEPT = 50, 12  # of the fit with white noise; draws averaged for its residuals
 _MORE_SIDEBANDS = (4, 8)  # beyond the usual 6, tried in this order
 _WIDEST_OF_RATIO = 0.25  # sidebands over the ratio: wider ones fill the spectrum and take slow noise for waves
-_DRIFT_SIZE = 0.02  # of A: scale of the drift over a run, a half-t distribution (assumed)
+_DRIFT_SIZE = 0.02  # of A: scale of the Cauchy distribution of each power of the drift over a run (assumed)
 _LEVEL_PRECISION = 1e-10  # over A^2: flat in effect
 _COHERENT = 0.1  # correlation of two columns from which they are drawn together; below, a chain hardly slows
 _GROUP_COLUMNS = 100  # small groups are merged up to so many columns, which one factor takes fastest
@@ -70,7 +83,13 @@ class AmplitudePosterior:
     visited_rev: places with readings on the cycle [input rev], ascending, shape (readings,).
     readings_range: range of the readings less levels and drifts [arcsec].
     drift: coefficients of the drift of each run and power [arcsec], shape (draws, runs * degree).
-    effective: number of effective samples of the range over the cycle.
+    lines: periods per input revolution of the lines off the orders, shape (lines,).
+    line_amplitudes: largest amplitude of each line in a run [arcsec], shape (draws, lines).
+    block_curves: waves and lines at the blocks of readings [arcsec], shape (draws, blocks); empty without lines.
+    block_place_rev: place of each block on the cycle [input rev], shape (blocks,).
+    block_run: number of the run of each block, shape (blocks,).
+    block_residual: block means less the mean curve [arcsec], shape (blocks,).
+    effective: number of effective samples of the range over the cycle, or over the visited places if that is less.
     """
 
     pairs: _Indices
@@ -82,16 +101,22 @@ class AmplitudePosterior:
     visited_rev: Array
     readings_range: float
     drift: Array
+    lines: tuple[float, ...]
+    line_amplitudes: Array
+    block_curves: Array
+    block_place_rev: Array
+    block_run: _Indices
+    block_residual: Array
     effective: float
 
 
 def posterior_of_recording(
-    recording: Recording, *, drift_degree: int = 1, seed: int = 0, most_draws: int = _MOST_DRAWS
+    recording: Recording, *, drift_degree: int = 2, seed: int = 0, most_draws: int = _MOST_DRAWS
 ) -> AmplitudePosterior:
     """Return samples of the amplitudes given a recording.
 
     recording: readings of one drive at one torque in one direction.
-    drift_degree: degree of the slow drift over the time of a run; 0 for none.
+    drift_degree: highest degree of the slow drift over the time of a run; 0 for none.
     seed: of the random numbers.
     most_draws: draws at most, with those that are dropped.
     Raises DataError for sweeps in both directions.
@@ -100,7 +125,6 @@ def posterior_of_recording(
     model = _Model(readings, drift_degree=drift_degree)
     sampler = _Sampler(model, WHITE, seed=seed)
     mean = sampler.first_mean()
-    memory = model.memory(mean)
     for more_sidebands in _MORE_SIDEBANDS:
         if more_sidebands + USUAL_SIDEBANDS > _WIDEST_OF_RATIO * recording.ratio:
             break
@@ -111,10 +135,15 @@ def posterior_of_recording(
         other_mean = other.first_mean()
         if wider.criterion(other_mean) > model.criterion(mean):
             break
-        model, sampler, mean, memory = wider, other, other_mean, wider.memory(other_mean)
-    sampler.use_memory(memory)
+        model, sampler, mean = wider, other, other_mean
+    components = clear_components(model.residual(mean), model.path_rev, model.run, model.cycle)
+    if components != NO_COMPONENTS:
+        model = _Model(readings, drift_degree=drift_degree, more_sidebands=model.more_sidebands, components=components)
+        sampler = _Sampler(model, WHITE, seed=seed)
+        mean = sampler.first_mean()
+    sampler.use_memory(model.memory(mean))
     coefficients, sigma, effective = sampler.run(most_draws)
-    return _result(readings, model, memory, coefficients, sigma, effective)
+    return _result(readings, model, model.memory(mean), coefficients, sigma, effective)
 
 
 def effective_samples(values: Array) -> float:
@@ -155,24 +184,40 @@ def _coherent_groups(gram: Array) -> list[_Indices]:
 
 
 class _Model:
-    """Block means and their design (R8): columns of the waves, then levels, then drifts."""
+    """Block means and their design (R8): columns of the waves, then levels, then drifts, then lines."""
 
-    def __init__(self, readings: OrderedReadings, *, drift_degree: int, more_sidebands: int = 0) -> None:
+    def __init__(
+        self,
+        readings: OrderedReadings,
+        *,
+        drift_degree: int,
+        more_sidebands: int = 0,
+        components: Components = NO_COMPONENTS,
+    ) -> None:
         starts = block_starts(readings)
         self.cycle = readings.cycle
         self.run = readings.run[starts]
         self.runs = int(self.run.max()) + 1
+        self.more_sidebands = more_sidebands
         self.errors = block_means(readings.error_arcsec, starts)
-        steps = np.diff(block_means(readings.place_rev, starts))[np.diff(self.run) == 0]
+        self.is_visited = visited_places(np.sort(readings.place_rev), readings.cycle)
+        self.place_rev = block_means(readings.place_rev, starts)
+        self.path_rev = block_means(readings.path_rev, starts)
+        steps = np.diff(self.place_rev)[np.diff(self.run) == 0]
         positive = steps[steps > 0]
         self.blocks_per_rev = 1 / float(np.median(positive)) if len(positive) else 1.0
-        self.pairs = wave_pairs(readings.cycle, self.blocks_per_rev, more_sidebands)
+        self.pairs = wave_pairs(readings.cycle, self.blocks_per_rev, more_sidebands, components.pairs)
         self.row_slow = _slow_columns(readings.run, readings.elapsed, drift_degree)
-        slow = block_means(self.row_slow, starts)
-        self.design = np.hstack([block_design(readings, starts, self.pairs), slow])
+        self.lines = components.lines
+        self.row_lines = line_columns(readings.path_rev, readings.run, components.lines)
+        beside = block_means(np.hstack([self.row_slow, self.row_lines]), starts)
+        self.design = np.hstack([block_design(readings, starts, self.pairs), beside])
         self.waves = 2 * len(self.pairs)
-        offsets = np.linalg.lstsq(slow, self.errors, rcond=None)[0]
-        self.mean_square = float(np.var(self.errors - slow @ offsets)) or float(np.var(self.errors)) or 1e-12
+        self.degree = drift_degree
+        self.slow_end = self.waves + self.runs * (1 + drift_degree)
+        levels = beside[:, : self.runs]
+        offsets = np.linalg.lstsq(levels, self.errors, rcond=None)[0]
+        self.mean_square = float(np.var(self.errors - levels @ offsets)) or float(np.var(self.errors)) or 1e-12
 
     def residual(self, coefficients: Array) -> Array:
         """Return block means less the model's."""
@@ -212,7 +257,7 @@ class _Sampler:
         self._rng = np.random.default_rng(seed)
         self._tree = SizeTree.start(model.pairs, model.mean_square)
         self._sigma2 = 1e-2 * model.mean_square
-        self._drift2 = 1e-3 * model.mean_square
+        self._drift2 = np.full(model.degree, _DRIFT_SIZE**2 * model.mean_square)
         self._beta = np.zeros(model.design.shape[1])
         self.use_memory(memory)
 
@@ -236,7 +281,7 @@ class _Sampler:
     def run(self, most_draws: int) -> tuple[Array, Array, float]:
         """Return draws of the coefficients, of sigma, and the number of effective samples."""
         model = self._model
-        cycle_ranges: list[float] = []
+        ranges: list[Array] = []
         draws: list[Array] = []
         sigmas: list[float] = []
         while True:
@@ -245,40 +290,48 @@ class _Sampler:
                 sigmas.append(float(np.sqrt(self._sigma2)))
             batch = np.array(draws[-_BATCH:])[:, : model.waves]
             curves = cycle_curves(batch, model.pairs, model.cycle)
-            cycle_ranges.extend(np.ptp(curves, axis=1).tolist())
+            ranges.append(np.stack([np.ptp(curves, axis=1), np.ptp(curves[:, model.is_visited], axis=1)]))
             burnt = int(_BURN_SHARE * len(draws))
-            effective = effective_samples(np.array(cycle_ranges[burnt:]))
+            whole, seen = np.concatenate(ranges, axis=1)[:, burnt:]
+            effective = min(effective_samples(whole), effective_samples(seen))
             if effective >= ENOUGH_SAMPLES or len(draws) + _BATCH > most_draws:
                 return np.array(draws[burnt:]), np.array(sigmas[burnt:]), effective
+
+    def _prior_precision(self) -> Array:
+        """Return the precision V^-1 of every coefficient, shape (columns,)."""
+        model = self._model
+        variances = np.concatenate([self._tree.wave, self._tree.wave])
+        levels = np.full(model.runs, _LEVEL_PRECISION / model.mean_square)
+        drifts = np.repeat(1 / self._drift2, model.runs)
+        lines = np.full(len(self._moment) - model.slow_end, 1 / model.mean_square)
+        return np.concatenate([1 / variances, levels, drifts, lines])
 
     def _step(self) -> Array:
         """Draw coefficients, then sizes; return the coefficients."""
         model, rng = self._model, self._rng
-        waves, runs = model.waves, model.runs
-        variances = np.concatenate([self._tree.wave, self._tree.wave])
-        drifts = len(self._moment) - waves - runs
-        levels = np.full(runs, _LEVEL_PRECISION / model.mean_square)
-        prior = np.concatenate([1 / variances, levels, np.full(drifts, 1 / self._drift2)])
+        prior = self._prior_precision()
         beta = self._beta
         for group, rows, gram in zip(self._groups, self._group_rows, self._group_grams, strict=True):
             others = rows @ beta - gram @ beta[group]
             moment = (self._moment[group] - others) / self._sigma2
             precision = gram / self._sigma2
-            precision[np.diag_indices_from(precision)] += prior[group]
-            factor = cholesky(precision, lower=True, overwrite_a=True, check_finite=False)
-            half = solve_triangular(factor, moment, lower=True, check_finite=False)
+            precision.flat[:: len(group) + 1] += prior[group]
+            factor, is_singular = dpotrf(precision, lower=1, overwrite_a=1)  # scipy's own checks take twice as long
+            if is_singular:
+                raise UntrustedError("the readings do not tell the waves apart", "record longer", Fault.ORDERS_UNTOLD)
+            half = dtrtrs(factor, moment, lower=1)[0]
             normal = rng.standard_normal(len(group))
-            beta[group] = solve_triangular(factor, half + normal, lower=True, trans="T", check_finite=False)
+            beta[group] = dtrtrs(factor, half + normal, lower=1, trans=1)[0]
 
-        cosines, sines = beta[: waves // 2], beta[waves // 2 : waves]
+        cosines, sines = np.split(beta[: model.waves], 2)
         self._tree.draw(cosines**2 + sines**2, rng)
         misfit = float(self._square - 2 * beta @ self._moment + beta @ self._gram @ beta)
         drawn = float(inverse_gamma(self._blocks / 2, np.array(max(misfit, 0.0) / 2), rng))
         self._sigma2 = max(drawn, _LEAST_NOISE**2 * model.mean_square)
-        if drifts:
-            drift = beta[waves + runs :]
-            rate = (_DRIFT_SIZE**2 * model.mean_square + drift @ drift) / 2
-            self._drift2 = float(inverse_gamma((1 + drifts) / 2, np.array(rate), rng))
+        if model.degree:
+            drift = beta[model.waves + model.runs : model.slow_end].reshape(model.degree, model.runs)
+            rates = (_DRIFT_SIZE**2 * model.mean_square + (drift**2).sum(axis=1)) / 2
+            self._drift2 = inverse_gamma((1 + model.runs) / 2, rates, rng)
         return beta.copy()
 
 
@@ -294,7 +347,13 @@ def _result(
     mean = coefficients.mean(axis=0)
     cosines, sines = np.split(coefficients[:, : model.waves], 2, axis=1)
     amplitudes = readings.flipped * np.hstack([cosines, readings.turned * sines])
-    levelled = readings.error_arcsec - model.row_slow @ mean[model.waves :]
+    levelled = readings.error_arcsec - model.row_slow @ mean[model.waves : model.slow_end]
+    line_pairs = coefficients[:, model.slow_end :].reshape(len(coefficients), len(model.lines), model.runs, 2)
+    block_curves = np.zeros((len(coefficients), 0))
+    if model.lines:
+        is_error = np.ones(len(mean), bool)
+        is_error[model.waves : model.slow_end] = False
+        block_curves = coefficients[:, is_error] @ model.design[:, is_error].T
     return AmplitudePosterior(
         pairs=model.pairs,
         cycle=readings.cycle,
@@ -304,6 +363,12 @@ def _result(
         residual_rms=float(np.std(model.residual(mean))),
         visited_rev=np.sort(readings.turned * readings.place_rev % float(readings.cycle.numerator)),
         readings_range=float(np.ptp(levelled)),
-        drift=readings.flipped * coefficients[:, model.waves + model.runs :],
+        drift=readings.flipped * coefficients[:, model.waves + model.runs : model.slow_end],
+        lines=model.lines,
+        line_amplitudes=np.hypot(line_pairs[..., 0], line_pairs[..., 1]).max(axis=2, initial=0.0),
+        block_curves=block_curves,
+        block_place_rev=readings.turned * model.place_rev % float(readings.cycle.numerator),
+        block_run=model.run,
+        block_residual=readings.flipped * model.residual(mean),
         effective=effective,
     )

@@ -6,10 +6,10 @@ nu = 3 degrees of freedom around the one above it:
 
     s_k ~ half-t(q_k A),   b_k ~ half-t(s_k),   sqrt v_k0 ~ half-t(s_k),   sqrt v_kj ~ half-t(r_kj b_k).        (R6)
 
-A is the rms of the readings without levels, so a change of units changes nothing. The profiles q (orders) and r
-(sidebands) are data: `ORDER_PROFILE`, `SIDEBAND_PROFILE`, `OUTPUT_PROFILE`. A half-t has most of its mass near 0 and a
-long tail: a wave that the readings show gets its size from them, and a wave that they do not visit stays as open as the
-profile says.
+A is the rms of the readings less the level of each run, so the units do not matter. The profiles q (orders)
+and r (sidebands) are data of solved drives (`sizes.toml`): `ORDER_PROFILE`, `SIDEBAND_PROFILE`, `OUTPUT_PROFILE`. A
+half-t has most of its mass near 0 and a long tail: a wave that the readings show gets its size from them, and a wave
+that they do not visit stays as open as the profile says.
 
 A half-t variable of scale s is conjugate with one auxiliary variable x (Wand et al. 2011, Bayesian Analysis 6, 847):
 
@@ -25,21 +25,42 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hdassist.files import package_table
 from hdassist.model.geometry import Array
 
 _Indices = NDArray[np.int64]
 _FREEDOM = 3.0  # nu: tails like x^-4, so that a wave far above its profile is not shrunk
 _LEAST_VARIANCE = 1e-14  # of A^2, so that no precision overflows
-# Assumed values, from the amplitudes of 36 solved drives of the tool's own model (typical deviations, several torques
-# and sizes): an order's size over the rms of the error, by k = 0, 1, 2, ...; the last value holds beyond.
-ORDER_PROFILE = (0.5, 0.3, 1.0, 0.2, 0.8, 0.1, 0.08, 0.04, 0.05, 0.03, 0.03, 0.02)
-# Size of a sideband over its order's sidebands, by |j| = 1, 2, ...: half as large each step, not below the last.
-SIDEBAND_PROFILE = (0.35, 0.175, 0.0875, 0.04375, 0.021875, 0.02)
-_OTHER_WHEEL = 0.6  # the same for (k, +-k), a part that turns with the other wheel: as large as the order itself
-OUTPUT_PROFILE = (1.0, 0.4, 0.3, 0.4, 0.1, 0.1, 0.05)  # of (0, j) by j = 1, 2, ...
-REST_RATIO, REST_LOG_SIGMA = 0.91, 0.46  # rms of waves beyond the pairs over that of the widest sidebands: log-normal
-REST_RANGE = 1.5  # what such waves change the range by, over their rms: the standard deviation
-WIDEST_SIDEBANDS = 5  # |j| from which sidebands count as the widest
+_PROFILES = package_table("recording/sizes.toml")  # written by benchmarks/sizes.py, from solved drives
+# An order's size over the rms of the error, by k = 0, 1, 2, ...; the last value holds beyond. That of k = 0 is a
+# cautious assumption, because slow waves of a recording also come from encoders, couplings and gravity.
+ORDER_PROFILE: tuple[float, ...] = tuple(_PROFILES["order"])
+# Size of a sideband over that of its order, by |j| = 1, 2, ...; the last value holds beyond. It is twice that of solved
+# drives, a cautious assumption too.
+SIDEBAND_PROFILE: tuple[float, ...] = tuple(_PROFILES["sideband"])
+_OTHER_WHEEL: float = _PROFILES["other_wheel"][0]  # the same for (k, +-k), a part that turns with the other wheel
+OUTPUT_PROFILE: tuple[float, ...] = tuple(_PROFILES["output"])  # of (0, j) by j = 1, 2, ...
+# Waves beyond the pairs, by the highest order of the pairs: their rms over that of the fine waves (orders from 12 on),
+# log-normal with a standard deviation of the logarithm; and what they add to the range over their rms, mean and
+# standard deviation. They nearly always add to it, because the largest value is sought among rougher ones.
+FINE_ORDER: int = _PROFILES["rest"]["fine_order"]
+
+
+@dataclass(frozen=True)
+class _RestProfile:
+    """Sizes of the waves beyond the pairs; see the comment above."""
+
+    ratio: float
+    log_sigma: float
+    added: float
+    added_sigma: float
+
+
+def rest_profile(highest: int) -> _RestProfile:
+    """Return the sizes of the waves beyond pairs up to a highest order, between tabulated orders by a line."""
+    table = _PROFILES["rest"]
+    columns = ("ratio", "log_sigma", "added", "added_sigma")
+    return _RestProfile(*(float(np.interp(highest, table["highest_order"], table[name])) for name in columns))
 
 
 def wave_profile(pairs: _Indices) -> tuple[Array, Array]:

@@ -18,6 +18,7 @@ An average of both sides of a linear equation is exact, so averaging damps no wa
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from fractions import Fraction
 
 import numpy as np
@@ -27,22 +28,28 @@ from hdassist.model.geometry import Array
 from hdassist.recording.positions import OrderedReadings
 
 _Indices = NDArray[np.int64]
-BLOCKS_PER_REV = 100  # of the input, at most
-CURVE_POINTS_PER_REV = 160  # of the input: 3.5 a period of the highest order, between which a parabola finds the peak
-_ALWAYS_ORDER = 12  # orders that are open whatever the sampling: coarse readings do not exclude them
+BLOCKS_PER_REV = 80  # of the input, at most
+CURVE_POINTS_PER_REV = 160  # of the input: 4 a period of the highest order, between which a parabola finds the peak
+# Orders that are open whatever the sampling. Coarse readings show a higher order as a lower one (its image) or not at
+# all, so they do not exclude it. Solved drives have 3 % of the power of their error above order 16.
+_ALWAYS_ORDER = 16
 _SIDEBAND_ORDER = 20  # the highest order with sidebands
-_HIGHEST_ORDER = 45
+_HIGHEST_ORDER = 36
 _POINTS_PER_PERIOD = 2.2  # blocks for each period of the highest order
 USUAL_SIDEBANDS = 6  # on each side of an order
-_CHUNK = 8192  # rows whose columns are computed at once, for the memory
+_VISITED_REV = 0.009  # of the input: a place with a reading within this distance on either side is visited
+_CHUNK = 512  # rows whose columns are computed at once: they stay in the processor's cache
 
 
-def wave_pairs(cycle: Fraction, blocks_per_rev: float, more_sidebands: int = 0) -> _Indices:
+def wave_pairs(
+    cycle: Fraction, blocks_per_rev: float, more_sidebands: int = 0, more_pairs: Sequence[tuple[int, int]] = ()
+) -> _Indices:
     """Return the waves (k, j) of the model, shape (waves, 2), sorted.
 
     cycle: ratio in lowest terms.
     blocks_per_rev: blocks of readings in an input revolution.
     more_sidebands: sidebands on each side beyond the usual 6.
+    more_pairs: further waves (k, j), for which the readings give evidence.
     """
     ratio = float(cycle)
     sidebands = min(USUAL_SIDEBANDS + more_sidebands, max(1, int(ratio // 2)))
@@ -52,9 +59,11 @@ def wave_pairs(cycle: Fraction, blocks_per_rev: float, more_sidebands: int = 0) 
     pairs = {(0, j) for j in range(1, sidebands + 1)}
     for k in range(1, highest_beside + 1):
         pairs |= {(k, j) for j in range(-sidebands, sidebands + 1)}
+    for k in range(1, highest + 1):
+        pairs.add((k, 0))
         if 2 * k < ratio:
             pairs |= {(k, k), (k, -k)}
-    pairs |= {(k, 0) for k in range(1, highest + 1)}
+    pairs |= set(more_pairs)
     return np.array(sorted(pairs))
 
 
@@ -130,3 +139,17 @@ def cycle_curves(amplitudes: Array, pairs: _Indices, cycle: Fraction) -> Array:
     spectrum = np.zeros((points // 2 + 1, len(amplitudes)), complex)
     np.add.at(spectrum, periods, (points / 2) * (cosines - 1j * sines).T)
     return np.fft.irfft(spectrum.T, points, axis=1)
+
+
+def visited_places(place_rev: Array, cycle: Fraction) -> NDArray[np.bool_]:
+    """Return which points of the curves over the cycle have a reading within 0.009 revolutions, shape (points,).
+
+    place_rev: places with readings on the cycle [input rev], ascending, shape (readings,).
+    cycle: ratio p/q in lowest terms.
+    """
+    length = float(cycle.numerator)
+    points = np.arange(CURVE_POINTS_PER_REV * cycle.numerator) / CURVE_POINTS_PER_REV
+    closed = np.concatenate([[place_rev[-1] - length], place_rev, [place_rev[0] + length]])
+    after = np.searchsorted(closed, points)
+    nearest = np.minimum(closed[after] - points, points - closed[np.maximum(after - 1, 0)])
+    return np.asarray(nearest <= _VISITED_REV)

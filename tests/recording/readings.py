@@ -19,7 +19,7 @@ def known_range(ratio=RATIO):
     return float(np.ptp(known_error(np.arange(0, ratio, 1 / 500), ratio)))
 
 
-def noisy_readings(readings=800, span=RATIO, sigma=0.4, seed=0, ratio=RATIO):
+def noisy_readings(readings=1320, span=RATIO, sigma=0.4, seed=0, ratio=RATIO):
     """Input angles [rev] from 0 to span and errors [arcsec] with white noise."""
     turns = np.arange(readings) * span / readings
     noise = sigma * np.random.default_rng(seed).standard_normal(readings)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hdassist.errors import UsageError, Verdict
-from hdassist.recording.figures import RangeFigure, peak_range, range_figure
+from hdassist.recording.figures import RangeFigure, part_to_record, peak_range, range_figure
 from hdassist.recording.positions import recording_from_columns
 from hdassist.recording.posterior import posterior_of_recording
 from tests.recording.readings import RATIO, known_error, known_range, noisy_readings
@@ -93,3 +93,62 @@ def test_few_effective_samples_decide_nothing():
 def test_peaks_lie_between_points():
     turns = (np.arange(16) + 0.37) / 16
     assert np.isclose(peak_range(np.cos(2 * np.pi * turns)[None])[0], 2.0, rtol=2e-3)
+
+
+def recorded(curve, readings, sigma, span=RATIO, seed=0):
+    """The figure of a recording of a curve of the input angle."""
+    turns = np.arange(readings) * span / readings
+    error = curve(turns) + sigma * np.random.default_rng(seed).standard_normal(readings)
+    return range_figure(posterior_of_recording(recording_from_columns(turns, error, RATIO)))
+
+
+def test_orders_that_coarse_readings_hide_stay_open():
+    def fine(turns):
+        return 9 * np.cos(4 * np.pi * turns) + 8 * np.cos(2 * np.pi * 15 * turns)
+
+    true = float(np.ptp(fine(np.arange(0, 1, 1 / 2000))))
+    even = recorded(fine, readings=int(20 * RATIO), sigma=0.3)  # 15 periods look like 5 there
+    assert even.interval_arcsec[0] < true < even.interval_arcsec[1]
+    assert even.verdict(0.9 * true) is not Verdict.PASS
+    resolved = recorded(fine, readings=int(31.3 * RATIO), sigma=0.3)  # 2.1 a period
+    assert resolved.interval_arcsec[0] < true < resolved.interval_arcsec[1]
+    assert resolved.verdict(0.8 * true) is Verdict.FAIL
+
+
+def test_a_steep_flank_does_not_fail_by_its_overshoot():
+    def steep(turns):
+        return 5 * np.tanh(8 * np.sin(4 * np.pi * turns + 0.3))
+
+    figure = recorded(steep, readings=int(40 * RATIO), sigma=0.2)
+    assert figure.verdict(1.02 * 10.0) is not Verdict.FAIL
+    assert figure.verdict(0.9 * 10.0) is Verdict.FAIL
+
+
+def test_a_bent_drift_is_no_error():
+    def drifting(turns):
+        return 9 * np.cos(4 * np.pi * turns) + 4 * (turns / RATIO) ** 2 - turns / RATIO
+
+    low, high = recorded(drifting, readings=int(40 * RATIO), sigma=0.3).interval_arcsec
+    assert low < 18.0 < high < 19.5
+
+
+def test_slow_waves_of_a_part_of_the_cycle_stay_open():
+    def slow(turns):
+        return 3 * np.cos(4 * np.pi * turns) + 8 * np.cos(2 * np.pi * turns / RATIO)
+
+    figure = recorded(slow, readings=400, sigma=0.3, span=10.0)
+    assert figure.interval_arcsec[1] > 22.0
+    assert figure.verdict(20.0) is not Verdict.PASS
+
+
+def test_the_ends_of_an_interval_are_farther_with_few_samples():
+    many, few = figure(whole=30.0, seen=20.0, effective=1e6), figure(whole=30.0, seen=20.0, effective=50.0)
+    assert np.isclose(many.interval_arcsec, (19.05, 30.95), atol=0.01).all()
+    assert few.interval_arcsec[0] < many.interval_arcsec[0]
+    assert few.interval_arcsec[1] > many.interval_arcsec[1]
+
+
+def test_the_part_to_record_has_the_extremes_of_what_was_not_visited(whole, part):
+    assert part_to_record(whole) is None
+    first, last = part_to_record(part)
+    assert 9.0 <= first < last <= RATIO + 9.0

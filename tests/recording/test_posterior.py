@@ -24,7 +24,7 @@ def test_coefficients_are_those_of_a_dense_normal_posterior():
     readings = ordered_readings(recording_from_columns(turns, error, RATIO))
     model = module._Model(readings, drift_degree=1)
     sampler = module._Sampler(model, WHITE, seed=0)
-    variances = np.concatenate([sampler._tree.wave, sampler._tree.wave, [1e4], [sampler._drift2]])
+    variances = np.concatenate([sampler._tree.wave, sampler._tree.wave, [1e4], sampler._drift2])
     sigma2 = sampler._sigma2
     # by the covariance of the readings, not by the precision of the coefficients
     covariance = sigma2 * np.eye(len(model.errors)) + (model.design * variances) @ model.design.T
@@ -34,7 +34,7 @@ def test_coefficients_are_those_of_a_dense_normal_posterior():
     tree, draws = sampler._tree.wave.copy(), []
     for _ in range(500):
         draws.append(sampler._step())
-        sampler._tree.wave, sampler._sigma2, sampler._drift2 = tree, sigma2, float(variances[-1])
+        sampler._tree.wave, sampler._sigma2, sampler._drift2 = tree, sigma2, variances[-1:]
     curves = np.array(draws) @ model.design.T
     sigmas = np.sqrt(np.diag(curve_covariance))
     assert np.all(np.abs(curves.mean(axis=0) - model.design @ mean) < 5 * sigmas / np.sqrt(500))

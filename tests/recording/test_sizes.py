@@ -5,17 +5,42 @@ from fractions import Fraction
 import numpy as np
 from scipy.stats import halfcauchy, kstest, t
 
-from hdassist.recording.sizes import ORDER_PROFILE, SizeTree, inverse_gamma, wave_profile
+from hdassist.recording.sizes import (
+    ORDER_PROFILE,
+    OUTPUT_PROFILE,
+    SIDEBAND_PROFILE,
+    SizeTree,
+    inverse_gamma,
+    rest_profile,
+    wave_profile,
+)
 from hdassist.recording.waves import wave_pairs
 
 
 def test_profile_by_hand():
-    pairs = np.array([[0, 1], [0, 2], [2, -2], [2, 0], [2, 1], [4, 6], [4, 14], [20, 0]])
+    pairs = np.array([[0, 1], [0, 2], [2, -2], [2, 0], [2, 1], [4, 6], [4, 14], [40, 0]])
     orders, waves = wave_profile(pairs)
-    assert len(orders) == 21
-    assert orders[2] == 1.0
-    assert orders[20] == ORDER_PROFILE[-1]
-    assert waves.tolist() == [1.0, 0.4, 0.6, 1.0, 0.35, 0.02, 0.02, 1.0]
+    assert len(orders) == 41
+    assert orders[2] == ORDER_PROFILE[2]
+    assert orders[40] == ORDER_PROFILE[-1]
+    other_wheel = waves[2]
+    expected = [
+        *OUTPUT_PROFILE[:2],
+        other_wheel,
+        1.0,
+        SIDEBAND_PROFILE[0],
+        SIDEBAND_PROFILE[5],
+        SIDEBAND_PROFILE[-1],
+        1.0,
+    ]
+    assert waves.tolist() == expected
+    assert SIDEBAND_PROFILE[0] < other_wheel < 1.0
+
+
+def test_the_rest_is_by_the_highest_order_of_the_pairs():
+    coarse, fine = rest_profile(16), rest_profile(36)
+    assert coarse.ratio > rest_profile(20).ratio > fine.ratio
+    assert rest_profile(12) == coarse
 
 
 def test_the_auxiliary_variable_makes_a_half_t():

@@ -12,6 +12,7 @@ from hdassist.recording.waves import (
     block_means,
     block_starts,
     cycle_curves,
+    visited_places,
     wave_columns,
     wave_pairs,
 )
@@ -23,10 +24,10 @@ RNG = np.random.default_rng(3)
 def test_pairs_have_both_sides_the_other_wheel_and_no_constant():
     pairs = {tuple(pair) for pair in wave_pairs(Fraction(100), blocks_per_rev=100).tolist()}
     assert (0, 0) not in pairs
-    assert {(2, 6), (2, -6), (9, 9), (9, -9), (45, 0), (0, 6)} <= pairs
-    assert not {(2, 7), (0, -1), (46, 0), (21, 1)} & pairs
+    assert {(2, 6), (2, -6), (9, 9), (9, -9), (36, 0), (36, -36), (0, 6)} <= pairs
+    assert not {(2, 7), (0, -1), (37, 0), (21, 1)} & pairs
     coarse = wave_pairs(Fraction(100), blocks_per_rev=8)
-    assert coarse[:, 0].max() == 12
+    assert coarse[:, 0].max() == 16
 
 
 def test_columns_are_cosines_and_sines():
@@ -64,3 +65,17 @@ def test_no_block_reaches_over_two_runs():
     readings = ordered_readings(recording_from_columns(turns, known_error(turns), RATIO, sweep=sweep))
     borders = set((np.flatnonzero(np.diff(readings.run)) + 1).tolist())
     assert borders <= set(block_starts(readings).tolist())
+
+
+def test_more_pairs_are_taken_once():
+    usual = wave_pairs(Fraction(100), blocks_per_rev=20)
+    more = wave_pairs(Fraction(100), blocks_per_rev=20, more_pairs=[(4, 9), (2, 0)])
+    assert {tuple(pair) for pair in more.tolist()} - {tuple(pair) for pair in usual.tolist()} == {(4, 9)}
+
+
+def test_places_near_a_reading_are_visited():
+    visited = visited_places(np.array([0.0, 5.0]), Fraction(30))
+    places = np.flatnonzero(visited) / CURVE_POINTS_PER_REV
+    off = np.minimum.reduce([np.abs(places - place) for place in (0.0, 5.0, 30.0)])
+    assert off.max() <= 0.009
+    assert len(places) == 6  # a step is 1/160 of a revolution: one to each side, also where the cycle closes

@@ -1,0 +1,155 @@
+"""Prior sizes of the waves of a recording, from solved drives: `python -m benchmarks.sizes --drives 24 --write`.
+
+Each hidden drive of benchmarks/honesty.py is solved over its full cycle, half of them at the least and half at the
+largest torque of the preset. The Fourier transform over the cycle gives the amplitude of each wave (k, j): k periods
+per input revolution, j per output revolution. The profiles of hdassist/recording/sizes.toml follow:
+
+- order: size of order k with its sidebands over the rms of the error;
+- sideband: size of the pair (k, +-j) over that of its order, of orders with more than 5 % of the error;
+- other_wheel: the same of (k, +-k);
+- output: size of (0, j) over that of all waves of the output;
+- rest: rms of waves that the model leaves out over that of its waves from order 12 on, by the highest order of the
+  model, as mean and standard deviation of the logarithm; and what they add to the range over their rms.
+
+Sizes are rms values over the drives, so that a wave that a few drives have counts. A size below the floor counts as the
+floor. Two things are cautious assumptions, because they decide whether a part of the cycle can pass. The first number
+of `order` is not from these drives: slow waves of a recording also come from encoders, couplings and gravity. The sizes
+of sidebands are doubled: other drives and rigs may have more of them than these.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.honesty import hidden_drive
+from hdassist.model.geometry import Array
+from hdassist.recording.waves import wave_pairs
+
+FLOOR = 0.02  # least size of a profile
+CLEAR = 0.05  # of the rms of the error: least order whose sidebands count
+SLOW = 1.5  # assumed size of order 0 over the rms of the readings
+CAUTION = 2.0  # factor of the sizes of sidebands
+ORDERS, SIDEBANDS = 25, 7  # lengths of the profiles
+FINE_ORDER = 12  # from which waves show how rough the teeth are
+HIGHEST_ORDERS = (16, 24, 36)  # of the model, for which the rest is found
+POINTS_PER_PERIOD = 2.2  # blocks for each period of the highest order, as in recording/waves.py
+TABLE = Path(__file__).parent.parent / "hdassist" / "recording" / "sizes.toml"
+HEAD = """# Prior sizes of the waves of a recording (R6), written by `python -m benchmarks.sizes --write`.
+# rms over {drives} solved drives of ratios 50 to 120; order[0] and a factor of 2 of the
+# sidebands are cautious assumptions (see benchmarks/sizes.py).
+"""
+
+
+def solved_cycle(number: int, seed: int) -> tuple[int, Array]:
+    """The ratio of a hidden drive and its error over the full cycle [arcsec], shape (states,)."""
+    from hdassist.error.cycle import kinematic_error
+    from hdassist.model.geometry import Kinematics
+    from hdassist.run.run import UNCHECKED
+
+    rng = np.random.default_rng([seed, number])
+    preset, there, teeth = hidden_drive(rng)
+    torques = preset.operation.M_g
+    M_g = torques[0] if number % 2 == 0 else torques[-1]
+    error = kinematic_error(there, M_g, teeth=teeth, run=UNCHECKED).error_arcsec
+    return round(abs(Kinematics.of(preset).u)), error - error.mean()
+
+
+def wave_sizes(ratio: int, error: Array) -> dict[tuple[int, int], float]:
+    """The amplitude of each wave (k, j) of an error over a cycle [arcsec]."""
+    amplitudes = 2 * np.abs(np.fft.rfft(error)) / len(error)
+    sizes: dict[tuple[int, int], float] = {}
+    for periods in range(1, len(amplitudes)):
+        order = round(periods / ratio)
+        sizes[order, periods - order * ratio] = float(amplitudes[periods])
+    return sizes
+
+
+def rms(values: Sequence[float]) -> float:
+    """Root mean square, at least the floor."""
+    return max(FLOOR, float(np.sqrt(np.mean(np.square(values))))) if len(values) else FLOOR
+
+
+def profiles(cycles: Sequence[tuple[int, Array]]) -> dict[str, list[float]]:
+    """The profiles of sizes.toml."""
+    order: list[list[float]] = [[] for _ in range(ORDERS)]
+    sideband: list[list[float]] = [[] for _ in range(SIDEBANDS)]
+    output: list[list[float]] = [[] for _ in range(SIDEBANDS)]
+    other_wheel = list[float]()
+    for ratio, error in cycles:
+        sizes = wave_sizes(ratio, error)
+        total = float(np.std(error)) * np.sqrt(2)
+        for k in range(ORDERS):
+            own = {j: size for (number, j), size in sizes.items() if number == k}
+            together = float(np.sqrt(sum(size**2 for size in own.values())))
+            order[k].append(together / total)
+            if together < CLEAR * total:
+                continue
+            if k == 0:
+                for j in range(1, SIDEBANDS + 1):
+                    output[j - 1].append(own[j] / together)
+                continue
+            for j in range(1, SIDEBANDS + 1):
+                if j != k:
+                    sideband[j - 1] += [own[j] / together, own[-j] / together]
+            other_wheel += [own[k] / together, own[-k] / together]
+    return {
+        "order": [SLOW, *(rms(each) for each in order[1:])],
+        "sideband": [CAUTION * rms(each) for each in sideband],
+        "other_wheel": [rms(other_wheel)],
+        "output": [rms(each) for each in output],
+    }
+
+
+def rests(cycles: Sequence[tuple[int, Array]]) -> dict[str, list[float]]:
+    """The table of the rest in sizes.toml, by the highest order of the model."""
+    table: dict[str, list[float]] = {"ratio": [], "log_sigma": [], "added": [], "added_sigma": []}
+    for highest in HIGHEST_ORDERS:
+        shares, added = list[float](), list[float]()
+        for ratio, error in cycles:
+            sizes = wave_sizes(ratio, error)
+            spectrum = np.fft.rfft(error)
+            fine = 0.0
+            for k, j in wave_pairs(Fraction(ratio), POINTS_PER_PERIOD * highest + 0.1).tolist():
+                spectrum[k * ratio + j] = 0.0
+                fine += sizes[k, j] ** 2 / 2 if k >= FINE_ORDER else 0.0
+            left = np.fft.irfft(spectrum, len(error))
+            shares.append(float(np.log(left.std() / np.sqrt(fine))))
+            added.append(float((np.ptp(error) - np.ptp(error - left)) / left.std()))
+        table["ratio"].append(float(np.exp(np.mean(shares))))
+        table["log_sigma"].append(float(np.std(shares)))
+        table["added"].append(float(np.mean(added)))
+        table["added_sigma"].append(float(np.std(added)))
+    return table
+
+
+def toml_line(name: str, sizes: Sequence[float]) -> str:
+    """A line of a TOML file."""
+    return f"{name} = [{', '.join(f'{size:.3g}' for size in sizes)}]\n"
+
+
+def main() -> None:
+    """Print the profiles, and write them with --write."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--drives", type=int, default=24, help="number of solved drives")
+    parser.add_argument("--seed", type=int, default=1000, help="seed of the drives")
+    parser.add_argument("--write", action="store_true", help="write hdassist/recording/sizes.toml")
+    arguments = parser.parse_args()
+    cycles = [solved_cycle(number, arguments.seed) for number in range(arguments.drives)]
+    text = HEAD.format(drives=arguments.drives)
+    for name, sizes in profiles(cycles).items():
+        text += toml_line(name, sizes)
+    text += f"\n[rest]\nfine_order = {FINE_ORDER}\n" + toml_line("highest_order", HIGHEST_ORDERS)
+    for name, sizes in rests(cycles).items():
+        text += toml_line(name, sizes)
+    print(text)
+    if arguments.write:
+        TABLE.write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

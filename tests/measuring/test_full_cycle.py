@@ -1,0 +1,119 @@
+"""F'_ior of the full cycle from a part of it: both ends, the cleaning before, and the domain in which it is given."""
+
+import json
+from io import BytesIO
+
+import numpy as np
+import pytest
+
+from hdassist.measuring.full_cycle import FullCycle, cleaned_recording, full_cycle, reason_outside
+from hdassist.measuring.measure import measure
+from hdassist.readers.trace import read_trace
+from tests.process import run
+
+RATIO, PER_TURN = 30, 40
+
+
+def true_error(turns):
+    """Error [arcsec] at input angles [rev]: orders of the input, of the output, and a sideband."""
+    error = 8 * np.cos(4 * np.pi * turns) + 2 * np.cos(8 * np.pi * turns + 1.0) + 3 * np.cos(2 * np.pi * turns / RATIO)
+    return error + 3 * np.cos(2 * np.pi * (2 + 2 / RATIO) * turns + 0.5)
+
+
+TRUE = float(np.ptp(true_error(np.arange(0, RATIO, 1 / 500))))
+
+
+def file_of(turns, error=None, **columns):
+    """A file of a recording, with 0.3 arcsec of noise."""
+    noise = 0.3 * np.random.default_rng(1).standard_normal(len(turns))
+    values = {
+        "cam_deg": 360 * turns,
+        "error_arcsec": (true_error(turns) if error is None else error) + noise,
+        **columns,
+    }
+    rows = zip(*values.values(), strict=True)
+    return "\n".join([",".join(values), *(",".join(f"{value:.6f}" for value in row) for row in rows)]).encode()
+
+
+def measured(turns, error=None, ratio=RATIO, travel_deg=None, **columns):
+    """A measurement of such a file."""
+    trace = read_trace(BytesIO(file_of(turns, error, **columns)))
+    return measure(trace, ratio=ratio, travel_deg=travel_deg)
+
+
+def turns_of(share):
+    """Input angles [rev] of a share of the cycle."""
+    return np.arange(int(share * RATIO * PER_TURN)) / PER_TURN
+
+
+@pytest.mark.parametrize("share", [0.4, 0.75])
+def test_a_part_of_the_cycle_has_both_ends(share):
+    result = measured(turns_of(share))
+    (sweep,) = result.directions
+    found = full_cycle(result, sweep)
+    assert isinstance(found, FullCycle)
+    low, high = found.interval_arcsec
+    assert low == sweep.interval_arcsec[0]  # one number for "at least", in every command
+    assert low < TRUE < high
+    first, last = found.record_next_rev
+    assert share * RATIO - 1 <= first < last <= RATIO
+
+
+def test_more_of_the_cycle_narrows_it():
+    ends = []
+    for share in (0.3, 0.9):
+        result = measured(turns_of(share))
+        ends.append(full_cycle(result, result.directions[0]).interval_arcsec[1])
+    assert TRUE < ends[1] < ends[0]
+
+
+def test_a_step_of_the_level_is_cleaned_first():
+    turns = turns_of(0.6)
+    stepped = true_error(turns) + 40.0 * (turns > 9.3)
+    result = measured(turns, stepped)
+    (sweep,) = result.directions
+    assert cleaned_recording(sweep, RATIO).sweep.max() == 1
+    low, high = full_cycle(result, sweep).interval_arcsec
+    assert low < TRUE < high < 40.0
+
+
+def test_two_sweeps_of_a_direction_are_runs_of_their_own():
+    forth, back, again = np.arange(360) / PER_TURN, 9 - np.arange(200) / PER_TURN, 4 + np.arange(600) / PER_TURN
+    result = measured(np.concatenate([forth, back, again]))
+    (sweep,) = (each for each in result.directions if each.direction == 1)
+    assert cleaned_recording(sweep, RATIO).sweep.max() == 1
+    low, high = full_cycle(result, sweep).interval_arcsec
+    assert low < TRUE < high
+
+
+def test_outside_its_domain_it_says_why():
+    turns = turns_of(0.6)
+    part = measured(turns)
+    assert reason_outside(part, part.directions[0]) == ""
+    ramp = true_error(turns) + 100.0 * turns
+    torque = 10 + 5 * np.sin(2 * np.pi * turns / 7)
+    for result in (
+        measured(turns, ratio=None),
+        measured(turns, travel_deg=300.0),
+        measured(turns_of(0.08)),
+        measured(turns, ramp),
+        measured(turns, torque_Nm=torque),
+    ):
+        (sweep, *_) = result.directions
+        assert isinstance(full_cycle(result, sweep), str)
+        assert reason_outside(result, sweep)
+
+
+def test_json_has_the_interval_or_the_reason(tmp_path):
+    for name, share in (("part", 0.6), ("whole", 1.0), ("short", 0.1)):
+        (tmp_path / f"{name}.csv").write_bytes(file_of(turns_of(share)))
+    options = ("--ratio", str(RATIO), "--json")
+    part, whole, short = (
+        json.loads(run("measure", f"{name}.csv", *options, cwd=tmp_path).stdout)["directions"][0]
+        for name in ("part", "whole", "short")
+    )
+    assert part["full_cycle"]["interval_arcsec"][0] == pytest.approx(part["interval_arcsec"][0])
+    assert part["full_cycle_missing"] is None
+    assert whole["full_cycle"] is whole["full_cycle_missing"] is None
+    assert short["full_cycle"] is None
+    assert short["full_cycle_missing"]

@@ -1,0 +1,65 @@
+"""Components of the residuals: waves and lines that are there are found, noise is not taken for one."""
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from hdassist.recording.components import Components, clear_components, line_columns
+from hdassist.recording.figures import range_figure
+from hdassist.recording.positions import recording_from_columns
+from hdassist.recording.posterior import posterior_of_recording
+from tests.recording.readings import RATIO, known_range, noisy_readings
+
+BLOCKS = 1200
+PATH = np.arange(BLOCKS) * RATIO / BLOCKS
+RUN = np.zeros(BLOCKS, int)
+CYCLE = Fraction(RATIO)
+
+
+def noise(seed, memory=0.0):
+    """Noise of 0.4 arcsec, white or with a memory."""
+    white = 0.4 * np.random.default_rng(seed).standard_normal(BLOCKS)
+    return lfilter([1.0], [1.0, -memory], white)
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.9])
+def test_noise_has_no_component(memory):
+    found = [clear_components(noise(seed, memory), PATH, RUN, CYCLE) for seed in range(40)]
+    assert sum(components != Components() for components in found) <= 1
+
+
+def test_a_line_and_a_wave_are_told_apart():
+    line = 0.3 * np.cos(2 * np.pi * 5.37 * PATH + 1.0)
+    wave = 0.3 * np.cos(2 * np.pi * (4 + 9 / RATIO) * PATH)
+    found = clear_components(noise(0) + line + wave, PATH, RUN, CYCLE)
+    assert found.pairs == ((4, 9),)
+    assert np.allclose(found.lines, [5.37], atol=0.2 / RATIO)
+
+
+def test_a_part_of_the_cycle_has_lines_alone():
+    part = PATH < 0.5 * RATIO
+    wave = 0.4 * np.cos(2 * np.pi * (4 + 9 / RATIO) * PATH)
+    found = clear_components((noise(0) + wave)[part], PATH[part], RUN[part], CYCLE)
+    assert found.pairs == ()
+    assert np.allclose(found.lines, [4 + 9 / RATIO], atol=0.5 / RATIO)
+
+
+def test_a_line_has_a_phase_of_its_own_in_each_run():
+    run = (PATH >= 12.0).astype(int)
+    columns = line_columns(PATH, run, (5.37,))
+    phase = 2 * np.pi * 5.37 * PATH
+    first, second = run == 0, run == 1
+    expected = [np.cos(phase) * first, np.sin(phase) * first, np.cos(phase) * second, np.sin(phase) * second]
+    assert np.allclose(columns, np.stack(expected, axis=1))
+
+
+def test_a_line_off_the_orders_widens_the_range_of_the_cycle_and_counts_as_recorded_where_it_fails():
+    turns, error = noisy_readings()
+    line = 3.0 * np.cos(2 * np.pi * 5.37 * turns)
+    figure = range_figure(posterior_of_recording(recording_from_columns(turns, error + line, RATIO)))
+    low, high = figure.interval_arcsec
+    recorded = float(np.ptp(error + line))
+    assert low < recorded < known_range() + 6.0 < high
+    assert low > known_range()
