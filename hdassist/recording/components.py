@@ -1,4 +1,4 @@
-"""Components of the residuals for which a recording gives clear evidence.
+"""Components of the residuals that clearly exceed the noise.
 
 A wave that the model lacks stays in the residuals and would be taken for noise, so a bad drive could pass. The
 residuals r of a run, at the angles u along it, have the power
@@ -8,7 +8,7 @@ residuals r of a run, at the angles u along it, have the power
 at f periods per input revolution. If r is noise, P(f) over the mean power of its m neighbours exceeds q with
 probability (1 + q/m)^-m: noise with a memory has a smooth spectrum, so the neighbours show its level. A component is
 taken if noise has so large a power once in 1000 recordings, all places f together. It is then removed from the
-residuals, and the search goes on with what is left.
+residuals, and the search continues with the remainder.
 
 What a component is follows from its place. If a run of the whole cycle resolves the sidebands and the component lies on
 one of an order, with |j| up to 14 and a quarter of the ratio, it is this wave (k, j) of the torus. Otherwise it is a
@@ -55,7 +55,7 @@ NO_COMPONENTS = Components()
 
 
 def clear_components(residual: Array, path_rev: Array, run: _Indices, cycle: Fraction) -> Components:
-    """Return the components for which residuals give clear evidence.
+    """Return the components of the residuals that clearly exceed the noise.
 
     residual: of each block [arcsec], shape (blocks,).
     path_rev: angle of the input along the run [rev], shape (blocks,).
@@ -98,7 +98,7 @@ def line_columns(path_rev: Array, run: _Indices, lines: tuple[float, ...]) -> Ar
 
 
 def _clearest_place(residual: Array, path_rev: Array, run: _Indices, longest: float) -> float | None:
-    """Return the place [periods per input rev] of the component with the clearest evidence; None without one.
+    """Return the place [periods per input rev] of the component that exceeds the noise most; None if there is none.
 
     longest: length of the longest run [rev].
     """

@@ -26,7 +26,7 @@ Sampling alternates the two steps. It stops when the ranges of the curve over th
 enough effective samples, or at a largest number of draws; the number of effective samples is part of the result. The
 width of the sidebands is increased from 6 to 10 and 14 on each side while Akaike's criterion of white residuals
 improves, up to a quarter of the ratio: half of the spectrum is left to tell noise with a memory from waves. Then
-components of the residuals with clear evidence (R14) are added.
+components of the residuals that clearly exceed the noise (R14) are added.
 """
 
 from __future__ import annotations
@@ -318,7 +318,7 @@ class _Sampler:
             precision.flat[:: len(group) + 1] += prior[group]
             factor, is_singular = dpotrf(precision, lower=1, overwrite_a=1)  # scipy's own checks take twice as long
             if is_singular:
-                raise UntrustedError("the readings do not tell the waves apart", "record longer", Fault.ORDERS_UNTOLD)
+                raise UntrustedError("the readings do not distinguish the waves", "record longer", Fault.ORDERS_UNTOLD)
             half = dtrtrs(factor, moment, lower=1)[0]
             normal = rng.standard_normal(len(group))
             beta[group] = dtrtrs(factor, half + normal, lower=1, trans=1)[0]

@@ -49,7 +49,7 @@ def wave_pairs(
     cycle: ratio in lowest terms.
     blocks_per_rev: blocks of readings in an input revolution.
     more_sidebands: sidebands on each side beyond the usual 6.
-    more_pairs: further waves (k, j), for which the readings give evidence.
+    more_pairs: further waves (k, j) that the readings show.
     """
     ratio = float(cycle)
     sidebands = min(USUAL_SIDEBANDS + more_sidebands, max(1, int(ratio // 2)))
