@@ -29,6 +29,7 @@ from hdassist.correction.records import (
     RecordedError,
     agreeing_drives,
     alike_lines,
+    drawn_lines,
     recorded_error,
     recorded_lines,
     solved_error,
@@ -464,20 +465,30 @@ def correction_alone(
     """Correction from a record at a torque M_g [N*m] that was measured with its ratio, both directions as one.
 
     Arguments: asked, how the file counts; of two encoders that count alike their record shows which way the
-    output turns; else output_turns says so: "with" the cam or "against" it. Raises UsageError for a
-    table over the output turn without that, and for angles of the output, UntrustedError for less than the full cycle.
+    output turns; else output_turns says so: "with" the cam or "against" it. A table over the input needs neither that
+    nor the full cycle: of part of it, the correction is that of errors that agree with it (`drawn_lines`).
+    Raises UsageError for a table over the output turn without output_turns, and for angles of the output with another
+    form than a table over the input; UntrustedError for another form from less than the full cycle.
     """
     trace, sweep, gearing = found.trace, found.directions[0], found.gearing
     way = output_turns or {1: "with", -1: "against"}.get(trace.sense)
-    if gearing is None or (form.turn == "output" and not way) or trace.angle_of == "output":
+    is_over_input = form.turn in ("cam", "half-cam")
+    is_by_output = trace.angle_of == "output"
+    if is_by_output and is_over_input and not way:
+        way = "with"  # the input angle is then counted in the sense of the output
+    if gearing is None or (form.turn == "output" and not way) or (is_by_output and not is_over_input):
         raise UsageError(
             "a record alone does not tell whether cam and output turn the same way",
             "say it: --output-turns against (a fixed rigid wheel) or with, beside cam angles; or take a preset",
         )
-    if sweep.is_bound:
+    is_drawn = is_over_input and (sweep.is_bound or found.is_of_travel)
+    if sweep.is_bound and not is_drawn:
         share = f"{100 * sweep.coverage.share:.0f} % of the full cycle" if sweep.coverage else "no full cycle"
         words = f"{trace.file}: {share}, in which lines that lie close together are not told apart"
-        hint = "record the full cycle, say the travel (--travel DEG), or with a preset: hdassist compensate PRESET FILE"
+        hint = (
+            "record the full cycle, take a table over the input (--form cam), state the travel (--travel DEG), "
+            "or take a preset: hdassist compensate PRESET FILE"
+        )
         raise UntrustedError(words, hint)
     moving = round(2 * gearing.ratio)
     kinematics = Kinematics(moving, moving + 2, "rigid")
@@ -485,6 +496,11 @@ def correction_alone(
         kinematics = Kinematics(moving - 2, moving, "flexspline")
     none_known = ErrorLines(kinematics, np.zeros(0, dtype=np.int64), np.zeros((1, 0), dtype=complex), EMPTY)
     record = recorded_error(found, kinematics, asked)
+    if is_drawn:
+        record = replace(record, is_part=True)
+        visited = record.visited(kinematics) if found.is_of_travel else None
+        error = _LoadedError(drawn_lines(found, kinematics, asked), visited=visited)
+        return _fitted_correction(None, {M_g: error}, form, {M_g: record}, trace.file)
     error = _recorded_belief(none_known, record, Run(seed=found.seed))
     return _fitted_correction(None, {M_g: error}, form, {M_g: record}, trace.file)
 

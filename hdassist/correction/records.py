@@ -28,6 +28,8 @@ from hdassist.measuring.measure import Measurement
 from hdassist.model.deviations import unknowns
 from hdassist.model.geometry import Array, Kinematics
 from hdassist.preset.fields import Drive
+from hdassist.recording.positions import recording_from_columns
+from hdassist.recording.posterior import posterior_of_recording
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
 
@@ -57,6 +59,7 @@ _SHOWN = 0.05  # of the error, root mean square: lines that leave less of a reco
 _FITS = 2  # the second by the misfit of the first, and with what lines leave of its drive's solved cycle
 _MISFITS_A_TURN = 24  # of the cam: independent numbers of a misfit of orders up to 12
 _OPEN_DIRECTION = 12**-0.5  # standard deviation, as a share of its turn
+_FEWEST_TURNS = 2.0  # input revolutions of which a table over the input is made
 _LARGEST = 3.0  # standard deviations that a field differs by, at most
 
 
@@ -231,6 +234,45 @@ def recorded_error(measurement: Measurement, kinematics: Kinematics, asked: Alig
     if measurement.is_of_travel and not sweep.is_bound:
         found = found.filled(kinematics, alignment.sign * (sweep.fit.error - sweep.fit.residual))
     return replace(found, F_ior_arcsec=measurement.F_ior_arcsec, sha256=measurement.trace.sha256)
+
+
+def drawn_lines(measurement: Measurement, kinematics: Kinematics, asked: Alignment) -> ErrorLines:
+    """Return lines of errors that agree with a recording, as of so many drives, by the posterior of its amplitudes.
+
+    Lines that the recording does not determine, such as sidebands of a part of the cycle, differ from draw to draw.
+
+    Arguments: measurement of one direction, with its ratio.
+    kinematics: of the drive.
+    asked: how the file counts.
+    Raises UntrustedError for fewer input revolutions than two and for sweeps in both directions; DataError for a ratio
+    whose cycle is not that of the kinematics.
+    """
+    trace = measurement.trace
+    turns = sum(float(np.ptp(angles)) for angles in trace.by_sweep(trace.cam_deg)) / 360
+    if turns < _FEWEST_TURNS:
+        words = f"{trace.file}: {turns:.2g} input revolutions"
+        raise UntrustedError(words, f"a table over the input needs {_FEWEST_TURNS:g} revolutions and more")
+    if len({sweep.direction for sweep in trace.sweeps}) > 1:
+        words = f"{trace.file}: part of the cycle, recorded in both directions"
+        raise UntrustedError(words, "record one direction for a table over the input, or the full cycle")
+    alignment = asked.of_file(trace, kinematics)
+    rows = trace.rows
+    sweep_numbers = [np.full(len(sweep), number) for number, sweep in enumerate(trace.sweeps)]
+    recording = recording_from_columns(
+        input_rev=alignment.sense * trace.cam_deg[rows] / 360,
+        error_arcsec=alignment.sign * trace.error_arcsec[rows],
+        ratio=abs(kinematics.u),
+        sweep=np.concatenate(sweep_numbers),
+        time=None if trace.time_s is None else trace.time_s[rows],
+    )
+    posterior = posterior_of_recording(recording, seed=measurement.seed)
+    chosen = np.linspace(0, len(posterior.amplitudes) - 1, RECORDED_DRAWS).astype(np.int64)
+    cosines, sines = np.split(posterior.amplitudes[chosen], 2, axis=1)
+    periods = posterior.pairs[:, 0] * posterior.cycle.numerator + posterior.pairs[:, 1] * posterior.cycle.denominator
+    per_cycle, line = np.unique(periods, return_inverse=True)
+    amplitude = np.zeros((RECORDED_DRAWS, len(per_cycle)), dtype=complex)
+    np.add.at(amplitude.T, line, (cosines - 1j * sines).T)
+    return ErrorLines(kinematics, per_cycle, amplitude, EMPTY)
 
 
 def _whole_turns(turns: float, kinematics: Kinematics) -> float:

@@ -169,11 +169,22 @@ def _record_facts(result: Correction) -> Iterator[Fact]:
             f"{ends[0]:z.1f} to {ends[1]:z.1f}° of the output; beyond its ends the correction goes on without a promise"
         )
         yield "record", f"at {recorded} N·m, {words}"
+    elif recorded and _is_of_part(result):
+        words = f"{turns[0]:.3g} of {cycle} input revolutions at {recorded} N·m, whose angles the correction has"
+        yield "record", words
+        words = "sidebands and slow waves of the output that a part of the cycle does not determine are in what is left"
+        yield "open", words
+        yield "measure", "more of the cycle: it reduces the upper end of what is left"
     elif recorded:
         yield "record", f"at {recorded} N·m, whose angles the correction has"
-    if not result.drive and turns[0] < _TOLD_NOISE_CYCLES * cycle:
+    if not result.drive and not _is_of_part(result) and turns[0] < _TOLD_NOISE_CYCLES * cycle:
         yield "noise", "one cycle does not tell it from error: the upper end of what is left has all of it"
         yield "measure", "the cycle twice or more: noise averages out, error does not"
+
+
+def _is_of_part(result: Correction) -> bool:
+    """Return whether the correction is that of a recording alone of a part of the cycle, or of a travel."""
+    return result.drive is None and any(record.is_part for record in result.records.values())
 
 
 def _enough(result: Correction) -> str:
