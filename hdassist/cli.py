@@ -22,6 +22,7 @@ from typer.core import TyperCommand, TyperGroup
 from hdassist import __version__
 from hdassist.errors import DataError, Fault, HdassistError, UntrustedError, UsageError, validation_words
 from hdassist.files import GREATEST, begin_run, is_written
+from hdassist.run.system import address_limit, pipe_stream
 from hdassist.terminal.streams import give_stdout, say, silence
 
 # of click, of which typer has a copy: only its subclasses are public
@@ -109,12 +110,8 @@ class _Commands(_Sectioned, TyperGroup):
 
 def _require_memory() -> None:
     """Raise DataError where the addresses that a process may have (ulimit -v) do not hold numpy and its solvers."""
-    try:
-        import resource
-    except ImportError:  # Windows has no such limit
-        return
-    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
-    if 0 <= limit < _ADDRESSES:
+    limit = address_limit()
+    if limit is not None and limit < _ADDRESSES:
         words = f"the memory that a process may have is {limit / 1e6:.0f} MB: too little to compute with"
         raise DataError(words, f"ulimit -v {_ADDRESSES // 1000} or more, in kB", Fault.SYSTEM_LIMITS)
 
@@ -419,3 +416,4 @@ def _open_streams() -> None:
     if isinstance(bare, io.RawIOBase):
         stream: Any = sys.stdout
         sys.stdout = io.TextIOWrapper(io.BufferedWriter(bare), encoding=stream.encoding, errors=stream.errors)
+    sys.stdout, sys.stderr = pipe_stream(sys.stdout), pipe_stream(sys.stderr)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import codecs
 import difflib
+import errno
 import gzip
 import hashlib
 import io
@@ -182,7 +183,12 @@ def open_at_once(name: str) -> BinaryIO:
     """
 
     def opener(path: str, flags: int) -> int:
-        descriptor = os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
+        try:
+            descriptor = os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
+        except PermissionError:  # Windows opens no folder
+            if not Path(path).is_dir():
+                raise
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), path) from None
         note_input(descriptor, name)
         if hasattr(os, "O_NONBLOCK"):
             os.set_blocking(descriptor, True)
@@ -430,6 +436,6 @@ def _unknown(name: str, names: list[str]) -> DataError:
         beside = beside or [file for file in _near_files(Path(name)) if file.endswith((".yaml", ".yml"))]
     close = beside or difflib.get_close_matches(Path(name).stem.lower()[:60], names, 3, 0.5)
     hint = f"did you mean {' or '.join(close)}? " if close else ""
-    kind = "no such file" if Path(name).suffix or "/" in name else "no such preset or file"
+    kind = "no such file" if Path(name).suffix or "/" in name or os.sep in name else "no such preset or file"
     library = f"{hint}in the library: {', '.join(sorted(names))}"
     return DataError(f"{kind}: {name or 'an empty name'}", library, Fault.FILE_UNREADABLE)

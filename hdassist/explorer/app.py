@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import re
-import signal
 from collections import defaultdict
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -58,6 +56,7 @@ from hdassist.pages.report import report_html, report_markdown
 from hdassist.preset.fields import ResolvedField, resolved_fields, text_of
 from hdassist.report import Paragraph
 from hdassist.run.stops import end_at_stops
+from hdassist.run.system import hear_in_loop
 from hdassist.terminal.streams import Style, put_text, require_writable
 from hdassist.terminal.words import texts
 
@@ -349,18 +348,12 @@ class Explorer(_Exporting):
 
     def _end_when_told(self) -> None:
         """End in order at a stop from outside, at once at a second one; SIGHUP is that of the whole process."""
-        loop = asyncio.get_running_loop()
 
         def end(number: int) -> None:
-            for each in (signal.SIGINT, signal.SIGTERM):
-                loop.remove_signal_handler(each)
             end_at_stops()
             self.exit(None, 128 + number)
 
-        for number in (signal.SIGINT, signal.SIGTERM):
-            if signal.getsignal(number) is not signal.SIG_IGN:
-                with suppress(RuntimeError):  # not in this thread
-                    loop.add_signal_handler(number, end, number)
+        hear_in_loop(asyncio.get_running_loop(), end)
 
     # --- the screen
 

@@ -8,13 +8,13 @@ from __future__ import annotations
 import asyncio
 import multiprocessing
 import os
-import select
 import signal
 import sys
+from collections import deque
 from collections.abc import AsyncIterator, Callable
 from contextlib import closing, suppress
+from dataclasses import dataclass
 from functools import partial
-from multiprocessing import forkserver
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from threading import Thread
@@ -23,6 +23,13 @@ from typing import Any
 from hdassist.errors import HdassistError, UsageError
 from hdassist.run.run import begin_worker
 from hdassist.run.stops import end_now
+from hdassist.run.system import (
+    begin_resource_tracker,
+    has_forkserver,
+    stops_held_back,
+    wait_for_hangup,
+    wait_until_readable,
+)
 from hdassist.terminal import options as o
 from hdassist.terminal.output import Output
 from hdassist.terminal.streams import Style, put_text, say
@@ -30,6 +37,7 @@ from hdassist.terminal.streams import Style, put_text, say
 _SESSION_FILE = "explore.txt"  # among the user's states: the command that comes back to the last session
 Question = Callable[[Callable[[str, object], None]], None]  # a function of explorer.compute with its arguments
 _PRELOADED = ["__main__", "hdassist.cli", "hdassist.explorer.preloaded"]
+_WAITING = 2  # processes that wait for a question, where none can be forked
 
 
 class ExploreCommand(o.LimitedDriveOptions):
@@ -97,90 +105,167 @@ class ExploreCommand(o.LimitedDriveOptions):
 def _end_with_terminal() -> None:
     """End the process once the terminal on standard input is gone, in a thread of its own.
 
-    No signal reports that where SIGHUP is ignored (nohup), and the screen may wait for ever to be written.
+    The screen may wait for ever to be written.
     """
-    terminal = select.poll()
-    terminal.register(0, 0)  # a hang-up is reported unasked
-    if any(event & (select.POLLHUP | select.POLLERR) for _, event in terminal.poll()):
+    if wait_for_hangup(0):
         end_now(signal.SIGHUP)
 
 
-class Service:
-    """Begins processes, hands on their answers, and ends them.
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """A process that answers a question, or waits for one, and the connection by which its answers come."""
 
-    They are forked from a process that has imported all that computes (a second, once), so that each begins within
-    milliseconds and has no threads of the screen's.
+    process: BaseProcess
+    connection: Connection
+
+    def end(self) -> None:
+        """End the process, whatever it is doing; answers that it has sent can still be read."""
+        self.process.kill()
+        self.process.join()
+
+
+class ForkedProcesses:
+    """Processes that are forked from one that has imported all that computes (a second, once).
+
+    Each begins within milliseconds, and has no threads of the screen's.
     """
 
     def __init__(self) -> None:
+        from multiprocessing import forkserver
+
         self._context = multiprocessing.get_context("forkserver")
         self._context.set_forkserver_preload(_PRELOADED)
         # now: it inherits streams that the screen takes away, and of cli.main the environment of one thread
         forkserver.ensure_running()
-        self._running: set[BaseProcess] = set()
+
+    def begin(self, question: Question) -> Asked:
+        """Begin a process that answers a question. Raises OSError: the system gives none."""
+        here, there = self._context.Pipe(duplex=False)
+        process = self._context.Process(target=_answer_forked, args=(question, there), daemon=False)
+        with there:
+            process.start()
+        return Asked(process, here)
+
+    def waiting(self) -> list[Asked]:
+        """Return processes that wait for a question: none does."""
+        return []
+
+
+class WaitingProcesses:
+    """Processes that have imported all that computes and wait for a question, for systems that cannot fork.
+
+    Each answers one question; another one is begun in its place.
+    """
+
+    def __init__(self) -> None:
+        self._context = multiprocessing.get_context("spawn")
+        self._waiting: deque[Asked] = deque()
+        begin_resource_tracker()
+        for _ in range(_WAITING):
+            self._waiting.append(self._begun())
+
+    def begin(self, question: Question) -> Asked:
+        """Hand a question to a process that waits. Raises OSError: it was ended, or the system gives no process."""
+        try:
+            asked = self._waiting.popleft()
+        except IndexError:  # all are at work
+            asked = self._begun()
+        asked.connection.send(question)
+        self._waiting.append(self._begun())
+        return asked
+
+    def waiting(self) -> list[Asked]:
+        """Return the processes that wait for a question."""
+        return list(self._waiting)
+
+    def _begun(self) -> Asked:
+        here, there = self._context.Pipe()
+        process = self._context.Process(target=_answer_spawned, args=(there, os.getpid()), daemon=False)
+        with there, stops_held_back():
+            process.start()
+        return Asked(process, here)
+
+
+class Service:
+    """Begins processes, hands on their answers, and ends them."""
+
+    def __init__(self) -> None:
+        self.processes = ForkedProcesses() if has_forkserver() else WaitingProcesses()
+        self._running: set[Asked] = set()
         self._closed = False
 
     async def ask(self, question: Question) -> AsyncIterator[tuple[str, Any]]:
         """The answers of a process of its own; when the caller stops listening, or is cancelled, it is ended."""
-        here, there = self._context.Pipe(duplex=False)
-        process = self._context.Process(target=_answer, args=(question, there), daemon=False)
-        begun = asyncio.create_task(asyncio.to_thread(self._begin, process, there))
+        begun = asyncio.create_task(asyncio.to_thread(self._begin, question))
         try:
             try:
-                await asyncio.shield(begun)
+                asked = await asyncio.shield(begun)
             except OSError as error:
                 words = f"cannot begin a process that computes: {error.strerror or error}"
                 yield "failed", HdassistError(words, "ulimit -a shows why")
                 return
-            while True:
-                await _readable(here)
+            while asked:
+                await wait_until_readable(asked.connection)
                 try:
-                    yield here.recv()
-                except EOFError:
+                    yield asked.connection.recv()
+                except (EOFError, OSError):  # its process was ended
                     return
         finally:
             with suppress(asyncio.CancelledError, OSError):
-                await asyncio.shield(begun)
-            self._end(process)
-            here.close()
+                if asked := await asyncio.shield(begun):
+                    self._end(asked)
+                    asked.connection.close()
 
-    def _begin(self, process: BaseProcess, there: Connection) -> None:
-        try:
-            if not self._closed:
-                process.start()
-                self._running.add(process)
-        finally:
-            there.close()
+    def _begin(self, question: Question) -> Asked | None:
+        """Begin a process for a question; None where the service is closed. Raises OSError: there is none."""
+        if self._closed:
+            return None
+        asked = self.processes.begin(question)
+        self._running.add(asked)
+        if self._closed:  # meanwhile
+            self.close()
+        return asked
 
-    def _end(self, process: BaseProcess) -> None:
-        if process in self._running:
-            self._running.discard(process)
-            process.kill()
-            process.join()
+    def _end(self, asked: Asked) -> None:
+        if asked in self._running:
+            self._running.discard(asked)
+            asked.end()
 
     def close(self) -> None:
-        """End all that still computes."""
+        """End all that still computes, or waits for a question."""
         self._closed = True
-        for process in list(self._running):
-            self._end(process)
+        for asked in list(self._running):
+            self._end(asked)
+        for asked in self.processes.waiting():
+            asked.end()
 
 
-async def _readable(connection: Connection) -> None:
-    """Wait until there is something to read, or the other end is closed."""
-    loop, ready = asyncio.get_running_loop(), asyncio.Event()
-    loop.add_reader(connection.fileno(), ready.set)
-    try:
-        await ready.wait()
-    finally:
-        loop.remove_reader(connection.fileno())
+def _answer_forked(question: Question, there: Connection) -> None:
+    """Answer a question in this process, which ends with the one that it was forked from, and so with the screen."""
+    begin_worker(os.getppid())
+    _leave_screen()
+    _answer(question, there)
+
+
+def _answer_spawned(there: Connection, parent: int) -> None:
+    """Answer one question in this process, which ends with the screen's; parent: that one's process id."""
+    begin_worker(parent, of_thread=True)
+    _leave_screen()
+    import hdassist.explorer.compute  # noqa: F401 (a second, before there is a question)
+
+    with suppress(EOFError, OSError):  # the screen has ended without a question
+        _answer(there.recv(), there)
+
+
+def _leave_screen() -> None:
+    """Write to nowhere: the terminal is the screen's, whatever a library has to say."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    for stream in (1, 2):
+        os.dup2(nowhere, stream)
 
 
 def _answer(question: Question, there: Connection) -> None:
-    """Answer a question in this process, which ends with the one that it was forked from, and so with the screen."""
-    begin_worker(os.getppid())
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    for stream in (1, 2):  # the terminal is the screen's, whatever a library has to say
-        os.dup2(nowhere, stream)
+    """Answer a question, each answer once it is there."""
     try:
         question(lambda *found: there.send(found))
     except HdassistError as error:

@@ -1,7 +1,6 @@
 """Acceptance of a drive, of a lot, or done again, as a report; each check in a sentence, in CSV and in JUnit XML."""
 
 import re
-import shlex
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, fields, replace
@@ -29,6 +28,7 @@ from hdassist.preset.fields import Drive
 from hdassist.preset.text import convert, shown
 from hdassist.readers.table import shortened
 from hdassist.report import NO_VALUE, Fact, Facts, Quantities, Quantity, Report, Table, attributes, four_digits
+from hdassist.run.system import command_line
 from hdassist.terminal.output import csv_text, together
 from hdassist.terminal.words import WHEEL_WORDS, again, samples_words
 
@@ -327,7 +327,8 @@ def _lot_facts(answers: Sequence[AcceptAnswer]) -> Iterator[Fact]:
             continue
         value = "h0=VALUE" if check.basis == "predicted" or check.value is None else f"h0={check.value:g}"
         sets = [word for text in request.overrides for word in ("--set", text)]
-        turning = shlex.join(["hdassist", "mount", request.preset, value, *sets, "--trial-torque", f"{check.M_g_Nm:g}"])
+        torque = ["--trial-torque", f"{check.M_g_Nm:g}"]
+        turning = command_line(["hdassist", "mount", request.preset, value, *sets, *torque])
     if named:
         more = f"; {len(named) - _NAMED_CHECKS} more" * (len(named) > _NAMED_CHECKS)
         yield "turn it", f"{'; '.join(named[:_NAMED_CHECKS])}{more}: the next command is of the first"

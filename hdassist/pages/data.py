@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Iterator, Sequence
 from math import isfinite
 from typing import TYPE_CHECKING
@@ -22,6 +21,7 @@ from hdassist.report import (
     four_digits,
     quantity_table,
 )
+from hdassist.run.system import command_line
 from hdassist.terminal.words import again
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ def calibrate_report(result: Calibration, written: str | None = None) -> Report:
     if result.shortfall:
         next_ = "check the measured values; if they are right, widen bounds or add unknowns"
     elif written:
-        next_ = shlex.join(["hdassist", "check", written])
+        next_ = command_line(["hdassist", "check", written])
     sets = [_set_object(wanted, fit) for fit in result.fits]
     met = sets[0]["targets_met"]
     columns = zip(wanted.targets, sets[0]["found"], sets[0]["off_tolerances"], met, strict=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, replace
 from datetime import date
@@ -49,6 +48,7 @@ from hdassist.report import (
     as_objects,
     quantity_table,
 )
+from hdassist.run.system import command_line
 from hdassist.terminal.words import again
 
 _NAMED_SLOW = 0.1  # of F'_ior: least slow terms in a line
@@ -223,7 +223,7 @@ def _next_command(result: Measurement, drive: Drive | None, options: Sequence[st
         command, record = ("compensate", [file, *travel]) if travel else ("mount", [f"h0={file}"])
         return again(command, drive, *record, *options)
     ratio = ["--ratio", f"{gearing.ratio:.10g}"]
-    return shlex.join(["hdassist", "compensate", file, *ratio, *travel, "--torque", "TORQUE", *options])
+    return command_line(["hdassist", "compensate", file, *ratio, *travel, "--torque", "TORQUE", *options])
 
 
 def _reversal_words(reversal: Reversal) -> str:

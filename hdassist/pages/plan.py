@@ -1,6 +1,5 @@
 """Plans of a test of F'_ior as a report."""
 
-import shlex
 from collections.abc import Iterator
 
 import numpy as np
@@ -23,6 +22,7 @@ from hdassist.report import (
     quantity_table,
     samples_object,
 )
+from hdassist.run.system import command_line
 from hdassist.terminal.words import again, more_draws, preset_argument
 
 _LARGE_LINE = 0.1  # of the variance
@@ -67,7 +67,7 @@ def plan_report(choice: PlanChoice, record: str) -> Report:
         ("takes", _takes(choice.test) if choice.asked or limit else ""),
         ("verdict", _verdicts(choice.test)),
         ("open", more_draws(choice.samples) if choice.samples and unsure else ""),
-        ("next", shlex.join(["hdassist", "measure", record, "--drive", preset_argument(drive), *travel])),
+        ("next", command_line(["hdassist", "measure", record, "--drive", preset_argument(drive), *travel])),
     )
     return Report(
         command="plan",

@@ -14,11 +14,10 @@ import os
 import platform
 import re
 import secrets
-import stat
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import asdict, dataclass, field
 from functools import cache, cached_property, partial
 from hashlib import sha256
@@ -34,7 +33,9 @@ from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationE
 from hdassist import __version__
 from hdassist.errors import DataError, Fault, UsageError, validation_words
 from hdassist.files import in_place_of, is_file, is_there, os_reason, printable
+from hdassist.run import system
 from hdassist.run.stops import at_stop
+from hdassist.run.system import PrivateFolder, UnsafeFolderError, private_folder
 
 _KEPT_SCHEMA: Literal["hdassist.kept/1"] = "hdassist.kept/1"
 _LONGEST_LINE = 1 << 26  # bytes of a line
@@ -134,10 +135,14 @@ class RecordKind(Generic[_RecordT]):
 
 @dataclass
 class Kept(Generic[_RecordT]):
-    """An open file of records, made by `open_kept`; done: how many it has, which a stop may ask for at any time."""
+    """An open file of records, made by `open_kept`; done: how many it has, which a stop may ask for at any time.
+
+    _lock: descriptor of the file whose lock keeps other runs out, which is this file or another one beside it.
+    """
 
     _path: str | None
     _descriptor: int
+    _lock: int
     _owner: KeptOwner
     _kind: RecordKind[_RecordT]
     done: int = 0
@@ -171,16 +176,47 @@ class Kept(Generic[_RecordT]):
     def rewrite(self, records: Iterable[_RecordT]) -> None:
         """Put records of this run's owner in place of all that the file has; until then it stays as it is."""
         assert self._path is not None
+        if system.locks_beside():
+            self._rewrite_closed(self._path, records)
+        else:
+            self._rewrite_open(self._path, records)
+
+    def _rewrite_open(self, path: str, records: Iterable[_RecordT]) -> None:
+        """Rewrite a file that has its own lock: the new one is locked before it gets the name."""
         with (
-            _writing(self._path),
-            in_place_of(self._path) as beside,
+            _writing(path),
+            in_place_of(path) as beside,
             at_stop(partial(beside.unlink, missing_ok=True)),
         ):
-            fresh = Kept(str(beside), _locked(str(beside)), self._owner, self._kind)
+            descriptor, lock = _locked(str(beside))
+            fresh = Kept(str(beside), descriptor, lock, self._owner, self._kind)
             fresh.begin()
             fresh.append(records)
         os.close(self._descriptor)
-        vars(self).update(vars(fresh), _path=self._path)
+        vars(self).update(vars(fresh), _path=path)
+
+    def _rewrite_closed(self, path: str, records: Iterable[_RecordT]) -> None:
+        """Rewrite a file whose lock is another one beside it: both are closed when the new one gets the name."""
+        try:
+            with (
+                _writing(path),
+                in_place_of(path) as beside,
+                at_stop(partial(beside.unlink, missing_ok=True)),
+            ):
+                descriptor = _opened(str(beside))
+                try:
+                    fresh = Kept(str(beside), descriptor, self._lock, self._owner, self._kind)
+                    fresh.begin()
+                    fresh.append(records)
+                finally:
+                    os.close(descriptor)
+                os.close(self._descriptor)
+                self._descriptor = _CLOSED
+        finally:
+            if self._descriptor == _CLOSED:
+                with _writing(path):
+                    self._descriptor = _opened(path)
+        vars(self).update(vars(fresh), _path=path, _descriptor=self._descriptor)
 
     def require_there(self) -> None:
         """Raise DataError unless the file of this name is still the one that this run writes, and no line is cut."""
@@ -254,9 +290,8 @@ def open_kept(
     Raises UsageError: the file holds anything else than the work of this owner, or another run writes it; DataError: it
     cannot be written, has a record that does not hold, or is removed or cut while it is written.
     """
-    import fcntl
-
-    kept = Kept(path, _locked(path, patience), owner, kind)
+    descriptor, lock = _locked(path, patience)
+    kept = Kept(path, descriptor, lock, owner, kind)
     try:
         if force:
             kept.begin()
@@ -265,8 +300,12 @@ def open_kept(
         yield kept
         kept.require_there()
     finally:
-        fcntl.flock(kept._descriptor, fcntl.LOCK_UN)  # whoever still reads has a descriptor too
+        system.unlock(kept._lock)  # whoever still reads has a descriptor too
         os.close(kept._descriptor)
+        if path is not None and system.locks_beside():
+            os.close(kept._lock)
+            with suppress(OSError):  # the next run waits for it
+                _lock_file(path).unlink()
 
 
 def read_kept(data: bytes, name: str, kind: RecordKind[_RecordT]) -> list[_RecordT] | None:
@@ -279,29 +318,44 @@ def read_kept(data: bytes, name: str, kind: RecordKind[_RecordT]) -> list[_Recor
     return [record for record, _ in kind.read(lines, above, name)]
 
 
-def _locked(path: str | None, patience: float = LOCK_PATIENCE) -> int:
-    """Descriptor of a file, held until it is closed or this process ends, in any way.
+def _locked(path: str | None, patience: float = LOCK_PATIENCE) -> tuple[int, int]:
+    """Return the descriptors of a file and of its lock, held until they are closed or this process ends, in any way.
 
     Raises UsageError: another run holds it; DataError: it cannot be opened.
     """
-    import fcntl
-
     if path is None:
         with _writing(path), tempfile.TemporaryFile() as file:
-            return os.dup(file.fileno())
+            descriptor = os.dup(file.fileno())
+        return descriptor, descriptor  # nobody else can open it
     if path.endswith(".parquet"):
         raise UsageError(
             f"{path} would take JSON Lines", "keep work in FILE.jsonl; --parquet FILE writes a table of it"
         )
     if is_there(path) and not is_file(path):
         raise DataError(f"{path} is no file that work can be kept in", "name a file")
+    if not system.locks_beside():
+        descriptor = _held(path, path, patience)
+        return descriptor, descriptor
+    with _writing(path):
+        place = str(_lock_file(path))
+    lock = _held(place, path, patience)
+    try:
+        with _writing(path):
+            return _opened(path), lock
+    except DataError:
+        os.close(lock)
+        raise
+
+
+def _held(place: str, path: str, patience: float) -> int:
+    """Return the descriptor of a file whose lock this process has; path, the name for messages; patience [s]."""
     begun = time.monotonic()
     while True:
         with _writing(path):
-            descriptor = os.open(path, os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o666)
+            descriptor = _opened(place)
             try:
-                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                if os.path.samestat(os.fstat(descriptor), Path(path).stat()):
+                system.lock(descriptor)
+                if os.path.samestat(os.fstat(descriptor), Path(place).stat()):
                     return descriptor
             except FileNotFoundError:
                 pass  # it was replaced meanwhile
@@ -311,6 +365,20 @@ def _locked(path: str | None, patience: float = LOCK_PATIENCE) -> int:
                     raise UsageError(words, "wait for it to end, or name another file") from None
                 time.sleep(0.05)
             os.close(descriptor)
+
+
+_CLOSED = -1  # in place of a descriptor
+
+
+def _opened(path: str) -> int:
+    """Return the descriptor of a file that is read and written behind its end. Raises OSError: it cannot be opened."""
+    return os.open(path, os.O_RDWR | os.O_APPEND | os.O_CREAT | system.BINARY, 0o666)
+
+
+def _lock_file(path: str) -> Path:
+    """Return the file whose lock is that of another one, by whatever link this is named."""
+    target = Path(os.path.realpath(path))
+    return target.with_name(f".{target.name[:100]}.lock")
 
 
 @contextmanager
@@ -381,8 +449,8 @@ def _short(value: Any) -> str:
 
 # --- answers in the user's cache folder
 #
-# They have a folder of their own in the one that is named, for this user alone, and are reached through its descriptor:
-# no link is followed and no file of another owner read, replaced or removed. A file is named by its kind and key; its
+# They have a folder of their own in the one that is named, for this user alone: no link is followed and no file of
+# another owner read, replaced or removed. A file is named by its kind and key; its
 # first line has the key and the checksum of the rest. Whatever does not hold is as if it were not there. The folder may
 # be emptied at any time, and where it cannot be used no data are kept.
 
@@ -394,13 +462,7 @@ _LARGEST_FILE = 1 << 24  # bytes of a file
 MOST = 1 << 26  # bytes of all files: above it the oldest go
 _OLDEST_LEFT = 0.75  # of MOST, that is left then
 _OWN_FILE = re.compile(r"\.?[a-z]+-[0-9a-f]{16}(\.[0-9a-f]{8}\.part)?")  # a kept one, or one that is being written
-_OTHERS_MAY_WRITE = stat.S_IWGRP | stat.S_IWOTH
-_AS_IT_IS = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)  # no link is followed, no pipe waited for
-_UNUSABLE = (OSError, ValueError, AttributeError)  # a path with a NUL; a system without owners or folders to open
-
-
-class _UnsafeFolderError(OSError):
-    """A folder of the cache that another user can write to."""
+_UNUSABLE = (OSError, ValueError)  # a path with a NUL
 
 
 def cache_folder() -> Path:
@@ -439,22 +501,21 @@ def why_unsafe() -> str:
         try:
             with _own_folder():
                 pass
-        except _UnsafeFolderError as error:
+        except UnsafeFolderError as error:
             return str(error)
     return ""
 
 
 def cached(kind: str, key: str) -> bytes | None:
     """Data kept of a kind by a key (SHA-256); None where there are none, or they do not hold."""
+    name = _name(kind, key)
     with suppress(*_UNUSABLE), _own_folder() as folder:
-        descriptor = os.open(_name(kind, key), os.O_RDONLY | _AS_IT_IS, dir_fd=folder)
-        with os.fdopen(descriptor, "rb") as file:
-            about = os.fstat(descriptor)
-            if _is_own(about) and about.st_size <= _LARGEST_FILE:
-                first, _, data = file.read().partition(b"\n")
-                if first == _first_line(key, data):
-                    os.utime(descriptor)  # the oldest go first
-                    return data
+        content = folder.read(name, _LARGEST_FILE)
+        if content is not None:
+            first, _, data = content.partition(b"\n")
+            if first == _first_line(key, data):
+                folder.note_use(name)  # the oldest go first
+                return data
     return None
 
 
@@ -466,13 +527,11 @@ def keep(kind: str, key: str, data: bytes) -> None:
     beside = f".{name}.{secrets.token_hex(4)}.part"
     with suppress(*_UNUSABLE), _own_folder(makes=True) as folder:
         try:
-            made = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL | _AS_IT_IS, 0o600, dir_fd=folder)
-            with os.fdopen(made, "wb") as file:
-                file.write(line + b"\n" + data)
-            os.rename(beside, name, src_dir_fd=folder, dst_dir_fd=folder)
+            folder.write(beside, line + b"\n" + data)
+            folder.replace(beside, name)
         except BaseException:
             with suppress(OSError):
-                os.unlink(beside, dir_fd=folder)
+                folder.remove(beside)
             raise
         _prune(folder, MOST, _OLDEST_LEFT * MOST)
 
@@ -530,59 +589,27 @@ def empty_cache() -> None:
         _prune(folder, 0, 0)
 
 
-def _prune(folder: int, most: float, left: float) -> None:
+def _prune(folder: PrivateFolder, most: float, left: float) -> None:
     """Remove the oldest files until so many bytes are left, where there are more than most."""
     files = _files(folder)
     total = sum(about.st_size for _, about in files)
     for name, about in files if total > most else ():
         if total > left:
             with suppress(FileNotFoundError):
-                os.unlink(name, dir_fd=folder)
+                folder.remove(name)
             total -= about.st_size
 
 
-def _files(folder: int) -> list[tuple[str, os.stat_result]]:
+def _files(folder: PrivateFolder) -> list[tuple[str, os.stat_result]]:
     """Name of each file of the cache, and what is known of it, the one first that was used the longest ago."""
-    found = []
-    for name in os.listdir(folder):
-        if _OWN_FILE.fullmatch(name):
-            with suppress(OSError):
-                found.append((name, os.stat(name, dir_fd=folder, follow_symlinks=False)))
-    return sorted((each for each in found if _is_own(each[1])), key=lambda each: each[1].st_mtime)
+    names = filter(_OWN_FILE.fullmatch, folder.names())
+    files = [(name, about) for name in names if (about := folder.own_status(name))]
+    return sorted(files, key=lambda each: each[1].st_mtime)
 
 
-@contextmanager
-def _own_folder(*, makes: bool = False) -> Iterator[int]:
-    """Descriptor of the folder for this user alone; makes: whether it is made where there is none.
-
-    Raises FileNotFoundError: there is none; UnsafeFolderError; others of _UNUSABLE: it cannot be opened.
-    """
-    named, user = cache_folder(), os.geteuid()
-    if makes:
-        named.mkdir(mode=0o700, parents=True, exist_ok=True)
-    above = os.open(named, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        about = os.fstat(above)
-        if about.st_uid not in (user, 0) or about.st_mode & _OTHERS_MAY_WRITE:
-            raise _UnsafeFolderError(f"another user can write to {named}")
-        if makes:
-            with suppress(FileExistsError):
-                os.mkdir(OWN_FOLDER, 0o700, dir_fd=above)
-        folder = os.open(OWN_FOLDER, os.O_RDONLY | os.O_DIRECTORY | _AS_IT_IS, dir_fd=above)
-    finally:
-        os.close(above)
-    try:
-        about = os.fstat(folder)
-        if about.st_uid != user or about.st_mode & _OTHERS_MAY_WRITE:
-            raise _UnsafeFolderError(f"another user can write to {named / OWN_FOLDER}")
-        yield folder
-    finally:
-        os.close(folder)
-
-
-def _is_own(about: os.stat_result) -> bool:
-    """Whether it is a regular file that this user alone can write."""
-    return stat.S_ISREG(about.st_mode) and about.st_uid == os.geteuid() and not about.st_mode & _OTHERS_MAY_WRITE
+def _own_folder(*, makes: bool = False) -> AbstractContextManager[PrivateFolder]:
+    """Return the folder for this user alone, to be opened; makes: whether it is made where there is none."""
+    return private_folder(cache_folder(), OWN_FOLDER, makes=makes)
 
 
 def _name(kind: str, key: str) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import atexit
-import ctypes
 import gc
 import logging
 import multiprocessing
@@ -22,15 +21,25 @@ from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from importlib import import_module
-from multiprocessing import connection, forkserver, resource_tracker
+from multiprocessing import connection
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
-from pathlib import Path
 from queue import SimpleQueue
 from typing import Any, TypeVar
 
 from hdassist.errors import DataError, Fault, UntrustedError, UsageError
-from hdassist.run.stops import STOPS, at_stop, stops_held_back
+from hdassist.run.stops import at_stop
+from hdassist.run.system import (
+    STOPS,
+    begin_resource_tracker,
+    command_line,
+    core_count,
+    has_ended,
+    is_killed_with_parent,
+    let_stops_in,
+    start_method,
+    stops_held_back,
+)
 
 _ResultT = TypeVar("_ResultT")
 Progress = Callable[[int], None]
@@ -146,7 +155,7 @@ def cluster(name: str, jobs: int, installation: _Installation) -> Iterator[Clust
         engine = _begun(kind, address, jobs, installation)
     except ImportError as error:
         words = f"--executor {kind} needs a package that is not installed: {error.name or error}"
-        raise UsageError(words, f"pip install 'hdassist[{kind}]'") from None
+        raise UsageError(words, command_line(["pip", "install", f"hdassist[{kind}]"])) from None
     except Exception as error:  # whatever an engine raises that does not begin
         words = f"cannot reach or begin {name}: {str(error) or type(error).__name__}"
         raise DataError(words, "is its scheduler there, and open to this machine?", Fault.SYSTEM_LIMITS) from None
@@ -288,7 +297,6 @@ def _unpickled(work: bytes) -> _Work:
 
 # --- processes of this machine
 
-_PR_SET_PDEATHSIG = 1  # linux/prctl.h
 _SHUTDOWN = 2.0  # s at most for processes that were killed to end
 
 Task = tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]
@@ -302,7 +310,7 @@ def workers(jobs: int) -> Iterator[Executor]:
     the same arithmetic, so the same digits for any number of jobs.
     Raises DataError: the system gives no processes; UntrustedError: one of them was ended from outside.
     """
-    executor = Processes(count(jobs), has_beside=_way() != "spawn")
+    executor = Processes(count(jobs), has_beside=start_method() != "spawn")
     with at_stop(executor.kill):
         try:
             try:
@@ -337,11 +345,13 @@ class Processes(ThreadPoolExecutor):
 
         Raises OSError, RuntimeError and EOFError: the system gives no process, pipe or thread.
         """
-        way = _way()
+        way = start_method()
         context: Any = multiprocessing.get_context(way)
         if way != "fork":
-            resource_tracker.ensure_running()  # now, as it lets signals in that are held back
+            begin_resource_tracker()
         if way == "forkserver":
+            from multiprocessing import forkserver  # Windows has none
+
             context.set_forkserver_preload([name for name in list(sys.modules) if name.startswith("hdassist.")])
             with stops_held_back():
                 forkserver.ensure_running()
@@ -414,8 +424,11 @@ def _work(here: Connection, there: Connection, parent: int) -> None:
                 there.send((False, error))
 
 
-def begin_worker(parent: int) -> None:
-    """Leave stops to the process that began this one, and end when that ends, in any way; parent: its process id.
+def begin_worker(parent: int, *, of_thread: bool = False) -> None:
+    """Leave stops to the process that began this one, and end when that ends, in any way.
+
+    parent: its process id; of_thread: whether a thread began this one that may end earlier, which Linux takes for the
+    end of the parent.
 
     Linux kills the worker, even in the middle of a solver; elsewhere, and where a process between the two did the
     forking, which lives as long as its workers do, a thread waits for that.
@@ -423,12 +436,10 @@ def begin_worker(parent: int) -> None:
     for stop in STOPS:  # one process can be ended by SIGTERM; the others come from a terminal, for all of them
         if signal.getsignal(stop) is not signal.SIG_IGN:
             signal.signal(stop, signal.SIG_DFL if stop == signal.SIGTERM else signal.SIG_IGN)
-    if hasattr(signal, "pthread_sigmask"):
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, STOPS)
-    is_killed = sys.platform == "linux" and ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL) == 0
-    if os.getppid() != parent or not is_killed:
+    let_stops_in()
+    if of_thread or not is_killed_with_parent(parent):
         threading.Thread(target=_end_with_parent, daemon=True).start()
-    if not Path("/proc", str(parent)).exists() and Path("/proc/self").exists():  # it ended before
+    if has_ended(parent):
         os._exit(1)
 
 
@@ -439,20 +450,6 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
-def _way() -> str:
-    """How processes begin: with all that is imported here already (a second each), where that can be had.
-
-    A fork of a process with threads may inherit a lock that nobody will open; there a process without threads, which
-    has imported the same, does the forking. Solvers start threads that Python does not know of; the system does.
-    """
-    if sys.platform != "linux":
-        return "spawn"
-    tasks = Path("/proc/self/task")
-    threads = len(list(tasks.iterdir())) if tasks.exists() else threading.active_count()
-    return "fork" if threads == 1 else "forkserver"
-
-
 def count(jobs: int) -> int:
     """So many processes (0: one for each core)."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return jobs or cores
+    return jobs or core_count()

@@ -1,7 +1,7 @@
-"""Stops from outside: SIGINT, SIGTERM and SIGHUP end the command where it is, whatever it is doing.
+"""Stops from outside: SIGINT, SIGTERM, SIGHUP and SIGBREAK end the command where it is, whatever it is doing.
 
 No exception is raised: one in the middle of an import, a fork or a library may be swallowed there. What has to be
-put away is registered by who made it. This module is imported before all others, and imports none of them.
+put away is registered by who made it. This module is imported before all others, and imports only `system`.
 """
 
 import os
@@ -12,8 +12,7 @@ from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import NoReturn, TypeVar
 
-_STOP_WORDS = {"SIGINT": "interrupted", "SIGTERM": "terminated", "SIGHUP": "hung up"}
-STOPS = tuple(getattr(signal, name) for name in _STOP_WORDS if hasattr(signal, name))
+from hdassist.run.system import STOPS
 
 _ItemT = TypeVar("_ItemT")
 
@@ -69,19 +68,6 @@ def until_interrupted(items: Iterator[_ItemT]) -> Generator[_ItemT, None, bool]:
             signal.raise_signal(signal.SIGINT)
 
 
-@contextmanager
-def stops_held_back() -> Iterator[None]:
-    """Hear stops later: for the moment in which a process begins, which has to inherit that."""
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, STOPS)
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
 def _end(number: int, _: FrameType | None) -> None:
     global _is_interrupted
     if os.getpid() != _process:
@@ -99,7 +85,7 @@ def _end(number: int, _: FrameType | None) -> None:
 
 def end_now(number: int) -> NoReturn:
     """End this process as at a stop, from any thread, whatever the others do or wait for."""
-    said = [_STOP_WORDS[signal.Signals(number).name]]
+    said = [STOPS[number]]
     for action in reversed(_at_stop):
         with suppress(Exception):
             said += filter(None, [action()])

@@ -2,7 +2,7 @@
 
 One C source, no Python headers, one shared library for each instruction set; the wheel is `py3-none-PLATFORM`.
 Without a compiler, or with HDASSIST_PURE set, the wheel is pure Python and the numpy engine runs. HDASSIST_PLATFORM
-names the platform of the wheel (manylinux_2_17_aarch64) where CC compiles for another one than this.
+names the platform of the wheel (manylinux_2_17_aarch64, win_amd64) where CC compiles for another one than this.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 SOURCE = Path(__file__).parent / "walk.c"
-_LIBRARY_SUFFIX = ".dll" if os.name == "nt" else ".so"
 # comparisons with NaN and sums in their order stay as they are written: no -ffast-math; a product may be rounded once
 # with the sum that it is added to
 _FLAGS = ["-std=c11", "-O3", "-fopenmp-simd", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast"]
-_FLAGS += ["-shared", "-fPIC"]
+_SHARED = ["-shared", "-fPIC"]
+_SHARED_WINDOWS = ["-shared"]  # whose libraries need no more to be loaded anywhere
 X86 = {1: ["-march=x86-64"], 3: ["-march=x86-64-v3"], 4: ["-march=x86-64-v4", "-mprefer-vector-width=512"]}
 
 
@@ -31,7 +31,7 @@ def source_hash() -> str:
 
 def library_name(level: int) -> str:
     """File name of the library for an instruction set: 1 any machine, 3 AVX2, 4 AVX-512."""
-    return f"_walk_{level}{_LIBRARY_SUFFIX}"
+    return f"_walk_{level}{'.dll' if _is_for_windows() else '.so'}"
 
 
 def development_folder() -> Path:
@@ -42,6 +42,11 @@ def development_folder() -> Path:
 def wheel_platform() -> str:
     """Platform of the libraries, as a tag of wheels has it."""
     return os.environ.get("HDASSIST_PLATFORM") or sysconfig.get_platform().replace("-", "_").replace(".", "_")
+
+
+def _is_for_windows() -> bool:
+    """Return whether the libraries are for Windows: of the target, which may be another system than this one."""
+    return wheel_platform().startswith("win")
 
 
 def compile_walk(folder: Path, more: Sequence[str] = ()) -> list[Path]:
@@ -58,7 +63,8 @@ def compile_walk(folder: Path, more: Sequence[str] = ()) -> list[Path]:
     for level, flags in levels.items():
         library = folder / library_name(level)
         new = library.with_suffix(f".{os.getpid()}")  # replaced as a whole: another process may have the old one open
-        options = [*_FLAGS, *flags, *more, f'-DWALK_SOURCE="{source_hash()}"']
+        shared = _SHARED_WINDOWS if _is_for_windows() else _SHARED
+        options = [*_FLAGS, *shared, *flags, *more, f'-DWALK_SOURCE="{source_hash()}"']
         command = [compiler, *options, str(SOURCE), "-o", str(new), "-lm"]
         if subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, check=False).returncode:
             new.unlink(missing_ok=True)

@@ -32,6 +32,7 @@ from hdassist.report import (
     certificate_object,
     tone_of,
 )
+from hdassist.run.system import broken_line_end, command_quote
 from hdassist.solve.answers import TOLERANCE, Certificate
 from hdassist.solve.loadcase import CROSS_TOLERANCE, CrossCheck
 from hdassist.terminal.plot import curve, seat_in_characters
@@ -55,7 +56,10 @@ _UNBROKEN = "\ufffe"  # in place of a space at which no line ends: rich breaks a
 _UNIT = r"[%″°]|N[·*]m|\u041d[·*]\u043c|µm|um\b|deg\b|arcsec\b"  # also in 7 bits, and the Russian N*m
 _SPACE_IN_NUMBER = re.compile(rf"(?<=[\d,]) (?={_UNIT})|(?<=[±≤≥<>]) (?=\d)")  # before its unit, behind its sign
 _COMMAND = re.compile("hdassist [a-z]")  # not the version, of which a line may begin too
-_SPACE_IN_QUOTES = re.compile(r" (?=[^']*'(?:[^']*'[^']*')*[^']*$)")  # an odd number of quotes follows it
+_SPACE_IN_QUOTES = {  # by the quote: an odd number of quotes follows it
+    "'": re.compile(r" (?=[^']*'(?:[^']*'[^']*')*[^']*$)"),
+    '"': re.compile(r' (?=[^"]*"(?:[^"]*"[^"]*")*[^"]*$)'),
+}
 _SPACE_BEHIND_OPTION = re.compile(r"(?<= )(--?[a-z][a-z-]*) (?=[^- ]\S{,39}(?: |$))")  # before a value that is short
 _GAP = f"[ {_UNBROKEN}]"
 _NUMBERS_WITH_UNIT = (  # of grounds
@@ -76,9 +80,10 @@ class _PageText(Text):
     def __init__(self, text: str, style: str = "") -> None:
         is_command = bool(_COMMAND.match(text))
         if is_command:
-            text = _SPACE_BEHIND_OPTION.sub(rf"\1{_UNBROKEN}", _SPACE_IN_QUOTES.sub(_UNBROKEN, text))
+            text = _SPACE_IN_QUOTES[command_quote()].sub(_UNBROKEN, text)
+            text = _SPACE_BEHIND_OPTION.sub(rf"\1{_UNBROKEN}", text)
         super().__init__(text if is_command else _SPACE_IN_NUMBER.sub(_UNBROKEN, text), style)
-        self._ending = " \\" * is_command
+        self._ending = broken_line_end() if is_command else ""
 
     def wrap(self, console: Console, width: int, **options: Any) -> RichLines:
         """Lines of a width, as rich has them."""
@@ -87,7 +92,7 @@ class _PageText(Text):
             self.plain = self.plain.replace(_UNBROKEN, " ")
         lines, quotes = super().wrap(console, width - len(ending), **options), 0
         for line in lines:
-            quotes += line.plain.count("'")
+            quotes += line.plain.count(command_quote())
             line.plain = line.plain.replace(_UNBROKEN, " ")
             if ending and quotes % 2 == 0 and line is not lines[-1]:
                 line.plain = line.plain.rstrip() + ending

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any, TextIO, TypeVar
 from hdassist.errors import DataError, Fault, UsageError
 from hdassist.files import claim_output, in_place_of, is_claimed, is_file, is_there, note_written, visible
 from hdassist.run.stops import at_stop
+from hdassist.run.system import command_line, output_encoding, takes_codes, why_not_a_file
 
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderableType
@@ -52,7 +53,8 @@ class Style:
         width, height = int(columns) if columns.isdecimal() and int(columns) else PIPE_WIDTH, 24
         if terminal:
             width, height = shutil.get_terminal_size((PIPE_WIDTH, 24))
-        return cls(ascii or not _shows_unicode(stream), terminal and not plain, width, height=height)
+        codes = terminal and not plain and takes_codes(stream)
+        return cls(ascii or not _shows_unicode(stream), codes, width, height=height)
 
     def text(self, text: str) -> str:
         """The text as the stream can show it, whatever it has of control characters escaped."""
@@ -178,10 +180,12 @@ def write_text(path: str, text: str, force: bool) -> None:
     """
     note_written(path)
     if path == "-":
-        encoding = sys.stdout.encoding or "utf-8"
         if sys.stdout.isatty():
-            text = visible(text.replace("\r\n", "\n"))
-        give_stdout(text.encode(encoding, "backslashreplace").decode(encoding))
+            encoding = sys.stdout.encoding or "utf-8"
+            shown = visible(text.replace("\r\n", "\n"))
+            give_stdout(shown.encode(encoding, "backslashreplace").decode(encoding))
+        else:  # as bytes: the ends of lines stay as they are on every system
+            give_stdout(text.encode(output_encoding(sys.stdout), "backslashreplace"))
         return
     if not is_claimed(path):
         claim_output(path)
@@ -197,7 +201,7 @@ def require_parquet(path: str) -> None:
     """Raise UsageError where the package that writes Parquet is not installed, or no file is named for it."""
     if not find_spec("pyarrow"):
         words = "--parquet needs a package that is not installed: pyarrow"
-        raise UsageError(words, "pip install 'hdassist[parquet]'")
+        raise UsageError(words, command_line(["pip", "install", "hdassist[parquet]"]))
     if path == "-" or _is_device(Path(path)):
         raise UsageError("--parquet writes a file, no stream", "--parquet FILE")
 
@@ -247,6 +251,7 @@ def give_stdout(answer: str | bytes) -> None:
     """Write to standard output; silent where its reader has gone. Raises DataError: it cannot be written."""
     try:
         if isinstance(answer, bytes):
+            sys.stdout.flush()  # text that was written before comes first
             sys.stdout.buffer.write(answer)
         else:
             sys.stdout.write(answer)
@@ -306,6 +311,8 @@ def require_writable(path: str, force: bool) -> None:
     try:
         if not path or target.is_dir():
             raise _unwritable(path, "it is a directory" if path else "it has no name")
+        if reason := why_not_a_file(path):
+            raise _unwritable(path, reason)
         if target.exists() and not _is_device(target) and not force:
             raise UsageError(f"{path} exists", "--force replaces it", Fault.FILE_EXISTS)
         if _real(target).is_symlink():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shlex
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import date
@@ -16,6 +15,7 @@ from hdassist.files import STDIN
 from hdassist.model.deviations import assumptions, unknown_names, unknowns
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.text import shown
+from hdassist.run.system import command_line
 
 if TYPE_CHECKING:
     from hdassist.belief.samples import Samples
@@ -57,7 +57,7 @@ def again(command: str, drive: Drive | None, *more: str) -> str:
             if command in (asker, *TAKEN_OVER.get(field, ())) and not {*_OPTION.findall(text)} & {*more}
         ]
         words = [preset_argument(drive), *_options(command, origin.overrides), *asked]
-    return shlex.join(["hdassist", command, *words, *more])
+    return command_line(["hdassist", command, *words, *more])
 
 
 def preset_argument(drive: Drive) -> str:

@@ -137,7 +137,7 @@ def test_the_worst_drive_makes_the_exit_code(tmp_path, rows, code, monkeypatch, 
         return 1 / 0 if request.serial == "BUG" else real(request, *rest, **options)
 
     monkeypatch.setattr(lotwork, "accept", broken)
-    monkeypatch.setattr("hdassist.run.run._way", lambda: "fork")  # workers have the patch
+    monkeypatch.setattr("hdassist.run.run.start_method", lambda: "fork")  # workers have the patch
     base = Request(SMALL, limits=("F_ior=40",), measured_only=True)
     options = AcceptOptions(quiet=True, jobs=2)
     found = accept_lot(str(tmp_path / "lot.csv"), base, options, options.open())
