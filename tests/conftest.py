@@ -54,6 +54,17 @@ def _solve_once(formulation: Formulation, delta_p: Array, torque: float, solver:
 loadcase.solve_through_cvxpy = _solve_once
 
 ROOT = Path(__file__).parents[1]
+POSIX_ONLY = {  # modules and folders, and the part of POSIX that they need
+    "explorer/test_terminal.py": "pseudo-terminals",
+    "fuzz": "pseudo-terminals, limits of processes, and signals",
+    "hostile/test_inputs.py": "limits of processes, named pipes, and devices",
+    "run/test_executors.py": "signals; the engines of other packages are not tried on Windows",
+    "run/test_stops.py": "signals",
+    "terminal/test_full_device.py": "limits of processes",
+    "test_pages.py": "a shell for the commands of pages",
+    "test_readme.py": "a shell for the commands of the README",
+}
+collect_ignore = [] if os.name == "posix" else list(POSIX_ONLY)
 
 
 def pytest_collection_finish() -> None:

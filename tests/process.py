@@ -7,16 +7,13 @@ signals, terminals, an environment or a hash seed are for true processes.
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import io
 import os
 import pickle
-import pty
 import signal
 import struct
 import subprocess
 import sys
-import termios
 import time
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor, Future
@@ -31,6 +28,7 @@ from hypothesis import currently_in_test_context
 
 from hdassist.cli import run_command_line
 from hdassist.run.kept import FOLDER, NO_CACHE
+from hdassist.run.system import SPAWN, STOPS
 from tests import answers
 
 SMALL = str(Path(__file__).parent / "data/small.yaml")
@@ -45,8 +43,10 @@ CLEAN = {
     "PYTHONPATH": ROOT,
     "HDASSIST_STRICT": "1",
 }
-# the kernels numpy has here; the tests' own cache
-CLEAN |= {name: text for name, text in os.environ.items() if name.startswith(("OPENBLAS_", FOLDER, NO_CACHE))}
+# the kernels numpy has here; the tests' own cache; how processes begin; without which nothing begins on Windows
+_PASSED_ON = ("OPENBLAS_", FOLDER, NO_CACHE, SPAWN)
+_OF_WINDOWS = ("SYSTEMROOT", "TEMP", "USERPROFILE", "LOCALAPPDATA", "APPDATA", "COMSPEC")
+CLEAN |= {name: text for name, text in os.environ.items() if name.startswith((*_PASSED_ON, *_OF_WINDOWS))}
 LONGEST = 240  # s of one process
 _get_command = cache(typer.main.get_command)  # half of the time of a command that reads little
 
@@ -124,13 +124,14 @@ def run(
 
 
 def hear_what_is_ignored() -> None:
-    """Have children hear SIGINT and SIGHUP where the tests were begun with these ignored (nohup, in the background).
+    """Have children hear stops where the tests were begun with these ignored (nohup, in the background).
 
     A handler that does nothing: unlike what is ignored it is not inherited. Where SIGCHLD is ignored the system waits
     for children, and their exit codes are lost.
     """
-    signal.signal(signal.SIGCHLD, signal.SIG_DFL)
-    for number in (signal.SIGINT, signal.SIGHUP):
+    if os.name == "posix":
+        signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+    for number in STOPS:
         if signal.getsignal(number) is signal.SIG_IGN:
             signal.signal(number, lambda *_: None)
 
@@ -146,6 +147,11 @@ def ends(pid: int) -> bool:
             return True
         time.sleep(0.02)
     return False
+
+
+def posix_only(reason: str) -> pytest.MarkDecorator:
+    """Mark a test, or a module of tests, that needs POSIX; reason: the part of it that the test needs."""
+    return pytest.mark.skipif(os.name != "posix", reason=f"POSIX only: {reason}")
 
 
 def _told(stream: io.TextIOWrapper) -> str:
@@ -199,6 +205,11 @@ def on_terminal(
     *args: str, columns: int, env: Mapping[str, str] | None = None, interrupt_at: bytes | None = None
 ) -> tuple[int, str]:
     """Exit code, and all that a terminal of so many columns is sent; Ctrl-C is pressed once it was sent such bytes."""
+    pytest.importorskip("pty", reason="needs pseudo-terminals, which Windows has not")
+    import fcntl
+    import pty
+    import termios
+
     leader, follower = pty.openpty()
     fcntl.ioctl(follower, termios.TIOCSWINSZ, struct.pack("HHHH", 40, columns, 0, 0))
     process = subprocess.Popen(

@@ -12,7 +12,9 @@ import pytest
 
 from hdassist.errors import UsageError
 from hdassist.files import begin_run, claim_output, note_input
-from tests.process import CLEAN, TINY, run
+from tests.process import CLEAN, TINY, posix_only, run
+
+pytestmark = posix_only("links that any user may make")
 
 TRACE = "cam_deg,error_arcsec\n" + "".join(f"{k},{15 * sin(radians(k)):.4f}\n" for k in range(721))
 LOT = "serial,limit F_ior@4,measured@4\n1,30,run.csv\n"
@@ -93,7 +95,7 @@ def test_what_a_run_goes_on_with_is_read_and_written(tmp_path):
 
 
 def test_devices_and_pipes_take_any_number_of_answers(folder):
-    done = run(*MEASURE, "--csv", "/dev/null", "-o", "/dev/null", cwd=folder)
+    done = run(*MEASURE, "--csv", os.devnull, "-o", os.devnull, cwd=folder)
     assert done.returncode == 0, done.stderr
 
 

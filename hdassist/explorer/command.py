@@ -112,7 +112,7 @@ def _end_with_terminal() -> None:
 
 
 @dataclass(frozen=True, eq=False)
-class Asked:
+class _Answering:
     """A process that answers a question, or waits for one, and the connection by which its answers come."""
 
     process: BaseProcess
@@ -124,7 +124,7 @@ class Asked:
         self.process.join()
 
 
-class ForkedProcesses:
+class _ForkedProcesses:
     """Processes that are forked from one that has imported all that computes (a second, once).
 
     Each begins within milliseconds, and has no threads of the screen's.
@@ -138,20 +138,20 @@ class ForkedProcesses:
         # now: it inherits streams that the screen takes away, and of cli.main the environment of one thread
         forkserver.ensure_running()
 
-    def begin(self, question: Question) -> Asked:
+    def begin(self, question: Question) -> _Answering:
         """Begin a process that answers a question. Raises OSError: the system gives none."""
         here, there = self._context.Pipe(duplex=False)
         process = self._context.Process(target=_answer_forked, args=(question, there), daemon=False)
         with there:
             process.start()
-        return Asked(process, here)
+        return _Answering(process, here)
 
-    def waiting(self) -> list[Asked]:
+    def waiting(self) -> list[_Answering]:
         """Return processes that wait for a question: none does."""
         return []
 
 
-class WaitingProcesses:
+class _WaitingProcesses:
     """Processes that have imported all that computes and wait for a question, for systems that cannot fork.
 
     Each answers one question; another one is begun in its place.
@@ -159,12 +159,12 @@ class WaitingProcesses:
 
     def __init__(self) -> None:
         self._context = multiprocessing.get_context("spawn")
-        self._waiting: deque[Asked] = deque()
+        self._waiting: deque[_Answering] = deque()
         begin_resource_tracker()
         for _ in range(_WAITING):
             self._waiting.append(self._begun())
 
-    def begin(self, question: Question) -> Asked:
+    def begin(self, question: Question) -> _Answering:
         """Hand a question to a process that waits. Raises OSError: it was ended, or the system gives no process."""
         try:
             asked = self._waiting.popleft()
@@ -174,24 +174,24 @@ class WaitingProcesses:
         self._waiting.append(self._begun())
         return asked
 
-    def waiting(self) -> list[Asked]:
+    def waiting(self) -> list[_Answering]:
         """Return the processes that wait for a question."""
         return list(self._waiting)
 
-    def _begun(self) -> Asked:
+    def _begun(self) -> _Answering:
         here, there = self._context.Pipe()
         process = self._context.Process(target=_answer_spawned, args=(there, os.getpid()), daemon=False)
         with there, stops_held_back():
             process.start()
-        return Asked(process, here)
+        return _Answering(process, here)
 
 
 class Service:
     """Begins processes, hands on their answers, and ends them."""
 
     def __init__(self) -> None:
-        self.processes = ForkedProcesses() if has_forkserver() else WaitingProcesses()
-        self._running: set[Asked] = set()
+        self.processes = _ForkedProcesses() if has_forkserver() else _WaitingProcesses()
+        self._running: set[_Answering] = set()
         self._closed = False
 
     async def ask(self, question: Question) -> AsyncIterator[tuple[str, Any]]:
@@ -216,7 +216,7 @@ class Service:
                     self._end(asked)
                     asked.connection.close()
 
-    def _begin(self, question: Question) -> Asked | None:
+    def _begin(self, question: Question) -> _Answering | None:
         """Begin a process for a question; None where the service is closed. Raises OSError: there is none."""
         if self._closed:
             return None
@@ -226,7 +226,7 @@ class Service:
             self.close()
         return asked
 
-    def _end(self, asked: Asked) -> None:
+    def _end(self, asked: _Answering) -> None:
         if asked in self._running:
             self._running.discard(asked)
             asked.end()

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from multiprocessing.connection import Connection
     from pathlib import Path
 
-SPAWN = "HDASSIST_SPAWN"  # variable: every process begins from nothing, as on Windows; for tests
+SPAWN = "HDASSIST_SPAWN"  # variable: every process is spawned, as on Windows; for tests
 BINARY = getattr(os, "O_BINARY", 0)  # a flag of files in which no end of a line is translated
 
 
@@ -191,7 +191,7 @@ def _folder_of_profile(path: Path, *, makes: bool) -> PrivateFolder:
 
     Raises UnsafeFolderError: it lies elsewhere, where Python does not show who can write; OSError: it is not there.
     """
-    profile = path.home()
+    profile = type(path).home()
     if not path.resolve().is_relative_to(profile.resolve()):
         raise UnsafeFolderError(f"{path.parent} is outside of {profile}: another user may be able to write to it")
     if makes:
@@ -302,7 +302,7 @@ STOPS = {getattr(signal, name): words for name, words in _STOP_WORDS.items() if 
 def stops_held_back() -> Iterator[None]:
     """Hear stops later: for the moment in which a process begins, which has to inherit that.
 
-    Windows has nothing of the kind; there Ctrl-C is not heard for that moment, neither here nor by the new process.
+    Windows cannot hold them back: for that moment neither this process nor the new one hears Ctrl-C.
     """
     if sys.platform == "win32":
         import ctypes

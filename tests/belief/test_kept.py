@@ -23,7 +23,7 @@ from hdassist.run import kept
 from hdassist.run.run import Run
 from hdassist.solve.loadcase import LoadCase
 from tests import process
-from tests.process import TINY, keep_answers, run
+from tests.process import TINY, keep_answers, posix_only, run
 
 OPEN = "phases.phi_hb=unknown"
 FEW = SamplingEffort(effective=8, settling_draws=16, most_draws=64, batch=8)
@@ -193,7 +193,7 @@ def test_draws_of_another_question_under_its_name_are_not_believed(folder, solve
     assert len(solved) == count + 8
 
 
-@pytest.mark.parametrize("what", ["a file", "a folder", "a pipe"])
+@pytest.mark.parametrize("what", ["a file", "a folder", pytest.param("a pipe", marks=posix_only("named pipes"))])
 def test_a_cache_that_cannot_be_used_is_done_without(folder, solved, what):
     first = drawn()
     path = kept_file(folder)

@@ -166,7 +166,7 @@ def test_parquet_has_what_csv_has_and_is_written_of_the_rows_that_are_kept(tmp_p
     [
         (("-o", "rows.parquet"), "rows.parquet would take JSON Lines"),
         (("--parquet", "-"), "--parquet writes a file, no stream"),
-        (("--parquet", "/dev/null"), "--parquet writes a file, no stream"),
+        (("--parquet", os.devnull), "--parquet writes a file, no stream"),
         (("--parquet", "there.parquet"), "there.parquet exists"),
         (("-o", "a", "--parquet", "a"), "a is to take two answers"),
     ],

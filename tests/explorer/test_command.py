@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from hdassist.errors import HdassistError
+from hdassist.explorer import command
 from hdassist.explorer.command import Question, Service
 from hdassist.explorer.compute import SURE_PROVEN, SURE_REFINED, Effort, FirstErrors, SeatCurve, cam_turn, drive_answers
 from hdassist.mounting.advice import Advice
@@ -136,3 +137,20 @@ def test_a_service_that_is_closed_leaves_no_process() -> None:
         await task
 
     assert len(asked_for(service, closed)) >= 3 and vanished(before)
+
+
+def test_questions_are_answered_by_processes_that_wait_where_none_can_be_forked(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(command, "has_forkserver", lambda: False)
+    service = Service()
+    try:
+        waiting = {asked.process.pid for asked in service.processes.waiting()}
+        answers = asyncio.run(told(service, turn()))
+        again = {asked.process.pid for asked in service.processes.waiting()}
+        everybody = [*service.processes.waiting()]
+    finally:
+        service.close()
+    assert answers
+    assert len(waiting & again) == len(waiting) - 1 == len(again) - 1  # another one waits in its place
+    assert not any(asked.process.is_alive() for asked in everybody)

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from hdassist.run import kept
-from tests.process import TINY, keep_answers, run
+from tests.process import TINY, keep_answers, posix_only, run
 
 KEYS = [sha256(bytes([k])).hexdigest() for k in range(5)]
 WARNED = "another user can write to"
@@ -35,6 +35,7 @@ def own(folder: Path) -> Path:
     return folder / kept.OWN_FOLDER
 
 
+@posix_only("permissions of files")
 def test_an_answer_is_kept_for_this_user_alone(own: Path) -> None:
     assert [kept.cached("samples", key) for key in KEYS[:4]] == [b"0", b"1", b"2", None]
     assert kept.cached("others", KEYS[0]) is None
@@ -54,6 +55,7 @@ print(operating_system())
     assert named.startswith(f"{platform.system()} {platform.release()}")
 
 
+@posix_only("links that any user may make")
 @pytest.mark.parametrize("is_hard", [False, True])
 def test_no_link_is_followed(own: Path, tmp_path: Path, is_hard: bool) -> None:
     mine = tmp_path / "p.txt"
@@ -68,6 +70,7 @@ def test_no_link_is_followed(own: Path, tmp_path: Path, is_hard: bool) -> None:
     assert (own.parent / name).samefile(mine)
 
 
+@posix_only("links that any user may make")
 def test_an_answer_is_not_read_through_a_link(own: Path, tmp_path: Path) -> None:
     path = own / f"samples-{KEYS[0][:16]}"
     (own / f"samples-{KEYS[3][:16]}").symlink_to(path.rename(tmp_path / "elsewhere"))
@@ -75,6 +78,7 @@ def test_an_answer_is_not_read_through_a_link(own: Path, tmp_path: Path) -> None
     assert kept.cached("samples", KEYS[0]) is None
 
 
+@posix_only("links that any user may make")
 def test_an_own_folder_that_is_a_link_is_not_used(folder: Path, tmp_path: Path) -> None:
     (tmp_path / "elsewhere").mkdir(mode=0o700)
     folder.mkdir(mode=0o700)
@@ -124,6 +128,7 @@ def grouped(path: Path) -> None:
     path.chmod(0o770)
 
 
+@posix_only("permissions of files")
 @pytest.mark.parametrize("opened", [shared, grouped])
 @pytest.mark.parametrize("which", ["named", "named/answers"])
 def test_a_folder_that_others_can_write_is_not_used_which_is_said_once(own: Path, which, opened) -> None:
@@ -137,11 +142,13 @@ def test_a_folder_that_others_can_write_is_not_used_which_is_said_once(own: Path
     assert sorted(own.iterdir()) == before
 
 
+@posix_only("permissions of files")
 def test_a_file_that_others_could_have_written_is_not_read(own: Path) -> None:
     shared(own / f"samples-{KEYS[0][:16]}")
     assert [kept.cached("samples", key) for key in KEYS[:2]] == [None, b"1"]
 
 
+@posix_only("owners of files")
 def test_what_another_user_owns_is_not_used(own: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The folder is of another user than this process: the same to it as this process of another user."""
     user = os.geteuid()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import resource
 import signal
 import subprocess
 import sys
@@ -15,7 +14,7 @@ from pydantic import TypeAdapter
 
 from hdassist.errors import DataError, UsageError
 from hdassist.run.kept import ClosedRecord, KeptOwner, Magnitude, RecordKind, open_kept, read_kept
-from tests.process import CLEAN
+from tests.process import CLEAN, posix_only
 
 
 @dataclass(frozen=True)
@@ -273,6 +272,7 @@ def test_numbers_that_are_none_are_never_written(path):
     assert path.read_bytes().count(b"\n") == 1
 
 
+@posix_only("open files that can be removed")
 def test_a_file_that_is_gone_or_cut_meanwhile_ends_the_run(written):
     whole = written.read_bytes()
 
@@ -292,15 +292,20 @@ def test_a_file_that_is_gone_or_cut_meanwhile_ends_the_run(written):
         replaced()
 
 
-@pytest.mark.parametrize("name", ["", "no/such/folder/rows.jsonl", "folder", "pipe", "nul\0"])
+@pytest.mark.parametrize(
+    "name",
+    ["", "no/such/folder/rows.jsonl", "folder", pytest.param("pipe", marks=posix_only("named pipes")), "nul\0"],
+)
 def test_what_no_file_can_be_written_to_is_a_data_error(tmp_path, monkeypatch, name):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "folder").mkdir()
-    os.mkfifo(tmp_path / "pipe")
+    if name == "pipe":
+        os.mkfifo(tmp_path / name)
     with pytest.raises(DataError), open_kept(name, OWNER, KIND):
         pass
 
 
+@posix_only("links that any user may make")
 def test_a_file_is_held_by_one_run_at_a_time_by_whatever_link_it_is_named(tmp_path, path, monkeypatch):
     monkeypatch.setattr("hdassist.run.kept.LOCK_PATIENCE", 0.0)
     (tmp_path / "link").symlink_to(path)
@@ -326,13 +331,16 @@ def test_a_killed_run_loses_no_record_and_nobody_else_writes_meanwhile(path, mon
             pass
         process.kill()
         said += [int(line) for line in process.stdout.read().splitlines()]
-    assert process.returncode == -signal.SIGKILL
+    assert process.returncode != 0
     with open_kept(str(path), OWNER, ANYTHING) as kept:
         assert kept.done >= said[-1] + 1 >= 50
         assert [record["value"] for record in kept.records()] == [k / 3 for k in range(kept.done)]
 
 
+@posix_only("limits of processes")
 def test_a_full_disk_leaves_whole_records_to_go_on_from(path):
+    import resource
+
     def small_files():
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
         resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, 10_000))

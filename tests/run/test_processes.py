@@ -17,6 +17,7 @@ import pytest
 from hdassist.cli import THREADS
 from hdassist.errors import DataError, UntrustedError
 from hdassist.run.run import Run, count, workers
+from hdassist.run.system import start_method
 from tests.process import CLEAN, SMALL
 
 BEGUN = """
@@ -74,7 +75,7 @@ def test_processes_answer_in_order_hear_no_interrupt_and_end():
     assert signal.getsignal(signal.SIGINT) is not signal.SIG_IGN
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="processes are spawned elsewhere")
+@pytest.mark.skipif(start_method() == "spawn", reason="processes are forked on Linux alone, but for HDASSIST_SPAWN")
 @pytest.mark.parametrize("thread", [False, True])
 def test_processes_begin_with_what_is_imported_and_are_not_forked_beside_threads(thread):
     told = subprocess.run(
@@ -136,7 +137,7 @@ except UntrustedError as error:
 """
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="processes are spawned elsewhere")
+@pytest.mark.skipif(start_method() == "spawn", reason="processes are forked on Linux alone, but for HDASSIST_SPAWN")
 def test_what_goes_on_beside_has_a_process_of_its_own_whose_end_from_outside_is_an_error():
     found = subprocess.run(
         [sys.executable, "-c", BESIDE], env=CLEAN | dict.fromkeys(THREADS, "1"), capture_output=True, text=True,

@@ -10,6 +10,7 @@ import pytest
 
 from hdassist.errors import DataError, UsageError
 from hdassist.terminal.streams import require_writable, write_text
+from tests.process import posix_only
 
 
 def test_a_file_is_written_and_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -47,6 +48,7 @@ def test_an_existing_file_stays_without_force(tmp_path: Path) -> None:
     assert target.read_text() == "new"
 
 
+@posix_only("links that any user may make, and modes of files")
 def test_a_replaced_file_keeps_its_mode_and_a_link_stays_a_link(tmp_path: Path) -> None:
     target, link = tmp_path / "a", tmp_path / "link"
     target.write_text("old")

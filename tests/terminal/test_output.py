@@ -25,7 +25,7 @@ from hdassist.terminal.page import report_page
 from hdassist.terminal.streams import Style
 from tests.conftest import ROOT
 from tests.paper import on_paper
-from tests.process import SMALL, TINY, on_terminal, run
+from tests.process import SMALL, TINY, on_terminal, posix_only, run
 from tests.test_hidden import EVERY_HIDDEN, hidden
 
 NAME = "a\x1b]0;owned\x07\u202e[/bold]b"
@@ -155,6 +155,7 @@ def test_every_character_of_pages_has_a_seven_bit_form() -> None:
     assert "?" not in Style(ascii=True, codes=False, width=80).text("".join(strange))
 
 
+@posix_only("a shell")
 @pytest.mark.parametrize("width", [60, 80, 200])
 def test_a_command_that_breaks_is_the_same_to_a_shell(width):
     words = [

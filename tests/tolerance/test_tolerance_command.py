@@ -2,7 +2,6 @@
 
 import json
 import re
-import signal
 import subprocess
 import time
 from pathlib import Path
@@ -117,7 +116,7 @@ def test_a_killed_run_goes_on_to_the_same_bytes(kept: Path, tmp_path: Path) -> N
     begun = time.monotonic()
     while not (file.exists() and file.read_bytes().count(b"\n") > 2) and time.monotonic() - begun < 60:
         time.sleep(0.02)
-    process.send_signal(signal.SIGKILL)
+    process.kill()
     process.wait()
     left = file.read_bytes()
     assert kept.read_bytes().startswith(left[: left.rfind(b"\n") + 1])
