@@ -22,7 +22,7 @@ from typer.core import TyperCommand, TyperGroup
 from hdassist import __version__
 from hdassist.errors import DataError, Fault, HdassistError, UntrustedError, UsageError, validation_words
 from hdassist.files import GREATEST, begin_run, is_written
-from hdassist.run.system import address_limit, pipe_stream
+from hdassist.run.system import address_limit, limits_hint, pipe_stream
 from hdassist.terminal.streams import give_stdout, say, silence
 
 # of click, of which typer has a copy: only its subclasses are public
@@ -382,7 +382,10 @@ def _as_known(error: Exception) -> HdassistError:
         words, hint = f"cannot write: {os.strerror(number)}", "is standard output closed, or on a full device?"
         return DataError(words, hint, Fault.FILE_UNWRITABLE)
     if number in _SCARCE:
-        words, hint = f"the system refuses: {os.strerror(number)}", "ulimit -a shows what a process may have"
+        words, hint = (
+            f"the system refuses: {os.strerror(number)}",
+            limits_hint("ulimit -a shows what a process may have"),
+        )
         return DataError(words, hint, Fault.SYSTEM_LIMITS)
     words = f"internal error: {type(error).__name__}: {error}"
     return HdassistError(words, "this is a bug in hdassist; --debug shows where")

@@ -26,6 +26,7 @@ from hdassist.run.stops import end_now
 from hdassist.run.system import (
     begin_resource_tracker,
     has_forkserver,
+    limits_hint,
     stops_held_back,
     wait_for_hangup,
     wait_until_readable,
@@ -202,7 +203,7 @@ class Service:
                 asked = await asyncio.shield(begun)
             except OSError as error:
                 words = f"cannot begin a process that computes: {error.strerror or error}"
-                yield "failed", HdassistError(words, "ulimit -a shows why")
+                yield "failed", HdassistError(words, limits_hint("ulimit -a shows why"))
                 return
             while asked:
                 await wait_until_readable(asked.connection)

@@ -37,6 +37,7 @@ from hdassist.run.system import (
     has_ended,
     is_killed_with_parent,
     let_stops_in,
+    limits_hint,
     start_method,
     stops_held_back,
 )
@@ -317,7 +318,7 @@ def workers(jobs: int) -> Iterator[Executor]:
                 executor.begin()
             except (OSError, RuntimeError, EOFError) as error:
                 words = f"cannot begin the processes that share the work: {getattr(error, 'strerror', None) or error}"
-                raise DataError(words, "they need memory, and room in the limits of ulimit -a") from None
+                raise DataError(words, limits_hint("they need memory, and room in the limits of ulimit -a")) from None
             yield executor
         except BrokenExecutor:
             words = "a process that shared the work was ended from outside: there is no answer"

@@ -287,6 +287,14 @@ def address_limit() -> int | None:
     return limit if limit >= 0 else None
 
 
+def limits_hint(hint: str) -> str:
+    """Return the remedy where the system refuses a process more of something.
+
+    hint: that of systems with `ulimit`, which Windows has not.
+    """
+    return "close other programs: memory may be short" if sys.platform == "win32" else hint
+
+
 # --- signals
 
 _STOP_WORDS = {  # of each signal that ends a command; SIGBREAK: Ctrl-Break, or a console window that is closed
