@@ -85,7 +85,7 @@ def test_processes_begin_with_what_is_imported_and_are_not_forked_beside_threads
     assert told.stdout == f"{not thread} True\n"
 
 
-@pytest.mark.skipif(not Path("/proc/self").exists(), reason="needs /proc")
+@pytest.mark.skipif(sys.platform != "linux", reason="needs /proc")
 def test_workers_that_another_process_forked_end_with_the_one_that_began_them():
     with subprocess.Popen([sys.executable, "-c", AT_WORK], env=CLEAN, stdout=subprocess.PIPE, text=True) as process:
         worker = Path("/proc", process.stdout.readline().strip())
@@ -150,7 +150,7 @@ def test_what_goes_on_beside_is_done_here_where_there_are_no_workers():
     assert Run().beside(os.getpid).result() == os.getpid()
 
 
-@pytest.mark.skipif(not Path("/proc/self").exists(), reason="needs /proc")
+@pytest.mark.skipif(sys.platform != "linux", reason="needs /proc")
 def test_the_process_beside_hears_no_interrupt_and_ends_with_the_others():
     with workers(2) as executor:
         beside, ignores = Run(executor).beside(deaf, 0).result()

@@ -71,7 +71,7 @@ def test_a_file_with_a_lock_beside_it_is_held_by_one_run_also_while_it_is_rewrit
         assert work.done == 3
 
 
-@pytest.mark.skipif(not Path("/proc/self/fd").exists(), reason="needs /proc")
+@pytest.mark.skipif(sys.platform != "linux", reason="needs /proc")
 @pytest.mark.usefixtures("beside")
 def test_no_file_is_open_when_another_one_gets_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Windows replaces no open file."""
