@@ -206,7 +206,8 @@ class Service:
                 yield "failed", HdassistError(words, limits_hint("ulimit -a shows why"))
                 return
             while asked:
-                await wait_until_readable(asked.connection)
+                if not await wait_until_readable(asked.connection, asked.process.sentinel):
+                    return  # its process was ended before it began
                 try:
                     yield asked.connection.recv()
                 except (EOFError, OSError):  # its process was ended

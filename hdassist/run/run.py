@@ -328,6 +328,32 @@ def workers(jobs: int) -> Iterator[Executor]:
             executor.end()
 
 
+@dataclass
+class _Worker:
+    """The pipe to a process and the sentinel that tells its end; is_there: whether the process has opened its end.
+
+    Until then Windows keeps that end open here: a process that is killed before it begins would be waited for for ever.
+    """
+
+    pipe: Connection
+    sentinel: int
+    is_there: bool = False
+
+    def answer(self, task: Task) -> tuple[bool, Any]:
+        """Return whether a task was done, and its result or error. Raises EOFError, OSError: the process has ended."""
+        if not self.is_there:
+            self._received()
+            self.is_there = True
+        self.pipe.send(task)
+        is_done, found = self._received()
+        return is_done, found
+
+    def _received(self) -> Any:
+        if self.pipe not in connection.wait([self.pipe, self.sentinel]):
+            raise EOFError
+        return self.pipe.recv()
+
+
 class Processes(ThreadPoolExecutor):
     """Processes to which threads hand out tasks through pipes: a pool of the library may wait for a killed one.
 
@@ -339,7 +365,7 @@ class Processes(ThreadPoolExecutor):
         self.beside = Processes(1) if has_beside else None
         self.size, self._is_over = count, False
         self._processes: list[BaseProcess] = []
-        self._idle: SimpleQueue[Connection] = SimpleQueue()
+        self._idle: SimpleQueue[_Worker] = SimpleQueue()
 
     def begin(self) -> None:
         """Begin all processes, then the threads: a fork beside threads may inherit a lock that nobody opens.
@@ -364,7 +390,7 @@ class Processes(ThreadPoolExecutor):
             with there, nullcontext() if way == "forkserver" else stops_held_back():
                 process.start()
             pool._processes.append(process)
-            pool._idle.put(here)
+            pool._idle.put(_Worker(here, process.sentinel))
         for pool in every:
             pool.submit(abs, 0)
 
@@ -376,15 +402,14 @@ class Processes(ThreadPoolExecutor):
 
     def _answer(self, task: Task) -> Any:
         """The answer of a process to a task; where one is lost all others end too."""
-        process = self._idle.get()
+        worker = self._idle.get()
         try:
-            process.send(task)
-            is_done, found = process.recv()
+            is_done, found = worker.answer(task)
         except (EOFError, OSError):
             self.kill()
             raise BrokenExecutor from None
         finally:
-            self._idle.put(process)
+            self._idle.put(worker)
         if is_done:
             return found
         raise found
@@ -412,6 +437,8 @@ def _work(here: Connection, there: Connection, parent: int) -> None:
     begin_worker(parent)
     gc.freeze()  # modules that the parent imported stay shared with it, and are gone through no more
     here.close()
+    with suppress(OSError):  # the process that began this one has ended
+        there.send(None)
     while True:
         try:
             task, args, more = there.recv()

@@ -360,21 +360,26 @@ def hear_in_loop(loop: AbstractEventLoop, action: Callable[[int], None]) -> None
                 loop.add_signal_handler(number, once, number)
 
 
-async def wait_until_readable(connection: Connection) -> None:
-    """Wait, beside all else that the running loop does, until there is something to read or the other end is closed."""
+async def wait_until_readable(connection: Connection, sentinel: int) -> bool:
+    """Wait, beside all else that the running loop does, until there is something to read or the other end is closed.
+
+    sentinel: of the process at the other end, which may end before it has opened it. Returns whether to read.
+    """
     import asyncio
 
     if sys.platform == "win32":  # its loop watches no pipe of multiprocessing
-        with suppress(OSError):  # the other end is closed
-            while not connection.poll():
-                await asyncio.sleep(_LOOK_EVERY)
-        return
+        from multiprocessing.connection import wait
+
+        while not (ready := wait([connection, sentinel], timeout=0)):
+            await asyncio.sleep(_LOOK_EVERY)
+        return connection in ready
     loop, ready = asyncio.get_running_loop(), asyncio.Event()
     loop.add_reader(connection.fileno(), ready.set)
     try:
         await ready.wait()
     finally:
         loop.remove_reader(connection.fileno())
+    return True
 
 
 def wait_for_hangup(descriptor: int) -> bool:

@@ -62,13 +62,18 @@ def compile_walk(folder: Path, more: Sequence[str] = ()) -> list[Path]:
     made = []
     for level, flags in levels.items():
         library = folder / library_name(level)
-        new = library.with_suffix(f".{os.getpid()}")  # replaced as a whole: another process may have the old one open
+        # replaced as a whole: another process may have the old one open; its name stands in some libraries
+        new = folder / str(os.getpid()) / library.name
+        new.parent.mkdir(exist_ok=True)
         shared = _SHARED_WINDOWS if _is_for_windows() else _SHARED
+        if wheel_platform().startswith("macosx"):
+            shared = [*shared, f"-Wl,-install_name,@rpath/{library.name}"]  # without the folder that it was made in
         options = [*_FLAGS, *shared, *flags, *more, f'-DWALK_SOURCE="{source_hash()}"']
         command = [compiler, *options, str(SOURCE), "-o", str(new), "-lm"]
         if subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, check=False).returncode:
-            new.unlink(missing_ok=True)
+            shutil.rmtree(new.parent)
             return []
         new.replace(library)
+        shutil.rmtree(new.parent)  # with what some linkers leave beside it
         made.append(library)
     return made

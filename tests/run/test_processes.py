@@ -16,6 +16,7 @@ import pytest
 
 from hdassist.cli import THREADS
 from hdassist.errors import DataError, UntrustedError
+from hdassist.run import run as module
 from hdassist.run.run import Run, count, workers
 from hdassist.run.system import start_method
 from tests.process import CLEAN, SMALL
@@ -188,6 +189,16 @@ def test_where_one_process_is_lost_no_other_is_waited_for():
             slow.result()
         executor.submit(abs, -3)
     assert not multiprocessing.active_children()
+
+
+def test_a_process_that_ended_before_it_opened_its_pipe_is_not_waited_for():
+    """Windows keeps that end open in this process until then."""
+    here, there = multiprocessing.Pipe()
+    process = multiprocessing.get_context("spawn").Process(target=abs, args=(0,))
+    process.start()
+    process.join()
+    with there, here, pytest.raises(EOFError):
+        module._Worker(here, process.sentinel).answer((abs, (0,), {}))
 
 
 @pytest.mark.parametrize("fault", [OSError(28, "No space left on device"), RuntimeError("can't start new thread")])
