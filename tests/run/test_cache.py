@@ -44,6 +44,7 @@ def test_an_answer_is_kept_for_this_user_alone(own: Path) -> None:
     assert len(list(own.iterdir())) == 3  # nothing half written
 
 
+@posix_only("Python before 3.12, and Wine, ask a process for the version of Windows")
 def test_the_operating_system_is_named_without_a_process() -> None:
     code = """
 import subprocess
