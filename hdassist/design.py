@@ -14,10 +14,11 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from hdassist.belief.evidence import evidence_of
+from hdassist.belief.options import Step, steps_of
 from hdassist.belief.prior import DrivePrior, beside_measured_teeth, prior_of
 from hdassist.belief.samples import EFFECTIVE_SAMPLES, ErrorBelief, Samples, drive_samples
 from hdassist.belief.statistics import Probability
-from hdassist.belief.steps import Influence, Step, influences, steps_of
+from hdassist.belief.steps import Influence, influences
 from hdassist.error.cycle import KinematicError, SelfError, cross_checks_of, require_programme, self_error, whole_error
 from hdassist.error.error_map import searchable
 from hdassist.error.extremes import DRAWN_STATES, extremes_of
@@ -156,7 +157,8 @@ class DesignCheck:
         left = {point.M_g: point.left_arcsec for point in self.points}
         torques = self.samples.torques if self.samples else tuple(left)
         place = torques.index(self.points[self.least_sure].M_g)
-        steps, proof = steps_of(self.prior, self.samples, torques, place, [left.get(M_g) for M_g in torques], run)
+        rooms = [left.get(M_g) for M_g in torques]
+        steps, proof = steps_of(self.prior, self.samples, torques, place, rooms, run, self.points[self.least_sure].sure)
         return replace(self, steps=steps, steps_proof=proof)
 
     @property

@@ -14,8 +14,8 @@ from pydantic import Field, TypeAdapter, ValidationError
 from hdassist import __version__
 from hdassist.acceptance.decision import DecidedCheck, Predictions, Rule
 from hdassist.acceptance.request import Request
+from hdassist.belief.options import Step
 from hdassist.belief.statistics import CONFIDENCE, probability_by_share
-from hdassist.belief.steps import Step
 from hdassist.errors import DataError, Fault, HdassistError, UntrustedError, Verdict
 from hdassist.files import PART, STDIN, opened, read_bytes, read_preset
 from hdassist.model.deviations import MeasuredTeeth

@@ -239,6 +239,13 @@ class Sampling:
         except HdassistError as error:
             return [Draw(refused=str(error.fault))] * self.alike
 
+    def with_turns(self, unturned: Draw, values: dict[str, float]) -> Draw:
+        """Return a draw of values by path with the turns that it lacks; one without a trustworthy answer says so."""
+        try:
+            return self._turned(unturned, values)
+        except HdassistError as error:
+            return Draw(refused=str(error.fault))
+
     def _turned(self, unturned: Draw, values: dict[str, float]) -> Draw:
         """A draw of values by path with the turns that it lacks."""
         if unturned.F_ior_arcsec is None:

@@ -242,6 +242,33 @@ def drive_samples(
     )  # fmt: skip
 
 
+def turned_samples(
+    samples: Samples, evidence: tuple[Evidence, ...], rotations_deg: Sequence[float], run: Run = Run()
+) -> Samples:
+    """Return the same samples with the fixed wheel turned as well, as a drawing with these turns would have them.
+
+    samples: samples without a measured F'_ior among their evidence, which would move them together with their turns.
+    evidence: their evidence.
+    rotations_deg: turns of the fixed wheel [deg].
+    run: the run.
+    Raises UntrustedError where a state cannot be trusted.
+    """
+    sampling = Sampling(samples.prior, samples.torques, tuple(rotations_deg), tuple(evidence), seed=samples.seed)
+    kept = sampling.kept()
+    draws = kept[: len(samples.made)]
+    fresh = samples.made[len(draws) :]
+    shares = [draw.shares or (0.5,) * len(samples.prior.fields) for draw in fresh]
+    values = samples.prior.values(np.array(shares)) if shares else []
+    for draw in run.map(sampling.with_turns, fresh, values):
+        draws.append(draw)
+        run.solved(draw.turned_proof.states)
+    if len(draws) > len(kept):
+        sampling.keep(draws)
+    whole = _collected(sampling, draws)
+    stages = tuple(_collected(sampling, draws[: len(stage.made)]) for stage in samples.stages)
+    return replace(whole, stages=stages, few=samples.few)
+
+
 def _growing(
     sampling: Sampling, kept: Sequence[Draw], draws: list[Draw], effort: SamplingEffort, run: Run
 ) -> Iterator[Samples]:

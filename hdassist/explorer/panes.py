@@ -32,7 +32,7 @@ from hdassist.explorer.state import SETTING_SECTIONS, Session
 from hdassist.files import visible
 from hdassist.mounting.positions import bare
 from hdassist.pages.card import seat_holes
-from hdassist.pages.check import F_ior_table, steps_table
+from hdassist.pages.check import F_ior_table, steps_tables
 from hdassist.pages.mount import order_and_reason
 from hdassist.preset.fields import ResolvedField, resolved_fields, text_of
 from hdassist.report import Block, Curve, Facts, Lines, Paragraph, Report, Seat, SeatMark, four_digits
@@ -390,7 +390,7 @@ def why_blocks(known: Known) -> tuple[Block, ...]:
     point = found.points[found.least_sure]
     shares = (f"{100 * each.share:3.0f} % {named(each.group)}" for each in found.influences)
     return (
-        steps_table(found),
+        *steps_tables(found),
         Lines(f"share of the spread of F'_ior at {point.M_g:g} N·m", tuple(shares) or ("no field stands out",)),
         facts_of(known.page, "influence", "measure"),
     )

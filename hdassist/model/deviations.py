@@ -35,6 +35,7 @@ from hdassist.preset.fields import (
     Deviation,
     Drive,
     Part,
+    has_own_source,
     is_overridden,
     measures,
 )
@@ -309,7 +310,8 @@ def assumptions(drive: Drive) -> tuple[Unknown, ...]:
     for path in measures():
         source, value = drive.source.get(path), drive.value(path)
         section, name = path.split(".")
-        if value is None or path == drive.unused_tooth_field or is_overridden(path, drive.origin.overrides):
+        is_wanted = is_overridden(path, drive.origin.overrides) and not has_own_source(path, drive.origin.overrides)
+        if value is None or path == drive.unused_tooth_field or is_wanted:
             continue  # not known, without effect, or wanted so
         if source is not None and source.kind == "assumed" and source.range:
             found.append(Unknown(path, *source.range, source.ref))

@@ -23,7 +23,7 @@ from hdassist.errors import GUARD, SEVERITY, DataError, percent_text, worst_exit
 from hdassist.files import number_of, visible
 from hdassist.measuring.orders import STATED, parse_stated
 from hdassist.model.geometry import Kinematics
-from hdassist.pages.check import fitted_words, influence_at, steps_fact, steps_table
+from hdassist.pages.check import fitted_words, influence_at, steps_facts, steps_tables
 from hdassist.preset.fields import Drive
 from hdassist.preset.text import convert, shown
 from hdassist.readers.table import shortened
@@ -110,7 +110,7 @@ def accept_report(answer: AcceptAnswer, predictions: Predictions | None, drive: 
         why=tuple(reasons),
         blocks=(*_tables(answer), Facts.of(_facts(answer, predictions, drive))),
         details=(
-            *([steps_table(predictions)] if predictions else []),
+            *(steps_tables(predictions) if predictions else []),
             Facts.of(_more_facts(answer, predictions)),
         ),
         certificate=predictions.certificate if predictions else None,
@@ -174,7 +174,7 @@ def _tables(answer: AcceptAnswer) -> Iterator[Table]:
 def _facts(answer: AcceptAnswer, predictions: Predictions | None, drive: Drive) -> Iterator[Fact]:
     """Possible steps, remarks and the next command, a label and a text each."""
     if predictions:
-        yield steps_fact(predictions)
+        yield from steps_facts(predictions)
     codes = " ".join(dict.fromkeys(note.code for note in answer.remarks))
     records = [note.text for note in answer.remarks if note.code == "RECORD"]
     yield "remarks", "\n".join([*records, f"hdassist explain {codes}"]) if codes else ""

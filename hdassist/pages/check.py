@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator
 from functools import partial
 
 import numpy as np
 
 from hdassist.belief.evidence import evidence_of
+from hdassist.belief.options import Outcome, Step
 from hdassist.belief.prior import DrivePrior
 from hdassist.belief.samples import Samples
 from hdassist.belief.statistics import shares_below
-from hdassist.belief.steps import Outcome, Step
 from hdassist.design import DesignCheck, OperatingPoint, accuracy_words
 from hdassist.errors import Verdict
 from hdassist.model.deviations import unknown_names
@@ -97,7 +98,7 @@ def check_report(check: DesignCheck, seed: int) -> Report:
         why=tuple(filter(None, map(_verdict_reason, check.points))) or tuple(_undrawn(check)),
         blocks=(F_ior_table(check), Facts.of(_facts(check)), first),
         details=(
-            steps_table(check),
+            *steps_tables(check),
             *error_tables(check),
             Facts.of(check_facts(check)),
             *(_error_curve(check, each) for each in others),
@@ -147,7 +148,7 @@ def _facts(check: DesignCheck) -> Iterator[Fact]:
     """Possible steps, inputs taken as 0, and the next command, a label and a text each."""
     if tuple(_undrawn(check)):
         yield "measure", again("accept", check.drive, "--measured", f"{check.points[check.least_sure].M_g:g}=FILE")
-    yield steps_fact(check)
+    yield from steps_facts(check)
     yield "unknown", "" if check.samples or not check.unknown else f"taken as 0: {unknown_names(check.unknown)}"
     step = "tolerance" if check.verdict is Verdict.PASS else "mount"
     yield "next", again(step, check.drive)
@@ -269,39 +270,53 @@ def _line(check: DesignCheck) -> str:
     )
 
 
-_SHOWN_STEPS = 3  # on a short page
+_SHOWN_OPTIONS, _SHOWN_QUESTIONS = 3, 1  # on a short page
 _COUPLING_ANSWERS = {"oldham": "Oldham coupling", "solid": "solid hub"}
 
 
-def steps_table(check: DesignCheck) -> Table:
-    """The steps at the torque that decides, with their outcomes: F'_ior, or how surely the limit is kept."""
+def steps_tables(check: DesignCheck) -> Iterator[Table]:
+    """Yield the options at the governing torque, and the questions that could be answered, with their outcomes."""
     if not check.steps:
-        return Table("", (), ())
+        return
     point, words, now = _before_steps(check)
-    heads = ("what would it take", f"{words.partition(',')[0]} then")
-    rows = tuple((_step_words(each, check.drive), _outcome_words(each, point)) for each in check.steps)
-    return Table(f"{words} at {point.M_g:g} N·m, now {now}", heads, rows)
+    options = [step for step in check.steps if not step.is_question]
+    questions = [step for step in check.steps if step.is_question]
+    title = f"{words} at {point.M_g:g} N·m, now {now}"
+    if options:
+        rows = [
+            (_step_words(step, check.drive), _outcome_words(step, point), _carried_out(step, check)) for step in options
+        ]
+        yield Table(title, ("option", f"{words.partition(',')[0]} then", "how"), tuple(rows))
+    if questions:
+        asked = tuple((_step_words(step, check.drive), _outcome_words(step, point)) for step in questions)
+        yield Table(title, ("to clarify", f"{words.partition(',')[0]} then"), asked)
 
 
-def steps_fact(check: DesignCheck) -> Fact:
-    """The best of them in lines under a label; empty without any."""
-    if not check.steps:
-        return "steps", ""
+def steps_facts(check: DesignCheck) -> Iterator[Fact]:
+    """Yield the best options in lines under a label, and the first questions under another."""
+    options = [step for step in check.steps if not step.is_question]
+    questions = [step for step in check.steps if step.is_question]
     point, words, now = _before_steps(check)
-    lines = [f"{words} at {point.M_g:g} N·m, now {now}; what it would take:"]
-    for each in check.steps[:_SHOWN_STEPS]:
-        step = _step_words(each, check.drive).removesuffix(" (cam.coupling)")
-        lines.append(f"{step.removesuffix('?')}{'?' if step.endswith('?') else ':'} {_outcome_words(each, point)}")
-    return "steps", "\n".join(lines)
+    if options:
+        lines = [f"{words} at {point.M_g:g} N·m, now {now}:"]
+        lines += [
+            f"{_step_words(step, check.drive)}: {_outcome_words(step, point)}" for step in options[:_SHOWN_OPTIONS]
+        ]
+        yield "options", "\n".join(lines)
+    if questions:
+        lines = [
+            f"{_step_words(step, check.drive)} {_outcome_words(step, point)}" for step in questions[:_SHOWN_QUESTIONS]
+        ]
+        yield "to clarify", "\n".join(lines)
 
 
 def _before_steps(check: DesignCheck) -> tuple[OperatingPoint, str, str]:
-    """The torque that decides, the quantity that steps change there, and its value before any, in words."""
+    """Return the governing torque, the quantity that steps change there, and its value before any, in words."""
     point = check.points[check.least_sure]
     if point.limit_arcsec is None:
         return point, "F'_ior", f"{point.F_ior_or_error:.1f}″"
     if point.probability:
-        return point, f"{point.limit_arcsec:g}″ kept", f"{100 * point.probability.value:.0f} %"
+        return point, f"probability to meet {point.limit_arcsec:g}″", f"{100 * point.probability.value:.0f} %"
     return point, f"F'_ior + self error, limit {point.limit_arcsec:g}″,", f"{point.F_ior_upper_arcsec:.1f}″"
 
 
@@ -309,27 +324,37 @@ _COUNTS = {2: "two", 3: "three", 4: "four"}  # holes that a step tries
 
 
 def _step_words(step: Step, drive: Drive) -> str:
-    """A step in words, the field or the command behind it in brackets."""
+    """Return a step in words."""
     holes = drive.mounting.holes
     if step.kind == "question":
         return f"{field_table()[step.of].question or named(step.of).rpartition(' (')[0] + '?'} ({step.of})"
     if step.kind == "hole":
         place = f"hole {step.of}" if holes else f"{30 * int(step.of)}°"
-        return f"mount in {place} (hdassist mount)"
+        return f"put the {wheel(drive)} in {place}"
     if step.kind == "trials":
         places = "holes" if holes else "directions"  # which ones, mount says
         count = _COUNTS[len(step.of.split(","))]
-        return f"measure F'_ior in {count} {places}, keep the best (hdassist mount)"
+        return f"measure F'_ior in {count} {places}, keep the best"
     return {
-        "correction": f"correct {step.of} phasors (hdassist compensate)",
-        "tolerance": f"a third less of {named(step.of)}",
+        "correction": f"record the full cycle, then correct {step.of} terms",
+        "tolerance": f"a third less of {step.of}, with all that follows",
         "coupling": f"an Oldham coupling (cam.coupling={step.of})",
-        "torque": f"load it with {step.of} N·m",
+        "accuracy": f"a drive of accuracy {step.of}″ (catalogue.accuracy)",
     }[step.kind]
 
 
+def _carried_out(step: Step, check: DesignCheck) -> str:
+    """Return the command or the edit that carries a step out now."""
+    drive = check.drive
+    if step.kind == "correction":
+        return f"{again('plan', drive)}, then {again('compensate', drive)} RECORDING"
+    if step.kind in ("hole", "trials"):
+        return again("mount", drive)
+    return shlex.join(word for text in step.edit for word in ("--set", text))
+
+
 def _outcome_words(step: Step, point: OperatingPoint) -> str:
-    """The outcome of a step at a torque, or with each answer to a question."""
+    """Return the outcome of a step at a torque, or with each answer to a question."""
     if step.kind != "question":
         return _value(step.outcomes[0], point)
     unit = "" if step.of == "cam.coupling" else f" {field_unit(step.of)}"
@@ -339,9 +364,10 @@ def _outcome_words(step: Step, point: OperatingPoint) -> str:
 
 
 def _value(found: Outcome, point: OperatingPoint) -> str:
-    """F'_ior after a step; against a limit the probability that it is kept, or the value that is held against it."""
+    """Return F'_ior after a step; with a limit the probability that it is met, or the value compared with it."""
     if found.probability is None:
         return f"{found.p50:.1f}″" + (f" ({found.p5:.1f} to {found.p95:.1f})" if found.p5 < found.p95 else "")
     if found.p5 == found.p95:
-        return f"{found.p50 + point.self_error.range_arcsec:.1f}″, {'kept' if found.probability else 'not kept'}"
-    return f"{100 * found.probability:.0f} %"
+        return f"{found.p50 + point.self_error.range_arcsec:.1f}″, {'met' if found.probability else 'not met'}"
+    interval = f" ({100 * (found.probability_low or 0):.0f} to {100 * (found.probability_high or 0):.0f})"
+    return f"{100 * found.probability:.0f} %{interval}"

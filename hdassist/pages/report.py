@@ -24,7 +24,7 @@ from hdassist.pages.check import (
     check_facts,
     check_report,
     error_tables,
-    steps_table,
+    steps_tables,
     uncertain_inputs_words,
 )
 from hdassist.pages.compare import sheet_warnings
@@ -68,14 +68,14 @@ def drive_report(sheet: DriveSheet, *, draws: int, seed: int) -> Report:
     mount = mount_report(sheet.advice, seed)
     stiff = stiffness_report(drive, sheet.stiffness)
     k, values = Kinematics.of(drive), origin_counts(drive)
-    error = [F_ior_table(sheet.check), steps_table(sheet.check), next(error_tables(sheet.check))]
+    error = [F_ior_table(sheet.check), *steps_tables(sheet.check), next(error_tables(sheet.check))]
     figures = [block for block in (*check.blocks, *check.details) if isinstance(block, Curve)]
     facts = [*check_facts(sheet.check)]
     mounting = [row for block in (*mount.blocks, *mount.details) if isinstance(block, Facts) for row in block.rows]
     *_, holes = (block for block in mount.details if isinstance(block, Table))
     positions = [block for block in (*mount.blocks, *mount.details) if isinstance(block, Figure)]
     first = next(block for block in check.blocks if isinstance(block, Facts))
-    reasons = (f"{label}: {text}" for label, text in first.rows if label not in ("steps", "next"))
+    reasons = (f"{label}: {text}" for label, text in first.rows if label not in ("options", "to clarify", "next"))
     return Report(
         command="report",
         drive=drive,

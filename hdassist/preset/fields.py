@@ -679,6 +679,15 @@ def is_overridden(path: str, overrides: Sequence[str]) -> bool:
     return any(p[: len(field)] == field[: len(p)] for p in paths)
 
 
+def has_own_source(path: str, overrides: Sequence[str]) -> bool:
+    """Return whether overrides state the source of a field too: its range counts then, beside the value.
+
+    path: path of the field ("gears.z_g").
+    overrides: texts such as "cam.W_0=0.95".
+    """
+    return any(path_of(text.partition("=")[0])[:2] == ("source", path) for text in overrides)
+
+
 @dataclass(frozen=True)
 class ResolvedField:
     """One field of a drive: path, value in its unit, kind of origin, reference, meaning, plausible range in its unit.

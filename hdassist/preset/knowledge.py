@@ -41,6 +41,7 @@ STANDING_OFFSET, TURNING_OFFSET, CENTRE_OFFSET = 0.5, 0.2, 0.06
 SECOND_ORDER, HIGHER_ORDERS = 0.08, 0.04
 # arcsec: accuracy that catalogues promise, the second below SIZE_20 [mm]
 USUAL_ACCURACY, SMALL_ACCURACY, SIZE_20 = 60.0, 90.0, 50.0
+ACCURACY_GRADES = (SMALL_ACCURACY, USUAL_ACCURACY, 30.0)  # arcsec; the last one is that of high accuracy, to order
 # arcsec: backlash and lost motion that no drive of a catalogue exceeds; the second below _LARGE_SIZE [mm]
 _PLAY, _LOST_MOTION, _LOST_MOTION_SMALL, _LARGE_SIZE = 5.0, 60.0, 180.0, 35.0
 # N/mm for each mm of its bore: radial stiffness of the bearing of a shaft with an overhung cam, and its range; a guess

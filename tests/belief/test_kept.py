@@ -281,7 +281,7 @@ def test_a_check_takes_the_samples_of_mount_and_answers_the_same(folder, solved)
 def test_self_error_and_steps_are_the_same_kept_as_computed(folder, monkeypatch):
     asked = ("check", TINY, "--set", OPEN, "--limit", "F_ior=1", "--draws", "8", "--json")
     first = run(*asked).stdout
-    assert {path.name.partition("-")[0] for path in folder.iterdir()} >= {"self", "steps", "samples", "again"}
+    assert {path.name.partition("-")[0] for path in folder.iterdir()} >= {"self", "options", "samples", "again"}
     solved = []
     monkeypatch.setattr("hdassist.error.cycle.ContactSystems", lambda *_: solved.append(1))
     assert run(*asked).stdout == first
