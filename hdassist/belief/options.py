@@ -25,7 +25,7 @@ from pydantic import TypeAdapter
 
 from hdassist.belief.draws import turn_of_test_deg
 from hdassist.belief.evidence import ACCURACY, ACCURACY_LOAD, SOFT_EDGE, Evidence, evidence_of
-from hdassist.belief.holes import chosen_hole, governing_share, limits_met, losses_of
+from hdassist.belief.holes import NO_ERROR, chosen_hole, governing_share, limits_met, losses_of
 from hdassist.belief.prior import DrivePrior, prior_of
 from hdassist.belief.samples import Samples, turned_samples
 from hdassist.belief.statistics import Probability, effective_number, even_rows, probability_of, weighted_quantile
@@ -39,7 +39,7 @@ from hdassist.model.geometry import Array
 from hdassist.preset.fields import DEVIATIONS, Drive, Source, deviation_sizes
 from hdassist.preset.knowledge import ACCURACY_GRADES, SUPPORT_FIELD, with_cam_support
 from hdassist.run.kept import ClosedRecord, kept_answer
-from hdassist.run.run import Run
+from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.walk import digits_depend_on
 
@@ -128,7 +128,15 @@ class _Solved:
     proof: Certificate = EMPTY
 
 
-_SOLVED = TypeAdapter(list[_Solved])
+@dataclass(frozen=True)
+class _Corrected:
+    """The share of F'_ior that a correction of the strongest terms leaves of a full cycle, and the proof."""
+
+    share: float
+    proof: Certificate
+
+
+_SOLVED, _CORRECTED_CYCLES = TypeAdapter(list[_Solved]), TypeAdapter(list[_Corrected])
 
 
 @dataclass(frozen=True)
@@ -638,18 +646,17 @@ def _corrected_step(belief: _Belief, M_g: float, now: Outcome, run: Run) -> tupl
 
     What a correction leaves as a share of F'_ior is taken from each of these cycles for each sample.
     """
-    rows, count = belief.row_values(), _CORRECTED if belief.samples else 1
-    places = even_rows(belief.weights, min(count, len(rows)))
-    shares, proof = [], EMPTY
-    for place in places.tolist():
-        error = kinematic_error(
-            belief.prior.drive.with_values(rows[place]), M_g, run=replace(run, cross_check=None, progress=None)
-        )
-        curve = error.error_arcsec
-        spectrum = np.fft.rfft(curve)
-        spectrum[np.argsort(-np.abs(spectrum), kind="stable")[:_PHASORS_OFF]] = 0
-        shares.append(float(np.ptp(np.fft.irfft(spectrum, len(curve))) / max(float(np.ptp(curve)), 1e-12)))
-        proof += error.certificate
+    drive, rows = belief.prior.drive, belief.row_values()
+    places = even_rows(belief.weights, min(_CORRECTED if belief.samples else 1, len(rows)))
+    cycles = [rows[place] for place in places.tolist()]
+    parts = drive.model_dump(mode="json", exclude=WITHOUT_EFFECT)
+    depends = {"drive": parts, "cycles": cycles, "M_g": M_g, "terms": _PHASORS_OFF, "program": digits_depend_on()}
+
+    def corrected() -> list[_Corrected]:
+        return list(run.map(partial(_corrected, drive, M_g), cycles))
+
+    found = kept_answer("options", depends, _CORRECTED_CYCLES, corrected)
+    shares, proof = [each.share for each in found], sum((each.proof for each in found), EMPTY)
     F_ior, weights = np.array([now.p50]), np.ones(1)
     if belief.samples:
         F_ior, weights = belief.samples.F_ior_arcsec[:, belief.torque], belief.samples.weights
@@ -659,6 +666,16 @@ def _corrected_step(belief: _Belief, M_g: float, now: Outcome, run: Run) -> tupl
         kept = probability_of((np.multiply.outer(F_ior, shares) <= belief.left).mean(axis=1), weights)
     outcome = _outcome(left, np.repeat(weights, len(shares)), belief.left, kept)
     return [Step("correction", str(_PHASORS_OFF), (outcome,), 0.0, needs="recording")], proof
+
+
+def _corrected(drive: Drive, M_g: float, values: Mapping[str, float]) -> _Corrected:
+    """Return what a correction leaves of the full cycle of one sample at a torque [N*m]."""
+    error = kinematic_error(drive.with_values(values), M_g, run=UNCHECKED)
+    curve = error.error_arcsec
+    spectrum = np.fft.rfft(curve)
+    spectrum[np.argsort(-np.abs(spectrum), kind="stable")[:_PHASORS_OFF]] = 0
+    whole = max(float(np.ptp(curve)), NO_ERROR)
+    return _Corrected(float(np.ptp(np.fft.irfft(spectrum, len(curve)))) / whole, error.certificate)
 
 
 def _questions(belief: _Belief, found: Sequence[Step]) -> Iterator[Step]:

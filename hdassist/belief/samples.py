@@ -254,6 +254,8 @@ def turned_samples(
     Raises UntrustedError where a state cannot be trusted.
     """
     sampling = Sampling(samples.prior, samples.torques, tuple(rotations_deg), tuple(evidence), seed=samples.seed)
+    if {*rotations_deg} <= {*samples.rotations_deg}:
+        return samples
     kept = sampling.kept()
     draws = kept[: len(samples.made)]
     fresh = samples.made[len(draws) :]

@@ -294,6 +294,8 @@ def steps_tables(check: DesignCheck) -> Iterator[Table]:
 
 def steps_facts(check: DesignCheck) -> Iterator[Fact]:
     """Yield the best options in lines under a label, and the first questions under another."""
+    if not check.steps:
+        return
     options = [step for step in check.steps if not step.is_question]
     questions = [step for step in check.steps if step.is_question]
     point, words, now = _before_steps(check)
