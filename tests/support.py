@@ -16,6 +16,7 @@ from hdassist.preset.fields import Drive
 from hdassist.solve.answers import ARCSEC, N_MM, TOLERANCE, displacements, residuals
 from hdassist.solve.formulation import Formulation, formulate
 from hdassist.solve.loadcase import LoadCase
+from hdassist.solve.walk import walk_library
 
 PROVEN = (
     1e-6  # arcsec between two solutions of a state: residuals up to TOLERANCE = 1e-8 of a wind-up of some 100 arcsec
@@ -23,6 +24,7 @@ PROVEN = (
 
 COMPILER = shutil.which(os.environ.get("CC", "cc"))
 HAS_COMPILER = COMPILER and subprocess.run([COMPILER, "--version"], capture_output=True, check=False).returncode == 0
+HAS_WALK = HAS_COMPILER or walk_library()[0] is not None  # of a wheel; where there is a compiler it may not be missing
 
 
 def changed(drive: Drive, **fields: Any) -> Drive:

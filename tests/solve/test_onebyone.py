@@ -11,11 +11,11 @@ from hdassist.solve.answers import residuals
 from hdassist.solve.formulation import formulate
 from hdassist.solve.loadcase import OneByOne
 from hdassist.solve.pivoting import solve_near
-from tests.support import HAS_COMPILER, load_case
+from tests.support import HAS_WALK, load_case
 
 WAYS = [
     solve_near,
-    pytest.param(walk.walk_near_state, marks=pytest.mark.skipif(not HAS_COMPILER, reason="no C compiler")),
+    pytest.param(walk.walk_near_state, marks=pytest.mark.skipif(not HAS_WALK, reason="no compiled walk")),
 ]
 
 

@@ -25,9 +25,10 @@ from hdassist.solve.answers import ARCSEC, N_MM
 from hdassist.solve.build import X86, compile_walk, development_folder, library_name, source_hash
 from hdassist.solve.formulation import formulate
 from tests.process import SMALL
-from tests.support import HAS_COMPILER, load_case
+from tests.support import HAS_COMPILER, HAS_WALK, load_case
 
-pytestmark = pytest.mark.skipif(not HAS_COMPILER, reason="no C compiler: the numpy engine runs")
+pytestmark = pytest.mark.skipif(not HAS_WALK, reason="no compiled walk: the numpy engine runs")
+needs_compiler = pytest.mark.skipif(not HAS_COMPILER, reason="no C compiler")
 
 SAME = 1e-9  # arcsec
 PROVEN = 5e-11  # residual of either engine, as a share of its scale
@@ -167,6 +168,7 @@ def walk_of(engine):
     return engine._walk
 
 
+@needs_compiler
 def test_a_library_of_another_source_is_not_used_though_it_lacks_functions(monkeypatch, tmp_path):
     older = tmp_path / "older.c"
     older.write_text('const char *walk_source(void) { return "older"; }\nint walk_level(void) { return 1; }\n')
@@ -193,6 +195,7 @@ def test_a_library_of_another_source_is_not_used(monkeypatch):
         walk.walk_library.cache_clear()
 
 
+@needs_compiler
 def test_the_source_compiles_without_a_warning_and_names_itself(tmp_path):
     made = compile_walk(tmp_path, ["-Wall", "-Wextra", "-Werror"])
     assert made
