@@ -437,7 +437,7 @@ def command_quote() -> str:
 
 @cache
 def broken_line_end() -> str:
-    """Return the end of a line behind which the shell that began this process goes on; empty for an unknown shell."""
+    """Return the sign at the end of a line for which the calling shell reads on; empty for an unknown shell."""
     if sys.platform != "win32":
         return " \\"
     from shellingham import ShellDetectionFailure, detect_shell
@@ -473,7 +473,7 @@ def why_not_a_windows_file(path: str) -> str:
 
 
 def takes_codes(stream: TextIO) -> bool:
-    """Return whether the terminal of a stream takes control codes; a console of Windows is told to."""
+    """Return whether the terminal of a stream takes control codes, which a Windows console has to be set to first."""
     if sys.platform == "win32":
         import ctypes
         import msvcrt
