@@ -46,7 +46,8 @@ def lock(descriptor: int) -> None:
     """Take the lock of an open file, which goes when the file is closed or the process ends, in any way.
 
     descriptor: of the file; on Windows the lock is of its first byte.
-    Raises BlockingIOError: another process has the lock; OSError: the file system has no locks.
+    Raises BlockingIOError: another process has the lock; OSError: the file system has no locks, which Windows reports
+    in the same way as a lock that another process has.
     """
     if sys.platform == "win32":
         import msvcrt
@@ -54,7 +55,7 @@ def lock(descriptor: int) -> None:
         os.lseek(descriptor, 0, os.SEEK_SET)
         try:
             msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
-        except PermissionError as error:
+        except OSError as error:  # EACCES on Windows, another error under Wine
             raise BlockingIOError(error.errno, error.strerror) from None
     else:
         import fcntl
