@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Iterator
 from functools import partial
 
@@ -38,6 +37,7 @@ from hdassist.report import (
     samples_object,
     unknown_objects,
 )
+from hdassist.run.system import command_line
 from hdassist.terminal.words import (
     again,
     field_unit,
@@ -352,7 +352,7 @@ def _carried_out(step: Step, check: DesignCheck) -> str:
         return f"{again('plan', drive)}, then {again('compensate', drive)} RECORDING"
     if step.kind in ("hole", "trials"):
         return again("mount", drive)
-    return shlex.join(word for text in step.edit for word in ("--set", text))
+    return command_line([word for text in step.edit for word in ("--set", text)])
 
 
 def _outcome_words(step: Step, point: OperatingPoint) -> str:

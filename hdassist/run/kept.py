@@ -361,6 +361,7 @@ def _held(place: str, path: str, patience: float) -> int:
                 pass  # it was replaced meanwhile
             except BlockingIOError:
                 if time.monotonic() - begun > patience:
+                    os.close(descriptor)  # Windows removes no open file
                     words = f"{path} is being written by another run"
                     raise UsageError(words, "wait for it to end, or name another file") from None
                 time.sleep(0.05)
