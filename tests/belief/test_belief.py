@@ -58,7 +58,8 @@ def test_each_field_has_the_distribution_that_its_preset_gives_it():
 
 def test_an_uncertainty_counts_before_an_assumed_range_and_an_override_before_both():
     assert fields_of(J_N, "gears.j_n=18±1")["gears.j_n"].distribution == "normal"
-    assert fields_of(J_N, "gears.j_n=18") == {}
+    assert fields_of("gears.j_n=18") == {}
+    assert list(fields_of(J_N, "gears.j_n=18")) == ["gears.j_n"]  # a range that is stated beside the value counts
 
 
 def test_a_size_that_may_be_more_than_zero_has_a_direction():

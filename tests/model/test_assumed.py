@@ -49,7 +49,9 @@ def test_what_was_asked_for_is_not_assumed():
     said = "source.cam.W_0={kind: assumed, range: [0.55, 0.6], ref: judged}"
     (wave,) = (a for a in assumptions(loose(said)) if a.path == "cam.W_0")
     assert (wave.low, wave.high, wave.reason) == (0.55, 0.6, "judged")
-    assert "cam.W_0" not in {a.path for a in assumptions(loose(said, "cam.W_0=0.57"))}
+    assert "cam.W_0" not in {a.path for a in assumptions(loose("cam.W_0=0.57"))}
+    (stated,) = (a for a in assumptions(loose(said, "cam.W_0=0.57")) if a.path == "cam.W_0")
+    assert (stated.low, stated.high) == (0.55, 0.6)  # a range that is stated beside the value counts
 
 
 @pytest.mark.parametrize("ends", [(0.58, 0.58), (-0.1, 0.6), (0.55, 1e6), (0.6, 0.55)])
