@@ -332,7 +332,7 @@ def test_a_bound_that_moves_with_another_field_is_a_change_of_its_own():
 @pytest.mark.parametrize(
     "sets",
     [
-        ("gears.j_n=17", "supports.C_3=2500"),
+        ("gears.j_n=17±0.1", "supports.C_3=2500±10"),
         ("tolerances.F_i1=10", "tolerances.F_i2=10"),
         ("phases.xi_b=unknown", "tolerances.F_i2=5"),
         ("tolerances.e_hb=unknown", "gears.j_n=21"),
