@@ -11,6 +11,10 @@ with a memory, and a drift that may be bent. The truth is the range of the drive
 recorded cycle. A line off the orders comes back with another phase in the next cycle: PASS is judged by the recorded
 cycle, FAIL by the one in which the line adds most, and the interval may end in between.
 
+`--measure`: the recordings are files with lost rows, single readings far off and a step of the level in every fourth,
+which `measure` cleans. Parts of the cycle are judged by its two ends: PASS if the upper end meets a limit, FAIL if the
+lower one exceeds it.
+
 `--solved`: so many hidden drives of benchmarks/honesty.py, solved over the full cycle, are recorded four times each:
 the whole cycle, split, and twice a part of it.
 """
@@ -21,13 +25,17 @@ import argparse
 import time
 from collections import defaultdict
 from dataclasses import dataclass, field
+from io import BytesIO
 
 import numpy as np
 
 from benchmarks.sizes import solved_cycle
-from hdassist.errors import Verdict
+from hdassist.errors import HdassistError, Verdict
+from hdassist.measuring.full_cycle import FullCycle, full_cycle
+from hdassist.measuring.measure import measure
 from hdassist.model.geometry import Array
-from hdassist.recording.figures import range_figure
+from hdassist.readers.trace import TraceForm, read_trace
+from hdassist.recording.figures import RangeFigure, range_figure
 from hdassist.recording.positions import Recording, recording_from_columns
 from hdassist.recording.posterior import posterior_of_recording
 
@@ -145,11 +153,58 @@ def made_recording(rng: np.random.Generator, drive: MadeDrive | SolvedDrive, kin
     return recording_from_columns(turns, error, drive.ratio, sweep=sweep, time=stamps)
 
 
+def soiled(rng: np.random.Generator, recording: Recording) -> tuple[Array, Array]:
+    """Angles [rev] and errors of a recording with lost rows, readings far off and a step of the level."""
+    turns, error = recording.input_rev, recording.error_arcsec.copy()
+    if rng.random() < 0.25:
+        error += rng.uniform(20, 60) * (turns > rng.uniform(turns[0] + 2, turns[-1] - 2))
+    far_off = rng.choice(len(error), size=int(rng.integers(0, 4)), replace=False)
+    error[far_off] += rng.choice([-1, 1], len(far_off)) * rng.uniform(200, 500, len(far_off))
+    kept = rng.random(len(error)) > 0.02 * rng.random()
+    return turns[kept], error[kept]
+
+
+def file_of(turns: Array, error: Array) -> bytes:
+    """A file of a recording."""
+    rows = (f"{360 * turn:.6f},{value:.4f}" for turn, value in zip(turns.tolist(), error.tolist(), strict=True))
+    return "\n".join(["cam_deg,error_arcsec", *rows]).encode()
+
+
+@dataclass(frozen=True)
+class MeasuredFigure:
+    """The two ends of a recording by `measure`, as range_figure gives them."""
+
+    interval_arcsec: tuple[float, float]
+    has_few_samples: bool = False
+
+    def verdict(self, limit_arcsec: float) -> Verdict:
+        """PASS by the upper end, FAIL by the lower one."""
+        low, high = self.interval_arcsec
+        if high <= limit_arcsec:
+            return Verdict.PASS
+        return Verdict.FAIL if low > limit_arcsec else Verdict.INCONCLUSIVE
+
+
+def measured_figure(rng: np.random.Generator, recording: Recording) -> MeasuredFigure | None:
+    """The two ends by `measure`; None if it refuses the file or gives no upper end."""
+    trace = read_trace(BytesIO(file_of(*soiled(rng, recording))), TraceForm(robust=True))
+    try:
+        result = measure(trace, ratio=recording.ratio, may_be_noise=True)
+    except HdassistError:
+        return None
+    sweep = result.greatest
+    if not sweep.is_bound:
+        return None
+    found = full_cycle(result, sweep)
+    return MeasuredFigure(found.interval_arcsec) if isinstance(found, FullCycle) else None
+
+
 @dataclass
 class Tally:
     """Counts of a kind of recordings."""
 
     recordings: int = 0
+    refused: int = 0
     truth_below: int = 0
     truth_above: int = 0
     few_samples: int = 0
@@ -158,12 +213,21 @@ class Tally:
     verdicts: dict[tuple[float, Verdict], int] = field(default_factory=lambda: defaultdict(int))
 
 
-def judge(rng: np.random.Generator, name: str, tally: Tally, drive: MadeDrive | SolvedDrive, kind: str) -> None:
+def judge(
+    rng: np.random.Generator, name: str, tally: Tally, drive: MadeDrive | SolvedDrive, kind: str, *, by_file: bool
+) -> None:
     """Record a drive, add the answer to a tally and print it if the interval misses the truth or a verdict is wrong."""
     recording = made_recording(rng, drive, kind)
     begin = time.process_time()
-    figure = range_figure(posterior_of_recording(recording, seed=int(rng.integers(1 << 30))))
+    figure: RangeFigure | MeasuredFigure | None
+    if by_file:
+        figure = measured_figure(rng, recording)
+    else:
+        figure = range_figure(posterior_of_recording(recording, seed=int(rng.integers(1 << 30))))
     tally.seconds.append(time.process_time() - begin)
+    if figure is None:
+        tally.refused += 1
+        return
     truth, greatest = drive.ranges(float(recording.input_rev[0]))
     low, high = figure.interval_arcsec
     if not (low <= greatest and truth <= high):
@@ -186,23 +250,28 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--n", type=int, default=40, help="number of recordings")
     parser.add_argument("--solved", type=int, default=0, help="number of solved drives, four recordings each")
+    parser.add_argument("--measure", action="store_true", help="judge the two ends of `measure` on parts of the cycle")
     parser.add_argument("--seed", type=int, default=0, help="first seed")
     arguments = parser.parse_args()
     tallies: dict[str, Tally] = defaultdict(Tally)
     for number in range(arguments.n):
         is_typical = number % 2 == 0
-        kind = ("whole", "part", "split", "part")[number // 2 % 4]
+        kind = "part" if arguments.measure else ("whole", "part", "split", "part")[number // 2 % 4]
         name = f"{'typical' if is_typical else 'other'} {kind}"
         rng = np.random.default_rng([arguments.seed, number])
-        judge(rng, f"{name} {number}", tallies[name], made_drive(rng, is_typical), kind)
+        judge(rng, f"{name} {number}", tallies[name], made_drive(rng, is_typical), kind, by_file=arguments.measure)
     for number in range(arguments.solved):
         drive = SolvedDrive(*solved_cycle(number, arguments.seed))
-        for take, kind in enumerate(("whole", "split", "part", "part")):
+        kinds = ("part", "part", "part") if arguments.measure else ("whole", "split", "part", "part")
+        for take, kind in enumerate(kinds):
             rng = np.random.default_rng([arguments.seed, number, take])
-            judge(rng, f"solved {kind} {number}", tallies[f"solved {kind}"], drive, kind)
+            judge(rng, f"solved {kind} {number}", tallies[f"solved {kind}"], drive, kind, by_file=arguments.measure)
     heads = "interval holds | truth below, above | width | few samples | CPU s median, max"
     print(f"{'recordings':>16}: {heads} | PASS/FAIL/INCONCLUSIVE at {LIMITS} of the truth")
     for name, tally in sorted(tallies.items()):
+        if not tally.recordings:
+            print(f"{name:>16}: {tally.refused} without two ends")
+            continue
         held = tally.recordings - tally.truth_below - tally.truth_above
         decisions = "  ".join(
             "/".join(
@@ -214,10 +283,11 @@ def main() -> None:
             f"{name:>16}: {held} of {tally.recordings} | {tally.truth_below}, {tally.truth_above} | "
             f"{100 * np.median(tally.widths):.1f} % | {tally.few_samples} | "
             f"{np.median(tally.seconds):.1f}, {max(tally.seconds):.1f} | {decisions}"
+            f" | {tally.refused} without two ends"
         )
     wrong_pass = sum(t.verdicts[limit, Verdict.PASS] for t in tallies.values() for limit in LIMITS if limit < 1)
     wrong_fail = sum(t.verdicts[limit, Verdict.FAIL] for t in tallies.values() for limit in LIMITS if limit > 1)
-    print(f"wrong PASS {wrong_pass}, wrong FAIL {wrong_fail} of {2 * (arguments.n + 4 * arguments.solved)} each")
+    print(f"wrong PASS {wrong_pass}, wrong FAIL {wrong_fail} of {2 * sum(t.recordings for t in tallies.values())} each")
 
 
 if __name__ == "__main__":
