@@ -325,8 +325,10 @@ def compare(measurement: Measurement, drive: Drive, M_g: float, *, asked: Alignm
     """Compare a measured trace with a drive at a torque M_g [N*m].
 
     Arguments: measurement, of both directions as one, each with its own level: the model knows no friction; asked, how
-    the file counts. Raises UsageError for rolling balls; UntrustedError where an answer cannot be trusted.
+    the file counts. Raises UsageError for rolling balls; UntrustedError where an answer cannot be trusted, and for
+    errors whose size is not known.
     """
+    measurement.trace.require_known_scale()
     sweep, reader = measurement.directions[0], _RecordReader(measurement, drive, M_g, asked, run)
     fitter, base = reader.fitted(asked)
     record, unchanged = fitter.record, _explanation(base, base, fitter)

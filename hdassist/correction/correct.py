@@ -29,11 +29,12 @@ from hdassist.correction.records import (
     RecordedError,
     agreeing_drives,
     alike_lines,
-    drawn_lines,
+    drawn_errors,
     recorded_error,
     recorded_lines,
     solved_error,
     with_more_lines,
+    with_scale_spread,
 )
 from hdassist.error.waves import POINTS_A_TURN, WAVE_POINTS, ErrorLines, error_lines
 from hdassist.errors import UntrustedError, UsageError, Verdict
@@ -203,6 +204,9 @@ def correct(
     """
     records, prior = records or {}, prior_of(drive)
     if any(record.is_part for record in records.values()):
+        if any(record.scale_uncertainty for record in records.values()):
+            words = "a recording of part of the cycle whose guide rate, and with it the size of the error, is not known"
+            raise UntrustedError(words, "state the guide rate: --guide-rate ARCSEC/S")
         agreeing, misfit = agreeing_drives(drive, records, draws // 2 * 2 or RECORDED_DRAWS, run)
         return correction_of(drive, agreeing, records, form, run, misfit=misfit)
     if not (prior.fields and draws):
@@ -260,7 +264,8 @@ def correction_of(
 def _recorded_belief(lines: ErrorLines, record: RecordedError, run: Run) -> _LoadedError:
     """Error of drives that agree with a record of the full cycle; lines, of drives as this one may be."""
     visited = record.visited(lines.kinematics) if record.recorded_turns else None
-    error = _LoadedError(recorded_lines(lines, record, run), visited=visited)
+    recorded = with_scale_spread(recorded_lines(lines, record, run), record.scale_uncertainty, run.seed)
+    error = _LoadedError(recorded, visited=visited)
     return replace(error, F_ior_arcsec=record.F_ior_arcsec or float(error.range_of(error.lines.mean.curves)[0]))
 
 
@@ -466,7 +471,7 @@ def correction_alone(
 
     Arguments: asked, how the file counts; of two encoders that count alike their record shows which way the
     output turns; else output_turns says so: "with" the cam or "against" it. A table over the input needs neither that
-    nor the full cycle: of part of it, the correction is that of errors that agree with it (`drawn_lines`).
+    nor the full cycle: of part of it, the correction is that of errors that agree with it (`drawn_errors`).
     Raises UsageError for a table over the output turn without output_turns, and for angles of the output with another
     form than a table over the input; UntrustedError for another form from less than the full cycle.
     """
@@ -474,9 +479,9 @@ def correction_alone(
     way = output_turns or {1: "with", -1: "against"}.get(trace.sense)
     is_over_input = form.turn in ("cam", "half-cam")
     is_by_output = trace.angle_of == "output"
-    if is_by_output and is_over_input and not way:
+    if is_by_output and not way:
         way = "with"  # the input angle is then counted in the sense of the output
-    if gearing is None or (form.turn == "output" and not way) or (is_by_output and not is_over_input):
+    if gearing is None or (not is_over_input and (is_by_output or (form.turn == "output" and not way))):
         raise UsageError(
             "a record alone does not tell whether cam and output turn the same way",
             "say it: --output-turns against (a fixed rigid wheel) or with, beside cam angles; or take a preset",
@@ -499,7 +504,10 @@ def correction_alone(
     if is_drawn:
         record = replace(record, is_part=True)
         visited = record.visited(kinematics) if found.is_of_travel else None
-        error = _LoadedError(drawn_lines(found, kinematics, asked), visited=visited)
+        drawn = drawn_errors(found, kinematics, asked)
+        lines = with_scale_spread(drawn.lines, record.scale_uncertainty, found.seed)
+        error = _LoadedError(lines, visited=visited)
+        error = replace(error, beyond=drawn.beyond_arcsec / np.maximum(error.ranges, np.finfo(float).tiny))
         return _fitted_correction(None, {M_g: error}, form, {M_g: record}, trace.file)
     error = _recorded_belief(none_known, record, Run(seed=found.seed))
     return _fitted_correction(None, {M_g: error}, form, {M_g: record}, trace.file)

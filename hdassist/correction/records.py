@@ -24,6 +24,7 @@ from hdassist.error.cycle import kinematic_error
 from hdassist.error.waves import POINTS_A_TURN, Complex, ErrorLines, error_lines
 from hdassist.errors import Fault, UntrustedError
 from hdassist.measuring.fit import COVERAGE_FACTOR
+from hdassist.measuring.full_cycle import cleaned_recording
 from hdassist.measuring.measure import Measurement
 from hdassist.model.deviations import unknowns
 from hdassist.model.geometry import Array, Kinematics
@@ -68,7 +69,8 @@ class RecordedError:
     """Error F_kpp [arcsec] that was read where the cam had turned so far from the record's zero, shape (readings,).
 
     is_part: whether that is less than the full cycle; recorded_turns: first and last of a travel that was recorded,
-    None of others; F_ior_arcsec: as `measure` states it, None of a solved error; sha256: of its file.
+    None of others; F_ior_arcsec: as `measure` states it, None of a solved error; sha256: of its file;
+    scale_uncertainty: relative standard uncertainty of one factor of all errors.
     """
 
     cam_turns: Array
@@ -77,6 +79,7 @@ class RecordedError:
     recorded_turns: tuple[float, float] | None = None
     F_ior_arcsec: float | None = None
     sha256: str = ""
+    scale_uncertainty: float = 0.0
 
     def visited(self, kinematics: Kinematics) -> NDArray[np.bool_]:
         """Points of the curves of lines in the travel that was recorded, all of the full cycle."""
@@ -233,46 +236,76 @@ def recorded_error(measurement: Measurement, kinematics: Kinematics, asked: Alig
     found = RecordedError(alignment.sense * sweep.bins.turns, alignment.sign * sweep.fit.error, sweep.is_bound)
     if measurement.is_of_travel and not sweep.is_bound:
         found = found.filled(kinematics, alignment.sign * (sweep.fit.error - sweep.fit.residual))
-    return replace(found, F_ior_arcsec=measurement.F_ior_arcsec, sha256=measurement.trace.sha256)
+    return replace(
+        found,
+        F_ior_arcsec=measurement.F_ior_arcsec,
+        sha256=measurement.trace.sha256,
+        scale_uncertainty=measurement.trace.scale_uncertainty,
+    )
 
 
-def drawn_lines(measurement: Measurement, kinematics: Kinematics, asked: Alignment) -> ErrorLines:
-    """Return lines of errors that agree with a recording, as of so many drives, by the posterior of its amplitudes.
+@dataclass(frozen=True, eq=False)
+class _DrawnErrors:
+    """Errors that agree with a recording, as of so many drives.
 
-    Lines that the recording does not determine, such as sidebands of a part of the cycle, differ from draw to draw.
-
-    Arguments: measurement of one direction, with its ratio.
-    kinematics: of the drive.
-    asked: how the file counts.
-    Raises UntrustedError for fewer input revolutions than two and for sweeps in both directions; DataError for a ratio
-    whose cycle is not that of the kinematics.
+    lines: waves of the input and the output of each. beyond_arcsec: range that components off these waves can add,
+    shape (drives,): their phases differ from cycle to cycle.
     """
-    trace = measurement.trace
-    turns = sum(float(np.ptp(angles)) for angles in trace.by_sweep(trace.cam_deg)) / 360
+
+    lines: ErrorLines
+    beyond_arcsec: Array
+
+
+def drawn_errors(measurement: Measurement, kinematics: Kinematics, asked: Alignment) -> _DrawnErrors:
+    """Return errors that agree with a recording, by the posterior of its amplitudes.
+
+    Waves that the recording does not determine, such as sidebands of a part of the cycle, differ from draw to draw.
+    Both directions count as one, each sweep with a level of its own.
+
+    measurement: both directions as one, with the ratio.
+    kinematics: kinematics of the drive.
+    asked: how the file counts.
+    Raises UntrustedError for fewer input revolutions than two; DataError for readings that are no recording.
+    """
+    sweep, trace = measurement.directions[0], measurement.trace
+    turns = sweep.bins.span
     if turns < _FEWEST_TURNS:
-        words = f"{trace.file}: {turns:.2g} input revolutions"
+        words = f"{trace.file}: {turns:.2g} input revolutions in the longest sweep"
         raise UntrustedError(words, f"a table over the input needs {_FEWEST_TURNS:g} revolutions and more")
-    if len({sweep.direction for sweep in trace.sweeps}) > 1:
-        words = f"{trace.file}: part of the cycle, recorded in both directions"
-        raise UntrustedError(words, "record one direction for a table over the input, or the full cycle")
-    alignment = asked.of_file(trace, kinematics)
-    rows = trace.rows
-    sweep_numbers = [np.full(len(sweep), number) for number, sweep in enumerate(trace.sweeps)]
+    alignment, ratio = asked.of_file(trace, kinematics), abs(kinematics.u)
+    cleaned = cleaned_recording(sweep, ratio)
+    along = np.lexsort((cleaned.input_rev, cleaned.sweep))  # each sweep in the sense of growing angles
     recording = recording_from_columns(
-        input_rev=alignment.sense * trace.cam_deg[rows] / 360,
-        error_arcsec=alignment.sign * trace.error_arcsec[rows],
-        ratio=abs(kinematics.u),
-        sweep=np.concatenate(sweep_numbers),
-        time=None if trace.time_s is None else trace.time_s[rows],
+        input_rev=alignment.sense * cleaned.input_rev[along],
+        error_arcsec=alignment.sign * cleaned.error_arcsec[along],
+        ratio=ratio,
+        sweep=cleaned.sweep[along],
+        time=np.sort(cleaned.time),
     )
     posterior = posterior_of_recording(recording, seed=measurement.seed)
     chosen = np.linspace(0, len(posterior.amplitudes) - 1, RECORDED_DRAWS).astype(np.int64)
     cosines, sines = np.split(posterior.amplitudes[chosen], 2, axis=1)
     periods = posterior.pairs[:, 0] * posterior.cycle.numerator + posterior.pairs[:, 1] * posterior.cycle.denominator
-    per_cycle, line = np.unique(periods, return_inverse=True)
+    per_cycle, place = np.unique(periods, return_inverse=True)
     amplitude = np.zeros((RECORDED_DRAWS, len(per_cycle)), dtype=complex)
-    np.add.at(amplitude.T, line, (cosines - 1j * sines).T)
-    return ErrorLines(kinematics, per_cycle, amplitude, EMPTY)
+    np.add.at(amplitude.T, place, (cosines - 1j * sines).T)
+    beyond_arcsec = 2 * posterior.line_amplitudes[chosen].sum(axis=1)
+    return _DrawnErrors(ErrorLines(kinematics, per_cycle, amplitude, EMPTY), beyond_arcsec)
+
+
+def with_scale_spread(lines: ErrorLines, scale_uncertainty: float, seed: int) -> ErrorLines:
+    """Return lines of drives whose errors differ by a factor, normal around 1, that a recording leaves open.
+
+    lines: of so many drives.
+    scale_uncertainty: relative standard uncertainty of the factor.
+    seed: of the order of the factors.
+    """
+    if not scale_uncertainty:
+        return lines
+    drives = len(lines.amplitude)
+    normal = ndtri((np.arange(drives) + 0.5) / drives)
+    factors = 1 + scale_uncertainty * np.random.default_rng(seed).permutation(normal)
+    return replace(lines, amplitude=lines.amplitude * factors[:, None])
 
 
 def _whole_turns(turns: float, kinematics: Kinematics) -> float:

@@ -38,6 +38,7 @@ _PLAN = re.compile(  # as hdassist plan names it
     r"(?P<drive>.*), (?P<count>[0-9]{1,9}) positions(?: over (?P<turns>[0-9.e+-]+) output turns)?(?P<both> both ways)?"
 )
 _PLANNED_NEAR = 0.05  # of the step between positions: how far an approached position may lie off a planned one
+_ANGLE_ROLES = ("twist", "actual", "angle", "output")  # contents of a column of angles of the output
 _SAME_TARGET = 0.5  # arcsec: targets nearer than that are one
 
 
@@ -196,7 +197,7 @@ def bench_record(table: NumberTable, form: TraceForm | None = None) -> PositionR
     """
     form = form or TraceForm()
     columns = {role: table.roles.index(role) for role in table.roles}
-    angle = next((role for role in ("twist", "actual", "angle", "output") if role in columns), "")
+    angle = next((role for role in _ANGLE_ROLES if role in columns), "")
     is_trace = not (form.angle is form.angle_of is form.error is form.second is None)
     if "cam" in columns or is_trace:
         return None
@@ -219,8 +220,7 @@ def bench_record(table: NumberTable, form: TraceForm | None = None) -> PositionR
                 words = f"--error-unit {form.error_unit}: the positions have no column of deviations"
                 raise UsageError(words, "--angle-unit has the unit of their angles")
             asked = angles[-1] if angles else None
-            off = table.in_unit(columns[angle], angle, "deg", asked, "--angle-unit") - target
-            deviation = np.mod(off - off[0] + TURN_ARCSEC / 2, TURN_ARCSEC) - TURN_ARCSEC / 2  # from any zero
+            deviation = _from_any_zero(table.in_unit(columns[angle], angle, "deg", asked, "--angle-unit") - target)
         _require_deviations(table, deviation)
         return PositionRecord(table, target, deviation, np.sign(marks("side")))
     if "torque" in columns and angle and "error" not in columns:
@@ -243,30 +243,51 @@ def _run_sides(table: NumberTable) -> dict[int, int]:
 
 
 def _positions_of_runs(table: NumberTable, target_column: int, runs: dict[int, int], form: TraceForm) -> PositionRecord:
-    """Return the approaches of a table that has a row for each position and a column of deviations for each run.
+    """Return the approaches of a table that has a row for each position and a column for each run.
 
-    Arguments: table of numbers with the names of its columns.
+    The runs have deviations, or the angles that were reached if their names say so, as "run 1 measured fwd".
+
+    table: table of numbers with the names of its columns.
     target_column: number of the column of targets.
     runs: sides of the columns that have one run each, by their numbers.
     form: units that options state.
-    Raises UsageError for more than one unit of angles; PresetError for a name with a unit that is not understood;
-    DataError for readings that are no deviations.
+    Raises UsageError for a unit of a column that the table does not have; PresetError for a name with a unit that is
+    not understood, and for runs of both kinds; DataError for readings that are no deviations.
     """
     angles = form.angle_units
-    if len(angles) > 1:
+    asked = angles[0] if angles else None
+    roles = table.roles
+    are_angles = [roles[column] in _ANGLE_ROLES for column in runs]
+    if any(are_angles) and not all(are_angles):
+        raise table.fault("some runs have deviations, others angles", "write all runs in the same way")
+    if len(angles) > 1 and not any(are_angles):
         raise UsageError(f"--angle-unit {form.angle_unit}: positions with deviations have one column of angles")
-    target = table.in_unit(target_column, "target", "deg", angles[0] if angles else None, "--angle-unit")
-    deviations, sides = [], []
+    if form.error_unit is not None and any(are_angles):
+        words = f"--error-unit {form.error_unit}: the positions have no column of deviations"
+        raise UsageError(words, "--angle-unit has the unit of their angles")
+    target = table.in_unit(target_column, "target", "deg", asked, "--angle-unit")
+    readings, sides = [], []
     for column, side in runs.items():
-        words = "deviations, forward" if side > 0 else "deviations, backward"
-        deviations.append(table.in_unit(column, words, "arcsec", form.error_unit, "--error-unit"))
+        way = "forward" if side > 0 else "backward"
+        if any(are_angles):
+            reached = table.in_unit(column, f"angles, {way}", "deg", angles[-1] if angles else None, "--angle-unit")
+            readings.append(reached - target)
+        else:
+            readings.append(table.in_unit(column, f"deviations, {way}", "arcsec", form.error_unit, "--error-unit"))
         sides.append(np.full(len(target), float(side)))
+    deviation = np.concatenate(readings)
+    if any(are_angles):
+        deviation = _from_any_zero(deviation)
     unused = [name for column, name in enumerate(table.names) if column not in runs and column != target_column]
     if unused:
         table.notes.append(f"not used: {', '.join(unused)}")
-    deviation = np.concatenate(deviations)
     _require_deviations(table, deviation)
     return PositionRecord(table, np.tile(target, len(runs)), deviation, np.concatenate(sides))
+
+
+def _from_any_zero(off_arcsec: Array) -> Array:
+    """Return angles minus their targets [arcsec], shape (rows,), whatever zeros both have: 0 in the first row."""
+    return np.asarray(np.mod(off_arcsec - off_arcsec[0] + TURN_ARCSEC / 2, TURN_ARCSEC) - TURN_ARCSEC / 2)
 
 
 def _require_deviations(table: NumberTable, deviation_arcsec: Array) -> None:
@@ -321,7 +342,7 @@ def position_quantities(record: PositionRecord, *, seed: int = 0, draws: int = 2
 
 def _counted(number: int, noun: str) -> str:
     """Return a number with its noun, in the plural for more than one."""
-    return f"{number} {noun}{'s' * (number != 1)}"
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
 def seen_range(record: PositionRecord, quantities: Sequence[StatedQuantity]) -> SeenRange | None:

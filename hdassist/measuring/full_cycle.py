@@ -6,10 +6,10 @@ the prior, which is cautious. The recording passes through the cleaning of `meas
 removed, and a lag and a wind-up are taken off, so that the model gets the averages of the fit. The lower end stays that
 of the rules, so every command gives the same lower bound.
 
-The model holds only in its domain, and `reason_outside` is the one place that states it: the cycle is known, F'_ior
-counts over all of it, one direction, one torque, a recording of 12 % of the cycle or more, slow terms that are not
-much larger than the error of the orders (they may come from a wrong ratio), and enough effective samples. Outside it
-there is no upper end.
+The model holds only in its domain, and `reason_outside` is the one place that states it: the cycle and the size of the
+error are known, F'_ior counts over all of the cycle, one direction, one torque, a recording of 12 % of the cycle or
+more, slow terms that are not much larger than the error of the orders (they may come from a wrong ratio), and enough
+effective samples. Outside it there is no upper end.
 """
 
 from __future__ import annotations
@@ -53,6 +53,8 @@ def reason_outside(result: Measurement, sweep: SweepResult) -> str:
         return "the full cycle is not known"
     if result.gearing.travel:
         return "F'_ior counts over a travel, whose place in the cycle is not known"
+    if sweep.is_scale_bound:
+        return "the declination of the guide star is not known, and with it the size of the error"
     if sweep.direction == 0:
         return "both directions were taken as one"
     if result.trace.is_between_torques or len(sweep.fit.blocks) > 1 or _is_torque_changing(result, sweep):

@@ -419,8 +419,10 @@ def bench_report(
     positions = seen_range(record, found) if isinstance(record, PositionRecord) else None
     iso230 = positioning_test(record) if isinstance(record, PositionRecord) else None
     verdict = f"{_CHECKS[first.name].words} {first.arcsec:.2f}″"
+    values = [f"{q.name} {q.arcsec:.2f}{f' ± {_expanded(q):.2f}' if q in unsure else ''}″" for q in found]
     if positions is None and iso230 and iso230.figure("B"):
         verdict = _reversal_verdict(iso230)
+        values = [verdict, *values]
     once = "one approach a position: no uncertainty, and scatter widens the range by an unknown part"
     words = [word for q in unsure for word in ("--value", f"{q.name}={q.arcsec:.3g}±{_expanded(q):.2g}")]
     planned = positions and positions.M_g
@@ -436,7 +438,7 @@ def bench_report(
         verdict=verdict,
         blocks=(
             Table.by_row("", _STATED_COLUMNS, found),
-            *(_iso230_table(each) for each in [iso230] if each),
+            *([_iso230_table(iso230)] if iso230 else []),
             *(Table.by_row("places", _PLACES, each) for each in [places] * (len(places) > 1)),
             Facts.of([
                 ("F'_ior", _seen_words(positions) if positions else ""),
@@ -454,10 +456,7 @@ def bench_report(
             "places": as_objects(_PLACES, places),
             "seed": seed,
         },
-        line=", ".join([
-            *([verdict] if positions is None and iso230 and iso230.figure("B") else []),
-            *(f"{q.name} {q.arcsec:.2f}{f' ± {_expanded(q):.2f}' if q in unsure else ''}″" for q in found),
-        ]),
+        line=", ".join(values),
         about=table.file,
         warnings=(once,) * (len(unsure) < len(found)),
     )  # fmt: skip
@@ -476,7 +475,8 @@ def _reversal_verdict(test: PositioningTest) -> str:
 def _iso230_table(test: PositioningTest) -> Table:
     """Return the figures by the definitions of ISO 230-2 as a table; its title says how many approaches they are of."""
     needed = "" if test.is_complete else f", the standard requires {FEWEST_APPROACHES}"
-    number = f"{test.approaches} approach{'es' * (test.approaches != 1)} of each position and side{needed}"
+    noun = "approach" if test.approaches == 1 else "approaches"
+    number = f"{test.approaches} {noun} of each position and side{needed}"
     return Table.by_row(
         f"by the definitions of ISO 230-2, {number}; + forward, - backward", _ISO230_COLUMNS, test.figures
     )

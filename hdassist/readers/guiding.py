@@ -20,7 +20,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from math import cos, isfinite, nan, radians
+from math import cos, isfinite, isnan, nan, radians
 
 from hdassist.errors import DataError
 from hdassist.files import number_of
@@ -266,7 +266,7 @@ def _with_pulses_added(frames: Sequence[_Frame], rate_px_s: float) -> list[_Fram
 
     Raises DataError for a pulse without a direction, and for pulses that increase the distances.
     """
-    if any(frame.pulse_s != frame.pulse_s for frame in frames):
+    if any(isnan(frame.pulse_s) for frame in frames):
         raise DataError(
             "a guide log with pulses without a direction", "the column RADirection has E or W beside RADuration"
         )

@@ -16,7 +16,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from hdassist.errors import DataError, PresetError, UsageError
+from hdassist.errors import DataError, PresetError, UntrustedError, UsageError
 from hdassist.files import Readable
 from hdassist.model.geometry import Array
 from hdassist.preset.text import UnitError
@@ -308,6 +308,15 @@ class MeasuredTrace:
     def by_sweep(self, values: NDArray[Any]) -> list[NDArray[Any]]:
         """Values of all rows, shape (rows,), parted into those of each sweep."""
         return [values[sweep.rows] for sweep in self.sweeps]
+
+    def require_known_scale(self) -> None:
+        """Raise UntrustedError if the size of the errors depends on a guide rate that is not known exactly."""
+        if self.scale_uncertainty:
+            share = f"{100 * self.scale_uncertainty:.0f} %"
+            words = (
+                f"{self.file}: the guide rate, and with it the size of the error, has a standard uncertainty of {share}"
+            )
+            raise UntrustedError(words, "state the guide rate: --guide-rate ARCSEC/S")
 
     def one_way(self, sign: int) -> MeasuredTrace:
         """The trace with its sweeps in a direction alone; 0 for both."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -14,11 +15,12 @@ from hdassist.correction.forms import CorrectionForm, CorrectionTable
 from hdassist.errors import UntrustedError
 from hdassist.measuring.measure import measure
 from hdassist.model.geometry import Array
-from hdassist.readers.trace import read_trace
+from hdassist.readers.trace import TraceForm, read_trace
 from tests.process import run
 
 RATIO, PER_TURN, POINTS = 30, 40, 120
 TABLE = CorrectionForm("cam", POINTS)
+SPIKES = (100, 150, 233)  # rows of a file
 
 
 def error_at(turns: Array, beat: float = 0.0, slow: float = 0.0) -> Array:
@@ -89,15 +91,47 @@ def test_a_recording_that_was_begun_elsewhere_gives_the_table_of_the_same_angles
     assert np.abs(values[0] - values[1]).max() < 0.5
 
 
-def test_other_forms_few_revolutions_and_both_directions_are_refused():
+def test_other_forms_and_few_revolutions_are_refused():
     turns = np.arange(6 * PER_TURN + 1) / PER_TURN
     with pytest.raises(UntrustedError, match="of the full cycle"):
         corrected(recorded(turns, 1), CorrectionForm("output", 720))
     with pytest.raises(UntrustedError, match="input revolutions"):
         corrected(recorded(turns[: round(1.5 * PER_TURN)], 1))
-    both = np.concatenate([turns, turns[::-1]])
-    with pytest.raises(UntrustedError, match="both directions"):
-        corrected(recorded(both, 1))
+
+
+def test_both_directions_count_as_one():
+    turns = np.arange(6 * PER_TURN + 1) / PER_TURN
+    result = corrected(recorded(np.concatenate([turns, turns[::-1]]), 1), travel_deg=6 * 360 / RATIO)
+    assert truly_left(result, np.arange(1201) / 200) <= result.chosen.residuals[0].p95 < 3
+
+
+def test_spikes_that_measure_leaves_out_are_not_in_the_table():
+    turns = np.arange(8 * PER_TURN + 1) / PER_TURN
+    spiked = recorded(turns, 1).splitlines()
+    without = [line for row, line in enumerate(spiked) if row not in SPIKES]
+    for row in SPIKES:
+        angle, _, error = spiked[row].partition(",")
+        spiked[row] = f"{angle},{float(error) + 12}"
+    tables = []
+    for lines in (spiked, without):
+        trace = read_trace(("\n".join(lines) + "\n").encode(), TraceForm(robust=True), RATIO)
+        found = measure(trace, ratio=RATIO, together=True)
+        table = correction_alone(found, Alignment(), 1.0, TABLE, "against").correction
+        assert isinstance(table, CorrectionTable)
+        tables.append(table.error_arcsec)
+    assert tables[0] == pytest.approx(tables[1], abs=1e-6)
+
+
+def test_what_a_guide_rate_leaves_open_is_in_the_promise():
+    """Errors that may all be 10 % larger or smaller: a table that is right on the mean leaves 8 % and more of some."""
+    turns = np.arange(8 * PER_TURN + 1) / PER_TURN
+    trace = read_trace(recorded(turns, 1).encode(), None, RATIO)
+    left = {}
+    for uncertainty in (0.0, 0.1):
+        found = measure(replace(trace, scale_uncertainty=uncertainty), ratio=RATIO, together=True)
+        left[uncertainty] = correction_alone(found, Alignment(), 1.0, TABLE, "against").chosen.residuals[0].p95
+    assert left[0.0] < 3
+    assert left[0.1] == pytest.approx(1.645 * 0.1 * np.ptp(error_at(CYCLE)), rel=0.4)
 
 
 def test_a_telescope_mount_is_corrected_by_the_angle_of_its_axis(tmp_path):

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hdassist.errors import DataError
+from hdassist.errors import DataError, PresetError
 from hdassist.measuring.bench import PositionRecord, bench_record, position_quantities
 from hdassist.measuring.iso230 import PositioningTest, positioning_test
 from hdassist.model.geometry import Array
@@ -144,3 +144,20 @@ def test_a_run_in_another_unit_is_converted_and_one_without_a_known_unit_is_refu
     assert figures_of(positioning_test(arcmin))["B"] == pytest.approx(120)
     (tmp_path / "length.csv").write_text("target_deg;run1 fwd [um];run1 bwd [um]\n0;1;2\n90;3;5\n")
     assert run("measure", "length.csv", cwd=tmp_path).returncode == 4
+
+
+def test_runs_of_angles_give_the_figures_of_their_deviations():
+    rng = np.random.default_rng(4)
+    forward, backward = rng.normal(0, 20, (2, 5, 3))
+    names = ["target_deg", *(f"run {run + 1} measured {way} [deg]" for run in range(3) for way in ("fwd", "bwd"))]
+    rows = [";".join(names)]
+    for position in range(5):
+        cells = [str(10 * position)]
+        for pair in zip(forward[position].tolist(), backward[position].tolist(), strict=True):
+            cells += [f"{10 * position + 350 + deviation / 3600:.10f}" for deviation in pair]  # from another zero
+        rows.append(";".join(cells))
+    found = figures_of(positioning_test(positions_of("\n".join(rows) + "\n")))
+    expected = figures_of(positioning_test(positions_of(long_table(forward, backward))))
+    assert found == pytest.approx(expected, abs=1e-5)
+    with pytest.raises(PresetError, match="some runs have deviations"):
+        positions_of("target_deg;run 1 measured fwd [deg];run 1 bwd [arcsec]\n0;0;1\n90;90;2\n")

@@ -152,6 +152,7 @@ def test_an_unknown_declination_is_a_lower_bound_and_one_that_is_stated_counts(t
     (tmp_path / "log.txt").write_text(text)
     answer = json.loads(run("measure", "log.txt", "--ratio", "100", "--json", cwd=tmp_path).stdout)
     assert answer["directions"][0]["F_ior_is_lower_bound"] is True
+    assert answer["directions"][0]["full_cycle"] is None  # both of its ends would be without the declination
     refused = run("compensate", "log.txt", "--ratio", "100", "--torque", "1", cwd=tmp_path)
     assert refused.returncode == 4
     guided = head(declination="RA/Dec = Unknown") + guided_night().rows()
@@ -184,3 +185,10 @@ def test_options_of_a_guide_log_are_refused_with_another_file(tmp_path):
     (tmp_path / "trace.csv").write_text("cam_deg,error_arcsec\n" + "".join(f"{10 * k},{k % 7}\n" for k in range(200)))
     refused = run("measure", "trace.csv", "--ratio", "100", "--declination", "20", cwd=tmp_path)
     assert refused.returncode == 2
+
+
+def test_compare_refuses_an_error_whose_size_depends_on_the_guide_rate(tmp_path):
+    (tmp_path / "log.txt").write_text(head() + guided_night().rows())
+    refused = run("compare", "vzp160", "log.txt", "--torque", "80", cwd=tmp_path)
+    assert refused.returncode == 5
+    assert "--guide-rate" in refused.stderr
