@@ -42,10 +42,6 @@ def test_pages_that_it_names_are_there_and_each_is_named():
     assert named == {page.name for page in (ROOT / "docs").glob("*.md")} - {"index.md"}  # the site's start
 
 
-def test_it_is_short():
-    assert len(README.splitlines()) <= 80
-
-
 def test_public_names_are_there_with_their_types():
     for name in hdassist.__all__:
         assert getattr(hdassist, name) is not None
