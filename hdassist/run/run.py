@@ -99,9 +99,8 @@ class Run:
 
 UNCHECKED = Run(cross_check=None)  # in this process, no state solved again
 
-# --- engines of other packages, on one machine or many
+# --- dask: workers of another package, on one machine or many
 
-_ENGINES = {"dask": "distributed", "mpi": "mpi4py", "ray": "ray"}  # by the package that each needs
 _RETRIES = 3  # of a task whose worker was lost
 TIMEOUT = 10.0  # s for a scheduler to answer
 _Installation = Callable[[], object]  # all that the digits of an answer depend on, where it is called
@@ -149,84 +148,82 @@ def cluster(name: str, jobs: int, installation: _Installation) -> Iterator[Clust
     cannot be reached or begun; UntrustedError: it has lost the work, or a worker has another installation.
     """
     kind, _, address = name.partition("=")
-    if kind not in _ENGINES or (address and kind == "mpi"):
-        words = f"unknown executor: {name}"
-        raise UsageError(words, "one of dask, dask=tcp://HOST:PORT, mpi, ray, ray=HOST:PORT")
+    if kind != "dask":
+        raise UsageError(f"unknown executor: {name}", "one of dask, dask=tcp://HOST:PORT")
     try:
-        engine = _begun(kind, address, jobs, installation)
+        engine = _dask_cluster(address, jobs, installation)
     except ImportError as error:
-        words = f"--executor {kind} needs a package that is not installed: {error.name or error}"
-        raise UsageError(words, command_line(["pip", "install", f"hdassist[{kind}]"])) from None
-    except Exception as error:  # whatever an engine raises that does not begin
+        words = f"--executor dask needs a package that is not installed: {error.name or error}"
+        raise UsageError(words, command_line(["pip", "install", "hdassist[dask]"])) from None
+    except Exception as error:  # dask and its transports raise errors of many types when they cannot connect
         words = f"cannot reach or begin {name}: {str(error) or type(error).__name__}"
         raise DataError(words, "is its scheduler there, and open to this machine?", Fault.SYSTEM_LIMITS) from None
     try:
         yield engine
     except Exception as error:
-        if type(error).__module__.partition(".")[0] not in (*_ENGINES.values(), "dask", "concurrent"):
+        if type(error).__module__.partition(".")[0] not in ("distributed", "dask", "concurrent"):
             raise
-        words = f"{kind} has lost the work: {str(error) or type(error).__name__}"
+        words = f"dask has lost the work: {str(error) or type(error).__name__}"
         hint = "see the log of its scheduler; the same command goes on behind what is kept"
         raise UntrustedError(words, hint, Fault.WORKERS_LOST) from None
 
 
+_clusters = ExitStack()  # closes the clusters that this process has begun or is connected to
+
+
 @cache
-def _begun(kind: str, address: str, jobs: int, installation: _Installation) -> Cluster:
+def _dask_cluster(address: str, jobs: int, installation: _Installation) -> Cluster:
+    """Return the cluster of a scheduler, or of workers on this machine, begun once and kept until this process ends."""
     with ExitStack() as stack:
-        engine, size = {"dask": _dask, "mpi": _mpi, "ray": _ray}[kind](stack, address, count(jobs))
+        client = _dask_client(stack, address, count(jobs))
         _clusters.enter_context(stack.pop_all())
-    return Cluster(engine, size, installation)
-
-
-_clusters = ExitStack()  # that were begun or are connected
+    engine = client.get_executor(pure=False, retries=_RETRIES)
+    return Cluster(engine, lambda: sum(client.nthreads().values()), installation)
 
 
 @atexit.register
 def end_clusters() -> None:
     """End the engines that this process has begun, and leave those that ran already."""
     _clusters.close()
-    _begun.cache_clear()
+    _dask_cluster.cache_clear()
 
 
-def _dask(stack: ExitStack, address: str, jobs: int) -> tuple[Executor, Callable[[], int]]:
-    """A scheduler that runs, with TLS as its own configuration has it, or workers on this machine for us alone."""
-    config, distributed = import_module("dask.config"), import_module("distributed")
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what it says is said by the error
-    if not address:
-        # its ports are open to every user of the machine, and who reaches one may run code: TLS with a key of our own
-        silent = {"logging.distributed": "critical"}  # in the workers too
-        closed: dict[str, list[str]] = {f"distributed.{part}.http.routes": [] for part in ("scheduler", "worker")}
-        stack.enter_context(config.set({**silent, **closed}))
-        key = distributed.Security.temporary()
-        own = distributed.LocalCluster(
-            n_workers=jobs, threads_per_worker=1, host="127.0.0.1", protocol="tls://", security=key,
-            silence_logs=logging.CRITICAL, dashboard_address="127.0.0.1:0", scheduler_kwargs={"dashboard": False},
-        )  # fmt: skip
-        client = stack.enter_context(distributed.Client(stack.enter_context(own)))
-    else:
-        client = stack.enter_context(distributed.Client(address, timeout=TIMEOUT))
-    return client.get_executor(pure=False, retries=_RETRIES), lambda: sum(client.nthreads().values())
+def _dask_client(stack: ExitStack, address: str, worker_count: int) -> Any:
+    """Return a client of dask, closed with the stack.
 
-
-def _mpi(stack: ExitStack, _address: str, _jobs: int) -> tuple[Executor, Callable[[], int]]:
-    """The other processes of `mpiexec -n N python -m mpi4py.futures -m hdassist`."""
-    engine = stack.enter_context(import_module("mpi4py.futures").MPIPoolExecutor())
-    return engine, lambda: int(engine.num_workers)
-
-
-def _ray(stack: ExitStack, address: str, jobs: int) -> tuple[Executor, Callable[[], int]]:
-    """A cluster that runs, or workers on this machine."""
-    ray = import_module("ray")
-    options = {"address": address} if address else {"num_cpus": jobs, "include_dashboard": False}
-    ray.init(log_to_driver=False, logging_level=logging.CRITICAL, **options)
-    stack.callback(ray.shutdown)
-
-    class Tasks(Executor):
-        def submit(self, task: Callable[..., Any], /, *args: Any, **more: Any) -> Future[Any]:
-            future: Future[Any] = ray.remote(max_retries=_RETRIES)(task).remote(*args, **more).future()
-            return future
-
-    return Tasks(), lambda: int(ray.cluster_resources().get("CPU", 1))
+    Arguments:
+        stack: what is begun here ends with it.
+        address: of a running scheduler, with TLS as dask's own configuration has it; empty for workers on this machine.
+        worker_count: workers that are begun without an address.
+    """
+    config = import_module("dask.config")
+    distributed = import_module("distributed")
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # the error that cluster() raises has the message
+    if address:
+        return stack.enter_context(distributed.Client(address, timeout=TIMEOUT))
+    stack.enter_context(
+        config.set(
+            {
+                "logging.distributed": "critical",  # in the workers too
+                "distributed.scheduler.http.routes": [],
+                "distributed.worker.http.routes": [],
+            }
+        )
+    )
+    # Every user of the machine can connect to the ports of a local cluster, and a connection may run code: TLS with a
+    # key that only this process has.
+    local_cluster = distributed.LocalCluster(
+        n_workers=worker_count,
+        threads_per_worker=1,
+        host="127.0.0.1",
+        protocol="tls://",
+        security=distributed.Security.temporary(),
+        silence_logs=logging.CRITICAL,
+        dashboard_address="127.0.0.1:0",
+        scheduler_kwargs={"dashboard": False},
+    )
+    stack.enter_context(local_cluster)
+    return stack.enter_context(distributed.Client(local_cluster))
 
 
 # --- very many items

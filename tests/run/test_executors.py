@@ -173,7 +173,7 @@ def test_what_an_engine_raises_of_itself_is_a_lost_worker_and_what_the_work_rais
 @contextlib.contextmanager
 def lost() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(module, "_begun", lambda *_: None)
+        patch.setattr(module, "_dask_cluster", lambda *_: None)
         with cluster("dask", 1, installation):
             yield
 
@@ -182,8 +182,8 @@ def lost() -> Iterator[None]:
     ("name", "error", "words"),
     [
         ("slurm", UsageError, "unknown executor: slurm"),
-        ("mpi=host", UsageError, "unknown executor"),
-        ("ray", UsageError, r"needs a package that is not installed: ray"),
+        ("mpi", UsageError, "unknown executor: mpi"),
+        ("ray", UsageError, "unknown executor: ray"),
         ("dask=tcp://127.0.0.1:1", DataError, "cannot reach or begin dask=tcp://127.0.0.1:1"),
     ],
 )
@@ -191,8 +191,14 @@ def test_an_engine_that_cannot_be_had_is_refused(
     monkeypatch: pytest.MonkeyPatch, name: str, error: type[Exception], words: str
 ) -> None:
     monkeypatch.setattr(module, "TIMEOUT", 0.5)
-    monkeypatch.setitem(sys.modules, "ray", None)
     with pytest.raises(error, match=words), cluster(name, 1, installation):
+        pass
+
+
+def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    words = "needs a package that is not installed: distributed"
+    with pytest.raises(UsageError, match=words), cluster("dask", 0, installation):
         pass
 
 
