@@ -1,4 +1,4 @@
-"""What evidence narrows on a drive of which a data sheet is known: `python -m benchmarks.evidence [--draws 64]`.
+"""Reference data of a drive known from its data sheet, and what they narrow: `python -m benchmarks.evidence`.
 
 Prints the table of docs/unknown.md; `--picture` draws its figure from the table that stands there.
 """
@@ -11,14 +11,14 @@ from collections.abc import Iterator
 from pathlib import Path
 
 DOCS = Path(__file__).parents[1] / "docs"
-FIGURE = DOCS / "figures" / "evidence.svg"
+FIGURE = DOCS / "figures" / "reference-data.svg"
 M_G = 6.7
 STIFFNESS = ("catalogue.K_1=3.1e4", "catalogue.K_2=5.0e4", "catalogue.K_3=5.7e4")
 EVIDENCE: dict[str, tuple[str, ...]] = {
-    "nothing": (),
+    "no reference data": (),
     "K_1 to K_3 of the catalogue": STIFFNESS,
     "and its lost motion, at most 60″": (*STIFFNESS, "catalogue.lost_motion=60"),
-    "and F'_ior as mounted, 40 ± 3″": (
+    "and F'_ior as assembled, 40 ± 3″": (
         *STIFFNESS, "catalogue.lost_motion=60", f"measured.F_ior={{h0@{M_G}: 40 ± 3}}"
     ),
 }  # fmt: skip
@@ -26,7 +26,7 @@ WIDTH, ROW, LEFT, MOST = 720, 44, 250, 190.0  # of the figure; MOST arcsec at it
 
 
 def rows(draws: int) -> Iterator[tuple[str, list[float], list[float], float, int]]:
-    """A row for each evidence: its words, 5th, 50th and 95th percentile of F'_ior and W_0, effective samples of all."""
+    """Yield a row per set of reference data: words, percentiles 5, 50, 95 of F'_ior, W_0, effective samples, all."""
     from hdassist import load_preset
     from hdassist.belief.evidence import evidence_of
     from hdassist.belief.prior import prior_of
@@ -55,7 +55,7 @@ def rows_of_page() -> list[tuple[str, list[float]]]:
 
 
 def drawn() -> str:
-    """The figure: a bar from the 5th to the 95th percentile with the median, for each evidence."""
+    """The figure: a bar from the 5th to the 95th percentile with the median, for each set of reference data."""
     found = rows_of_page()
     height = ROW * len(found) + 50
 
