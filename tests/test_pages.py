@@ -108,11 +108,23 @@ def test_measure(tmp_path: Path):
     assert json.loads((tmp_path / "cycle.json").read_text())["schema"] == "hdassist.measure/1"
 
 
+def test_files(tmp_path: Path):
+    output = output_of("files.md", tmp_path)
+    for recording in ("guided.txt", "counts.csv"):
+        assert recording in output
+
+
 def test_correct(tmp_path: Path):
     output = output_of("correct.md", tmp_path)
     assert "vzp160, correction at 80 N·m: 1280 phasors leave 0.1 of 28.7″ (0 %)" in output
     assert len((tmp_path / "table.csv").read_text().splitlines()) == 1501
     assert json.loads((tmp_path / "correction.json").read_text())["schema"] == "hdassist.compensate/1"
+
+
+def test_controllers(tmp_path: Path):
+    output_of("controllers.md", tmp_path)
+    for table in ("achskw2.lis", "table.cfg"):
+        assert (tmp_path / table).stat().st_size > 0
 
 
 def test_plan(tmp_path: Path):
