@@ -256,6 +256,7 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
       hdassist measure run.csv --ratio 100 --error err_mdeg --drift linear
       hdassist measure run.csv --ratio 99.5 --angle enc1 --second enc2
       hdassist measure log.csv --joint J1=cam1,out1,100 --joint J2=cam2,out2,160
+      hdassist measure mount.csv --ratio 100 --period 862 --shafts belt=257s
       zcat run.csv.gz | hdassist measure - --ratio 100 --orders 1-6 --json
       hdassist measure run.csv --drive own.yaml --archive rig1 --serial 17-042
       hdassist measure --history 17-042 --archive rig1
@@ -272,6 +273,7 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
     ratio: float | None = None
     travel: float | None = None
     joint: list[str]
+    shafts: str | None = None
     seed: int = 0
 
     def run(self) -> int:
@@ -282,6 +284,7 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
             from hdassist.loading import load_preset
             from hdassist.measuring.measure import LoggedJoint, Measurement
             from hdassist.measuring.orders import gearing_of
+            from hdassist.measuring.shafts import parse_shafts
             from hdassist.pages.measure import bench_report, joint_lines, measure_report, repeats
 
             take = self.archiving(self.files)
@@ -291,6 +294,7 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
             form = self.reading()
             form.require_sound()
             gearing_of(drive, self.ratio)  # a wrong ratio is refused before any file is read
+            shafts = parse_shafts(self.shafts)
             joints = [LoggedJoint.of(text) for text in self.joint]
             if joints and (drive or self.ratio or self.archive):
                 raise UsageError("--joint has the ratio of each", "leave out --ratio, --drive and --archive")
@@ -304,14 +308,15 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
                     own, ratio = replace(form, angle=joint.angle, second=joint.second), joint.ratio
                     words, read = [*words, f"--angle={joint.angle}", f"--second={joint.second}"], own.measured
                 travel = self.travel or (drive and drive.acceptance.travel)
-                result = read(file, drive, ratio, seed=self.seed, travel_deg=travel)
+                result = read(file, drive, ratio, seed=self.seed, travel_deg=travel, shafts=shafts)
                 if not isinstance(result, Measurement):
                     if self.archive:
                         raise UsageError(f"{name}: positions and torque loops are not kept in an archive", "traces are")
                     return bench_report(result, drive, self.seed, words)
                 done.append(result)
                 take(result)
-                report = measure_report(result, drive, words, self.speed)
+                speed = form.output_speed(result.gearing.ratio) if result.gearing else self.speed
+                report = measure_report(result, drive, words, speed)
                 if not joint:
                     return report
                 values = {"joint": joint.name, **report.values}

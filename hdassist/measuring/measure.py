@@ -42,6 +42,7 @@ from hdassist.measuring.orders import (
     visited_angles,
 )
 from hdassist.measuring.residuals import with_lines, with_step, without_spikes
+from hdassist.measuring.shafts import Shaft, ShaftComponent, shaft_components
 from hdassist.measuring.slopes import (
     EncoderLag,
     RecordedTorque,
@@ -102,7 +103,7 @@ class SweepResult:
     raw_range_arcsec: of the readings themselves, drift taken off where asked; orders_of_cam: each with its beats;
     coverage: None where the ratio is not known; sources: of the uncertainty of F'_ior; torques: the least, the mean and
     the greatest, where the orders change with it, and torque_miss_arcsec, the most that lines between them miss.
-    is_scale_bound: whether all errors may be larger by one factor.
+    is_scale_bound: whether all errors may be larger by one factor. shafts: components of stated shafts.
     """
 
     direction: int
@@ -121,6 +122,7 @@ class SweepResult:
     torques: tuple[_TorqueRange, ...] = ()
     torque_miss_arcsec: float | None = None
     is_scale_bound: bool = False
+    shafts: tuple[ShaftComponent, ...] = ()
 
     @property
     def bins(self) -> Bins:
@@ -221,6 +223,7 @@ def measure(
     may_be_noise: bool = False,
     travel_deg: float | None = None,
     M_g: float | None = None,
+    shafts: Sequence[Shaft] = (),
 ) -> Measurement:
     """F'_ior, orders and coverage of a measured trace.
 
@@ -229,7 +232,7 @@ def measure(
     or quadratic, to take off; stated, standard uncertainties [arcsec] by source; seed of the bootstrap;
     together, both directions as one, which is then 0; may_be_noise, whether F'_ior need not be clear of its noise;
     travel_deg, of the output: F'_ior is the range of the error there, and slow terms are part of it; M_g, torque [N*m]
-    that is asked for, where the trace has a column of it.
+    that is asked for, where the trace has a column of it; shafts, beside the drive, whose components are wanted.
     Raises UsageError: a wrong argument; DataError: less than one cam turn in one direction, or another torque;
     UntrustedError: orders that the record does not resolve, or an F'_ior that is not clear of its noise.
     """
@@ -238,7 +241,9 @@ def measure(
     gearing = gearing and gearing.within(travel_deg)
     if M_g is not None:
         trace = at_torque(trace, M_g, drive.rated_torque if drive else 0.0)
-    record = _RecordUnderway(trace, gearing, drive, orders, drift, stated or {}, seed, together, may_be_noise, M_g)
+    record = _RecordUnderway(
+        trace, gearing, drive, orders, drift, stated or {}, seed, together, may_be_noise, M_g, shafts
+    )
     apart, alone = replace(record, together=False, may_be_noise=True), list[SweepResult]()
     if together:
         with suppress(HdassistError):
@@ -278,6 +283,7 @@ class _RecordUnderway:
     together: bool
     may_be_noise: bool
     M_g: float | None
+    shafts: Sequence[Shaft] = ()
 
     def __post_init__(self) -> None:
         """Begin without anything left out."""
@@ -351,7 +357,8 @@ class _RecordUnderway:
         if not fit.unmodelled < _UNMODELLED * found.range.value:
             size = f"{fit.unmodelled:.2g}″"
             self.warnings.append(f"error beyond the declared orders, {size}: declare more of them, or it drifts")
-        return found
+        shafts = shaft_components(self.trace.one_way(sign), fit, self.shafts, gearing)
+        return replace(found, shafts=shafts)
 
     def _require_ratio(self, fit: TraceFit) -> None:
         """Raise DataError if the beats of a record show another ratio than that of the drive, or of --ratio."""
@@ -595,6 +602,9 @@ class Reading(ClosedRecord, TraceForm):
         """The same of a trace; approached positions and torque loops as they were recorded."""
         table, gearing = read_record(file, self), gearing_of(drive, ratio)
         if record := bench_record(table, self):
+            if self.has_pace or how.get("shafts"):
+                words = f"{table.file} has positions or torque loops, which have no component of a shaft or time"
+                raise UsageError(words, "leave out --speed, --period and --shafts")
             return record
         trace = trace_of(table, self, gearing.ratio if gearing else None)
         orders, stated = parse_orders(self.orders or None), parse_stated(self.budget)

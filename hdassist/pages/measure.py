@@ -27,7 +27,7 @@ from hdassist.measuring.fit import COVERAGE_FACTOR, SLOWEST_ORDER
 from hdassist.measuring.full_cycle import FullCycle, full_cycle
 from hdassist.measuring.iso230 import FEWEST_APPROACHES, PositioningTest, positioning_test
 from hdassist.measuring.measure import Measurement, SweepResult
-from hdassist.measuring.orders import FULL_SHARE, GAP_PERIODS, STATED, UncertaintySource
+from hdassist.measuring.orders import FULL_SHARE, GAP_PERIODS, STATED, MeasuredOrder, UncertaintySource
 from hdassist.measuring.slopes import RecordedTorque, Reversal
 from hdassist.pages.curves import curve_of_turns, slope_words
 from hdassist.preset.fields import Drive
@@ -64,6 +64,7 @@ def _ends_text(interval: Sequence[float]) -> str:
 FORMATS: dict[str, Any] = {"direction_name": _DIRECTION_NAMES.__getitem__, "ends": _ends_text}  # of quantities
 _ORDER_COLUMNS = quantity_table("measure.orders", cause_or_none=lambda order: order.cause or None)
 _CYCLE, _BUDGET = quantity_table("measure.cycle"), quantity_table("measure.budget")
+_SHAFTS = quantity_table("measure.shafts", missing_or_none=lambda component: component.missing or None)
 _SWEEP_QUANTITIES = quantity_table(
     "measure.sweep",
     yes_or_no={True: "yes", False: "no"}.__getitem__,
@@ -105,6 +106,7 @@ def measure_report(
         why=(*_lower_bound(result, found), *_full_cycle_words(result, cycles[0])),
         blocks=(
             Table.by_row("", _columns(found), result.directions),
+            *([_shaft_table(found)] if found.shafts else []),
             Facts.of(_facts(result, drive, options, speed)),
             _curve(found),
         ),
@@ -186,9 +188,10 @@ def _facts(result: Measurement, drive: Drive | None, options: Sequence[str], spe
     if speed and (slope := result.slope_arcsec_per_deg):
         yield "slope", slope_words(*slope, speed, is_least=found.is_scale_bound)
     if found.lines:
-        lines = ", ".join(f"{line.per_cam_rev:.3f} ({line.amplitude_arcsec:.2f}″)" for line in found.lines)
+        lines = ", ".join(_line_words(line, found) for line in found.lines)
         rise = f"; in another cycle they may add {found.range.rise:.2f}″" if found.range.rise else ""
         yield "lines", f"off the orders: {lines}{rise}"
+    yield "shafts", _shaft_words(found)
     if reversal := result.reversal:
         yield "reversal", _reversal_words(reversal)
     if torque := result.torque:
@@ -208,6 +211,23 @@ def _facts(result: Measurement, drive: Drive | None, options: Sequence[str], spe
     yield "read as", "; ".join(result.notes)
     if file != STDIN:
         yield "next", _next_command(result, drive, options)
+
+
+def _line_words(line: MeasuredOrder, found: SweepResult) -> str:
+    """Return order and amplitude of a line, with the name of the stated shaft that it comes from."""
+    near = [each.shaft for each in found.shafts if each.is_line(line.per_cam_rev)]
+    return f"{line.per_cam_rev:.3f} ({', '.join([f'{line.amplitude_arcsec:.2f}″', *near])})"
+
+
+def _shaft_table(found: SweepResult) -> Table:
+    """Return the components of the stated shafts, without the reasons of those that are missing."""
+    title = "components of stated shafts: amplitude·cos(order·angle + phase)"
+    return Table.by_row(title, [column for column in _SHAFTS if column.key != "missing"], found.shafts)
+
+
+def _shaft_words(found: SweepResult) -> str:
+    """Return which components of shafts the recording does not determine, and why; empty for none."""
+    return "; ".join(f"{each.shaft}: {each.missing}" for each in found.shafts if each.missing)
 
 
 def _next_command(result: Measurement, drive: Drive | None, options: Sequence[str]) -> str:
@@ -318,6 +338,7 @@ def _sweep(found: SweepResult, cycle: FullCycle | str | None) -> Json:
     return {
         **as_object(_SWEEP_QUANTITIES, found),
         **{name: as_objects(_ORDER_COLUMNS, getattr(found, name)) for name in ("orders", "orders_of_cam", "lines")},
+        "shafts": as_objects(_SHAFTS, found.shafts),
         "budget": as_objects(_BUDGET, found.sources),
         "torques": [asdict(each) for each in found.torques],
         "torque_miss_arcsec": found.torque_miss_arcsec,

@@ -25,7 +25,7 @@ from math import cos, isfinite, isnan, nan, radians
 from hdassist.errors import DataError
 from hdassist.files import number_of
 
-_SIDEREAL = 15.041067  # arcsec/s: speed of an axis that follows the sky
+SIDEREAL_ARCSEC_S = 15.041067  # arcsec/s: speed of an axis that follows the sky
 _BEGINNINGS = ("Guiding Begins", "Calibration Begins")  # of sections, whose facts stand below
 _FACTS = {
     "scale": r"Pixel scale = ([-+0-9.]+)",
@@ -155,7 +155,7 @@ def guide_rows(lines: Sequence[str], form: GuideForm) -> GuideRows:
         where = f"declination {chosen.facts.declination:g} deg"
     notes = (
         f"a guide log of PHD2: lines {first + 1} to {last + 1}, {len(frames)} of {total} frames, {rate_words}; {where}",
-        f"error in right ascension over the angle at {_SIDEREAL:g} arcsec/s; its sense is not known",
+        f"error in right ascension over the angle at {SIDEREAL_ARCSEC_S:g} arcsec/s; its sense is not known",
     )
     table = tuple(rows.get(number, "") for number in range(len(lines)))
     return GuideRows(table, notes, is_unknown, uncertainty)
@@ -163,7 +163,7 @@ def guide_rows(lines: Sequence[str], form: GuideForm) -> GuideRows:
 
 def _row(frame: _Frame, arcsec_per_px: float) -> str:
     """Return the angle of the axis [deg] and its error [arcsec] as a row of a table."""
-    return f"{frame.time_s * _SIDEREAL / 3600:.7f} {frame.distance_px * arcsec_per_px:.4f}"
+    return f"{frame.time_s * SIDEREAL_ARCSEC_S / 3600:.7f} {frame.distance_px * arcsec_per_px:.4f}"
 
 
 def _sections(lines: Sequence[str]) -> Iterator[_Section]:

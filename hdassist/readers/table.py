@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from hdassist.errors import DataError, Finding, PresetError, UsageError
 from hdassist.files import GREATEST, MAX_LINE, Readable, TextFile, number_of
 from hdassist.preset.text import MAX_FINDINGS, ordered_findings, shown
-from hdassist.readers.guiding import GuideForm, guide_rows
+from hdassist.readers.guiding import SIDEREAL_ARCSEC_S, GuideForm, guide_rows
 from hdassist.readers.words import (
     ANGLES,
     DEFINITIONS,
@@ -82,6 +82,7 @@ class NumberTable:
     line of names; remarks: the first thousand; left_out: lines that are no rows of numbers, where that is allowed.
     sexagesimal: number of cells in degrees, minutes and seconds by the column; their values are in deg.
     is_lower_bound, scale_uncertainty: of the errors, see `guiding.GuideRows`.
+    deg_per_s: speed of the shaft of its angles, if these were made from times; 0 otherwise.
     """
 
     file: str
@@ -99,6 +100,7 @@ class NumberTable:
     sexagesimal: Counter[int] = field(default_factory=Counter)
     is_lower_bound: bool = False
     scale_uncertainty: float = 0.0
+    deg_per_s: float = 0.0
 
     @property
     def roles(self) -> list[str]:
@@ -553,14 +555,15 @@ def _readable_parts(text: TextFile, table: NumberTable, guide: GuideForm) -> Ite
                 rows = guide_rows(lines, guide)
                 table.notes += rows.notes
                 table.is_lower_bound, table.scale_uncertainty = rows.is_lower_bound, rows.scale_uncertainty
+                table.deg_per_s = SIDEREAL_ARCSEC_S / 3600
                 yield 1, "\n".join(rows.lines)
             else:
-                yield 1, "\n".join(_of_pe_file(lines, table.notes))
+                yield 1, "\n".join(_of_pe_file(lines, table))
         except DataError as error:
             raise PresetError([Finding(text.name, 1, 1, "", error.message, hint=error.hint)]) from None
 
 
-def _of_pe_file(lines: list[str], notes: list[str]) -> Iterator[str]:
+def _of_pe_file(lines: list[str], table: NumberTable) -> Iterator[str]:
     """Angle of the shaft that turns once a worm period, the cam, by motor steps, else by time."""
     facts = re.findall(r"^!(WormPeriod|StepsPerWorm)\s*=\s*([-+0-9.]+)", "\n".join(lines), re.MULTILINE)
     stated = {key: number_of(number) for key, number in reversed(facts)}  # the first of each
@@ -568,7 +571,8 @@ def _of_pe_file(lines: list[str], notes: list[str]) -> Iterator[str]:
     if not period > 0:
         raise DataError("a PE file of EQMOD without its !WormPeriod", "!WormPeriod=479 above the rows, in s")
     column, turn, by = (1, steps, "motor steps") if steps > 0 else (0, period, "time")
-    notes.append(
+    table.deg_per_s = 360 / period
+    table.notes.append(
         f"a PE file of EQMOD: a turn of the cam in the worm period of {period:g} s, by {by}; its sense is not known"
     )
     names = "cam_deg error_arcsec"

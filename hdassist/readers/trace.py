@@ -44,7 +44,9 @@ _FEW_ROWS = 5  # fewer rows are no move
 _SPIKE = 10.0  # median steps: longest first step after a restart
 _Angles = NDArray[np.float64]
 BY_ORDER = "columns by their order: cam angle, error"  # where none has a name
-_TIME_BY_ORDER = "columns by their order: time, error (--angle-unit deg for an angle)"  # where a speed is given
+_TIME_BY_ORDER = (  # if a speed or a period is given
+    "columns by their order: time, error (--angle-unit deg for an angle)"
+)
 MAX_TRACE_BYTES = 100_000_000
 _ARCSEC_PER_DEG = 3600.0
 LARGEST_ERROR = 7200.0  # arcsec, range of an error
@@ -200,7 +202,8 @@ class TraceForm:
     At most one of error and second, the column of the output's own encoder; angle_unit: of the angle and, behind a
     comma, of the second encoder, as angle_size reads them; wrap: angle [deg] after which the encoders begin again;
     robust: leave out rows that are no readings, and readings far off all others; speed: of the output [arcsec/s], by
-    which a column of time is read as its angle; declination [deg] and guide_rate [arcsec/s]: of a guide log.
+    which a column of time is read as its angle; period: of an input revolution [s], by which a column of time is read
+    as the angle of the input; declination [deg] and guide_rate [arcsec/s]: of a guide log.
     """
 
     angle: str | None = None
@@ -214,12 +217,15 @@ class TraceForm:
     speed: float | None = None
     declination: float | None = None
     guide_rate: float | None = None
+    period: float | None = None
 
     def require_sound(self) -> None:
-        """Raise UsageError for an unknown unit, a wrap that is none, or both error and second."""
+        """Raise UsageError for an unknown unit, a wrap that is none, both error and second, or speed and period."""
         angles = self.angle_units
         if self.error is not None and self.second is not None:
             raise UsageError("invalid --error with --second: expected the error or a second encoder, not both")
+        if self.speed is not None and self.period is not None:
+            raise UsageError("invalid --speed with --period: expected one of them", "each gives the angle at a time")
         if len(angles) > _ENCODERS:
             raise UsageError(f"invalid --angle-unit {self.angle_unit}: expected one unit for each encoder")
         times = [unit for unit in angles if plain_unit(unit) in TIMES]
@@ -233,6 +239,17 @@ class TraceForm:
                 raise UsageError(f"invalid {option} {unit}: {fault.message}", fault.hint) from None
         if self.wrap is not None and not (np.isfinite(self.wrap) and self.wrap >= _LEAST_WRAP):
             raise UsageError(f"invalid --wrap {self.wrap:g}: expected an angle of at least {_LEAST_WRAP:g} deg")
+
+    @property
+    def has_pace(self) -> bool:
+        """Return whether it states how fast a shaft turns, so that a time is an angle."""
+        return self.speed is not None or self.period is not None
+
+    def output_speed(self, ratio: float) -> float | None:
+        """Return the speed of the output [arcsec/s] that it states for a ratio of the drive, None for none."""
+        if self.period is None:
+            return self.speed
+        return WHOLE_TURN_DEG * _ARCSEC_PER_DEG / (self.period * ratio)
 
     @property
     def angle_units(self) -> list[str]:
@@ -275,8 +292,9 @@ class MeasuredTrace:
     robust: whether readings far off all others are left out. breaks: lines at which the level of the error steps.
     is_between_torques: whether the torque asked for lies between those of the sweeps, none of which has it.
     is_lower_bound: whether all errors may be larger by one factor. scale_uncertainty: relative standard uncertainty of
-    such a factor. time_s: of each row, None without
-    time stamps; load: torque [N*m] of each row, or the wind-up that it makes, None without.
+    such a factor. time_s: of each row, None without time stamps; turns_per_s: constant speed of the cam by which times
+    were read as angles, 0 for recorded angles; load: torque [N*m] of each row, or the wind-up that it makes, None
+    without.
     """
 
     file: str
@@ -299,6 +317,7 @@ class MeasuredTrace:
     is_between_torques: bool = False
     is_lower_bound: bool = False
     scale_uncertainty: float = 0.0
+    turns_per_s: float = 0.0
 
     @property
     def rows(self) -> NDArray[np.int64]:
@@ -412,6 +431,8 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
             step = max(step, hypot(by_cam, by_output))
     if ratio is not None:
         _require_ratio(table, other.index, cam, error, per_turn, sense)
+    if form.speed is not None and not table.deg_per_s and time_s is None:
+        table.deg_per_s = form.speed / _ARCSEC_PER_DEG * (1.0 if first.shaft == "output" else per_turn)
     try:
         moves = sweeps(cam)
     except AngleError as wrong:
@@ -438,6 +459,7 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
         table.file, table.sha256, cam, error, table.lines, step, tuple(moves), tuple(table.notes),
         first.shaft or "cam", sense, in_time, form.robust, time_s, torque, by_cam, dithered,
         is_lower_bound=table.is_lower_bound, scale_uncertainty=table.scale_uncertainty,
+        turns_per_s=table.deg_per_s / WHOLE_TURN_DEG * (per_turn if first.shaft == "output" else 1),
     )  # fmt: skip
 
 
@@ -511,11 +533,23 @@ def _require_ratio(table: NumberTable, column: int, cam: Array, error: Array, ra
     if not fitting:
         return
     words = " or ".join(f"{fit:.3f}" for fit in fitting)
-    hint = "--ratio, or the preset, with the ratio that fits"
-    if any(abs(abs(fit - ratio) - 1) < _NEAR_ONE for fit in fitting):
-        hint += "; a ratio that differs by 1 has the other wheel fixed: the output is then on the circular spline"
+    hint = "--ratio, or the preset, with the ratio that fits" + _cause_of_ratio(fitting, ratio)
     grows = f"the error grows by {ramp:.5g} arcsec over {np.ptp(cam) / WHOLE_TURN_DEG:.3g} input revolutions"
     raise table.fault(f"{grows}: the ratio that fits is {words}, not {ratio:g}", hint, 0, column)
+
+
+def _cause_of_ratio(fitting: Sequence[float], ratio: float) -> str:
+    """Return the likely cause of a ratio that fits in place of a stated one, empty without a known one.
+
+    With the circular spline fixed the ratio is N, half the teeth of the flexspline; with the flexspline fixed it is
+    N + 1. A recording of an error of unknown sign fits the one or the other of two ratios.
+    """
+    larger = any(abs(fit - ratio - 1) < _NEAR_ONE for fit in fitting)
+    smaller = any(abs(ratio - fit - 1) < _NEAR_ONE for fit in fitting)
+    up = f"{ratio + 1:g}: the flexspline is fixed, and the output is on the circular spline"
+    down = f"{ratio - 1:g}: the circular spline is fixed, and the output is on the flexspline"
+    causes = [*[up] * larger, *[down] * smaller]
+    return f"; the likely cause of {'; of '.join(causes)}" if causes else ""
 
 
 def _leap_in(values: Array) -> int | None:
@@ -570,16 +604,19 @@ def _columns(table: NumberTable, form: TraceForm) -> tuple[_TraceColumn, _TraceC
     """
     kinds = table.roles or [""] * table.values.shape[1]
     if len(kinds) == 2 and not any(kinds):
-        is_time = form.speed is not None and form.angle_unit is form.angle_of is None
+        is_time = form.has_pace and form.angle_unit is form.angle_of is None
         kinds = ["time" if is_time else "cam", "error"]
         table.notes.append(_TIME_BY_ORDER if is_time else BY_ORDER)
     kind = next((kind for kind in ("cam", "angle", "output") if kind in kinds), "angle")
     if kind not in kinds and kinds.count("time") == 1:
-        kind = "time"  # read by the speed of the output, or refused with that option
+        kind = "time"  # read by the speed of the output or the period of the input, or refused with these options
     angle = _column(table, form.angle, kinds, kind, "angle")
     is_time = _is_time(table, angle, kinds[angle], form)
+    if form.period is not None and not is_time:
+        words = f'--period is for a column of time; "{table.name(angle)}" of {table.file} has angles'
+        raise UsageError(words, "leave out --period, or name the column of time: --angle NAME")
     if is_time:
-        kinds[angle] = "output"
+        kinds[angle] = "output" if form.period is None else "cam"
     shaft: _Shaft = form.angle_of or ("output" if kinds[angle] == "output" else "cam")
     kinds[angle] = ""
     by_second = form.second is not None or (form.error is None and "error" not in kinds and "output" in kinds)
@@ -610,21 +647,34 @@ def _is_time(table: NumberTable, index: int, kind: str, form: TraceForm) -> bool
 
 
 def _by_time(table: NumberTable, index: int, form: TraceForm) -> _TraceColumn:
-    """Return a column of time as the angle of the output, which turns at the speed of the form.
+    """Return a column of time as the angle of a shaft that turns at a constant speed.
 
-    Raises PresetError if the form has no speed; UsageError if it has the angle as that of the cam.
+    The shaft is the output if the form has a speed, and the input if it has a period.
+    Raises PresetError if the form has neither; UsageError if it has the angle as that of the other shaft.
     """
-    if form.speed is None:
+    if not form.has_pace:
         message = f'"{table.name(index)}" is a time, not an angle'
-        hint = "--speed ARCSEC/S of the output reads it as its angle, or name a column of angles: --angle NAME"
+        hint = (
+            "state the speed of the output (--speed ARCSEC/S) or the period of an input revolution (--period S), "
+            "or name a column of angles: --angle NAME"
+        )
         raise table.fault(message, hint)
-    if form.angle_of == "cam":
+    shaft: _Shaft = "output" if form.period is None else "cam"
+    if form.angle_of not in (None, shaft):
+        option, part = ("--speed", "output") if form.period is None else ("--period", "input")
         raise UsageError(
-            "--angle-of cam does not go with a column of time", "--speed is that of the output: leave out --angle-of"
+            f"--angle-of {form.angle_of} does not go with a column of time and {option}",
+            f"{option} is that of the {part}: leave out --angle-of",
         )
     unit = table.unit_of(index, "time", "s", TIMES, form.angle_unit, "--angle-unit")
-    table.notes[-1] += f", the output angle at {form.speed:g} arcsec/s (--speed)"
-    return _TraceColumn(index, "output", unit, TIMES[unit] * form.speed)
+    if form.period is None:
+        arcsec_per_s = form.speed or 0.0
+        table.notes[-1] += f", the output angle at {arcsec_per_s:g} arcsec/s (--speed)"
+    else:
+        arcsec_per_s = WHOLE_TURN_DEG * _ARCSEC_PER_DEG / form.period
+        table.notes[-1] += f", the input angle at one revolution in {form.period:g} s (--period)"
+    table.deg_per_s = arcsec_per_s / _ARCSEC_PER_DEG
+    return _TraceColumn(index, shaft, unit, TIMES[unit] * arcsec_per_s)
 
 
 def _column(table: NumberTable, asked: str | None, kinds: Sequence[str], kind: str, option: str) -> int:

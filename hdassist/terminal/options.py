@@ -329,6 +329,7 @@ class TraceOptions(OptionGroup):
     speed: float | None = None
     declination: float | None = None
     guide_rate: float | None = None
+    period: float | None = None
 
     def reading(self) -> Reading:
         """How files are read and looked at."""

@@ -42,6 +42,21 @@ def test_an_error_of_unknown_sign_names_both_ratios() -> None:
     assert [float(ratio) for ratio in named] == pytest.approx([101.0, 99.02], abs=0.01)
 
 
+@pytest.mark.parametrize(
+    ("fitting", "stated", "part"), [(101.0, 100.0, "circular spline"), (100.0, 101.0, "flexspline")]
+)
+def test_the_hint_names_the_part_on_which_the_output_is(fitting: float, stated: float, part: str) -> None:
+    with pytest.raises(PresetError) as refused:
+        read_trace(recording(fitting), TWO_ENCODERS, stated)
+    assert refused.value.findings[0].hint.endswith(f"the output is on the {part}")
+
+
+def test_another_ratio_has_no_cause_in_its_hint() -> None:
+    with pytest.raises(PresetError) as refused:
+        read_trace(recording(100.5), TWO_ENCODERS, 100.0)
+    assert "output is on" not in refused.value.findings[0].hint
+
+
 @pytest.mark.parametrize("drift_arcsec", [0.0, 30.0, -100.0, 1000.0])
 def test_a_drift_is_no_other_ratio(drift_arcsec: float) -> None:
     turns = 100 if abs(drift_arcsec) > 100 else 10  # 1000 arcsec in an output revolution are still no ratio

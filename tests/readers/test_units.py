@@ -251,6 +251,29 @@ def test_time_without_a_speed_is_no_angle(tmp_path) -> None:
         done = run("measure", "pe.csv", "--ratio", "100", *options, cwd=tmp_path)
         assert done.returncode == 4
         assert "--speed" in done.stderr
+        assert "--period" in done.stderr
+
+
+@pytest.mark.parametrize("names", ["time_s,error_arcsec", "time_min,error_arcsec", ""])
+def test_time_is_read_by_the_period_of_the_input(names: str, tmp_path) -> None:
+    size = 60 if "min" in names else 1
+    data = text([SECONDS / size, WORM], names or "x,y", digits=6)
+    (tmp_path / "pe.csv").write_text(data if names else data.partition("\n")[2])
+    done = run("measure", "pe.csv", "--ratio", "100", "--period", "861.64", "--json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    second = next(order for order in found["directions"][0]["orders"] if abs(order["per_cam_rev"] - 2) < 0.01)
+    assert second["amplitude_arcsec"] == pytest.approx(20, abs=0.2)
+    assert found["rate_arcsec_per_s"] == pytest.approx(0.292, abs=0.01)
+
+
+def test_a_period_that_cannot_be_used_is_refused(tmp_path) -> None:
+    (tmp_path / "pe.csv").write_text(text([SECONDS, WORM], "time_s,error_arcsec"))
+    (tmp_path / "angles.csv").write_text(text([SECONDS, WORM], "cam_deg,error_arcsec"))
+    both = run("measure", "pe.csv", "--speed", "15.041", "--period", "861.64", cwd=tmp_path)
+    angles = run("measure", "angles.csv", "--period", "861.64", cwd=tmp_path)
+    output = run("measure", "pe.csv", "--period", "861.64", "--angle-of", "output", "--ratio", "100", cwd=tmp_path)
+    assert (both.returncode, angles.returncode, output.returncode) == (2, 2, 2)
 
 
 def test_pitch_files_have_the_same_words() -> None:

@@ -1,0 +1,222 @@
+"""Components of a recording that repeat with stated shafts beside the drive: belts, pulleys, motors.
+
+A shaft turns f times in an input revolution. Its component a cos(2 pi f x + phase) over the input angle x is fitted
+together with the orders of the drive, the slow terms and the lines of the recording, so that none of them takes its
+share. A shaft is left without a component if the recording does not distinguish it from an order of the drive, from
+another shaft, from slow terms, or if the readings are too far apart.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hdassist.errors import DataError, UsageError
+from hdassist.files import number_of
+from hdassist.measuring.fit import RESOLVED_GAP, TraceFit, distance, fit_orders
+from hdassist.measuring.orders import Gearing
+from hdassist.measuring.terms import bins_of
+from hdassist.model.geometry import Array
+from hdassist.readers.trace import MeasuredTrace
+from hdassist.readers.words import TIMES
+
+_FEWEST_PERIODS = 3.0  # revolutions of a shaft in a recording: below, it looks like drift
+_READINGS_PER_PERIOD = 2.5  # at least
+_UNEVEN_REVOLUTION = 0.1  # of a shaft: how far its angle may be off that at a constant speed
+_SAME_LINE = 1e-6  # of an order: rounding
+_LARGEST = 1e6  # revolutions of a shaft in one of the input or output, seconds of a revolution
+_SHAFT_HINT = (
+    "a period, or revolutions per revolution of the input or output: belt=288s, motor=12/input, pulley=5/output"
+)
+
+
+@dataclass(frozen=True)
+class Shaft:
+    """A shaft beside the drive.
+
+    name: of the component.
+    text: its period or speed as it was stated.
+    period_s: time of a revolution, None if it was not stated.
+    per_rev: revolutions per revolution of the input or output, None if a period was stated.
+    is_of_output: whether they are per revolution of the output.
+    """
+
+    name: str
+    text: str
+    period_s: float | None = None
+    per_rev: float | None = None
+    is_of_output: bool = False
+
+
+@dataclass(frozen=True)
+class ShaftComponent:
+    """Component of a shaft in one direction of a recording: amplitude cos(per_cam_rev angle + phase).
+
+    shaft, stated: its name and what was stated of it.
+    per_cam_rev: revolutions in an input revolution.
+    period_s: time of a revolution, None without times.
+    measured_per_cam_rev: the same as the recording shows it, None if it shows no line there.
+    amplitude_arcsec, uncertainty_arcsec, phase_deg: None if the recording does not determine them.
+    missing: why it does not; empty if it does.
+    """
+
+    shaft: str
+    stated: str
+    per_cam_rev: float
+    period_s: float | None
+    measured_per_cam_rev: float | None = None
+    amplitude_arcsec: float | None = None
+    uncertainty_arcsec: float | None = None
+    phase_deg: float | None = None
+    missing: str = ""
+
+    def is_line(self, per_cam_rev: float) -> bool:
+        """Return whether a line of the recording at an order is that of the shaft."""
+        line = self.measured_per_cam_rev
+        return line is not None and abs(line - per_cam_rev) < _SAME_LINE * line
+
+
+def parse_shafts(text: str | None) -> tuple[Shaft, ...]:
+    """Return the shafts of a text such as "belt=288s,motor=12/input"; none without a text.
+
+    Raises UsageError for any other text, and for a name that is stated twice.
+    """
+    shafts: list[Shaft] = []
+    for part in text.split(",") if text is not None else ():
+        name, _, stated = part.strip().partition("=")
+        match = re.fullmatch(r"\s*([^\s/a-zA-Z]+)\s*(?:/\s*(input|output)|([a-z]+))\s*", stated)
+        amount = number_of(match[1]) if match else 0.0
+        unit = match[3] if match else None
+        if not name.strip() or match is None or not 0 < amount <= _LARGEST or (unit and unit not in TIMES):
+            raise UsageError(f"invalid --shafts {part}: expected NAME=PERIOD or NAME=N/input", _SHAFT_HINT)
+        if any(shaft.name == name for shaft in shafts):
+            raise UsageError(f"invalid --shafts {text}: {name} is stated twice", "state each shaft once")
+        if unit:
+            shafts.append(Shaft(name, stated.strip(), period_s=amount * TIMES[unit]))
+        else:
+            shafts.append(Shaft(name, stated.strip(), per_rev=amount, is_of_output=match[2] == "output"))
+    return tuple(shafts)
+
+
+def shaft_components(
+    trace: MeasuredTrace, fit: TraceFit, shafts: Sequence[Shaft], gearing: Gearing | None
+) -> tuple[ShaftComponent, ...]:
+    """Return the component of each shaft in one direction of a recording.
+
+    trace: recording in this direction, as the fit was made to it.
+    fit: its fit, with the lines that were found.
+    shafts: as they were stated.
+    gearing: of the drive, None if it is unknown.
+    Raises DataError for a period in a recording without times or at a speed that varies; UsageError for revolutions
+    per revolution of the output without a ratio.
+    """
+    if not shafts:
+        return ()
+    speed = _input_speed(trace) if any(shaft.period_s for shaft in shafts) or _has_times(trace) else None
+    orders = np.array([_order_of(shaft, trace, gearing, speed) for shaft in shafts])
+    _require_even_speed(trace, shafts, orders)
+    resolution = 1 / fit.bins.span
+    lines = [_line_near(fit, order, resolution) for order in orders.tolist()]
+    shown = np.array([order if line is None else line for order, line in zip(orders.tolist(), lines, strict=True)])
+    missing = [_missing(k, shown, shafts, trace, fit) for k in range(len(shafts))]
+    is_known = np.array([not words for words in missing])
+    fitted = _fitted(trace, fit, shown[is_known]) if is_known.any() else None
+    components = []
+    for shaft, order, line, place, words in zip(shafts, orders.tolist(), lines, shown, missing, strict=True):
+        period = shaft.period_s or (1 / (order * speed) if speed else None)
+        component = ShaftComponent(shaft.name, shaft.text, order, period, line, missing=words)
+        if fitted is not None and not words:
+            own = int(np.abs(fitted.orders - place).argmin())
+            _, amplitude, uncertainty, phase = fitted.wave(np.array([own]))
+            component = ShaftComponent(shaft.name, shaft.text, order, period, line, amplitude, uncertainty, phase)
+        components.append(component)
+    return tuple(components)
+
+
+def _has_times(trace: MeasuredTrace) -> bool:
+    """Return whether a recording has times, or angles that were made from times."""
+    return bool(trace.turns_per_s) or trace.time_s is not None
+
+
+def _input_speed(trace: MeasuredTrace) -> float | None:
+    """Return the mean speed of the input [turns/s], None for a recording without times."""
+    if trace.turns_per_s:
+        return trace.turns_per_s
+    if trace.time_s is None:
+        return None
+    sweeps = zip(trace.by_sweep(trace.cam_deg), trace.by_sweep(trace.time_s), strict=True)
+    turned, lasted = np.sum([(abs(angle[-1] - angle[0]) / 360, time[-1] - time[0]) for angle, time in sweeps], axis=0)
+    return float(turned / lasted)
+
+
+def _order_of(shaft: Shaft, trace: MeasuredTrace, gearing: Gearing | None, speed: float | None) -> float:
+    """Return the revolutions of a shaft in an input revolution."""
+    if shaft.per_rev is not None and not shaft.is_of_output:
+        return shaft.per_rev
+    if shaft.per_rev is not None:
+        if gearing is None:
+            raise UsageError(f"--shafts {shaft.name}={shaft.text} needs the ratio of the drive", "--ratio, or --drive")
+        return shaft.per_rev / gearing.ratio
+    if speed is None:
+        words = f"{trace.file}: --shafts {shaft.name}={shaft.text} is a time, and the recording has no times"
+        raise DataError(words, f"state its revolutions per input revolution: --shafts {shaft.name}=N/input")
+    return 1 / (float(shaft.period_s or 0.0) * speed)
+
+
+def _require_even_speed(trace: MeasuredTrace, shafts: Sequence[Shaft], orders: Array) -> None:
+    """Raise DataError if the input speed varies by so much that a period in seconds is no number of revolutions."""
+    if trace.turns_per_s or trace.time_s is None:
+        return
+    speed = _input_speed(trace) or 0.0
+    off = 0.0  # greatest departure of the input from a constant speed, turns
+    for angle, time in zip(trace.by_sweep(trace.cam_deg), trace.by_sweep(trace.time_s), strict=True):
+        away = np.abs(angle - angle[0]) / 360 - speed * (time - time[0])
+        off = max(off, float(np.ptp(away)) / 2)
+    for shaft, order in zip(shafts, orders.tolist(), strict=True):
+        if shaft.period_s and off * order > _UNEVEN_REVOLUTION:
+            words = (
+                f"{trace.file}: the input speed varies, so that the angle of {shaft.name} is uncertain by "
+                f"{off * order:.2g} revolutions"
+            )
+            raise DataError(words, f"state its revolutions per input revolution: --shafts {shaft.name}=N/input")
+
+
+def _line_near(fit: TraceFit, order: float, resolution: float) -> float | None:
+    """Return the order of the line of a fit that a recording does not resolve from an order, None without one."""
+    near = [line for line in np.asarray(fit.lines).tolist() if abs(line - order) <= RESOLVED_GAP * resolution]
+    return min(near, key=lambda line: abs(line - order), default=None)
+
+
+def _missing(place: int, orders: Array, shafts: Sequence[Shaft], trace: MeasuredTrace, fit: TraceFit) -> str:
+    """Return why a recording does not determine the component of a shaft, empty if it does."""
+    order, span = float(orders[place]), fit.bins.span
+    over = f"over {span:.4g} input revolutions"
+    if order * span < max(_FEWEST_PERIODS, fit.design.slow.periods):
+        return f"{order * span:.2g} revolutions are not distinguished from slow terms {over}"
+    steps = np.concatenate([np.diff(angles) for angles in trace.by_sweep(trace.cam_deg)]) / 360
+    highest = 1 / (_READINGS_PER_PERIOD * float(np.quantile(np.abs(steps[steps != 0]), 0.75)))
+    if order > highest:
+        return f"the readings resolve up to {highest:.3g} revolutions per input revolution, not {order:.4g}"
+    drive = fit.orders[~fit.is_line]
+    if float(distance(np.array([order]), drive)[0]) < RESOLVED_GAP / span:
+        declared = float(drive[np.abs(drive - order).argmin()])
+        whole = max(1, round(declared))
+        beside = "" if abs(declared - whole) < 1e-9 else " and its sidebands"
+        return f"not distinguished from order {whole:g} of the drive{beside} {over}"
+    for other in range(len(orders)):
+        if other != place and abs(float(orders[other]) - order) < RESOLVED_GAP / span:
+            return f"not distinguished from {shafts[other].name} {over}"
+    return ""
+
+
+def _fitted(trace: MeasuredTrace, fit: TraceFit, orders: Array) -> TraceFit:
+    """Return the fit to a recording with the orders of shafts in place of lines that it does not resolve from them."""
+    resolution = 1 / fit.bins.span
+    lines = np.asarray(fit.lines, dtype=float)
+    others = lines[distance(lines, np.sort(orders)) > RESOLVED_GAP * resolution] if len(lines) else lines
+    drive = fit.orders[~fit.is_line]
+    bins = bins_of(trace, max(float(drive[-1]), float(orders.max())))
+    return fit_orders(bins, drive, fit.design.slow, np.concatenate([others, orders]))
