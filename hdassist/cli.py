@@ -31,8 +31,8 @@ _Formatter: TypeAlias = Any
 
 _OTHERS = "Options"
 _SECTIONS = (  # of options, in their order; sections of commands stand before them
-    "Arguments", _OTHERS, "Drive", "Measured trace", "Measured teeth", "Trials", "Card", "Test sheet", "Lot", "Archive",
-    "Controller", "Answer", "Advanced",
+    "Arguments", _OTHERS, "Drive", "Recording", "Measured teeth", "Trials", "Card", "Test sheet", "Lot", "Archive",
+    "Controller", "Output", "Advanced",
 )  # fmt: skip
 _NOTE = re.compile(r"  \[(?:default: )?\(?([^;\]]*?)\)?(?:; [^\]]*)?\]$")  # default and range, as typer writes them
 _WIDEST = 31  # columns of names of options: --limit [NAME@TORQUE=]VALUE ...
@@ -112,8 +112,8 @@ def _require_memory() -> None:
     """Raise DataError where the addresses that a process may have (ulimit -v) do not hold numpy and its solvers."""
     limit = address_limit()
     if limit is not None and limit < _ADDRESSES:
-        words = f"the memory that a process may have is {limit / 1e6:.0f} MB: too little to compute with"
-        raise DataError(words, f"ulimit -v {_ADDRESSES // 1000} or more, in kB", Fault.SYSTEM_LIMITS)
+        words = f"the memory limit of a process, {limit / 1e6:.0f} MB, is too small to compute with"
+        raise DataError(words, f"raise the limit: ulimit -v {_ADDRESSES // 1000} or more, in kB", Fault.SYSTEM_LIMITS)
 
 
 def _process(parameter: Any, process: Callable[[_Context, Any], Any], ctx: _Context, value: Any) -> Any:
@@ -154,34 +154,34 @@ def _default(note: re.Match[str]) -> str:
 
 _SUMMARIES = {  # summary of each command by the section of the help in which it stands
     "Design": {
-        "check": "F'_ior over the full cycle, with verdict and proof",
-        "explore": "the drive on the screen: turn its knobs and its wheel",
-        "trace": "the error against the cam angle, with its orders",
-        "stiffness": "twist against torque, lost motion, K1, K2, K3",
-        "tolerance": "yield of random drives, as built and best mounted",
-        "sensitivity": "which tolerance to tighten first, and its gain",
-        "allocate": "the cheapest tolerances that reach a yield",
-        "sweep": "F'_ior over a grid of values of any fields",
-        "compare": "presets side by side; a trace over its prediction",
-        "report": "a drive on two pages, HTML or Markdown",
+        "check": "F'_ior over the full mesh cycle, with a verdict",
+        "explore": "change inputs and mounting angle interactively",
+        "trace": "error over the input angle, with its orders",
+        "stiffness": "torsion curve, lost motion, K1, K2, K3",
+        "tolerance": "production yield, as assembled and in the best hole",
+        "sensitivity": "rank tolerances by the gain from tightening them",
+        "allocate": "find the cheapest tolerances that reach a yield",
+        "sweep": "F'_ior over a grid of field values",
+        "compare": "compare presets, or a recording with its prediction",
+        "report": "two-page report as HTML or Markdown",
     },
     "Bench": {
-        "mount": "in which hole to bolt the fixed wheel; what to measure",
-        "trials": "mount by its old name",
-        "measure": "F'_ior, orders and coverage of measured traces",
-        "compensate": "how much a stored correction takes off, and its table",
+        "mount": "choose the bolt hole of the fixed wheel",
+        "trials": "old name of mount",
+        "measure": "F'_ior, orders and coverage of recordings",
+        "compensate": "compute a correction table and its residual error",
     },
     "Acceptance": {
-        "plan": "how much a test of F'_ior sees; which test is enough",
+        "plan": "how much of F'_ior a test captures, and which suffices",
         "accept": "PASS, FAIL or INCONCLUSIVE, for a drive or a lot",
     },
     "Data": {
-        "presets": "drives: list, show, validate, start",
-        "calibrate": "stiffnesses and clearances from measurements",
-        "doctor": "whether this installation can be relied on",
+        "presets": "list, show, validate and create drive presets",
+        "calibrate": "fit stiffnesses and clearances to measurements",
+        "doctor": "check this installation",
     },
     "Help": {
-        "explain": "meaning of a check, error, field, symbol or word",
+        "explain": "explain a check, error, field, symbol or term",
     },
 }
 COMMANDS = tuple(name for summaries in _SUMMARIES.values() for name in summaries)
@@ -202,7 +202,7 @@ def _loaded(name: str) -> Any:
     """A command, by name, loaded when it is called."""
     name, module = OTHER_NAMES.get(name, name), import_module(module_of(name))
     if name == "presets":
-        words = "Presets: list, show, check and start them."
+        words = "List, show, validate and create drive presets."
         app = typer.Typer(name=name, cls=_Commands, help=words, no_args_is_help=True, **_OPTIONS)
         classes = {part: f"Presets{part.title()}Command" for part in _PRESETS}
     else:
@@ -213,13 +213,13 @@ def _loaded(name: str) -> Any:
 
 
 _REMEDIES = {  # of an option that a command does not take
-    "--travel": "it is a field of the preset: --set acceptance.travel=300",
-    "--rule": "--set acceptance.rule=simple",
-    "--assume-phases": "--set phases.phi_hb=0, or what it is",
-    "--samples": "--draws N",
-    **dict.fromkeys(("--scheduler", "--scheduler-file"), "--executor dask=tcp://HOST:PORT"),
-    "--reseat": "--noise, the spread of repeats with the wheel mounted again",
-    "--trial": "hdassist mount PRESET h0=28.1 h4=17.3",
+    "--travel": "set the field of the preset: --set acceptance.travel=300",
+    "--rule": "set the field of the preset: --set acceptance.rule=simple",
+    "--assume-phases": "set the directions: --set phases.phi_hb=0",
+    "--samples": "use --draws N",
+    **dict.fromkeys(("--scheduler", "--scheduler-file"), "use --executor dask=tcp://HOST:PORT"),
+    "--reseat": "use --noise, the standard deviation of repeats with the wheel reinstalled",
+    "--trial": "list the trials after the preset: hdassist mount PRESET h0=28.1 h4=17.3",
 }
 
 
@@ -250,7 +250,7 @@ THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 app = typer.Typer(
     name="hdassist",
-    help="Kinematic error of harmonic drives, and how to make it less.",
+    help="Predict the kinematic error F'_ior of harmonic drives, and reduce it.",
     cls=_RootCommands,
     invoke_without_command=True,
     pretty_exceptions_enable=False,
@@ -272,11 +272,11 @@ def _global(
         bool, typer.Option("--version", "-V", callback=_version, is_eager=True, help="Show the version.")
     ] = False,
 ) -> None:
-    """Kinematic error of harmonic drives, and how to make it less.
+    """Predict the kinematic error F'_ior of harmonic drives, and reduce it.
 
     \b
-    hdassist check vzp160           a first answer
-    hdassist COMMAND -h             a command, examples first
+    hdassist check vzp160           try it on a drive of the library
+    hdassist COMMAND -h             examples and options of a command
     """
     if ctx.invoked_subcommand is None:
         typer.echo(_start_page(shutil.get_terminal_size().columns))
@@ -290,14 +290,14 @@ def _start_page(width: int) -> str:
         first, *others = textwrap.wrap(words, max(20, width - indent))
         return [f"{left}{bold(name.ljust(indent - len(left)))}{first}", *(" " * indent + other for other in others)]
 
-    lines = textwrap.wrap("Kinematic error F'_ior of harmonic drives, and how to reduce it.", width)
-    lines += ["", *row("  ", "hdassist check vzp160", "a first answer, about a drive of the library")]
+    lines = textwrap.wrap("Predict the kinematic error F'_ior of harmonic drives, and reduce it.", width)
+    lines += ["", *row("  ", "hdassist check vzp160", "try it on a drive of the library")]
     for section, summaries in _SUMMARIES.items():
         rows = [summary for summary in summaries.items() if summary[0] not in OTHER_NAMES]
         lines.append("")
         for head, (name, words) in zip([section, *[""] * (len(rows) - 1)], rows, strict=True):
             lines += row(f"{head:{_SECTION_COLUMNS}}", name, words)
-    more = "hdassist COMMAND -h has examples and options; hdassist -h those of all commands."
+    more = "hdassist COMMAND -h shows examples and options; hdassist -h lists all commands."
     return "\n".join([*lines, "", *textwrap.wrap(more, width)])
 
 
@@ -322,7 +322,7 @@ def run_command_line() -> None:
             hint = _REMEDIES.get(getattr(wrong, "option_name", ""), "")
             wrong.possibilities = wrong.possibilities if not hint else ()
         elif "unexpected extra argument" in wrong.message and _takes_one_preset(wrong.ctx.command):
-            hint = "hdassist compare A.yaml B.yaml sets presets side by side"
+            hint = "to compare presets, use hdassist compare A.yaml B.yaml"
         elif wrong.message.startswith(("Input should", "Value error")):  # of pydantic; others have the user's own words
             wrong.message = validation_words(wrong.message)
         error.show(shown)
@@ -366,7 +366,7 @@ def _say_of_cache() -> None:
         from hdassist.run.kept import FOLDER, keeps_answers, why_unsafe
 
         if keeps_answers() and (words := why_unsafe()):
-            _say(f"warning: {words}: no answers are kept or read there; {FOLDER} names another folder")
+            _say(f"warning: {words}: the cache is not used; set {FOLDER} to another folder")
 
 
 def _as_known(error: Exception) -> HdassistError:
@@ -374,28 +374,33 @@ def _as_known(error: Exception) -> HdassistError:
     if isinstance(error, HdassistError):
         return error
     if isinstance(error, MemoryError):
-        words, hint = "there is not memory enough for an answer", "fewer --jobs take less of it"
+        words, hint = "not enough memory for a result", "reduce --jobs"
         return UntrustedError(words, hint, Fault.MEMORY_SHORT)
     number = error.errno if isinstance(error, OSError) else None
     if number in _DEVICE_FAULTS:  # typer writes help and version; files say it themselves
         silence()  # or the rest of the buffer fails once more at the end
-        words, hint = f"cannot write: {os.strerror(number)}", "is standard output closed, or on a full device?"
+        words, hint = (
+            f"cannot write: {os.strerror(number)}",
+            "check that standard output is open and its device is not full",
+        )
         return DataError(words, hint, Fault.FILE_UNWRITABLE)
     if number in _SCARCE:
         words, hint = (
-            f"the system refuses: {os.strerror(number)}",
-            limits_hint("ulimit -a shows what a process may have"),
+            f"the system refused a resource: {os.strerror(number)}",
+            limits_hint("see the limits of a process with ulimit -a"),
         )
         return DataError(words, hint, Fault.SYSTEM_LIMITS)
     words = f"internal error: {type(error).__name__}: {error}"
-    return HdassistError(words, "this is a bug in hdassist; --debug shows where")
+    return HdassistError(words, "report this bug in hdassist, with the traceback that --debug shows")
 
 
 def _require_lines(arguments: list[str]) -> None:
     """Raise UsageError where an argument has a line break: it could forge a line of the output."""
     for text in arguments:
         if "\n" in text:
-            raise UsageError(f"a line break in {text[:60]!r}", "names, paths and values are written on one line")
+            raise UsageError(
+                f"an argument contains a line break: {text[:60]!r}", "write names, paths and values on one line"
+            )
 
 
 def _say(text: str, hint: str = "", fault: Fault | None = None) -> None:

@@ -156,7 +156,7 @@ def test_a_field_has_its_unit_range_and_default():
 def test_an_option_is_found_where_nothing_else_has_its_name():
     told = run("explain", "robust")
     assert told.returncode == 0
-    assert told.stdout.startswith("robust: Leave out faulty rows")
+    assert told.stdout.startswith("robust: Leave out")
     assert run("explain", "draws", "--json").stdout.count('"option"') == 0  # a word of the trade
     assert run("explain", "robustly").returncode == 2
 

@@ -31,7 +31,7 @@ _MOST_READINGS = 1_000_000  # of a list of positions: records of more rows are n
 
 
 class PlanCommand(o.PlotOptions, o.SamplingOptions, o.LimitedDriveOptions):
-    """How much of F'_ior a test sees, before it is made: which positions or which record are enough.
+    """Share of F'_ior that a test captures, and which positions or which recording are sufficient.
 
     \b
     Examples:
@@ -42,15 +42,17 @@ class PlanCommand(o.PlotOptions, o.SamplingOptions, o.LimitedDriveOptions):
       hdassist plan own.yaml --positions 36 --both --repeats 3 \\
           --encoders 0.5,1 --approach run.csv --sheet run.html
 
-    A test reads the output at some positions, from an angle that is not known, and takes the greatest less the least
-    error. It misses all that lies between, and does not see waves that come as often as there are positions. Each drive
-    that this one may be, by all that is not known exactly (docs/unknown.md), is put to each test, at the first torque
-    with a limit. Its teeth are rough, as real ones are (docs/plan.md). --approach writes the positions in the order in
-    which they are approached; with the angles that were read it is a file of measure and of accept --measured.
+    A test reads the output at some positions, starting from an unknown angle, and takes the largest minus the smallest
+    error. It misses extremes between the positions, and components whose number per revolution equals the number of
+    positions. Each drive sampled from the uncertain inputs (docs/unknown.md) is put to each test, at the first torque
+    with a limit. Its teeth are rough, as real ones are (docs/plan.md). --approach writes the positions in the sequence
+    in which they are approached; with the measured angles filled in, it is a file for measure and for accept
+    --measured.
 
-    A test is enough that keeps both shares of wrong verdicts, false PASS and false FAIL among all tested; without
-    a limit, one that sees 95 % of F'_ior in 95 % of cases. Exit codes: 0 a test (or the one asked about) is enough, 3
-    it is not, 6 that is open, 2 wrong options, 4 bad preset, 5 no trustworthy answer.
+    With a limit, a test is sufficient if it meets both allowed shares of wrong verdicts, false PASS and false FAIL
+    among all tested drives. Without one, it is sufficient if it captures 95 % of F'_ior in 95 % of cases. Exit codes: 0
+    a test (or the given one) is sufficient, 3 it is not, 6 undecided, 2 wrong options, 4 bad preset, 5 no trustworthy
+    result.
     """
 
     preset: str
@@ -79,7 +81,7 @@ class PlanCommand(o.PlotOptions, o.SamplingOptions, o.LimitedDriveOptions):
             used = (self.travel or drive.acceptance.travel) / 360
             return ReadingPlan.positions(self.positions, min(used, 1) if self.turns == 1 else self.turns, self.both)
         if self.both or self.turns != 1:
-            raise UsageError("--turns and --both are of a test to judge", "--positions 12")
+            raise UsageError("--turns and --both need a test to evaluate", "--positions 12")
         return None
 
     def report(self, out: Output, preset: str) -> Report:
@@ -91,11 +93,11 @@ class PlanCommand(o.PlotOptions, o.SamplingOptions, o.LimitedDriveOptions):
         from hdassist.planning import ApproachRun, EncoderData, PlanDemands, choose_plan
 
         if self.sheet is not None and self.sheet != "-" and not self.sheet.endswith((".html", ".txt")):
-            raise UsageError(f"a sheet cannot be written as {self.sheet!r}", "its name ends in .html or .txt")
+            raise UsageError(f"invalid name of a test sheet: {self.sheet!r}", "use a name that ends in .html or .txt")
         readings = (self.positions or 0) * self.repeats * (1 + self.both)
         if readings > _MOST_READINGS and not self.approach is self.sheet is None:
-            words = f"{self.positions} positions, {self.repeats} times: {readings} readings are no list to carry out"
-            raise UsageError(words, f"a file of positions has up to {_MOST_READINGS} readings")
+            words = f"{self.positions} positions, {self.repeats} times: {readings} readings are too many for a test"
+            raise UsageError(words, f"reduce --positions or --repeats to at most {_MOST_READINGS} readings")
         drive = self.load(preset)
         encoders = EncoderData.of(self.encoders) if self.encoders is not None else EncoderData()
         noise = hypot(self.noise, encoders.uncertainty_arcsec(abs(Kinematics.of(drive).u)))
@@ -138,7 +140,7 @@ class AcceptOptions(o.FigureOptions, o.SamplingOptions):
     def open(self) -> Output:
         """Where answers go. Raises UsageError and DataError unless each file has its own place, and can be written."""
         if self.jsonl == "-" or (self.resume and self.jsonl is None):
-            raise UsageError("answers of a lot are kept in a file", "--jsonl FILE")
+            raise UsageError("the results of a lot need a file", "give a file: --jsonl FILE")
         out = super().open()
         if self.jsonl is not None:
             take_output(self.jsonl, self.force, is_kept=self.resume)
@@ -146,7 +148,7 @@ class AcceptOptions(o.FigureOptions, o.SamplingOptions):
 
 
 class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOptions):
-    """PASS, FAIL or INCONCLUSIVE: drives held against the limits of their presets.
+    """PASS, FAIL or INCONCLUSIVE: drives compared with the limits of their presets.
 
     \b
     Examples:
@@ -160,13 +162,13 @@ class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOption
       grep -v '^17-04' lot.csv | hdassist accept - --preset my-drive.yaml
       hdassist accept --replay result.json
 
-    A limit is decided by the measured value, with its uncertainty and a decision rule (acceptance.rule), or else by the
-    model's prediction, as hdassist check does it. A trace passes only where --budget states encoder, coupling,
-    reseating and temperature, 0 allowed. hdassist explain CODE has the meaning of a check. A lot has a row for each
-    drive, with the columns serial, preset, measured or measured@80, pitch_b, pitch_g (files), mark_b, mark_g,
-    NAME[@TORQUE] (values like 28.1±1.2), limit NAME[@TORQUE], section.key (overrides). Exit codes: 0 PASS, 3 FAIL or a
-    replay that differs, 6 INCONCLUSIVE, 4 bad preset, file or no limit, 5 no trustworthy answer; of several drives the
-    worst, in the order 1, 5, 4, 3, 6, 0.
+    A limit is decided by the measured value, with its uncertainty and a decision rule (acceptance.rule), else by the
+    model's prediction, as in hdassist check. A recording passes only if --budget states encoder, coupling, reseating
+    and temperature; 0 is allowed. hdassist explain CODE explains a check. A lot has a row for each drive, with the
+    columns serial, preset, measured or measured@80, pitch_b, pitch_g (files), mark_b, mark_g, NAME[@TORQUE] (values
+    like 28.1±1.2), limit NAME[@TORQUE], section.key (overrides). Exit codes: 0 PASS, 3 FAIL or a replay that differs, 6
+    INCONCLUSIVE, 4 bad preset, file or no limit, 5 no trustworthy result; for several drives the worst code, in the
+    sequence 1, 5, 4, 3, 6, 0.
     """
 
     presets: list[str]
@@ -191,26 +193,26 @@ class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOption
             base = self.request()
         lots = [name for name in self.presets if is_lot(name) or (name == "-" and self.preset)]
         if not self.presets and self.replay is None:
-            raise UsageError("nothing to accept", "name a preset or a lot.csv; hdassist accept -h")
+            raise UsageError("no drive to accept", "name a preset or a lot.csv; see hdassist accept -h")
         if len(self.presets) > 1 and lots:
-            raise UsageError(f"{lots[0]} is a lot: one lot at a time, without other drives")
+            raise UsageError(f"{lots[0]} is a lot, and cannot be combined with other drives or lots")
         wheels, files = base.wheels, base.files()[1:]
         if not lots:
             wheels.require_sound()
         of_one = self.measured or self.value or self.serial or wheels.files or wheels.marks
         if (len(self.presets) > 1 or lots) and of_one:
-            raise UsageError("what was measured belongs to one drive", "one PRESET, or columns of a lot: LOT.csv")
+            raise UsageError("measured values belong to one drive", "name one PRESET, or use the columns of a LOT.csv")
         if (self.preset or self.resume or self.jsonl) and not (lots or self.replay):
-            raise UsageError("--preset, --jsonl and --resume are for lots", "hdassist accept LOT.csv")
+            raise UsageError("--preset, --jsonl and --resume apply to lots only", "use hdassist accept LOT.csv")
         o.stdin_once(*self.presets, *files, self.replay)
         if self.measured_only and wheels.files:
-            raise UsageError("--measured-only predicts nothing, and measured teeth are for predictions")
+            raise UsageError("--measured-only makes no prediction, so it cannot use measured teeth")
         if self.preset == "-":
-            raise UsageError("rows of a lot cannot read standard input", "--preset FILE")
+            raise UsageError("a row of a lot cannot read from standard input", "--preset FILE")
         if self.replay is not None:
             if self.presets or self.csv or self.jsonl or self.junit or base != Request(""):
-                words = "no PRESET, and no other options than --json, -o, --jobs"
-                raise UsageError("--replay does what its answer says", words)
+                words = "leave out PRESET and all options except --json, -o and --jobs"
+                raise UsageError("--replay takes its inputs and options from the stored result", words)
             return _replay_answers(self.replay, self, out)
         return accept_lot(lots[0], base, self, out) if lots else _accept_presets(self.presets, base, self, out)
 
@@ -301,8 +303,8 @@ def accept_lot(path: str, base: Request, options: AcceptOptions, out: Output) ->
             before, is_known = kept.done, sum(map(bool, known))
 
             def state() -> str:
-                where = f"are kept in {options.jsonl}: the same command with --resume goes on"
-                words = where if options.jsonl else "are done, none is kept: --jsonl FILE"
+                where = f"are stored in {options.jsonl}; continue with the same command and --resume"
+                words = where if options.jsonl else "are done but not stored; store them with --jsonl FILE"
                 return f"{is_known + kept.done - before} of {len(lot.rows)} rows {words}"
 
             to_do = [row for row, answer in zip(lot.rows, known, strict=True) if answer is None]
@@ -318,7 +320,7 @@ def accept_lot(path: str, base: Request, options: AcceptOptions, out: Output) ->
                             complain(HdassistError(f"{title(answer)}: {error.message}", error.hint, error.code))
                         faults[fault] += 1
             if repeated := sum(faults.values()) - len(faults):
-                say(f"note: the same of {repeated} more row{'s' * (repeated > 1)}")
+                say(f"note: the same for {repeated} further row{'s' * (repeated > 1)}")
             if options.resume:
                 kept.rewrite(done)  # in the order of the rows, each once
         if options.jsonl:
@@ -362,10 +364,12 @@ def _known(lot: Lot, kept: Kept[AcceptAnswer], options: AcceptOptions) -> list[A
         found.append(replace(answer, place=row.place) if answer and stands else None)
     if before and not any(found) and not options.force:
         if not any(row.request.serial in before for row in lot.rows):
-            raise UsageError(f"{options.jsonl}: none of its answers is of a drive of this lot", "--force begins anew")
-        warn(f"{options.jsonl}: files, options or version have changed since: all rows are done again")
+            raise UsageError(
+                f"{options.jsonl}: none of its results belongs to a drive of this lot", "use --force to overwrite it"
+            )
+        warn(f"{options.jsonl}: files, options or version have changed; all rows are computed again")
     if kept.done:
-        say(f"{options.jsonl}: {sum(map(bool, found))} of {len(lot.rows)} rows are known")
+        say(f"{options.jsonl}: {sum(map(bool, found))} of {len(lot.rows)} rows are already computed")
     return found
 
 

@@ -30,7 +30,7 @@ class MountCommand(
     o.PlotOptions, o.CardOptions, o.TrialOptions, o.TraceOptions, o.SamplingOptions, o.PitchOptions,
     o.LimitedDriveOptions,
 ):  # fmt: skip
-    """In which hole of its seat to mount the fixed wheel, by its preset and F'_ior measured in a few holes.
+    """Hole for the fixed wheel, from the preset and from F'_ior measured in a few holes.
 
     \b
     Examples:
@@ -44,25 +44,27 @@ class MountCommand(
       hdassist mount my-drive.yaml --compensated output:256
       hdassist mount my-drive.yaml --card card.html --lang ru --serial 17-042
 
-    The fixed wheel is the rigid wheel (circular spline) or the flexspline. Holes and turns count counter-clockwise seen
-    from the wave generator side, from hole 0, where the wheel was before the first trial. All that the preset does not
-    know exactly is drawn jointly, as check draws it (docs/unknown.md). The hole is that of the least expected loss at
-    the torque served worst, with a limit the likeliest to keep it. TURN or LEAVE: the choice is right with a
-    probability of 95 % (--sure), a turn where it gains more than 1 %. BEST BET: it is less sure. ANY HOLE: none is
-    expected to be better than another by 1 %. -q prints the hole (or the angle) alone, or any. The exit code is 0 for
-    all of them; with --sure it is 6 where the choice is less sure.
+    The fixed wheel is the circular spline or the flexspline. A hole is a position in which it can be bolted. Holes and
+    turns count counter-clockwise, seen from the wave generator side, from hole 0, where the wheel was before the first
+    trial. All uncertain inputs are sampled jointly, as in check (docs/unknown.md). The recommended hole has the
+    smallest expected excess over the best hole at the governing torque; with a limit, it is the hole most likely to
+    meet it. TURN or LEAVE: the probability that the choice is right is at least 95 % (--sure); a turn has to reduce
+    F'_ior by more than 1 %. BEST BET: the probability is lower. ANY HOLE: no hole is expected to be better than another
+    by 1 %. -q prints the hole (or the angle) alone, or any. The exit code is 0 for all four; with --sure it is 6 if the
+    probability is lower than required.
 
-    F'_ior measured in holes makes it surer: the first three 120 deg apart, at a light torque, the wheel taken out and
-    put back each time. The page names the hole to measure next and what that is expected to bring, until a further
-    value is worth less than 2 % (--worth). A value may be the file of a record: its F'_ior and uncertainty are those of
-    hdassist measure, the full cycle needed. measured.F_ior of the preset counts too. A value that is
-    probably misread is the next one to repeat; --verify compares the outcome with its prediction and says keep, go back
-    (3), or measure again, because the outcome itself is probably misread (6).
+    F'_ior measured in holes raises the probability. Measure the first three values 120 deg apart, at a light torque,
+    and take the wheel out and put it back each time. The page names the hole to measure next and the expected
+    reduction, until a further value would reduce F'_ior by less than 2 % (--worth). A value may be the file of a
+    recording: its F'_ior and uncertainty are those of hdassist measure, and it has to cover the full mesh cycle. Values
+    in measured.F_ior of the preset count too. A probable reading error is the next value to repeat. --verify compares
+    the outcome with its prediction and recommends to keep the hole (0), to go back (3), or to measure again because the
+    outcome itself is a probable reading error (6).
 
-    --bolted has a turn earn so many per cent, for a drive that is assembled already. --compensated has what a stored
-    correction (hdassist compensate) leaves that is made in each hole for each torque. --pitch-b and --pitch-g put
-    measured teeth in place of the first harmonics, tooth by tooth from the mark: every state is solved then, and no
-    input is drawn. hdassist trials is the same command.
+    --bolted sets the percentage that a turn has to gain if the drive is already assembled. --compensated compares the
+    residual errors after a stored correction (hdassist compensate), made in each hole for each torque. --pitch-b and
+    --pitch-g replace the first harmonics by measured teeth, tooth by tooth from the mark: every mesh position is then
+    solved, and no input is sampled. hdassist trials is the same command.
     """
 
     preset: str
@@ -81,7 +83,9 @@ class MountCommand(
         with out.progress(self.preset):  # words before numpy is imported
             card = self._card(out)
         if self.verify is not None and card:
-            raise UsageError("a card is for the mounting that --verify comes after", "leave --card or --verify out")
+            raise UsageError(
+                "--card cannot be combined with --verify, which follows the mounting", "leave out --card or --verify"
+            )
         advices: list[Advice] = []
 
         def one(_: str) -> Report:
@@ -99,10 +103,10 @@ class MountCommand(
         """The card that is asked for. Raises UsageError before anything is computed."""
         if (path := self.card) is None:
             if self.lang is not None or self.serial is not None:
-                raise UsageError("--lang and --serial are those of a card", "--card FILE writes one")
+                raise UsageError("--lang and --serial apply to a card only", "add --card FILE")
             return None
         if self.quiet and path == out.target == "-":
-            raise UsageError("standard output can take one of --card and -q")
+            raise UsageError("only one of --card and -q can use standard output")
         from hdassist.terminal.words import HOME, texts
 
         plain, say = self.ascii or (path == "-" and out.style.ascii), texts(HOME if self.lang is None else self.lang)
@@ -123,9 +127,13 @@ class MountCommand(
         has_values = bool(trials or outcome)
         for option in ("step", "compensated", "pitch_b", "pitch_g"):
             if has_values and getattr(self, option) is not None:
-                raise UsageError(f"{o.option_name(option)} does not take measured values", "leave one of them out")
+                raise UsageError(
+                    f"{o.option_name(option)} cannot be combined with measured values", "leave out one of the two"
+                )
         if self.compensated and files.files:
-            raise UsageError("--compensated does not take measured teeth", "leave out --pitch-b and --pitch-g")
+            raise UsageError(
+                "--compensated cannot be combined with measured teeth", "leave out --pitch-b and --pitch-g"
+            )
 
         from hdassist.belief.holes import LEAST_GAIN
         from hdassist.mounting.advice import advice_states, advise, advise_after
@@ -162,8 +170,8 @@ def _rotations(drive: Drive, step: float | None) -> list[float]:
         return positions
     count = round(360 / step) if LEAST_STEP <= step <= 360 else 0
     if not count or abs(count * step - 360) > 1e-6:
-        words = f"--step must divide 360 degrees, and be {LEAST_STEP:g} or more, not {step:g}"
-        raise UsageError(words, "30 is the step of 12 seat holes")
+        words = f"invalid --step {step:g}: expected a divisor of 360 degrees, {LEAST_STEP:g} or more"
+        raise UsageError(words, "use 30 for a seat with 12 holes")
     grid = [360 * k / count for k in range(count)]
     if not drive.mounting.holes:
         return grid
@@ -190,9 +198,9 @@ class CardFile:
     def __post_init__(self) -> None:
         if self._suffix not in CARD_SUFFIXES:
             names = ", ".join(CARD_SUFFIXES)
-            raise UsageError(f"a card cannot be written as {self.path!r}", f"its name ends in {names}")
+            raise UsageError(f"invalid name of a card: {self.path!r}", f"use a name that ends in {names}")
         if len(self.serial) > _SERIAL or (self.serial and not self.serial.isprintable()):
-            raise UsageError(f"a serial number has up to {_SERIAL} printable characters")
+            raise UsageError(f"invalid serial number: expected up to {_SERIAL} printable characters")
 
     @property
     def _suffix(self) -> str:
@@ -224,14 +232,16 @@ class ArchiveOptions(o.OptionGroup):
         asked = (bool(files), bool(self.archive), bool(self.serial), self.history is not None)
         if asked not in ((1, 0, 0, 0), (1, 1, 1, 0), (0, 1, 0, 1)) or (self.conditions and not self.serial):
             words = "expected FILE, FILE --archive DIR --serial S, or --history S --archive DIR"
-            raise UsageError(words, "hdassist measure -h")
+            raise UsageError(words, "see hdassist measure -h")
         conditions = read_conditions(self.serial, self.conditions)
 
         def take(found: Measurement) -> None:
             if self.archive:
                 is_new = add_to_archive(self.archive, conditions, found)
                 day = f" of {conditions['date']}" if "date" in conditions else ""
-                words = f"added as {self.serial}{day}" if is_new else f"known of {self.serial}, not added again"
+                words = (
+                    f"added as {self.serial}{day}" if is_new else f"already stored for {self.serial}; not added again"
+                )
                 say(f"{self.archive}: {found.trace.file} {words}")
 
         return take
@@ -243,12 +253,12 @@ class ArchiveOptions(o.OptionGroup):
 
         archive = str(self.archive)
         report = history_report(serial, archive, read_archive(archive, serial))
-        words = f"{archive}: its last line was cut off, a result is lost: add the records of that time again"
+        words = f"{archive}: its last line is incomplete, so one result is lost; add that recording again"
         return replace(report, warnings=(words,)) if is_cut_off(archive) else report
 
 
 class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
-    """F'_ior, orders and coverage of measured traces, with their uncertainty.
+    """F'_ior, orders and coverage of recordings, with their uncertainty.
 
     \b
     Examples:
@@ -261,11 +271,11 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
       hdassist measure run.csv --drive own.yaml --archive rig1 --serial 17-042
       hdassist measure --history 17-042 --archive rig1
 
-    A file has a column of angles and one of errors, or of a second encoder. F'_ior is the range of the error limited to
-    the orders, without the share of noise; it is a lower bound unless the full cycle was visited. Each direction stands
-    by itself. A file of approached positions (target_deg, deviation_arcsec, side) or of torque loops (torque_Nm,
-    twist_arcsec, place) has the figures that makers state beside F'_ior. Exit codes: 0, 4 bad file, 5 orders or F'_ior
-    that the record does not tell.
+    A file has a column of angles and a column of errors, or of a second encoder. F'_ior is the range of the error
+    limited to the orders, corrected for noise; it is a lower bound unless the recording covers the full mesh cycle.
+    Each direction is evaluated separately. For a file of approached positions (target_deg, deviation_arcsec, side) or
+    of torque loops (torque_Nm, twist_arcsec, place) the page gives the figures that manufacturers state besides F'_ior.
+    Exit codes: 0 done, 4 bad file, 5 the recording does not resolve the orders or F'_ior.
     """
 
     files: list[str]
@@ -297,7 +307,7 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
             shafts = parse_shafts(self.shafts)
             joints = [LoggedJoint.of(text) for text in self.joint]
             if joints and (drive or self.ratio or self.archive):
-                raise UsageError("--joint has the ratio of each", "leave out --ratio, --drive and --archive")
+                raise UsageError("--joint states the ratio of each joint", "leave out --ratio, --drive and --archive")
             done: list[Measurement] = []
 
             def one(name: str) -> Report:
@@ -311,7 +321,10 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
                 result = read(file, drive, ratio, seed=self.seed, travel_deg=travel, shafts=shafts)
                 if not isinstance(result, Measurement):
                     if self.archive:
-                        raise UsageError(f"{name}: positions and torque loops are not kept in an archive", "traces are")
+                        raise UsageError(
+                            f"{name}: positions and torque loops cannot be stored in an archive",
+                            "use --archive with recordings only",
+                        )
                     return bench_report(result, drive, self.seed, words)
                 done.append(result)
                 take(result)
@@ -355,7 +368,7 @@ class ControllerOptions(o.OptionGroup):
             raise UsageError(f"invalid --axis {self.axis!r}: expected letters and digits")
         for number in (self.zero, self.rows_from, self.steps_per_degree):
             if not isfinite(number):
-                raise UsageError(f"invalid number {number:g} of an axis: expected a finite one")
+                raise UsageError(f"invalid number {number:g} of an axis: expected a finite number")
         controller = CONTROLLER_FORMATS[name]
         controller.require(form.turn, form.points)
         take_output(path, force)
@@ -378,33 +391,35 @@ class ControllerOptions(o.OptionGroup):
 class CompensateCommand(
     ControllerOptions, o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOptions, o.LoadedDriveOptions
 ):
-    """How much of the error a stored correction can take off, in which form, and the table that does it.
+    """Residual error after a stored correction, in each form, and the table of the correction.
 
     \b
     Examples:
       hdassist compensate vzp160
-      hdassist compensate own.yaml --csv phasors.csv
+      hdassist compensate own.yaml --csv terms.csv
       hdassist compensate own.yaml --form output --points 720 --csv table.csv
       hdassist compensate own.yaml run80.csv run800.csv --each-load --json
       hdassist compensate own.yaml run80.csv --after corrected80.csv
-      hdassist compensate run80.csv --ratio 100 --torque 80 --csv phasors.csv
+      hdassist compensate run80.csv --ratio 100 --torque 80 --csv terms.csv
       hdassist compensate run.csv --ratio 100 --torque 80 --form cam --write c=t.h
       hdassist compensate vzp160 --torque 80 --torque -80 --details --json
 
-    The error is taken apart: parts that repeat with the cam, that beat, that other loads change. Then each form that
-    controllers store is fitted to it by least squares over the full cycle, for the first torque of the preset, and held
-    against the drive as it may be, by all that is not known exactly (docs/unknown.md): at every torque, with the zero
-    off, with a lost turn count. Errors are actual less ideal angles of the output, counter-clockwise seen from the cam
-    side, from where the cam stands at phi_h = 0. --csv writes the correction; one that may make a drive worse is
-    refused (docs/correct.md).
+    The error is separated into parts that repeat with the input, sidebands, and parts that change with the load. Each
+    form that controllers store is then fitted to the error by least squares over the full mesh cycle, for the first
+    torque of the preset. Its residual is computed over all uncertain inputs (docs/unknown.md): at every torque, with
+    the zero off, and with a lost revolution count. Errors are actual minus ideal angles of the output,
+    counter-clockwise seen from the wave generator side, counted from the position of the wave generator at phi_h = 0.
+    --csv writes the correction. A correction that may make a drive worse is refused (docs/correct.md).
 
-    A FILE is a record at a torque of the preset, in their order; then the correction is that of the record: of the full
-    cycle in the record's own angles, of part of it by the drives of the preset that agree, in the preset's angles.
-    With --ratio in place of a preset one FILE, of the full cycle at the one --torque, gives phasors with uncertainties,
-    or a table. Two encoders then count the same way, both seen from the cam side; a column of errors needs
-    --output-turns for a table over the output.
-    --after has a record with the correction of the same options on: whether the promise is kept, or the likely cause.
-    Exit codes: 0, 2 wrong options, 3 promise not kept, 4 bad file, 5 refused or no trustworthy answer, 6 open.
+    A FILE is a recording at a torque of the preset, in the order of the torques; the correction is then that of the
+    recording. If the recording covers the full mesh cycle, the correction is in the angles of the recording. If it
+    covers a part, the correction is computed from the sampled drives that agree with it, in the preset's angles. With
+    --ratio instead of a preset, one FILE of the full mesh cycle at the one --torque gives correction terms with
+    uncertainties, or a table. Two encoders then count in the same sense, both seen from the wave generator side; a
+    column of errors needs --output-turns for a table over the output. --after reads a recording with the correction of
+    the same options on, and compares its residual with the prediction, or names the likely cause of the difference.
+    Exit codes: 0 done, 2 wrong options, 3 the predicted residual is exceeded, 4 bad file, 5 refused or no trustworthy
+    result, 6 undecided.
     """
 
     preset: str
@@ -446,7 +461,9 @@ class CompensateCommand(
         """Errors of the records by torque [N*m]. Raises UsageError for more records than torques."""
         files, torques = self.files or [], drive.operation.M_g
         if len(files) > len(torques):
-            raise UsageError(f"{len(files)} records, but {drive.name} has {len(torques)} torques", "--torque for each")
+            raise UsageError(
+                f"{len(files)} records, but {drive.name} has {len(torques)} torques", "give --torque for each file"
+            )
         return {M_g: self.recorded(name, drive, M_g) for M_g, name in zip(torques, files, strict=False)}
 
     def of_record(self, file: str) -> Report:
@@ -456,11 +473,11 @@ class CompensateCommand(
         from hdassist.pages.compensate import compensate_report
         from hdassist.preset.knowledge import option_value
 
-        remedy = "more needs a preset: hdassist compensate PRESET FILE..."
+        remedy = "for more files use a preset: hdassist compensate PRESET FILE..."
         if len(self.torque) != 1 or self.files:
-            raise UsageError("--ratio takes one FILE and its --torque", remedy)
+            raise UsageError("--ratio needs exactly one FILE and its --torque", remedy)
         if self.after or self.overrides or self.each_load:
-            raise UsageError("--ratio goes without --after, --set and --each-load", remedy)
+            raise UsageError("--ratio cannot be combined with --after, --set or --each-load", remedy)
         form = self.correction_form()
         target = self.controller_target(form, force=self.force)
         M_g = option_value("--torque", self.torque[0], "N*m")
@@ -481,7 +498,9 @@ class CompensateCommand(
         if self.ratio is not None:
             return self.of_record(preset)
         if preset.endswith(".csv"):
-            raise UsageError(f"{preset} is no preset", "a record alone needs the --ratio of its drive")
+            raise UsageError(
+                f"{preset} is not a preset", "for a recording without a preset, add the --ratio of its drive"
+            )
         form = self.correction_form()
         target = self.controller_target(form, force=self.force)
         drive = self.load(preset)

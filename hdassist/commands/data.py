@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
-    """Find stiffnesses, clearances or any other measures of a preset from measured values of the drive.
+    """Fit stiffnesses, clearances or other fields of a preset to measured values of the drive.
 
     \b
     Examples:
@@ -43,10 +43,10 @@ class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
         - {quantity: self_error, M_g: 80, low: 0.25, high: 2.0}
 
     Quantities: F_ior, F_ior_max and F_ior_min (over the mounting phase), self_error, K_1, K_2, K_3 and lost_motion (as
-    hdassist stiffness has them). Drives spread evenly over the bounds, then least squares from the best ones that lie
-    apart; every set that meets the targets is kept, and where none does, targets and bounds in the way are named
-    and --write writes no file. Exit codes: 0 all targets are met, 3 one is missed, 5 the fit did
-    not come to rest.
+    in hdassist stiffness). The fit starts from drives spread evenly over the bounds and refines the best separate ones
+    by least squares. Every set of values that meets the targets is kept. If none does, the page names the targets and
+    bounds in the way, and --write writes no file. Exit codes: 0 all targets are met, 3 a target is missed, 5 the fit
+    did not converge.
     """
 
     preset: str
@@ -68,7 +68,7 @@ class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
 
         o.stdin_once(preset, str(self.targets))
         if self.write is not None and (preset == "-" or self.overrides):
-            raise UsageError("--write changes the preset as it stands in its file: no stdin, no --set with it")
+            raise UsageError("--write needs a preset file, without --set and not from standard input")
         drive = self.load(preset)
         wanted = read_targets(read_bytes(self.targets, READ_AT_MOST)[0], str(self.targets), drive)
         given = read_preset(preset)[0].decode("utf-8-sig") if self.write is not None else ""
@@ -89,14 +89,14 @@ _PIPED_COLUMNS = 10_000  # whoever reads a pipe has the room that a table needs
 
 
 class PresetsListCommand(o.PageOptions):
-    """Presets that come with hdassist.
+    """Presets supplied with hdassist.
 
     \b
     Examples:
       hdassist presets list
       hdassist presets list --json
 
-    What each rests on: how many of its values are given, identified from measurements, or only assumed.
+    The table gives the number of values of each preset that are given, identified from measurements, or assumed.
     """
 
     def report(self, _out: Output, _preset: str) -> Report:
@@ -126,7 +126,7 @@ class PresetsListCommand(o.PageOptions):
 
 
 class PresetsShowCommand(o.PageOptions, o.DriveOptions):
-    """A preset as it is written, or every value that is really used.
+    """A preset as written, or every value used in the computation.
 
     \b
     Examples:
@@ -175,7 +175,7 @@ class PresetsShowCommand(o.PageOptions, o.DriveOptions):
 
 
 class PresetsValidateCommand(o.AnswerOptions, o.DriveOptions):
-    """Check presets: everything that is wrong with each, at once, and how much of it is still assumed.
+    """All faults of presets at once, and the number of values that are still assumed.
 
     \b
     Examples:
@@ -206,7 +206,7 @@ class PresetsValidateCommand(o.AnswerOptions, o.DriveOptions):
         warnings = drive.origin.warnings
         verdict = f"valid, warnings: {len(warnings)}" if warnings else "OK"
         if values["assumed"]:
-            verdict += f", {values['assumed']} values still assumed"
+            verdict += f", {values['assumed']} values are assumed"
         found = {"file": name, "valid": True, "values": values, "findings": []}
         line = verdict if len(self.presets) > 1 else f"{name}: {verdict}"  # several are named anyway
         return Report(_VALIDATE, drive, name, verdict, values=found, line=line, about=name, warnings=warnings)
@@ -244,8 +244,8 @@ class PresetsSchemaCommand(o.OptionGroup):
     Examples:
       hdassist presets schema -o hdassist-preset.schema.json
 
-    The second line of a preset by presets new names that file, for editors with a YAML language server. Units within
-    texts, and rules between fields, are checked by presets validate alone.
+    The second line of a preset written by presets new names that file, for editors with a YAML language server. Units
+    within texts and rules between fields are checked only by presets validate.
     """
 
     output: str = "-"
@@ -261,7 +261,7 @@ class PresetsSchemaCommand(o.OptionGroup):
 
 
 class PresetsNewCommand(WishOptions):
-    """A whole preset of a drive like another one; without options, that of vzp160 with every value to be replaced.
+    """A new preset, scaled from another drive; without options, a copy of vzp160 with every value to be replaced.
 
     \b
     Examples:
@@ -273,15 +273,15 @@ class PresetsNewCommand(WishOptions):
       hdassist presets new own --ratio 100 --holes 8 --allowed-holes 0,2,4,6
       hdassist presets new my-drive -o my-drive.yaml
 
-    --coupling first: it says how far offsets of the cam are felt, and so how much turning the wheel can bring. oldham:
-    the wave generator floats on an Oldham coupling; solid: it is one piece with its hub; overhung: it sits on the end
-    of a motor's shaft.
-    A value that is not given grows with the size of the other drive, is marked as assumed, and has its plausible range.
-    The size is --pitch-diameter, else that of K3 by the cube law of catalogues, else that of --torque by the cube law.
-    --stiffness, --T1, --T2, --lost-motion and --accuracy stand in the preset's table catalogue as they are given:
-    reference data by which check weighs assumed values. The only stiffness of a data sheet counts as K3.
-    The drive is assumed to have a steel flexspline in the shape of a cup on a flexible ball bearing, as the drive to be
-    like; the first lines of the preset name the fields that say so.
+    State --coupling first: it decides how strongly an eccentricity of the wave generator acts, and so how much turning
+    the fixed wheel can reduce F'_ior. oldham: the wave generator floats on an Oldham coupling; solid: it is one piece
+    with its hub; overhung: it sits on the end of a motor's shaft. A value that is not given is scaled from the other
+    drive by its size, is marked as assumed, and has its plausible range. The size is --pitch-diameter, else it follows
+    from K3, else from --torque, both by the cube law of catalogues. --stiffness, --T1, --T2, --lost-motion and
+    --accuracy are copied to the preset's table catalogue: reference data by which check weighs assumed
+    values. If a data sheet gives only one stiffness, it counts as K3. The drive is assumed to have a cup-shaped steel
+    flexspline on a flexible ball bearing, as the drive of --like; the first lines of the preset name the fields to
+    change otherwise.
     """
 
     output: str = "-"
@@ -315,7 +315,7 @@ class DoctorFinding:
 
 
 class DoctorCommand(o.PageOptions):
-    """Whether this installation can be relied on: versions, engine, cache, a self-test, cores and the terminal.
+    """Check of this installation: versions, engine, cache, a self-test, cores and the terminal.
 
     \b
     Examples:
@@ -323,8 +323,8 @@ class DoctorCommand(o.PageOptions):
       hdassist doctor --json
       hdassist doctor --empty-cache
 
-    The self-test solves every state of a drive of the library, its extremes again by another solver, and compares with
-    stored digits. Exit codes: 0 fine, 5 answers of this installation cannot be trusted.
+    The self-test solves every mesh position of a drive of the library, solves the extremes again with another solver,
+    and compares the results with stored digits. Exit codes: 0 fine, 5 results of this installation cannot be trusted.
     """
 
     empty_cache: bool = False
@@ -340,8 +340,8 @@ class DoctorCommand(o.PageOptions):
         found.sort(key=lambda each: ("broken", "note", "ok").index(each.status))
         broken = ", ".join(each.what for each in found if each.status == "broken")
         error = UntrustedError(
-            f"answers of this installation cannot be trusted: {broken}",
-            "install hdassist anew into a fresh environment",
+            f"results of this installation cannot be trusted: {broken}",
+            "install hdassist again in a fresh environment",
         )
         if broken:
             complain(error)
@@ -364,7 +364,7 @@ def _packages() -> Iterator[DoctorFinding]:
         try:
             yield DoctorFinding(name, "ok", f"{version(name)} ({needed} needed)")
         except PackageNotFoundError:
-            yield DoctorFinding(name, "broken", f"not installed: {needed} needed")
+            yield DoctorFinding(name, "broken", f"not installed; required: {needed}")
 
 
 def engine() -> DoctorFinding:
@@ -384,11 +384,11 @@ def cache() -> DoctorFinding:
     sizes, key = kept.cached_files(), sha256(b"doctor").hexdigest()
     kept.keep("doctor", key, b"")
     if kept.cached("doctor", key) is None:
-        words = kept.why_unsafe() or f"{kept.cache_folder()} can't be used"
-        return DoctorFinding("cache", "note", f"{words}: no answers are kept; {kept.FOLDER} names another folder")
+        words = kept.why_unsafe() or f"{kept.cache_folder()} cannot be used"
+        return DoctorFinding("cache", "note", f"{words}: no results are cached; set {kept.FOLDER} to another folder")
     held = f"{kept.cache_folder() / kept.OWN_FOLDER}, {len(sizes)} files, {sum(sizes) / 1e6:.1f} MB"
-    way = "--empty-cache removes them" if kept.keeps_answers() else f"{kept.NO_CACHE} is set: no answers are kept"
-    return DoctorFinding("cache", "ok", f"{held}; {kept.FOLDER} names another folder, {way}")
+    way = "--empty-cache removes them" if kept.keeps_answers() else f"{kept.NO_CACHE} is set: no results are cached"
+    return DoctorFinding("cache", "ok", f"{held}; {kept.FOLDER} sets another folder, {way}")
 
 
 def surroundings(style: Style) -> DoctorFinding:
@@ -415,7 +415,7 @@ def self_test() -> DoctorFinding:
     except HdassistError as error:
         return DoctorFinding("self-test", "broken", error.message)
     off, apart = abs(found.first - STORED_F_IOR), abs(again - found.first)
-    told = f"{found.first:.6f} arcsec, {off:.0e} from what is stored; {apart:.0e} by {_CROSS}"
+    told = f"{found.first:.6f} arcsec, {off:.0e} from the stored value; {_CROSS} differs by {apart:.0e}"
     fine = off <= AGREES and apart <= 1e-3 and found.certificate.max_residual <= 1e-8
     return DoctorFinding(
         "self-test", "ok" if fine else "broken", f"{told}; residual {found.certificate.max_residual:.0e}"
@@ -423,7 +423,7 @@ def self_test() -> DoctorFinding:
 
 
 class ExplainCommand(o.PageOptions):
-    """Meaning of a check, an error, a field, a symbol, a word of the trade or an option, and the remedy.
+    """Meaning of a check, error, field, symbol, term or option, and what to do about it.
 
     \b
     Examples:
@@ -432,7 +432,7 @@ class ExplainCommand(o.PageOptions):
       hdassist explain cam.W_0 phi_g "one-wave share"
       hdassist explain "гибкое колесо" robust --json
 
-    Without a name: all that there is.
+    Without a name, all names are listed.
     """
 
     names: list[str]

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 class CheckCommand(o.PlotOptions, o.SamplingOptions, o.PitchOptions, o.LimitedDriveOptions):
-    """Largest kinematic error F'_ior of drives over the full cycle, with verdict and proof.
+    """Kinematic error F'_ior of drives over the full mesh cycle, with a verdict.
 
     \b
     Examples:
@@ -38,11 +38,12 @@ class CheckCommand(o.PlotOptions, o.SamplingOptions, o.PitchOptions, o.LimitedDr
       hdassist check my-drive.yaml --pitch-b wheel.csv --pitch-g flexspline.csv
       hdassist check *.yaml --csv figures.csv -q
 
-    Every state of the cycle is solved and proven. The verdict holds F'_ior with the self error (what a drive without
-    deviations does over tooth and ball phase) against --limit, or else the preset's acceptance limits. All inputs that
-    are not known exactly are drawn jointly, weighted by the preset's catalogue (docs/unknown.md). PASS: the limit is
-    kept with a probability of at least --sure; FAIL: with at most 1 less that; else INCONCLUSIVE.
-    Exit codes: 0 PASS or no limit, 3 FAIL, 4 bad preset, 5 no trustworthy answer, 6 INCONCLUSIVE.
+    Every mesh position of the cycle is solved, and the residuals of each solution are checked. The verdict compares
+    F'_ior plus the self error (the error of a drive without deviations, over tooth and ball phase) with --limit, or
+    with the preset's acceptance limits. All uncertain inputs are sampled jointly and weighted by the preset's catalogue
+    values (docs/unknown.md). PASS: the probability of meeting the limit is at least --sure. FAIL: it is at most 1 -
+    --sure. INCONCLUSIVE: it lies between. Exit codes: 0 PASS or no limit, 3 FAIL, 4 bad preset, 5 no trustworthy
+    result, 6 INCONCLUSIVE.
     """
 
     presets: list[str]
@@ -67,7 +68,7 @@ class CheckCommand(o.PlotOptions, o.SamplingOptions, o.PitchOptions, o.LimitedDr
 
 
 class TraceCommand(o.PlotOptions, o.PitchOptions, o.OneTorqueOptions):
-    """Kinematic error F_kpp against the cam angle, with its orders and their causes.
+    """Kinematic error F_kpp against the input angle, with its orders and their causes.
 
     \b
     Examples:
@@ -76,8 +77,8 @@ class TraceCommand(o.PlotOptions, o.PitchOptions, o.OneTorqueOptions):
       hdassist trace vzp160 --torque 80 --gravity 60,90 -n 100
       hdassist trace my-drive.yaml --set phases.xi_b=260 --json
 
-    One cam revolution has as many states as the fixed wheel has teeth. Orders that differ by the
-    flexspline's slow turn come apart over the full cycle only (for 200/202 teeth: -n 100).
+    One input revolution has as many mesh positions as the fixed wheel has teeth. Orders that differ by the slow
+    rotation of the flexspline are resolved over the full mesh cycle only (for 200/202 teeth: -n 100).
     """
 
     preset: str
@@ -122,10 +123,10 @@ class StiffnessCommand(o.PlotOptions, o.DriveOptions):
       hdassist stiffness my-drive.yaml --t1 29 --t2 108 --to 250
       hdassist stiffness my-drive.yaml --csv curve.csv -q
 
-    Mesh, rings and balls of the contact model in series with the shell as a tube, without deviations and without
-    friction. The segments end at T_1 and T_2 of the preset's catalogue, else where catalogues end them, by the cube of
-    the pitch diameter, unless --t1 and --t2 say otherwise. K1, K2, K3 are chords, beside those of the
-    preset's catalogue.
+    The model has mesh, rings and balls in series with the shell as a tube, without deviations and without friction. The
+    segments end at --t1 and --t2, else at T_1 and T_2 of the preset's catalogue, else at the usual catalogue values,
+    scaled by the cube of the pitch diameter. K1, K2 and K3 are chord stiffnesses, compared with those of the preset's
+    catalogue.
     """
 
     preset: str
@@ -158,10 +159,11 @@ class SweepCommand(o.RowsOptions, o.LoadedDriveOptions):
       hdassist sweep vzp160 --vary gears.j_n=0,5,10 | column -s, -t
       hdassist sweep my-drive.yaml --vary cam.W_0=0.9:1.0:201 -o rows.jsonl
 
-    A row is a point of the grid at one torque: that of the row where operation.M_g is varied, else each of the preset.
-    In a pipe rows come as CSV, as they are computed; --csv FILE writes them to a file. -o FILE.jsonl keeps them as JSON
-    Lines: when a run was stopped, the same command goes on behind the last row that is there. A row without an answer
-    stays, with its reason; the exit code is 0 where any row has one. --parquet FILE writes the table once it is whole.
+    A row is a point of the grid at one torque: that of the row if operation.M_g is varied, else each torque of the
+    preset. In a pipe, rows are written as CSV as soon as they are computed; --csv FILE writes them to a file. -o
+    FILE.jsonl writes JSON Lines: after an interruption the same command resumes after the last row in the file. A row
+    without a result stays in the table, with its reason; the exit code is 0 if any row has a result. --parquet FILE
+    writes the finished table.
     """
 
     preset: str
@@ -189,14 +191,17 @@ class SweepCommand(o.RowsOptions, o.LoadedDriveOptions):
         drive = load_text(text, path, self.changes)
         sweep = Sweep.of(text, path, drive, read_axes(self.vary, drive.origin.overrides))
         if self.json and sweep.rows > _JSON_ROWS:
-            raise UsageError(f"--json of {sweep.rows} rows: more than {_JSON_ROWS}", "-o FILE.jsonl takes any number")
+            raise UsageError(
+                f"--json cannot print {sweep.rows} rows: the maximum is {_JSON_ROWS}",
+                "use -o FILE.jsonl for any number of rows",
+            )
         options = {"vary": self.vary, "set": list(drive.origin.overrides)}
         owner = KeptOwner(command="sweep", preset=drive.name, inputs={"preset": drive.origin.sha256}, options=options)
         if file is not None:
             claim_output(file, is_kept=True)
         with open_kept(file, owner, sweep.kind, force=self.force) as results:
             rows = _rows(sweep, drive.name, results, self, out)
-            kept = f"are kept in {file}: the same command goes on" if file else "are done, none is kept"
+            kept = f"are stored in {file}; the same command resumes" if file else "are done but not stored"
             with at_stop(lambda: f"{results.done} of {sweep.rows} rows {kept}"):
                 swept = collect(sweep, drive, _printed(rows, sweep) if streamed else rows)
             if out.csv is not None and out.csv != "-":
@@ -206,10 +211,10 @@ class SweepCommand(o.RowsOptions, o.LoadedDriveOptions):
                 write_parquet(self.parquet, kinds, map(cells, results.records()), asdict(owner), self.force)
             if file is not None:
                 results.require_there()
-                say(f"wrote {file}" + ", as JSON Lines: --csv writes CSV" * file.endswith(".csv"))
+                say(f"wrote {file}" + " as JSON Lines; for CSV use --csv" * file.endswith(".csv"))
             report = sweep_report(swept, results.records() if self.json else ())
             if report.exit_code:
-                say(f"error: no row has an answer: {swept.reason}")
+                say(f"error: no row has a result: {swept.reason}")
             return replace(report, head="") if streamed else report
 
     def _takes_stdout(self) -> bool:
@@ -251,7 +256,7 @@ _OF_TRACES = ("start", "zero", "error_is", "cam_sense")  # options that presets 
 
 
 class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOptions, o.OneTorqueOptions):
-    """A measured trace over the predicted one, and which deviation explains the difference; or presets side by side.
+    """A recording and its prediction, with the deviation that explains the difference; or presets side by side.
 
     \b
     Examples:
@@ -261,14 +266,15 @@ class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOpt
       hdassist compare own.yaml run.csv --set phases.xi_b=230 --json
       hdassist compare vzp160 own.yaml
 
-    Each deviation, of the cam (wave generator), the rigid wheel (circular spline) or the flexspline, is fitted alone,
-    then all together, through the contact model; the page names causes that the record cannot separate.
+    Each deviation of the wave generator, the circular spline or the flexspline is fitted alone, then all together,
+    through the contact model. The page names causes that the recording cannot separate.
 
-    A FILE that is a name of the library, or ends in .yaml or .yml, is a preset; anything else is a trace (./NAME for
-    one that is called like a preset). Presets: which one to take, and how sure that is; F'_ior and best hole of each,
-    at torques that all have, else at the same shares of their rated torques; fields that differ, and which of them does
-    most, each changed alone. --torque, --set, --draws, --seed, --jobs are theirs too.
-    Exit codes: 0, 4 bad file, 5 orders or a range that the record does not tell, or no trustworthy answer.
+    A FILE that is a name of the library, or ends in .yaml or .yml, is a preset; anything else is a recording (./NAME
+    for one with the name of a preset). For presets the page gives the better drive with its probability; F'_ior and the
+    best hole of each drive, at torques that all presets share, else at equal shares of their rated torques; and the
+    fields that differ, each changed alone to find the one with the largest effect. --torque, --set, --draws, --seed and
+    --jobs apply to presets too. Exit codes: 0 done, 4 bad file, 5 the recording does not resolve the orders or the
+    range, or no trustworthy result.
     """
 
     preset: str
@@ -312,14 +318,18 @@ class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOpt
         Raises UsageError where traces stand among presets, or options are asked for that belong to traces.
         """
         if traces := [name for name in self.files if not is_preset(name)]:
-            words = f"{traces[0]} is taken for a trace, and {next(filter(is_preset, self.files))} for a preset"
-            raise UsageError(words, "a preset is a name of the library or a .yaml file; compare presets, or traces")
+            words = f"cannot compare {traces[0]}, a recording, with {next(filter(is_preset, self.files))}, a preset"
+            raise UsageError(words, "name presets only (names of the library, .yaml files), or recordings only")
         plain = all(getattr(self, name) == getattr(type(self), name) for name in _OF_TRACES)
         if not plain or self.only(o.TraceOptions) != o.TraceOptions(budget=[]):
-            raise UsageError("how a trace is read says nothing of presets", "leave out its options, or name a trace")
+            raise UsageError(
+                "options for reading recordings do not apply to presets", "leave out these options, or name a recording"
+            )
         names = [self.preset, *self.files]
         if self.csv is not None:
-            raise UsageError("a comparison of presets has no CSV", f"hdassist check {' '.join(names)} --csv FILE")
+            raise UsageError(
+                "a comparison of presets cannot be written as CSV", f"use hdassist check {' '.join(names)} --csv FILE"
+            )
         o.stdin_once(*names)
         out = self.open()
 
@@ -352,7 +362,7 @@ _REPORT_SUFFIXES = (".html", ".md")
 
 
 class ReportCommand(o.AnswerOptions, o.SamplingOptions, o.LimitedDriveOptions):
-    """Everything about a drive on two pages: verdict, errors, mounting, stiffness, assumptions, provenance.
+    """Report on a drive, two pages: verdict, errors, mounting, stiffness, assumptions, provenance.
 
     \b
     Examples:
@@ -360,11 +370,11 @@ class ReportCommand(o.AnswerOptions, o.SamplingOptions, o.LimitedDriveOptions):
       hdassist report my-drive.yaml --set tolerances.e_hb=60 -o better.html
       hdassist report my-drive.yaml --limit 45 -o report.md
 
-    One file without scripts, for screens (light and dark) and for A4 paper; the numbers are those of check, mount and
-    stiffness, and the same input gives the same bytes. -o names a .html or .md file; without it Markdown goes to
-    standard output. An order is given only if unknown inputs cannot reverse it.
-    Exit codes: 0 PASS or no limit, 3 FAIL, 4 bad preset, 5 no trustworthy answer, 6 INCONCLUSIVE, or no position of the
-    wheel that could be ordered; the report is written with 0, 3 and 6.
+    The report is one file without scripts, for screens (light and dark) and for A4 paper. Its numbers are those of
+    check, mount and stiffness, and the same input gives the same bytes. -o names a .html or .md file; without it,
+    Markdown is written to standard output. A mounting instruction is given only if uncertain inputs cannot reverse it.
+    Exit codes: 0 PASS or no limit, 3 FAIL, 4 bad preset, 5 no trustworthy result, 6 INCONCLUSIVE, or no hole that can
+    be recommended; the report is written with 0, 3 and 6.
     """
 
     preset: str
@@ -400,8 +410,8 @@ class ReportCommand(o.AnswerOptions, o.SamplingOptions, o.LimitedDriveOptions):
             return ".md"
         kind = Path(self.output).suffix.lower()
         if kind not in _REPORT_SUFFIXES:
-            words = f"a report cannot be written as {self.output!r}"
-            raise UsageError(words, f"its name ends in {' or '.join(_REPORT_SUFFIXES)}")
+            words = f"invalid name of a report: {self.output!r}"
+            raise UsageError(words, f"use a name that ends in {' or '.join(_REPORT_SUFFIXES)}")
         return kind
 
 
@@ -424,7 +434,7 @@ class DrawOptions(o.LimitedDriveOptions):
 
         found = production_law(drive, self.distribution, chosen=chosen, known=self.known)
         if not any(each.path == each.group and each.path in DEVIATION_FIELDS for each in found.own):
-            raise UsageError("no field scatters: all tolerances are 0", "set tolerances.e_hb or others above 0")
+            raise UsageError("no field varies: all tolerances are 0", "set tolerances.e_hb or other tolerances above 0")
         return found
 
     def with_designs(self, out: Output, production: Production, count: int) -> tuple[Production, Samples | None]:
@@ -453,14 +463,14 @@ def _require_limits(drive: Drive) -> list[float]:
     for M_g in drive.operation.M_g:
         limit = drive.limit(M_g)
         if limit is None:
-            hint = f"--limit 30, --limit F_ior@{M_g:g}=30, or --torque for those that have one"
+            hint = f"use --limit 30 or --limit F_ior@{M_g:g}=30, or select the torques with a limit by --torque"
             raise UsageError(f"no limit of F'_ior at {M_g:g} N*m", hint)
         limits.append(limit)
     return limits
 
 
 class ToleranceCommand(o.RowsOptions, DrawOptions):
-    """Yield of random drives inside their tolerances, as built and with each fixed wheel in its best hole.
+    """Yield of random drives within their tolerances, as assembled and with each fixed wheel in its best hole.
 
     \b
     Examples:
@@ -470,13 +480,14 @@ class ToleranceCommand(o.RowsOptions, DrawOptions):
       hdassist tolerance vzp160 --known phases.phi_hh
       hdassist tolerance vzp160 -n 100000 --results drives.jsonl
 
-    The drives are others of the type, not the one that check predicts. Designs are drawn from their uncertain inputs
-    (as check draws them, weighted by the preset's catalogue), and of each some drives: sizes that are given lie between
-    zero and the preset's tolerance, others are drawn as check draws them, directions are any, clearances with a ± lie
-    around their value. So the yield is a range over the designs; with --yield the verdict is PASS where the probability
-    of reaching it is at least --sure, FAIL where it is at most 1 less that. With --results FILE every drive is kept,
-    and the same command goes on where a stopped one has ended; --parquet FILE writes them as a table at the end. Exit
-    codes: 0 done or PASS, 3 FAIL, 6 INCONCLUSIVE, 4 bad preset, 5 no trustworthy answer, 130 stopped.
+    The drives are other drives of the type, not the one that check predicts. Designs are sampled from the uncertain
+    inputs (as in check, weighted by the preset's catalogue values), and some drives from each design. Given sizes lie
+    between zero and the preset's tolerance, other sizes are sampled as in check, directions are random, and clearances
+    with a ± vary about their value. The yield is therefore a range over the designs. With --yield the verdict is PASS
+    if the probability of reaching it is at least --sure, FAIL if it is at most 1 - --sure, else INCONCLUSIVE. --results
+    FILE stores every drive, and the same command resumes an interrupted run; --parquet FILE writes a table of the
+    drives at the end. Exit codes: 0 done or PASS, 3 FAIL, 6 INCONCLUSIVE, 4 bad preset, 5 no trustworthy result, 130
+    stopped.
     """
 
     preset: str
@@ -523,8 +534,9 @@ class ToleranceCommand(o.RowsOptions, DrawOptions):
             claim_output(results, is_kept=True)
 
         def progress_words() -> str:
-            where = f"are kept in {results}: the same command goes on"
-            return f"{kept.done} of {count} drives {where if results else 'are done, none is kept: --results FILE'}"
+            if results:
+                return f"{kept.done} of {count} drives are stored in {results}; the same command resumes"
+            return f"{kept.done} of {count} drives are done but not stored; store them with --results FILE"
 
         with open_kept(results, owner, production.kind, force=self.force) as kept:
             summary.add(islice(kept.records(), count))
@@ -546,14 +558,14 @@ class ToleranceCommand(o.RowsOptions, DrawOptions):
         if not summary.count:
             if interrupted:
                 raise KeyboardInterrupt
-            raise UntrustedError(f"no random drive has an answer: {summary.reason}", "narrow what scatters")
+            raise UntrustedError(f"no random drive has a result: {summary.reason}", "reduce the tolerances and ranges")
         if interrupted:
             say(f"interrupted: {progress_words()}")
         return tolerance_report(law, self.seed, summary, samples, interrupted=interrupted)
 
 
 class SensitivityCommand(o.FigureOptions, DrawOptions):
-    """Which tolerance to tighten first, and how much a step takes off F'_ior; or the measurement to make before.
+    """Tolerances ranked by the reduction of F'_ior from tightening each, or the measurement to make first.
 
     \b
     Examples:
@@ -561,10 +573,10 @@ class SensitivityCommand(o.FigureOptions, DrawOptions):
       hdassist sensitivity vzp160 --torque 80 -n 256 --json
       hdassist sensitivity own.yaml --distribution uniform --csv figures.csv
 
-    Over random drives of random designs as built (as hdassist tolerance draws them): the share of the variance of
-    ln F'_ior that comes from each field, the size and the direction of a deviation together, and what the 95th
-    percentile of F'_ior were with each tolerance a fifth tighter. Exit codes: 0 done, 2 wrong usage, 4 bad preset, 5 no
-    trustworthy answer, 130 stopped.
+    The result is computed over random drives of random designs, as assembled (sampled as in hdassist tolerance). It
+    gives the contribution of each field to the variance of ln F'_ior, with size and direction of a deviation taken
+    together, and the 95th percentile of F'_ior with each tolerance tightened by a fifth. Exit codes: 0 done, 2 wrong
+    usage, 4 bad preset, 5 no trustworthy result, 130 stopped.
     """
 
     preset: str
@@ -594,7 +606,7 @@ _DRIVES_PER_DESIGN = 5  # of many designs few drives each tell more than the rev
 
 
 class AllocateCommand(o.FigureOptions, DrawOptions):
-    """The cheapest tolerances with which enough drives pass, as built and with each fixed wheel in its best hole.
+    """The cheapest tolerances that reach a yield, as assembled and with each fixed wheel in its best hole.
 
     \b
     Examples:
@@ -602,12 +614,12 @@ class AllocateCommand(o.FigureOptions, DrawOptions):
       hdassist allocate vzp160 --limit 20 --limit F_ior@800=6
       hdassist allocate own.yaml --limit 30 --set cost.tolerances.e_hb.share=3
 
-    Tolerances are recommended only where they reach the yield with a probability of --sure over all that is not known
-    of the design; a size that the preset assumes is a tolerance to choose too. What one costs stands in the preset:
-    cost: {tolerances.e_hb: {share: 3, k: 1.5, least: 10}} costs 3 as the preset has it and 3 (now/tolerance)^1.5 else,
-    and no less than 10 um can be made; without it 1, k = 1 and a tenth. Tolerances may grow to twice their value.
-    Exit codes: 0 done, 3 no tolerances reach the yield, 6 none is shown to reach it, 2 wrong usage, 4 bad preset, 5 no
-    trustworthy answer, 130 stopped.
+    Tolerances are recommended only if the probability that they reach the yield is at least --sure, over all uncertain
+    inputs of the design. A size that the preset assumes is a tolerance to choose too. The preset gives the costs: cost:
+    {tolerances.e_hb: {share: 3, k: 1.5, least: 10}} costs 3 at the present tolerance and 3 (now/tolerance)^1.5
+    otherwise, and the smallest feasible tolerance is 10 um. Defaults: share 1, k 1, least a tenth of the present
+    tolerance. A tolerance may grow to twice its value. Exit codes: 0 done, 3 no tolerances reach the yield, 6 none is
+    shown to reach it, 2 wrong usage, 4 bad preset, 5 no trustworthy result, 130 stopped.
     """
 
     preset: str
@@ -630,14 +642,14 @@ class AllocateCommand(o.FigureOptions, DrawOptions):
         if min(room) <= 0:
             worst = room.index(min(room))
             words = f"the self error alone is {own[worst]:.1f}″ at {torques[worst]:g} N*m"
-            hint = "no tolerance changes that: a limit above it, or another wave or clearance"
-            raise UsageError(f"{words}, the limit {limits[worst]:g}", hint)
+            hint = "no tolerance changes the self error: raise the limit, or change cam.W_0 or gears.j_n"
+            raise UsageError(f"{words}, which exceeds the limit {limits[worst]:g}″", hint)
         production = Production(
             law, torques, mounting=self.mounting, limits=room, seed=self.seed, per_design=_DRIVES_PER_DESIGN, steps=True
         )
         if not law.tolerances:
             raise UsageError(
-                "no tolerance to choose: none that the preset gives is drawn", "set tolerances.e_hb above 0"
+                "no tolerance to choose: the preset gives no tolerance that is sampled", "set tolerances.e_hb above 0"
             )
         production, samples = self.with_designs(out, production, self.count)
         turned = (False, True) if self.mounting else (False,)

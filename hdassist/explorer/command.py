@@ -42,7 +42,7 @@ _WAITING = 2  # processes that wait for a question, where none can be forked
 
 
 class ExploreCommand(o.LimitedDriveOptions):
-    """A drive turned on the screen: where the fixed wheel is best, and the effect of each value of the preset.
+    """Interactive screen of a drive: F'_ior in each hole of the fixed wheel, and the effect of each input.
 
     \b
     Examples:
@@ -51,11 +51,11 @@ class ExploreCommand(o.LimitedDriveOptions):
       hdassist explore my-drive.yaml --limit 45
       hdassist explore my-drive.yaml h0=28.1 h4=17.3 h8=24.9
 
-    Arrow keys turn the fixed wheel (the rigid wheel, that is the circular spline, or the flexspline); e takes what is
-    known of the drive, c writes the assembly card, ? explains the screen. A number is searched first, then
-    proven; a card comes only from an order that mount and trials would give too. The line at the bottom is the command
-    that gives the same answer in a script; the one that comes back to the session is printed on leaving, and kept at
-    each change in explore.txt in the user's folder of states.
+    Arrow keys turn the fixed wheel (the circular spline or the flexspline); e enters known data of the drive, c writes
+    the assembly card, ? explains the screen. A number is first searched for, then verified. A card is written only for
+    a recommendation that mount would give too. The line at the bottom is the command that gives the same result in a
+    script. On leaving, hdassist prints the command that returns to the session; it is also saved at each change in
+    explore.txt in the user's folder of states.
     """
 
     preset: str
@@ -69,7 +69,10 @@ class ExploreCommand(o.LimitedDriveOptions):
     def run(self) -> int:
         """Show the drive; returns the exit code."""
         if self.preset == "-":
-            raise UsageError("the explorer needs standard input for its keys", "name a preset or a file")
+            raise UsageError(
+                "the explorer reads keys from standard input, so the preset cannot come from it",
+                "name a preset or a file",
+            )
         style = Style.of(sys.stdout, ascii=self.ascii)
         with Output(style).progress(self.preset):  # words before numpy is imported
             from hdassist.explorer.state import opened_state, with_evidence
@@ -202,8 +205,8 @@ class Service:
             try:
                 asked = await asyncio.shield(begun)
             except OSError as error:
-                words = f"cannot begin a process that computes: {error.strerror or error}"
-                yield "failed", HdassistError(words, limits_hint("ulimit -a shows why"))
+                words = f"cannot start a worker process: {error.strerror or error}"
+                yield "failed", HdassistError(words, limits_hint("see the limits of a process with ulimit -a"))
                 return
             while asked:
                 if not await wait_until_readable(asked.connection, asked.process.sentinel):
@@ -274,6 +277,6 @@ def _answer(question: Question, there: Connection) -> None:
         there.send(("failed", error))
     except Exception as error:  # a bug: the screen says so, as this process has no terminal to say it on
         words = f"internal error: {type(error).__name__}: {error}"
-        there.send(("failed", HdassistError(words, "this is a bug in hdassist")))
+        there.send(("failed", HdassistError(words, "report this bug in hdassist")))
     finally:
         there.close()

@@ -125,8 +125,8 @@ class PageOptions(OptionGroup):
         paths = {name: path for name in self.beside if (path := getattr(self, name, None)) is not None}
         asked = {**paths, "json": self.answer_file if self.json else None}
         if len(printed := [option_name(name) for name, path in asked.items() if path == "-"]) > 1:
-            words = f"standard output can take one of {' and '.join(printed)}"
-            raise UsageError(words, f"name a file: {printed[0]} FILE")
+            words = f"only one of {' and '.join(printed)} can use standard output"
+            raise UsageError(words, f"write one to a file: {printed[0]} FILE")
         for path in (self.answer_file, *paths.values()):
             take_output(path, self.replaces(path))
 
@@ -297,7 +297,7 @@ class PitchOptions(OptionGroup):
         found = self.wheels()
         found.require_sound()
         if found.files and len(presets) > 1:
-            raise UsageError("measured teeth are those of one drive", "check the drives one by one")
+            raise UsageError("measured teeth belong to one drive", "check one drive at a time")
         stdin_once(*presets, *found.files.values())
         return found
 
@@ -386,7 +386,7 @@ def limits_of_options(texts: Sequence[str], only: str = "") -> tuple[LimitText, 
     found = [LimitText.parse(text, "--limit") for text in texts]
     for limit in found:
         if only and limit.name.partition("@")[0] != only:
-            raise UsageError(f"--limit {limit}: expected a limit of {only}", "hdassist accept holds the others")
+            raise UsageError(f"--limit {limit}: expected a limit of {only}", "use hdassist accept for other limits")
     return tuple(sorted(found, key=lambda limit: limit.torque is not None))
 
 
@@ -401,7 +401,7 @@ def torque_overrides(texts: Sequence[str | None]) -> list[str]:
     torques = [option_value("--torque", text, "N*m") for text in given]
     for text, torque in zip(given, torques, strict=True):
         if not 0 < abs(torque) <= 1e7:
-            raise UsageError(f"invalid --torque {text}: expected a torque in N*m up to 1e7, and not 0")
+            raise UsageError(f"invalid --torque {text}: expected a torque in N*m up to 1e7, other than 0")
     return [f"operation.M_g={torques!r}"] if torques else []
 
 
@@ -411,7 +411,7 @@ def degrees_or_fit(option: str, text: str) -> float | None:
         return None
     angle = number_of(text)
     if not isfinite(angle):
-        raise UsageError(f"{option} must be an angle in deg, or fit, not {text}")
+        raise UsageError(f"invalid {option} {text}: expected an angle in degrees, or fit")
     return angle
 
 
@@ -427,7 +427,7 @@ def note_teeth(measured: MeasuredTeeth | None) -> None:
 def stdin_once(*names: str | None) -> None:
     """Raise UsageError where standard input is named twice."""
     if names.count("-") > 1:
-        raise UsageError("standard input can be read once only")
+        raise UsageError("standard input can be read only once")
 
 
 _OF_PAGES = (RowsOptions, CardOptions)  # groups of options that give an answer, and do not decide it

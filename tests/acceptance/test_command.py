@@ -176,7 +176,7 @@ def test_figures_of_several_drives_and_the_worst_code(rig, tmp_path):
     again = run("accept", SMALL, "--limit", "lost_motion=1", "--csv", str(tmp_path / "figures.csv"))
     assert again.returncode == 2
     both = run("accept", SMALL, SMALL, "--measured", "4=run.csv", "--limit", "F_ior=3", cwd=rig)
-    assert (both.returncode, "belongs to one drive" in both.stderr) == (2, True)
+    assert (both.returncode, "measured values belong to one drive" in both.stderr) == (2, True)
 
 
 def test_a_limit_that_nothing_predicts_asks_for_its_own_value():

@@ -163,13 +163,15 @@ def test_an_interrupt_keeps_what_is_done_and_resume_goes_on(tmp_path, here):
     kept = (tmp_path / "a.jsonl").read_text().splitlines()[1:]
     assert process.returncode == 130
     assert 0 < len(kept) < 6
-    told = re.search(r"(\d) of 6 rows are kept in a\.jsonl: the same command with --resume goes on", said.decode())
+    told = re.search(
+        r"(\d) of 6 rows are stored in a\.jsonl; continue with the same command and --resume", said.decode()
+    )
     assert told is not None and len(kept) - int(told[1]) in (0, 1)  # a line may be on its way as the stop comes
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.jsonl", "lot.csv", "run.csv"]
     with (tmp_path / "a.jsonl").open("a") as stream:
         stream.write(kept[0].replace('"item":0', f'"item":{len(kept)}')[:200])  # a crash in the middle of a line
     result = run(*args, "--resume", "-q", cwd=tmp_path)
-    assert f"a.jsonl: {len(kept)} of 6 rows are known" in result.stderr
+    assert f"a.jsonl: {len(kept)} of 6 rows are already computed" in result.stderr
     assert [line.split()[0] for line in result.stdout.splitlines()] == [f"d{n}" for n in range(6)]
     lines = (tmp_path / "a.jsonl").read_text().splitlines()[1:]
     assert lines[: len(kept)] == kept
@@ -178,7 +180,7 @@ def test_an_interrupt_keeps_what_is_done_and_resume_goes_on(tmp_path, here):
     (tmp_path / "lot.csv").write_text(lot.replace("\nd", "\nother"))
     code, _, told = here(*args, "--resume")
     assert code == 2
-    assert "none of its answers is of a drive of this lot" in told
+    assert "none of its results belongs to a drive of this lot" in told
     assert (tmp_path / "a.jsonl").read_text().splitlines()[1:] == lines
 
 
@@ -191,7 +193,7 @@ def test_a_lot_whose_files_have_all_changed_is_done_again(folder, here):
         stream.write("# looked at again\n")
     code, out, told = here(*args)
     assert (code, out) == (0, "17-1 PASS\n")
-    assert "warning: a.jsonl: files, options or version have changed since: all rows are done again" in told
+    assert "warning: a.jsonl: files, options or version have changed; all rows are computed again" in told
     (answer,) = (folder / "a.jsonl").read_text().splitlines()[1:]
     assert json.loads(answer)["measured"][0]["sha256"] != before
 
@@ -332,20 +334,28 @@ def test_replay_compares_the_whole_answer(folder, here):
 @pytest.mark.parametrize(
     ("args", "code", "words"),
     [
-        ([], 2, "nothing to accept"),
-        (["lot.csv", "vzp160"], 2, "one lot at a time"),
-        (["lot.csv", "--serial", "1"], 2, "belongs to one drive"),
+        ([], 2, "no drive to accept"),
+        (["lot.csv", "vzp160"], 2, "cannot be combined with other drives or lots"),
+        (["lot.csv", "--serial", "1"], 2, "measured values belong to one drive"),
         (["lot.csv", "--preset", SMALL, "--budget", "luck=1"], 2, "--budget luck=1"),
         (["lot.csv", "--preset", SMALL, "--set", "gears.zz=1"], 2, "gears.zz: unknown key"),
-        (["lot.csv", "--csv", "-", "--junit", "-"], 2, "standard output can take one of"),
+        (["lot.csv", "--csv", "-", "--junit", "-"], 2, "can use standard output"),
         (["lot.csv", "--resume"], 2, "--jsonl FILE"),
-        (["vzp160", "--resume", "--jsonl", "x"], 2, "--preset, --jsonl and --resume are for lots"),
+        (["vzp160", "--resume", "--jsonl", "x"], 2, "--preset, --jsonl and --resume apply to lots only"),
         (["none.csv"], 4, "no such file: none.csv"),
         (["--replay", "lot.csv"], 4, "no JSON"),
         (["--replay", "none.json"], 4, "no such file: none.json"),
-        (["--replay", "x.json", "--limit", "F_ior=3"], 2, "--replay does what its answer says"),
-        (["--replay", "x.json", "--set", "acceptance.rule=simple"], 2, "--replay does what its answer says"),
-        (["--replay", "x.json", "--serial", "a"], 2, "--replay does what its answer says"),
+        (
+            ["--replay", "x.json", "--limit", "F_ior=3"],
+            2,
+            "--replay takes its inputs and options from the stored result",
+        ),
+        (
+            ["--replay", "x.json", "--set", "acceptance.rule=simple"],
+            2,
+            "--replay takes its inputs and options from the stored result",
+        ),
+        (["--replay", "x.json", "--serial", "a"], 2, "--replay takes its inputs and options from the stored result"),
     ],
 )
 def test_faults_end_clearly(folder, here, args, code, words):
@@ -431,7 +441,7 @@ def test_a_fault_that_many_rows_share_is_named_once(folder, here):
     assert code == 4
     assert page.count("no limit to accept it by") == said.count("no limit to accept it by") == 1
     assert page.count("as 0") == 3
-    assert said.rstrip().endswith("note: the same of 3 more rows")
+    assert said.rstrip().endswith("note: the same for 3 further rows")
 
 
 def test_what_is_wrong_with_a_preset_is_said_to_each_of_its_rows(folder):
@@ -476,7 +486,7 @@ def test_drives_with_one_record_are_named_and_a_fault_of_all_rows_is_written_onc
     code, _, told = here("accept", "lot.csv", *STATED)
     assert code == 4
     assert told.count("preset: missing") == 1
-    assert "note: the same of 2 more rows" in told
+    assert "note: the same for 2 further rows" in told
 
 
 def test_the_drive_nearest_to_its_limit_is_turned_first_and_all_say_how_far_they_are(folder, here):

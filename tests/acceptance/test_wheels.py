@@ -77,10 +77,10 @@ def test_what_is_unknown_beside_measured_teeth_leaves_it_open(folder):
     [
         (("--mark-b", "3"), "--mark-b is the mark of a measured wheel"),
         (("--pitch-sense", "cw"), "say how to read --pitch-b and --pitch-g"),
-        ((*FILES, "--measured-only"), "--measured-only predicts nothing, and measured teeth are for predictions"),
-        (("--pitch-b", "-", "--measured", "4=-"), "standard input can be read once only"),
+        ((*FILES, "--measured-only"), "--measured-only makes no prediction, so it cannot use measured teeth"),
+        (("--pitch-b", "-", "--measured", "4=-"), "standard input can be read only once"),
         (("--pitch-b", "g.csv", "--mark-b", "0"), "the wheel has 22 teeth, the file 20"),
-        ((TINY, *FILES), "what was measured belongs to one drive"),
+        ((TINY, *FILES), "measured values belong to one drive"),
     ],
 )
 def test_what_cannot_be_meant(folder, args, said):
@@ -102,10 +102,10 @@ def test_rows_have_wheels_of_their_own(folder):
     assert len({answer["checks"][0]["value"] for answer in told}) == 3
     assert [[each["file"] for each in answer["pitch"]] for answer in told] == [["b.csv", "g.csv"], [], ["b.csv"]]
     again = run("accept", "lot.csv", "--preset", TINY, *LIMITS, "--jsonl", "a.jsonl", "--resume", cwd=folder)
-    assert "a.jsonl: 3 of 3 rows are known" in again.stderr
+    assert "a.jsonl: 3 of 3 rows are already computed" in again.stderr
     (folder / "b.csv").write_text(wheel(22, 2))
     again = run("accept", "lot.csv", "--preset", TINY, *LIMITS, "--jsonl", "a.jsonl", "--resume", cwd=folder)
-    assert "a.jsonl: 1 of 3 rows are known" in again.stderr
+    assert "a.jsonl: 1 of 3 rows are already computed" in again.stderr
 
 
 LOT = "serial;F_ior@4;limit F_ior@4;preset;pitch_b\n1;28±1;30;;\n2;31±0,1;30;;\n3;28±1;30;-;\n4;;30;;-\n"
@@ -131,7 +131,7 @@ def test_a_lot_from_standard_input(folder):
         assert {k: v for k, v in mine.items() if k not in same} == {k: v for k, v in theirs.items() if k not in same}
     assert '<testsuites name="&lt;stdin&gt;"' in (folder / "a.xml").read_text()
     again = run(*asked, "--jsonl", "a.jsonl", "--resume", stdin=LOT, cwd=folder)
-    assert "a.jsonl: 2 of 4 rows are known" in again.stderr
+    assert "a.jsonl: 2 of 4 rows are already computed" in again.stderr
     replayed = run("accept", "--replay", "a.jsonl", "-q", cwd=folder)
     assert (replayed.returncode, replayed.stdout.split("\n")) == (
         0,
@@ -145,9 +145,9 @@ def test_a_lot_from_standard_input(folder):
 @pytest.mark.parametrize(
     ("args", "stdin", "code", "said"),
     [
-        (("-", "--preset", "-"), LOT, 2, "rows of a lot cannot read standard input"),
-        (("-", TINY, "--preset", TINY), LOT, 2, "- is a lot: one lot at a time"),
-        (("-", "--preset", TINY, "--serial", "1"), LOT, 2, "what was measured belongs to one drive"),
+        (("-", "--preset", "-"), LOT, 2, "a row of a lot cannot read from standard input"),
+        (("-", TINY, "--preset", TINY), LOT, 2, "- is a lot, and cannot be combined"),
+        (("-", "--preset", TINY, "--serial", "1"), LOT, 2, "measured values belong to one drive"),
         (("-", "--preset", TINY), "", 4, "<stdin>:1:1: the file is empty"),
         (("-", "--preset", TINY), "serial,nothing\n1,2\n", 4, "<stdin>:1:8: nothing: no such column"),
         (("-",), LOT, 4, "<stdin>:1:1: a preset must be a table of keys"),

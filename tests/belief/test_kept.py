@@ -226,11 +226,11 @@ def test_doctor_says_where_the_cache_is_how_large_and_how_to_empty_it(folder, mo
     drawn()
     found = {each["what"]: each["found"] for each in json.loads(run("doctor", "--json").stdout)["findings"]}
     assert found["cache"].startswith(f"{folder}, ")
-    assert "MB; HDASSIST_CACHE names another folder, --empty-cache removes them" in found["cache"]
+    assert "MB; HDASSIST_CACHE sets another folder, --empty-cache removes them" in found["cache"]
     monkeypatch.setitem(process.CLEAN, kept.NO_CACHE, "1")
-    assert "no answers are kept" in " ".join(run("doctor").stdout.split())
+    assert "no results are cached" in " ".join(run("doctor").stdout.split())
     monkeypatch.setitem(process.CLEAN, kept.FOLDER, "/proc/nowhere")
-    assert "/proc/nowhere can't be used" in " ".join(run("doctor").stdout.split())
+    assert "/proc/nowhere cannot be used" in " ".join(run("doctor").stdout.split())
 
 
 def test_answers_are_kept_for_the_source_that_is_there_compiled_or_not(tmp_path):

@@ -66,9 +66,9 @@ def test_a_bug_is_exit_code_1_and_says_so():
 @pytest.mark.parametrize(
     ("fault", "code", "said"),
     [
-        (MemoryError(), 5, "error: there is not memory enough"),
-        (OSError(24, "Too many open files"), 4, "error: the system refuses: Too many open files"),
-        (OSError(11, "Resource temporarily unavailable"), 4, "error: the system refuses: Resource"),
+        (MemoryError(), 5, "error: not enough memory"),
+        (OSError(24, "Too many open files"), 4, "error: the system refused a resource: Too many open files"),
+        (OSError(11, "Resource temporarily unavailable"), 4, "error: the system refused a resource: Resource"),
     ],
 )
 def test_what_the_system_refuses_is_no_bug(fault, code, said):

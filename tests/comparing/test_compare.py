@@ -272,7 +272,7 @@ def test_an_angle_or_fit():
     assert degrees_or_fit("--phi-g0", "fit") is None
     assert degrees_or_fit("--phi-g0", "-12.5") == -12.5
     for wrong in ("north", "nan", "inf"):
-        with pytest.raises(UsageError, match="--phi-g0 must be an angle in deg, or fit"):
+        with pytest.raises(UsageError, match=r"invalid --phi-g0 .*: expected an angle in degrees, or fit"):
             degrees_or_fit("--phi-g0", wrong)
 
 

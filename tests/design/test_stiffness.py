@@ -158,4 +158,4 @@ def test_figures_on_standard_output_leave_the_page_to_its_file(tmp_path):
 def test_two_answers_on_standard_output_are_refused():
     refused = run("stiffness", "none", "--json", "--csv", "-")  # before the preset is read
     assert (refused.returncode, json.loads(refused.stdout)["error"]["code"]) == (2, "USAGE")
-    assert "standard output can take one of --csv and --json" in refused.stderr
+    assert "only one of --csv and --json can use standard output" in refused.stderr

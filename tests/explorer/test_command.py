@@ -69,7 +69,7 @@ def test_no_process_that_can_begin_is_said(monkeypatch: pytest.MonkeyPatch) -> N
     service = Service()
     monkeypatch.setattr(service, "_begin", refused)
     [failed] = asyncio.run(told(service, turn()))
-    assert isinstance(failed, HdassistError) and "cannot begin a process" in failed.message
+    assert isinstance(failed, HdassistError) and "cannot start a worker process" in failed.message
 
 
 def processes() -> set[int]:

@@ -105,7 +105,7 @@ def test_the_card_is_that_of_the_command(tmp_path: Path) -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         await pilot.press("c")
         await filled(app, pilot, str(tmp_path / "card.pdf"))
-        assert "its name ends in .txt, .html" in wrong(app)
+        assert "use a name that ends in .txt, .html" in wrong(app)
         await filled(app, pilot, str(tmp_path / "mine.txt"))
         assert (tmp_path / "mine.txt").read_text() == card.read_text()
 

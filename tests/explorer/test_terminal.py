@@ -263,7 +263,7 @@ def test_without_a_terminal_it_is_refused_with_the_command_for_scripts(tmp_path:
 @pytest.mark.parametrize(
     ("args", "code", "words"),
     [
-        (("explore", "-"), 2, "needs standard input for its keys"),
+        (("explore", "-"), 2, "reads keys from standard input"),
         (("explore", "nosuch"), 4, "no such preset"),
         (("explore", TINY, "--set", "gears.j_n=-1"), 2, "out of range"),
         (("explore", TINY, "h99=3"), 2, "h0 to h11"),

@@ -218,7 +218,12 @@ def test_time_to_refuse_a_number_does_not_grow_with_its_blanks(blanks):
 
 @pytest.mark.parametrize(
     ("step", "said"),
-    [("1e-7", "0.01 or more"), ("1e-320", "0.01 or more"), ("1e29", "must divide 360"), ("1e308", "out of range")],
+    [
+        ("1e-7", "0.01 or more"),
+        ("1e-320", "0.01 or more"),
+        ("1e29", "expected a divisor of 360"),
+        ("1e308", "out of range"),
+    ],
 )
 @pytest.mark.parametrize("holes", ["0", "12"])
 def test_positions_that_are_asked_for_are_bounded(alarm, step, said, holes):
@@ -306,7 +311,7 @@ FORGED = "1\nPASS"  # a second line where a name stands
 
 
 def test_a_line_break_in_a_name_forges_no_line(folder, answer):
-    require_refused(run("accept", TINY, "--serial", FORGED), "a line break in '1\\nPASS'")
+    require_refused(run("accept", TINY, "--serial", FORGED), "line break: '1\\nPASS'")
     Path("named.yaml").write_text(preset_with(**{"name: tiny": f"name: {json.dumps(FORGED)}"}))
     require_refused(run("check", "named.yaml"), "named.yaml:3:7: name: must be one line")
     Path("answer.json").write_text(json.dumps(answer | {"serial": FORGED}))

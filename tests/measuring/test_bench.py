@@ -111,7 +111,7 @@ def test_the_page_has_values_as_accept_takes_them(tmp_path):
     assert "--value 'repeatability=" in page
     kept = run("measure", "positions.csv", "--archive", "rig", "--serial", "17-1", cwd=tmp_path)
     assert kept.returncode == 2
-    assert "positions and torque loops are not kept" in kept.stderr
+    assert "positions and torque loops cannot be stored" in kept.stderr
     told = json.loads(run("measure", "positions.csv", "--json", cwd=tmp_path).stdout)
     value = next(q for q in told["quantities"] if q["name"] == "repeatability")
     low, high = value["interval_arcsec"]

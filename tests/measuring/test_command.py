@@ -229,7 +229,7 @@ def test_csv_of_the_curve(rig):
         (["run.csv", "--wrap", "-1"], 2, "invalid --wrap -1"),
         (["run.csv", "--budget", "luck=1"], 2, "invalid --budget luck=1"),
         (["run.csv", "--error", "nope"], 4, "no column nope"),
-        (["-", "-"], 2, "read once only"),
+        (["-", "-"], 2, "read only once"),
         (["nan.csv"], 4, "nan.csv:3:3: err: must be a finite number"),
         (["empty.csv"], 4, "the file is empty"),
         (["noise.csv"], 5, "not clear of its noise"),

@@ -198,10 +198,10 @@ def test_each_fault_ends_with_4_and_its_place(name, tmp_path):
 @pytest.mark.parametrize(
     ("args", "words"),
     [
-        (["mount", "-", "--pitch-b", "-"], "standard input can be read once only"),
-        (["check", "-", "-"], "standard input can be read once only"),
-        (["trace", SMALL, "--pitch-b", "-", "--pitch-g", "-"], "standard input can be read once only"),
-        (["check", SMALL, SMALL, "--pitch-b", "wheel.csv"], "those of one drive"),
+        (["mount", "-", "--pitch-b", "-"], "standard input can be read only once"),
+        (["check", "-", "-"], "standard input can be read only once"),
+        (["trace", SMALL, "--pitch-b", "-", "--pitch-g", "-"], "standard input can be read only once"),
+        (["check", SMALL, SMALL, "--pitch-b", "wheel.csv"], "belong to one drive"),
         (["mount", SMALL, "--mark-b", "20"], "--mark-b is the mark of a measured wheel"),
         (["mount", SMALL, "--pitch-b", "wheel.csv", "--mark-g", "20"], "--mark-g is the mark of a measured wheel"),
         (["mount", SMALL, "--pitch-b", "wheel.csv", "--mark-b", "nan"], "nan is out of range"),
@@ -227,7 +227,10 @@ def test_beside_measured_teeth_nothing_is_drawn_and_the_hole_is_that_of_the_valu
         assert "were not drawn: 1" in given.stderr
     assert ": ANY HOLE No hole is expected to be better" in in_a_line(pitch(*asked, files=files).stdout)
     with_values = pitch(*asked, "h0=20", files=files)
-    assert (with_values.returncode, "--pitch-b does not take measured values" in with_values.stderr) == (2, True)
+    assert (with_values.returncode, "--pitch-b cannot be combined with measured values" in with_values.stderr) == (
+        2,
+        True,
+    )
 
 
 def test_an_open_verdict_beside_measured_teeth_has_its_reason_and_a_next_command_with_the_files(files):

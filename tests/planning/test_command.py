@@ -133,7 +133,7 @@ def test_the_belief_is_that_of_check():
 @pytest.mark.parametrize(
     ("options", "code", "words"),
     [
-        (("--turns", "2"), 2, "--turns and --both are of a test to judge"),
+        (("--turns", "2"), 2, "--turns and --both need a test to evaluate"),
         (("--limit", "self_error=3"), 2, "expected a limit of F_ior"),
         (("--set", "bearing.ball_motion=rolling", "--set", "bearing.d_ball=5"), 2, "a plan needs locked balls"),
     ],

@@ -222,7 +222,7 @@ def test_where_no_hole_is_better_by_what_is_known_it_says_so():
 @pytest.mark.parametrize(
     ("args", "code", "words"),
     [
-        (["-o", "report.pdf"], 2, "a report cannot be written as 'report.pdf'"),
+        (["-o", "report.pdf"], 2, "invalid name of a report: 'report.pdf'"),
         (["-o", "kept.html"], 2, "kept.html exists"),
         (["-o", "none/report.html"], 4, "there is no directory"),
         (["--set", "gears.j_n=-1", "-o", "new.html"], 2, "out of range"),

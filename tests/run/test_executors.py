@@ -76,7 +76,7 @@ def test_rows_of_a_lot_are_the_same_and_it_goes_on_wherever_it_stopped(scheduler
     kept = (tmp_path / "a.jsonl").read_text().splitlines(keepends=True)
     (tmp_path / "a.jsonl").write_text("".join(kept[:2]))
     again = run("accept", "lot.csv", *options, "--jsonl", "a.jsonl", "--resume", cwd=tmp_path)
-    assert "1 of 3 rows are known" in again.stderr
+    assert "1 of 3 rows are already computed" in again.stderr
     assert plain(again.stdout) == plain(here.stdout)
 
 

@@ -150,7 +150,7 @@ def test_where_no_drive_has_an_answer_there_is_no_page(monkeypatch: pytest.Monke
     monkeypatch.setattr("hdassist.tolerance.production.Production._solved", refuse)
     done = run("tolerance", TINY, "-n", "2", *FEW, "--limit", "3000")
     assert (done.returncode, done.stdout) == (5, "")
-    assert "no random drive has an answer: not solved" in done.stderr
+    assert "no random drive has a result: not solved" in done.stderr
 
 
 def test_another_preset_or_option_leaves_the_file_as_it_is(kept: Path) -> None:
@@ -204,7 +204,7 @@ def test_parquet_has_the_drives_that_are_kept(kept: Path, tmp_path: Path) -> Non
         (("--yield", "0.9"), 2, "no limit of F'_ior at 1 N·m"),
         (("--yield", "1.5", "--limit", "30"), 2, "--yield"),
         (("--known", "phases.xi_q"), 2, "phases.xi_q"),
-        (("--set", "tolerances={F_i1: 0, F_i2: 0, e_hb: 0, e_hh: 0, e_hg: 0, e_b: 0}"), 2, "no field scatters"),
+        (("--set", "tolerances={F_i1: 0, F_i2: 0, e_hb: 0, e_hh: 0, e_hg: 0, e_b: 0}"), 2, "no field varies"),
     ],
 )
 def test_invalid_arguments_are_refused(arguments: tuple[str, ...], code: int, words: str) -> None:
