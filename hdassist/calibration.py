@@ -156,7 +156,9 @@ def read_targets(text: bytes, file: str, drive: Drive) -> Targets:
     targets = [target for number, item in enumerate(data["targets"]) for target in _target(document, number, item)]
     if document.findings:
         raise PresetError(ordered_findings(document.findings))
-    return Targets(data["name"], hashlib.sha256(text).hexdigest(), tuple(unknowns), tuple(targets))
+    return Targets(
+        name=data["name"], sha256=hashlib.sha256(text).hexdigest(), unknowns=tuple(unknowns), targets=tuple(targets)
+    )
 
 
 def _numbers(
@@ -174,7 +176,8 @@ def _numbers(
             document.add((*path, key), "missing key", got="")
     values: dict[str, Any] = {}
     for key, value in table.items():
-        at, unit = (*path, key), units.get(key)
+        at = (*path, key)
+        unit = units.get(key)
         if unit in (_TEXT, None):
             values[key] = value
         elif at not in document.bad:
@@ -190,7 +193,8 @@ def _numbers(
 
 
 def _unknown(document: Document, key: str, value: Any, drive: Drive) -> Iterator[FieldPrior]:
-    path, source = ("unknowns", key), drive.source.get(key)
+    path = ("unknowns", key)
+    source = drive.source.get(key)
     if key not in measures():
         document.add(path, "names no measure of a preset", near_miss(key, measures()) or "like gears.j_n", "", key=True)
         return
@@ -201,13 +205,22 @@ def _unknown(document: Document, key: str, value: Any, drive: Drive) -> Iterator
     )
     if bounds.keys() != units.keys():
         return
-    low, high = bounds["low"], bounds["high"]
+    low = bounds["low"]
+    high = bounds["high"]
     if not low < high or not (drive.allows(key, low) and drive.allows(key, high)):
         document.add(
             path, f"low must be below high, both within {measures()[key].range_words()}", got=f"{low:g}, {high:g}"
         )
     scale: Literal["logarithmic", "even"] = "logarithmic" if low > 0 and high / low > LOGARITHMIC else "even"
-    yield FieldPrior(key, scale, low, high, owner_of(drive, key), key, "bounds of the calibration")
+    yield FieldPrior(
+        path=key,
+        distribution=scale,
+        low=low,
+        high=high,
+        owner=owner_of(drive, key),
+        group=key,
+        reason="bounds of the calibration",
+    )
 
 
 def _target(document: Document, number: int, item: Any) -> Iterator[CalibrationTarget]:
@@ -226,7 +239,9 @@ def _target(document: Document, number: int, item: Any) -> Iterator[CalibrationT
             document.add((*path, key), "a torque of 0 leaves the rotation undetermined")
     if len(document.findings) > faults:
         return
-    value, low, high = given.get("value"), given.get("low", -inf), given.get("high", inf)
+    value = given.get("value")
+    low = given.get("low", -inf)
+    high = given.get("high", inf)
     if (value is None) == given.keys().isdisjoint(("low", "high")) or not low < high:
         document.add(path, "needs either a value with its tolerance, or low, high or both, low below high", got="")
         return
@@ -243,7 +258,12 @@ def _target(document: Document, number: int, item: Any) -> Iterator[CalibrationT
         return
     low, high = ends if value is None else (value - tolerance, value + tolerance)
     yield CalibrationTarget(
-        quantity, {key: given[key] for key in _KEY_UNITS if key in given}, value, low, high, tolerance
+        quantity=quantity,
+        asked={key: given[key] for key in _KEY_UNITS if key in given},
+        value=value,
+        low=low,
+        high=high,
+        tolerance=tolerance,
     )
 
 
@@ -265,7 +285,8 @@ def predictions(drive: Drive, targets: Sequence[CalibrationTarget]) -> tuple[flo
     chords = cache(partial(stiffness, drive, points=0, run=UNCHECKED))
 
     def predicted(target: CalibrationTarget) -> float:
-        asked, quantity = target.asked, target.quantity
+        asked = target.asked
+        quantity = target.quantity
         M_g = asked.get("M_g", 0.0)
         if quantity == "F_ior":
             return float(F_ior_at_phases(ErrorMap(drive, M_g), [asked.get("phase", phase_deg(drive))])[0])
@@ -289,7 +310,8 @@ def F_ior_at_phases(error_map: ErrorMap, phases: Iterable[float]) -> Array:
 
 def phase_scan(drive: Drive, M_g: float) -> PhaseScan:
     """Extremes of F'_ior over the mounting phase at a torque [N*m]."""
-    error_map, phases = ErrorMap(drive, M_g), np.arange(0, 360, _PHASE_STEP)
+    error_map = ErrorMap(drive, M_g)
+    phases = np.arange(0, 360, _PHASE_STEP)
     F_ior = F_ior_at_phases(error_map, phases)
 
     def least(sign: int) -> tuple[float, float]:
@@ -303,8 +325,9 @@ def phase_scan(drive: Drive, M_g: float) -> PhaseScan:
         )
         return float(extreme.fun), float(extreme.x) % 360
 
-    (low, best), (high, worst) = least(+1), least(-1)
-    return PhaseScan(low, best, -high, worst)
+    low, best = least(+1)
+    high, worst = least(-1)
+    return PhaseScan(least=low, best_deg=best, greatest=-high, worst_deg=worst)
 
 
 @dataclass(frozen=True)
@@ -371,7 +394,8 @@ def calibrate(
     iterations of a least-squares run at most. Raises UntrustedError where no drive could be computed or least squares
     did not come to rest.
     """
-    unknowns, search = targets.unknowns, _Search(drive, targets, run)
+    unknowns = targets.unknowns
+    search = _Search(drive, targets, run)
     sobol = sobol_points(points, len(unknowns), run.seed)
     sobol[0] = _places_of(unknowns, {u.path: drive.number(u.path) for u in unknowns})
     costs = (search.residuals(sobol) ** 2).sum(axis=1)
@@ -388,12 +412,18 @@ def calibrate(
     deviation = np.sqrt(np.diag(covariance))
     values = [
         _FoundValue(
-            u.path, field_table()[u.path].unit, drive.value(u.path), found,
-            float(u.value(x + d) - u.value(x - d)) / 2, u.low, u.high, 1 - 2 * float(d),
-            None if not side else u.low if side < 0 else u.high,
+            path=u.path,
+            unit=field_table()[u.path].unit,
+            start=drive.value(u.path),
+            found=found,
+            half_width=float(u.value(x + d) - u.value(x - d)) / 2,
+            low=u.low,
+            high=u.high,
+            determined=1 - 2 * float(d),
+            held_at=None if not side else u.low if side < 0 else u.high,
         )
         for u, found, x, d, side in zip(unknowns, fits[0].values, first.x, deviation, first.active_mask, strict=True)
-    ]  # fmt: skip
+    ]
     missed = _shortfall(targets, fits[0], values)
     if first.status <= 0 and np.abs(first.fun).max() > 1:
         words = missed or "its nearest set meets the targets all the same"
@@ -401,14 +431,25 @@ def calibrate(
     correlation = covariance / np.outer(deviation, deviation)
     alike = np.argwhere(np.triu(np.abs(correlation), 1) > _INDISTINCT).tolist()
     indistinct = tuple((unknowns[i].path, unknowns[k].path, float(correlation[i, k])) for i, k in alike)
-    return Calibration(drive, targets, tuple(fits), tuple(values), missed, indistinct, len(search.known), run.seed)
+    return Calibration(
+        drive=drive,
+        targets=targets,
+        fits=tuple(fits),
+        values=tuple(values),
+        shortfall=missed,
+        indistinct=indistinct,
+        evaluations=len(search.known),
+        seed=run.seed,
+    )
 
 
 class _Search:
     """Fits of a drive to targets at points of the unit cube, shape (unknowns,); each drive is computed once."""
 
     def __init__(self, drive: Drive, targets: Targets, run: Run) -> None:
-        self.drive, self.targets, self.run = drive, targets, run
+        self.drive = drive
+        self.targets = targets
+        self.run = run
         self.known: dict[tuple[float, ...], Fit] = {}
 
     def fits(self, points: Iterable[Array]) -> list[Fit]:

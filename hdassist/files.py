@@ -57,8 +57,11 @@ class TextFile:
         """
         is_path = isinstance(source, str | Path)
         named = STDIN if source == "-" else str(source) if is_path else str(getattr(source, "name", "<bytes>"))
-        self.source, self.at_most, self.name = source, at_most, named
-        self.sha256, self.is_latin = "", False
+        self.source = source
+        self.at_most = at_most
+        self.name = named
+        self.sha256 = ""
+        self.is_latin = False
 
     def parts(self) -> Iterator[tuple[int, str]]:
         """Whole lines, joined by newlines, and the number of the first of them.
@@ -66,7 +69,9 @@ class TextFile:
         Raises DataError: a file that cannot be read; PresetError: one that is too large, empty, binary, damaged, or not
         in the encoding of its byte order mark.
         """
-        line, rest, is_empty = 1, "", True
+        line = 1
+        rest = ""
+        is_empty = True
         for text in self._decoded():
             if "\0" in text:
                 hint = "save the table as text: CSV in UTF-8"
@@ -75,7 +80,8 @@ class TextFile:
             is_empty = is_empty and not text.strip("\x1a \t\n")
             lines, newline, after = text.rpartition("\n")
             if newline:
-                part, rest = self._readable(rest + lines), after
+                part = self._readable(rest + lines)
+                rest = after
                 yield line, part
                 line += part.count("\n") + 1
             else:
@@ -89,7 +95,9 @@ class TextFile:
 
     def _decoded(self) -> Iterator[str]:
         """Text as it comes, with \\n at the end of lines; bytes that are not UTF-8 as lone surrogates."""
-        digest, size, decoder = hashlib.sha256(), 0, None
+        digest = hashlib.sha256()
+        size = 0
+        decoder = None
         with self._opened() as stream:
             data = b"start"
             while data:
@@ -126,11 +134,14 @@ class TextFile:
             buffered.detach()  # standard input stays open
 
     def _decoder(self, start: bytes) -> io.IncrementalNewlineDecoder:
-        encoding, errors = "utf-8", "surrogateescape"
+        encoding = "utf-8"
+        errors = "surrogateescape"
         if start.startswith(codecs.BOM_UTF8):
-            encoding, errors = "utf-8-sig", "strict"
+            encoding = "utf-8-sig"
+            errors = "strict"
         elif start.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-            encoding, errors = "utf-16", "strict"
+            encoding = "utf-16"
+            errors = "strict"
         return io.IncrementalNewlineDecoder(codecs.getincrementaldecoder(encoding)(errors), translate=True)
 
     def _readable(self, lines: str) -> str:
@@ -144,7 +155,7 @@ class TextFile:
         )
 
     def _refusal(self, message: str, got: str = "", hint: str = "", line: int = 1) -> PresetError:
-        return PresetError([Finding(self.name, line, 1, "", message, got, hint)])
+        return PresetError([Finding(file=self.name, line=line, column=1, path="", message=message, got=got, hint=hint)])
 
 
 @contextmanager

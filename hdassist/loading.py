@@ -168,7 +168,8 @@ def set_override(document: Document, text: str, index: int) -> None:
             f"{OVERRIDE}:{index}:1: not of the form section.key=VALUE (got {shown(text) or 'nothing'})",
             f"like {OVERRIDE} gears.j_n=6",
         )
-    at_key, start = Mark(index, 1), len(key) + 1
+    at_key = Mark(index, 1)
+    start = len(key) + 1
     read = read_yaml(value, OVERRIDE, whole, lambda line, column: Mark(index, (column if line == 1 else 1) + start))
     if read.findings:
         raise UsageError("\n".join(map(str, read.findings)))
@@ -176,7 +177,8 @@ def set_override(document: Document, text: str, index: int) -> None:
         return
     own = replace(read.places.get(whole, SourceSpan(OVERRIDE, at_key, Mark(index, start + 1))), key=at_key)
     for end, part in enumerate(whole[:-1], 1):
-        path, inner = whole[:end], table.get(part)
+        path = whole[:end]
+        inner = table.get(part)
         if inner is not None and not isinstance(inner, dict):
             if path not in _PER_TORQUE:
                 message = f"{path_text(path)} is no table of keys"
@@ -208,7 +210,9 @@ def _drive(document: Document) -> Drive | None:
         document.add(("schema",), f"must be {PRESET_SCHEMA}")
     _settle_spreads(document, data)
     data |= {name: _known_paths(document, name, data[name]) for name in PATH_TABLES if isinstance(data.get(name), dict)}
-    values, drive = dict[str, Any](), None  # values that hold, by path
+    # values that hold, by path
+    values = dict[str, Any]()
+    drive = None
     try:
         drive = Drive.model_validate(data, context=values)
     except ValidationError as error:
@@ -236,10 +240,12 @@ def _settle_spreads(document: Document, data: dict[str, Any]) -> None:
     """Put uncertainties beside values ("260 ± 10") into their table; of two the one on the command line counts."""
     table = data.get("uncertainty", {})
     for path, field in measures().items() if isinstance(table, dict) else ():
-        own, beside = ("uncertainty", path), tuple(path.split("."))
+        own = ("uncertainty", path)
+        beside = tuple(path.split("."))
         with suppress(KeyError, InvalidValueError):  # not given, none beside the value, or refused with it
             spread = read_spread(document.places[beside].text, field.unit)[1]
-            own_wins, beside_wins = document.is_override(own), document.is_override(beside)
+            own_wins = document.is_override(own)
+            beside_wins = document.is_override(beside)
             if path in table and beside_wins == own_wins:
                 document.add(own, "given twice", f"the value has an uncertainty of {spread:g} beside it")
             elif path not in table or beside_wins:
@@ -254,7 +260,8 @@ def _check_tables(values: dict[str, Any], document: Document) -> None:
     draws: dict[str, Any] = values.get("drive.fit", {})
     first = next(iter(draws), "")
     for path, each in draws.items():
-        own, value = tuple(path.split(".")), values.get(path)
+        own = tuple(path.split("."))
+        value = values.get(path)
         if len(each) != len(draws[first]):
             words = f"has {len(each)} draws, {first} has {len(draws[first])}"
             document.add(("fit", path), words, "draw k of all fields is one drive")
@@ -266,11 +273,13 @@ def _check_tables(values: dict[str, Any], document: Document) -> None:
         if path in values and values[path] is None:
             document.add(("uncertainty", path), "an uncertainty of a value that is not given", f"give {path} as well")
     for path, source in values.get("drive.source", {}).items():
-        bounds, value = source.range, values.get(path)
+        bounds = source.range
+        value = values.get(path)
         if not bounds or value is None or document.is_override(tuple(path.split("."))):
             continue
         if not bounds[0] <= value <= bounds[1]:
-            words, ends = f"the value {plain(value)} lies outside its range", " to ".join(map(plain, bounds))
+            words = f"the value {plain(value)} lies outside its range"
+            ends = " to ".join(map(plain, bounds))
             document.add(("source", path, "range"), words, "correct one of them", ends)
 
 
@@ -291,10 +300,12 @@ def _known_paths(document: Document, name: str, table: dict[str, Any]) -> dict[s
 
 def _add_fault(document: Document, fault: ErrorDetails) -> None:
     """Add the finding on a fault of validation; none on a value that has one already."""
-    path, error = fault["loc"], fault.get("ctx", {}).get("error")
+    path = fault["loc"]
+    error = fault.get("ctx", {}).get("error")
     if path in document.bad:
         return
-    own, is_short = {**dict(sections()), **BY_PATH}.get(str(path[0])), len(document.findings) <= MAX_FINDINGS
+    own = {**dict(sections()), **BY_PATH}.get(str(path[0]))
+    is_short = len(document.findings) <= MAX_FINDINGS
     model = own if own and len(path) > 1 else Drive
     if isinstance(error, InvalidValueError):
         document.refuse(path, error)
@@ -344,17 +355,20 @@ def _warn_of_model(drive: Drive, document: Document) -> None:
     if all(source.kind != "identified" for source in drive.source.values()):
         return
     for name, before in IDENTIFIED_WITH.items():
-        path, here = ("numerics", name), drive.value(f"numerics.{name}")
+        path = ("numerics", name)
+        here = drive.value(f"numerics.{name}")
         if document.is_override(path):
             document.warn(
-                path, f"{here}: values of this preset were identified with the numerics.{name} that it names, if any",
+                path,
+                f"{here}: values of this preset were identified with the numerics.{name} that it names, if any",
                 "they fit no other; calibrate anew with this one",
-            )  # fmt: skip
+            )
         elif path not in document.places:
             document.warn(
-                ("source",), f"values were identified, but not said with which numerics.{name}; {here} is used",
+                ("source",),
+                f"values were identified, but not said with which numerics.{name}; {here} is used",
                 f"older values are of {before}: write numerics.{name}: {before}, or calibrate anew",
-            )  # fmt: skip
+            )
 
 
 # --- values put into text
@@ -433,7 +447,8 @@ def with_found_values(
     where they come from; model, the fields of numerics that they were identified with, which are written into the
     text. A fit of before goes. Raises the errors of loading the text; DataError where it cannot be changed in place.
     """
-    before, tables = load_text(text, file), _tables(text)
+    before = load_text(text, file)
+    tables = _tables(text)
     tables.pop("fit", None)  # its draws are around other values
     for path, value in values.items():
         _set_value(tables, path, value)
@@ -450,8 +465,10 @@ def with_changes(text: bytes, file: str, overrides: Sequence[str]) -> str:
     text; file, its name in messages; overrides, such as "cam.W_0=0.95". Raises the errors of loading the preset with
     them; DataError where an override is of no single field, or the text cannot be changed in place.
     """
-    wanted, before = load_text(text, file, overrides), load_text(text, file)
-    tables, changes = _tables(text.decode("utf-8-sig")), set()
+    wanted = load_text(text, file, overrides)
+    before = load_text(text, file)
+    tables = _tables(text.decode("utf-8-sig"))
+    changes = set()
     for override in overrides:
         key, _, written = override.partition("=")
         parts = path_of(key)
@@ -466,7 +483,8 @@ def with_changes(text: bytes, file: str, overrides: Sequence[str]) -> str:
             raise DataError(f"--set {override} cannot be saved", "only single fields can: write it into the file")
         changes.add(path)
         _set_value(tables, path, _tables(written), *entry)
-        source, value = before.source.get(path), wanted.value(path)
+        source = before.source.get(path)
+        value = wanted.value(path)
         if source is not None and value != before.value(path):
             ref = f"changed by hand; was {source.kind}"
             _table(tables, "source")[path] = _source("assumed", ref, source, value)
@@ -482,7 +500,8 @@ def _editor() -> YAML:
     from ruamel.yaml import YAML  # 40 ms, for which only who writes a preset waits
 
     editor = YAML()
-    editor.preserve_quotes, editor.width = True, 2**20
+    editor.preserve_quotes = True
+    editor.width = 2**20
     editor.indent(mapping=2, sequence=4, offset=2)
     return editor
 
@@ -506,7 +525,8 @@ def _set_value(tables: Any, path: str, value: Any, entry: str | int = "") -> Non
     if entry:
         if not isinstance(table.get(name), dict):
             table[name] = {} if table.get(name) is None else {"all": table[name]}
-        table, name = table[name], str(entry)
+        table = table[name]
+        name = str(entry)
     table[name] = value
 
 
@@ -522,7 +542,8 @@ def _written(tables: Any, file: str, wanted: Drive, model: Mapping[str, str | in
     """Text of tables, read again: it must give the wanted drive, but for fields of model that it has already."""
     stream = StringIO()
     _editor().dump(tables, stream)
-    text, loose = stream.getvalue(), {f"numerics.{name}" for name in model or {}}
+    text = stream.getvalue()
+    loose = {f"numerics.{name}" for name in model or {}}
     with suppress(DataError):
         read = load_text(text, file)
         same = all(read.value(path) == wanted.value(path) for path in field_table() if path not in loose)
@@ -540,7 +561,8 @@ def preset_schema() -> dict[str, Any]:
 
     Units within texts, keys of tables and rules between fields are left to `hdassist presets validate`.
     """
-    schema, fields = _table_schema(Drive), Drive.declared()
+    schema = _table_schema(Drive)
+    fields = Drive.declared()
     properties = schema["properties"]
     for name, model in sections():  # one that may be left out may be empty
         properties[name] = {"anyOf": [_table_schema(model)] + [{"type": "null"}] * (not fields[name].is_required)}
@@ -570,14 +592,20 @@ def _table_schema(model: type[Section]) -> dict[str, Any]:
 
 def _field_schema(field: PresetField) -> dict[str, Any]:
     """Schema of a field as presets are written: texts for numbers, one item for a list, a number for a table."""
-    number, text = _number_schema(field), {"type": "string"}
+    number = _number_schema(field)
+    text = {"type": "string"}
     table: Any = {"type": "object", "additionalProperties": _NUMBER_TEXT if field.kind == "readings" else number}
     several = table if field.kind in KEYED_TABLES else {"type": "array", "items": number}
     forms: Any = {
-        "number": [number], "count": [number], "text": [text], "line": [text], "choice": [{"enum": [*field.choices]}],
-        "range": [several | {"minItems": 2, "maxItems": 2}], "readings": [table],
+        "number": [number],
+        "count": [number],
+        "text": [text],
+        "line": [text],
+        "choice": [{"enum": [*field.choices]}],
+        "range": [several | {"minItems": 2, "maxItems": 2}],
+        "readings": [table],
         "holes": [{"const": "all"}, several, number],
-    }.get(field.kind, [several, number])  # fmt: skip
+    }.get(field.kind, [several, number])
     empty = [{"type": "null"}] * field.is_optional + [{"const": UNKNOWN}] * field.unknown
     default = {} if field.is_required else {"default": field.default}
     about = f"{field.meaning}{field.unit and f' [{field.unit}]'}"

@@ -131,7 +131,10 @@ def kinematic_error(
     kinematics = Kinematics.of(drive)
     states = pitch_locked_states(kinematics) if states is None else states
     count = len(states)
-    rotation, share, force, certificate = np.empty(count), np.empty((count, 2)), np.empty(count), EMPTY
+    rotation = np.empty(count)
+    share = np.empty((count, 2))
+    force = np.empty(count)
+    certificate = EMPTY
     for rows, formulation in _formulations(drive, states):
         rows = rows[neighbours_together(kinematics, states.take(rows))]
         case = LoadCase(formulation, M_g, solver=solver)
@@ -140,10 +143,20 @@ def kinematic_error(
             answers = case.solve(
                 state_gaps(drive, case.system, part, teeth), partial(state_place, part, M_g), run.solved
             )
-            rotation[some], share[some] = answers.rotation_arcsec, answers.zone_share
+            rotation[some] = answers.rotation_arcsec
+            share[some] = answers.zone_share
             force[some] = answers.tooth_force_N
             certificate += answers.certificate
-    result = KinematicError(kinematics, M_g, states, rotation, share, force, certificate, None)
+    result = KinematicError(
+        kinematics=kinematics,
+        M_g=M_g,
+        states=states,
+        rotation_arcsec=rotation,
+        zone_share=share,
+        tooth_force_N=force,
+        certificate=certificate,
+        cross_check=None,
+    )
     if not run.cross_check:
         return result
     return replace(result, cross_check=_cross_check_of(drive, result.sampled(seed=run.seed), teeth, run, {}))
@@ -164,12 +177,22 @@ def whole_error(
         error = fresh()
         return np.vstack([error.rotation_arcsec, error.zone_share.T, error.tooth_force_N]).tobytes(), error.certificate
 
-    kinematics, parts = Kinematics.of(drive), drive.model_dump(mode="json", exclude=WITHOUT_EFFECT)
+    kinematics = Kinematics.of(drive)
+    parts = drive.model_dump(mode="json", exclude=WITHOUT_EFFECT)
     depends = {"drive": parts, "M_g": M_g, "program": digits_depend_on()}
     data, proof = kept_answer("cycle", depends, _columns_of(kinematics.cycle_states), columns)
     rotation, *shares, force = np.frombuffer(data).reshape(_COLUMNS, -1)
     states = pitch_locked_states(kinematics)
-    return KinematicError(kinematics, M_g, states, rotation, np.stack(shares, axis=1), force, proof, None)
+    return KinematicError(
+        kinematics=kinematics,
+        M_g=M_g,
+        states=states,
+        rotation_arcsec=rotation,
+        zone_share=np.stack(shares, axis=1),
+        tooth_force_N=force,
+        certificate=proof,
+        cross_check=None,
+    )
 
 
 _COLUMNS = 4  # of numbers of a state: rotation, share of each zone, force on a flank
@@ -195,7 +218,8 @@ def _formulations(drive: Drive, states: States) -> Iterator[tuple[NDArray[np.int
     if drive.bearing.ball_motion == "locked":
         yield np.arange(len(states)), formulate(contact_system(drive))
         return
-    systems, steps = ContactSystems(drive), drive.numerics.n_beta
+    systems = ContactSystems(drive)
+    steps = drive.numerics.n_beta
     nearest = np.rint(ball_phase(drive, states.phi_h) * steps).astype(np.int64) % steps
     for step in np.unique(nearest):
         yield np.flatnonzero(nearest == step), formulate(systems.at(0.0, step / steps))
@@ -211,9 +235,11 @@ def _cross_check_of(
     """
     checks = []
     for rows, formulation in _formulations(drive, error.states):
-        states, torques = error.states.take(rows), np.full(len(rows), error.M_g)
+        states = error.states.take(rows)
+        torques = np.full(len(rows), error.M_g)
         delta_p = formulation.system.delta_p_of(state_gaps(drive, formulation.system, states, teeth))
-        where, solver = partial(state_place, states, error.M_g), run.cross_check or CROSS_SOLVER
+        where = partial(state_place, states, error.M_g)
+        solver = run.cross_check or CROSS_SOLVER
         if formulation.digest not in stated:
             stated.clear()
             stated[formulation.digest] = formulation
@@ -296,8 +322,10 @@ def self_error(drive: Drive, torques: Sequence[float], *, run: Run = Run()) -> l
 
 def _self_errors(drive: Drive, torques: Sequence[float]) -> list[tuple[list[list[float]], Certificate]]:
     """Rotation [arcsec] over both phases at each torque, and its proof."""
-    systems, grid = ContactSystems(drive), drive.numerics.n_phase
-    rotation, certificates = np.empty((len(torques), grid, grid)), [EMPTY] * len(torques)
+    systems = ContactSystems(drive)
+    grid = drive.numerics.n_phase
+    rotation = np.empty((len(torques), grid, grid))
+    certificates = [EMPTY] * len(torques)
     cases: dict[float, LoadCase] = {}  # one a torque: contact sets of neighbours are near, of torques they are not
     for i, k in np.ndindex(grid, grid):
         formulation = formulate(systems.at(i / grid, k / grid))

@@ -75,7 +75,8 @@ class Batch:
 
         What turns with neither wheel is part of the first.
         """
-        row, parts = np.arange(len(self))[:, None], []
+        row = np.arange(len(self))[:, None]
+        parts = []
         for part, alpha in (("b", alpha_b), ("g", alpha_g)):
             is_own = {key: (key[1] == "g") == (part == "g") for key in self._waves}
             own = {key: wave[row] if is_own[key] else np.zeros(1) for key, wave in self._waves.items()}
@@ -84,7 +85,8 @@ class Batch:
 
     @cached_property
     def _waves(self) -> Waves:
-        columns, number = self.columns, self.drive.number
+        columns = self.columns
+        number = self.drive.number
         waves = waves_of(lambda path: columns.get(path, number(path)), self.drive)
         return {key: np.broadcast_to(wave, len(self)) for key, wave in waves.items()}
 
@@ -124,7 +126,8 @@ class ErrorMap:
                 "this needs locked balls: of rolling ones every state has to be solved",
                 "--set bearing.ball_motion=locked",
             )
-        self.drive, self.M_g = drive, M_g
+        self.drive = drive
+        self.M_g = M_g
         # never solves a state: every answer starts from it alike and so gives the same digits
         self.fresh = LoadCase(formulation or formulate(contact_system(drive)), M_g, like=like)
         kinematics = Kinematics.of(drive)
@@ -160,7 +163,7 @@ def every_state(drive: Drive, M_g: float) -> Extremes:
     """
     error = kinematic_error(drive, M_g, run=UNCHECKED)
     F_ior, at_max, at_min = (np.array([each]) for each in (error.F_ior_arcsec, error.at_max, error.at_min))
-    return Extremes(F_ior, at_max, at_min, error.certificate)
+    return Extremes(F_ior_arcsec=F_ior, at_max=at_max, at_min=at_min, certificate=error.certificate)
 
 
 def error_maps(drive: Drive, torques: Sequence[float], formulation: Formulation | None = None) -> list[ErrorMap]:
@@ -168,9 +171,10 @@ def error_maps(drive: Drive, torques: Sequence[float], formulation: Formulation 
 
     Argument: formulation of that system, where it is there already.
     """
-    formulation, maps = formulation or formulate(contact_system(drive)), list[ErrorMap]()
+    formulation = formulation or formulate(contact_system(drive))
+    maps = list[ErrorMap]()
     for M_g in torques:
-        maps.append(ErrorMap(drive, M_g, formulation, maps[-1].fresh if maps else None))
+        maps.append(ErrorMap(drive=drive, M_g=M_g, formulation=formulation, like=maps[-1].fresh if maps else None))
     return maps
 
 
@@ -283,7 +287,8 @@ class ErrorTable:
         a parabola: (x - x_i) g_i/2 at each point i beside its error.
         """
         axes = (np.linspace(-size, size, n) for size, n in zip(self.reach.sizes, self.error.shape, strict=True))
-        points, halves = np.array(np.meshgrid(*axes, indexing="ij")), self.slopes[:4] / 2
+        points = np.array(np.meshgrid(*axes, indexing="ij"))
+        halves = self.slopes[:4] / 2
         return np.stack([self.error - (points * halves).sum(axis=0), *halves, *self.slopes[4:]], axis=-1)
 
     def rotation(self, scalars: Array) -> Array:
@@ -291,7 +296,8 @@ class ErrorTable:
 
         Raises UntrustedError for deviations that the table does not span.
         """
-        reach, columns = self.reach, np.zeros((int(np.prod(scalars.shape[:-1])), DEVIATION_SCALARS))
+        reach = self.reach
+        columns = np.zeros((int(np.prod(scalars.shape[:-1])), DEVIATION_SCALARS))
         columns[:, : scalars.shape[-1]] = scalars.reshape(len(columns), -1)
         places = (columns[:, reach.axes] / reach.sizes + 1) * (np.array(self.error.shape) - 1) / 2
         values = read_table(self._rows, places, columns[:, reach.axes + reach.others])
@@ -305,7 +311,8 @@ class ErrorTable:
         Arguments: values of their deviations by path, shape (drives,) each. Raises UntrustedError for
         deviations that the table does not span.
         """
-        batch, found = Batch(self.drive, values), list[Array]()
+        batch = Batch(self.drive, values)
+        found = list[Array]()
         alpha, fine = (np.linspace(0, 2 * np.pi, n, endpoint=False) for n in (self.turns, _ROUGH_TURNS))
         b, g = batch.by_wheel(alpha, alpha)
         if is_rough := b.shape[-1] > SMOOTH_SCALARS:
@@ -313,9 +320,11 @@ class ErrorTable:
             teeth = [k for k, column in enumerate(reached) if column >= SMOOTH_SCALARS]
             if not teeth:
                 raise UntrustedError(*_UNSPANNED)
-            slopes, finer = np.nanmean(self.slopes[teeth], axis=(1, 2, 3, 4)), _finer(self.turns)
+            slopes = np.nanmean(self.slopes[teeth], axis=(1, 2, 3, 4))
+            finer = _finer(self.turns)
             rough_b, rough_g = (part[..., SMOOTH_SCALARS:] @ slopes for part in batch.by_wheel(fine, fine))
-            b, g = b[..., :SMOOTH_SCALARS], g[..., :SMOOTH_SCALARS]
+            b = b[..., :SMOOTH_SCALARS]
+            g = g[..., :SMOOTH_SCALARS]
         for row in np.array_split(np.arange(len(batch)), -(-len(batch) // _READ_AT_ONCE)):
             error = self.rotation(g[row, :, None] + b[row, None])
             if is_rough:
@@ -338,7 +347,9 @@ def error_table(error_map: ErrorMap, reach: Reach, mesh: Mesh) -> ErrorTable:
 
     Raises UntrustedError where an answer cannot be trusted.
     """
-    drive, M_g, count = error_map.drive, error_map.M_g, int(np.prod(mesh.shape))
+    drive = error_map.drive
+    M_g = error_map.M_g
+    count = int(np.prod(mesh.shape))
     half = (np.array(mesh.shape) - 1) / 2
     order = there_and_back(mesh.shape)
     share = np.stack(np.unravel_index(order, mesh.shape), axis=1) / half - 1  # of the reach, -1 to 1
@@ -347,7 +358,8 @@ def error_table(error_map: ErrorMap, reach: Reach, mesh: Mesh) -> ErrorTable:
     wanted = np.all(np.hypot(share[:, ::2], share[:, 1::2]) <= 1 + corner, axis=1)
     if symmetric := is_half_turn_symmetric(drive):
         wanted &= order <= count // 2
-    order, case = order[wanted], error_map.load_case()
+    order = order[wanted]
+    case = error_map.load_case()
     points = np.zeros((len(order), DEVIATION_SCALARS))
     points[:, reach.axes] = share[wanted] * reach.sizes
 
@@ -355,7 +367,8 @@ def error_table(error_map: ErrorMap, reach: Reach, mesh: Mesh) -> ErrorTable:
         (a, b), (e_x, e_y) = points[k, list(reach.axes)].reshape(2, 2) * 1e3
         return f"tooth vector ({a:.0f}, {b:.0f}) um, cam vector ({e_x:.0f}, {e_y:.0f}) um, M_g = {M_g:g} N*m"
 
-    solved, columns = case.solve(StateGaps(points), where, slope=True), reach.axes + reach.others
+    solved = case.solve(StateGaps(points), where, slope=True)
+    columns = reach.axes + reach.others
     assert solved.slope_arcsec_per_mm is not None
     values = np.full((1 + len(columns), count), np.nan)
     values[0, order] = solved.rotation_arcsec
@@ -364,4 +377,6 @@ def error_table(error_map: ErrorMap, reach: Reach, mesh: Mesh) -> ErrorTable:
         signs = np.array([1, *(-1 if column in ODD_COLUMNS else 1 for column in columns)])
         values[:, count - 1 - order] = values[:, order] * signs[:, None]
     error, *slopes = values.reshape(-1, *mesh.shape)
-    return ErrorTable(drive, error, np.array(slopes), reach, mesh.turns, solved.certificate)
+    return ErrorTable(
+        drive=drive, error=error, slopes=np.array(slopes), reach=reach, turns=mesh.turns, certificate=solved.certificate
+    )

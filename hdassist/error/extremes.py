@@ -38,20 +38,29 @@ from hdassist.solve.walk import Rules, Starts, Torus
 
 # positions of each wheel in a grid: of draws odd, so that half a turn on, where the error is much alike, lies between
 # them; islands of the error that one grid overlooks another one shows
-DRAWN_GRIDS, FINE_GRIDS = (7,), (9, 14, 19)
+DRAWN_GRIDS = (7,)
+FINE_GRIDS = (9, 14, 19)
 SHORT_CYCLE = 4000  # states of a cycle below which all are solved of one drive
 _LEAST_F_IOR = 4.0  # arcsec: F'_ior of which shares are taken, at least
-SPLINE_POINTS, _ROUGH_POINTS = 4, 6  # times as many at which a spline is read; where orders beyond the fourth are added
+# times as many at which a spline is read; where orders beyond the fourth are added
+SPLINE_POINTS = 4
+_ROUGH_POINTS = 6
 _STEEPEST = 1.5  # slope of a spline over that to the next state, at most: a crease would make it swing
 _BEYOND = 0.25  # of what tangents reach beyond the spline, that a hill may have
 _TRIED = 0.06  # of F'_ior: a hill is tried that may be no further below the highest state of the grid
 _CLIMBED = 0.08  # of F'_ior: it is climbed where its first state is no further below the highest
 _RADIUS = 0.5  # of a step of the grid: how far a climb looks around
-_DRAWN_RINGS, _FINE_RINGS = (8,), (8, 4)  # steps from the highest state found, where others look for another slope up
+# steps from the highest state found, where others look for another slope up
+_DRAWN_RINGS = (8,)
+_FINE_RINGS = (8, 4)
 _BACK = 0.15  # of a step of the grid: so far before a crest a climb begins
 _STEPS = 10  # of a climb at most
-DRAWN_STATES, FINE_STATES = 70, 700  # that a drive takes at a torque, about, beside those of climbs
-_DRAWN_GAIN, _FINE_GAIN = 0.002, 0.0002  # arcsec that a state has to promise beyond the highest
+# that a drive takes at a torque, about, beside those of climbs
+DRAWN_STATES = 70
+FINE_STATES = 700
+# arcsec that a state has to promise beyond the highest
+_DRAWN_GAIN = 0.002
+_FINE_GAIN = 0.0002
 
 
 @dataclass(frozen=True)
@@ -99,7 +108,8 @@ def _hills_of(up: Array, down: Array, to_points: Callable[[Array], Indices]) -> 
     maps of what the error is at most and at least; to_points, from places in a map, shape (hills, 2), to points at
     which there is a state.
     """
-    drives, up = len(up), np.concatenate([up, -down])
+    drives = len(up)
+    up = np.concatenate([up, -down])
     highest = up
     for axis in (1, 2):
         beside = np.maximum(np.roll(highest, 1, axis), np.roll(highest, -1, axis))
@@ -107,14 +117,17 @@ def _hills_of(up: Array, down: Array, to_points: Callable[[Array], Indices]) -> 
     side, *at = np.nonzero(up >= highest)
     steps, k, l = np.arange(-1, 2), *(each[:, None] for each in at)
     patch = up[side[:, None, None], ((k + steps) % up.shape[1])[:, :, None], ((l + steps) % up.shape[2])[:, None]]
-    height, place = patch[:, 1, 1].copy(), np.stack(at, axis=1).astype(float)
+    height = patch[:, 1, 1].copy()
+    place = np.stack(at, axis=1).astype(float)
     for axis, (before, here, behind) in enumerate((patch[:, :, 1].T, patch[:, 1, :].T)):
         bend = np.minimum(before + behind - 2 * here, -1e-12)
         shift = np.clip((before - behind) / (2 * bend), -0.5, 0.5)
         place[:, axis] += shift
         height -= bend * shift**2 / 2
     upside_down, row = np.divmod(side, drives)
-    return _Hills(row, 1 - 2 * upside_down, to_points(place), height, np.empty((len(row), 0)))
+    return _Hills(
+        row=row, sign=1 - 2 * upside_down, point=to_points(place), height=height, slope=np.empty((len(row), 0))
+    )
 
 
 def many_extremes(error_map: ErrorMap, batch: Batch, grids: tuple[int, ...] = FINE_GRIDS) -> Extremes:
@@ -141,8 +154,11 @@ class _Search:
     """States of drives on the torus of the wheels' places, solved with slopes."""
 
     def __init__(self, error_map: ErrorMap, batch: Batch) -> None:
-        self._map, self._drives, self._case = error_map, len(batch), error_map.load_case()
-        self._size, states = np.array(error_map.board.shape), error_map.states
+        self._map = error_map
+        self._drives = len(batch)
+        self._case = error_map.load_case()
+        self._size = np.array(error_map.board.shape)
+        states = error_map.states
         z_b, z_g = error_map.board.shape
         self._torus = Torus(*batch.by_wheel(states.alpha_b[:z_b], states.alpha_g[:z_g]), error_map.finest)
         self._certificate = EMPTY
@@ -162,9 +178,13 @@ class _Search:
         hills = self._first_states(hills, np.max([known for _, known in proposed], axis=0))
         groups = hills.row * 2 + (hills.sign < 0)  # of a drive first the hills, then those upside down
         order = np.lexsort((-hills.height, groups))
-        hills, (_, first) = hills[order], np.unique(groups[order], return_index=True)
-        rotation, slope = hills.sign * hills.height / ARCSEC, hills.slope / ARCSEC
-        starts = Starts(first, hills.row[first], hills.sign[first], hills.point, rotation, slope)
+        hills = hills[order]
+        _, first = np.unique(groups[order], return_index=True)
+        rotation = hills.sign * hills.height / ARCSEC
+        slope = hills.slope / ARCSEC
+        starts = Starts(
+            first=first, row=hills.row[first], sign=hills.sign[first], point=hills.point, rotation=rotation, slope=slope
+        )
         radius = round(_RADIUS * float(self._size.mean()) / min(grids))
         gain, rings = (_DRAWN_GAIN, _DRAWN_RINGS) if grids == DRAWN_GRIDS else (_FINE_GAIN, _FINE_RINGS)
         tops = self._case.climb(self._torus, starts, Rules(_STEPS, gain / ARCSEC, (radius, *rings)))
@@ -174,7 +194,9 @@ class _Search:
     def _found(self, tops: Indices, rotation: Array) -> Extremes:
         """Extremes by the points of the greatest and the least rotation, and these [arcsec], shape (drives, 2)."""
         at_max, at_min = self._map.state(tops).reshape(-1, 2)[:, :: self._map.sign].T
-        return Extremes(rotation[:, 0] - rotation[:, 1], at_max, at_min, self._certificate)
+        return Extremes(
+            F_ior_arcsec=rotation[:, 0] - rotation[:, 1], at_max=at_max, at_min=at_min, certificate=self._certificate
+        )
 
     def _at(self, row: Indices, point: Indices) -> tuple[Array, Array, Array]:
         """Rotation [arcsec] of drives at points, shape (states, 2), its slopes [arcsec/mm], and share of a zone."""
@@ -189,10 +211,12 @@ class _Search:
         """Hills that splines and tangents of a grid of states propose; greatest height there, shape (drives, 2)."""
         drives = self._drives
         index = np.stack(np.unravel_index(there_and_back((n, n)), (n, n)), axis=1)
-        exact, row = index * (self._size / n), np.tile(np.arange(drives), n * n)
+        exact = index * (self._size / n)
+        row = np.tile(np.arange(drives), n * n)
         points = np.repeat(self._map.to_lattice(exact), drives, axis=0)
         rotation, slopes, share = self._at(row, points)
-        steps, smooth = self._torus.changes(row, points), slice(SMOOTH_SCALARS)
+        steps = self._torus.changes(row, points)
+        smooth = slice(SMOOTH_SCALARS)
         by_b, by_g = ((slopes[:, smooth] * each[:, smooth]).sum(axis=1) for each in steps)  # arcsec a step
         teeth = slopes[:, SMOOTH_SCALARS:].reshape(n * n, drives, -1).mean(axis=0)
         added = self._added(teeth, row, points)
@@ -201,13 +225,17 @@ class _Search:
         flat = np.empty((5, drives, n, n))
         places = (row, *np.repeat(index, drives, axis=0).T)
         flat[0][places] = rotation + by_b * off[:, 0] + by_g * off[:, 1]
-        flat[1][places], flat[2][places] = by_b * self._size[0] / n, by_g * self._size[1] / n
-        flat[3][places], flat[4][places] = share, added
-        whole, crests = flat[0] + flat[4], self._crests(*flat[:4])
+        flat[1][places] = by_b * self._size[0] / n
+        flat[2][places] = by_g * self._size[1] / n
+        flat[3][places] = share
+        flat[4][places] = added
+        whole = flat[0] + flat[4]
+        crests = self._crests(*flat[:4])
         known = np.stack([whole.max(axis=(1, 2)), -whole.min(axis=(1, 2))], axis=1)
         crests = replace(crests, height=crests.height + crests.sign * self._added(teeth, crests.row, crests.point))
         fine = n * (_ROUGH_POINTS if teeth.size else SPLINE_POINTS)
-        step, parts = self._size / fine, (self._torus.by_b, self._torus.by_g)
+        step = self._size / fine
+        parts = (self._torus.by_b, self._torus.by_g)
         # of the nearest tooth: a whole tooth off is a sixth of a wave of order 16 on 100 teeth
         near = [np.rint(np.arange(fine) * part.shape[1] / fine).astype(int) % part.shape[1] for part in parts]
         b, g = (part[:, at, SMOOTH_SCALARS:] @ teeth[:, :, None] for part, at in zip(parts, near, strict=True))
@@ -223,14 +251,17 @@ class _Search:
 
         Arguments: those of between_states; share of the torque that one zone takes, shape (drives, n, n).
         """
-        n, found = len(value[0]), list[_Hills]()
+        n = len(value[0])
+        found = list[_Hills]()
         for axis, slope in ((1, by_b), (2, by_g)):
-            ahead, slope_ahead = np.roll(value, -1, axis), np.roll(slope, -1, axis)
+            ahead = np.roll(value, -1, axis)
+            slope_ahead = np.roll(slope, -1, axis)
             for zone in (share, 1 - share):
                 beyond = np.roll(zone, -1, axis)
                 at = np.nonzero(zone * beyond < 0)
                 t = zone[at] / (zone[at] - beyond[at])
-                near, far = value[at] + slope[at] * t, ahead[at] - slope_ahead[at] * (1 - t)
+                near = value[at] + slope[at] * t
+                far = ahead[at] - slope_ahead[at] * (1 - t)
                 for sign in (1, -1):
                     first = sign * (near - far) > 0
                     place = np.stack(at[1:], axis=1).astype(float)
@@ -238,11 +269,11 @@ class _Search:
                     point = self._map.to_lattice(place * self._size / n)
                     found.append(
                         _Hills(
-                            at[0],
-                            np.full(len(t), sign),
-                            point,
-                            np.maximum(sign * near, sign * far),
-                            np.empty((len(t), 0)),
+                            row=at[0],
+                            sign=np.full(len(t), sign),
+                            point=point,
+                            height=np.maximum(sign * near, sign * far),
+                            slope=np.empty((len(t), 0)),
                         )
                     )
         return reduce(_Hills.and_these, found)
@@ -285,7 +316,8 @@ def between_states(value: Array, by_b: Array, by_g: Array, times: int = SPLINE_P
         for j in (0, 1):
             f, p, q = (np.roll(each, (-i, -j), (1, 2))[:, :, None, :, None] for each in (value, by_b, by_g))
             tangents.append((f + p * (t - i)[:, None, None] + q * (t - j)).reshape(spline.shape))
-    low, high = np.minimum.reduce(tangents), np.maximum.reduce(tangents)
+    low = np.minimum.reduce(tangents)
+    high = np.maximum.reduce(tangents)
     up = np.maximum(low, spline + _BEYOND * np.maximum(high - spline, 0))
     down = np.minimum(high, spline + _BEYOND * np.minimum(low - spline, 0))
     return up, down
@@ -295,10 +327,12 @@ def between_states(value: Array, by_b: Array, by_g: Array, times: int = SPLINE_P
 def _spline(n: int, times: int) -> tuple[Array, Array]:
     """Weights of values and of slopes in a periodic cubic spline through n of them, shape (n times, n)."""
     cell, part = np.divmod(np.arange(n * times), times)
-    t, rows = part / times, np.arange(n * times)
+    t = part / times
+    rows = np.arange(n * times)
     of_values, of_slopes = np.zeros((2, n * times, n))
     ahead = (cell + 1) % n
     of_values[rows, ahead] = (3 - 2 * t) * t**2
     of_values[rows, cell] = 1 - of_values[rows, ahead]
-    of_slopes[rows, cell], of_slopes[rows, ahead] = t * (1 - t) ** 2, t**2 * (t - 1)
+    of_slopes[rows, cell] = t * (1 - t) ** 2
+    of_slopes[rows, ahead] = t**2 * (t - 1)
     return of_values, of_slopes

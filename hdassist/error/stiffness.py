@@ -31,7 +31,8 @@ LOST_MOTION_SHARE = 0.04  # of the rated torque, to each side: the catalogues' m
 NEAR_ZERO = 1e-5  # of the rated torque: closes the play; its own elastic twist is some thousandths of an arcsec
 # Catalogues' ends of the first and second segment [N*m] at a pitch diameter of 147.32 mm (size 58, 2.54 mm a size);
 # size 65 has 235 and 843, which is the same to 1 % with the cube of the diameter.
-_T_58, _D_58 = (168.0, 598.0), 147.32
+_T_58 = (168.0, 598.0)
+_D_58 = 147.32
 _CURVE_BEYOND = 1.5  # of T_2: how far the curve goes by default
 _CURVE_POINTS = 40  # torques to each side by default
 
@@ -123,8 +124,10 @@ def stiffness(
     the greatest torque to both sides again.
     Raises UsageError for torques that cannot be meant, UntrustedError where an answer cannot be trusted.
     """
-    rated, defaults = drive.rated_torque, catalogue_torques(drive)
-    T_1, T_2 = defaults[0] if T_1 is None else T_1, defaults[1] if T_2 is None else T_2
+    rated = drive.rated_torque
+    defaults = catalogue_torques(drive)
+    T_1 = defaults[0] if T_1 is None else T_1
+    T_2 = defaults[1] if T_2 is None else T_2
     T_max = _CURVE_BEYOND * T_2 if T_max is None else T_max
     least = NEAR_ZERO * rated
     hint = f"any finite torque above {least:g} N*m, a hundred-thousandth of the rated one"
@@ -156,7 +159,9 @@ def stiffness(
         parts = drive.model_dump(mode="json", exclude=WITHOUT_EFFECT)
         depends = [parts, torque.tolist(), known, digits_depend_on()]
         found = kept_answer("twists", depends, _twists_of(len(torque)), twists)
-    contact, tube, (proof, check) = np.array(found[0]), np.array(found[1]), found[2:]
+    contact = np.array(found[0])
+    tube = np.array(found[1])
+    proof, check = found[2:]
     of_torque = dict(zip(torque.tolist(), (contact + tube).tolist(), strict=True))
     centre = (of_torque[least] + of_torque[-least]) / 2  # of the play, where a loop has its centre
     positive, negative = (
@@ -166,7 +171,16 @@ def stiffness(
         )
         for sign in (1, -1)
     )
-    return Stiffness(torque, contact, tube, rated, positive, negative, proof, check)
+    return Stiffness(
+        torque=torque,
+        contact_arcsec=contact,
+        tube_arcsec=tube,
+        rated=rated,
+        positive=positive,
+        negative=negative,
+        certificate=proof,
+        cross_check=check,
+    )
 
 
 _Twists = tuple[list[float], list[float], Certificate, CrossCheck | None]  # of mesh and rings, and of the tube

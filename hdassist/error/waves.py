@@ -33,8 +33,12 @@ _DEGREE = 4  # products of up to so many deviations are named
 _UNEXPLAINED_ORDERS = 12  # orders without a known cause that are kept all the same
 NO_CAUSE = "no single cause known"
 _FLOOR = 1e-9  # arcsec: a smaller value is rounding
-_INTERPOLATED, _LEAST_INTERPOLATED = 0.02, 0.02  # of the range, and arcsec: error of interpolation that is aimed at
-_MOST_TORQUES, _PROVEN_STATES = 33, 24  # that are solved; states that are solved at their own torque
+# of the range, and arcsec: error of interpolation that is aimed at
+_INTERPOLATED = 0.02
+_LEAST_INTERPOLATED = 0.02
+# that are solved; states that are solved at their own torque
+_MOST_TORQUES = 33
+_PROVEN_STATES = 24
 _LEAST_APART = 1e-6  # of the greatest torque: between two that are solved
 
 
@@ -70,7 +74,8 @@ def known_causes(drive: Drive) -> dict[tuple[int, int], tuple[float, str]]:
     rate_g = kinematics.teeth_fixed / kinematics.z_g
     rate_b = kinematics.teeth_fixed / kinematics.z_b
     deviating = {each.part for each in DEVIATIONS if drive.number(each.size)}
-    most_g, most_b = _DEGREE * ("g" in deviating), _DEGREE * ("b" in deviating)
+    most_g = _DEGREE * ("g" in deviating)
+    most_b = _DEGREE * ("b" in deviating)
     found = {}
     for k_g, k_b in product(range(most_g + 1), range(-most_b, most_b + 1)):
         degree = k_g + abs(k_b)
@@ -105,12 +110,20 @@ def orders(drive: Drive, error_arcsec: Array, revolutions: int) -> list[_Order]:
         if 0 < place < len(amplitude):
             causes.setdefault(place, []).append((abs(k_g) + abs(k_b), words))
     largest = np.argsort(amplitude)[::-1][:_UNEXPLAINED_ORDERS].tolist()
-    phase, found = np.degrees(np.angle(spectrum)), []
+    phase = np.degrees(np.angle(spectrum))
+    found = []
     for place in sorted({*causes, *largest} - {0}):
         if place in causes or amplitude[place] > _FLOOR:
             least = min(causes.get(place, []), default=(0, ""))[0]
             words = "; ".join(words for degree, words in causes.get(place, []) if degree == least)
-            found.append(_Order(place / revolutions, float(amplitude[place]), float(phase[place]), words or NO_CAUSE))
+            found.append(
+                _Order(
+                    per_cam_rev=place / revolutions,
+                    amplitude_arcsec=float(amplitude[place]),
+                    phase_deg=float(phase[place]),
+                    cause=words or NO_CAUSE,
+                )
+            )
     return found
 
 
@@ -210,7 +223,9 @@ def trace(
         more = partial(kinematic_error, there, teeth=teeth, solver=solver, run=UNCHECKED)
         error, along = _error_along(error, gravity, more)
     found = orders(drive, error.error_arcsec, revolutions)
-    return Trace(error, start_deg, revolutions, tuple(found), measured, along)
+    return Trace(
+        error=error, start_deg=start_deg, revolutions=revolutions, orders=tuple(found), measured=measured, along=along
+    )
 
 
 def _error_along(
@@ -224,7 +239,8 @@ def _error_along(
     states = mean.states
     moving = states.phi_g if mean.kinematics.fixed == "rigid" else states.phi_b
     torque = mean.M_g + gravity.amplitude_Nm * np.cos(moving - np.radians(gravity.direction_deg))
-    low, high = float(torque.min()), float(torque.max())
+    low = float(torque.min())
+    high = float(torque.max())
     solved = {M_g: solve(M_g, states=states) for M_g in (low, high)}
     solved[mean.M_g] = mean
 
@@ -237,7 +253,8 @@ def _error_along(
     while open_:
         for below, above in open_:
             share = 0.5 if below + above else 0.4  # no error at no torque at all
-            between, own = below + share * (above - below), (torque >= below) & (torque <= above)
+            between = below + share * (above - below)
+            own = (torque >= below) & (torque <= above)
             missed[below, above] = 0.0
             if own.any() and above - below > _LEAST_APART * max(abs(low), abs(high)):
                 solved[between] = solve(between, states=states)
@@ -254,7 +271,8 @@ def _error_along(
     nodes = np.array(sorted(solved))
     place = np.clip(np.searchsorted(nodes, torque) - 1, 0, len(nodes) - 2)
     shares = (torque - nodes[place]) / np.diff(nodes)[place]
-    every, each = np.array([rest(M_g) for M_g in nodes.tolist()]), np.arange(len(states))
+    every = np.array([rest(M_g) for M_g in nodes.tolist()])
+    each = np.arange(len(states))
     rotation = every[place, each] * (1 - shares) + every[place + 1, each] * shares
     twist = [solved[M_g].wind_up_arcsec for M_g in nodes.tolist()]
     for k in np.linspace(0, len(states) - 1, _PROVEN_STATES).astype(np.int64).tolist():
@@ -263,7 +281,15 @@ def _error_along(
     certificate = sum((one.certificate for one in solved.values()), EMPTY)
     ranges = tuple(solved[M_g].range_arcsec for M_g in nodes.tolist())
     wind_up = float(np.ptp(np.interp(torque, nodes, twist)))
-    along = ErrorAlong(gravity, low, high, tuple(nodes.tolist()), ranges, wind_up, bound)
+    along = ErrorAlong(
+        gravity=gravity,
+        least_Nm=low,
+        greatest_Nm=high,
+        torques_Nm=tuple(nodes.tolist()),
+        ranges_arcsec=ranges,
+        wind_up_arcsec=wind_up,
+        bound_arcsec=bound,
+    )
     return replace(mean, rotation_arcsec=rotation, certificate=certificate), along
 
 
@@ -290,7 +316,8 @@ class ErrorWaves:
     """
 
     def __init__(self, drive: Drive, M_g: float, run: Run = Run(), error_map: ErrorMap | None = None) -> None:
-        self._map, self._run = error_map or ErrorMap(drive, M_g), run
+        self._map = error_map or ErrorMap(drive, M_g)
+        self._run = run
         self._case = self._map.load_case()
         self.certificate = EMPTY
         self.k_g, self.k_b = _wave_numbers()
@@ -309,7 +336,8 @@ class ErrorWaves:
             return f"alpha_g = {g:.2f}°, alpha_b = {b:.2f}°, M_g = {self._map.M_g:g} N*m"
 
         held = np.maximum(np.abs(self.k_g), np.abs(self.k_b)) < points / 2
-        error, found = np.empty(points**2), []
+        error = np.empty(points**2)
+        found = []
         for drive in drives:
             answers = self._case.solve(StateGaps(deviation_scalars(drive, alpha_g, alpha_b)), where, self._run.solved)
             self.certificate += answers.certificate
@@ -403,7 +431,8 @@ def error_lines(drive: Drive, M_g: float, changes: Sequence[Mapping[str, float]]
     times in the cycle of L = lcm(z_g, z_b) states. Raises UsageError for rolling balls, UntrustedError where a state
     cannot be trusted.
     """
-    waves, certificate = [], EMPTY
+    waves = []
+    certificate = EMPTY
     for found, proof in run.map(partial(_waves_of, drive, M_g), changes):
         waves.append(found)
         certificate += proof
@@ -414,7 +443,7 @@ def error_lines(drive: Drive, M_g: float, changes: Sequence[Mapping[str, float]]
     per_cycle = np.unique(np.abs(often[often != 0]))
     turning = np.where(often > 0, np.conj(waves), waves)  # both wheels turn backwards in the cam's frame
     amplitude = turning @ (np.abs(often)[:, None] == per_cycle)
-    return ErrorLines(kinematics, per_cycle, amplitude, certificate)
+    return ErrorLines(kinematics=kinematics, per_cycle=per_cycle, amplitude=amplitude, certificate=certificate)
 
 
 def _waves_of(drive: Drive, M_g: float, change: Mapping[str, float]) -> tuple[Complex, Certificate]:

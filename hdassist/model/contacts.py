@@ -32,7 +32,11 @@ FREEDOMS = (
     "cam x",
     "cam y",
 )
-_RIGID, _FLEX, ROTATION, _RING, CAM = slice(0, 2), slice(2, 4), 4, slice(5, 7), slice(7, 9)
+_RIGID = slice(0, 2)
+_FLEX = slice(2, 4)
+ROTATION = 4
+_RING = slice(5, 7)
+CAM = slice(7, 9)
 # of the teeth's deviations beyond the first, of which only even ones go on: odd ones nearly cancel on two opposite
 # zones. The mesh averages what is beyond the last one: of a micrometre's effect two thirds are left of order 16, half
 # of 20, a fifth of 32
@@ -131,8 +135,10 @@ class ContactSystem:
     @cached_property
     def deviation_map(self) -> Array:
         """Change of the gaps by a unit of each deviation scalar (deviations.py), the same at a place, shape (M, 24)."""
-        flanks, x1 = self.flanks, self.flanks.theta + TO_X1
-        along, n = flanks.side * np.cos(flanks.alpha), self.n_flanks
+        flanks = self.flanks
+        x1 = self.flanks.theta + TO_X1
+        along = flanks.side * np.cos(flanks.alpha)
+        n = self.n_flanks
         change = np.zeros((len(self.delta_p), 6 + 2 * len(TOOTH_ORDERS)))
         change[:n, :2] = -along[:, None] * _radial(x1)[:, ::-1]
         for column, order in enumerate(TOOTH_ORDERS, 3):
@@ -172,7 +178,8 @@ class ContactSystems:
     """Contact systems of a drive at many phases: a part that depends on one phase alone is made once for each."""
 
     def __init__(self, drive: Drive) -> None:
-        self._drive, self._geometry = drive, Geometry.of(drive)
+        self._drive = drive
+        self._geometry = Geometry.of(drive)
         self._face = Face.of(drive)
         self._bore = 2 * np.pi * np.arange(drive.numerics.n_2) / drive.numerics.n_2
         n = len(self._bore)
@@ -185,7 +192,9 @@ class ContactSystems:
 
         Raises UntrustedError where no teeth overlap.
         """
-        drive, geometry, bore = self._drive, self._geometry, self._bore
+        drive = self._drive
+        geometry = self._geometry
+        bore = self._bore
         if tau not in self._flexspline:
             pairs = flank_candidates(geometry, tau)
             flanks = pairs.repeated(len(self._face.fall))
@@ -204,8 +213,10 @@ class ContactSystems:
         D = np.zeros((len(flexspline) + len(balls),) * 2)
         D[: len(flexspline), : len(flexspline)] = flexspline
         D[inside:, inside:] += of_ring  # both see the bore
-        parts, supports = (at_flanks, self._nodes, at_balls), np.zeros(len(FREEDOMS))
-        supports[_RIGID], supports[_FLEX] = drive.supports.C_1, drive.supports.C_2
+        parts = (at_flanks, self._nodes, at_balls)
+        supports = np.zeros(len(FREEDOMS))
+        supports[_RIGID] = drive.supports.C_1
+        supports[_FLEX] = drive.supports.C_2
         supports[CAM] = drive.number("supports.C_3")
         return ContactSystem(
             geometry=geometry,
@@ -239,14 +250,17 @@ def _compliance_of(ring: Ring, loads: Array) -> Array:
 def _between(inner: slice, outer: slice, theta: Array) -> Array:
     """Rows of G of radial contacts at angles theta [rad], which two bodies that move by these freedoms close."""
     G = np.zeros((len(theta), len(FREEDOMS)))
-    G[:, inner], G[:, outer] = _radial(theta), -_radial(theta)
+    G[:, inner] = _radial(theta)
+    G[:, outer] = -_radial(theta)
     return G
 
 
 def _flank_part(geometry: Geometry, flanks: Flanks, face: Face) -> _Part:
-    s_cos, pairs = flanks.side * np.cos(flanks.alpha), len(flanks.theta) // len(face.fall)
+    s_cos = flanks.side * np.cos(flanks.alpha)
+    pairs = len(flanks.theta) // len(face.fall)
     G = np.zeros((len(flanks.theta), len(FREEDOMS)))
-    G[:, _RIGID], G[:, _FLEX] = _normal(flanks), -_normal(flanks)
+    G[:, _RIGID] = _normal(flanks)
+    G[:, _FLEX] = -_normal(flanks)
     # r_m + h_c, not rho: the flexspline slides through a held shape
     G[:, ROTATION] = -s_cos * (geometry.r_m + flanks.h_c)
     w, v, chi = nominal_shape(flanks.theta, geometry.W_0, geometry.r_m)
@@ -260,7 +274,8 @@ def _flank_part(geometry: Geometry, flanks: Flanks, face: Face) -> _Part:
 def _normal(flanks: Flanks) -> Array:
     """Normals at the contacts, outward from the flexspline's teeth, shape (flanks, 2), x along the major axis."""
     along = np.stack([-np.sin(flanks.theta), np.cos(flanks.theta)], axis=1)
-    s_cos, sin = flanks.side * np.cos(flanks.alpha), np.sin(flanks.alpha)
+    s_cos = flanks.side * np.cos(flanks.alpha)
+    sin = np.sin(flanks.alpha)
     return np.asarray(s_cos[:, None] * along + sin[:, None] * _radial(flanks.theta))
 
 
@@ -315,7 +330,8 @@ def plain_ring(E: float, area: float, inertia: float, radius: float, n_max: int)
 
 def outer_ring(drive: Drive, geometry: Geometry) -> Ring:
     """The outer ring of the flexible bearing: a rectangle ring_b x ring_h."""
-    b, h = drive.bearing.ring_b, drive.bearing.ring_h
+    b = drive.bearing.ring_b
+    h = drive.bearing.ring_h
     return plain_ring(drive.material.E, b * h, b * h**3 / 12, geometry.r_ring, drive.numerics.n_max)
 
 
@@ -325,8 +341,11 @@ def flexspline_ring(drive: Drive, geometry: Geometry) -> Ring:
     The shell's displacement is linear along its axis, its far edge free to warp axially: it adds bending
     D L/3 and twist 2 pi D (1 - nu) (n^2 - 1)^2/(n^2 r_m L). Only its edge zone helps the hoop.
     """
-    E, nu, r = drive.material.E, drive.material.nu, geometry.r_m
-    rim, length = drive.flexspline, drive.flexspline.l - drive.flexspline.b_w
+    E = drive.material.E
+    nu = drive.material.nu
+    r = geometry.r_m
+    rim = drive.flexspline
+    length = drive.flexspline.l - drive.flexspline.b_w
     D = E * rim.h_3**3 / (12 * (1 - nu**2))
     inertia = rim.k_t * rim.b_w * rim.h_1**3 / 12 + D * length / 3 / E
     area = rim.b_w * rim.h_1 + rim.h_3 * float(np.sqrt(r * rim.h_3)) / _EDGE_ZONE

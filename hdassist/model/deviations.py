@@ -65,7 +65,10 @@ def tooth_phases(drive: Drive) -> tuple[float, float]:
     return float(np.radians(drive.number("phases.xi_g") + turn)), float(np.radians(drive.number("phases.xi_b") + turn))
 
 
-TEETH, CAM_COLUMNS, SHIFT = 0, 2, 4  # first columns; those of the orders follow
+# first columns; those of the orders follow
+TEETH = 0
+CAM_COLUMNS = 2
+SHIFT = 4
 SMOOTH_SCALARS = 12  # of teeth that deviate up to their fourth order
 ODD_COLUMNS = {0, 1, 2, 3, 4, 5, 8, 9}  # columns of deviations of odd order: they change sign over half a turn
 _COLUMN = {order: 6 + 2 * place for place, order in enumerate(TOOTH_ORDERS)}
@@ -140,10 +143,12 @@ def waves_of(value: Callable[[str], Array | float], drive: Drive) -> Waves:
     Arguments: value, sizes [um] and directions [deg] by the path of their field; drive, for all
     that is no deviation.
     """
-    waves, mark_kind = Waves(), drive.mounting.mark_kind
+    waves = Waves()
+    mark_kind = drive.mounting.mark_kind
     mark = 0.0 if mark_kind == "runout" else _MARK_TO_PHASE[mark_kind]
     for each in DEVIATIONS:
-        column, size = column_of(each, mark_kind), np.asarray(value(each.size)) * factor_of(each, drive) * 1e-3
+        column = column_of(each, mark_kind)
+        size = np.asarray(value(each.size)) * factor_of(each, drive) * 1e-3
         if size.any() or column in (TEETH, CAM_COLUMNS):
             direction = value(each.direction) + (mark if each.kind == "composite" else 0.0)
             key = column, each.part, each.order
@@ -308,7 +313,8 @@ def assumptions(drive: Drive) -> tuple[Unknown, ...]:
     """
     found = []
     for path in measures():
-        source, value = drive.source.get(path), drive.value(path)
+        source = drive.source.get(path)
+        value = drive.value(path)
         section, name = path.split(".")
         is_wanted = is_overridden(path, drive.origin.overrides) and not has_own_source(path, drive.origin.overrides)
         if value is None or path == drive.unused_tooth_field or is_wanted:
@@ -316,7 +322,8 @@ def assumptions(drive: Drive) -> tuple[Unknown, ...]:
         if source is not None and source.kind == "assumed" and source.range:
             found.append(Unknown(path, *source.range, source.ref))
         elif source is None and name not in getattr(drive, section).model_fields_set and path in LAWS:
-            law, g = LAWS[path], drive.gears
+            law = LAWS[path]
+            g = drive.gears
             if law.assumed and (bounds := law.range_at(g.pitch_diameter, g.m, value)):
                 found.append(Unknown(path, *bounds, law.why))
     return tuple(a for a in found if a.low < a.high and drive.allows(a.path, a.low) and drive.allows(a.path, a.high))
@@ -341,9 +348,11 @@ def unknowns(drive: Drive) -> tuple[Unknown, ...]:
     for each in DEVIATIONS:
         high, reason = _largest(drive, each)
         if high and drive.value(each.size) is None:
-            found[each.size] = Unknown(each.size, 0.0, high, reason)
+            found[each.size] = Unknown(path=each.size, low=0.0, high=high, reason=reason)
         if high and drive.value(each.direction) is None:
-            found[each.direction] = Unknown(each.direction, 0.0, 360.0 / each.order, "any direction")
+            found[each.direction] = Unknown(
+                path=each.direction, low=0.0, high=360.0 / each.order, reason="any direction"
+            )
     return tuple(found.values())
 
 
@@ -409,7 +418,8 @@ def _largest(drive: Drive, deviation: Deviation) -> tuple[float, str]:
         share = STANDING_OFFSET if deviation.size == standing_offset(drive)[0] else TURNING_OFFSET
         share = CENTRE_OFFSET if deviation.kind == "centre" else share
         return share * drive.gears.pitch_diameter, f"assumed: {share:g} um for each mm of the pitch diameter"
-    composite, share = COMPOSITES[deviation.part], SECOND_ORDER if deviation.order == 2 else HIGHER_ORDERS
+    composite = COMPOSITES[deviation.part]
+    share = SECOND_ORDER if deviation.order == 2 else HIGHER_ORDERS
     size, _ = _largest(drive, composite)
     if deviation.kind == "pitch":
         wheel = drive.gears.pitch_diameter, drive.gears.m, COARSEST_CLASS

@@ -85,13 +85,15 @@ class Geometry:
         g = drive.gears
         alpha = float(np.radians(g.alpha))
         growth = 1 + drive.material.alpha_T * drive.operation.dT
-        m, h_1, ring_h = growth * g.m, growth * drive.flexspline.h_1, growth * drive.bearing.ring_h
+        m = growth * g.m
+        h_1 = growth * drive.flexspline.h_1
+        ring_h = growth * drive.bearing.ring_h
         r_f = growth * g.root_radius
         r_m = r_f - h_1 / 2
         bore = r_f - h_1
         return cls(
-            flexspline=Wheel(g.z_g, m, alpha, g.x_g),
-            rigid=Wheel(g.z_b, g.m, alpha, g.x_b),
+            flexspline=Wheel(z=g.z_g, m=m, alpha=alpha, x=g.x_g),
+            rigid=Wheel(z=g.z_b, m=g.m, alpha=alpha, x=g.x_b),
             r_f=r_f,
             r_m=r_m,
             r_ag=m * (g.z_g + 2 * g.x_g + 2 * g.h_a) / 2,
@@ -145,10 +147,14 @@ def flank_candidates(geometry: Geometry, tau: float = 0.0, samples: int = FLANK_
         raise UntrustedError(
             "no tooth of the flexspline reaches the rigid wheel", "raise cam.W_0 or gears.h_a", Fault.NO_MESH
         )
-    tooth, zone, side = tooth[reaches], zone[reaches], side[reaches]
-    theta, lowest = theta[reaches], lowest[reaches]
+    tooth = tooth[reaches]
+    zone = zone[reaches]
+    side = side[reaches]
+    theta = theta[reaches]
+    lowest = lowest[reaches]
     w, v, chi = (part[reaches][:, None] for part in (w, v, chi))
-    rows, height = np.arange(len(theta)), np.linspace(0, 1, samples)
+    rows = np.arange(len(theta))
+    height = np.linspace(0, 1, samples)
 
     def least_at(samples: NDArray[np.int64]) -> tuple[NDArray[np.int64], Array, Array, Array]:
         """The one of these samples of each flank that has the least gap, the gap, radius rho and height r_y there."""
@@ -182,7 +188,8 @@ def flank_point(
     """
     w, v, chi = shape or nominal_shape(theta, geometry.W_0, geometry.r_m, geometry.curve)
     psi = geometry.flexspline.half_angle(r_y)
-    along, across = side * r_y * np.sin(psi), r_y * np.cos(psi) - geometry.r_m
+    along = side * r_y * np.sin(psi)
+    across = r_y * np.cos(psi) - geometry.r_m
     tangential = along * np.cos(chi) + across * np.sin(chi)
     radial = geometry.r_m + w + across * np.cos(chi) - along * np.sin(chi)
     rho = np.hypot(radial, tangential)
@@ -214,10 +221,8 @@ def _lowest_active_radius(
     inside = flank_point(geometry, low, theta, side, shape)[0] >= geometry.r_ab
     radius = high
     for _ in range(_RADIUS_ROUNDS):
-        before, radius = (
-            radius,
-            np.clip(radius + geometry.r_ab - flank_point(geometry, radius, theta, side, shape)[0], low, high),
-        )
+        before = radius
+        radius = np.clip(radius + geometry.r_ab - flank_point(geometry, radius, theta, side, shape)[0], low, high)
         if np.max(np.abs(radius - before)) <= _RADIUS_CONVERGED * geometry.r_ag:
             break
     return np.where(inside, low, radius), reaches
@@ -257,10 +262,12 @@ def _inextensible(theta: Array, W_0: float, r_m: float) -> _Shape:
     phi = np.asarray(theta, dtype=float)
     for _ in range(_ANGLE_ROUNDS):
         # arc length r_m theta = r_m phi + sum of ripple sin(k phi)
-        before, phi = phi, theta - np.sin(phi[..., None] * k) @ ripple / r_m
+        before = phi
+        phi = theta - np.sin(phi[..., None] * k) @ ripple / r_m
         if np.max(np.abs(phi - before), initial=0) < _ANGLE_CONVERGED:
             break
-    radius, slope = r_0 + wave * np.cos(2 * phi), -2 * wave * np.sin(2 * phi)
+    radius = r_0 + wave * np.cos(2 * phi)
+    slope = -2 * wave * np.sin(2 * phi)
     return radius - r_m, r_m * (phi - theta), -np.arctan2(slope, radius)
 
 
@@ -270,7 +277,8 @@ def _closed_curve(W_0: float, r_m: float) -> tuple[float, float, Array]:
     phi = np.pi * np.arange(2 * _HARMONICS) / (2 * _HARMONICS)  # a half turn, its period
     shrink = 0.0
     for _ in range(_ANGLE_ROUNDS):
-        r_0, wave = r_m - shrink, W_0 + shrink
+        r_0 = r_m - shrink
+        wave = W_0 + shrink
         speed = np.hypot(r_0 + wave * np.cos(2 * phi), 2 * wave * np.sin(2 * phi))
         excess = float(speed.mean()) - r_m
         shrink += excess
@@ -307,11 +315,13 @@ class Face:
         factor, as teeth bear on a few millimetres beside the open edge; each bears at its middle, with contact.k_face
         over its width.
         """
-        n, shell = drive.numerics.stations, drive.flexspline
+        n = drive.numerics.stations
+        shell = drive.flexspline
         if n == 1:
             return cls(fall=np.zeros(1), compliance=np.array([drive.contact.c_t]))
         edges = shell.b_w * (_WIDENING ** (np.arange(n + 1) / n) - 1) / (_WIDENING - 1)
-        middle, width = (edges[1:] + edges[:-1]) / 2, np.diff(edges)
+        middle = (edges[1:] + edges[:-1]) / 2
+        width = np.diff(edges)
         # the cam's W_0 acts at mid-face
         fall = middle / (shell.l - shell.b_w / 2)
         return cls(fall=fall, compliance=1 / (drive.contact.k_face * _PER_UM * width))
@@ -389,7 +399,9 @@ class States:
 
     def take(self, rows: NDArray[np.int64]) -> States:
         """Some of the states, by their place."""
-        return States(self.index[rows], self.phi_h[rows], self.alpha_g[rows], self.alpha_b[rows])
+        return States(
+            index=self.index[rows], phi_h=self.phi_h[rows], alpha_g=self.alpha_g[rows], alpha_b=self.alpha_b[rows]
+        )
 
 
 def pitch_locked_states(kinematics: Kinematics, index: NDArray[np.int64] | None = None, start: float = 0.0) -> States:

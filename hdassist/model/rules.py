@@ -106,19 +106,30 @@ def _field_conflicts(values: Mapping[str, Any]) -> Iterator[tuple[_Conflict, tup
         if paths.keys() >= set(rule.names):
             involved = tuple(paths[name] for name in rule.names)
             if fault := rule.fault(*(values[path] for path in involved)):
-                yield _Conflict(rule.path, rule.message, fault if isinstance(fault, str) else "", rule.hint), involved
+                yield (
+                    _Conflict(
+                        path=rule.path,
+                        message=rule.message,
+                        got=fault if isinstance(fault, str) else "",
+                        hint=rule.hint,
+                    ),
+                    involved,
+                )
     greatest = max(map(abs, (values.get("operation.rated") or 0.0, *values.get("operation.M_g", ()))), default=0.0)
     for key in values.get("measured.F_ior", ()) if "mounting.holes" in values else ():
         if abs(number_of(key.partition("@")[2])) > _FARTHEST_MEASURED * greatest > 0:
             words = f"measured at more than {_FARTHEST_MEASURED:g} times the drive's greatest torque, {greatest:g} N*m"
-            yield _Conflict(f"measured.F_ior.{key}", words, key, "the torque is in N*m"), ()
+            yield _Conflict(path=f"measured.F_ior.{key}", message=words, got=key, hint="the torque is in N*m"), ()
         if position := position_fault(key.split("@")[0], values["mounting.holes"]):
-            yield _Conflict(f"measured.F_ior.{key}", position[0], key, position[1]), ()
+            yield _Conflict(path=f"measured.F_ior.{key}", message=position[0], got=key, hint=position[1]), ()
     for path, phase in values.items():
         size = path.replace("harmonics.xi_", "harmonics.a_")
         if size != path and phase is not None and values.get(size, phase) is None:
             hint = f"give {size} in um as well; a phase alone says nothing"
-            yield _Conflict(path, "a phase without an amplitude", f"{phase:g} deg", hint), (path, size)
+            yield (
+                _Conflict(path=path, message="a phase without an amplitude", got=f"{phase:g} deg", hint=hint),
+                (path, size),
+            )
 
 
 def _too_soft(C: float | None) -> str:
@@ -141,72 +152,103 @@ _HOLDS = f"0 where nothing holds the part, else at least {_LEAST_SUPPORT:g} N/mm
 _SMALL = "too small to end a segment"
 FIELD_RULES = (
     FieldRule(
-        "gears.z_b", "the rigid wheel needs more teeth than the flexspline",
+        "gears.z_b",
+        "the rigid wheel needs more teeth than the flexspline",
         lambda z_b, z_g: z_b <= z_g and f"z_b - z_g = {z_b - z_g}",
     ),
     FieldRule(
-        "gears.z_b", "only drives with two waves and z_b - z_g = 2 are supported",
+        "gears.z_b",
+        "only drives with two waves and z_b - z_g = 2 are supported",
         lambda z_b, z_g: z_b > z_g and z_b != z_g + 2 and f"z_b - z_g = {z_b - z_g}; z_b: {z_g + 2}",
     ),
     FieldRule(
-        "flexspline.l", "the shell must be longer than the tooth ring",
+        "flexspline.l",
+        "the shell must be longer than the tooth ring",
         lambda l, b_w: l <= b_w and f"l {l:g} mm, b_w {b_w:g} mm",
     ),
     FieldRule(
-        "bearing.ball_motion", "rolling balls need bearing.d_ball",
-        lambda ball_motion, d_ball: ball_motion == "rolling" and d_ball is None, "give d_ball in mm",
+        path="bearing.ball_motion",
+        message="rolling balls need bearing.d_ball",
+        fault=lambda ball_motion, d_ball: ball_motion == "rolling" and d_ball is None,
+        hint="give d_ball in mm",
     ),
     FieldRule(
-        "cam.coupling", "overhung needs cam.shaft_d and cam.overhang",
-        lambda coupling, shaft_d, overhang, C_3: coupling == "overhung" and C_3 is None and None in (shaft_d, overhang),
-        "give both in mm, or supports.C_3",
+        path="cam.coupling",
+        message="overhung needs cam.shaft_d and cam.overhang",
+        fault=lambda coupling, shaft_d, overhang, C_3: (
+            coupling == "overhung" and C_3 is None and None in (shaft_d, overhang)
+        ),
+        hint="give both in mm, or supports.C_3",
     ),
     FieldRule(
-        "supports.C_1", "C_1, C_2 and C_3 are all 0: nothing holds the drive",
-        lambda C_1, C_2, C_3: C_1 == C_2 == C_3 == 0, "give one of them",
+        path="supports.C_1",
+        message="C_1, C_2 and C_3 are all 0: nothing holds the drive",
+        fault=lambda C_1, C_2, C_3: C_1 == C_2 == C_3 == 0,
+        hint="give one of them",
     ),
-    FieldRule("supports.C_1", _SOFT, lambda C_1: _too_soft(C_1), _HOLDS),
-    FieldRule("supports.C_2", _SOFT, lambda C_2: _too_soft(C_2), _HOLDS),
-    FieldRule("supports.C_3", _SOFT, lambda C_3: _too_soft(C_3), _HOLDS),
+    FieldRule(path="supports.C_1", message=_SOFT, fault=lambda C_1: _too_soft(C_1), hint=_HOLDS),
+    FieldRule(path="supports.C_2", message=_SOFT, fault=lambda C_2: _too_soft(C_2), hint=_HOLDS),
+    FieldRule(path="supports.C_3", message=_SOFT, fault=lambda C_3: _too_soft(C_3), hint=_HOLDS),
     FieldRule("operation.M_g", "needs at least one torque", lambda M_g: not M_g),
     FieldRule(
-        "operation.M_g", "a torque of 0 leaves the rotation undetermined within the clearance", lambda M_g: 0 in M_g,
-        "a small torque instead, such as 1 % of the rated one",
+        path="operation.M_g",
+        message="a torque of 0 leaves the rotation undetermined within the clearance",
+        fault=lambda M_g: 0 in M_g,
+        hint="a small torque instead, such as 1 % of the rated one",
     ),
     FieldRule(
-        "operation.M_g", "the same torque twice",
+        "operation.M_g",
+        "the same torque twice",
         lambda M_g: _listed({torque for torque in M_g if M_g.count(torque) > 1}),
     ),
     FieldRule(
-        "tolerances.e_b", "the run-out of the rigid wheel is given twice",
-        lambda mark_kind, F_i2, e_b: mark_kind == "runout" and F_i2 and e_b and f"F_i2 {F_i2:g} um, e_b {e_b:g} um",
-        "with mounting.mark_kind: runout F_i2 is that run-out (twice e_b); give one of the two",
+        path="tolerances.e_b",
+        message="the run-out of the rigid wheel is given twice",
+        fault=lambda mark_kind, F_i2, e_b: (
+            mark_kind == "runout" and F_i2 and e_b and f"F_i2 {F_i2:g} um, e_b {e_b:g} um"
+        ),
+        hint="with mounting.mark_kind: runout F_i2 is that run-out (twice e_b); give one of the two",
     ),
     FieldRule("catalogue.T_1", _SMALL, lambda T_1, rated, M_g: _too_small(T_1, rated, M_g)),
     FieldRule("catalogue.T_2", _SMALL, lambda T_2, rated, M_g: _too_small(T_2, rated, M_g)),
     FieldRule(
-        "catalogue.T_1", "the first segment must end below the second",
+        "catalogue.T_1",
+        "the first segment must end below the second",
         lambda T_1, T_2: None not in (T_1, T_2) and T_1 >= T_2 and f"T_1 {T_1:g}, T_2 {T_2:g} N*m",
     ),
-    FieldRule("mounting.allowed", "no hole is left", lambda allowed: not allowed, "all, or a list of hole numbers"),
     FieldRule(
-        "mounting.allowed", "a free angle (holes: 0) has no holes to choose from",
-        lambda allowed, holes: allowed and allowed != "all" and not holes, "all",
+        path="mounting.allowed",
+        message="no hole is left",
+        fault=lambda allowed: not allowed,
+        hint="all, or a list of hole numbers",
     ),
     FieldRule(
-        "mounting.allowed", "not a hole of the seat",
-        lambda allowed, holes: allowed != "all" and holes > 0
-        and (beyond := _listed(set(allowed) - set(range(holes)))) and f"{beyond}; its holes are 0 to {holes - 1}",
+        path="mounting.allowed",
+        message="a free angle (holes: 0) has no holes to choose from",
+        fault=lambda allowed, holes: allowed and allowed != "all" and not holes,
+        hint="all",
     ),
     FieldRule(
-        "mounting.allowed", "the same hole twice",
+        "mounting.allowed",
+        "not a hole of the seat",
+        lambda allowed, holes: (
+            allowed != "all"
+            and holes > 0
+            and (beyond := _listed(set(allowed) - set(range(holes))))
+            and f"{beyond}; its holes are 0 to {holes - 1}"
+        ),
+    ),
+    FieldRule(
+        "mounting.allowed",
+        "the same hole twice",
         lambda allowed: allowed != "all" and len(set(allowed)) < len(allowed),
     ),
     FieldRule(
-        "numerics.n_2", "too few nodes for the bending modes",
+        "numerics.n_2",
+        "too few nodes for the bending modes",
         lambda n_2, n_max: n_2 < 2 * n_max and f"n_2 {n_2}, n_max {n_max}; at least 2 n_max = {2 * n_max}",
     ),
-)  # fmt: skip
+)
 
 
 # --- positions at which F'_ior was measured: holes of the seat, or turns of the fixed wheel
@@ -242,38 +284,45 @@ def position_fault(where: str, holes: int) -> tuple[str, str] | None:
 
 def _teeth_reach(geometry: Geometry) -> Iterator[_Conflict]:
     """At the major axis the tips of the flexspline reach behind the tips of the rigid wheel."""
-    tip, other = geometry.r_ag, geometry.r_ab
+    tip = geometry.r_ag
+    other = geometry.r_ab
     if tip + geometry.W_0 <= other:
         yield _Conflict(
-            "cam.W_0", "the teeth do not reach each other at the major axis",
-            f"tip of the flexspline {tip + geometry.W_0:.4g} mm, of the rigid wheel {other:.4g} mm",
-            f"above {other - tip:.4g} mm with these teeth",
-        )  # fmt: skip
+            path="cam.W_0",
+            message="the teeth do not reach each other at the major axis",
+            got=f"tip of the flexspline {tip + geometry.W_0:.4g} mm, of the rigid wheel {other:.4g} mm",
+            hint=f"above {other - tip:.4g} mm with these teeth",
+        )
 
 
 def _tips_come_free(geometry: Geometry) -> Iterator[_Conflict]:
     """At the minor axis the tips pass each other."""
-    tip, other = geometry.r_ag, geometry.r_ab
+    tip = geometry.r_ag
+    other = geometry.r_ab
     if tip - geometry.W_0 >= other:
         yield _Conflict(
-            "cam.W_0", "the tips interfere: they do not come free at the minor axis",
-            f"tip of the flexspline {tip - geometry.W_0:.4g} mm, of the rigid wheel {other:.4g} mm",
-            f"above {tip - other:.4g} mm with these teeth, or lower teeth (h_a)",
-        )  # fmt: skip
+            path="cam.W_0",
+            message="the tips interfere: they do not come free at the minor axis",
+            got=f"tip of the flexspline {tip - geometry.W_0:.4g} mm, of the rigid wheel {other:.4g} mm",
+            hint=f"above {tip - other:.4g} mm with these teeth, or lower teeth (h_a)",
+        )
 
 
 def _roots_have_room(geometry: Geometry) -> Iterator[_Conflict]:
     """At the major axis no tip runs into the root of the other wheel."""
-    to_rigid, to_flexspline = geometry.r_fb - geometry.r_ag, geometry.r_ab - geometry.r_f
+    to_rigid = geometry.r_fb - geometry.r_ag
+    to_flexspline = geometry.r_ab - geometry.r_f
     for wheel, other, room, tip, root in (
         ("flexspline", "rigid wheel", to_rigid, geometry.r_ag + geometry.W_0, geometry.r_fb),
         ("rigid wheel", "flexspline", to_flexspline, geometry.r_ab, geometry.r_f + geometry.W_0),
     ):
         if room < geometry.W_0:
             yield _Conflict(
-                "cam.W_0", f"beyond the teeth: the {wheel} runs into the root of the {other}",
-                f"tip {tip:.4g} mm, root {root:.4g} mm", f"at most {room:.4g} mm with these teeth",
-            )  # fmt: skip
+                path="cam.W_0",
+                message=f"beyond the teeth: the {wheel} runs into the root of the {other}",
+                got=f"tip {tip:.4g} mm, root {root:.4g} mm",
+                hint=f"at most {room:.4g} mm with these teeth",
+            )
 
 
 def _flanks_exist(geometry: Geometry) -> Iterator[_Conflict]:
@@ -284,12 +333,18 @@ def _flanks_exist(geometry: Geometry) -> Iterator[_Conflict]:
     ):
         if tip <= wheel.base_radius:
             yield _Conflict(
-                path, f"the {words} has no involute flank: its tip lies inside the base circle",
-                f"tip {tip:.4g} mm, base circle {wheel.base_radius:.4g} mm",
-                "a larger profile shift, or lower teeth",
-            )  # fmt: skip
+                path=path,
+                message=f"the {words} has no involute flank: its tip lies inside the base circle",
+                got=f"tip {tip:.4g} mm, base circle {wheel.base_radius:.4g} mm",
+                hint="a larger profile shift, or lower teeth",
+            )
         elif not least < wheel.half_angle(np.array(tip)) < most:
-            yield _Conflict(path, f"the teeth of the {words} are pointed", "", "another profile shift, or lower teeth")
+            yield _Conflict(
+                path=path,
+                message=f"the teeth of the {words} are pointed",
+                got="",
+                hint="another profile shift, or lower teeth",
+            )
 
 
 def _teeth_mesh(geometry: Geometry) -> Iterator[_Conflict]:
@@ -303,45 +358,55 @@ def _teeth_mesh(geometry: Geometry) -> Iterator[_Conflict]:
     except UntrustedError:  # the tips just reach each other, the flanks do not
         return
     least = int(np.argmin(flanks.gap))
-    overlap, most = -flanks.gap[least] - geometry.j_n, MAX_OVERLAP * geometry.flexspline.m
+    overlap = -flanks.gap[least] - geometry.j_n
+    most = MAX_OVERLAP * geometry.flexspline.m
     if overlap > most:
         angle = abs(flanks.theta[least] - flanks.zone[least] * np.pi)
         yield _Conflict(
-            "cam.W_0", "the teeth interfere: they run through each other under the shape the cam gives",
-            f"an overlap of {overlap * 1e3:.3g} um at {np.degrees(angle):.3g}° from the major axis",
-            f"at most {most * 1e3:.3g} um; check W_0 with m, x_g, x_b and h_a",
-        )  # fmt: skip
+            path="cam.W_0",
+            message="the teeth interfere: they run through each other under the shape the cam gives",
+            got=f"an overlap of {overlap * 1e3:.3g} um at {np.degrees(angle):.3g}° from the major axis",
+            hint=f"at most {most * 1e3:.3g} um; check W_0 with m, x_g, x_b and h_a",
+        )
 
 
 def _rim_is_thin(geometry: Geometry) -> Iterator[_Conflict]:
     """The rim is a thin ring."""
-    h_1, most = 2 * (geometry.r_f - geometry.r_m), _MAX_THICKNESS * geometry.r_f
+    h_1 = 2 * (geometry.r_f - geometry.r_m)
+    most = _MAX_THICKNESS * geometry.r_f
     if h_1 > most:
         yield _Conflict(
-            "flexspline.h_1", f"too thick for a rim with a root radius of {geometry.r_f:.4g} mm",
-            f"{h_1:g} mm", f"at most {most:.3g} mm",
-        )  # fmt: skip
+            path="flexspline.h_1",
+            message=f"too thick for a rim with a root radius of {geometry.r_f:.4g} mm",
+            got=f"{h_1:g} mm",
+            hint=f"at most {most:.3g} mm",
+        )
 
 
 def _bearing_fits(geometry: Geometry, d_ball: float | None, N: int) -> Iterator[_Conflict]:
     """Outer ring and balls have room in the bore."""
-    raceway, ring_h = geometry.r_raceway, 2 * (geometry.r_ring - geometry.r_raceway)
+    raceway = geometry.r_raceway
+    ring_h = 2 * (geometry.r_ring - geometry.r_raceway)
     bore = raceway + ring_h
     if ring_h > _MAX_THICKNESS * bore:
         if bore > 0:
             yield _Conflict(
-                "bearing.ring_h", f"too thick for a bore with a radius of {bore:.4g} mm",
-                f"{ring_h:g} mm", f"at most {_MAX_THICKNESS * bore:.3g} mm",
-            )  # fmt: skip
+                path="bearing.ring_h",
+                message=f"too thick for a bore with a radius of {bore:.4g} mm",
+                got=f"{ring_h:g} mm",
+                hint=f"at most {_MAX_THICKNESS * bore:.3g} mm",
+            )
     elif d_ball is not None:
         share = float(np.sin(np.pi / N))
         room = 2 * raceway * share / (1 + share)
         hint = f"at most {room:.3g} mm for {N} balls"
         if d_ball >= raceway:
             message = f"does not fit inside the raceway with a radius of {raceway:.4g} mm"
-            yield _Conflict("bearing.d_ball", message, f"{d_ball:g} mm", hint)
+            yield _Conflict(path="bearing.d_ball", message=message, got=f"{d_ball:g} mm", hint=hint)
         elif d_ball > room:
-            yield _Conflict("bearing.d_ball", f"no room for {N} balls in the bearing", f"{d_ball:g} mm", hint)
+            yield _Conflict(
+                path="bearing.d_ball", message=f"no room for {N} balls in the bearing", got=f"{d_ball:g} mm", hint=hint
+            )
 
 
 MODEL_RULES: dict[Callable[[Geometry], Iterator[_Conflict]], tuple[str, ...]] = {

@@ -172,7 +172,12 @@ class Advice:
         if self.after and self.after.facing[0] is not None:
             drive = drive.with_values({standing_offset(drive)[1]: self.after.facing[0]})
         phase = phase_deg(drive, self.measured, rotation)
-        return Position(rotation, phase, hole_of(rotation, drive.mounting.holes), found.quantile(0.5, place))
+        return Position(
+            rotation_deg=rotation,
+            phase_deg=phase,
+            hole=hole_of(rotation, drive.mounting.holes),
+            F_ior_arcsec=found.quantile(0.5, place),
+        )
 
     def _position_at(self, rotation_deg: float) -> Position:
         """Return a position, without F'_ior if it is none of the holes that may be chosen."""
@@ -181,7 +186,12 @@ class Advice:
             return self.position(place)
         first = self.position(None)
         phase = (first.phase_deg + rotation_deg) % 360
-        return Position(rotation_deg, phase, hole_of(rotation_deg, self.drive.mounting.holes), ())
+        return Position(
+            rotation_deg=rotation_deg,
+            phase_deg=phase,
+            hole=hole_of(rotation_deg, self.drive.mounting.holes),
+            F_ior_arcsec=(),
+        )
 
     @cached_property
     def current(self) -> Position:
@@ -300,7 +310,8 @@ class Advice:
         None where they do not, or nothing was stated.
         """
         path = standing_offset(self.drive)[1]
-        stated, (found, spread) = self.drive.value(path), self.after.facing if self.after else (None, None)
+        stated = self.drive.value(path)
+        found, spread = self.after.facing if self.after else (None, None)
         if stated is None or found is None or spread is None or path in self.drive.uncertainty:
             return None
         off = abs((found - float(stated) + 180) % 360 - 180)
@@ -319,7 +330,8 @@ def advice_states(
     drive: Drive, positions: int, *, draws: int, measured: MeasuredTeeth | None = None, trials: bool = False
 ) -> int:
     """Number of states that an advice at so many positions solves, about, for a progress bar."""
-    cycle, torques = Kinematics.of(drive).cycle_states, len(drive.operation.M_g)
+    cycle = Kinematics.of(drive).cycle_states
+    torques = len(drive.operation.M_g)
     if trials:
         return max(1, draws // SAMPLES_A_TABLE) * torques * (TableEffort().mesh.states(drive) + DRAWN_STATES)
     drawn = bool(draws and prior_of(drive).fields) and not measured and searchable(drive)
@@ -350,27 +362,36 @@ def advise(
     UntrustedError where an answer cannot be trusted.
     """
     known, prior = beside_measured_teeth(drive, measured)
-    torques, of_drive = drive.operation.M_g, measured_errors(drive)
+    torques = drive.operation.M_g
+    of_drive = measured_errors(drive)
     setup = setup or TrialSetup(min(torques, key=abs))
     more = () if setup.M_g in torques else (setup.M_g,)  # values may be measured where no torque decides
     drawn = draws > 0 and bool(prior.fields) and not measured and searchable(drive)
     curve, checked = begun_curve(drive, torques, rotations_deg, measured=measured, drawn=drawn, run=run)
     rooms = limits_left(drive, torques, run)
-    left, proof = rooms.arcsec, rooms.certificate
+    left = rooms.arcsec
+    proof = rooms.certificate
     found = whole = Decision.as_given(curve, left)
-    samples, fault = None, ""
+    samples = None
+    fault = ""
     if drawn:
         positions = tuple(usable_positions(drive.mounting.holes, drive.mounting.allowed))
         try:
             samples = drive_samples(
-                prior, left, rotations_deg=sorted({0.0, *positions}), other_torques=more, draws=draws, sure=sure,
+                prior,
+                left,
+                rotations_deg=sorted({0.0, *positions}),
+                other_torques=more,
+                draws=draws,
+                sure=sure,
                 run=run,
-            )  # fmt: skip
+            )
         except UntrustedError as refusal:  # an action never is refused
             fault = refusal.message
         if samples and len(samples.of_ranges.weights) < 2:  # whose numbers are those of a drive drawn by chance
             proof += samples.certificate
-            samples, fault = None, "one sample of the uncertain inputs has no range"
+            samples = None
+            fault = "one sample of the uncertain inputs has no range"
         if samples:
             whole = Decision.of(samples, positions, left, sure)
             found = whole.of_torques(slice(len(torques)))
@@ -379,10 +400,19 @@ def advise(
             proof = curve.certificate + (samples.certificate if samples else EMPTY)
             return replace(by_values, more_certificate=by_values.more_certificate + proof)
     advice = Advice(
-        drive, found, setup, checked(), samples, measured=measured, unknown=unknowns(known),
-        open_=tuple(each.path for each in prior.fields), sure=sure, worth=worth, fault=fault,
+        drive=drive,
+        decision=found,
+        setup=setup,
+        curve=checked(),
+        samples=samples,
+        measured=measured,
+        unknown=unknowns(known),
+        open_=tuple(each.path for each in prior.fields),
+        sure=sure,
+        worth=worth,
+        fault=fault,
         more_certificate=proof,
-    )  # fmt: skip
+    )
     any_direction = advice.unknown and unknown_turn(known) and not of_drive
     found = replace(found, cost=cost, all_alike=bool(advice.no_hole_better or any_direction))
     advice = replace(advice, decision=found)
@@ -432,24 +462,36 @@ def advise_after(
     whole = samples or hole_samples(drive, (*torques, *tried), common, draws=draws, run=run)
     after = posterior_of(whole.with_free_curves(values), values, [*positions, 0.0])
     rooms = limits_left(drive, torques, run)
-    found, proof = after.decision(torques, rooms.arcsec, cost), rooms.certificate
-    noise, likelier = after.noise * setup.noise_arcsec, None
+    found = after.decision(torques, rooms.arcsec, cost)
+    proof = rooms.certificate
+    noise = after.noise * setup.noise_arcsec
+    likelier = None
     if after.by_values > UNSHOWN_VALUES or after.misread.sum() > _DOUBTED:
         likelier = likelier_torque(whole, values)
         others = sorted({*other_torques} - {*whole.F_ior_by_torque})
         if not likelier and others and after.by_values > UNSHOWN_VALUES:
             beside = hole_samples(drive, others, common, draws=draws, run=run)
-            likelier, proof = likelier_torque(beside, values), proof + beside.certificate
+            likelier = likelier_torque(beside, values)
+            proof = proof + beside.certificate
     # whose values all have a torque of their own measures at these torques, as one who gives it for all of them
     further = {*tried} if each_own else {*tried, *setup.others}
     measured_at = (common.M_g, *sorted(further - {common.M_g}))
     measurable = {M_g: after.F_ior_by_torque[M_g][:, :-1] for M_g in measured_at}
     value = _value(found, measurable, noise, setup, len(every), run.seed)
     advice = Advice(
-        drive, found, setup, trials=every, after=after, value=value, likelier_torque=likelier,
-        unknown=unknowns(drive), open_=tuple(each.path for each in prior_of(drive).fields), sure=sure, worth=worth,
+        drive,
+        found,
+        setup,
+        trials=every,
+        after=after,
+        value=value,
+        likelier_torque=likelier,
+        unknown=unknowns(drive),
+        open_=tuple(each.path for each in prior_of(drive).fields),
+        sure=sure,
+        worth=worth,
         more_certificate=proof,
-    )  # fmt: skip
+    )
     if not outcome:
         return advice
     checked = _verified(advice, values, whole)
@@ -485,13 +527,21 @@ def _verified(advice: Advice, values: Sequence[Trial], samples: HoleSamples) -> 
     values: the same with their torques, shape (trials,).
     samples: those of the drive.
     """
-    found, outcome = advice.decision, advice.trials[-1]
+    found = advice.decision
+    outcome = advice.trials[-1]
     told = posterior_of(samples.with_free_curves(values[:-1]), values[:-1], [outcome.rotation_deg])
     noise = np.random.default_rng([samples.seed, 4]).standard_normal(len(told.noise))
     predicted = told.F_ior_by_torque[advice.torque_of(outcome)][:, 0]
     read = predicted + noise * told.noise * samples.noise([outcome])
     low, high = np.quantile(read, (0.025, 0.975)).tolist()
-    checked = Verification(outcome, float(predicted.mean()), low, high, None, advice.suspected is outcome)
+    checked = Verification(
+        trial=outcome,
+        mean_arcsec=float(predicted.mean()),
+        low_arcsec=low,
+        high_arcsec=high,
+        back_to=None,
+        is_misread=advice.suspected is outcome,
+    )
 
     def loss(trial: Trial) -> float:
         """Return the loss in the hole of a value, as a share; infinite if the hole may not be used."""

@@ -111,19 +111,27 @@ class Decision:
         room_arcsec: the limit minus the self error at each torque [arcsec]; None without a limit.
         sure: probability of meeting a limit that PASS needs.
         """
-        first, columns = samples.of_ranges, [samples.rotations_deg.index(turn) for turn in rotations_deg]
+        first = samples.of_ranges
+        columns = [samples.rotations_deg.index(turn) for turn in rotations_deg]
         F_ior = np.moveaxis(first.turned_arcsec[..., columns], 0, 1)
         places = tuple(range(len(samples.torques)))
         return cls(
-            rotations_deg, F_ior, first.F_ior_arcsec.T, first.weights, room_arcsec,
-            samples=samples, torque_places=places, sure=sure,
-        )  # fmt: skip
+            rotations_deg,
+            F_ior,
+            first.F_ior_arcsec.T,
+            first.weights,
+            room_arcsec,
+            samples=samples,
+            torque_places=places,
+            sure=sure,
+        )
 
     @classmethod
     def as_given(cls, curve: MountingCurve, room_arcsec: Sequence[float | None] = ()) -> Decision:
         """The decision by the values as given, from F'_ior over the positions of the wheel."""
         usable = np.flatnonzero(curve.usable)[np.argsort(curve.rotation_deg[curve.usable])]
-        rotations, F_ior = tuple(curve.rotation_deg[usable].tolist()), curve.F_ior_arcsec[:, None, usable]
+        rotations = tuple(curve.rotation_deg[usable].tolist())
+        F_ior = curve.F_ior_arcsec[:, None, usable]
         return cls(rotations, F_ior, curve.F_ior_arcsec[:, :1], np.ones(1), room_arcsec)
 
     @property
@@ -309,11 +317,13 @@ class Decision:
         """One of the holes with all that is known of it."""
         kept = self.probability_kept
         return _Action(
-            self.rotations_deg[place],
-            {name: self.quantile(share, place) for name, share in LEVELS.items()},
-            float(self.expected_loss[place]), float(self.probability_good[place]), self.probability_better(place),
-            None if kept is None else float(kept[place]),
-        )  # fmt: skip
+            rotation_deg=self.rotations_deg[place],
+            F_ior_arcsec={name: self.quantile(share, place) for name, share in LEVELS.items()},
+            expected_loss=float(self.expected_loss[place]),
+            probability_good=float(self.probability_good[place]),
+            probability_better=self.probability_better(place),
+            probability_kept=None if kept is None else float(kept[place]),
+        )
 
     def of_torque(self, torque: int) -> Decision:
         """Return the decision for one of the torques alone, by its place."""
@@ -321,8 +331,10 @@ class Decision:
 
     def of_torques(self, some: slice) -> Decision:
         """Return the decision for some of the torques alone, by their places."""
-        F_ior, now = self.F_ior_arcsec[some], self.now_arcsec[some]
-        places, room = self.torque_places[some], self.room_arcsec[some]
+        F_ior = self.F_ior_arcsec[some]
+        now = self.now_arcsec[some]
+        places = self.torque_places[some]
+        room = self.room_arcsec[some]
         return replace(self, F_ior_arcsec=F_ior, now_arcsec=now, room_arcsec=room, torque_places=places)
 
 
@@ -370,8 +382,11 @@ def value_of_measurement(
     standard deviation of a value, shape (samples,); steps, further values; first, rotations [deg] that are measured in
     any case before others.
     """
-    rng, rows = np.random.default_rng(seed), even_rows(decision.sample_weights, _LOOKED_AT)
-    losses, noise, count = decision.losses[rows], noise_arcsec[rows], len(decision.rotations_deg)
+    rng = np.random.default_rng(seed)
+    rows = even_rows(decision.sample_weights, _LOOKED_AT)
+    losses = decision.losses[rows]
+    noise = noise_arcsec[rows]
+    count = len(decision.rotations_deg)
     F_ior = np.hstack([each[rows] for each in measured_arcsec.values()])  # (samples, torques x holes)
     several = len(decision.F_ior_arcsec) > 1
     level = F_ior[:, :count] if several else decision.F_ior_arcsec[0, rows]
@@ -385,7 +400,8 @@ def value_of_measurement(
 
     def gains(weights: Array) -> Array:
         """Expected gain of a value in each candidate [share of F'_ior], shape (candidates,)."""
-        below, levels = weights[order].cumsum(axis=1), (np.arange(_OUTCOMES) + 0.5) / _OUTCOMES
+        below = weights[order].cumsum(axis=1)
+        levels = (np.arange(_OUTCOMES) + 0.5) / _OUTCOMES
         picked = [row[np.searchsorted(w, levels * w[-1])] for row, w in zip(order, below, strict=True)]
         outcomes = np.take_along_axis(values, np.array(picked), axis=1)[..., None]
         density = np.exp(-0.5 * ((outcomes - true[:, None]) / noise) ** 2) / noise * weights
@@ -395,7 +411,8 @@ def value_of_measurement(
     even = np.full(_LOOKED_AT, 1 / _LOOKED_AT)
     forced = [int(np.argmin(abs((np.array(decision.rotations_deg) - r + 180) % 360 - 180))) for r in first]
     following = [*forced, int(candidates[np.argmax(gains(even))])][:1] + forced[1:]
-    every, further = list[list[float]](), even_rows(even, _FUTURES)
+    every = list[list[float]]()
+    further = even_rows(even, _FUTURES)
     for truth in range(_LOOKED_AT):
         weights = even.copy()
         weights[truth] = 0  # the drive is none of its samples
@@ -424,16 +441,19 @@ def as_measured(decision: Decision, number: int = _LOOKED_AT, seed: int = 0) -> 
     another, the samples stand in all directions.
     """
     rng = np.random.default_rng(seed)
-    rows, count = even_rows(decision.sample_weights, number), len(decision.rotations_deg)
+    rows = even_rows(decision.sample_weights, number)
+    count = len(decision.rotations_deg)
     whole_turn = np.allclose(decision.rotations_deg, 360 / count * np.arange(count))
     turns = rng.integers(count, size=number) if decision.all_alike and whole_turn else np.zeros(number, int)
     columns = (np.arange(count) + turns[:, None]) % count
-    scale, misfit = 1 + SCALE * rng.standard_normal((number, 1)), rng.choice(MISFITS, (number, 1))
+    scale = 1 + SCALE * rng.standard_normal((number, 1))
+    misfit = rng.choice(MISFITS, (number, 1))
     shown = []
     for F_ior in decision.F_ior_arcsec:
         f = F_ior[rows[:, None], columns]
         smooth = smooth_misfits(decision.rotations_deg, rng.standard_normal((number, SMOOTH_NUMBERS)))
         shown.append(np.maximum(f * scale + misfit * f.mean(axis=1, keepdims=True) * smooth, LEAST_SHOWN * f))
-    every, stay = np.array(shown), decision.stay
+    every = np.array(shown)
+    stay = decision.stay
     now = decision.now_arcsec[:, rows] if stay is None else every[..., stay]
     return replace(decision, F_ior_arcsec=every, now_arcsec=now, sample_weights=np.ones(number), samples=None)

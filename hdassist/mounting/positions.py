@@ -76,12 +76,18 @@ class MountingCurve:
         """One of the positions."""
         values = tuple(self.F_ior_arcsec[:, place].tolist())
         rotation = float(self.rotation_deg[place])
-        return Position(rotation, float(self.phase_deg[place]), hole_of(rotation, self.holes), values)
+        return Position(
+            rotation_deg=rotation,
+            phase_deg=float(self.phase_deg[place]),
+            hole=hole_of(rotation, self.holes),
+            F_ior_arcsec=values,
+        )
 
     @property
     def usable(self) -> NDArray[np.bool_]:
         """Which positions the wheel can be mounted in, shape (rotations,)."""
-        holes, free = [hole_of(rotation, self.holes) for rotation in self.rotation_deg.tolist()], not self.holes
+        holes = [hole_of(rotation, self.holes) for rotation in self.rotation_deg.tolist()]
+        free = not self.holes
         return np.array(
             [free or (hole is not None and (self.allowed is None or hole in self.allowed)) for hole in holes]
         )
@@ -235,15 +241,27 @@ def begun_curve(
     allowed = None if drive.mounting.allowed == "all" else drive.mounting.allowed
     phases = np.array([phase_deg(drive, measured, rotation) for rotation in rotations_deg])
     curve = MountingCurve(
-        tuple(torques), np.array(rotations_deg, dtype=float), phases,
-        np.empty(every.shape), EMPTY, (), every, drive.mounting.holes, allowed,
-    )  # fmt: skip
+        torques=tuple(torques),
+        rotation_deg=np.array(rotations_deg, dtype=float),
+        phase_deg=phases,
+        F_ior_arcsec=np.empty(every.shape),
+        certificate=EMPTY,
+        cross_checks=(),
+        every_state=every,
+        holes=drive.mounting.holes,
+        allowed=allowed,
+    )
     searched = is_searched(drive, len(rotations_deg), drawn=drawn, measured=measured)
-    known, parts = solvers_depend_on(run.cross_check), drive.model_dump(mode="json", exclude=WITHOUT_EFFECT)
+    known = solvers_depend_on(run.cross_check)
+    parts = drive.model_dump(mode="json", exclude=WITHOUT_EFFECT)
     depends = {
-        "drive": parts, "torques": curve.torques, "rotations": curve.rotation_deg.tolist(), "searched": searched,
-        "again": [run.seed, known], "program": digits_depend_on(),
-    }  # fmt: skip
+        "drive": parts,
+        "torques": curve.torques,
+        "rotations": curve.rotation_deg.tolist(),
+        "searched": searched,
+        "again": [run.seed, known],
+        "program": digits_depend_on(),
+    }
     kept = None if measured or known is None else KeptAnswer("curve", depends, _kept_curve_type(*every.shape))
     if found := kept and kept.found():
         values, solved, proof, done = found
@@ -272,9 +290,11 @@ def _searched_curve(
     run: Run,
 ) -> tuple[MountingCurve, _CrossChecks]:
     """A curve searched at all places, and solved where that decides. Arguments as those of _solved; there, 0 first."""
-    rotations_deg, drive = curve.rotation_deg.tolist(), there[0]
+    rotations_deg = curve.rotation_deg.tolist()
+    drive = there[0]
     groups = [rotations_deg[k : k + _POSITIONS_A_TASK] for k in range(0, len(rotations_deg), _POSITIONS_A_TASK)]
-    found, proof = [], EMPTY
+    found = []
+    proof = EMPTY
     for values, states in run.map(partial(_searched, drive, curve.torques), groups):
         found.append(values)
         proof += states
@@ -301,7 +321,9 @@ def _solved(
     """
     rows, columns = (each.tolist() for each in np.nonzero(places))
     drives = [wheel.in_drive(there[r]) if (wheel := wheels[r]) else (there[r], None) for r in columns]
-    values, proof, errors = curve.F_ior_arcsec.copy(), curve.certificate, list[KinematicError]()
+    values = curve.F_ior_arcsec.copy()
+    proof = curve.certificate
+    errors = list[KinematicError]()
     tasks = [(*drive, curve.torques[t], run.of_task) for drive, t in zip(drives, rows, strict=True)]
     for place, (F_ior, error) in zip(np.argwhere(places), run.map(_error, *zip(*tasks, strict=True)), strict=True):
         values[tuple(place)] = F_ior

@@ -138,7 +138,8 @@ def read_trial_or_record(
     rotation, own = _read_trial_position(where.lower(), text, drive.mounting.holes, allowed)
     greatest = reading.measured(file, drive, seed=seed, M_g=M_g if own is None else own).directions[0]
     if greatest.is_bound and (covered := greatest.coverage):
-        turns, cycle = covered.cam_turns, covered.cam_turns / covered.share
+        turns = covered.cam_turns
+        cycle = covered.cam_turns / covered.share
         raise UntrustedError(
             f"{file}: {turns:.3g} of the {cycle:g} cam turns of the full cycle: F'_ior is a lower bound, and no trial",
             "record the full cycle in one sweep",
@@ -159,7 +160,9 @@ SAMPLES_A_TABLE = 2  # effective samples of a belief for which one system has a 
 _DRAWS_A_TABLE = 64  # draws of systems at most for each table that is wanted
 _COMPARED = 16  # drives with a table of one system, to see its error
 _FREE_SHARE = 0.5  # probability before any value that no drive of the preset shows them
-_FREE_CURVES, _FREE_ORDERS = 1024, 4  # curves of no drive, and times that their waves go around the seat
+# curves of no drive, and times that their waves go around the seat
+_FREE_CURVES = 1024
+_FREE_ORDERS = 4
 _FREE_LEVEL = 1.0  # standard deviation of the logarithm of their level
 _FREE_NEAR = 0.01  # of a value: within that of it they are drawn as densely, however little noise is stated
 _STATED_SHARE = 0.5  # probability before any value that the standing offset is as the preset states it
@@ -252,7 +255,8 @@ class HoleSamples:
 
         At another torque it is another one, as large a share of F'_ior.
         """
-        turns, torques = [turn for turn, _ in points], [M_g for _, M_g in points]
+        turns = [turn for turn, _ in points]
+        torques = [M_g for _, M_g in points]
         levels = [self.levels[M_g] for M_g in torques]
         same_torque = np.equal.outer(torques, torques)
         return np.asarray(kernel(turns, turns) * same_torque * np.multiply.outer(levels, levels))
@@ -272,8 +276,10 @@ class HoleSamples:
         Their level is lognormal about that of the samples, their waves over the seat are normal, as large as those of
         the samples: another drive is as smooth. They are drawn near the values, and weighed for that.
         """
-        log_F, share = np.log(self.F_ior_arcsec), self.weight.sum(axis=1)
-        count, order = log_F.shape[1], np.arange(1, _FREE_ORDERS + 1)
+        log_F = np.log(self.F_ior_arcsec)
+        share = self.weight.sum(axis=1)
+        count = log_F.shape[1]
+        order = np.arange(1, _FREE_ORDERS + 1)
         waves = np.sqrt(share @ np.square(2 / count * np.abs(np.fft.rfft(log_F))))  # amplitudes, root mean square
         sizes = np.array([_FREE_LEVEL, *np.tile(waves[order] / np.sqrt(2), 2)])
 
@@ -282,17 +288,23 @@ class HoleSamples:
             turn = np.multiply.outer(angles, order)
             return np.asarray(sizes * np.hstack([np.ones((len(angles), 1)), np.cos(turn), np.sin(turn)]))
 
-        tried, y = list(map(self.setup.point, trials)), np.array([t.F_ior_arcsec for t in trials])
-        level, of_torque = share @ log_F.mean(axis=1), np.array([self.levels[M_g] for _, M_g in tried])
-        kinds, stated = error_kinds(len(trials), LOG_NOISES), self.noise(trials)
+        tried = list(map(self.setup.point, trials))
+        y = np.array([t.F_ior_arcsec for t in trials])
+        level = share @ log_F.mean(axis=1)
+        of_torque = np.array([self.levels[M_g] for _, M_g in tried])
+        kinds = error_kinds(len(trials), LOG_NOISES)
+        stated = self.noise(trials)
         alike = self.correlation(tried) / np.multiply.outer(of_torque, of_torque)
         covariances = [  # of the logarithms of the values
             SCALE**2 + k.misfit**2 * alike + np.diag((k.spreads(stated, y) / y) ** 2 + _FREE_NEAR**2) for k in kinds
         ]
         numbers, density = _numbers_near(
-            series(-np.radians([turn for turn, _ in tried])), np.log(y / of_torque) - level, np.array(covariances),
-            np.array([k.log_share for k in kinds]), np.random.default_rng([self.seed, 3]),
-        )  # fmt: skip
+            series(-np.radians([turn for turn, _ in tried])),
+            np.log(y / of_torque) - level,
+            np.array(covariances),
+            np.array([k.log_share for k in kinds]),
+            np.random.default_rng([self.seed, 3]),
+        )
         curves = np.exp(level + numbers @ series(2 * np.pi * np.arange(count) / count).T)
         F_ior = {M_g: np.vstack([of, self.levels[M_g] * curves]) for M_g, of in self.F_ior_by_torque.items()}
         values = {path: np.vstack([of, np.full(curves.shape, np.nan)]) for path, of in self.values.items()}
@@ -370,9 +382,19 @@ class HolePosterior:
 
     def decision(self, torques: Sequence[float], room_arcsec: Sequence[float | None], cost: float) -> Decision:
         """The decision among the rotations but the last one, which is 0, at torques [N*m]."""
-        every, ones = np.array([self.F_ior_by_torque[M_g] for M_g in torques]), np.ones(len(self.places))
-        holes, now = every[..., :-1], every[..., -1]
-        return Decision(self.rotations_deg[:-1], holes, now, ones, room_arcsec, cost, worth=self.effective)
+        every = np.array([self.F_ior_by_torque[M_g] for M_g in torques])
+        ones = np.ones(len(self.places))
+        holes = every[..., :-1]
+        now = every[..., -1]
+        return Decision(
+            rotations_deg=self.rotations_deg[:-1],
+            F_ior_arcsec=holes,
+            now_arcsec=now,
+            sample_weights=ones,
+            room_arcsec=room_arcsec,
+            cost=cost,
+            worth=self.effective,
+        )
 
 
 def posterior_of(
@@ -384,14 +406,23 @@ def posterior_of(
     belief/evidence.py, at all torques of the samples. Argument: kinds of error that values may have, all of them
     without it.
     """
-    rng, other_rng = np.random.default_rng(samples.seed), np.random.default_rng([samples.seed, 1])
-    tried, torques = list(map(samples.setup.point, trials)), tuple(samples.F_ior_by_torque)
-    y, stated, possible = np.array([t.F_ior_arcsec for t in trials]), samples.noise(trials), samples.possible
+    rng = np.random.default_rng(samples.seed)
+    other_rng = np.random.default_rng([samples.seed, 1])
+    tried = list(map(samples.setup.point, trials))
+    torques = tuple(samples.F_ior_by_torque)
+    y = np.array([t.F_ior_arcsec for t in trials])
+    stated = samples.noise(trials)
+    possible = samples.possible
     kinds = kinds or error_kinds(len(trials), LOG_NOISES)
     log = log_likelihoods(
-        kinds, samples.at(tried, possible), y, stated, samples.correlation(tried), samples.mean(possible),
+        kinds,
+        samples.at(tried, possible),
+        y,
+        stated,
+        samples.correlation(tried),
+        samples.mean(possible),
         samples.read_error,
-    )  # fmt: skip
+    )
     weight = softmax(np.log(samples.weight.ravel()[possible]) + log)  # shape (kinds, places)
     at = np.searchsorted(np.cumsum(weight), (np.arange(_POSTERIOR_DRAWS) + 0.5) / _POSTERIOR_DRAWS)
     kind, row = np.divmod(np.minimum(at, weight.size - 1), weight.shape[1])
@@ -407,16 +438,29 @@ def posterior_of(
     F_ior, scale = errors_of_drive(samples.at(points, places), y, variance, spread, samples.correlation(points), normal)
     by_torque = dict(zip(torques, np.split(F_ior, len(torques), axis=1), strict=True))
     effective = float(1 / np.square(weight.sum(axis=0)).sum())
-    of_kind, doubted = weight.sum(axis=1), np.array([each.misread for each in kinds])
+    of_kind = weight.sum(axis=1)
+    doubted = np.array([each.misread for each in kinds])
     misread = np.array([of_kind[doubted == k].sum() for k in range(len(trials))])
-    return HolePosterior(samples, places, misfit, noise, scale, tuple(rotations_deg), by_torque, effective, misread)
+    return HolePosterior(
+        samples=samples,
+        places=places,
+        misfit=misfit,
+        noise=noise,
+        scale=scale,
+        rotations_deg=tuple(rotations_deg),
+        F_ior_by_torque=by_torque,
+        effective=effective,
+        misread=misread,
+    )
 
 
 def likelier_torque(samples: HoleSamples, trials: Sequence[Trial]) -> float | None:
     """Torque of the samples [N*m] at which values of one torque are far more probable; None without one."""
-    tried, possible = [t.rotation_deg for t in trials], samples.possible
+    tried = [t.rotation_deg for t in trials]
+    possible = samples.possible
     measured = np.array([t.F_ior_arcsec for t in trials]), samples.noise(trials), kernel(tried, tried)
-    weight, (stated, *others) = samples.weight.ravel()[possible], {samples.setup.point(t)[1] for t in trials}
+    weight = samples.weight.ravel()[possible]
+    stated, *others = {samples.setup.point(t)[1] for t in trials}
     log_probability = {
         M_g: logsumexp(
             log_likelihood_of_errors(
@@ -448,22 +492,32 @@ def hole_samples(
     """
     if not searchable(drive):
         raise UsageError("trials need locked balls", "bearing.ball_motion: locked")
-    prior, stated = open_prior(drive), prior_of(drive)
+    prior = open_prior(drive)
+    stated = prior_of(drive)
     believed = stated if len(stated.fields) < len(prior.fields) else None
     systems = replace(prior, fields=tuple(each for each in prior.fields if each not in open_deviations(prior)))
     count = max(1, draws // SAMPLES_A_TABLE)
     if not systems.fields:  # as many samples where only deviations are unknown, from a finer table
-        table, count = TableEffort(count * table.deviations, Mesh(), min(_COMPARED, count)), 1
+        table = TableEffort(count * table.deviations, Mesh(), min(_COMPARED, count))
+        count = 1
     others = {*setup.others, *torques} - {setup.M_g}
     every = (setup.M_g, *sorted(others))  # the random numbers of a torque go by its place
     samples = draw_samples(
-        systems, (), evidence=tuple(each for each in evidence_of(drive) if not each.M_g),
+        systems,
+        (),
+        evidence=tuple(each for each in evidence_of(drive) if not each.M_g),
         effort=SamplingEffort(
-            count, count, _DRAWS_A_TABLE * count, min(16, count), least=min(FEWEST_SAMPLES, count), for_action=True
+            effective=count,
+            settling_draws=count,
+            most_draws=_DRAWS_A_TABLE * count,
+            batch=min(16, count),
+            least=min(FEWEST_SAMPLES, count),
+            for_action=True,
         ),
         run=run,
-    )  # fmt: skip
-    weights, tables = list[float](), list[TabledErrors]()
+    )
+    weights = list[float]()
+    tables = list[TabledErrors]()
     solve = partial(_tabled, prior, believed, every, table, run.seed)
     found = run.map(solve, range(len(samples.weights)), samples.values())
     for weight, errors in zip(samples.weights.tolist(), found, strict=True):
@@ -475,7 +529,8 @@ def hole_samples(
         raise UntrustedError("no draw has an answer at the torque of the trials", "hdassist check says why")
     log_missed = np.concatenate([each.log_missed for each in tables], axis=1)  # (torques, compared)
     F_ior = np.concatenate([each.F_ior_arcsec for each in tables], axis=1)  # (torques, samples, directions)
-    draws_each, opened = tables[0].F_ior_arcsec.shape[1], len(tables[0].shares)
+    draws_each = tables[0].F_ior_arcsec.shape[1]
+    opened = len(tables[0].shares)
     weight = np.repeat(weights, draws_each)[:, None] * np.ones(F_ior.shape[1:])
     as_stated = np.tile(np.arange(draws_each) >= opened, len(tables))
     weight[as_stated if any_direction(prior) else slice(None), 1:] = 0
@@ -489,9 +544,16 @@ def hole_samples(
     values = {path: np.concatenate([each.values[path] for each in tables]) for path in standing_offset(drive)}
     proof = sum((each.certificate for each in tables), samples.certificate)
     return HoleSamples(
-        drive, setup, dict(zip(every, F_ior, strict=True)), weight / weight.sum(), values,
-        float(log_missed.std(axis=1).max()), samples.seed, proof, samples.few,
-    )  # fmt: skip
+        drive=drive,
+        setup=setup,
+        F_ior_by_torque=dict(zip(every, F_ior, strict=True)),
+        weight=weight / weight.sum(),
+        values=values,
+        read_error=float(log_missed.std(axis=1).max()),
+        seed=samples.seed,
+        certificate=proof,
+        few=samples.few,
+    )
 
 
 def _tabled(
@@ -519,7 +581,9 @@ def open_prior(drive: Drive) -> DrivePrior:
     uncertainty for it or does not know it; so is the one that turns with the cam. Raises UsageError where no
     distribution is known of the size of the standing offset.
     """
-    belief, (size, direction), own = prior_of(drive), standing_offset(drive), "tolerances.e_hh"
+    belief = prior_of(drive)
+    size, direction = standing_offset(drive)
+    own = "tolerances.e_hh"
     known = {each.path: each for each in belief.fields}
     if size not in known and not drive.number(size) > 0:
         raise UsageError(
@@ -533,8 +597,24 @@ def open_prior(drive: Drive) -> DrivePrior:
         reason = f"open in trials: up to {_WIDEST_SIZE:g} times the preset's"
         if group not in known:
             most = _WIDEST_SIZE * drive.number(group)
-            known[group] = FieldPrior(group, "even", 0.0, most, owner_of(drive, group), group, reason)
+            known[group] = FieldPrior(
+                path=group,
+                distribution="even",
+                low=0.0,
+                high=most,
+                owner=owner_of(drive, group),
+                group=group,
+                reason=reason,
+            )
         if turn not in known:
-            known[turn] = FieldPrior(turn, "even", 0.0, 360.0, owner_of(drive, turn), group, "any direction")
+            known[turn] = FieldPrior(
+                path=turn,
+                distribution="even",
+                low=0.0,
+                high=360.0,
+                owner=owner_of(drive, turn),
+                group=group,
+                reason="any direction",
+            )
     fields = tuple(known[path] for path in measures() if path in known and known[path].low < known[path].high)
     return replace(belief, fields=fields)

@@ -93,9 +93,22 @@ class _UncertainReading(NamedTuple):
 
 
 FieldKind = Literal[
-    "number", "count", "text", "line", "choice", "numbers", "range", "holes", "limits", "orders", "readings",
-    "uncertainty", "fit", "source", "table",
-]  # fmt: skip
+    "number",
+    "count",
+    "text",
+    "line",
+    "choice",
+    "numbers",
+    "range",
+    "holes",
+    "limits",
+    "orders",
+    "readings",
+    "uncertainty",
+    "fit",
+    "source",
+    "table",
+]
 # types of fields whose kind that of their values does not say
 OneLine = Annotated[str, AfterValidator(_one_line), "line"]  # of a name: a line break could forge a line of a report
 PerTorque = Annotated[dict[str, float], "limits"]
@@ -108,10 +121,12 @@ KEYED_TABLES = {
     "limits": (NUMBER, "a torque in N*m, or all", "", ""),
     "orders": (rf"{UNSIGNED}(@{NUMBER})?", "an order per cam turn, or ORDER@TORQUE in N*m", "", "like {2: 10}"),
     "readings": (
-        rf"(h[0-9]+|{NUMBER})@{NUMBER}", "a hole, or a turn in deg, at a torque in N*m",
-        "like h4@80 or 120@80", "like {h0@80: 28.1 ± 1}",
+        rf"(h[0-9]+|{NUMBER})@{NUMBER}",
+        "a hole, or a turn in deg, at a torque in N*m",
+        "like h4@80 or 120@80",
+        "like {h0@80: 28.1 ± 1}",
     ),
-}  # fmt: skip
+}
 
 
 @dataclass(frozen=True)
@@ -217,7 +232,8 @@ class PresetField:
 
         Its text may have an uncertainty where the field is a single one. Raises InvalidValueError for any other.
         """
-        unit, is_count = self.unit if unit is None else unit, self.kind in ("count", "holes")
+        unit = self.unit if unit is None else unit
+        is_count = self.kind in ("count", "holes")
         number = read_count(value) if is_count else read_number(value, unit, spread=self.kind == "number")
         if not self.holds(number):
             hint = f"that is {number:g} {unit}" if isinstance(value, str) else ""
@@ -267,7 +283,8 @@ class PresetField:
 
 def _read_items(items: Mapping[Any, Any], read: Callable[[Any, Any], Any]) -> dict[Any, Any]:
     """Items of a table or list, by key, as a function reads each. Raises ValidationError with the faults of all."""
-    values, faults = {}, list[InitErrorDetails]()
+    values = {}
+    faults = list[InitErrorDetails]()
     for key, item in items.items():
         try:
             values[key] = read(key, item)
@@ -716,15 +733,25 @@ def resolved_fields(drive: Drive) -> list[ResolvedField]:
     rows = []
     for path, field in field_table().items():
         section, name = path.split(".")
-        table, value, source = getattr(drive, section), drive.value(path), drive.source.get(path)
+        table = getattr(drive, section)
+        value = drive.value(path)
+        source = drive.source.get(path)
         kind, ref, bounds = (str(source.kind), source.ref, source.range) if source else ("given", "", None)
         if is_overridden(path, drive.origin.overrides):
-            kind, ref, bounds = "override", "--set", None
+            kind = "override"
+            ref = "--set"
+            bounds = None
         elif field.unknown and value is None:
-            kind, ref, bounds = UNKNOWN, "", None
+            kind = UNKNOWN
+            ref = ""
+            bounds = None
         elif name not in table.model_fields_set:
             kind = "default"
-        rows.append(ResolvedField(path, value, field.unit, kind, ref, field.meaning, bounds))
+        rows.append(
+            ResolvedField(
+                path=path, value=value, unit=field.unit, kind=kind, ref=ref, meaning=field.meaning, range=bounds
+            )
+        )
     return rows
 
 

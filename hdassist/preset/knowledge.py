@@ -35,15 +35,23 @@ _BOUND_ROUNDING = 1e-9  # of a bound
 COARSEST_CLASS = 9
 # um for each mm of the pitch diameter, cam offsets: 80 and 30 um at 160 mm in the paper; a wheel's centre: assumed,
 # 10 um at 160 mm
-STANDING_OFFSET, TURNING_OFFSET, CENTRE_OFFSET = 0.5, 0.2, 0.06
+STANDING_OFFSET = 0.5
+TURNING_OFFSET = 0.2
+CENTRE_OFFSET = 0.06
 # of half of F'_i, amplitudes of order 2 and of orders 3 and 4; assumed: twice as much breaks the accuracy that
 # catalogues promise of size 20, half as much leaves the one recorded drive beyond all (docs/validation.md)
-SECOND_ORDER, HIGHER_ORDERS = 0.08, 0.04
+SECOND_ORDER = 0.08
+HIGHER_ORDERS = 0.04
 # arcsec: accuracy that catalogues promise, the second below SIZE_20 [mm]
-USUAL_ACCURACY, SMALL_ACCURACY, SIZE_20 = 60.0, 90.0, 50.0
+USUAL_ACCURACY = 60.0
+SMALL_ACCURACY = 90.0
+SIZE_20 = 50.0
 ACCURACY_GRADES = (SMALL_ACCURACY, USUAL_ACCURACY, 30.0)  # arcsec; the last one is that of high accuracy, to order
 # arcsec: backlash and lost motion that no drive of a catalogue exceeds; the second below _LARGE_SIZE [mm]
-_PLAY, _LOST_MOTION, _LOST_MOTION_SMALL, _LARGE_SIZE = 5.0, 60.0, 180.0, 35.0
+_PLAY = 5.0
+_LOST_MOTION = 60.0
+_LOST_MOTION_SMALL = 180.0
+_LARGE_SIZE = 35.0
 # N/mm for each mm of its bore: radial stiffness of the bearing of a shaft with an overhung cam, and its range; a guess
 _SHAFT_BEARING = (5e3, 2e3, 1e4)
 
@@ -115,12 +123,15 @@ _PROPORTIONS = [Proportion(**each) for each in _TABLES["proportions"]]
 def implausible(drive: Drive) -> Iterator[tuple[str, str, str]]:
     """Valid fields of a drive that are far from usual: path, message with the number, usual range."""
     for each in _PROPORTIONS:
-        value, base = drive.value(each.path), drive.value(each.base)
+        value = drive.value(each.path)
+        base = drive.value(each.base)
         share = value / base if value and base else None
         if share is not None and not each.low * (1 - _BOUND_ROUNDING) <= share <= each.high * (1 + _BOUND_ROUNDING):
             words = each.words.format(value=value, base=base, share=share)
             yield each.path, words, f"usual: {each.usual.format(low=each.low, high=each.high)}"
-    most, rated, d = max(map(abs, drive.operation.M_g)), drive.operation.rated, drive.gears.pitch_diameter
+    most = max(map(abs, drive.operation.M_g))
+    rated = drive.operation.rated
+    d = drive.gears.pitch_diameter
     limit = TORQUE_DENSITY[1] * d**3
     usual = f"{limit:.3g} N*m, the highest of catalogues at {d:.4g} mm: 52 N*m for size 20, ratio 100, by d^3"
     beyond = "times what drives of this size are rated for"
@@ -159,7 +170,8 @@ COUPLING_FIELDS = ("cam.coupling", "cam.shaft_d", "cam.overhang")
 
 def with_cam_support(drive: Drive) -> Drive:
     """The drive with supports.C_3 as its coupling has it: assumed, within a range; None where a size is missing."""
-    cam, why = drive.cam, "3 E I/L^3 of its shaft in series with a bearing, whose stiffness is a guess"
+    cam = drive.cam
+    why = "3 E I/L^3 of its shaft in series with a bearing, whose stiffness is a guess"
     support: list[float] = []  # stiffness [N/mm], and its range
     if cam.coupling != "overhung":
         *numbers, why = _CAM_SUPPORTS[cam.coupling]
@@ -214,7 +226,8 @@ def _size_of(like: Drive, required: Requirements) -> tuple[SimilarValue, float]:
     by the cube law; without any, that of the other drive. Raises UsageError: a torque or a stiffness that no drive of
     the size has.
     """
-    own, stiffer = like.gears.pitch_diameter, 1.0
+    own = like.gears.pitch_diameter
+    stiffer = 1.0
     T = required["operation.rated"].value if "operation.rated" in required else None
     K: tuple[float, ...] = required[STIFFNESS].value if STIFFNESS in required else ()
     if K and not (K[0] > 0 and all(weaker <= stiffer for weaker, stiffer in pairwise(K))):
@@ -256,7 +269,8 @@ def similar(like: Drive, required: Requirements) -> dict[str, SimilarValue]:
     Raises UsageError: requirements that contradict each other.
     """
     size, stiffer = _size_of(like, required)
-    d, s = size.value, size.value / like.gears.pitch_diameter
+    d = size.value
+    s = size.value / like.gears.pitch_diameter
     given = {path for path in field_table() if (p := path.split("."))[1] in getattr(like, p[0]).model_fields_set}
     as_like = dict[str, SimilarValue]()
     for path in given:  # teeth, and settings in which the drive differs from their defaults
@@ -294,14 +308,18 @@ def similar(like: Drive, required: Requirements) -> dict[str, SimilarValue]:
 
 def _scaled(like: Drive, path: str, law: Law, s: float, m: float, stiffer: float) -> SimilarValue:
     """A field scaled by its law; s, m, stiffer: ratio of pitch diameters, new module [mm], ratio of stiffnesses."""
-    value, ratio, d = like.value(path), m / like.gears.m, s * like.gears.pitch_diameter
+    value = like.value(path)
+    ratio = m / like.gears.m
+    d = s * like.gears.pitch_diameter
     factor = _growth(law.by, s, ratio)
-    stiffness, compliance = path.startswith(("supports.", "contact.k_")), path.startswith("contact.c_")
+    stiffness = path.startswith(("supports.", "contact.k_"))
+    compliance = path.startswith("contact.c_")
     elastic = stiffer if stiffness else 1 / stiffer if compliance else 1.0
     in_modules = value / like.gears.m / (1000 if path == "gears.j_n" else 1) if law.by == "m" else 0.0
     words = _SIMILAR_WORDS[law.by].format(like=like.name, s=s, value=in_modules)
     if law.usual is not None and not value:
-        value, words = _rounded(law.usual * _growth(law.by, d / REFERENCE, m / _REFERENCE_MODULE)), ""
+        value = _rounded(law.usual * _growth(law.by, d / REFERENCE, m / _REFERENCE_MODULE))
+        words = ""
     elif isinstance(value, float):
         value = _rounded(value * factor * elastic)
     if elastic != 1 and factor:
@@ -309,12 +327,13 @@ def _scaled(like: Drive, path: str, law: Law, s: float, m: float, stiffer: float
     bounds = None
     if isinstance(value, float) and (scaled := law.range_at(d, m, value)):
         bounds = _around(like, path, value, *map(_rounded, scaled))
-    return SimilarValue(value, "assumed", "; ".join(filter(None, (words, law.why))), bounds)
+    return SimilarValue(value=value, kind="assumed", ref="; ".join(filter(None, (words, law.why))), range=bounds)
 
 
 def _around(like: Drive, path: str, value: float, low: float, high: float) -> tuple[float, float] | None:
     """Bounds widened to hold the value; None where they are equal or beyond the range of the field."""
-    low, high = min(low, value), max(high, value)
+    low = min(low, value)
+    high = max(high, value)
     return (low, high) if low < high and like.allows(path, low) and like.allows(path, high) else None
 
 
@@ -339,7 +358,10 @@ def _tolerances(d: float, m: float) -> dict[str, SimilarValue]:
     ref = f"F_p of class {fine}, ISO 1328-1:2013, in place of F'_i; 0 to that of class {coarsest}"
     if m < 1:
         ref += "; GOST 9178-81 is the Russian series for such modules"
-    return {wheel.size: SimilarValue(usual, "assumed", ref, (0.0, coarse)) for wheel in COMPOSITES.values()}
+    return {
+        wheel.size: SimilarValue(value=usual, kind="assumed", ref=ref, range=(0.0, coarse))
+        for wheel in COMPOSITES.values()
+    }
 
 
 def _backlash(d: float) -> dict[str, SimilarValue]:
@@ -351,12 +373,15 @@ def _backlash(d: float) -> dict[str, SimilarValue]:
 
 
 def _load(like: Drive, required: Requirements, s: float, d: float) -> dict[str, SimilarValue]:
-    own, rating = like.rated_torque, required.get("operation.rated")
+    own = like.rated_torque
+    rating = required.get("operation.rated")
     if rating is None:
         rated = _rounded(own * s**3, 3)
         bounds = [_rounded(density * d**3, 2) for density in TORQUE_DENSITY]
         ref = f"{like.name} x d^3 = {s**3:.4g}; catalogues have it from {bounds[0]:g} to {bounds[1]:g} N*m"
-        rating = SimilarValue(rated, "assumed", ref, _around(like, "operation.rated", rated, *bounds))
+        rating = SimilarValue(
+            value=rated, kind="assumed", ref=ref, range=_around(like, "operation.rated", rated, *bounds)
+        )
     shares = tuple(_rounded(torque / own * rating.value, 3) for torque in like.operation.M_g)
     return {
         "operation.M_g": SimilarValue(shares, "assumed", f"the shares of the rated torque that {like.name} has"),
@@ -373,10 +398,13 @@ def _rounded(value: float, digits: int = 4) -> float:
 
 # options of a measure: their fields and units
 _MEASURES = {
-    "pitch_diameter": (PITCH_DIAMETER, "mm"), "torque": ("operation.rated", "N*m"),
-    "lost_motion": ("catalogue.lost_motion", "arcsec"), "accuracy": ("catalogue.accuracy", "arcsec"),
-    "T1": ("catalogue.T_1", "N*m"), "T2": ("catalogue.T_2", "N*m"),
-}  # fmt: skip
+    "pitch_diameter": (PITCH_DIAMETER, "mm"),
+    "torque": ("operation.rated", "N*m"),
+    "lost_motion": ("catalogue.lost_motion", "arcsec"),
+    "accuracy": ("catalogue.accuracy", "arcsec"),
+    "T1": ("catalogue.T_1", "N*m"),
+    "T2": ("catalogue.T_2", "N*m"),
+}
 
 
 def read_requirements(like: Drive, *, ratio: float | None = None, **given: str | None) -> Requirements:

@@ -93,7 +93,8 @@ class Document:
     def where(self, path: Path, key: bool = False) -> tuple[str, Mark]:
         """File and place of a value or key; of the nearest table around it where it is not given."""
         while path and path not in self.places:
-            path, key = path[:-1], True
+            path = path[:-1]
+            key = True
         if not path:
             return self.file, Mark(1, 1)
         place = self.places[path]
@@ -178,7 +179,8 @@ class _Reader:
         try:
             decoded = data.decode()
         except UnicodeDecodeError as error:
-            mark, got = self._behind(data[: error.start].decode()), f"byte 0x{data[error.start]:02x}"
+            mark = self._behind(data[: error.start].decode())
+            got = f"byte 0x{data[error.start]:02x}"
             raise self._end(mark, "not UTF-8 text", got, "save the file as UTF-8") from None
         if control := _UNPRINTABLE.search(decoded):
             mark = self._behind(decoded[: control.start()])
@@ -212,7 +214,8 @@ class _Reader:
         mark = self._mark(event.start_mark)
         if len(path) >= MAX_DEPTH:
             raise self._end(mark, f"nested deeper than {MAX_DEPTH} levels")
-        text, quoted = "", False
+        text = ""
+        quoted = False
         value: Any = None
         if isinstance(event, yaml.AliasEvent):
             text = f"*{event.anchor}"
@@ -225,17 +228,22 @@ class _Reader:
             self._find(mark, path, "tags are not allowed", got, "leave the tag out")
         if isinstance(event, yaml.SequenceStartEvent):
             items = enumerate(self._until(yaml.SequenceEndEvent))
-            value, text = [self._value(item, (*path, index)) for index, item in items], "a list"
+            value = [self._value(item, (*path, index)) for index, item in items]
+            text = "a list"
         elif isinstance(event, yaml.MappingStartEvent):
-            value, text = self._table(path), "a table of keys"
+            value = self._table(path)
+            text = "a table of keys"
         elif isinstance(event, yaml.ScalarEvent):
-            text, quoted = str(event.value), event.style is not None
+            text = str(event.value)
+            quoted = event.style is not None
             if _SURROGATE.search(text):
                 self._find(mark, path, "half of a surrogate pair is no character", shown(text))
                 self.document.bad.add(path)
             else:
                 value = text if quoted else scalar_value(text)
-        self.document.places[path] = SourceSpan(self.document.file, key or mark, mark, text, quoted)
+        self.document.places[path] = SourceSpan(
+            file=self.document.file, key=key or mark, value=mark, text=text, quoted=quoted
+        )
         return value
 
     def _table(self, path: Path) -> dict[str, Any]:
@@ -298,14 +306,18 @@ def ordered_findings(items: Iterable[Finding]) -> list[Finding]:
     """Findings in the order of the file, then of the overrides; the first hundred of very many."""
     ordered = sorted(items, key=lambda f: (f.file == OVERRIDE, f.line, f.column))
     if len(ordered) > MAX_FINDINGS:
-        last, more = ordered[MAX_FINDINGS], len(ordered) - MAX_FINDINGS
-        ordered[MAX_FINDINGS:] = [Finding(last.file, last.line, last.column, "", f"and {more} more")]
+        last = ordered[MAX_FINDINGS]
+        more = len(ordered) - MAX_FINDINGS
+        ordered[MAX_FINDINGS:] = [
+            Finding(file=last.file, line=last.line, column=last.column, path="", message=f"and {more} more")
+        ]
     return ordered
 
 
 def near_miss(word: str, options: Iterable[str]) -> str:
     """A hint "did you mean ...?" if an option looks like the word, else an empty text; case decides between equals."""
-    known, word = {option.lower(): option for option in options}, word[:60]
+    known = {option.lower(): option for option in options}
+    word = word[:60]
 
     def likeness(option: str) -> tuple[float, float]:
         pairs = ((option, word.lower()), (known[option], word))
@@ -349,7 +361,8 @@ def convert(text: str, unit: str) -> float:
     match = _matched(_SPLIT, text)
     if match is None:
         raise _no_number(text.strip(), unit)
-    number, given = match[1], _normal(match[2])
+    number = match[1]
+    given = _normal(match[2])
     if given == "":
         raise UnitError("must be a number, not text", "leave out the quotes")
     value = float(number)

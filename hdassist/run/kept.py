@@ -154,7 +154,8 @@ class Kept(Generic[_RecordT]):
 
         Raises DataError: they cannot be written, or the file is not what this run has written.
         """
-        lines, checksum = [], self._checksum
+        lines = []
+        checksum = self._checksum
         for item, record in enumerate(records, self.done):
             lines.append(_sealed({"item": item, **self._kind.adapter.dump_python(record, mode="json")}, checksum))
             checksum = _checksum_of(lines[-1])
@@ -244,7 +245,8 @@ class Kept(Generic[_RecordT]):
 
         Raises UsageError: they are of another run, or none of ours; DataError: one that does not hold.
         """
-        name, lines = str(self._path), _lines(self._descriptor)
+        name = str(self._path)
+        lines = _lines(self._descriptor)
         first = next(lines, b"")
         if not first.endswith(b"\n") and _sealed(asdict(self._owner), b"").startswith(first):
             return self.begin()  # empty, or begun by a run that was killed
@@ -252,7 +254,9 @@ class Kept(Generic[_RecordT]):
         found.require_same(self._owner, name)
         self._size = len(first)
         for _, line in self._kind.read(lines, self._checksum, name):
-            self.done, self._size, self._checksum = self.done + 1, self._size + len(line), _checksum_of(line)
+            self.done = self.done + 1
+            self._size = self._size + len(line)
+            self._checksum = _checksum_of(line)
         if os.fstat(self._descriptor).st_size > self._size:
             self._cut(self._size)
         return None
@@ -439,7 +443,8 @@ def why_invalid(error: Exception) -> str:
     if not isinstance(error, ValidationError):
         return "nested too deep" if isinstance(error, RecursionError) else str(error)
     first = error.errors(include_url=False)[0]
-    where, words = ".".join(str(key) or "''" for key in first["loc"]), validation_words(first["msg"])
+    where = ".".join(str(key) or "''" for key in first["loc"])
+    words = validation_words(first["msg"])
     return f"{where}: {words}" if where else words
 
 
@@ -457,7 +462,9 @@ def _short(value: Any) -> str:
 
 _AnswerT = TypeVar("_AnswerT")
 
-FOLDER, NO_CACHE = "HDASSIST_CACHE", "HDASSIST_NO_CACHE"  # variables: another folder; whether answers are not kept
+# variables: another folder; whether answers are not kept
+FOLDER = "HDASSIST_CACHE"
+NO_CACHE = "HDASSIST_NO_CACHE"
 OWN_FOLDER = "answers"  # in the folder of the cache
 _LARGEST_FILE = 1 << 24  # bytes of a file
 MOST = 1 << 26  # bytes of all files: above it the oldest go
@@ -522,7 +529,8 @@ def cached(kind: str, key: str) -> bytes | None:
 
 def keep(kind: str, key: str, data: bytes) -> None:
     """Keep data of a kind by a key (SHA-256), in place of those before; none where that cannot be written."""
-    name, line = _name(kind, key), _first_line(key, data)
+    name = _name(kind, key)
+    line = _first_line(key, data)
     if len(line) + len(data) >= _LARGEST_FILE:
         return
     beside = f".{name}.{secrets.token_hex(4)}.part"

@@ -113,15 +113,19 @@ class Cluster(Executor):
     """
 
     def __init__(self, engine: Executor, size: Callable[[], int], installation: _Installation) -> None:
-        self._engine, self._size, self._installation = engine, size, installation
-        self._known, self._asked = 1, 0.0
+        self._engine = engine
+        self._size = size
+        self._installation = installation
+        self._known = 1
+        self._asked = 0.0
         self._here = installation()
 
     @property
     def size(self) -> int:
         """How many tasks are worked on at a time: workers may join and leave."""
         if time.monotonic() > self._asked + _SECONDS:
-            self._known, self._asked = max(1, self._size()), time.monotonic()
+            self._known = max(1, self._size())
+            self._asked = time.monotonic()
         return self._known
 
     def submit(self, task: Callable[..., Any], /, *args: Any, **more: Any) -> Future[Any]:
@@ -257,7 +261,10 @@ def stream(
     """
     pickled = pickle.dumps(work)
     chunks: deque[tuple[int, Future[tuple[float, list[Any]]]]] = deque()  # items of each, and its answer
-    end, cost, counted = done, 0.0, 0.0  # s and items of chunks that are done, the last ones counting most
+    # s and items of chunks that are done, the last ones counting most
+    end = done
+    cost = 0.0
+    counted = 0.0
     with nullcontext(executor) if executor else workers(jobs) as engine:
         try:
             while done < total:
@@ -272,7 +279,9 @@ def stream(
                 took, records = answer.result()
                 if len(records) != size:
                     raise ValueError(f"{len(records)} records of {size} items")
-                cost, counted, done = cost / 2 + took, counted / 2 + size, done + size
+                cost = cost / 2 + took
+                counted = counted / 2 + size
+                done = done + size
                 yield records
         finally:
             for _, answer in chunks:
@@ -360,7 +369,8 @@ class Processes(ThreadPoolExecutor):
     def __init__(self, count: int, *, has_beside: bool = False) -> None:
         super().__init__(count)
         self.beside = Processes(1) if has_beside else None
-        self.size, self._is_over = count, False
+        self.size = count
+        self._is_over = False
         self._processes: list[BaseProcess] = []
         self._idle: SimpleQueue[_Worker] = SimpleQueue()
 

@@ -46,7 +46,8 @@ def until_interrupted(items: Iterator[_ItemT]) -> Generator[_ItemT, None, bool]:
     For work that can answer with the items that it has; a second stop ends the process. Result: whether interrupted.
     """
     global _is_waiting, _is_interruptible
-    _is_interruptible, is_known = True, False
+    _is_interruptible = True
+    is_known = False
     try:
         while not _is_interrupted:
             _is_waiting = True

@@ -96,7 +96,8 @@ class PrivateFolder:
         path: of the folder; descriptor: of the open folder, through which files are reached so that no link is followed
         on the way, or None on Windows, which opens no folders.
         """
-        self.path, self.descriptor = path, descriptor
+        self.path = path
+        self.descriptor = descriptor
 
     def read(self, name: str, at_most: int) -> bytes | None:
         """Return the content of a file of this user; None for any other file.
@@ -374,7 +375,8 @@ async def wait_until_readable(connection: Connection, sentinel: int) -> bool:
         while not (ready := wait([connection, sentinel], timeout=0)):
             await asyncio.sleep(_LOOK_EVERY)
         return connection in ready
-    loop, ready = asyncio.get_running_loop(), asyncio.Event()
+    loop = asyncio.get_running_loop()
+    ready = asyncio.Event()
     loop.add_reader(connection.fileno(), ready.set)
     try:
         await ready.wait()
@@ -480,7 +482,8 @@ def takes_codes(stream: TextIO) -> bool:
         import msvcrt
 
         with suppress(OSError, ValueError):  # it has no descriptor
-            mode, console = ctypes.c_ulong(), ctypes.windll.kernel32
+            mode = ctypes.c_ulong()
+            console = ctypes.windll.kernel32
             handle = ctypes.c_void_p(msvcrt.get_osfhandle(stream.fileno()))
             if console.GetConsoleMode(handle, ctypes.byref(mode)):
                 return bool(console.SetConsoleMode(handle, mode.value | 4))  # virtual terminal processing

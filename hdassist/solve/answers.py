@@ -134,8 +134,11 @@ def rotation_slopes(formulation: Formulation, forces: Array, scalars: int) -> Ar
 
     Of each state at the contacts that carry force, forces [N], shape (states, M); NaN where none hold the parts.
     """
-    system, units, m = formulation.system, formulation.units, len(formulation.H)
-    change, rotation = system.deviation_map[system.first, :scalars], m + system.free_rotation
+    system = formulation.system
+    units = formulation.units
+    m = len(formulation.H)
+    change = system.deviation_map[system.first, :scalars]
+    rotation = m + system.free_rotation
     slopes = np.full((len(forces), scalars), np.nan)
     for k, contact in enumerate(forces > 0):
         springs = Springs.of(formulation, np.zeros(len(contact)), contact)

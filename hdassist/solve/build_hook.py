@@ -27,7 +27,8 @@ class _WalkHook(BuildHookInterface[Any]):
         for library in made:
             build_data["force_include"][str(library)] = f"hdassist/solve/{library.name}"
         if made:
-            build_data["pure_python"], build_data["tag"] = False, f"py3-none-{_BUILD['wheel_platform']()}"
+            build_data["pure_python"] = False
+            build_data["tag"] = f"py3-none-{_BUILD['wheel_platform']()}"
 
     def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:  # noqa: ARG002
         """Leave no file behind."""

@@ -61,7 +61,8 @@ class Springs:
     @classmethod
     def of(cls, formulation: Formulation, gaps: Array, contact: NDArray[np.bool_]) -> Springs:
         """Springs of candidates in contact, shape (M,), with gaps without force, shape (M,)."""
-        place, first = formulation.system.place, formulation.system.first
+        place = formulation.system.place
+        first = formulation.system.first
         stiffness = contact / formulation.local
         at_places = np.add.reduceat(stiffness, first)
         series = np.divide(1, at_places, out=np.zeros(len(first)), where=at_places > 0)
@@ -120,9 +121,12 @@ class Formulation:
     @cached_property
     def structure(self) -> Array:
         """H and A in one symmetric matrix of forces at the places and displacements, shape (m + free, m + free)."""
-        m, n = len(self.H), len(self.H) + len(self.A)
+        m = len(self.H)
+        n = len(self.H) + len(self.A)
         matrix = np.zeros((n, n))
-        matrix[:m, :m], matrix[:m, m:], matrix[m:, :m] = self.H, self.A.T, self.A
+        matrix[:m, :m] = self.H
+        matrix[:m, m:] = self.A.T
+        matrix[m:, :m] = self.A
         return matrix
 
     @cached_property
@@ -131,8 +135,10 @@ class Formulation:
         from scipy.sparse import csr_array, diags_array
 
         cp = imported_cvxpy()
-        M, m = len(self.local), len(self.H)
-        forces, at_places = cp.Variable(M, name="F", nonneg=True), cp.Variable(m, name="F_places")
+        M = len(self.local)
+        m = len(self.H)
+        forces = cp.Variable(M, name="F", nonneg=True)
+        at_places = cp.Variable(m, name="F_places")
         gaps = cp.Parameter(M, name="delta_p")
         load = cp.Parameter(len(self.A), name="b")
         of_structure = 0.5 * cp.quad_form(at_places, cp.psd_wrap(self.H))
@@ -141,7 +147,7 @@ class Formulation:
         sums = csr_array((np.ones(M), (self.system.place, np.arange(M))), shape=(m, M))
         constraints = [equilibrium, sums @ forces - at_places == 0]
         problem = cp.Problem(cp.Minimize(of_candidates + of_structure + gaps @ forces), constraints)
-        return _Statement(problem, forces, gaps, load, equilibrium)
+        return _Statement(problem=problem, forces=forces, gaps=gaps, load=load, equilibrium=equilibrium)
 
     def gaps(self, delta_p: Array) -> Array:
         """Gaps without force [mm], shape (..., M), in units of the programme."""
@@ -164,7 +170,8 @@ def imported_cvxpy() -> Any:
     cvxpy has the value of one atom from there, which no programme of ours has: it is imported when that is asked for,
     and at once where cvxpy asks for more.
     """
-    name, stand_in = "scipy.stats", ModuleType("scipy.stats")
+    name = "scipy.stats"
+    stand_in = ModuleType("scipy.stats")
 
     def of_stats(wanted: str) -> Any:
         if wanted.startswith("__"):  # asked for by the import itself
@@ -184,7 +191,8 @@ def imported_cvxpy() -> Any:
 
 def formulate(system: ContactSystem) -> Formulation:
     """State the programme of a contact system."""
-    supported, free = system.supported, ~system.supported
+    supported = system.supported
+    free = ~system.supported
     at_supports = system.G[system.first][:, supported]
     load_units = np.where(np.arange(len(free)) == ROTATION, system.geometry.r_m, 1.0)[free]
     # the softest instead makes Clarabel give up coned flanks at light torques
@@ -213,10 +221,16 @@ class Reference:
     """
 
     def __init__(self, formulation: Formulation, contact: NDArray[np.bool_]) -> None:
-        system, units, local = formulation.system, formulation.units, formulation.local
-        place, first, free, m = system.place, system.first, len(formulation.A), len(system.first)
+        system = formulation.system
+        units = formulation.units
+        local = formulation.local
+        place = system.place
+        first = system.first
+        free = len(formulation.A)
+        m = len(system.first)
         springs = Springs.of(formulation, formulation.gaps(system.delta_p), contact)
-        touching, alone = springs.series > 0, np.bincount(place) == 1
+        touching = springs.series > 0
+        alone = np.bincount(place) == 1
         # in series with the structure: springs in contact; the compliance of a candidate that stands alone and is open
         series = np.where(touching, springs.series, np.where(alone, local[first], 0))
         matrix = formulation.structure.copy()
@@ -224,18 +238,22 @@ class Reference:
         exchanged = principal_transform(matrix, np.append(touching, np.ones(free, dtype=bool)))
         stations = np.flatnonzero(touching & ~alone)  # places whose coordinate is the approach
         exchanged[stations] *= -series[stations, None]
-        by_places, by_right = exchanged[:, :m].copy(), exchanged[:, m:]
+        by_places = exchanged[:, :m].copy()
+        by_right = exchanged[:, m:]
         by_places[:, stations] *= series[stations]
         by_places[stations, stations] += series[stations]
         along = ~alone[place]
         gain = np.where(along & contact, -1 / local, 1)
-        weight, own = np.abs(gain), np.where(along, np.where(contact, 1 / local, local), 0)
+        weight = np.abs(gain)
+        own = np.where(along, np.where(contact, 1 / local, local), 0)
         unscaled = gain * by_places[place, place] * weight + own
         if not np.all(unscaled > 0):
             raise ValueError("no pivots to start from")
         scale = 1 / np.sqrt(unscaled)  # makes the reference's pivots one
         map_ = system.deviation_map[first].T
-        self._gap_unit, self._touching, self._by_gaps = units.gap, touching, -exchanged[:, :m][:, touching].T
+        self._gap_unit = units.gap
+        self._touching = touching
+        self._by_gaps = -exchanged[:, :m][:, touching].T
         self._flanks = first[: system.pairs]
         constant = (springs.lowest + springs.offset) * units.gap
         held = {
@@ -289,17 +307,24 @@ def principal_transform(matrix: Array, inside: NDArray[np.bool_]) -> Array:
 
     Raises ValueError where it has no inverse inside.
     """
-    order, n = np.argsort(~inside, kind="stable"), int(np.count_nonzero(inside))  # those inside first
+    # those inside first
+    order = np.argsort(~inside, kind="stable")
+    n = int(np.count_nonzero(inside))
     ordered = matrix[order].take(order, axis=1)
-    block, coupling, right = ordered[:n, :n], ordered[:n, n:], ordered[:n].copy()
+    block = ordered[:n, :n]
+    coupling = ordered[:n, n:]
+    right = ordered[:n].copy()
     right[:, :n] = np.eye(n)
     both = np.linalg.solve(block, right)
-    inverse, rest = both[:, :n].copy(), right - block @ both
+    inverse = both[:, :n].copy()
+    rest = right - block @ both
     if not np.abs(rest[:, :n]).max(initial=0) <= _INVERSE:
         raise ValueError("the contact set does not hold the parts in place")
     both += inverse @ rest  # refined: without it two digits of the rotation are lost
     across = both[:, n:]
     ordered[n:, n:] -= coupling.T @ across
-    ordered[:n, :n], ordered[:n, n:], ordered[n:, :n] = both[:, :n], -across, across.T
+    ordered[:n, :n] = both[:, :n]
+    ordered[:n, n:] = -across
+    ordered[n:, :n] = across.T
     back = np.argsort(order)
     return ordered[back].take(back, axis=1)

@@ -78,10 +78,13 @@ def require_compiled_as_stated(formulation: Formulation, run: Run = Run()) -> No
 
 def template_differences(formulation: Formulation) -> Iterator[str]:
     """Names of parts that cvxpy compiles to other data than stated, at two torques and gaps."""
-    stated, place = formulation.statement, formulation.system.place
-    M, m = len(formulation.local), len(formulation.H)
+    stated = formulation.statement
+    place = formulation.system.place
+    M = len(formulation.local)
+    m = len(formulation.H)
     P = np.zeros((M + m, M + m))
-    P[:M, :M], P[M:, M:] = np.diag(formulation.local), formulation.H
+    P[:M, :M] = np.diag(formulation.local)
+    P[M:, M:] = formulation.H
     A = np.zeros((len(formulation.A) + m, M + m))
     A[: len(formulation.A), M:] = formulation.A
     A[len(formulation.A) + place, np.arange(M)] = 1
@@ -193,16 +196,22 @@ def solve_through_cvxpy(formulation: Formulation, delta_p: Array, torque: float,
     Arguments: delta_p, gaps without force [mm], shape (M,); torque [N*mm]; solver, a name cvxpy knows.
     Raises UsageError for an unknown solver, UntrustedError where it gives no answer.
     """
-    name, stated = require_solver(solver), formulation.statement
-    stated.gaps.value, stated.load.value = formulation.gaps(delta_p), formulation.load(torque)
+    name = require_solver(solver)
+    stated = formulation.statement
+    stated.gaps.value = formulation.gaps(delta_p)
+    stated.load.value = formulation.load(torque)
     try:
         with warnings.catch_warnings(), muted_output():
             # "solution may be inaccurate": residuals and the other solver decide that, not a status
             warnings.simplefilter("ignore", UserWarning)
             stated.problem.solve(solver=name, **SOLVER_SETTINGS.get(name, {}))
-        forces, duals, status = stated.forces.value, stated.equilibrium.dual_value, stated.problem.status
+        forces = stated.forces.value
+        duals = stated.equilibrium.dual_value
+        status = stated.problem.status
     except imported_cvxpy().SolverError as error:
-        forces, duals, status = None, None, str(error).splitlines()[0]
+        forces = None
+        duals = None
+        status = str(error).splitlines()[0]
     if forces is None or duals is None:
         raise UntrustedError(f"{name} could not solve a state: {status}", "", Fault.UNTRUSTED_STATE)
     return formulation.answer(forces, duals)
@@ -247,7 +256,8 @@ def solve_again(
     states and rotations to the last digit. Raises UntrustedError where two rotations differ by more than
     CROSS_TOLERANCE.
     """
-    used, worst = {require_solver(solver): None}, 0.0
+    used = {require_solver(solver): None}
+    worst = 0.0
     known = solvers_depend_on(solver)
     key = sha256(f"{known} {operating_system()}".encode() + formulation.digest)
     for array in (delta_p, torques, rotation_arcsec):
@@ -313,7 +323,8 @@ class OneByOne:
         compiled: bool = True,
         solver: str | None = None,
     ) -> None:
-        self._formulation, self._solver = formulation, solver
+        self._formulation = formulation
+        self._solver = solver
         self._solve_near = walk_near_state if compiled and walk_library()[0] else solve_near
         self.contact = np.ones(len(formulation.local), dtype=bool) if contact is None else contact
 
@@ -326,7 +337,8 @@ class OneByOne:
         Raises UntrustedError where the solver asked for fails.
         """
         system = self._formulation.system
-        forces, free = np.full(delta_p.shape, np.nan), np.full((len(delta_p), len(self._formulation.A)), np.nan)
+        forces = np.full(delta_p.shape, np.nan)
+        free = np.full((len(delta_p), len(self._formulation.A)), np.nan)
         ways = [self._near, self._by_daqp, self._through_cvxpy][2 if self._solver else 0 :]
         given_up = tried = 0
         for k, (at_state, load) in enumerate(zip(delta_p, np.broadcast_to(torque, len(delta_p)).tolist(), strict=True)):
@@ -343,7 +355,8 @@ class OneByOne:
         return forces, free, given_up
 
     def _near(self, delta_p: Array, torque: float) -> tuple[Array, Array] | None:
-        gaps, right = self._formulation.gaps(delta_p), -self._formulation.load(torque)
+        gaps = self._formulation.gaps(delta_p)
+        right = -self._formulation.load(torque)
         none = np.zeros_like(self.contact)
         # from none it is half the steps of a start from all, from which some never end
         for contact in (none,) if self.contact.all() else (self.contact, none):
@@ -356,8 +369,11 @@ class OneByOne:
         return answer and self._formulation.answer(*answer)
 
     def _by_daqp(self, delta_p: Array, torque: float) -> tuple[Array, Array] | None:
-        formulation, right, n = self._formulation, -self._formulation.load(torque), len(delta_p)
-        upper, lower = np.append(np.full(n, np.inf), right), np.append(np.zeros(n), right)
+        formulation = self._formulation
+        right = -self._formulation.load(torque)
+        n = len(delta_p)
+        upper = np.append(np.full(n, np.inf), right)
+        lower = np.append(np.zeros(n), right)
         for contact in (self.contact, np.ones(n, dtype=bool)):
             sense = np.append(np.where(contact, 0, _ACTIVE_LOWER), np.full(len(right), ALWAYS_ACTIVE)).astype(np.int32)
             model = daqp.Model()
@@ -445,7 +461,8 @@ class LoadCase:
 
         Arguments and errors as those of solve.
         """
-        loads, delta_p = torques * N_MM, np.repeat(self.system.delta_p[None], len(torques), axis=0)
+        loads = torques * N_MM
+        delta_p = np.repeat(self.system.delta_p[None], len(torques), axis=0)
         sums = StateSums.of(self.system, delta_p, loads, *self._one_by_one.solve(delta_p, loads))
         return proven_answers(self.system, loads, [sums], place, progress)
 

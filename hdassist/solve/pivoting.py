@@ -34,7 +34,8 @@ class Pivoting:
     """
 
     def __init__(self, formulation: Formulation, reference: Reference) -> None:
-        self._formulation, self._reference = formulation, reference
+        self._formulation = formulation
+        self._reference = reference
         self._swing = np.zeros(0, dtype=int)
 
     def solve(self, gaps: StateGaps, torque: float, *, slope: bool = False) -> StateSums:
@@ -42,13 +43,15 @@ class Pivoting:
 
         Arguments: gaps; torque [N*mm]; slope, whether the slope of the rotation by the scalars is asked for.
         """
-        system, (forces, free) = self._formulation.system, self.forces(gaps, torque)
+        system = self._formulation.system
+        forces, free = self.forces(gaps, torque)
         slopes = rotation_slopes(self._formulation, forces, gaps.scalars.shape[1]) if slope else None
         return StateSums.of(system, system.delta_p_of(gaps), torque, forces, free, slope=slopes)
 
     def forces(self, gaps: StateGaps, torque: float) -> tuple[Array, Array]:
         """Forces [N], shape (states, M), and free displacements [mm, rad] of states; NaN where one was given up."""
-        law, (_, of_teeth) = self._reference.held["law"], self._reference.of_teeth(gaps)
+        law = self._reference.held["law"]
+        _, of_teeth = self._reference.of_teeth(gaps)
         start = law[0] + torque * law[1] + gaps.scalars @ law[2 : 2 + gaps.scalars.shape[1]]
         start = start if of_teeth is None else start + of_teeth
         parts = [self._abreast(start[first : first + _ABREAST]) for first in range(0, max(len(gaps), 1), _ABREAST)]
@@ -57,8 +60,10 @@ class Pivoting:
 
     def _abreast(self, start: Array) -> tuple[Array, Array]:
         """Forces [N] and free displacements [mm, rad] of states from their coordinates at the reference."""
-        reference, held = self._reference, self._reference.held
-        place, m = held["place"], len(held["by_places"])
+        reference = self._reference
+        held = self._reference.held
+        place = held["place"]
+        m = len(held["by_places"])
         coordinates, others, values = np.empty_like(start), *np.zeros((2, len(start), len(place)))
         rows = np.arange(len(start))
         while len(rows):
@@ -82,14 +87,18 @@ class Pivoting:
         """
         from scipy.linalg.blas import dger  # a tenth of a second, which the compiled walk saves
 
-        held, swing, (states, n) = self._reference.held, self._swing, start.shape
+        held = self._reference.held
+        swing = self._swing
+        states, n = start.shape
         place = held["place"][swing]
         through = held["by_places"][np.ix_(place, place)].T
         tableau = np.empty((n, n + states), order="F")
         tableau[:, :n] = held["gain"][swing, None] * through * held["weight"][swing] + np.diag(held["own"][swing])
         tableau[:, n:] = start.T
-        values, changed = tableau[:, n:], np.zeros(n, dtype=bool)
-        solved, left = np.full(start.shape, np.nan), np.asarray(np.isfinite(start).all(axis=1))
+        values = tableau[:, n:]
+        changed = np.zeros(n, dtype=bool)
+        solved = np.full(start.shape, np.nan)
+        left = np.asarray(np.isfinite(start).all(axis=1))
         k = np.intp(0)
         for _ in range(LIMIT * (n + states)):
             least = values.min(axis=0, initial=0)
@@ -102,13 +111,15 @@ class Pivoting:
             if not left[k]:
                 k = np.where(left, least, -np.inf).argmax()  # the nearest of those that are left
             r = values[:, k].argmin()
-            column, row = tableau[:, r].copy(), tableau[r].copy()
+            column = tableau[:, r].copy()
+            row = tableau[r].copy()
             pivot = column[r]
             if not pivot > SMALLEST:  # without it no contact would hold the torque: this state is given up
                 left[k] = False
                 continue
             # so that the one update serves row and column, too
-            column[r], row[r] = pivot + 1, pivot - 1
+            column[r] = pivot + 1
+            row[r] = pivot - 1
             dger(-1 / pivot, column, row, a=tableau, overwrite_x=1, overwrite_y=1, overwrite_a=1)
             changed[r] = not changed[r]
         return solved
@@ -126,14 +137,19 @@ def solve_near(
     Arguments: formulation; gaps, shape (M,); right side of the equilibrium A x = right, shape (free,);
     contact, candidates thought to carry force, shape (M,). All in the programme's units.
     """
-    structure, place, m = formulation.structure, formulation.system.place, len(formulation.H)
-    patience, fewest = _NEAR_PATIENCE, len(gaps) + 1
+    structure = formulation.structure
+    place = formulation.system.place
+    m = len(formulation.H)
+    patience = _NEAR_PATIENCE
+    fewest = len(gaps) + 1
     for _ in range(NEAR_STEPS):
         springs = Springs.of(formulation, gaps, contact)
         inside = np.append(np.flatnonzero(springs.series), np.arange(m, len(structure)))  # places in contact, and duals
         series = np.append(springs.series, np.zeros(len(right)))
         system = structure[np.ix_(inside, inside)] + np.diag(series[inside])
-        wanted, solution, loose = np.append(-springs.lowest - springs.offset, right), np.zeros(len(structure)), False
+        wanted = np.append(-springs.lowest - springs.offset, right)
+        solution = np.zeros(len(structure))
+        loose = False
         try:
             solution[inside] = np.linalg.solve(system, wanted[inside])
         except np.linalg.LinAlgError:  # no contact holds the parts: a soft spring lets them move on until some does

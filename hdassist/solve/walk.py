@@ -55,7 +55,8 @@ class Torus:
         """Change of the scalars there by a step [mm] along each wheel, shape (states, scalars) both."""
         found = []
         for wheel, part in enumerate((self.by_b, self.by_g)):
-            at, z = point[:, wheel], part.shape[1]
+            at = point[:, wheel]
+            z = part.shape[1]
             found.append((part[row, (at + 1) % z] - part[row, (at - 1) % z]) / 2)
         return found
 
@@ -88,15 +89,17 @@ class Rules:
 def climbed(torus: Torus, hills: Starts, rules: Rules, state_at: _StateAt) -> Points:
     """The highest states that climbs from the hills of each group, and rings around, come to, shape (groups, 2)."""
     radius, *rings = rules.radius
-    tops, ends = [], np.append(hills.first[1:], len(hills.point))
+    tops = []
+    ends = np.append(hills.first[1:], len(hills.point))
     for first, end, row, sign in zip(hills.first, ends, hills.row, hills.sign, strict=True):
         highest = -np.inf
         for hill in range(first, end):
-            climb = _Climb(torus, rules, state_at, int(row), int(sign))
+            climb = _Climb(torus=torus, rules=rules, state_at=state_at, row=int(row), sign=int(sign))
             climb.add(hills.point[hill], hills.rotation[hill], hills.slope[hill])
             climb.go_up(radius, highest)
             if climb.height > highest:
-                best, highest = climb, climb.height
+                best = climb
+                highest = climb.height
         for ring in rings:
             for _ in range(_LOOKS):
                 known = np.array(best.points)
@@ -116,10 +119,18 @@ class _Climb:
     """States of one climb, with the bounds that they set."""
 
     def __init__(self, torus: Torus, rules: Rules, state_at: _StateAt, row: int, sign: int) -> None:
-        self._torus, self._rules, self._state_at, self._row, self._sign = torus, rules, state_at, row, sign
-        self.points, self._heights = list[Points](), list[float]()
-        self._slopes, self._scalars = list[Array](), list[Array]()
-        self._tangents, self._is_bound = list[float](), list[bool]()  # at no deviations; whether no state is higher
+        self._torus = torus
+        self._rules = rules
+        self._state_at = state_at
+        self._row = row
+        self._sign = sign
+        self.points = list[Points]()
+        self._heights = list[float]()
+        self._slopes = list[Array]()
+        self._scalars = list[Array]()
+        # at no deviations; whether no state is higher
+        self._tangents = list[float]()
+        self._is_bound = list[bool]()
 
     @property
     def height(self) -> float:
@@ -143,8 +154,11 @@ class _Climb:
     def add(self, point: Points, rotation: float, slope: Array) -> None:
         """Add the state at a point by its rotation [rad] and slope [rad/mm]."""
         scalars = self._torus.scalars(np.array([self._row]), point[None])[0]
-        height, slope, gain = self._sign * rotation, self._sign * slope, self._rules.gain
-        tangent, is_bound = height - slope @ scalars, True
+        height = self._sign * rotation
+        slope = self._sign * slope
+        gain = self._rules.gain
+        tangent = height - slope @ scalars
+        is_bound = True
         for i, other in enumerate(self._scalars):
             self._is_bound[i] &= bool(self._tangents[i] + self._slopes[i] @ scalars >= height - gain)
             is_bound &= bool(tangent + slope @ other >= self._heights[i] - gain)
@@ -159,9 +173,12 @@ class _Climb:
         """Go on to the state that all bounds let be the highest, so many steps around the top, until they let none."""
         torus = self._torus
         for _ in range(self._rules.steps):
-            reach, top, before = min(int(radius + 0.5), _WIDEST_LOOK), self.top, self.height
+            reach = min(int(radius + 0.5), _WIDEST_LOOK)
+            top = self.top
+            before = self.height
             bounds = np.flatnonzero(self._is_bound | (np.arange(len(self.points)) == np.argmax(self._heights)))
-            steps, slopes = np.arange(-reach, reach + 1), np.array(self._slopes)[bounds]
+            steps = np.arange(-reach, reach + 1)
+            slopes = np.array(self._slopes)[bounds]
             by_b = torus.by_b[self._row, (top[0] + steps) % torus.by_b.shape[1]] @ slopes.T
             by_g = torus.by_g[self._row, (top[1] + steps) % torus.by_g.shape[1]] @ slopes.T
             model = (np.array(self._tangents)[bounds] + by_b[:, None] + by_g).min(axis=2)
@@ -217,9 +234,13 @@ def _opened(path: Path) -> Any:
 
 # of each function what it returns and takes: p pointer, i int, l long, d double, - nothing
 _FUNCTIONS = {
-    "walk_new": "ppp", "walk_free": "-p", "walk_solve": "lpldipppppppp", "walk_climb": "lpdipppdplppppppp",
-    "walk_near": "iiiippppppdippp", "walk_read": "-lippppp",
-}  # fmt: skip
+    "walk_new": "ppp",
+    "walk_free": "-p",
+    "walk_solve": "lpldipppppppp",
+    "walk_climb": "lpdipppdplppppppp",
+    "walk_near": "iiiippppppdippp",
+    "walk_read": "-lippppp",
+}
 
 
 def _load(path: Path) -> Any:
@@ -227,8 +248,10 @@ def _load(path: Path) -> Any:
     loaded = _opened(path)
     kinds = {"p": ctypes.c_void_p, "i": ctypes.c_int, "l": ctypes.c_long, "d": ctypes.c_double, "-": None}
     for name, letters in _FUNCTIONS.items():
-        function, (result, *arguments) = getattr(loaded, name), (kinds[letter] for letter in letters)
-        function.argtypes, function.restype = arguments, result
+        function = getattr(loaded, name)
+        result, *arguments = (kinds[letter] for letter in letters)
+        function.argtypes = arguments
+        function.restype = result
     return loaded
 
 
@@ -241,7 +264,8 @@ class Walk:
         self._library, _ = walk_library()
         self._reference = reference
         addresses = [array.ctypes.data for array in reference.held.values()]
-        sizes, arrays = (ctypes.c_int32 * len(reference.sizes)), (ctypes.c_void_p * len(addresses))
+        sizes = ctypes.c_int32 * len(reference.sizes)
+        arrays = ctypes.c_void_p * len(addresses)
         self._walk = self._library.walk_new(sizes(*reference.sizes), arrays(*addresses))
         if not self._walk:
             raise MemoryError
@@ -258,18 +282,30 @@ class Walk:
         scalars = np.ascontiguousarray(gaps.scalars, dtype=float)
         count, p = scalars.shape
         rotation, tooth_force = np.empty((2, count))
-        moment, residual = np.empty((count, 2)), np.empty((count, 4))
+        moment = np.empty((count, 2))
+        residual = np.empty((count, 4))
         slopes = np.empty((count, p)) if slope else None
         sums = rotation, moment, tooth_force, residual, slopes
         arrays = (scalars, *self._reference.of_teeth(gaps), *sums)  # held until the call has ended
         given_up = self._library.walk_solve(self._walk, count, torque, p, *map(_address, arrays))
-        return StateSums(rotation, moment, tooth_force, Residuals(residual), slopes, given_up)
+        return StateSums(
+            rotation=rotation,
+            moment=moment,
+            tooth_force=tooth_force,
+            residuals=Residuals(residual),
+            slope=slopes,
+            given_up=given_up,
+        )
 
     def climb(self, torus: Torus, torque: float, hills: Starts, rules: Rules) -> Points:
         """`climbed`, compiled; a state that is given up counts as none."""
-        (_, z_b, p), z_g, groups = torus.by_b.shape, torus.by_g.shape[1], len(hills.row)
-        sizes, radius = [z_b, z_g, torus.finest, rules.steps, len(rules.radius) - 1], rules.radius
-        first, top = np.append(hills.first, len(hills.point)), np.empty((groups, 2), dtype=np.int32)
+        _, z_b, p = torus.by_b.shape
+        z_g = torus.by_g.shape[1]
+        groups = len(hills.row)
+        sizes = [z_b, z_g, torus.finest, rules.steps, len(rules.radius) - 1]
+        radius = rules.radius
+        first = np.append(hills.first, len(hills.point))
+        top = np.empty((groups, 2), dtype=np.int32)
         of_hills = first, hills.row, hills.sign, hills.point
         whole = [np.ascontiguousarray(each, np.int32) for each in (sizes, radius, *of_hills)]
         parts = [np.ascontiguousarray(part) for part in (torus.by_b, torus.by_g, hills.rotation, hills.slope)]
@@ -288,7 +324,9 @@ def walk_near_state(
     """`pivoting.solve_near`, compiled."""
     system = formulation.system
     ends = np.append(system.first, len(gaps)).astype(np.int32)
-    held, forces, duals = contact.astype(np.uint8), np.empty(len(gaps)), np.empty(len(right))
+    held = contact.astype(np.uint8)
+    forces = np.empty(len(gaps))
+    duals = np.empty(len(right))
     data = (formulation.H, formulation.local, ends, formulation.A, np.ascontiguousarray(gaps), right)
     sizes = len(gaps), len(system.first), len(right)
     made = map(_address, (held, forces, duals))
@@ -304,7 +342,8 @@ def read_table(table: Array, places: Array, factors: Array) -> Array:
     """
     table, places, factors = map(np.ascontiguousarray, (table, places, factors))
     if library := walk_library()[0]:
-        shape, values = np.array(table.shape[:-1], dtype=np.int32), np.empty(len(places))
+        shape = np.array(table.shape[:-1], dtype=np.int32)
+        values = np.empty(len(places))
         library.walk_read(len(places), table.shape[-1], *map(_address, (shape, table, places, factors, values)))
         return values
     from scipy.ndimage import map_coordinates  # imported in as much time as a check takes

@@ -155,7 +155,15 @@ def production_law(
         elif deviation.direction not in known:
             reason = "parts are put together as they come"
             own.append(
-                FieldPrior(deviation.direction, "even", 0.0, 360.0 / deviation.order, "drive", deviation.size, reason)
+                FieldPrior(
+                    path=deviation.direction,
+                    distribution="even",
+                    low=0.0,
+                    high=360.0 / deviation.order,
+                    owner="drive",
+                    group=deviation.size,
+                    reason=reason,
+                )
             )
     others = [prior for prior in priors.values() if prior.path not in DEVIATION_FIELDS]
     clearances = tuple(f for f in others if f.distribution == "normal" and f.owner != "design")
@@ -240,7 +248,9 @@ class Production:
             self.torques,
             evidence=evidence_of(self.drive, of_type=True),
             enough=lambda so_far: len(so_far.weights) >= count,
-            effort=SamplingEffort(1, most, most, min(count, max(16, count // 4))),
+            effort=SamplingEffort(
+                effective=1, settling_draws=most, most_draws=most, batch=min(count, max(16, count // 4))
+            ),
             run=replace(run, seed=self.seed),
         )
         if len(samples.weights) < count:
@@ -304,7 +314,8 @@ class Production:
         drive = self.drive.with_values({p: value for p, value in values.items() if p not in DEVIATION_FIELDS})
         if conflict := first_conflict(drive):
             raise UntrustedError(f"no such drive: {conflict.path}: {conflict.message}")
-        turns, turned = np.array(self.rotations), carried(drive)
+        turns = np.array(self.rotations)
+        turned = carried(drive)
         columns = {p: np.full(len(turns), value) for p, value in values.items() if p in DEVIATION_FIELDS}
         batch = Batch(drive, columns | {p: columns.get(p, drive.number(p)) + turns for p in turned})
         by_torque = [many_extremes(error_map, batch, DRAWN_GRIDS) for error_map in maps(drive)]
@@ -335,8 +346,10 @@ class Production:
         columns = {path: np.repeat(column, len(paths)) for path, column in one.columns.items()}
         for k, path in enumerate(paths):
             columns[path] = columns[path] * np.where(np.arange(len(paths)) == k, TIGHTER_STEP, 1.0)
-        batch, rows = Batch(one.drive, columns), np.arange(len(paths))
-        differences, proof = [], EMPTY
+        batch = Batch(one.drive, columns)
+        rows = np.arange(len(paths))
+        differences = []
+        proof = EMPTY
         for extremes, error_map in zip(present, maps, strict=True):
             ends = []
             for state in (extremes.at_max[row], extremes.at_min[row]):

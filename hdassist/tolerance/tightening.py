@@ -103,12 +103,12 @@ def sensitivities(production: Production, samples: Samples, records: _Records) -
 
     Argument: records, which gives so many records of a production. Raises UntrustedError where a drive has no answer.
     """
-    drive, torques, law = production.drive, production.torques, production.law
+    drive = production.drive
+    torques = production.torques
+    law = production.law
     as_drawn = _sound(records(production, len(production.designs)))
-    F_ior, weights = (
-        np.array([record.F_ior_arcsec for record in as_drawn]),
-        np.array([record.weight for record in as_drawn]),
-    )
+    F_ior = np.array([record.F_ior_arcsec for record in as_drawn])
+    weights = np.array([record.weight for record in as_drawn])
     worst = worst_torque(drive, samples)
     then = {path: np.array([(record.tighter or {})[path] for record in as_drawn]) for path in law.sizes}
     ways = {path: _tightened(path, F_ior, then[path], weights, proven=False) for path in law.sizes}
@@ -125,15 +125,19 @@ def sensitivities(production: Production, samples: Samples, records: _Records) -
         )
         as_drawn += again
     return Sensitivities(
-        law,
-        samples,
-        worst,
-        tuple(tuple(sorted((way[t] for way in ways.values()), key=lambda way: way.then)) for t in range(len(torques))),
-        tuple(influences(samples, t) if samples.F_ior_arcsec[:, t].all() else () for t in range(len(torques))),
-        to_measure(law, samples, worst),
-        len(as_drawn),
-        sum(record.states for record in as_drawn),
-        max(record.max_residual for record in as_drawn),
+        law=law,
+        samples=samples,
+        worst=worst,
+        tightened=tuple(
+            tuple(sorted((way[t] for way in ways.values()), key=lambda way: way.then)) for t in range(len(torques))
+        ),
+        influences=tuple(
+            influences(samples, t) if samples.F_ior_arcsec[:, t].all() else () for t in range(len(torques))
+        ),
+        to_measure=to_measure(law, samples, worst),
+        drives=len(as_drawn),
+        states=sum(record.states for record in as_drawn),
+        max_residual=max(record.max_residual for record in as_drawn),
     )
 
 
@@ -173,7 +177,7 @@ def _tightened(path: str, F_ior: Array, then: Array, weights: Array, *, proven: 
             for rows in resampled
         ]
         low, high = now - np.quantile(gains, _ENDS[::-1])
-        steps.append(Tightened(path, now, here, float(low), float(high), proven))
+        steps.append(Tightened(path=path, now=now, then=here, low=float(low), high=float(high), proven=proven))
     return steps
 
 
@@ -200,10 +204,20 @@ def tolerances(drive: Drive, law: ProductionLaw) -> tuple[_Tolerance, ...]:
     """Tolerances of a drive that may be chosen: sizes that are drawn up to a value of the preset."""
     choices = []
     for size in law.tolerances:
-        cost, now = drive.cost.get(size.path), size.high
+        cost = drive.cost.get(size.path)
+        now = size.high
         least = cost.least if cost and cost.least is not None else _TIGHTER * now
         most = max(_LOOSER * now, least)
-        choices.append(_Tolerance(size.path, now, least, most, cost or CostLaw.of_defaults(), cost is None))
+        choices.append(
+            _Tolerance(
+                path=size.path,
+                now=now,
+                least=least,
+                most=most,
+                law=cost or CostLaw.of_defaults(),
+                assumed_law=cost is None,
+            )
+        )
     return tuple(choices)
 
 
@@ -260,7 +274,8 @@ class Allocator:
 
         Where none are proven, the last ones that were tried.
         """
-        values, aim = np.array([choice.now for choice in self.choices]), _AIM
+        values = np.array([choice.now for choice in self.choices])
+        aim = _AIM
         records, tried = self._tried(turned, values, 0)
         proven = [tried] if tried.fits else []
         for attempt in range(1, self.rounds + 1):
@@ -285,12 +300,19 @@ class Allocator:
         production = replace(self.production, law=law, mounting=turned, seed=self.production.seed + attempt)
         records = self.records(production, self.drives)
         points = [AtTorque(M_g, room, 0.0) for M_g, room in zip(production.torques, self.rooms, strict=True)]
-        summary = Summary(tuple(points), len(production.rotations), self.wanted, self.sure)
+        summary = Summary(points=tuple(points), positions=len(production.rotations), wanted=self.wanted, sure=self.sure)
         summary.add(records)
         tried = summary.yield_of(True)
         by_path = {choice.path: value for choice, value in chosen.items()}
         cost = sum(choice.cost(value) for choice, value in chosen.items())
-        return records, Allocation(turned, by_path, cost, tried, tried.probability(self.wanted), summary.verdict)
+        return records, Allocation(
+            turned=turned,
+            values=by_path,
+            cost=cost,
+            tried=tried,
+            probability=tried.probability(self.wanted),
+            verdict=summary.verdict,
+        )
 
     def _sought(self, records: Sequence[RandomDrive], now: Array, aim: float) -> Array:
         """The cheapest tolerances for which drives, with sizes scaled, would stay below an aim.

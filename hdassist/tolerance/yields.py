@@ -93,7 +93,8 @@ class YieldBelief:
         """Share of the designs whose yield is below some, same shape."""
         kinds, weights = self._kinds()
         a, b, chance = self._posterior(kinds, weights)
-        passed, failed = kinds[:, 0], kinds[:, 1] - kinds[:, 0]
+        passed = kinds[:, 0]
+        failed = kinds[:, 1] - kinds[:, 0]
         below = betainc(a[:, None, None] + passed[:, None], b[:, None, None] + failed[:, None], yields)
         return np.asarray(np.einsum("g,k,gky->y", chance, weights, below))
 
@@ -108,7 +109,8 @@ class YieldBelief:
         if len(self.weights) == 1:
             return np.array([0.5]), np.array([0.5]), np.ones(1)
         mean, concentration = (axis.ravel() for axis in np.meshgrid(_MEANS, _CONCENTRATIONS, indexing="ij"))
-        a, b = mean * concentration, (1 - mean) * concentration
+        a = mean * concentration
+        b = (1 - mean) * concentration
         likelihood = betabinom.logpmf(kinds[:, 0], kinds[:, 1], a[:, None], b[:, None])
         posterior = effective_number(self.weights) * likelihood @ weights
         chance = np.exp(posterior - posterior.max())
@@ -229,7 +231,8 @@ class Summary:
 
     def percentile(self, F_ior: Sequence[float], share: float) -> Percentile:
         """Percentile of F'_ior [arcsec] of the drives; drives of a design are no independent ones in its interval."""
-        values, weights = np.array(F_ior), np.array(self.weights)
+        values = np.array(F_ior)
+        weights = np.array(self.weights)
         value = weighted_quantile(values, weights, share)
         designs = np.unique(self.designs, return_inverse=True)[1] if self.design_count > 1 else np.arange(len(values))
         # standard error of the share below, from sums over designs (Cochran 1977, section 9A.2: a ratio of totals)
