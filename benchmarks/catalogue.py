@@ -104,7 +104,8 @@ def presets() -> Iterator[tuple[str, str]]:
             required["mounting.holes"] = SimilarValue(*each.holes)
         yield each.name, similar_preset(
             each.name, like, required,
-            f"Catalogue size {each.size}, ratio 100, by similarity from vzp160. Nobody measured this model of it. "
+            f"Catalogue size {each.size}, ratio 100, by similarity from vzp160. "
+            "The model has not been compared with measurements. "
             f"Given are ratio and rated torque (Harmonic Drive CSF), beside them what catalogues say; targets in "
             f"docs/targets/{each.name}.targets.yaml. "
             "Catalogues print neither rim nor wave nor profile shifts, and their teeth are not involute.",
@@ -118,7 +119,7 @@ def presets() -> Iterator[tuple[str, str]]:
         title = f"MVz-{d:g}"
         yield name, similar_preset(
             name, like, required,
-            f"Motor gear unit {title}, by similarity from vzp160. Nobody measured this model of it. "
+            f"Motor gear unit {title}, by similarity from vzp160. The model has not been compared with measurements. "
             "Given is the rated torque; the inner diameter of the flexspline is in the name, a ratio is not printed.",
         )  # fmt: skip
 

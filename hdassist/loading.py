@@ -411,7 +411,7 @@ def _similar_lines(name: str, like: Drive, entries: Mapping[str, SimilarValue], 
     yield f"name: {_name(name)}"
     words = description or (
         f"Drive {z_g}/{z_b}, pitch diameter {m * z_g:.5g} mm, by similarity from {like.name}. "
-        "Its absolute values are guesses; what each rests on stands in source."
+        "Its absolute values are estimates; the origin of each is given in source."
     )
     if words.isprintable():
         yield "description: >-"

@@ -49,7 +49,7 @@ REPORTED = (
         ("N", {"quantity or word", "symbol", "field"}, "balls"),
         ("phasors", {"quantity or word"}, "amplitude and phase"),
         ("orders", {"check", "quantity or word"}, "so many times a turn"),
-        ("oldham", {"field"}, "how it sits on its shaft"),
+        ("oldham", {"field"}, "Oldham coupling"),
         ("pitch", {"quantity or word", "field"}, "equal pitches"),
     ],
 )

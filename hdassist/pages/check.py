@@ -43,7 +43,6 @@ from hdassist.terminal.words import (
     field_unit,
     heading,
     influence_words,
-    named,
     samples_words,
     thousands,
 )
@@ -329,7 +328,8 @@ def _step_words(step: Step, drive: Drive) -> str:
     """Return a step in words."""
     holes = drive.mounting.holes
     if step.kind == "question":
-        return f"{field_table()[step.of].question or named(step.of).rpartition(' (')[0] + '?'} ({step.of})"
+        field = field_table()[step.of]
+        return f"{field.question or f'what is the {field.meaning}?'} ({step.of})"
     if step.kind == "hole":
         place = f"hole {step.of}" if holes else f"{30 * int(step.of)}°"
         return f"put the {wheel(drive)} in {place}"

@@ -90,7 +90,7 @@ def test_resolved_as_json() -> None:
     torque = next(row for row in found["fields"] if row["path"] == "operation.M_g")
     assert torque == {
         "path": "operation.M_g", "value": [80], "unit": "N*m", "kind": "override", "ref": "--set",
-        "meaning": "torques on the flexspline, counter-clockwise positive", "range": None,
+        "meaning": "load torques on the flexspline, counter-clockwise positive", "range": None,
     }  # fmt: skip
     assert next(row for row in found["fields"] if row["path"] == "gears.j_n")["range"] == [0, 20]
 

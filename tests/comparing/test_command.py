@@ -73,8 +73,8 @@ def test_people_see_both_curves_and_what_would_explain_them(rig):
     assert max(map(len, page.stdout.splitlines())) <= 80
     told = in_a_line(page.stdout)
     assert told.startswith(
-        "changed.csv over small at 4 N*m: explained by one deviation cam offset that stands still with the rigid wheel "
-        "(tolerances.e_hb), 4"
+        "changed.csv over small at 4 N*m: explained by one deviation wave generator eccentricity, "
+        "fixed to the circular spline (tolerances.e_hb), 4"
     )
     for words in ("* measured, o predicted", "next hdassist mount ", "--set tolerances.e_hb=4", "proof"):
         assert words in told

@@ -13,7 +13,7 @@ from tests.explorer.rig import explored, said, screen, settled, tiny, to_lever, 
 def test_a_field_is_edited_marked_compared_and_taken_back() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         await to_lever(app, pilot, "gears.j_n")
-        assert "gears.j_n: clearance per flank" in str(app.lines["about"].render())
+        assert "gears.j_n: flank clearance" in str(app.lines["about"].render())
         before = app.known
         assert before.check is not None
         await pilot.press("enter")
@@ -79,11 +79,11 @@ def test_levers_are_ranked_by_what_a_plausible_step_changes_and_filtered() -> No
         by, (change,) = effects.steps["gears.j_n"]
         assert by > 1  # about a standard deviation of its plausible range
         row = [str(cell).strip() for cell in app.levers.get_row("gears.j_n")]
-        assert row[0].startswith("j_n") and row[1].startswith("clear") and row[3:] == [f"{by:+.4g}", f"{change:+.2f}"]
+        assert row[0].startswith("j_n") and row[1].startswith("flank") and row[3:] == [f"{by:+.4g}", f"{change:+.2f}"]
         heads = [str(column.label).strip() for column in app.levers.columns.values()]
         assert heads == ["field", "meaning", "value", "step", "change"]
         await pilot.press("slash")
-        await typed(pilot, "cam offset")
+        await typed(pilot, "eccentricity")
         await pilot.press("enter")
         found = [str(key.value) for key in app.levers.rows]
         assert {"tolerances.e_hb", "tolerances.e_hh"} <= set(found) and "gears.j_n" not in found

@@ -23,7 +23,7 @@ supports: {C_1: 1.3e6, C_2: 2.3e4, C_3: 8.4e3}
 operation: {M_g: [80, 800]}
 """
 
-NO_W_0 = "my.yaml:6:1: cam.W_0: missing key (radial deformation of the flexspline at the major axis, in mm)"
+NO_W_0 = "my.yaml:6:1: cam.W_0: missing key (radial deflection of the flexspline at the major axis, in mm)"
 EMPTY = "my.yaml:1:1: the preset is empty (hdassist presets new NAME prints one to start from)"
 
 
@@ -196,7 +196,7 @@ def test_optional_fields_may_be_empty() -> None:
         ([], "source: {cam.W_0: {kind: gven}}\n", ["my.yaml:9:26: source.cam.W_0.kind: must be one of "
          "given, assumed, identified (got gven; did you mean given?)"]),
         ([], "source: {cam.W_0: {ref: 3}}\n", [
-            "my.yaml:9:10: source.cam.W_0.kind: missing key (how sure the value is)",
+            "my.yaml:9:10: source.cam.W_0.kind: missing key (how the value was obtained: given, identified or assumed)",
             "my.yaml:9:25: source.cam.W_0.ref: must be text (got 3; put it in quotes)",
         ]),
         ([("m: 0.8", "m: x")], "source: {cam.W_0: {kind: given, range: [1, 2]}}\n", [

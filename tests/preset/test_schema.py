@@ -140,7 +140,7 @@ def test_every_field_has_one_row_with_its_declaration() -> None:
     assert list(rows()) == list(field_table())
     row = rows()["cam.W_0"]
     assert (row.value, row.unit) == (0.96, "mm")
-    assert row.meaning == "radial deformation of the flexspline at the major axis"
+    assert row.meaning == "radial deflection of the flexspline at the major axis"
     assert all(row.meaning for row in rows().values())  # none has a type alone
 
 

@@ -119,7 +119,7 @@ def test_the_verdict_comes_first_and_the_numbers_are_those_of_check_and_mount(sh
     assert f"hole {mount['recommended']['hole']}" in text
     values = origin_counts(sheet.drive)
     assert f"{values['given']} given, {values['identified']} identified, {values['assumed']} assumed" in text
-    assert "clearance between outer ring and balls (bearing.g_b)" in text
+    assert "radial clearance between outer ring and balls (bearing.g_b)" in text
     for words in (
         sheet.drive.origin.sha256,
         "; ".join(sheet.drive.origin.overrides),

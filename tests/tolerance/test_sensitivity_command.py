@@ -19,7 +19,7 @@ def test_the_first_line_says_what_to_tighten_and_fits_a_terminal() -> None:
     done = run("sensitivity", TINY, *FEW, "--distribution=uniform", "--known=phases.phi_hb", "--ascii")
     assert done.returncode == 0, done.stderr
     words = in_a_line(done.stdout)
-    field = "tangential composite deviation F'_i2 of the rigid wheel (tolerances.F_i2)"
+    field = "single-flank composite deviation F'_i2 of the circular spline (tolerances.F_i2)"
     assert words.startswith(f"tiny, tighten first at 4 N*m: {field} made 20 % tighter it takes ")
     for part in ("95th percentile", "tolerances.F_i1", "proof", "next hdassist allocate", " --limit LIMIT "):
         assert part in words
