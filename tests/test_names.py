@@ -1,15 +1,13 @@
-"""One public name, one meaning, one module; texts that name things."""
+"""One public name, one meaning, one module."""
 
 import ast
 import re
-import tokenize
-from collections import Counter, defaultdict
+from collections import defaultdict
 from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "hdassist"
-IN_PLACE_OF_A_NOUN = {"what": 20, "told": 1, "said": 3, "nothing": 3}  # words, and how many of 10 000 they may be
 
 
 @cache
@@ -37,23 +35,6 @@ def test_no_public_name_is_defined_in_two_modules():
                 homes[name].add(str(file.relative_to(PACKAGE)))
     twice = {name: sorted(files) for name, files in homes.items() if len(files) > 1}
     assert not twice
-
-
-def texts():
-    """Docstrings and comments of the package, and the pages."""
-    for file in PACKAGE.rglob("*.py"):
-        for node in ast.walk(tree_of(file)):
-            if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
-                yield ast.get_docstring(node) or ""
-        with file.open("rb") as stream:
-            yield from (each.string for each in tokenize.tokenize(stream.readline) if each.type == tokenize.COMMENT)
-    yield from (page.read_text("utf-8") for page in (ROOT / "README.md", *(ROOT / "docs").glob("*.md")))
-
-
-def test_texts_name_things():
-    counted = Counter(word for text in texts() for word in re.findall(r"[a-z]+", text.lower()))
-    share = {word: 10_000 * counted[word] / counted.total() for word in IN_PLACE_OF_A_NOUN}
-    assert {word: found for word, found in share.items() if found >= IN_PLACE_OF_A_NOUN[word]} == {}
 
 
 def names_taken():
