@@ -115,7 +115,7 @@ def _entries() -> Iterator[Entry]:
         limit: tuple[tuple[str, str], ...] = ()
         names: tuple[str, ...] = (code,)
         if isinstance(item, Check):
-            how = "greatest" if item.upper else "least"
+            how = "largest" if item.upper else "smallest"
             limit = (("limit", f"acceptance.{item.field}, the {how} value allowed, {item.unit.replace('*', '·')}"),)
             names = (code, item.words)
         meaning = (("tests", item.tests), ("goes wrong", item.wrong), ("change", item.change))
@@ -142,7 +142,7 @@ def _entries() -> Iterator[Entry]:
 
 def _of_field(field: PresetField) -> tuple[tuple[str, str], ...]:
     choice = field.kind == "choice"
-    default = "unknown" if field.unknown else "none: it has to be given" if field.is_required else ""
+    default = "unknown" if field.unknown else "none; a value is required" if field.is_required else ""
     if not default:
         number = plain(field.default) if isinstance(field.default, float) else str(field.default)
         default = "none" if field.default in (None, {}, ()) else number
