@@ -235,6 +235,7 @@ class WishOptions(o.OptionGroup):
     accuracy: str | None = None
     holes: str | None = None
     allowed_holes: str | None = None
+    quality: str | None = None
 
 
 class PresetsSchemaCommand(o.OptionGroup):
@@ -271,6 +272,7 @@ class PresetsNewCommand(WishOptions):
       hdassist presets new own --ratio 100 --stiffness 3.1e4,5e4,5.7e4
       hdassist presets new own --ratio 100 --torque 67 --lost-motion '1 arcmin'
       hdassist presets new own --ratio 100 --holes 8 --allowed-holes 0,2,4,6
+      hdassist presets new own --ratio 100 --torque 26 --quality unknown
       hdassist presets new my-drive -o my-drive.yaml
 
     State --coupling first: it decides how strongly an eccentricity of the wave generator acts, and so how much turning

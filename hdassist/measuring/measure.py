@@ -603,8 +603,8 @@ class Reading(ClosedRecord, TraceForm):
         table, gearing = read_record(file, self), gearing_of(drive, ratio)
         if record := bench_record(table, self):
             if self.has_pace or how.get("shafts"):
-                words = f"{table.file} has positions or torque loops, which have no component of a shaft or time"
-                raise UsageError(words, "leave out --speed, --period and --shafts")
+                message = f"{table.file} has positions or torque loops, which have no component of a shaft or time"
+                raise UsageError(message, "leave out --speed, --period and --shafts")
             return record
         trace = trace_of(table, self, gearing.ratio if gearing else None)
         orders, stated = parse_orders(self.orders or None), parse_stated(self.budget)

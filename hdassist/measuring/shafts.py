@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -84,7 +84,7 @@ def parse_shafts(text: str | None) -> tuple[Shaft, ...]:
 
     Raises UsageError for any other text, and for a name that is stated twice.
     """
-    shafts: list[Shaft] = []
+    shafts = list[Shaft]()
     for part in text.split(",") if text is not None else ():
         name, _, stated = part.strip().partition("=")
         match = re.fullmatch(r"\s*([^\s/a-zA-Z]+)\s*(?:/\s*(input|output)|([a-z]+))\s*", stated)
@@ -101,6 +101,25 @@ def parse_shafts(text: str | None) -> tuple[Shaft, ...]:
     return tuple(shafts)
 
 
+@dataclass(frozen=True)
+class _Place:
+    """Where a shaft is among the orders of a recording.
+
+    shaft: as it was stated.
+    order: its revolutions in an input revolution, as they follow from that.
+    line: order of the line that the recording shows there, None without one.
+    """
+
+    shaft: Shaft
+    order: float
+    line: float | None
+
+    @property
+    def shown_order(self) -> float:
+        """The order of the line, or the stated one without a line."""
+        return self.order if self.line is None else self.line
+
+
 def shaft_components(
     trace: MeasuredTrace, fit: TraceFit, shafts: Sequence[Shaft], gearing: Gearing | None
 ) -> tuple[ShaftComponent, ...]:
@@ -113,32 +132,35 @@ def shaft_components(
     Raises DataError for a period in a recording without times or at a speed that varies; UsageError for revolutions
     per revolution of the output without a ratio.
     """
-    if not shafts:
-        return ()
-    speed = _input_speed(trace) if any(shaft.period_s for shaft in shafts) or _has_times(trace) else None
-    orders = np.array([_order_of(shaft, trace, gearing, speed) for shaft in shafts])
-    _require_even_speed(trace, shafts, orders)
-    resolution = 1 / fit.bins.span
-    lines = [_line_near(fit, order, resolution) for order in orders.tolist()]
-    shown = np.array([order if line is None else line for order, line in zip(orders.tolist(), lines, strict=True)])
-    missing = [_missing(k, shown, shafts, trace, fit) for k in range(len(shafts))]
-    is_known = np.array([not words for words in missing])
-    fitted = _fitted(trace, fit, shown[is_known]) if is_known.any() else None
+    speed = _input_speed(trace)
+    places = []
+    for shaft in shafts:
+        order = _order_of(shaft, trace, gearing, speed)
+        places.append(_Place(shaft, order, _line_near(fit, order)))
+    _require_even_speed(trace, places)
+    reasons = [_missing(place, places, trace, fit) for place in places]
+    resolved = [place.shown_order for place, reason in zip(places, reasons, strict=True) if not reason]
+    joint_fit = _fitted(trace, fit, np.array(resolved)) if resolved else fit
     components = []
-    for shaft, order, line, place, words in zip(shafts, orders.tolist(), lines, shown, missing, strict=True):
-        period = shaft.period_s or (1 / (order * speed) if speed else None)
-        component = ShaftComponent(shaft.name, shaft.text, order, period, line, missing=words)
-        if fitted is not None and not words:
-            own = int(np.abs(fitted.orders - place).argmin())
-            _, amplitude, uncertainty, phase = fitted.wave(np.array([own]))
-            component = ShaftComponent(shaft.name, shaft.text, order, period, line, amplitude, uncertainty, phase)
-        components.append(component)
+    for place, reason in zip(places, reasons, strict=True):
+        period = place.shaft.period_s or (1 / (place.order * speed) if speed else None)
+        component = ShaftComponent(
+            shaft=place.shaft.name,
+            stated=place.shaft.text,
+            per_cam_rev=place.order,
+            period_s=period,
+            measured_per_cam_rev=place.line,
+            missing=reason,
+        )
+        components.append(component if reason else _with_wave(component, joint_fit, place.shown_order))
     return tuple(components)
 
 
-def _has_times(trace: MeasuredTrace) -> bool:
-    """Return whether a recording has times, or angles that were made from times."""
-    return bool(trace.turns_per_s) or trace.time_s is not None
+def _with_wave(component: ShaftComponent, fit: TraceFit, order: float) -> ShaftComponent:
+    """Return a component with the amplitude and phase of an order of a fit."""
+    index = int(np.abs(fit.orders - order).argmin())
+    _, amplitude, uncertainty, phase = fit.wave(np.array([index]))
+    return replace(component, amplitude_arcsec=amplitude, uncertainty_arcsec=uncertainty, phase_deg=phase)
 
 
 def _input_speed(trace: MeasuredTrace) -> float | None:
@@ -161,62 +183,66 @@ def _order_of(shaft: Shaft, trace: MeasuredTrace, gearing: Gearing | None, speed
             raise UsageError(f"--shafts {shaft.name}={shaft.text} needs the ratio of the drive", "--ratio, or --drive")
         return shaft.per_rev / gearing.ratio
     if speed is None:
-        words = f"{trace.file}: --shafts {shaft.name}={shaft.text} is a time, and the recording has no times"
-        raise DataError(words, f"state its revolutions per input revolution: --shafts {shaft.name}=N/input")
+        message = f"{trace.file}: --shafts {shaft.name}={shaft.text} is a time, and the recording has no times"
+        raise DataError(message, f"state its revolutions per input revolution: --shafts {shaft.name}=N/input")
     return 1 / (float(shaft.period_s or 0.0) * speed)
 
 
-def _require_even_speed(trace: MeasuredTrace, shafts: Sequence[Shaft], orders: Array) -> None:
+def _require_even_speed(trace: MeasuredTrace, places: Sequence[_Place]) -> None:
     """Raise DataError if the input speed varies by so much that a period in seconds is no number of revolutions."""
     if trace.turns_per_s or trace.time_s is None:
         return
     speed = _input_speed(trace) or 0.0
-    off = 0.0  # greatest departure of the input from a constant speed, turns
+    departure = 0.0  # of the input from a constant speed, the largest, turns
     for angle, time in zip(trace.by_sweep(trace.cam_deg), trace.by_sweep(trace.time_s), strict=True):
-        away = np.abs(angle - angle[0]) / 360 - speed * (time - time[0])
-        off = max(off, float(np.ptp(away)) / 2)
-    for shaft, order in zip(shafts, orders.tolist(), strict=True):
-        if shaft.period_s and off * order > _UNEVEN_REVOLUTION:
-            words = (
-                f"{trace.file}: the input speed varies, so that the angle of {shaft.name} is uncertain by "
-                f"{off * order:.2g} revolutions"
+        off_turns = np.abs(angle - angle[0]) / 360 - speed * (time - time[0])
+        departure = max(departure, float(np.ptp(off_turns)) / 2)
+    for place in places:
+        name = place.shaft.name
+        if place.shaft.period_s and departure * place.order > _UNEVEN_REVOLUTION:
+            message = (
+                f"{trace.file}: the input speed varies, so that the angle of {name} is uncertain by "
+                f"{departure * place.order:.2g} revolutions"
             )
-            raise DataError(words, f"state its revolutions per input revolution: --shafts {shaft.name}=N/input")
+            raise DataError(message, f"state its revolutions per input revolution: --shafts {name}=N/input")
 
 
-def _line_near(fit: TraceFit, order: float, resolution: float) -> float | None:
+def _line_near(fit: TraceFit, order: float) -> float | None:
     """Return the order of the line of a fit that a recording does not resolve from an order, None without one."""
-    near = [line for line in np.asarray(fit.lines).tolist() if abs(line - order) <= RESOLVED_GAP * resolution]
-    return min(near, key=lambda line: abs(line - order), default=None)
+    within = RESOLVED_GAP / fit.bins.span
+    candidates = [line for line in np.asarray(fit.lines).tolist() if abs(line - order) <= within]
+    return min(candidates, key=lambda line: abs(line - order), default=None)
 
 
-def _missing(place: int, orders: Array, shafts: Sequence[Shaft], trace: MeasuredTrace, fit: TraceFit) -> str:
+def _missing(place: _Place, places: Sequence[_Place], trace: MeasuredTrace, fit: TraceFit) -> str:
     """Return why a recording does not determine the component of a shaft, empty if it does."""
-    order, span = float(orders[place]), fit.bins.span
-    over = f"over {span:.4g} input revolutions"
+    order = place.shown_order
+    span = fit.bins.span
+    recording = f"over {span:.4g} input revolutions"
     if order * span < max(_FEWEST_PERIODS, fit.design.slow.periods):
-        return f"{order * span:.2g} revolutions are not distinguished from slow terms {over}"
+        return f"{order * span:.2g} revolutions are not distinguished from slow terms {recording}"
     steps = np.concatenate([np.diff(angles) for angles in trace.by_sweep(trace.cam_deg)]) / 360
     highest = 1 / (_READINGS_PER_PERIOD * float(np.quantile(np.abs(steps[steps != 0]), 0.75)))
     if order > highest:
         return f"the readings resolve up to {highest:.3g} revolutions per input revolution, not {order:.4g}"
-    drive = fit.orders[~fit.is_line]
-    if float(distance(np.array([order]), drive)[0]) < RESOLVED_GAP / span:
-        declared = float(drive[np.abs(drive - order).argmin()])
-        whole = max(1, round(declared))
-        beside = "" if abs(declared - whole) < 1e-9 else " and its sidebands"
-        return f"not distinguished from order {whole:g} of the drive{beside} {over}"
-    for other in range(len(orders)):
-        if other != place and abs(float(orders[other]) - order) < RESOLVED_GAP / span:
-            return f"not distinguished from {shafts[other].name} {over}"
+    drive_orders = fit.orders[~fit.is_line]
+    nearest = float(drive_orders[np.abs(drive_orders - order).argmin()])
+    if abs(nearest - order) < RESOLVED_GAP / span:
+        declared = max(1, round(nearest))
+        sidebands = "" if abs(nearest - declared) < 1e-9 else " and its sidebands"
+        return f"not distinguished from order {declared:g} of the drive{sidebands} {recording}"
+    for neighbour in places:
+        if neighbour is not place and abs(neighbour.shown_order - order) < RESOLVED_GAP / span:
+            return f"not distinguished from {neighbour.shaft.name} {recording}"
     return ""
 
 
 def _fitted(trace: MeasuredTrace, fit: TraceFit, orders: Array) -> TraceFit:
     """Return the fit to a recording with the orders of shafts in place of lines that it does not resolve from them."""
-    resolution = 1 / fit.bins.span
+    within = RESOLVED_GAP / fit.bins.span
     lines = np.asarray(fit.lines, dtype=float)
-    others = lines[distance(lines, np.sort(orders)) > RESOLVED_GAP * resolution] if len(lines) else lines
-    drive = fit.orders[~fit.is_line]
-    bins = bins_of(trace, max(float(drive[-1]), float(orders.max())))
-    return fit_orders(bins, drive, fit.design.slow, np.concatenate([others, orders]))
+    if len(lines):
+        lines = lines[distance(lines, np.sort(orders)) > within]
+    drive_orders = fit.orders[~fit.is_line]
+    bins = bins_of(trace, max(float(drive_orders[-1]), float(orders.max())))
+    return fit_orders(bins, drive_orders, fit.design.slow, np.concatenate([lines, orders]))

@@ -187,11 +187,7 @@ def _facts(result: Measurement, drive: Drive | None, options: Sequence[str], spe
     yield "slow", _slow(found)
     if speed and (slope := result.slope_arcsec_per_deg):
         yield "slope", slope_words(*slope, speed, is_least=found.is_scale_bound)
-    if found.lines:
-        lines = ", ".join(_line_words(line, found) for line in found.lines)
-        rise = f"; in another cycle they may add {found.range.rise:.2f}″" if found.range.rise else ""
-        yield "lines", f"off the orders: {lines}{rise}"
-    yield "shafts", _shaft_words(found)
+    yield from _line_facts(found)
     if reversal := result.reversal:
         yield "reversal", _reversal_words(reversal)
     if torque := result.torque:
@@ -213,10 +209,19 @@ def _facts(result: Measurement, drive: Drive | None, options: Sequence[str], spe
         yield "next", _next_command(result, drive, options)
 
 
+def _line_facts(found: SweepResult) -> Iterator[Fact]:
+    """Lines off the orders, and stated shafts without a component, a label and a text each."""
+    if found.lines:
+        lines = ", ".join(_line_words(line, found) for line in found.lines)
+        rise = f"; in another cycle they may add {found.range.rise:.2f}″" if found.range.rise else ""
+        yield "lines", f"off the orders: {lines}{rise}"
+    yield "shafts", _shaft_words(found)
+
+
 def _line_words(line: MeasuredOrder, found: SweepResult) -> str:
     """Return order and amplitude of a line, with the name of the stated shaft that it comes from."""
-    near = [each.shaft for each in found.shafts if each.is_line(line.per_cam_rev)]
-    return f"{line.per_cam_rev:.3f} ({', '.join([f'{line.amplitude_arcsec:.2f}″', *near])})"
+    shafts = [component.shaft for component in found.shafts if component.is_line(line.per_cam_rev)]
+    return f"{line.per_cam_rev:.3f} ({', '.join([f'{line.amplitude_arcsec:.2f}″', *shafts])})"
 
 
 def _shaft_table(found: SweepResult) -> Table:
@@ -227,7 +232,8 @@ def _shaft_table(found: SweepResult) -> Table:
 
 def _shaft_words(found: SweepResult) -> str:
     """Return which components of shafts the recording does not determine, and why; empty for none."""
-    return "; ".join(f"{each.shaft}: {each.missing}" for each in found.shafts if each.missing)
+    missing = [component for component in found.shafts if component.missing]
+    return "; ".join(f"{component.shaft}: {component.missing}" for component in missing)
 
 
 def _next_command(result: Measurement, drive: Drive | None, options: Sequence[str]) -> str:

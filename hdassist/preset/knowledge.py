@@ -192,9 +192,12 @@ def with_cam_support(drive: Drive) -> Drive:
 PITCH_DIAMETER = "gears.pitch_diameter"
 STIFFNESS = "catalogue.K"
 _SEGMENTS = (1, 2, 3)  # of the stiffness curve of a catalogue
+# By the quality of a drive: classes of ISO 1328-1 of the value of F'_i, and of both ends of its range; None for 0. Of a
+# drive of unknown quality an assumption: from teeth better than those of catalogues to the coarsest class of the standard
+QUALITIES: dict[str, tuple[int, int | None, int]] = {"catalogue": (7, None, 8), "unknown": (8, 5, 11)}
 _FARTHEST_TORQUE = 3.0  # times beyond the densities of catalogues: no such drive
 _FARTHEST_STIFFNESS = 4.0  # times stiffer or softer than catalogues have it at a diameter: no such drive
-_ASSUMED_CLASSES = (7, 8)  # of ISO 1328-1: that of the value of F'_i, and that of the upper end of its range
+_QUALITY = "quality"  # of the requirements, beside fields
 # only where the drive to be like gives them, and not as 0; else left to their defaults
 _WHERE_GIVEN = ("material.alpha_T", "operation.dT", *COUPLING_FIELDS)
 _SIMILAR_WORDS = {
@@ -287,8 +290,10 @@ def similar(like: Drive, required: Requirements) -> dict[str, SimilarValue]:
         optional = path in _WHERE_GIVEN and not (path in given and like.value(path))
         if like.value(path) is not None and path != like.unused_tooth_field and not optional:
             entries[path] = _scaled(like, path, law, s, m, stiffer)
-    entries |= _shifts(like, entries, d) | _tolerances(d, m)
-    entries |= _load(like, required, s, d) | _backlash(d) | required
+    quality = required[_QUALITY].value if _QUALITY in required else "catalogue"
+    entries |= _shifts(like, entries, d) | _tolerances(d, m, quality)
+    backlash = _backlash(d) if quality == "catalogue" else {}
+    entries |= _load(like, required, s, d) | backlash | required
     if stiffness := required.get(STIFFNESS):
         segments = _SEGMENTS if len(stiffness.value) == len(_SEGMENTS) else _SEGMENTS[-1:]
         for segment, K in zip(segments, stiffness.value, strict=True):
@@ -352,14 +357,20 @@ def _shifts(like: Drive, entries: Mapping[str, SimilarValue], d: float) -> dict[
     }
 
 
-def _tolerances(d: float, m: float) -> dict[str, SimilarValue]:
-    usual, coarse = (_rounded(F_p(d, m, accuracy), 2) for accuracy in _ASSUMED_CLASSES)
-    fine, coarsest = _ASSUMED_CLASSES
-    ref = f"F_p of class {fine}, ISO 1328-1:2013, in place of F'_i; 0 to that of class {coarsest}"
+def _tolerances(d: float, m: float, quality: str) -> dict[str, SimilarValue]:
+    """Return F'_i of both wheels of a drive of a quality, by path; d: pitch diameter [mm]; m: module [mm]."""
+    usual_class, finest, coarsest = QUALITIES[quality]
+    usual = _rounded(F_p(d, m, usual_class), 2)
+    coarse = _rounded(F_p(d, m, coarsest), 2)
+    fine = 0.0 if finest is None else _rounded(F_p(d, m, finest), 2)
+    ends = f"0 to that of class {coarsest}" if finest is None else f"from class {finest} to class {coarsest}"
+    ref = f"F_p of class {usual_class}, ISO 1328-1:2013, in place of F'_i; {ends}"
+    if quality == "unknown":
+        ref += "; an assumed wide range, because the quality is unknown (--quality unknown)"
     if m < 1:
         ref += "; GOST 9178-81 is the Russian series for such modules"
     return {
-        wheel.size: SimilarValue(value=usual, kind="assumed", ref=ref, range=(0.0, coarse))
+        wheel.size: SimilarValue(value=usual, kind="assumed", ref=ref, range=(fine, coarse))
         for wheel in COMPOSITES.values()
     }
 
@@ -414,10 +425,15 @@ def read_requirements(like: Drive, *, ratio: float | None = None, **given: str |
     has it; shaft, diameter and overhang [mm] of one that it is overhung on, like 14x30; pitch_diameter [mm] and torque
     [N*m]; teeth, like 160/162; holes of the seat, and the allowed_holes; of a catalogue the stiffness [N*m/rad], K1,
     K2, K3 or one number, T1 and T2, the ends of its segments [N*m], lost_motion and accuracy [arcsec]: texts, which may
-    have a unit.
+    have a unit; quality, one of QUALITIES, which decides what is assumed of tolerances and backlash.
     Raises UsageError: an option that cannot be read, or two that contradict each other.
     """
     required: dict[str, SimilarValue] = {}
+    if (quality := given.get("quality")) is not None:
+        if quality not in QUALITIES:
+            message = f"invalid --quality {shown(quality)}: expected one of {', '.join(QUALITIES)}"
+            raise UsageError(message, near_miss(quality, QUALITIES))
+        required[_QUALITY] = SimilarValue(quality, "given", f"--quality {quality}")
     for name, (path, unit) in _MEASURES.items():
         if (text := given.get(name)) is not None:
             option = f"--{name.replace('_', '-')}"

@@ -546,9 +546,11 @@ def _cause_of_ratio(fitting: Sequence[float], ratio: float) -> str:
     """
     larger = any(abs(fit - ratio - 1) < _NEAR_ONE for fit in fitting)
     smaller = any(abs(ratio - fit - 1) < _NEAR_ONE for fit in fitting)
-    up = f"{ratio + 1:g}: the flexspline is fixed, and the output is on the circular spline"
-    down = f"{ratio - 1:g}: the circular spline is fixed, and the output is on the flexspline"
-    causes = [*[up] * larger, *[down] * smaller]
+    causes = []
+    if larger:
+        causes.append(f"{ratio + 1:g}: the flexspline is fixed, and the output is on the circular spline")
+    if smaller:
+        causes.append(f"{ratio - 1:g}: the circular spline is fixed, and the output is on the flexspline")
     return f"; the likely cause of {'; of '.join(causes)}" if causes else ""
 
 
@@ -613,8 +615,8 @@ def _columns(table: NumberTable, form: TraceForm) -> tuple[_TraceColumn, _TraceC
     angle = _column(table, form.angle, kinds, kind, "angle")
     is_time = _is_time(table, angle, kinds[angle], form)
     if form.period is not None and not is_time:
-        words = f'--period is for a column of time; "{table.name(angle)}" of {table.file} has angles'
-        raise UsageError(words, "leave out --period, or name the column of time: --angle NAME")
+        message = f'--period is for a column of time; "{table.name(angle)}" of {table.file} has angles'
+        raise UsageError(message, "leave out --period, or name the column of time: --angle NAME")
     if is_time:
         kinds[angle] = "output" if form.period is None else "cam"
     shaft: _Shaft = form.angle_of or ("output" if kinds[angle] == "output" else "cam")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from math import isclose
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,8 +17,9 @@ from hdassist.loading import load_text, similar_preset
 from hdassist.model.geometry import Kinematics, pitch_locked_states
 from hdassist.model.rules import conflicts
 from hdassist.preset.fields import Drive, field_table, measures, origin_counts, resolved_fields
-from hdassist.preset.knowledge import LAWS, PITCH_DIAMETER, STIFFNESS, F_p, SimilarValue, similar
+from hdassist.preset.knowledge import LAWS, PITCH_DIAMETER, STIFFNESS, F_p, SimilarValue, read_requirements, similar
 from hdassist.run.run import UNCHECKED
+from tests.process import run
 
 LIKE = load_preset("vzp160")
 
@@ -141,6 +144,43 @@ def test_tolerances_follow_the_standard() -> None:
     assert [round(F_p(160, 0.8, accuracy)) for accuracy in (6, 7, 8, 9)] == [28, 40, 56, 79]
     F_i1 = similar(LIKE, {})["tolerances.F_i1"]
     assert (F_i1.value, F_i1.range) == (40, (0, 56))
+
+
+def of_unknown_quality(**wish: str) -> Drive:
+    required = read_requirements(LIKE, pitch_diameter="50.8", ratio=100.0, quality="unknown", **wish)
+    return load_text(similar_preset("own", LIKE, required), "own")
+
+
+def test_a_drive_of_unknown_quality_has_a_wide_assumed_range_of_tolerances() -> None:
+    drive = of_unknown_quality()
+    for path in ("tolerances.F_i1", "tolerances.F_i2"):
+        source = drive.source[path]
+        assert source.kind == "assumed"
+        low, high = source.range or (0.0, 0.0)
+        assert (round(low), round(high)) == (round(F_p(50.8, 0.254, 5)), round(F_p(50.8, 0.254, 11)))
+        assert "assumed wide range" in source.ref
+    assert drive.catalogue.play is drive.catalogue.lost_motion is None  # nobody promises anything
+    assert of_unknown_quality(lost_motion="90").catalogue.lost_motion == 90
+
+
+def test_a_known_quality_is_as_before() -> None:
+    plain = similar_preset("own", LIKE, read_requirements(LIKE, ratio=100.0))
+    assert similar_preset("own", LIKE, read_requirements(LIKE, ratio=100.0, quality="catalogue")) == plain
+    with pytest.raises(UsageError, match="invalid --quality good"):
+        read_requirements(LIKE, quality="good")
+
+
+def test_measured_drives_without_a_brand_lie_within_their_predicted_range(tmp_path: Path) -> None:
+    made_by = ("presets", "new", "own", "--ratio", "100", "--pitch-diameter", "50.8", "-o", "own.yaml")
+    ranges = {}
+    for quality in ("catalogue", "unknown"):
+        assert run(*made_by, "--quality", quality, "--force", cwd=tmp_path).returncode == 0
+        answer = run("check", "own.yaml", "--torque", "2.56", "--draws", "24", "--json", cwd=tmp_path)
+        belief = json.loads(answer.stdout)["operating_points"][0]["belief"]
+        ranges[quality] = (belief["p5_arcsec"], belief["p95_arcsec"])
+    for measured_arcsec in (120, 145):  # of two drives of size 20
+        assert ranges["unknown"][0] < measured_arcsec < ranges["unknown"][1]
+        assert measured_arcsec > ranges["catalogue"][1]
 
 
 @pytest.mark.parametrize(
