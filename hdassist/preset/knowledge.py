@@ -192,8 +192,8 @@ def with_cam_support(drive: Drive) -> Drive:
 PITCH_DIAMETER = "gears.pitch_diameter"
 STIFFNESS = "catalogue.K"
 _SEGMENTS = (1, 2, 3)  # of the stiffness curve of a catalogue
-# By the quality of a drive: classes of ISO 1328-1 of the value of F'_i, and of both ends of its range; None for 0. Of a
-# drive of unknown quality an assumption: from teeth better than those of catalogues to the coarsest class of the standard
+# By the quality of a drive: classes of ISO 1328-1 of the value of F'_i, and of both ends of its range; None for 0. For
+# an unknown quality they are assumed: from better teeth than those of catalogues to the coarsest class of the standard
 QUALITIES: dict[str, tuple[int, int | None, int]] = {"catalogue": (7, None, 8), "unknown": (8, 5, 11)}
 _FARTHEST_TORQUE = 3.0  # times beyond the densities of catalogues: no such drive
 _FARTHEST_STIFFNESS = 4.0  # times stiffer or softer than catalogues have it at a diameter: no such drive
