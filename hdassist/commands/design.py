@@ -381,7 +381,8 @@ class ReportCommand(o.AnswerOptions, o.SamplingOptions, o.LimitedDriveOptions):
 
     def run(self) -> int:
         """Make the report; returns the exit code."""
-        if self.json or self.quiet:
+        is_document = Path(self.output).suffix.lower() in _REPORT_SUFFIXES
+        if self.json or (self.quiet and not is_document):  # a line in place of the Markdown; a document stays one
             return super().run()
         kind, out = self._kind(), self.open()
         [report] = run_each("report", [self.preset], partial(self.report, out), out)

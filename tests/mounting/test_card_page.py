@@ -1,39 +1,35 @@
-"""The card on paper: exactly one A4 page, as a browser prints it."""
+"""The card in a browser: exactly one A4 page on paper, and on a screen nothing outside of it."""
 
 from __future__ import annotations
-
-import re
-import shutil
-import subprocess
 
 import pytest
 
 from hdassist.pages.report import card_html, lines_on_paper
 from hdassist.terminal.words import languages
 from tests.advices import card, cards, crowded
+from tests.browser import A4_POINTS, needs_browser, on_screen, printed
 
-CHROMIUM = shutil.which("chromium")
 CARDS = cards()
 PAGES = {"sampled": CARDS["sampled"], "leave": CARDS["leave"], "crowded": crowded(CARDS["many"])}
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason="no chromium")
+@needs_browser
 @pytest.mark.parametrize("language", languages())
 @pytest.mark.parametrize("name", PAGES)
 def test_it_prints_on_one_page(tmp_path, name, language):
-    page, paper = tmp_path / "card.html", tmp_path / "card.pdf"
-    page.write_text(card_html(card(PAGES[name], language, serial="17-042")), encoding="utf-8")
-    subprocess.run(
-        [
-            str(CHROMIUM), "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
-            "--disable-background-networking", "--disable-component-update", "--disable-sync",
-            f"--user-data-dir={tmp_path / 'profile'}", f"--print-to-pdf={paper}", page.as_uri(),
-        ],
-        check=True, capture_output=True, timeout=120,
-    )  # fmt: skip
-    assert re.findall(rb"/Count (\d+)", paper.read_bytes()) == [b"1"]
-    (box,) = set(re.findall(rb"/MediaBox ?\[([^]]*)\]", paper.read_bytes()))
-    assert [round(float(x)) for x in box.split()] == [0, 0, 595, 842]  # A4, in points
+    [page] = printed(card_html(card(PAGES[name], language, serial="17-042")), tmp_path)
+    assert (round(page.width), round(page.height)) == A4_POINTS
+    assert page.words_outside() == []
+
+
+@needs_browser
+@pytest.mark.parametrize("width_px", [390, 1280])
+@pytest.mark.parametrize("language", languages())
+@pytest.mark.parametrize("name", PAGES)
+def test_it_fits_the_screen(tmp_path, name, language, width_px):
+    screen = on_screen(card_html(card(PAGES[name], language, serial="17-042")), width_px, tmp_path)
+    assert screen.width <= width_px
+    assert screen.outside == []
 
 
 def test_letters_shrink_only_where_they_must():

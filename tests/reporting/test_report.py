@@ -86,6 +86,12 @@ def test_the_same_input_is_the_same_bytes_whatever_the_jobs(sheet, folder):
     assert (folder / "a.html").read_bytes() == again.encode("utf-8")
 
 
+def test_a_quiet_report_is_the_same_file(folder):
+    result = run("report", SMALL, *ASKED, "--torque", "4", "-o", "quiet.html", "--quiet", cwd=folder)
+    assert (result.returncode, result.stdout) == (0, "")
+    assert (folder / "quiet.html").read_bytes() == (folder / "a.html").read_bytes()
+
+
 def test_it_is_one_file_that_asks_for_no_other(folder):
     page = Page((folder / "a.html").read_text(encoding="utf-8"))
     assert not page.links
