@@ -204,6 +204,7 @@ def test_codes_are_explained_to_people_and_scripts():
     assert all(check.code in run("explain").stdout for check in CHECKS)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "names", [(), tuple(dict.fromkeys(entry.names[0] for entry in entries()))], ids=["list", "all"]
 )

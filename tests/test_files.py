@@ -104,6 +104,7 @@ def shell(command: str, folder: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(["bash", "-c", words], capture_output=True, text=True, env=CLEAN, cwd=folder, check=False)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "command",
     ["hdassist measure run.csv --ratio 31 >> run.csv", "hdassist measure - --ratio 31 < run.csv --csv run.csv --force"],
@@ -115,6 +116,7 @@ def test_streams_are_files_of_the_run_too(folder, command):
     assert (folder / "run.csv").read_text() == TRACE
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(os.name == "nt", reason="closed streams of a shell")
 @pytest.mark.parametrize("arguments", ["explain F_IOR", "--version", "check --help", "presets list", "presets new own"])
 def test_an_answer_on_a_closed_standard_output_is_not_given(tmp_path, arguments):

@@ -78,6 +78,7 @@ def test_what_differs_is_told_with_unit_and_origin():
     assert differing_fields([one, other]) == ["gears.j_n", "tolerances.F_i2", "phases.xi_b"]
 
 
+@pytest.mark.thorough
 def test_the_numbers_are_those_of_the_drives_alone(better):
     here, there, F_i2, j_n = map(F_ior, (small(), small(*BETTER), small(BETTER[0]), small(BETTER[1])))
     [found] = better.changes
@@ -185,6 +186,7 @@ def test_a_change_that_unknown_inputs_could_reverse_is_open(better):
     assert "could reverse this change: 99 % (93 to 100), 95 % needed by all of it" in few
 
 
+@pytest.mark.thorough
 def test_how_sure_the_better_drive_is_has_its_interval():
     drawn = compare_drives([tiny(C_3), tiny(C_3, "tolerances.F_i2=10")], draws=8)
     odds = drawn.probability_best
@@ -226,6 +228,7 @@ def test_fields_that_are_no_drive_alone_are_said_and_not_computed():
     assert [c.change_arcsec[0] for c in found.single if c.field == "phases.xi_b"] == [0]
 
 
+@pytest.mark.thorough
 def test_what_one_preset_does_not_know_makes_ranges_and_any_hole_as_good(files):
     fast = [word for text in FAST for word in ("--set", text)]
     result = run("compare", "a.yaml", "b.YML", "--torque", "3", "--draws", "4", "--json", *fast, cwd=files)
@@ -295,6 +298,7 @@ def checked(*overrides: str):
     return found
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("one", "other"),
     [
@@ -322,6 +326,7 @@ def test_pairs_have_the_medians_and_ranges_of_check(one, other):
             assert near[0] * 0.98 <= told <= near[1] * 1.02
 
 
+@pytest.mark.thorough
 def test_a_bound_that_moves_with_another_field_is_a_change_of_its_own():
     one, other = checks(*(tiny("harmonics.a_b2=unknown", f"tolerances.F_i2={F}") for F in (400, 10)))
     found, _ = drive_changes(one, other)
@@ -329,6 +334,7 @@ def test_a_bound_that_moves_with_another_field_is_a_change_of_its_own():
     assert differing_fields([one.drive, other.drive]) == ["tolerances.F_i2"]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "sets",
     [
@@ -390,6 +396,7 @@ def test_the_rest_stands_in_the_details(better):
         assert words not in short
 
 
+@pytest.mark.thorough
 def test_drawn_pairs_are_searched_as_samples_are():
     sets = ["operation.M_g=80", "tolerances.e_hb=unknown"]
     one, other = load_preset("vzp160", sets), load_preset("vzp160", [*sets, "tolerances.F_i2=60"])

@@ -81,6 +81,7 @@ def test_other_values_are_those_of_each_sample(drawn):
     assert samples.figures["amplitude of order 2 alone at 4 N·m"][1] == pytest.approx(second, rel=1e-6)
 
 
+@pytest.mark.thorough
 def test_a_sample_of_a_long_cycle_needs_an_eighth_of_its_states():
     there = load_preset("vzp160", ["operation.M_g=80", "acceptance.turn_range=1000"])
     samples = predict(there, limits_of(there), draws=2, run=UNCHECKED).samples

@@ -102,6 +102,7 @@ def test_what_cannot_be_decided_has_a_code_of_its_own(rig, args, code, words):
     assert words in done.stderr
 
 
+@pytest.mark.thorough
 def test_a_part_of_the_cycle_has_the_lower_end_that_measure_shows(rig):
     measured = run("measure", "part.csv", "--drive", SMALL, "-q", cwd=rig).stdout
     low = measured.removeprefix(">= ").removesuffix("″\n")
@@ -234,6 +235,7 @@ def test_a_turn_has_no_more_than_the_whole_cycle(rig):
         assert value["TURN_RANGE"] <= value["F_IOR"] + 1e-9
 
 
+@pytest.mark.thorough
 def test_an_assumed_unit_and_a_step_that_was_taken_off_are_on_the_page_and_in_json(rig):
     error = CURVE(TURNS) + 0.3 * np.random.default_rng(1).standard_normal(len(TURNS))
     (rig / "plain.csv").write_text(text([360 * TURNS, error], "angle,error"))
@@ -250,6 +252,7 @@ def test_an_assumed_unit_and_a_step_that_was_taken_off_are_on_the_page_and_in_js
     assert "RECORD" not in clean.stdout
 
 
+@pytest.mark.thorough
 def test_the_next_command_replaces_the_record_that_leaves_a_check_open(rig):
     asked = "--limit", "F_ior@4=60", "--limit", "F_ior@1=60", "--measured", "1=run.csv", "--measured", "4=part.csv"
     page = in_a_line(accepted(rig, *asked).stdout)

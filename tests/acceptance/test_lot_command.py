@@ -146,6 +146,7 @@ def test_the_worst_drive_makes_the_exit_code(tmp_path, rows, code, monkeypatch, 
     assert words == [name.replace("UNTRUSTED", "DATA_ERROR").replace("BUG", "DATA_ERROR") for name in rows]
 
 
+@pytest.mark.thorough
 def test_an_interrupt_keeps_what_is_done_and_resume_goes_on(tmp_path, here):
     phases = [10 * n for n in range(6)]
     lot = "serial,phases.xi_b\n" + "".join(f"d{n},{xi}\n" for n, xi in enumerate(phases))

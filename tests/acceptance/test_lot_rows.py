@@ -74,6 +74,7 @@ def test_a_replay_of_no_answers_is_refused(folder: Path) -> None:
     assert run("accept", "--replay", "h.jsonl", cwd=folder).returncode == 4
 
 
+@pytest.mark.thorough
 def test_one_recording_for_two_serials_passes_neither(folder: Path) -> None:
     lot = "serial;measured@1;limit F_ior@1\nK1;a.csv;40\nK2;b.csv;40\nK3;copy.csv;1\n"
     (folder / "copy.csv").write_bytes((folder / "a.csv").read_bytes())

@@ -202,6 +202,7 @@ def test_weeding_by_stiffness_leaves_the_posterior_as_it_is():
         assert weighted_quantile(kept, samples.weights, share) == pytest.approx(expected, abs=0.01)
 
 
+@pytest.mark.thorough
 def test_draws_that_all_agree_alike_badly_are_kept():
     """A figure that no draw comes near leaves them as they are: without that, one of 40 would go on to F'_ior."""
     drive = tiny("source.cam.W_0={kind: assumed, range: [1.6, 1.8], ref: judged}")

@@ -65,6 +65,7 @@ def same(first, other):
 
 
 # of draws that share all but the deviations several are made at once, more than were asked for
+@pytest.mark.thorough
 @pytest.mark.parametrize("more", ["name=any", "measured.F_ior={h0@4: 120 ± 20, h2@4: 95 ± 20}"])
 def test_a_command_answers_the_same_with_kept_samples_as_without(folder, solved, more):
     sets = [word for each in (OPEN, more, "operation.M_g=4", "mounting.holes=6") for word in ("--set", each)]
@@ -222,6 +223,7 @@ def test_nothing_is_kept_where_it_is_not_wanted(folder, monkeypatch):
     assert not list(folder.glob("samples-*"))
 
 
+@pytest.mark.thorough
 def test_doctor_says_where_the_cache_is_how_large_and_how_to_empty_it(folder, monkeypatch):
     drawn()
     found = {each["what"]: each["found"] for each in json.loads(run("doctor", "--json").stdout)["findings"]}
@@ -301,6 +303,7 @@ class Many(ThreadPoolExecutor):
         return super().submit(*task, **more)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("effective", [40, 100])
 def test_many_processes_work_ahead_and_change_nothing(effective):
     effort = SamplingEffort(effective=effective, most_draws=512, batch=16)
@@ -329,6 +332,7 @@ def states(monkeypatch):
 REPORTED = (TINY, "--set", OPEN, "--set", "operation.M_g=4", "--set", "mounting.holes=6", "--draws", "8")
 
 
+@pytest.mark.thorough
 def test_a_report_goes_on_from_check_and_mount_and_answers_the_same(folder, states):
     alone = run("report", *REPORTED, "--json").stdout
     of_report = sorted(states)
@@ -348,6 +352,7 @@ def test_a_report_goes_on_from_check_and_mount_and_answers_the_same(folder, stat
     assert not states
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("turns", [(0.0, 90.0), (90.0,)])
 @pytest.mark.parametrize("options", [{}, {"torques": (4.0, 5.0)}, {"overrides": ("catalogue.accuracy=60",)}])
 def test_turns_are_the_same_beside_draws_that_were_kept_without(folder, turns, options):
@@ -359,6 +364,7 @@ def test_turns_are_the_same_beside_draws_that_were_kept_without(folder, turns, o
     same(drawn(**options), first)
 
 
+@pytest.mark.thorough
 def test_answers_that_do_not_hold_are_computed(folder):
     alone = run("report", *REPORTED, "--json").stdout
     kinds = {kind: folder.glob(f"{kind}-*") for kind in ("curve", "cycle", "twists")}

@@ -42,6 +42,7 @@ def believed(drive, torques=(), effort=FEW):
     return draw_samples(prior_of(drive), torques, evidence=evidence_of(drive), effort=effort)
 
 
+@pytest.mark.thorough
 @pytest.mark.moves("measured.K_1", "measured.K_2", "measured.K_3", "measured.lost_motion", "measured.play")
 @pytest.mark.parametrize("figure", ["K_1", "K_2", "K_3", "lost_motion", "play"])
 def test_a_measured_figure_narrows_the_wave_to_that_of_the_drive(figure):
@@ -61,6 +62,7 @@ def hidden():
     return {hole: ErrorMap(drive, 4.0).extremes(rotated(drive, 60.0 * hole)).first for hole in (0, 2, 4)}
 
 
+@pytest.mark.thorough
 @pytest.mark.moves("measured.F_ior")
 def test_errors_in_holes_narrow_the_error_and_the_direction_of_the_offset(hidden):
     readings = ", ".join(f"h{hole}@4: {value} ± 0.5" for hole, value in hidden.items())
@@ -120,6 +122,7 @@ def test_errors_at_one_torque_share_a_scale_and_a_smooth_misfit():
     assert heard(at_another_torque, 21, 19) > heard(near, 21, 19)
 
 
+@pytest.mark.thorough
 def test_a_measured_figure_that_contradicts_is_named(hidden):
     readings = ", ".join(f"h{hole}@4: {value * (9 if hole == 2 else 1)} ± 0.5" for hole, value in hidden.items())
     drive = tiny(
@@ -140,6 +143,7 @@ def test_errors_that_no_draw_shows_are_refused():
         believed(drive, (4.0,), SamplingEffort(4, 4, 16, 4))
 
 
+@pytest.mark.thorough
 def test_evidence_that_is_only_narrow_contradicts_nothing(hidden):
     readings = ", ".join(f"h{hole}@4: {value} ± 0.5" for hole, value in hidden.items())
     drive = tiny(*UNKNOWN, f"measured.F_ior={{{readings}}}", "catalogue.accuracy=1000")

@@ -39,6 +39,7 @@ def carried_out(overrides, edit) -> dict:
     return point["belief"]
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("kept")
 @pytest.mark.parametrize(
     "overrides",
@@ -65,6 +66,7 @@ def test_each_option_is_what_a_check_of_the_edited_preset_says(overrides):
             assert outcome.probability_low <= outcome.probability <= outcome.probability_high
 
 
+@pytest.mark.thorough
 def test_a_tighter_wheel_has_a_tighter_pitch_and_smaller_harmonics():
     """What a preset leaves unknown is bounded by F'_i, so it is tightened with it."""
     open_ = ("tolerances.f_p2=unknown", "harmonics.a_b2=unknown", "phases.xi_b=90", "operation.M_g=4")
@@ -85,6 +87,7 @@ def test_reference_data_are_applied_again_to_an_edited_drive_and_kept_for_the_sa
     assert {applied[kind] for kind in ("hole", "trials", "correction") if kind in applied} == {"kept"}
 
 
+@pytest.mark.thorough
 def test_a_better_accuracy_of_the_catalogue_is_an_option():
     sheet = (*OPEN[:4], "operation.M_g=2", "operation.rated=50", "catalogue.accuracy=90")
     found = check(load_preset(TINY, sheet), draws=32)
@@ -95,6 +98,7 @@ def test_a_better_accuracy_of_the_catalogue_is_an_option():
     assert grade.outcomes[0].p50 < found.points[0].belief.p50
 
 
+@pytest.mark.thorough
 def test_check_names_the_hole_of_mount():
     """With a limit, and without one: each of the torques alone would choose another hole."""
     for limit in ("acceptance.F_ior=2060", "name=any"):
@@ -116,6 +120,7 @@ def test_what_a_correction_leaves_is_what_compensate_states():
     assert step.outcomes[0].p50 == pytest.approx(form.residuals[0].p50, rel=0.1)
 
 
+@pytest.mark.thorough
 def test_options_come_first_by_their_gain_then_questions_and_none_worsens_the_drive(held):
     options = [each for each in held.steps if not each.is_question]
     questions = [each for each in held.steps if each.is_question]
@@ -138,6 +143,7 @@ def test_the_answers_to_a_question_make_up_the_probability_now(held):
         assert kept == pytest.approx(samples.weights @ inside / samples.weights.sum())
 
 
+@pytest.mark.thorough
 def test_the_coupling_is_asked_for_where_it_is_open_and_is_an_option_where_it_is_not(held):
     (asked,) = (each for each in held.steps if each.of == "cam.coupling")
     oldham, solid = asked.outcomes
@@ -156,6 +162,7 @@ def test_what_is_surely_kept_takes_nothing():
     assert check(load_preset(TINY, (*OPEN, "acceptance.F_ior=9000")), draws=8).steps == ()
 
 
+@pytest.mark.thorough
 def test_steps_are_the_same_from_kept_answers(held):
     left = [point.left_arcsec for point in held.points]
     again, proof = steps_of(held.prior, held.samples, (4.0,), 0, left)

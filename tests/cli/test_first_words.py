@@ -25,6 +25,7 @@ run_command_line()
 """
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("command", COMMANDS)
 def test_words_come_before_numpy(command: str) -> None:
     drive = [] if command == "doctor" else ["vzp160"]

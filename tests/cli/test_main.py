@@ -12,6 +12,7 @@ from hdassist import __version__
 from tests.process import CLEAN, SMALL, run
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "args",
     [
@@ -84,6 +85,7 @@ def test_debug_shows_where_an_error_came_from():
     assert result.returncode == 5
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(sys.platform == "win32", reason="closed streams of a shell")
 @pytest.mark.parametrize(
     ("args", "closed", "code"),

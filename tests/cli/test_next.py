@@ -44,6 +44,7 @@ def parsed(words: list[str]) -> dict[str, object]:
     return get_command(app).get_command(None, name).make_context(name, words[1:]).params
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "words",
     [

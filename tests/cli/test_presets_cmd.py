@@ -226,6 +226,7 @@ def test_new_writes_a_file_once(tmp_path: Path) -> None:
     assert "name: other\n" in file.read_text()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("arguments", [["--help"], ["show", "--help"], ["validate", "--help"]])
 def test_help_imports_nothing_heavy(arguments: list[str]) -> None:
     code = (
@@ -238,6 +239,7 @@ def test_help_imports_nothing_heavy(arguments: list[str]) -> None:
     assert not ({"yaml", "numpy", "cvxpy", "hdassist.preset.fields"}) & loaded
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("command", [("presets", "list"), ("presets", "show", "vzp160", "--resolved")])
 @pytest.mark.parametrize("columns", [60, 80])
 def test_tables_stay_within_a_terminal(command: tuple[str, ...], columns: int) -> None:

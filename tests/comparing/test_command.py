@@ -59,6 +59,7 @@ def test_what_trace_writes_agrees_with_its_drive(rig):
     assert len(rows) == 3 * 62
 
 
+@pytest.mark.thorough
 def test_a_warning_names_the_preset_that_leaves_a_value_out(rig):
     page = run("compare", SMALL, "own.csv", "--torque", "4", "--set", "phases.xi_b=unknown", cwd=rig)
     unknown, drift = page.stderr.splitlines()
@@ -66,6 +67,7 @@ def test_a_warning_names_the_preset_that_leaves_a_value_out(rig):
     assert drift.startswith("warning: small: own.csv: linear drift of ")
 
 
+@pytest.mark.thorough
 def test_people_see_both_curves_and_what_would_explain_them(rig):
     page = run("compare", SMALL, "changed.csv", "--torque", "4", "--phi-g0", "20", "--ascii", cwd=rig)
     assert page.returncode == 0

@@ -82,11 +82,13 @@ def of_single_teeth(f_p: str) -> tuple[Drive, Drive]:
     return stated, stated.with_values(phases | {each.size: 0.8 for each in teeth})
 
 
+@pytest.mark.thorough
 def test_single_teeth_of_unknown_phases_are_noise():
     stated, hidden = of_single_teeth("unknown")
     assert compare(rig(hidden, 30, noise=0.5), stated, M_G, asked=KNOWN).conclusion.kind == "agrees"
 
 
+@pytest.mark.thorough
 def test_single_teeth_of_unknown_phases_hide_no_other_deviation():
     stated, hidden = of_single_teeth("0.8")
     moved = hidden.with_values({"tolerances.e_hb": stated.number("tolerances.e_hb") + 25})
@@ -142,6 +144,7 @@ def test_two_encoders_tell_the_sign(drive, fixed):
     assert Alignment().of_file(replace(counts_alike, angle_of="output"), Kinematics.of(there)).sense == np.sign(u)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("cam", "output"), [(1, 1), (1, -1), (-1, 1), (-1, -1)])
 def test_a_mirror_image_by_two_encoders_is_reported_whichever_way_they_count(drive, cam, output):
     turned = rig(drive, 4)
@@ -202,6 +205,7 @@ def test_a_hidden_deviation_is_recovered(drive, values, size):
         assert words in page
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("path", "value"),
     [("supports.C_2", 7.8e3), ("supports.C_3", 1.4e3), ("contact.c_t", 7.8e-5), ("gears.j_n", 7.0), ("cam.W_0", 0.591)],

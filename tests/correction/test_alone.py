@@ -59,6 +59,7 @@ def alone(seed: int, cycles: float, form: CorrectionForm = PHASORS, per_turn: in
     return correction_alone(measured(seed, cycles, per_turn), Alignment(), 67.0, form)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("cycles", [1.02, 2.0])
 def test_intervals_of_hidden_lines_hold_and_no_more_is_left_than_promised(cycles: float):
     held, low, turns = [], [], np.arange(CYCLE * POINTS_A_TURN) / POINTS_A_TURN
@@ -95,6 +96,7 @@ def test_uncertainties_are_those_of_independent_noise_and_shrink_with_its_repeat
     assert np.median((across / along)[clear]) == pytest.approx(1, abs=0.15)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("per_turn", [POINTS_A_TURN + 30, 2 * POINTS_A_TURN])
 def test_noise_that_lines_can_follow_is_not_taken_for_error(per_turn: int):
     found = alone(3, 1.0, per_turn=per_turn)
@@ -172,6 +174,7 @@ def test_one_cycle_is_said_not_to_tell_noise_and_part_of_it_is_refused_with_the_
         assert "preset" in wrong.stderr
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("way", ["with", "against"])
 @pytest.mark.parametrize("kind", ["c", "csv"])
 def test_a_record_alone_gives_a_table_over_the_output_for_own_firmware(tmp_path: Path, way: str, kind: str):
@@ -193,6 +196,7 @@ def test_a_record_alone_gives_a_table_over_the_output_for_own_firmware(tmp_path:
     assert np.ptp(left) < 0.05 * np.ptp(curve(often, vectors, cam))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("way", ["with", "against"])
 @pytest.mark.parametrize(("cam_sense", "output_sense"), [("ccw", "ccw"), ("cw", "cw"), ("ccw", "cw"), ("cw", "ccw")])
 def test_a_table_of_two_encoders_takes_off_the_error_however_they_count(tmp_path, way, cam_sense, output_sense):
@@ -213,6 +217,7 @@ def test_a_table_of_two_encoders_takes_off_the_error_however_they_count(tmp_path
     assert np.ptp(error - by_rows(tmp_path, ahead * 360 * cam / CYCLE)) < 0.05 * np.ptp(error)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("columns", ["cam_deg,error_arcsec", "cam_deg,output_deg"])
 def test_the_mirror_image_of_a_record_has_the_same_correction(tmp_path, columns):
     """One clockwise rig, as a column of errors and as two encoders."""
@@ -253,6 +258,7 @@ def by_rows(folder: Path, reading):
     return np.interp(reading, at, error, period=360)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("travel_deg", "ratio"), [(300.0, 100.0), (120.0, 99.5)])
 def test_a_joint_s_record_gives_a_table_over_its_travel(tmp_path, travel_deg, ratio):
     # refused before: 83 and 33 % of a cycle, in which lines that lie close together are not told apart
@@ -306,6 +312,7 @@ def there_and_back(kind: str, rng: np.random.Generator):
     }[kind]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("kind", [*BOTH_WAYS, "not even", "dense", "one sweep"])
 def test_readings_of_both_ways_show_no_line_that_is_the_image_of_another(kind: str, seed: int):
@@ -326,6 +333,7 @@ def test_readings_of_both_ways_show_no_line_that_is_the_image_of_another(kind: s
     assert np.ptp(-error - found.error_at(fine)) <= promised.p95 < 0.5 * np.ptp(error)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("lag_s", [3e-3, -3e-3])
 def test_a_lag_between_the_encoders_is_off_a_correction_of_sweeps_at_two_speeds(lag_s: float):
     """It moves the error along the angle: 1.7 arcsec were left where 1.0 was promised."""
@@ -345,6 +353,7 @@ def test_a_lag_between_the_encoders_is_off_a_correction_of_sweeps_at_two_speeds(
     assert left <= result.chosen.residuals[0].p95
 
 
+@pytest.mark.thorough
 def test_a_record_has_one_f_ior_whoever_reads_it():
     # measure looks at each direction by itself, compare and compensate at both as one: they differed by up to 3 %
     often, vectors = hidden_lines(3)
@@ -359,6 +368,7 @@ def test_a_record_has_one_f_ior_whoever_reads_it():
     assert result.chosen.residuals[0].uncorrected_p50 == pytest.approx(alone.F_ior_arcsec)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("counts", "code"), [(4096, 5), (65536, 0)])
 def test_counts_that_round_alike_in_each_revolution_are_not_corrected(tmp_path, counts, code):
     turns = np.arange(0, 30, 1 / 80)  # 80 readings a revolution: 51.2 counts of 4096 apart

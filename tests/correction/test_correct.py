@@ -76,6 +76,7 @@ def test_residuals_are_those_of_the_solved_cycle(preset, points):
     assert np.ptp(flipped) > 1.5 * error.F_ior_arcsec
 
 
+@pytest.mark.thorough
 def test_few_points_and_a_cam_turn_take_little_off_the_paper_s_drive_and_phasors_most(paper):
     assert paper.strong_lines == pytest.approx([201, 200, 1])
     assert 0.6 < left(paper, "cam turn, 256 points") < 1.52
@@ -101,6 +102,7 @@ def test_a_table_for_one_load_is_worse_than_none_at_another_unless_each_load_has
     assert single.p50 > single.uncorrected_p50 > own.p50
 
 
+@pytest.mark.thorough
 def test_a_zero_that_is_off_and_a_lost_turn_cost_what_a_shifted_table_leaves(paper):
     phasors = paper.forms[0]
     curve = -paper.errors[80.0].lines.curves

@@ -50,6 +50,7 @@ def test_what_is_left_in_a_hole_is_that_of_a_table_fitted_to_its_solved_cycle(of
         assert of_one_drive.at(place)[torque, 0] == pytest.approx(left, rel=0.025)  # of states, not of all angles
 
 
+@pytest.mark.thorough
 def test_a_sample_is_turned_as_a_preset_is():
     drawn = advice_of(TABLE, "phases.xi_b=90±5", draws=8).compensated
     assert drawn and drawn[1].F_ior_arcsec.shape == (2, 8, 6)
@@ -75,6 +76,7 @@ def test_the_order_goes_by_what_a_table_leaves_and_by_F_ior_where_phasors_tell_n
     assert plain["compensated"] is None
 
 
+@pytest.mark.thorough
 def test_the_card_says_which_hole_the_correction_belongs_to(tmp_path: Path):
     (tmp_path / "wheel.csv").write_text("tooth,error\n")
     asked = (*SIX, "--compensated", "output:36")

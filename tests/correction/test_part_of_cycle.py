@@ -61,6 +61,7 @@ def truly_left(result: Correction, turns: Array, **parts: float) -> float:
 CYCLE = np.arange(RATIO * 200) / 200
 
 
+@pytest.mark.thorough
 def test_an_error_that_repeats_with_the_input_is_removed():
     result = of_revolutions(8.0, 0.0, 1, 0.0, 0.0)
     left = truly_left(result, CYCLE)
@@ -68,6 +69,7 @@ def test_an_error_that_repeats_with_the_input_is_removed():
     assert left <= result.chosen.residuals[0].p95
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", range(2))
 def test_the_promise_holds_over_the_cycle_with_waves_that_were_not_recorded(seed: int):
     result = of_revolutions(6.0, 4.0 * seed, seed, 4.0, 3.0)
@@ -77,6 +79,7 @@ def test_the_promise_holds_over_the_cycle_with_waves_that_were_not_recorded(seed
     assert whole.p95 - whole.p5 < short.p95 - short.p5  # a longer recording leaves less open
 
 
+@pytest.mark.thorough
 def test_a_travel_counts_only_where_it_was_recorded():
     turns = np.arange(6 * PER_TURN + 1) / PER_TURN
     result = corrected(recorded(turns, 3, slow=3.0), travel_deg=6 * 360 / RATIO)
@@ -85,6 +88,7 @@ def test_a_travel_counts_only_where_it_was_recorded():
     assert truly_left(result, np.arange(1201) / 200, slow=3.0) <= promised.p95
 
 
+@pytest.mark.thorough
 def test_a_recording_that_was_begun_elsewhere_gives_the_table_of_the_same_angles():
     tables = [of_revolutions(8.0, first, 1, 0.0, 0.0).correction for first in (0.0, 12.25)]
     values = [table.error_arcsec for table in tables if isinstance(table, CorrectionTable)]
@@ -99,12 +103,14 @@ def test_other_forms_and_few_revolutions_are_refused():
         corrected(recorded(turns[: round(1.5 * PER_TURN)], 1))
 
 
+@pytest.mark.thorough
 def test_both_directions_count_as_one():
     turns = np.arange(6 * PER_TURN + 1) / PER_TURN
     result = corrected(recorded(np.concatenate([turns, turns[::-1]]), 1), travel_deg=6 * 360 / RATIO)
     assert truly_left(result, np.arange(1201) / 200) <= result.chosen.residuals[0].p95 < 3
 
 
+@pytest.mark.thorough
 def test_spikes_that_measure_leaves_out_are_not_in_the_table():
     turns = np.arange(8 * PER_TURN + 1) / PER_TURN
     spiked = recorded(turns, 1).splitlines()
@@ -122,6 +128,7 @@ def test_spikes_that_measure_leaves_out_are_not_in_the_table():
     assert tables[0] == pytest.approx(tables[1], abs=1e-6)
 
 
+@pytest.mark.thorough
 def test_what_a_guide_rate_leaves_open_is_in_the_promise():
     """Errors that may all be 10 % larger or smaller: a table that is right on the mean leaves 8 % and more of some."""
     turns = np.arange(8 * PER_TURN + 1) / PER_TURN
@@ -134,6 +141,7 @@ def test_what_a_guide_rate_leaves_open_is_in_the_promise():
     assert left[0.1] == pytest.approx(1.645 * 0.1 * np.ptp(error_at(CYCLE)), rel=0.4)
 
 
+@pytest.mark.thorough
 def test_a_telescope_mount_is_corrected_by_the_angle_of_its_axis(tmp_path):
     """Time is read by the speed of the output: the input angle follows from it, its zero is that of the time."""
     time_s = np.arange(0, 3000.0, 8.0)

@@ -121,6 +121,7 @@ ANOTHER = (
 )  # fmt: skip
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("hidden", ANOTHER)
 def test_three_of_ten_turns_are_enough_where_the_model_can_be_the_drive(hidden: tuple[str, ...]):
     part = {1.0: record(1.0, turns=3, hidden=hidden)}
@@ -134,12 +135,14 @@ def test_three_of_ten_turns_are_enough_where_the_model_can_be_the_drive(hidden: 
         assert left <= promised.p95 < 0.25 * error.F_ior_arcsec
 
 
+@pytest.mark.thorough
 def test_a_part_of_the_cycle_of_a_drive_that_the_preset_does_not_allow_is_refused():
     oval = {1.0: record(1.0, turns=3, hidden=("phases.xi_b=290", "harmonics.a_b2=3"))}
     with pytest.raises(UntrustedError, match=r"no drive that tiny allows shows the record: \d+ % of the error are off"):
         correct(load_preset(TINY, OPEN), records=oval, draws=16)
 
 
+@pytest.mark.thorough
 def test_the_command_takes_records_in_the_order_of_the_torques(tmp_path: Path):
     files = []
     for M_g in (1.0, 4.0):
@@ -157,6 +160,7 @@ def test_the_command_takes_records_in_the_order_of_the_torques(tmp_path: Path):
     assert "3 records, but tiny has 2 torques" in many.stderr
 
 
+@pytest.mark.thorough
 def test_a_mirrored_record_is_refused_with_the_options_that_read_it(tmp_path: Path):
     turns, error = recording(1.0, hidden=())
     rows = "".join(f"{-360 * x:.3f},{y:.4f}\n" for x, y in zip(turns, error, strict=True))
@@ -176,6 +180,7 @@ def test_a_mirrored_record_is_refused_with_the_options_that_read_it(tmp_path: Pa
     assert "mirrored" in run("compare", TINY, "run.csv", "--torque", "1", "-q", cwd=tmp_path).stdout
 
 
+@pytest.mark.thorough
 def test_part_of_the_cycle_is_called_that_with_the_misfit_and_what_to_record(tmp_path: Path):
     turns, error = recording(1.0, turns=3, hidden=("phases.xi_b=290",))
     rows = "".join(f"{360 * x:.3f},{y:.4f}\n" for x, y in zip(turns, error, strict=True))

@@ -47,6 +47,7 @@ def verified(bench, after: np.ndarray, turns: float = 10.5, *options: str, noise
     return run("compensate", TINY, before, *ON, "--after", write(folder / "after.csv", after, turns, noise), *options)
 
 
+@pytest.mark.thorough
 def test_a_correction_that_does_as_promised_passes_part_by_part(bench):
     _, error, _, taken = bench
     page = verified(
@@ -62,6 +63,7 @@ def test_a_correction_that_does_as_promised_passes_part_by_part(bench):
     assert came < 0.1 * before
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("way", "shift", "cause"),
     [
@@ -89,6 +91,7 @@ def test_a_correction_that_leaves_no_more_than_noise_in_one_cycle_is_open_until_
     assert "twice or more: that shows the noise" in in_a_line(once.stdout)
 
 
+@pytest.mark.thorough
 def test_an_error_that_is_no_line_of_the_model_is_not_passed(bench):
     _, error, _, taken = bench
     odd = np.cos(2 * np.pi * 46.3 * np.arange(len(error)) / TURN)  # comes 463 times in the cycle

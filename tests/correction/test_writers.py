@@ -142,6 +142,7 @@ def tracked(kind, table, axis, error_of):
     return np.ptp(left), np.ptp(error_of(turns) - stored.error_at(turns))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", ["eqmod", "onstepx"])
 @pytest.mark.parametrize(("u", "sense", "zero_deg"), [(-101, 1, 0.0), (101, 1, 1.3), (-101, -1, 2.2)])
 def test_a_mounts_table_leaves_what_it_says_while_the_mount_tracks(kind, u, sense, zero_deg):

@@ -84,6 +84,7 @@ def test_what_samples_are_weighed_by_stands_in_the_details_and_can_be_left_out(l
     assert (without if left_out else weighed) in page
 
 
+@pytest.mark.thorough
 def test_the_accuracy_that_sellers_keep_is_offered_where_none_is_stated_of_a_drive_without_backlash():
     asked = ("--no-plot", "--set", "phases.phi_hb=unknown", "--torque", "1", "--draws", "8", "--details")
     offered = re.compile(
@@ -108,6 +109,7 @@ def test_json_says_what_the_python_interface_says(answer):
         assert point["at_max"]["phi_h_deg"] == pytest.approx(at.phi_h[error.at_max] * 57.29577951308232)
 
 
+@pytest.mark.thorough
 def test_same_input_same_output(answer):
     # in a process of its own from the start: with another hash seed
     assert run_cold("check", TINY, "--json").stdout == answer.stdout
@@ -268,6 +270,7 @@ def test_another_solver_gives_the_same_numbers(answer):
         assert two["F_ior_arcsec"] == pytest.approx(one["F_ior_arcsec"], abs=1e-6)
 
 
+@pytest.mark.thorough
 def test_reader_that_leaves_early_gets_silence():
     process = subprocess.Popen(
         [*COMMAND, "trace", TINY], stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=CLEAN, text=True
@@ -280,6 +283,7 @@ def test_reader_that_leaves_early_gets_silence():
     assert process.wait(timeout=60) == 0
 
 
+@pytest.mark.thorough
 def test_interrupt_ends_with_130_and_leaves_nothing(tmp_path):
     many = ("check", TINY, "--json", *(f"--torque={1 + k / 10}" for k in range(31)))
     done = interrupted(*many, "-o", str(tmp_path / "answer.json"), after=0.3)

@@ -23,6 +23,7 @@ def open_():
     return check(load_preset(TINY, ["phases.phi_hb=unknown", PLAY]))
 
 
+@pytest.mark.thorough
 def test_a_verdict_is_the_probability_of_keeping_the_limit(open_):
     point = open_.points[1]
     own, belief = point.self_error.range_arcsec, point.belief
@@ -69,6 +70,7 @@ def test_what_is_assumed_counts_as_what_is_unknown_does():
     assert replace(point, limit_arcsec=limit).verdict is not Verdict.PASS
 
 
+@pytest.mark.thorough
 def test_an_uncertainty_alone_is_judged_by_its_range_too():
     known = check(load_preset(SMALL, ["operation.M_g=4"]))
     assert (known.points[0].belief, known.samples, known.influences) == (None, None, ())
@@ -80,6 +82,7 @@ def test_an_uncertainty_alone_is_judged_by_its_range_too():
     assert replace(point, limit_arcsec=point.belief.p50 + own).verdict is Verdict.INCONCLUSIVE
 
 
+@pytest.mark.thorough
 def test_one_torque_may_be_settled_and_another_open():
     limits = "acceptance.F_ior={1: 3000, 4: 2050}"
     page = run("check", TINY, "--jobs", "1", "--no-plot", "--set", "phases.phi_hb=unknown", "--set", limits)
@@ -88,6 +91,7 @@ def test_one_torque_may_be_settled_and_another_open():
     assert f"\n1 N·m: {kept.format(3000)} 100 % (97 to 100)\n4 N·m: {kept.format(2050)} " in page.stdout
 
 
+@pytest.mark.thorough
 def test_json_has_the_belief_and_the_same_from_any_number_of_workers(open_):
     with ThreadPoolExecutor(2) as executor:
         again = check(load_preset(TINY, ["phases.phi_hb=unknown", PLAY]), run=Run(executor))
@@ -131,6 +135,7 @@ def test_a_measured_figure_without_anything_open_is_remarked_upon():
     assert [words in each for each in said] == [True, False, False]
 
 
+@pytest.mark.thorough
 def test_a_limit_for_which_more_is_drawn_moves_neither_ranges_nor_influence():
     drive = load_preset(TINY, ["phases.phi_hb=unknown", PLAY])
     free = check(drive, draws=16)

@@ -26,6 +26,7 @@ def test_people_read_it_in_80_columns(human):
         assert words in human.stdout
 
 
+@pytest.mark.thorough
 def test_the_short_page_fits_a_screen_and_ends_in_a_command():
     asked = ("--no-plot", "--torque", "4", "--set", "phases.phi_hb=unknown", "--set", ASSUMED)
     lines = run("check", TINY, *asked, "--set", "acceptance.F_ior=2050").stdout.splitlines()
@@ -42,6 +43,7 @@ def test_the_short_page_fits_a_screen_and_ends_in_a_command():
     assert told["next"].startswith("hdassist mount ")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("args", "verdict", "reason"),
     [
@@ -93,6 +95,7 @@ def test_ascii_option(plain, human):
     assert tables[0] == tables[1] and len(tables[0]) == 4
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("env", [{"LC_ALL": "C"}, {"PYTHONIOENCODING": "ascii"}, {"PYTHONIOENCODING": "latin-1"}])
 def test_seven_bits_where_there_are_no_more(env):
     told = run_cold("presets", "list", env=env)
@@ -101,6 +104,7 @@ def test_seven_bits_where_there_are_no_more(env):
     assert told.stdout != run("presets", "list").stdout
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("columns", [60, 120])
 def test_on_a_terminal_nothing_is_cut(columns, human):
     code, page = on_terminal("check", TINY, "--torque", "4", columns=columns, env={"NO_COLOR": "1"})
@@ -112,6 +116,7 @@ def test_on_a_terminal_nothing_is_cut(columns, human):
     assert wanted in [line.split() for line in page.splitlines()]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("env", "codes"),
     [({}, True), ({"TERM": "dumb"}, False), ({"NO_COLOR": ""}, True)],  # NO_COLOR=1: the test before
@@ -122,6 +127,7 @@ def test_control_codes_only_where_they_belong(env, codes):
     assert ("\x1b" in page) == codes
 
 
+@pytest.mark.thorough
 def test_no_color_option_on_a_terminal():
     code, page = on_terminal("presets", "list", "--no-color", columns=80)
     assert code == 0
@@ -145,6 +151,7 @@ def test_quiet_prints_the_answer_alone(human):
     assert several == 2 * [f"{TINY}: {line}" for line in lines]  # that of which drive, also where one has no answer
 
 
+@pytest.mark.thorough
 def test_human_page_in_a_file_is_plain(tmp_path, human):
     page = tmp_path / "page.txt"
     code, sent = on_terminal("check", TINY, "-o", str(page), columns=70)
@@ -153,6 +160,7 @@ def test_human_page_in_a_file_is_plain(tmp_path, human):
     assert "F'_ior" not in sent
 
 
+@pytest.mark.thorough
 def test_progress_shows_on_a_terminal_only():
     work = ("check", SMALL, "--set", "numerics.n_phase=16", *(f"--torque={torque}" for torque in range(1, 6)), "-q")
     _, page = on_terminal(*work, columns=80)

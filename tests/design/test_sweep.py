@@ -231,6 +231,7 @@ def a_worker_of(process: subprocess.Popen[str]) -> int:
     return max(int(pid) for children in told for pid in children)
 
 
+@pytest.mark.thorough
 @needs_proc
 def test_a_sweep_one_of_whose_processes_is_killed_goes_on_to_the_same_file(tmp_path, whole):
     file = tmp_path / "rows.jsonl"
@@ -277,6 +278,7 @@ def test_an_interrupt_says_what_is_kept_and_leaves_no_worker(tmp_path):
     assert ends(worker)
 
 
+@pytest.mark.thorough
 @needs_proc
 @pytest.mark.parametrize("change", [Path.unlink, lambda file: os.truncate(file, 50)])
 def test_a_file_that_is_removed_or_cut_while_it_is_written_is_no_success(tmp_path, change):

@@ -45,6 +45,7 @@ def test_extremes_are_those_of_every_state_and_proposed_ones_are_near(seed):
 
 
 # islands of the error that climbs from a coarse grid did not come to: they were up to 2.1 arcsec low
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("seed", "beta"), [(223, 0.5), (461, 0.5), (163, 0.5), (276, 0.5), (296, 0.5), (406, 0.5), (685, 0.5), (276, 0.22)]
 )
@@ -55,6 +56,7 @@ def test_proposals_find_islands(seed, beta):
 
 
 # along a crease a state may be higher than its neighbours and lower than one some steps on: 0.13 arcsec were missed
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", [47, 115, 158])
 def test_proposals_go_along_creases(seed):
     drive, M_g = searched_drive("any", seed)
@@ -81,6 +83,7 @@ def test_proposals_find_what_every_state_shows_of_random_drives(kind):
         assert found.first == pytest.approx(error_map.extremes().first, abs=0.05), seed
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("M_g", "phase", "F_ior"), [(80, 0, 31.50), (80, 180, 20.07), (800, 0, 12.29), (800, 180, 2.39)]
 )

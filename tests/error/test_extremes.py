@@ -41,6 +41,7 @@ def test_slopes_are_those_of_small_changes(compiled, M_g):
         assert np.quantile(off, 0.9) < 1e-5, "beside the states whose contacts change just there"
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("kind", "seed"), [("heavy", 1), ("heavy", 3), ("light", 2)])
 def test_few_states_find_what_every_state_shows(kind, seed):
     drive, M_g = searched_drive(kind, seed)
@@ -68,6 +69,7 @@ def _of_every_state(some, M_g):
     return [every_state(some.drive.with_values(values), M_g).first for values in one_by_one]
 
 
+@pytest.mark.thorough
 def test_rough_teeth_are_found_between_the_positions_of_a_grid():
     """Nine positions of a wheel do not show orders 6 to 16: without their slopes up to 16 % of F'_ior were missed."""
     drive = load_preset("size-25-100", ["operation.M_g=6.7"])
@@ -150,6 +152,7 @@ def test_what_may_lie_between_states_holds_a_smooth_map():
     assert np.abs(up - down).max() < 0.3
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(not HAS_COMPILER, reason="half a minute in numpy")
 def test_searches_of_draws_are_near_those_of_a_grid_of_sixty():
     drives, holes = drawn_drives("vzp160", 1), [360 / HOLES * k for k in range(HOLES)]  # docs/performance.md has 64

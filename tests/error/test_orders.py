@@ -44,6 +44,7 @@ def test_orders_add_up_to_the_error(reference):
     assert abs(np.fft.rfft(rest)[k]) < 1e-9
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("quiet", "order"),
     [

@@ -40,6 +40,7 @@ def believed(*overrides: str, typical: Mapping[str, float] = MappingProxyType({}
     return told[: pages.index(True) + 1]
 
 
+@pytest.mark.thorough
 def test_it_grows_to_the_answer_of_check() -> None:
     open_ = [*OPEN, "acceptance.F_ior={1: 3000, 4: 2050}"]
     told = believed(*open_)
@@ -67,6 +68,7 @@ def test_where_all_is_known_every_state_is_solved_before_the_answer_of_check() -
     assert typical_of(found) == ({}, proven)
 
 
+@pytest.mark.thorough
 def test_the_first_number_is_of_a_typical_drive_with_what_was_changed() -> None:
     *_, found, _ = believed("operation.M_g=[4.0]", *OPEN)
     assert isinstance(found, DesignCheck)

@@ -140,6 +140,7 @@ def test_a_service_that_is_closed_leaves_no_process() -> None:
     assert len(asked_for(service, closed)) >= 3 and vanished(before)
 
 
+@pytest.mark.thorough
 def test_questions_are_answered_by_processes_that_wait_where_none_can_be_forked(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

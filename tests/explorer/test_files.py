@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
 from textual.pilot import Pilot
 from textual.widgets import Static
 
@@ -16,6 +17,7 @@ from tests.process import TINY, run
 SETS = [word for text in FEW for word in ("--set", text)]
 
 
+@pytest.mark.thorough
 def test_a_picture_is_of_the_screen_and_loads_nothing(tmp_path: Path) -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         await pilot.press("g")
@@ -27,6 +29,7 @@ def test_a_picture_is_of_the_screen_and_loads_nothing(tmp_path: Path) -> None:
     explored(act)
 
 
+@pytest.mark.thorough
 def test_the_preset_is_saved_with_its_comments_and_never_over_a_file_unasked(tmp_path: Path) -> None:
     original = Path(TINY).read_text()
     there = tmp_path / "mine.yaml"
@@ -54,6 +57,7 @@ def test_the_preset_is_saved_with_its_comments_and_never_over_a_file_unasked(tmp
     explored(act)
 
 
+@pytest.mark.thorough
 def test_leaving_asks_while_a_change_is_in_no_preset_also_one_that_was_undone(tmp_path: Path) -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         await to_lever(app, pilot, "gears.j_n")
@@ -72,6 +76,7 @@ def test_leaving_asks_while_a_change_is_in_no_preset_also_one_that_was_undone(tm
     explored(act)
 
 
+@pytest.mark.thorough
 def test_leaving_asks_nothing_where_all_that_is_known_was_typed_before_the_screen() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         await pilot.press("q")
@@ -86,6 +91,7 @@ def wrong(app: Explorer) -> str:
     return str(app.screen.query_one("#wrong", Static).content)
 
 
+@pytest.mark.thorough
 def test_a_file_that_cannot_be_written_is_said_in_the_form_which_stays(tmp_path: Path) -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         await pilot.press("s")
@@ -97,6 +103,7 @@ def test_a_file_that_cannot_be_written_is_said_in_the_form_which_stays(tmp_path:
     explored(act)
 
 
+@pytest.mark.thorough
 def test_the_card_is_that_of_the_command(tmp_path: Path) -> None:
 
     card = tmp_path / "card.txt"
@@ -112,6 +119,7 @@ def test_the_card_is_that_of_the_command(tmp_path: Path) -> None:
     explored(act)
 
 
+@pytest.mark.thorough
 def test_the_report_is_the_page_of_check(tmp_path: Path) -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         await pilot.press("w")

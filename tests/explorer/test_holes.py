@@ -26,6 +26,7 @@ from tests.explorer.rig import FEW, QUICK, F_ior, explored, known_is, screen, se
 from tests.process import SMALL
 
 
+@pytest.mark.thorough
 def test_arrows_turn_the_wheel_and_the_values_are_those_of_the_position() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         await pilot.press("right", "right", "left")
@@ -45,6 +46,7 @@ def test_arrows_turn_the_wheel_and_the_values_are_those_of_the_position() -> Non
     explored(act)
 
 
+@pytest.mark.thorough
 def test_holes_that_are_not_allowed_are_marked_and_never_the_best() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         barred = [key for key in app.holes.rows if "x" in str(app.holes.get_row(key)[0])]
@@ -55,6 +57,7 @@ def test_holes_that_are_not_allowed_are_marked_and_never_the_best() -> None:
     explored(act, tiny("mounting.allowed=[1, 2, 5]"), size=(140, 40))
 
 
+@pytest.mark.thorough
 def test_the_best_and_the_worst_hole_are_those_of_mount() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         assert app.known.advice is not None
@@ -74,6 +77,7 @@ def likely() -> str:
     return " ".join(f"h{k}={values[(k - 1) % 6]:.1f}" for k in (0, 2, 4))
 
 
+@pytest.mark.thorough
 def test_several_measured_positions_have_the_answer_of_mount(likely: str) -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         await known_is(app, pilot, likely)
@@ -103,6 +107,7 @@ def range_of_check(session: Session) -> str:
     return f"{point.belief.p50:.2f} {point.belief.p5:.1f} to {point.belief.p95:.1f}"
 
 
+@pytest.mark.thorough
 def test_unknown_directions_have_a_range_with_its_verdict_and_a_card_that_says_any_hole(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -127,6 +132,7 @@ def test_unknown_directions_have_a_range_with_its_verdict_and_a_card_that_says_a
     explored(act, tiny(*TURNABLE, "acceptance.F_ior=2050"), size=(140, 40))
 
 
+@pytest.mark.thorough
 def test_nothing_computed_with_an_unknown_size_at_0_is_called_proven() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         curve = app.known.curve
@@ -148,6 +154,7 @@ def test_nothing_computed_with_an_unknown_size_at_0_is_called_proven() -> None:
     explored(act, tiny("tolerances.e_hh=unknown"), size=(160, 45))
 
 
+@pytest.mark.thorough
 def test_limits_stand_above_the_ranges_and_the_action_before_its_reason() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         bars = [str(app.holes.get_row(key)[-1]) for key in app.holes.rows]
@@ -161,6 +168,7 @@ def test_limits_stand_above_the_ranges_and_the_action_before_its_reason() -> Non
     explored(act, tiny(*TURNABLE, "acceptance.F_ior=110"), size=(140, 40))
 
 
+@pytest.mark.thorough
 def test_without_colours_no_style_has_one() -> None:
     code = "from hdassist.explorer import panes as p; print(p._VERDICT_STYLES, p._LETTER_STYLES, p._torque_style(1))"
     shown = subprocess.run(

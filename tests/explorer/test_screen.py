@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 from pathlib import Path
 
+import pytest
 from textual.pilot import Pilot
 
 from hdassist.design import check
@@ -16,6 +17,7 @@ from tests.explorer.rig import FEW, explored, known_is, said, screen, settled, t
 from tests.process import TINY
 
 
+@pytest.mark.thorough
 def test_the_screen_has_error_seat_holes_levers_cam_turn_and_the_order() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         await pilot.pause(REST + 0.2)
@@ -33,6 +35,7 @@ def test_the_screen_has_error_seat_holes_levers_cam_turn_and_the_order() -> None
     explored(act, size=(140, 44))
 
 
+@pytest.mark.thorough
 def test_what_is_pinned_and_which_torque_is_shown_stand_on_every_screen() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         assert "▸1 N·m" in screen(app) and "vs tiny " in screen(app)
@@ -45,6 +48,7 @@ def test_what_is_pinned_and_which_torque_is_shown_stand_on_every_screen() -> Non
     explored(act, tiny("operation.M_g=[1.0, 4.0]"), size=(80, 24))
 
 
+@pytest.mark.thorough
 def test_a_drive_at_another_torque_is_compared_with_none() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         def heads() -> list[str]:
@@ -58,6 +62,7 @@ def test_a_drive_at_another_torque_is_compared_with_none() -> None:
     explored(act, size=(120, 30))
 
 
+@pytest.mark.thorough
 def test_in_sixty_columns_the_verdict_stays_at_the_top_and_its_columns_stand_apart() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         top = screen(app).partition("1 holes")[0]
@@ -67,6 +72,7 @@ def test_in_sixty_columns_the_verdict_stays_at_the_top_and_its_columns_stand_apa
     explored(act, tiny("acceptance.F_ior=500", "source.bearing.g_b={kind: assumed, range: [0, 3]}"), size=(60, 18))
 
 
+@pytest.mark.thorough
 def test_one_pane_at_a_time_where_there_is_little_room() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         assert "LEVERS" not in screen(app) and all(len(row) == 80 for row in screen(app).split("\n"))
@@ -110,6 +116,7 @@ def test_the_whole_seat_with_its_quarters_and_every_hole_have_room_in_80_columns
     explored(act, tiny("mounting.holes=12"), size=(80, 24))
 
 
+@pytest.mark.thorough
 def test_keys_at_the_bottom_are_those_that_work_where_the_focus_is_and_are_pressed_by_a_click() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         def keys() -> str:
@@ -136,6 +143,7 @@ def test_keys_at_the_bottom_are_those_that_work_where_the_focus_is_and_are_press
     explored(act, size=(100, 30))
 
 
+@pytest.mark.thorough
 def test_two_torques_have_bars_of_their_own_within_the_pane() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         for size in ((140, 40), (100, 30), (80, 24), (60, 20)):
@@ -150,6 +158,7 @@ def test_two_torques_have_bars_of_their_own_within_the_pane() -> None:
     explored(act, tiny("operation.M_g=[1.0, 4.0]", "uncertainty.cam.W_0=0.001"), size=(140, 40))
 
 
+@pytest.mark.thorough
 def test_the_seat_has_a_legend_and_levers_stay_where_they_are() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         await pilot.pause(REST + 0.2)
@@ -164,6 +173,7 @@ def test_the_seat_has_a_legend_and_levers_stay_where_they_are() -> None:
     explored(act, size=(140, 40))
 
 
+@pytest.mark.thorough
 def test_under_a_dialog_stand_no_keys_of_the_screen_and_they_come_back() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         for key, words in (("question_mark", "Escape closes"), ("e", "Escape leaves it"), ("c", "Escape leaves it")):
@@ -186,6 +196,7 @@ def test_no_key_is_silent() -> None:
     explored(act)
 
 
+@pytest.mark.thorough
 def test_explanation_and_torque_are_a_key_away() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         await pilot.press("question_mark")
@@ -198,6 +209,7 @@ def test_explanation_and_torque_are_a_key_away() -> None:
     explored(act, tiny("operation.M_g=[1.0, 4.0]"))
 
 
+@pytest.mark.thorough
 def test_in_seven_bits_the_screen_is_as_wide_and_says_the_same() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         views = [told := screen(app)]

@@ -121,6 +121,7 @@ def explorer(*args: str, rows: int = ROWS) -> Iterator[Terminal]:
         terminal.close()
 
 
+@pytest.mark.thorough
 @needs_proc
 def test_a_session_in_a_terminal() -> None:
     before = processes()
@@ -157,6 +158,7 @@ def test_a_session_in_a_terminal() -> None:
 WHEEL = "\x1b[<65;20;14M"  # of a mouse, a notch down over the middle of the screen
 
 
+@pytest.mark.thorough
 @needs_proc
 def test_the_wheel_scrolls_lists_and_a_copied_command_reaches_the_clipboard_over_ssh() -> None:
     with explorer() as terminal:  # its plots fit any screen
@@ -171,6 +173,7 @@ def test_the_wheel_scrolls_lists_and_a_copied_command_reaches_the_clipboard_over
         assert b"\x1b]52;c;" + b64encode(command.encode()) in terminal.sent
 
 
+@pytest.mark.thorough
 @needs_proc
 @pytest.mark.parametrize(("stop", "code"), [(signal.SIGTERM, 143), (signal.SIGKILL, -9)])
 def test_a_killed_explorer_leaves_no_process_and_the_command_that_goes_on(stop: signal.Signals, code: int) -> None:
@@ -188,6 +191,7 @@ def test_a_killed_explorer_leaves_no_process_and_the_command_that_goes_on(stop: 
     assert vanished(before)
 
 
+@pytest.mark.thorough
 @needs_proc
 @pytest.mark.parametrize("is_ignored", [True, False])
 def test_an_explorer_ends_with_its_terminal(is_ignored: bool) -> None:
@@ -212,6 +216,7 @@ def test_an_explorer_ends_with_its_terminal(is_ignored: bool) -> None:
 FULL = "import textual.drivers._writer_thread as writer; writer.MAX_QUEUED_WRITES = 1"
 
 
+@pytest.mark.thorough
 @needs_proc
 @pytest.mark.parametrize("ignoring", ["", "import signal; signal.signal(signal.SIGHUP, signal.SIG_IGN)"])
 def test_an_explorer_that_waits_to_write_ends_with_its_terminal(ignoring: str) -> None:
@@ -230,6 +235,7 @@ def test_an_explorer_that_waits_to_write_ends_with_its_terminal(ignoring: str) -
     assert vanished(before)
 
 
+@pytest.mark.thorough
 @needs_proc
 def test_a_crash_gives_the_terminal_back_too() -> None:
     before = processes()
@@ -244,6 +250,7 @@ def test_a_crash_gives_the_terminal_back_too() -> None:
     assert vanished(before)
 
 
+@pytest.mark.thorough
 def test_without_a_terminal_it_is_refused_with_the_command_for_scripts(tmp_path: Path) -> None:
     done = run("explore", TINY, "h0=28.1", "--set", "gears.j_n=7")
     assert done.returncode == 2 and done.stdout == ""

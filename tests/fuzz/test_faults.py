@@ -41,6 +41,7 @@ def test_a_run_that_is_over_before_its_signal_is_counted_as_done(monkeypatch):
     assert (tally.runs, tally.done, tally.broken) == (1, 1, [])
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("surrounding", "name"), TRIED)
 def test_where_the_system_gives_little_there_is_an_answer_or_a_refusal(surrounding: str, name: str):
     if reason := unavailable(GIVES_LITTLE[surrounding]):
@@ -50,6 +51,7 @@ def test_where_the_system_gives_little_there_is_an_answer_or_a_refusal(surroundi
     assert not tally.broken
 
 
+@pytest.mark.thorough
 def test_two_runs_at_once_keep_one_file_whole():
     tally = two_at_once(("lot",), (0.1,))
     assert tally.runs == 1

@@ -21,6 +21,7 @@ def found() -> list[Outcome]:
     return list(outcomes(range(1, FEW + 1), seed=14))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", KINDS)
 def test_no_input_is_a_bug_or_takes_long_or_much_memory_or_destroys_a_file(found: list[Outcome], kind: str) -> None:
     ours = [outcome for outcome in found if outcome.kind == kind]
@@ -39,6 +40,7 @@ def test_inputs_are_the_same_again() -> None:
     assert made(7, 3, ["trace"]).kind == "trace"
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "options"])
 def test_seeds_are_meant_as_they_are(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, kind: str) -> None:
     for name in ("yaml_text", "json_text", "table_text"):

@@ -118,6 +118,7 @@ def test_every_command_is_looked_at() -> None:
     assert sum(len(declared(command)) for command in LINES) > 90
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("command", [command for command in LINES if declared(command)])
 def test_no_value_of_an_option_is_a_bug(folder: Path, command: str) -> None:
     with unsolved(at_once=True):

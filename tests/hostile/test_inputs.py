@@ -114,6 +114,7 @@ def test_a_device_without_end_and_a_pipe_without_a_writer_are_refused(folder, al
     require_refused(run(*OPENED[place], file), file)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("place", ["targets", "replay"])
 def test_a_device_without_end_takes_no_memory(folder, place):
     require_refused(soon(*OPENED[place], "/dev/zero", cwd=folder), "/dev/zero")
@@ -358,6 +359,7 @@ STDOUT = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("asked", "unbuffered"), [*((asked, "") for asked in STDOUT), ("help", "1"), ("list", "1")])
 def test_a_full_device_as_standard_output_is_said_and_is_no_bug(folder, asked, unbuffered):
     with Path("/dev/full").open("w") as full:
@@ -372,6 +374,7 @@ def test_a_full_device_as_standard_output_is_said_and_is_no_bug(folder, asked, u
     assert "Exception ignored" not in done.stderr
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("args", "code"), [(("presets", "list"), 0), (("check", "none"), 4), (("check", "--none"), 2)])
 def test_a_full_device_as_standard_error_leaves_the_answer_and_its_exit_code(folder, args, code):
     with Path("/dev/full").open("w") as full:

@@ -319,6 +319,7 @@ def test_very_many_findings_are_cut_short() -> None:
     assert found[-1].endswith("and 900 more")
 
 
+@pytest.mark.thorough
 def test_no_field_takes_a_wrong_value_and_no_message_speaks_the_language_of_the_validator() -> None:
     wrong = ("text", "[]", "[a]", "{a: 1}", "null", "true", "1e999", "-1e300", "1e300", '"1"', "[[1]]")
     taken = set()

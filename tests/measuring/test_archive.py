@@ -47,6 +47,7 @@ def entry(day: str = "2026-01-01", F_ior: float = 20.0, u: float = 0.5, **more) 
     return ArchiveEntry(date=day, F_ior_arcsec=F_ior, **(fields | found | more))
 
 
+@pytest.mark.thorough
 def test_an_archive_as_its_users_meet_it(tmp_path):
     budget, days = ("--ratio", "30", *STATED), ("2025-03-01", "2026-03-01", "2026-04-01")
     for k, (day, factor) in enumerate(zip(days, (1.0, 1.0, 1.2), strict=True)):

@@ -49,6 +49,7 @@ def sweeps(seed: int) -> str:
 SWEEPS = sweeps(5)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("M_g", [10.0, -30.0, 30.3, 25.0])
 def test_the_value_is_that_of_the_torque_asked(M_g: float):
     held = 0
@@ -66,6 +67,7 @@ def test_a_record_without_the_column_stays_as_it_was():
     assert at(plain, 10.0).F_ior_arcsec == at(plain, None).F_ior_arcsec
 
 
+@pytest.mark.thorough
 def test_a_torque_that_the_column_excludes_is_refused():
     with pytest.raises(DataError, match=r"column of torque has 10, 20, 30 N·m, not 800"):
         at(SWEEPS, 800.0)
@@ -83,6 +85,7 @@ def test_each_direction_is_taken_by_its_own_torque():
     assert {each.direction for each in at(opposite, 10.0).directions} == {1, -1}
 
 
+@pytest.mark.thorough
 def test_two_torques_tell_no_value_between_without_a_warning():
     words = record(np.tile(ONCE, 2), np.repeat([10.0, 30.0], len(ONCE)))
     assert any("by a straight line" in warning for warning in at(words, 20.0).warnings)
@@ -113,6 +116,7 @@ BETWEEN = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("words", BETWEEN.values(), ids=BETWEEN)
 @pytest.mark.parametrize("limit", [1, 99])
 def test_a_torque_between_two_recorded_ones_neither_passes_nor_fails(words: str, limit: int, tmp_path: Path):
@@ -130,6 +134,7 @@ def test_a_torque_between_two_recorded_ones_neither_passes_nor_fails(words: str,
     assert answer["measured"][0]["is_between_torques"]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "command",
     [

@@ -71,6 +71,7 @@ def test_a_screen_holds_the_answer_and_what_to_do_next(rig):
     assert max(map(len, lines)) <= 80
 
 
+@pytest.mark.thorough
 def test_part_of_the_cycle_is_a_lower_bound_and_says_why(rig):
     (rig / "part.csv").write_text(text([360 * TURNS[:600], ERROR[:600]], "cam_deg,error_arcsec"))
     lines = run("measure", "part.csv", "--ratio", "30", "--ascii", cwd=rig).stdout.splitlines()
@@ -89,6 +90,7 @@ def test_part_of_the_cycle_is_a_lower_bound_and_says_why(rig):
     assert "next     hdassist compare PRESET part.csv\n" in alone
 
 
+@pytest.mark.thorough
 def test_the_owner_of_a_joint_is_sent_to_its_correction(rig):
     (rig / "joint.csv").write_text(text([360 * TURNS[:1800], ERROR[:1800]], "cam_deg,error_arcsec"))
 
@@ -106,6 +108,7 @@ def test_the_owner_of_a_joint_is_sent_to_its_correction(rig):
     assert following("joint.csv", "--ratio", "30", "--travel", "300") == "hdassist compare PRESET joint.csv"  # a part
 
 
+@pytest.mark.thorough
 def test_the_next_command_reads_the_file_alike(rig):
     counts = [np.rint(TURNS * 16384), np.rint((TURNS / 30 + ERROR / 1296000) * 4194304)]
     (rig / "counts.csv").write_text(text(counts, "enc1,enc2", digits=0))
@@ -132,6 +135,7 @@ def test_the_rest_stands_in_the_details(rig):
     assert "once per output turn: also encoder graduation and coupling" in in_a_line(beside.stdout)
 
 
+@pytest.mark.thorough
 def test_both_directions_stand_side_by_side(rig):
     back = [360 * TURNS[-2::-1], ERROR[-2::-1] + 5]
     both = text([np.append(360 * TURNS, back[0]), np.append(ERROR, back[1])], "cam_deg,error_arcsec")
@@ -154,6 +158,7 @@ def test_a_gap_longer_than_a_cam_turn_is_drawn(rig):
     assert "rows are missing: gaps of more than 14.8° between readings are not visited" in page.stdout
 
 
+@pytest.mark.thorough
 def test_a_plot_or_a_page_that_fails_takes_no_answer_with_it(rig, monkeypatch):
     def broken(*_: object, **__: object) -> None:
         raise ZeroDivisionError("no room")

@@ -42,6 +42,7 @@ def test_less_than_an_output_revolution_is_a_bound(share):
     assert found.interval_arcsec[0] < whole_range(slow_error, RATIO)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("first", [1, 400, 1160])
 def test_the_start_of_the_cycle_never_matters(first):
     """Angles modulo the output revolution: they begin again where the cycle was not begun at zero."""
@@ -54,6 +55,7 @@ def test_the_start_of_the_cycle_never_matters(first):
     assert low < whole_range(slow_error, RATIO) < high
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("parts", [(600,), (200, 900)])
 def test_sweeps_that_join_on_the_output_are_one_cycle(parts):
     """In any order, and each with a zero of its own."""
@@ -120,6 +122,7 @@ def test_the_page_shows_the_amplitude_that_accept_compares():
     assert f"({amplitude:.2f} alone)" in facts["orders"]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("together", [False, True])
 def test_beats_of_another_ratio_are_refused(together):
     """A recording of ratio 100 is none of a drive of ratio 30, whose cycle it goes through three times."""
@@ -132,6 +135,7 @@ def test_beats_of_another_ratio_are_refused(together):
     assert not measure(recorded(turns, error), ratio=100, together=together).directions[0].is_bound
 
 
+@pytest.mark.thorough
 def test_ball_passes_are_no_beats_of_another_ratio():
     """Lines of a cage and its balls lie near orders too, but not at the same distance from several of them."""
     turns = np.arange(3 * len(PLACES)) / PER_TURN

@@ -27,6 +27,7 @@ def by_two_encoders(step: float, uneven: float):
     return measure(read_trace(file, TraceForm(second="output_deg"), ratio=30), ratio=30).directions[0]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("step", [1.0, 5.0])
 def test_steps_that_come_round_with_the_turns_are_in_the_interval(step: float):
     found = by_two_encoders(step, encoders.CAM)
@@ -71,6 +72,7 @@ def test_counts_at_uneven_angles_are_noise_and_no_source_beside_it(uneven: float
     assert abs(found.range.value - 20) <= 2 * found.uncertainty_arcsec
 
 
+@pytest.mark.thorough
 def test_steps_that_may_be_the_error_are_refused():
     with pytest.raises(UntrustedError, match="steps of 20″ at even angles"):
         by_two_encoders(20.0, encoders.CAM)

@@ -46,6 +46,7 @@ def turns_of(share):
     return np.arange(int(share * RATIO * PER_TURN)) / PER_TURN
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("share", [0.4, 0.75])
 def test_a_part_of_the_cycle_has_both_ends(share):
     result = measured(turns_of(share))

@@ -66,6 +66,7 @@ def test_two_positions_worked_by_hand():
     })  # fmt: skip
 
 
+@pytest.mark.thorough
 @given(st.integers(2, 6), st.integers(2, 5), st.integers(0, 2**31))
 def test_figures_agree_with_another_program_in_either_form_of_the_file(positions: int, runs: int, seed: int):
     rng = np.random.default_rng(seed)

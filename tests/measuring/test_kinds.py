@@ -14,6 +14,7 @@ from hdassist.measuring.terms import bins_of
 from tests.rigs import recorded
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_record_of_each_kind_is_held_and_gives_no_wrong_verdict(kind: str):
     count = sum((counted(Rig(kind, seed)) for seed in (2, 3)), Counter())

@@ -27,6 +27,7 @@ def line(order: float, size: float, phase: float = 0.4, turns: np.ndarray = TURN
 NOISE = 0.5 * np.random.default_rng(1).standard_normal(len(TURNS))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("order", [0.51, 6.48, 12.96, 13.0, 14.02, 19.3])
 def test_a_line_is_found_where_it_is(order):
     found = found_in(CURVE(TURNS) + line(order, 3.0) + NOISE)
@@ -113,6 +114,7 @@ def test_a_part_of_the_cycle_speaks_of_its_own_angles():
     assert found.range.rise == 0
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("turns", "per_turn", "memory"), [(4, 150, 0.9), (4, 150, 0.0), (10, 100, 0.98), (30, 60, 0.6)]
 )
@@ -155,6 +157,7 @@ def _curve(found: SweepResult, coefficients: np.ndarray) -> np.ndarray:
     return curve_of(coefficients, found.fit.orders, found.grid_turns)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("order", [14, 17])
 @pytest.mark.parametrize("uneven", [0.0, 0.4, 1.0])
 def test_an_order_that_few_rows_hardly_resolve_is_part_of_the_range(order, uneven):
@@ -179,6 +182,7 @@ def test_an_order_that_few_rows_hardly_resolve_is_part_of_the_range(order, uneve
     assert min(abs(line.per_cam_rev - order) for line in found.lines) < 0.1
 
 
+@pytest.mark.thorough
 def test_an_order_that_even_rows_show_as_another_is_held():
     # 35 to 39 even rows a turn: order 24 looks like 11 to 15, and F'_ior came out too small in half of the records
     for seed in range(3):

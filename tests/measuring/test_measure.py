@@ -16,6 +16,7 @@ from tests.rigs import EVEN, PER_TURN, RATIO, even_wave, recorded, simulated, te
 from tests.support import rounding
 
 
+@pytest.mark.thorough
 def test_known_ranges_lie_within_the_stated_uncertainty():
     hits, within, passed, raw_too_large, widths = 0, 0, 0, 0, []
     for seed in range(20):
@@ -95,6 +96,7 @@ def test_rounding_does_not_move_the_draws():
     assert np.abs(one.fit.factor - two.fit.factor).max() < 1e-6 * np.abs(one.fit.factor).max()
 
 
+@pytest.mark.thorough
 def test_simulated_benches_are_held():
     """The short form of `python -m benchmarks.records`."""
     held = records.Held({})

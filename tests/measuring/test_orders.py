@@ -86,6 +86,7 @@ def test_a_clean_wave_comes_back():
     assert found.range.value == pytest.approx(20, abs=0.05)
 
 
+@pytest.mark.thorough
 def test_amplitudes_are_as_uncertain_as_they_say():
     turns = np.arange(600) / 150
     departures = []

@@ -19,6 +19,7 @@ def true_slope(joint: Joint, travel_deg: float) -> float:
     return float(np.abs(np.gradient(joint.error(turns), 360 / RATIO / 1000))[1000:-1000].max())
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", range(6))
 def test_slopes_of_records_are_held(seed):
     joint = Joint(seed, 120.0)

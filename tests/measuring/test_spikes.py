@@ -42,6 +42,7 @@ def test_a_turning_point_is_no_spike():
     assert [int(each.bins.rows.sum()) for each in found.directions] == [599, 599]
 
 
+@pytest.mark.thorough
 def test_many_outliers_are_left_out_when_asked_and_their_effect_said():
     turns, error, curve = simulated(0)
     rng = np.random.default_rng(3)

@@ -63,6 +63,7 @@ def test_drift_is_taken_off_when_asked_and_said_when_not():
     assert bent.F_ior_arcsec == pytest.approx(24.2, abs=0.4)
 
 
+@pytest.mark.thorough
 def test_a_cycle_that_does_not_close_drifts():
     turns, error, curve = simulated(0)
     clean = measure(recorded(turns, error), ratio=RATIO)
@@ -108,6 +109,7 @@ def test_a_part_of_the_cycle_is_a_bound():
     assert unknown.coverage is None
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", [7, 9, 21])
 def test_a_lower_bound_lies_below_the_hidden_truth(seed: int):
     """Of nine of thirty turns noise makes the value itself about as great as F'_ior of the full cycle, or greater."""

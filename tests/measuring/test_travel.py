@@ -25,6 +25,7 @@ def test_travel_counts_where_it_is_less_than_the_full_cycle():
     assert gearing_of(None, 99.5).within(540) == Gearing(99.5, 199, 149.25)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("travel_deg", [300.0, 120.0, 40.0])
 def test_ranges_of_joints_are_held(travel_deg):
     study = JointStudy()
@@ -34,6 +35,7 @@ def test_ranges_of_joints_are_held(travel_deg):
     assert abs(study.bias) / 4 < 0.03
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("output_deg", [150.0, 200.0])
 def test_orders_of_the_cam_are_those_of_the_same_record_without_a_travel(output_deg: float):
     """Orders nearer than the travel tells apart cancel each other: together they are no more than the error is."""
@@ -54,6 +56,7 @@ def test_less_than_the_travel_is_a_lower_bound():
     assert found.coverage.share == pytest.approx(0.6, abs=0.01)
 
 
+@pytest.mark.thorough
 @pytest.mark.moves("acceptance.travel")
 def test_a_joint_is_accepted_by_a_record_of_its_travel():
     joint, drive = Joint(2, 300.0), load_preset("vzp160", ["operation.M_g=80"])
@@ -67,6 +70,7 @@ def test_a_joint_is_accepted_by_a_record_of_its_travel():
     assert [verdict(good, 300.0), verdict(bad, 300.0), verdict(good, 720.0)] == ["PASS", "FAIL", "INCONCLUSIVE"]
 
 
+@pytest.mark.thorough
 def test_a_prediction_beyond_the_limit_over_the_full_cycle_fails_no_joint():
     whole = load_preset("vzp160", ["operation.M_g=80"])
     for travel, verdict in ((720.0, "FAIL"), (90.0, "INCONCLUSIVE")):

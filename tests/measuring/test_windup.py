@@ -39,6 +39,7 @@ def drive() -> Drive:
     return load_preset("size-17-100", [f"catalogue.{name}={value}" for name, value in catalogue.items()])
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_wind_up_that_the_record_tells_is_fitted(sign: float):
     result = measured(file(WALKING, sign))
@@ -56,6 +57,7 @@ def test_a_wind_up_that_the_record_tells_is_fitted(sign: float):
         measured(bare)
 
 
+@pytest.mark.thorough
 def test_a_wind_up_that_goes_with_the_output_s_turn_is_the_catalogue_s_or_stays():
     left = measured(file(GRAVITY, 1.0))
     assert left.F_ior_arcsec > 5 * RANGE
@@ -72,6 +74,7 @@ def test_a_wind_up_that_goes_with_the_output_s_turn_is_the_catalogue_s_or_stays(
         assert source["wind-up"] == pytest.approx(0.1 * np.ptp(twist), rel=0.01)
 
 
+@pytest.mark.thorough
 def test_the_record_goes_before_the_catalogue():
     result = measured(file(WALKING, -1.0), drive())
     assert result.torque is not None
@@ -89,6 +92,7 @@ def low_passed(white: np.ndarray) -> np.ndarray:
     return np.asarray(lfilter([0.44], [1.0, -0.9], white))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", ["white", "coloured", "counts"])
 @pytest.mark.parametrize("mean", [0.0, 20.0])
 def test_a_steady_torque_that_is_read_noisily_has_no_stiffness(kind: str, mean: float):
@@ -102,6 +106,7 @@ def test_a_steady_torque_that_is_read_noisily_has_no_stiffness(kind: str, mean: 
         assert result.F_ior_arcsec == pytest.approx(RANGE, abs=0.4)
 
 
+@pytest.mark.thorough
 def test_a_wind_up_whose_torque_is_read_noisily_is_no_line_and_widens_the_stiffness():
     """Its noise makes the slope too small: the rest of the wind-up was fitted as a line, and then all of it."""
     waving = 20 + 0.3 * np.sin(2 * np.pi * TURNS / 7.3)
@@ -116,6 +121,7 @@ def test_a_wind_up_whose_torque_is_read_noisily_is_no_line_and_widens_the_stiffn
         assert abs(value - STIFFNESS) < 2 * unsure < 0.6 * STIFFNESS
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("unit", "size"), [("M (mN·m)", 1e3), ("Moment/kNm", 1e-3), ("torque_Nm", 1.0)])
 def test_a_constant_torque_is_told_and_changes_nothing(unit: str, size: float, tmp_path):
     columns = [360 * TURNS, ERROR, np.full(len(TURNS), 20.0 * size)]
@@ -153,6 +159,7 @@ def rig(seed: int, turns: np.ndarray, torque: np.ndarray, slope: float, bend: fl
 ONCE = np.arange(RATIO * PER_TURN) / PER_TURN
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("bend", [0.0, 2.0])
 def test_sweeps_at_several_torques_tell_the_error_at_each_and_what_lines_between_miss(bend: float):
     """At twice the uncertainty; of a parabola lines between three torques miss a quarter of its bend."""
@@ -173,6 +180,7 @@ def test_sweeps_at_several_torques_tell_the_error_at_each_and_what_lines_between
     assert sum(held) >= 11
 
 
+@pytest.mark.thorough
 def test_two_torques_tell_no_bend():
     turns, torque = np.tile(ONCE, 2), np.repeat([10.0, 30.0], len(ONCE))
     result, true = rig(1, turns, torque, 2.0, 0.0)
@@ -202,6 +210,7 @@ def test_a_record_that_does_not_tell_how_the_orders_change_with_its_torque_is_re
     assert any("record a sweep at each torque" in warning for warning in result.warnings)
 
 
+@pytest.mark.thorough
 def test_the_error_at_each_torque_is_on_the_page_and_in_the_answer(tmp_path):
     turns, torque = np.tile(ONCE, 2), np.repeat([10.0, 30.0], len(ONCE))
     error = loaded(turns, torque, 2.0, 0.0, np.arange(4.0)) + 0.1 * np.sin(turns**2)

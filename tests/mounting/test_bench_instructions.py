@@ -147,6 +147,7 @@ def test_a_verification_has_one_result() -> None:
     assert mount_report(again, 0).values["next"]["hole"] == least
 
 
+@pytest.mark.thorough
 def test_the_verification_of_a_command_is_one_result_too() -> None:
     few = ("mount", SMALL, "--torque", "4", "--draws", "8", "h0=73", "h4=18.2", "h8=25", "h3=19.3", "--verify", "h4=70")
     done, quiet = run(*few, "--json"), run(*few, "-q")
@@ -210,6 +211,7 @@ def test_a_value_that_is_probably_misread_is_measured_again_before_anything_else
 # One number
 
 
+@pytest.mark.thorough
 def test_the_order_of_values_changes_no_digit() -> None:
     samples = once_around()
     tried = [*measured_in(samples, 0, 4, 8), Trial(60.0, 21.0, noise_arcsec=0.2), Trial(60.0, 20.5)]
@@ -225,6 +227,7 @@ def _same(one: object, other: object) -> bool:
     return repr(one) == repr(other)
 
 
+@pytest.mark.thorough
 def test_a_torque_for_all_values_is_the_torque_of_each() -> None:
     drive = told("operation.M_g=[1, 4]")
     values = [(0.0, 30.0), (120.0, 18.0), (240.0, 25.0)]
@@ -246,6 +249,7 @@ def test_a_decimal_comma_is_a_point() -> None:
 # The card
 
 
+@pytest.mark.thorough
 def test_a_line_of_a_card_ends_neither_before_a_unit_nor_as_a_command() -> None:
     for language, name in itertools.product(("en", "ru"), range(1, 30)):  # wherever the line ends
         tried = [Trial(0.0, 20.0, M_g=3.4, noise_arcsec=0.1, file="x" * name), *(replace(t, M_g=44.5) for t in TRIALS)]
@@ -276,6 +280,7 @@ def test_a_recording_keeps_its_name(tmp_path: Path) -> None:
 # Numbers of another torque, and of one sample
 
 
+@pytest.mark.thorough
 def test_the_gain_of_values_at_a_torque_that_does_not_decide_is_computed_at_that_torque() -> None:
     drive = load_preset(SMALL, ["operation.M_g=[4]", "uncertainty.phases.phi_hb=90", "uncertainty.tolerances.e_hb=20"])
     positions = seat_positions(drive)

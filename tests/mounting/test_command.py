@@ -48,6 +48,7 @@ def test_the_recommended_position_holds_when_checked_alone(answer):
         assert kinematic_error(drive, M_g).F_ior_arcsec == pytest.approx(value, abs=1e-9)
 
 
+@pytest.mark.thorough
 def test_the_same_digits_for_any_number_of_jobs(answer):
     # and for any hash seed
     assert run_cold(*QUICK, "--json", "--jobs", "1").stdout == answer.stdout

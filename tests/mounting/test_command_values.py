@@ -30,6 +30,7 @@ def answer(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict, str, str]:
     return json.loads(done.stdout), done.stderr, figures.read_text()
 
 
+@pytest.mark.thorough
 def test_json_tells_positions_and_what_the_values_teach(answer):
     told, _, _ = answer
     assert told["schema"] == "hdassist.mount/3"
@@ -48,6 +49,7 @@ def test_json_tells_positions_and_what_the_values_teach(answer):
     assert told["certificate"]["max_residual"] < 1e-9
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("kept")
 def test_the_old_name_is_the_same_command(answer):
     old = run("trials", *LOOSE[1:], *TRIALS, "--json")
@@ -63,6 +65,7 @@ def shape(value: object, path: str = "") -> set[str]:
     return {f"{path}.{key}" for key in value}.union(*(shape(part, f"{path}.{key}") for key, part in value.items()))
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("kept")
 def test_json_has_one_shape_whatever_was_given(answer):
     few = (*LOOSE, *FEW, "--json")
@@ -88,11 +91,13 @@ def test_csv_has_a_row_for_each_hole(answer):
     assert [float(row["F_ior_p50_arcsec"]) for row in rows] == [p["F_ior_arcsec"]["p50"][0] for p in told["positions"]]
 
 
+@pytest.mark.thorough
 def test_the_same_digits_for_any_number_of_jobs(answer):
     # and for any hash seed
     assert json.loads(run_cold(*LOOSE, *TRIALS, "--json", "--jobs", "1").stdout) == answer[0]
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("kept")
 def test_people_see_the_hole_how_sure_what_to_measure_and_where_to_go_on(answer):
     short = (Path(SMALL).name if each == SMALL else each for each in LOOSE)  # a long path takes lines of its own
@@ -123,6 +128,7 @@ def test_people_see_the_hole_how_sure_what_to_measure_and_where_to_go_on(answer)
     assert not re.search(r"\b(tolerances|phases|gears|bearing)\.", words)  # no paths on a fitter's page
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("kept")
 def test_details_are_all_holes_and_what_was_learnt(answer):
     page = in_a_line(run(*LOOSE, *TRIALS, "--ascii", "--details").stdout)
@@ -130,6 +136,7 @@ def test_details_are_all_holes_and_what_was_learnt(answer):
         assert words in page
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("kept")
 def test_one_value_names_a_hole_and_the_next_one_to_measure():
     one = run(*ONE, "h0=20", "--json", "--no-plot")
@@ -139,6 +146,7 @@ def test_one_value_names_a_hole_and_the_next_one_to_measure():
     assert run(*ONE, "h0=20", "-q", "--sure", "0.999").returncode == 6
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("kept")
 def test_values_count_at_their_own_torque():
     """Of a drive at two torques: in JSON, in the outcome, on the page and on the card."""
@@ -154,6 +162,7 @@ def test_values_count_at_their_own_torque():
         assert words in in_a_line(page.stdout)
 
 
+@pytest.mark.thorough
 def test_an_outcome_says_keep_or_go_back():
     doubtful = run(*ONE, *FEW, *TRIALS, "--verify", "h6=80", "-q")  # where 15 was expected
     assert (doubtful.returncode, doubtful.stdout) == (6, "6\n")
@@ -188,6 +197,7 @@ def test_wrong_usage_is_told_before_any_work(arguments, words):
     assert done.stdout == ""
 
 
+@pytest.mark.thorough
 def test_values_that_no_drive_shows_name_a_hole_by_themselves():
     done = run(*ONE, *FEW, "h0=20", "h4=500", "h8=480", "--json")
     told = json.loads(done.stdout)
@@ -196,6 +206,7 @@ def test_values_that_no_drive_shows_name_a_hole_by_themselves():
     assert "no drive of this preset shows these values" in done.stderr
 
 
+@pytest.mark.thorough
 def test_values_of_another_torque_are_named_with_the_torque_that_they_fit():
     done = run(*ONE, *FEW, "h0=190", "h4=189", "h8=147", "-q")
     words = " ".join(done.stderr.split())
@@ -203,6 +214,7 @@ def test_values_of_another_torque_are_named_with_the_torque_that_they_fit():
     assert "the values fit 1 N·m far better than 4 N·m: measured at it? (--trial-torque 1)" in words
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("kept")
 def test_a_card_tells_the_values_it_rests_on_its_word_and_how_sure(answer, tmp_path: Path):
     card = tmp_path / "card.txt"
@@ -217,6 +229,7 @@ def test_a_card_tells_the_values_it_rests_on_its_word_and_how_sure(answer, tmp_p
     assert f" 4 {now} {best} " in text
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("kept")
 def test_values_of_the_preset_count_beside_those_given():
     values = "measured.F_ior={h0@4: 73 ± 2, h4@4: 18.5 ± 2}"
@@ -226,6 +239,7 @@ def test_values_of_the_preset_count_beside_those_given():
     assert json.loads(done.stdout)["positions"] == json.loads(given.stdout)["positions"]
 
 
+@pytest.mark.thorough
 def test_the_number_of_samples_that_are_needed_is_that_of_the_help():
     """A catalogue's value that no drive has: 8 samples of --draws 16 with measured values, as the help has it."""
     few = run(

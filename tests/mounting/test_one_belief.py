@@ -34,6 +34,7 @@ def drive_of(*overrides: str):
     return load_preset(TINY, [*OPEN, *overrides])
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("kept")
 @pytest.mark.parametrize(
     "more", ["name=any", "acceptance.F_ior=28", "acceptance.F_ior=40", "measured.F_ior={h0@4: 120 ± 20, h2@4: 95 ± 20}"]
@@ -58,6 +59,7 @@ def test_F_ior_as_mounted_is_the_same_number_on_check_mount_and_a_sheet(more):
 FACES = ("phases.xi_g", "phases.xi_b", "phases.phi_hb", "phases.phi_hh")  # directions that all drives have
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("kept")
 def test_all_pages_say_the_same_numbers_and_the_same_probability():
     """A limit that some samples keep at 4 N*m, and all of them at 1 N*m; the explorer has its own test."""

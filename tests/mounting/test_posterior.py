@@ -81,6 +81,7 @@ def test_draws_and_weights_are_those_of_the_normal_distribution() -> None:
             assert mine.std(axis=0) == pytest.approx(spread, rel=0.15)
 
 
+@pytest.mark.thorough
 def test_intervals_hold_what_they_promise() -> None:
     """Drives drawn from what is assumed, scale, misfit and noise: 90 % of F'_ior lie in the intervals of 90 %."""
     rng = np.random.default_rng(5)
@@ -103,6 +104,7 @@ def test_intervals_hold_what_they_promise() -> None:
         assert np.mean(share) == pytest.approx(promised, abs=3 * np.std(share) / np.sqrt(len(share)))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("size", "direction"), [(50.0, 20.0), (40.0, 265.0)])
 def test_a_hidden_offset_is_recovered(cloud: HoleSamples, size: float, direction: float) -> None:
     values = measured(size, direction)
@@ -115,6 +117,7 @@ def test_a_hidden_offset_is_recovered(cloud: HoleSamples, size: float, direction
     assert values[losses.best] < 1.05 * min(values)
 
 
+@pytest.mark.thorough
 def test_more_values_make_it_surer_and_the_next_one_brings_what_is_foreseen(cloud: HoleSamples) -> None:
     values = measured(40.0, 140.0)
     (_, one), (draws, three), (_, six) = (
@@ -261,6 +264,7 @@ def test_values_at_a_second_torque_tell_what_those_at_the_first_cannot() -> None
     assert only.value and only.value.M_g == M_G
 
 
+@pytest.mark.thorough
 @given(order=st.permutations(range(5)))
 @settings(max_examples=6, deadline=None)
 def test_the_order_of_values_does_not_matter(order: list[int]) -> None:
@@ -286,6 +290,7 @@ def values_near(one: float, other: float) -> bool:
     return abs((one - other + 180) % 360 - 180) <= 60
 
 
+@pytest.mark.thorough
 def test_one_misread_value_of_six_is_named_and_the_hole_all_the_same(cloud: HoleSamples) -> None:
     """The value in the best of the holes is read 15 arcsec too high, or that in a good one 20."""
     values = measured(50.0, 20.0)

@@ -92,6 +92,7 @@ def test_a_value_counts_by_its_own_noise(cloud):
     assert narrow.high_arcsec - narrow.low_arcsec < wide.high_arcsec - wide.low_arcsec
 
 
+@pytest.mark.thorough
 def test_a_trial_of_the_preset_counts_once_whether_given_again_or_not(cloud):
     one = "measured.F_ior={h4@4: 20 ± 1}"
     given, again = [Trial(0.0, 30.0)], Trial(120.0, 20.0)

@@ -30,6 +30,7 @@ def require_turned(prior: HoleSamples, drive: Drive, sample: int, direction: int
     assert shown(prior, [rotation], place)[0, 0] == pytest.approx(exact, rel=max(5 * prior.read_error, 0.05))
 
 
+@pytest.mark.thorough
 def test_turning_the_wheel_is_turning_all_that_stands_back() -> None:
     """F'_ior of samples in other positions, taken from other directions of theirs, against the wheel turned."""
     drive = load_preset(SMALL, ["tolerances.e_hh=0"])
@@ -40,6 +41,7 @@ def test_turning_the_wheel_is_turning_all_that_stands_back() -> None:
     assert shown(prior, [15.0], some) == pytest.approx(shown(prior, [0.0, 30.0], some).mean(axis=1, keepdims=True))
 
 
+@pytest.mark.thorough
 def test_stiffnesses_and_clearances_are_drawn_as_check_draws_them_and_by_its_evidence() -> None:
     """A clearance that is assumed moves F'_ior; a catalogue's stiffness that no drive has leaves none."""
     drive = load_preset(SMALL, ["operation.M_g=4", "tolerances.e_hh=0", ASSUMED])
@@ -67,6 +69,7 @@ def test_a_hole_is_named_also_where_few_draws_agree_with_the_evidence(monkeypatc
     assert hole_samples(drive, (), SETUP, draws=16, table=TableEffort(8, COARSE_MESH)).few == ""
 
 
+@pytest.mark.thorough
 def test_values_that_the_preset_predicts_keep_its_direction_and_others_open_it() -> None:
     """Half of what is believed before any value is the offset as stated: F'_ior there is that of the preset itself."""
     drive = load_preset(SMALL, ["tolerances.e_hh=0", "phases.phi_hb=70"])
@@ -99,6 +102,7 @@ def test_what_the_preset_knows_of_the_offset_counts() -> None:
     assert draws.offset[0].std() == pytest.approx(2, rel=0.15)
 
 
+@pytest.mark.thorough
 def test_a_standing_ovality_that_is_known_does_not_turn_with_the_samples() -> None:
     oval = hole_samples(told("harmonics.a_s2=3", "harmonics.xi_s2=20"), (), SETUP, **COARSE)
     assert not oval.weight[:, 1:].any()
@@ -108,6 +112,7 @@ def test_a_standing_ovality_that_is_known_does_not_turn_with_the_samples() -> No
     assert turning.mean() == 0.5  # of the others the direction is as stated
 
 
+@pytest.mark.thorough
 def test_with_the_flexspline_fixed_its_own_offset_is_found() -> None:
     drive = told("mounting.fixed=flexspline", "tolerances.e_hb=0", "tolerances.e_hg=30")
     truth = drive.with_values({"tolerances.e_hg": 45.0, "phases.phi_hg": 130.0})
@@ -118,6 +123,7 @@ def test_with_the_flexspline_fixed_its_own_offset_is_found() -> None:
     assert abs(off.mean()) < 2 * off.std() < 60
 
 
+@pytest.mark.thorough
 def test_a_free_angle_and_many_holes() -> None:
     for holes, directions, count in ((0, 36, 72), (3, 9, 3), (100, 36, 100)):
         drive = told(f"mounting.holes={holes}")

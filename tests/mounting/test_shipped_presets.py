@@ -21,6 +21,7 @@ def drive_of(name, more):
     return load_text(similar_preset("own", like, sheet), name, more)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("name", "more"), [*((name, ()) for name in preset_names()), ("vzp160", WITHOUT_PHASES), ("own.yaml", ())], ids=str
 )

@@ -29,6 +29,7 @@ def oval():
     return advice_on(*OVAL, draws=16)
 
 
+@pytest.mark.thorough
 def test_without_a_direction_that_decides_any_hole_may_be_the_best():
     advice = advice_on("phases.phi_hb=unknown", "operation.M_g=4")
     report = mount_report(advice, 0)
@@ -109,6 +110,7 @@ def test_what_is_known_is_ordered_as_ever():
     assert (advice.word, advice.unknown, advice.decision.is_sampled) == ("TURN", (), False)
 
 
+@pytest.mark.thorough
 def test_without_a_direction_there_is_a_hole_and_a_card_that_says_any(tmp_path):
     open_ = (SMALL, "--set", "phases.phi_hb=unknown", "--torque", "4", "--no-plot", "--draws", "16")
     done = run("mount", *open_, "--card", "card.txt", "-q", cwd=tmp_path)

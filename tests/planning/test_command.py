@@ -53,6 +53,7 @@ def test_with_a_limit_the_page_has_wrong_verdicts_and_fits_a_screen():
     assert max(map(len, page.stdout.splitlines())) <= 80
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("options", "is_any"), [(OPEN, False), ((*OPEN, "--noise", "30"), False), ((), True)])
 def test_any_test_is_enough_only_where_each_of_the_table_is(options, is_any):
     page = run("plan", TINY, *options, "--torque", "4", "--limit", "2400", "--no-plot").stdout
@@ -62,6 +63,7 @@ def test_any_test_is_enough_only_where_each_of_the_table_is(options, is_any):
     assert re.search(r"^0\.0 % of drives are beyond the limit", page, re.M)
 
 
+@pytest.mark.thorough
 def test_what_chance_leaves_open_asks_for_more_samples():
     page = run("plan", TINY, *OPEN, "--torque", "4", "--limit", "2102", "--no-plot").stdout
     assert re.search(r"^open +no measurement, more samples settle it: --draws ", page, re.M)

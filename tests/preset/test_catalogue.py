@@ -17,6 +17,7 @@ from hdassist.run.run import UNCHECKED
 from tests.process import TINY
 
 
+@pytest.mark.thorough
 def test_every_file_is_what_the_command_makes() -> None:
     made = files()
     assert {path for path, text in made.items() if path.read_text(encoding="utf-8") != text} == set()

@@ -37,6 +37,7 @@ def bore(drive: Drive) -> float:
     return g.m * (g.z_g + 2 * g.x_g - 2 * g.h_f) - 2 * drive.flexspline.h_1
 
 
+@pytest.mark.thorough
 @settings(max_examples=30, deadline=None)
 @given(st.floats(20, 400), st.integers(60, 640))
 def test_any_size_and_ratio_makes_a_drive_that_meshes(d: float, z_g: int) -> None:

@@ -15,6 +15,7 @@ from pathlib import Path
 from xml.dom.minidom import parseString
 
 import numpy as np
+import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from pydantic import TypeAdapter
@@ -78,6 +79,7 @@ def say(*args: str) -> tuple[str, str]:
 hostile = settings(max_examples=8, deadline=None)
 
 
+@pytest.mark.thorough
 @hostile
 @example(STEERING)
 @given(WORDS)
@@ -135,6 +137,7 @@ def test_a_lot(word: str) -> None:
         say(*asked, "-q")
 
 
+@pytest.mark.thorough
 @settings(max_examples=4, deadline=None)
 @example(STEERING)
 @given(WORDS)
@@ -188,6 +191,7 @@ def test_words_of_the_command_line(word: str) -> None:
 CARD = card(advice_of([30.0, 20.0, 25.0]), serial="17")
 
 
+@pytest.mark.thorough
 @settings(max_examples=50, deadline=None)
 @example(STEERING, False)
 @given(WORDS, st.booleans())
@@ -235,6 +239,7 @@ STYLES = [Style(ascii=ascii, codes=False, width=200) for ascii in (False, True)]
 PLAIN = [*map(documents.report_html(report_of("a")).count, "<>")]
 
 
+@pytest.mark.thorough
 @hostile
 @example(STEERING)
 @example("<script>alert(1)</script>")
@@ -254,6 +259,7 @@ def test_reports(word: str) -> None:
         assert shown.getvalue().isascii() or not style.ascii
 
 
+@pytest.mark.thorough
 def test_a_true_terminal_is_sent_our_colours_alone() -> None:
     with folder(STEERING) as (place, preset):
         trace = place / f"{on_disk(STEERING)}.csv"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 
+import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
@@ -70,12 +71,14 @@ def test_random_syntax(text: str) -> None:
     check(text)
 
 
+@pytest.mark.thorough
 @settings(max_examples=150)
 @given(st.sampled_from(range(len(BASE))), st.integers(0, 12), SYNTAX | st.text(max_size=3))
 def test_a_preset_with_a_piece_torn_out(start: int, length: int, piece: str) -> None:
     check(BASE[:start] + piece + BASE[start + length :])
 
 
+@pytest.mark.thorough
 @settings(max_examples=200)
 @given(
     st.sampled_from([*PATHS, "gears", "source", "uncertainty", "name", "schema", "acceptance.F_ior.80", "x.y.z"]),
@@ -119,6 +122,7 @@ def test_any_text_is_a_number_or_refused(text: str, unit: str) -> None:
         assert error.message
 
 
+@pytest.mark.thorough
 @settings(max_examples=50)
 @given(st.text(min_size=1, max_size=200).filter(str.isprintable))
 def test_any_name_survives_the_template(name: str) -> None:

@@ -68,6 +68,7 @@ def test_colons_in_a_column_of_time_are_no_angle():
         table_of("time;error_arcsec\n12:30:00;1\n12:30:01;2\n")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("form", sorted(FORMS))
 @pytest.mark.parametrize("separator", [";", ",", "\t"])
 def test_a_recording_gives_the_same_error_as_in_degrees(tmp_path, form: str, separator: str):

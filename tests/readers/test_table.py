@@ -340,6 +340,7 @@ def test_a_size_in_megabytes() -> None:
         list(TextFile(b"1\n" * 2_500_001, 5_000_000).parts())
 
 
+@pytest.mark.thorough
 @given(
     st.binary(max_size=80)
     | st.text(max_size=80).map(str.encode)

@@ -279,6 +279,7 @@ OTHERS = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("program", OTHERS)
 @pytest.mark.parametrize("robust", [False, True])
 def test_a_file_of_another_program_is_named_in_one_line(program: str, robust: bool):

@@ -102,6 +102,7 @@ def recorded(curve, readings, sigma, span=RATIO, seed=0):
     return range_figure(posterior_of_recording(recording_from_columns(turns, error, RATIO)))
 
 
+@pytest.mark.thorough
 def test_orders_that_coarse_readings_hide_stay_open():
     def fine(turns):
         return 9 * np.cos(4 * np.pi * turns) + 8 * np.cos(2 * np.pi * 15 * turns)
@@ -115,6 +116,7 @@ def test_orders_that_coarse_readings_hide_stay_open():
     assert resolved.verdict(0.8 * true) is Verdict.FAIL
 
 
+@pytest.mark.thorough
 def test_a_steep_flank_does_not_fail_by_its_overshoot():
     def steep(turns):
         return 5 * np.tanh(8 * np.sin(4 * np.pi * turns + 0.3))
@@ -124,6 +126,7 @@ def test_a_steep_flank_does_not_fail_by_its_overshoot():
     assert figure.verdict(0.9 * 10.0) is Verdict.FAIL
 
 
+@pytest.mark.thorough
 def test_a_bent_drift_is_no_error():
     def drifting(turns):
         return 9 * np.cos(4 * np.pi * turns) + 4 * (turns / RATIO) ** 2 - turns / RATIO

@@ -53,6 +53,7 @@ def test_known_amplitudes_are_recovered(reference):
     assert np.isclose(np.median(reference.sigma_arcsec), 0.4, rtol=0.15)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("relation", ["permuted", "split", "elsewhere", "wrapped", "mirrored", "negated", "units"])
 def test_relations_hold_to_rounding(reference, relation):
     turns, error, sweep, time, scale = TURNS, ERROR, None, None, 1.0

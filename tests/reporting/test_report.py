@@ -81,6 +81,7 @@ def folder(tmp_path_factory) -> Path:
     return place
 
 
+@pytest.mark.thorough
 def test_the_same_input_is_the_same_bytes_whatever_the_jobs(sheet, folder):
     again = report_html(drive_report(sheet, draws=64, seed=0))
     assert (folder / "a.html").read_bytes() == again.encode("utf-8")
@@ -169,6 +170,7 @@ def test_no_line_of_html_ends_within_a_range_or_before_a_unit(sheet):
     assert not re.search(r"\([\d.]+(-| to )[\d.]+\)</", page)
 
 
+@pytest.mark.thorough
 def test_where_nothing_tells_holes_apart_none_is_called_best_or_worst():
     drive = load_preset(SMALL, ["phases.xi_b=unknown", "phases.xi_g=unknown", "operation.M_g=[4.0]"])
     sheet = sheet_of(drive, draws=8)

@@ -59,6 +59,7 @@ def scheduler() -> Iterator[str]:
         end_clusters()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", COMMANDS)
 def test_an_answer_is_the_same_to_the_last_digit_wherever_it_is_computed(scheduler: str, name: str) -> None:
     there, here = run(*COMMANDS[name], "--executor", scheduler), run(*COMMANDS[name])
@@ -80,6 +81,7 @@ def test_rows_of_a_lot_are_the_same_and_it_goes_on_wherever_it_stopped(scheduler
     assert plain(again.stdout) == plain(here.stdout)
 
 
+@pytest.mark.thorough
 @needs_proc
 def test_an_own_cluster_is_open_to_nobody_else_and_ends_with_its_command(tmp_path: Path) -> None:
     file = tmp_path / "rows.jsonl"
@@ -98,6 +100,7 @@ def test_an_own_cluster_is_open_to_nobody_else_and_ends_with_its_command(tmp_pat
     assert all(map(ends, workers))
 
 
+@pytest.mark.thorough
 def test_an_own_cluster_takes_no_work_without_its_key() -> None:
     with cluster("dask", 1, installation) as engine:
         assert engine.submit(abs, -3).result(60) == 3
@@ -110,6 +113,7 @@ def test_an_own_cluster_takes_no_work_without_its_key() -> None:
     end_clusters()
 
 
+@pytest.mark.thorough
 @needs_proc
 def test_a_worker_that_is_lost_changes_nothing() -> None:
     with LocalCluster(2, threads_per_worker=1, dashboard_address=ANY_PORT) as own, Client(own) as client:

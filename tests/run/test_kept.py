@@ -323,6 +323,7 @@ def test_a_file_is_held_by_one_run_at_a_time_by_whatever_link_it_is_named(tmp_pa
     assert (tmp_path / "link").is_symlink()
 
 
+@pytest.mark.thorough
 def test_a_killed_run_loses_no_record_and_nobody_else_writes_meanwhile(path, monkeypatch):
     monkeypatch.setattr("hdassist.run.kept.LOCK_PATIENCE", 0.0)
     with subprocess.Popen([sys.executable, "-c", WRITE_ON, path], stdout=subprocess.PIPE, env=CLEAN) as process:

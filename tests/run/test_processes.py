@@ -76,6 +76,7 @@ def test_processes_answer_in_order_hear_no_interrupt_and_end():
     assert signal.getsignal(signal.SIGINT) is not signal.SIG_IGN
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(start_method() == "spawn", reason="processes are forked on Linux alone, but for HDASSIST_SPAWN")
 @pytest.mark.parametrize("thread", [False, True])
 def test_processes_begin_with_what_is_imported_and_are_not_forked_beside_threads(thread):
@@ -98,6 +99,7 @@ def test_workers_that_another_process_forked_end_with_the_one_that_began_them():
     assert not worker.exists()
 
 
+@pytest.mark.thorough
 def test_a_solver_with_threads_of_its_own_may_have_run_before():
     told = subprocess.run(
         [sys.executable, "-c", SOLVED.format(small=SMALL)], env=CLEAN, capture_output=True, text=True, timeout=120,

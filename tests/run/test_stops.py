@@ -44,6 +44,7 @@ OF = {"check": ENDS, "mount": ENDS[:1], "accept": ENDS[:1], "tolerance": ENDS[:2
 CASES = [(arguments, *end) for arguments in LONG for end in OF[arguments[0]]]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("arguments", "number", "code"), CASES, ids=lambda one: getattr(one, "name", None))
 def test_nothing_is_left_at_work(tmp_path, arguments, number, code):
     (tmp_path / "targets.yaml").write_text(TARGETS)
@@ -61,6 +62,7 @@ def test_nothing_is_left_at_work(tmp_path, arguments, number, code):
     assert [item.name for item in tmp_path.iterdir()] == ["targets.yaml"]
 
 
+@pytest.mark.thorough
 def test_a_worker_that_is_ended_from_outside_leaves_no_answer_and_is_no_bug(tmp_path):
     process = subprocess.Popen(
         [*COMMAND, "check", *DRIVE, "--jobs", "2"], cwd=tmp_path, env=CLEAN, stdout=subprocess.PIPE,
@@ -166,6 +168,7 @@ def ignoring() -> None:
         signal.signal(stop, signal.SIG_IGN)
 
 
+@pytest.mark.thorough
 def test_what_the_caller_ignores_stays_ignored_in_the_command_and_its_workers():
     with subprocess.Popen(
         [*COMMAND, "check", *DRIVE, "--draws", "1", "-q", "--jobs", "2"], env=CLEAN, stdout=subprocess.PIPE,

@@ -176,6 +176,7 @@ def test_a_folder_outside_of_the_profile_is_not_private(tmp_path: Path, monkeypa
     assert folder.names() == []
 
 
+@pytest.mark.thorough
 def test_an_answer_is_the_same_where_each_process_begins_from_nothing() -> None:
     command = [sys.executable, "-m", "hdassist", "check", TINY, "--torque", "4", "--json"]
     here, spawned = (

@@ -76,6 +76,7 @@ def cycle_one_by_one(drive, M_g, teeth=None):
     return rotation, share
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("torque", [80e3, 800e3, -300e3])
 def test_the_cycle_of_the_reference_drive(reference, torque):
     system = contact_system(reference)
@@ -96,6 +97,7 @@ def test_the_cycle_of_the_reference_drive(reference, torque):
     assert not np.any((forces > 0) & (forces < 1e-9 * forces.max()))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "sets",
     [

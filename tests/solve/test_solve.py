@@ -52,6 +52,7 @@ def test_the_programme_is_dpp(formulation):
     assert {p.name() for p in problem.parameters()} == {"delta_p", "b"}
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", preset_names())
 def test_the_engine_runs_what_cvxpy_compiles(name):
     drive = load_preset(name)
@@ -126,6 +127,7 @@ with workers(1) as executor:
 """
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(sys.platform != "linux", reason="processes are spawned elsewhere")
 def test_the_process_for_other_solvers_compares_the_programme_and_its_error_is_heard(tmp_path):
     code, threads = [sys.executable, "-c", COMPARED, str(tmp_path)], dict.fromkeys(THREADS, "1")
@@ -153,6 +155,7 @@ def test_that_the_data_are_as_stated_is_kept_and_nothing_else_is_believed(formul
     assert len(compilations) == 3
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("solver", ["daqp", "clarabel", "osqp", "highs", "scs"])
 def test_every_state_can_go_through_cvxpy(reference, solver):
     states = pitch_locked_states(Kinematics.of(reference), np.arange(0, 202, 40))
@@ -290,6 +293,7 @@ def test_where_no_solver_has_an_answer_the_states_behind_are_not_tried(formulati
         assert not np.isnan(found[:2]).any()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("C", [1e-6, 1e-10, 1e-30])
 def test_a_drive_that_cannot_be_solved_costs_one_state(reference, monkeypatch, C):
     # coefficients too far apart for double precision; 256 states at two ways of seconds each looked like a hang
@@ -402,6 +406,7 @@ print(norm.__class__.__name__)
 """
 
 
+@pytest.mark.thorough
 def test_cvxpy_is_imported_without_scipy_stats_which_is_there_where_it_is_asked_for():
     told = subprocess.run([sys.executable, "-c", STATS], env=CLEAN, capture_output=True, text=True, check=True)
     assert told.stdout.splitlines() == ["False", "0.549306 True", "norm_gen"]

@@ -74,6 +74,7 @@ def assert_same(drive, M_g, count=200, teeth=None):
     assert found.given_up == expected.given_up == 0
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", preset_names())
 def test_both_engines_agree_on_every_preset(name):
     drive = load_preset(name)
@@ -195,6 +196,7 @@ def test_a_library_of_another_source_is_not_used(monkeypatch):
         walk.walk_library.cache_clear()
 
 
+@pytest.mark.thorough
 @needs_compiler
 def test_the_source_compiles_without_a_warning_and_names_itself(tmp_path):
     made = compile_walk(tmp_path, ["-Wall", "-Wextra", "-Werror"])

@@ -25,6 +25,7 @@ WRITERS = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("unbuffered", ["", "1"])
 @pytest.mark.parametrize("words", WRITERS.values(), ids=WRITERS)
 def test_an_answer_that_is_cut_off_is_no_success(words: tuple[str, ...], unbuffered: str, tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ FIXED = ("--distribution", "fixed")
 SOFT = ("--set", "source.supports.C_3={kind: assumed, range: [50, 80000], ref: judged}")
 
 
+@pytest.mark.thorough
 def test_the_page_and_json_have_costs_and_what_was_tried() -> None:
     done = run("allocate", TINY, *FEW, *KNOWN, *FIXED, "--json", "--set", "cost.tolerances.F_i1.share=3")
     answer = json.loads(done.stdout)
@@ -44,6 +45,7 @@ def test_what_no_tolerances_reach_fails_and_says_why() -> None:
     assert max(map(len, done.stdout.splitlines())) <= 80
 
 
+@pytest.mark.thorough
 def test_where_the_design_is_not_known_no_tolerance_is_recommended() -> None:
     done = run("allocate", TINY, *FEW, "-n", "20", "--limit", "F_ior@4=2050", *SOFT, "--set", "tolerances.e_hb=60")
     words = in_a_line(done.stdout)

@@ -98,6 +98,7 @@ def test_the_next_command_is_what_the_page_recommends_and_no_circle(production: 
     assert next_command(Verdict.FAIL).startswith("hdassist check ")
 
 
+@pytest.mark.thorough
 def test_no_tolerance_is_loosened_where_the_design_does_not_bear_it() -> None:
     known = load_preset(TINY, ["operation.M_g=4", "tolerances.e_hb=60"])
     drive = load_preset(TINY, ["operation.M_g=4", "tolerances.e_hb=60", SOFT])

@@ -44,6 +44,7 @@ def searched(small: Drive, record: RandomDrive, rotations: tuple[float, ...]) ->
     return np.array([[s.extremes(rotated(drive, r)).first for r in rotations] for s in searches])
 
 
+@pytest.mark.thorough
 def test_as_built_and_best_are_what_searches_of_all_positions_find(
     small: Drive, production: Production, records: list[RandomDrive]
 ) -> None:

@@ -70,6 +70,7 @@ def test_json_has_percentiles_yield_and_what_was_drawn(kept: Path) -> None:
     assert {s["field"]: s["kind"] for s in answer["scatter"]}["tolerances.e_hb"] == "rayleigh"
 
 
+@pytest.mark.thorough
 def test_a_torque_without_a_limit_is_no_fault_and_a_worse_best_hole_has_its_reason() -> None:
     two = ("-n", "30", "--torque", "1", "--torque", "4", "--no-plot")
     done = run("tolerance", TINY, *two, "--limit", "F_ior@4=2050")
@@ -84,6 +85,7 @@ def test_a_torque_without_a_limit_is_no_fault_and_a_worse_best_hole_has_its_reas
     assert [point["limit_arcsec"] for point in answer["operating_points"]] == [None, 2050]
 
 
+@pytest.mark.thorough
 def test_a_yield_that_hangs_on_what_is_not_known_of_the_design_is_a_range() -> None:
     few = ("--torque", "4", "--as-built", "--limit", "2050", "--yield", "0.9", "-n", "100", "--jobs=1", "--no-plot")
     sizes = ("--set", "tolerances.e_hb=60")
@@ -109,6 +111,7 @@ def test_two_processes_write_the_same_bytes_as_one(kept: Path, tmp_path: Path) -
     assert file.read_bytes() == kept.read_bytes()
 
 
+@pytest.mark.thorough
 def test_a_killed_run_goes_on_to_the_same_bytes(kept: Path, tmp_path: Path) -> None:
     file = tmp_path / "killed.jsonl"
     command = ["tolerance", TINY, "-n", "12", "--torque", "1", "--jobs", "1", "--results", str(file)]

@@ -174,6 +174,7 @@ CASES = [
 ]  # fmt: skip
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("case", parameters(CASES))
 def test_case(case):
     case.check()

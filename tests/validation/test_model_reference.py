@@ -53,6 +53,7 @@ def test_one_wave_meshing(full_cycle, M_g, phase, share):
     assert full_cycle(M_g, phase).one_wave_share == pytest.approx(share, abs=0.005)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("M_g", "phase", "expected"),
     [

@@ -22,6 +22,7 @@ CASES = [
 ]  # fmt: skip
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("case", parameters(CASES))
 def test_temperature(case: Case):
     case.check()
