@@ -56,6 +56,7 @@ def run(package: Path, *args: str):
     return run_cold(*args, env={"PYTHONPATH": str(package)}, cwd=package)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("package", ["A check"], indirect=True)
 def test_a_check_is_added_as_the_page_says(package: Path) -> None:
     done = run(package, "accept", SMALL, "--limit", "error_rms@1=200", "--limit", "error_rms@4=0.1", "--csv", "-")
@@ -67,6 +68,7 @@ def test_a_check_is_added_as_the_page_says(package: Path) -> None:
     assert "acceptance.error_rms" in run(package, "explain", "ERROR_RMS").stdout
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("package", ["A preset field"], indirect=True)
 def test_a_preset_field_is_added_as_the_page_says(package: Path) -> None:
     answers = [
@@ -94,6 +96,7 @@ def test_a_kind_of_evidence_is_added_as_the_page_says(package: Path) -> None:
     assert float(told[3]) < -1
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("package", ["A command"], indirect=True)
 def test_a_command_is_added_as_the_page_says(package: Path) -> None:
     assert "radii of the teeth" in run(package, "--help").stdout

@@ -70,6 +70,7 @@ def require_presets(site: Path, home: Path) -> None:
     assert teeth == "200"
 
 
+@pytest.mark.thorough
 def test_presets_are_found_in_a_wheel(wheel):
     require_presets(wheel, wheel)
 

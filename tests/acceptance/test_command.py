@@ -117,6 +117,7 @@ def test_a_part_of_the_cycle_has_the_lower_end_that_measure_shows(rig):
     assert "is beyond the limit by its rule" in within.stdout
 
 
+@pytest.mark.thorough
 def test_silence_about_a_source_is_inconclusive_and_says_how_to_end_it(rig):
     args = ("--measured", "4=run.csv", "--limit", f"F_ior@4={TRUE + 3}")
     done = accepted(rig, *args, budget="encoder=0.1,reseating=0")

@@ -264,6 +264,7 @@ def test_an_answer_that_is_none_is_refused_by_its_first_field(folder, here, chan
     assert words in said
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("change", [{"measured": [{}]}, {"exit_code": 7}, {"checks": []}, {"samples": {"draws": "x"}}])
 def test_a_kept_answer_that_is_none_is_refused_though_its_checksum_holds(folder, here, change):
     (folder / "few.csv").write_text("".join(LOT.splitlines(keepends=True)[:2]))

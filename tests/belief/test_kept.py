@@ -235,6 +235,7 @@ def test_doctor_says_where_the_cache_is_how_large_and_how_to_empty_it(folder, mo
     assert "/proc/nowhere cannot be used" in " ".join(run("doctor").stdout.split())
 
 
+@pytest.mark.thorough
 def test_answers_are_kept_for_the_source_that_is_there_compiled_or_not(tmp_path):
     copy = tmp_path / "hdassist"
     shutil.copytree(Path(kept.__file__).parents[1], copy, ignore=shutil.ignore_patterns("__pycache__"))
@@ -269,6 +270,7 @@ def test_samples_with_turns_are_those_of_a_command_without_turns(folder, solved)
     assert kept.items() <= {path.name: path.read_bytes() for path in folder.glob("samples-*")}.items()
 
 
+@pytest.mark.thorough
 def test_a_check_takes_the_samples_of_mount_and_answers_the_same(folder, solved):
     drive = (TINY, "--set", OPEN, "--set", "operation.M_g=4", "--draws", "8", "--json")
     alone = run("check", *drive).stdout

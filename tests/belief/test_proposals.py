@@ -58,6 +58,7 @@ def _with(K_1_of):
     return shares, (K_1,), figures
 
 
+@pytest.mark.thorough
 def test_draws_nearer_the_evidence_are_fewer_and_say_the_same(monkeypatch):
     drive = load_preset(TINY, ["operation.M_g=4", W_0, J_N])
     prior = prior_of(drive)

@@ -89,6 +89,7 @@ def test_json_has_all_forms_and_the_correction():
     assert [part["name"] for part in found["parts"]][:2] == ["with the cam", "beats"]
 
 
+@pytest.mark.thorough
 def test_what_may_make_a_drive_worse_is_refused_and_not_written(tmp_path: Path):
     table = tmp_path / "table.csv"
     page = run("compensate", TINY, *OPEN, "--csv", str(table), "--no-plot")

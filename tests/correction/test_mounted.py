@@ -59,6 +59,7 @@ def test_a_sample_is_turned_as_a_preset_is():
     assert same and same[1].now_arcsec[0, 0] == pytest.approx(middle[1], rel=0.15)
 
 
+@pytest.mark.thorough
 def test_the_order_goes_by_what_a_table_leaves_and_by_F_ior_where_phasors_tell_no_hole_from_another():
     answer = json.loads(run(*SIX, "--compensated", "output:36", "--json").stdout)
     found = answer["compensated"]

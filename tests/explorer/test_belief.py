@@ -79,6 +79,7 @@ def test_the_first_number_is_of_a_typical_drive_with_what_was_changed() -> None:
     assert isinstance(first, FirstErrors) and abs(first.F_ior_arcsec[0] - before) > 1
 
 
+@pytest.mark.thorough
 def test_a_contradiction_and_rolling_balls_are_said() -> None:
     with pytest.raises(HdassistError, match="contradicts the other evidence"):
         believed(*OPEN, "catalogue.K_1=1e9", "catalogue.K_2=1", "catalogue.K_3=1")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import pytest
 from textual.pilot import Pilot
 from textual.widgets import Input, Static
 
@@ -14,6 +15,7 @@ from tests.explorer.rig import QUICK, explored, filled, known_is, screen, settle
 from tests.process import run
 
 
+@pytest.mark.thorough
 def test_evidence_that_cannot_be_is_refused_where_it_is_entered() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         await pilot.press("e")
@@ -31,6 +33,7 @@ def test_evidence_that_cannot_be_is_refused_where_it_is_entered() -> None:
     explored(act)
 
 
+@pytest.mark.thorough
 def test_a_drive_that_cannot_be_computed_is_said_and_the_next_one_is_computed() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         assert app.known.failed is not None and "no answer" in screen(app)
@@ -45,6 +48,7 @@ def test_a_drive_that_cannot_be_computed_is_said_and_the_next_one_is_computed() 
     explored(act, tiny("operation.M_g=[9000000.0]"))
 
 
+@pytest.mark.thorough
 def test_from_a_limit_to_what_it_would_take_every_number_is_that_of_check(tmp_path: Path) -> None:
     """The path of docs/design.md: a limit, two measurements, and the preset that is saved."""
     saved = tmp_path / "saved.yaml"
@@ -80,6 +84,7 @@ def test_from_a_limit_to_what_it_would_take_every_number_is_that_of_check(tmp_pa
     explored(act, tiny("tolerances.e_hb=unknown"), size=(140, 44))
 
 
+@pytest.mark.thorough
 def test_evidence_that_contradicts_is_shown_whole_on_the_smallest_screen() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         failed = app.known.failed

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pytest
 from textual.pilot import Pilot
 from textual.widgets import Input
 
@@ -35,6 +36,7 @@ def test_a_field_is_edited_marked_compared_and_taken_back() -> None:
     explored(act, size=(150, 40))
 
 
+@pytest.mark.thorough
 def test_a_value_out_of_range_is_refused_with_the_loaders_words() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         await to_lever(app, pilot, "gears.j_n")
@@ -48,6 +50,7 @@ def test_a_value_out_of_range_is_refused_with_the_loaders_words() -> None:
     explored(act)
 
 
+@pytest.mark.thorough
 def test_a_step_is_a_key() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         await to_lever(app, pilot, "gears.j_n")
@@ -63,6 +66,7 @@ def test_a_step_is_a_key() -> None:
     explored(act)
 
 
+@pytest.mark.thorough
 def test_levers_are_ranked_by_what_a_plausible_step_changes_and_filtered() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         await pilot.pause(REST + 0.2)
@@ -92,6 +96,7 @@ def test_levers_are_ranked_by_what_a_plausible_step_changes_and_filtered() -> No
     explored(act, tiny(*assumed), size=(140, 40))
 
 
+@pytest.mark.thorough
 def test_teeth_change_together() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         await to_lever(app, pilot, "gears.z_g")

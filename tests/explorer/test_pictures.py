@@ -70,6 +70,7 @@ def test_the_picture_of_the_report_is_its_first_page(tmp_path: Path) -> None:
     assert len(shown) == len(written) and all(map(alike, shown, written)), "python -m benchmarks.readme_pictures report"
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("columns", "lines"), VIEWS)
 def test_the_explorer_of_the_pictures_has_the_tabs_and_keys_of_today(columns: int, lines: int) -> None:
     names = ["explorer"] * (columns == 100) + [f"explorer-{columns}x{lines}"]

@@ -235,6 +235,7 @@ def test_text_of_a_preset_steers_no_terminal(tmp_path: Path) -> None:
     explored(act, opened_state(str(file), FEW))
 
 
+@pytest.mark.thorough
 def test_an_explorer_without_a_terminal_leaves_stops_to_the_process_that_it_runs_in() -> None:
     before = signal.getsignal(signal.SIGTERM)
 

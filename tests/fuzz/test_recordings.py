@@ -10,6 +10,7 @@ import pytest
 from tests.fuzz.recordings import LESS, SAME, recording_faults
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", [2, 3])
 def test_what_else_a_rig_writes_of_the_same_readings_changes_no_verdict(seed: int):
     found = dict(recording_faults(seed))

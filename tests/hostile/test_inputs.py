@@ -183,6 +183,7 @@ def preset_with(**lines: str) -> str:
     return text
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "text",
     [

@@ -189,6 +189,7 @@ def test_changes_are_refused_that_are_wrong_or_of_no_single_field() -> None:
         with_changes(text, "vzp160", ["uncertainty.gears.j_n=1"])
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("override", ["measured.F_ior.h0@80=29 ± 3", "acceptance.F_ior.80=30"])
 @pytest.mark.parametrize("limit", ["", "acceptance: {F_ior: 45}\n"])
 def test_an_entry_of_a_table_is_written(override: str, limit: str) -> None:

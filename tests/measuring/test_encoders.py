@@ -60,6 +60,7 @@ def test_a_missing_row_is_no_step():
     assert measure(trace, ratio=100).F_ior_arcsec == pytest.approx(30, abs=0.2)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("uneven", "least"), [(0.0, 1.5), (0.4, 0.0)])
 def test_counts_at_uneven_angles_are_noise_and_no_source_beside_it(uneven: float, least: float):
     turns = (np.arange(1800) + np.random.default_rng(0).uniform(0, uneven, 1800)) / 60

@@ -60,6 +60,7 @@ def test_a_part_of_the_cycle_has_both_ends(share):
     assert share * RATIO - 1 <= first < last <= RATIO
 
 
+@pytest.mark.thorough
 def test_more_of_the_cycle_narrows_it():
     ends = []
     for share in (0.3, 0.9):
@@ -87,6 +88,7 @@ def test_two_sweeps_of_a_direction_are_runs_of_their_own():
     assert low < TRUE < high
 
 
+@pytest.mark.thorough
 def test_outside_its_domain_it_says_why():
     turns = turns_of(0.6)
     part = measured(turns)
@@ -105,6 +107,7 @@ def test_outside_its_domain_it_says_why():
         assert reason_outside(result, sweep)
 
 
+@pytest.mark.thorough
 def test_json_has_the_interval_or_the_reason(tmp_path):
     for name, share in (("part", 0.6), ("whole", 1.0), ("short", 0.1)):
         (tmp_path / f"{name}.csv").write_bytes(file_of(turns_of(share)))

@@ -87,6 +87,7 @@ def test_figures_agree_with_another_program_in_either_form_of_the_file(positions
         assert {symbol: found[symbol] for symbol in expected} == pytest.approx(expected, abs=1e-9)
 
 
+@pytest.mark.thorough
 def test_the_uncertainty_of_the_mean_reversal_is_its_spread_over_tests():
     """Of 400 tests of 4 positions with 3 approaches from each side and a scatter of 2 arcsec."""
     rng, reversals, stated = np.random.default_rng(3), [], []

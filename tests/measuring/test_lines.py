@@ -59,6 +59,7 @@ def test_a_line_beside_an_order_of_a_short_record_is_one_with_it(order):
     assert low < np.ptp(error) < high < low + 1
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("order", [6.95, 5.08])
 def test_a_line_between_beats_of_the_full_cycle_is_one_with_them(order):
     found = found_in(CURVE(TURNS) + line(order, 3.0) + NOISE)

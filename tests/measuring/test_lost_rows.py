@@ -6,6 +6,7 @@ import io
 import time
 
 import numpy as np
+import pytest
 
 from hdassist.measuring.measure import Measurement, measure
 from hdassist.readers.trace import TraceForm, read_trace
@@ -39,6 +40,7 @@ def burst(seed: int, names: str = "cam_deg,error_arcsec", beside: tuple[float, .
     return measure(trace, ratio=RATIO), float(np.ptp(error(np.arange(RATIO * 400) / 400)))
 
 
+@pytest.mark.thorough
 def test_rows_lost_in_short_gaps_leave_no_lower_bound():
     held = 0
     for seed in range(8):
@@ -65,6 +67,7 @@ def test_columns_that_are_not_used_are_named():
     assert "torque_Nm" not in words  # its change is looked at
 
 
+@pytest.mark.thorough
 def test_a_record_costs_at_most_about_twice_plain_least_squares():
     """Its own columns in one least squares; 20 200 rows, the least of three."""
     turns = np.arange(20_200) / 202

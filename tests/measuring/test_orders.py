@@ -65,6 +65,7 @@ def test_orders_of_a_model_have_its_causes(model):
     assert causes[2.0].amplitude_arcsec == pytest.approx(spectrum[60], abs=0.05)
 
 
+@pytest.mark.thorough
 def test_the_range_of_a_model_is_recovered(model):
     turns, error = model
     drive = load_preset(SMALL)
@@ -123,6 +124,7 @@ def test_an_order_alone_has_room_for_the_beats_that_a_part_leaves_open():
     assert order.is_of_record  # it may be none to three times as large over whole turns
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("turns", [12, 60, 100])
 def test_slow_terms_of_the_output_are_no_orders_of_the_cam(turns: float):
     """Gravity, graduation, an encoder off its centre, once to five times per output turn; drift where it is a part."""

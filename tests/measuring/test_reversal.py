@@ -83,6 +83,7 @@ def test_friction_that_grows_with_the_speed_is_no_lost_motion_at_rest():
     assert found.lag.ms == pytest.approx(-2.0 / per_ms, abs=0.02)  # which it looks like
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("seed", "speeds", "play"), [(3, (3.0, 6.0), 3.0), (0, (0.6, 1.2), 40.0)])
 def test_a_turning_point_that_is_read_on_the_way_back_is_neither_drift_nor_spike(seed, speeds, play):
     """It seems to be the last row of the way forth, on the wrong side of the play."""
@@ -101,6 +102,7 @@ def test_a_speed_that_changes_on_the_way_tells_them_apart_too():
     assert abs(found.lag.ms - 0.8) <= 3 * found.lag.uncertainty_ms
 
 
+@pytest.mark.thorough
 def test_at_one_speed_the_page_has_the_part_of_a_lag(tmp_path):
     found = measured(5, (1.5,), 8.0, 0.5)
     per_ms = 2 * 1.5 * 1e-3 * 1296000 / RATIO

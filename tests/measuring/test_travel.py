@@ -80,6 +80,7 @@ def test_a_prediction_beyond_the_limit_over_the_full_cycle_fails_no_joint():
         assert (check.reason == OF_TRAVEL) == (verdict == "INCONCLUSIVE")
 
 
+@pytest.mark.thorough
 def test_slow_parts_of_the_output_count_in_a_travel():
     joint = Joint(1, 300.0)
     (alone,) = measure(joint.trace, ratio=RATIO).directions

@@ -98,6 +98,7 @@ def test_measured_rigid_wheel_equals_its_first_harmonic(reference, j):
     assert apart[0, : system.n_flanks][middle].max() < 0.0375 * np.radians(0.02)
 
 
+@pytest.mark.thorough
 def test_measured_wheels_give_the_same_error(reference):
     states = pitch_locked_states(Kinematics.of(reference), np.arange(404))
     xi_g, xi_b = tooth_phases(reference)

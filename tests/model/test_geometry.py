@@ -55,6 +55,7 @@ def drawn_gap(drive, i: int, zone: int, side: float) -> float:
     return min(gaps)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("i", "zone", "side"), [(0, 0, 1.0), (5, 0, 1.0), (5, 0, -1.0), (-9, 0, 1.0), (104, 1, -1.0)])
 def test_nominal_gap_is_that_of_a_drawn_pair(reference, i, zone, side):
     flanks = flank_candidates(Geometry.of(reference))

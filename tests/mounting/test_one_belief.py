@@ -117,6 +117,7 @@ def test_all_pages_say_the_same_numbers_and_the_same_probability():
     assert list(planned.values()) == pytest.approx([now[0][f"{name}_arcsec"] for name in planned])
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("kept")
 def test_mount_draws_as_many_samples_as_check_with_the_same_sureness():
     drive, positions = drive_of("acceptance.F_ior=28", "operation.M_g=4"), [0.0, 60.0]
@@ -167,6 +168,7 @@ def test_a_catalogue_is_heard_by_mount():
     assert np.ptp(weights) > 0
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("kept")
 def test_a_choice_that_is_not_sure_is_a_best_bet_and_ends_with_code_6_only_where_that_was_asked():
     loose = [word for each in OPEN for word in ("--set", each)] + ["--set", "phases.xi_b=200±90", "--no-plot"]

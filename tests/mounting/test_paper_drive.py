@@ -29,6 +29,7 @@ def answer(command: str, *options: str):
     return json.loads(run(command, "vzp160", "--set", f"mounting.allowed=[0, {BEST}]", *options, "--json").stdout)
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("kept")
 def test_the_drive_of_the_paper_is_turned_from_31_to_15_with_one_number_of_a_hole_on_all_pages(as_given):
     report = answer("report", "--draws", "16")  # with the answers of check and mount, which test_one_belief holds

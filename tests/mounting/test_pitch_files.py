@@ -141,6 +141,7 @@ def test_the_card_has_the_tooth(files):
     assert "measured teeth: circular spline, wheel.csv, sha256" in told.stdout
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("language", "words"), [("en", "taken as numbered counter-clockwise"), ("ru", "считаются")])
 def test_the_card_says_where_the_sense_of_counting_is_assumed(files, tmp_path, language, words):
     (tmp_path / "silent.csv").write_text(HEAD.replace("# sense: ccw\n", "") + rows())

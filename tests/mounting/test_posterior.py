@@ -211,6 +211,7 @@ def test_where_few_samples_remain_the_answer_is_less_sure_and_does_not_vanish(cl
     assert advice.word in ("TURN", "BEST_BET")
 
 
+@pytest.mark.thorough
 def test_an_outcome_stands_beside_the_prediction_of_the_draws(cloud: HoleSamples) -> None:
     values = measured(50.0, 35.0)
     tried, hole = trials(values), POSITIONS.index(60.0)

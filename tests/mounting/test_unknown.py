@@ -59,6 +59,7 @@ STILL = "nothing that stands still with the seat is off."
 TRUE = "the wheel has no deviation that could be turned."
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("overrides", "why"),
     [
@@ -89,6 +90,7 @@ def test_an_oval_seat_makes_one_hole_better_on_any_cam(overrides):
     assert advice.no_hole_better == ""
 
 
+@pytest.mark.thorough
 def test_its_samples_are_drives_that_are_oval_in_any_direction(oval):
     best = oval.decision.losses.argmin(axis=1)
     assert len(set(best.tolist())) > 1  # such an ovality decides as much as all the rest

@@ -90,6 +90,7 @@ def test_reflecting_the_deviations_alone_is_no_mirror_image(system):
     assert abs(reflected - rotation(system, 80e3, scalars)) > 0.1
 
 
+@pytest.mark.thorough
 def test_mirror_image_of_the_full_cycle(reference):
     reflected = changed(reference, phases__xi_b=-260.0)
     ahead = kinematic_error(reference, 80, run=UNCHECKED).F_ior_arcsec

@@ -57,6 +57,7 @@ def test_random_bytes(data: bytes) -> None:
     check(data)
 
 
+@pytest.mark.thorough
 @settings(max_examples=300)
 @given(st.lists(SYNTAX | st.text(max_size=3), max_size=25).map("".join))
 @example("a: &a [*a]")

@@ -52,6 +52,7 @@ def test_engine_agrees_with_two_other_solvers(reference, fields, tau, beta, scal
         assert others == pytest.approx(forces[0], abs=2e-3 * forces.max())
 
 
+@pytest.mark.thorough
 @settings(max_examples=3)
 @given(DRIVES, st.floats(5, 15), STATES, TORQUES)
 def test_engine_agrees_with_two_other_solvers_on_coned_flanks(reference, fields, k_face, scalars, torque):
@@ -67,6 +68,7 @@ def test_engine_agrees_with_two_other_solvers_on_coned_flanks(reference, fields,
         assert others == pytest.approx(forces[0], abs=2e-3 * forces.max())
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("stations", [1, 3])
 @settings(max_examples=6)
 @given(DRIVES, st.floats(0, 1), st.floats(0, 1), st.integers(0, 2**32 - 1), TORQUES)

@@ -55,6 +55,7 @@ def test_a_line_has_a_phase_of_its_own_in_each_run():
     assert np.allclose(columns, np.stack(expected, axis=1))
 
 
+@pytest.mark.thorough
 def test_a_line_off_the_orders_widens_the_range_of_the_cycle_and_counts_as_recorded_where_it_fails():
     turns, error = noisy_readings()
     line = 3.0 * np.cos(2 * np.pi * 5.37 * turns)

@@ -19,6 +19,7 @@ def reference():
     return posterior_of_recording(recording_from_columns(TURNS, ERROR, RATIO), drift_degree=0)
 
 
+@pytest.mark.thorough
 def test_coefficients_are_those_of_a_dense_normal_posterior():
     turns, error = noisy_readings(readings=120, span=6.0)
     readings = ordered_readings(recording_from_columns(turns, error, RATIO))

@@ -103,6 +103,7 @@ CASES = [
 ]  # fmt: skip
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("case", parameters(CASES))
 def test_cam_support(case: Case):
     case.check()

@@ -33,6 +33,7 @@ def full_cycle(reference):
     return at
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("M_g", "phase", "expected", "half_digit"),
     [
