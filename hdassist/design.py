@@ -156,9 +156,10 @@ class DesignCheck:
             return self
         left = {point.M_g: point.left_arcsec for point in self.points}
         torques = self.samples.torques if self.samples else tuple(left)
-        place = torques.index(self.points[self.least_sure].M_g)
+        point = self.points[self.least_sure]
+        place = torques.index(point.M_g)
         rooms = [left.get(M_g) for M_g in torques]
-        steps, proof = steps_of(self.prior, self.samples, torques, place, rooms, run, self.points[self.least_sure].sure)
+        steps, proof = steps_of(self.prior, self.samples, torques, place, rooms, run, point.sure, point.error)
         return replace(self, steps=steps, steps_proof=proof)
 
     @property

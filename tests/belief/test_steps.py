@@ -62,7 +62,8 @@ def test_each_option_is_what_a_check_of_the_edited_preset_says(overrides):
             # the same random numbers where the edit leaves the same inputs open; else two sets of 32 samples, or of 16
             is_same = step.kind in ("tolerance", "hole")
             assert outcome.probability == pytest.approx(belief["probability"], abs=0.03 if is_same else 0.2)
-            assert outcome.p50 == pytest.approx(belief["p50_arcsec"], rel=0.02 if is_same else 0.15)
+            # samples that the limit settles have the factors of others: a third of the standard error of the median
+            assert outcome.p50 == pytest.approx(belief["p50_arcsec"], rel=0.04 if is_same else 0.15)
             assert outcome.probability_low <= outcome.probability <= outcome.probability_high
 
 
@@ -107,7 +108,8 @@ def test_check_names_the_hole_of_mount():
         (hole,) = (step for step in found.steps if step.kind == "hole")
         assert hole.of == str(advice.chosen.hole)
         torque = found.samples.torques.index(found.points[found.least_sure].M_g)
-        assert hole.outcomes[0].p50 == advice.chosen.F_ior_arcsec[torque]
+        # another number of holes at once rounds otherwise
+        assert hole.outcomes[0].p50 == pytest.approx(advice.chosen.F_ior_arcsec[torque], rel=1e-12)
 
 
 def test_what_a_correction_leaves_is_what_compensate_states():
@@ -165,5 +167,5 @@ def test_what_is_surely_kept_takes_nothing():
 @pytest.mark.thorough
 def test_steps_are_the_same_from_kept_answers(held):
     left = [point.left_arcsec for point in held.points]
-    again, proof = steps_of(held.prior, held.samples, (4.0,), 0, left)
+    again, proof = steps_of(held.prior, held.samples, (4.0,), 0, left, middle=held.points[0].error)
     assert (again, proof) == (held.steps, held.steps_proof)
