@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from hdassist.belief.prior import DrivePrior, prior_of
-from hdassist.preset.fields import DEVIATIONS, Source
+from hdassist.belief.prior import DrivePrior, FieldPrior, prior_of
+from hdassist.preset.fields import DEVIATIONS, Drive, Source
 from hdassist.preset.knowledge import ACCURACY_GRADES, SUPPORT_FIELD, with_cam_support
 
 COUPLING = "cam.coupling"
@@ -44,30 +44,48 @@ class Edit:
 def tightened(prior: DrivePrior) -> Iterator[Edit]:
     """Yield an edit for each tolerance that a drawing can tighten: a third less of it, and all that follows from it."""
     drive = prior.drive
-    fields = {each.path: each for each in prior.fields}
-    for path in dict.fromkeys(each.size for each in DEVIATIONS if each.size.startswith("tolerances.")):
+    fields = {field.path: field for field in prior.fields}
+    for path in dict.fromkeys(deviation.size for deviation in DEVIATIONS):
         size = fields.get(path)
-        value, source, uncertainty = drive.value(path), dict(drive.source), dict(drive.uncertainty)
-        high = size.high if size else float(value or 0)
-        if not high > 0:
+        largest = size.high if size else float(drive.value(path) or 0)
+        if not path.startswith("tolerances.") or largest <= 0:
             continue
         if size is None or size.distribution == "drawn":
-            less = _rounded(float(value))
-            texts = [f"{path}={less:g}"]
+            edited, texts = _smaller_value(drive, path)
         elif size.distribution == "normal":
-            less, spread = _rounded(float(value)), _rounded(uncertainty[path])
-            uncertainty[path] = spread
-            texts = [f"{path}={less:g} ± {spread:g}"]
+            edited, texts = _smaller_uncertain_value(drive, path)
         else:
-            low, high = _rounded(size.low), _rounded(size.high)
-            less = _rounded(float(value)) if value is not None else high / 2
-            source[path] = Source(kind="assumed", range=(low, high), ref=SOURCE_REF)
-            text = f"source.{path}={{kind: assumed, range: [{low:g}, {high:g}], ref: {SOURCE_REF}}}"
-            texts = [f"{path}={less:g}", text]
-        edited = drive.with_values({path: less}).model_copy(update={"source": source, "uncertainty": uncertainty})
+            edited, texts = _smaller_range(drive, size)
         # a range on the command line counts beside a value there
         edited._origin = replace(drive.origin, overrides=(*drive.origin.overrides, *texts))
-        yield Edit(f"tolerance:{path}", tuple(texts), prior_of(edited))
+        yield Edit(f"tolerance:{path}", texts, prior_of(edited))
+
+
+def _smaller_value(drive: Drive, path: str) -> tuple[Drive, tuple[str, ...]]:
+    """Return a copy of a drive with a third less of a tolerance that is exact, and the texts of the edit."""
+    smaller = _rounded(drive.number(path))
+    return drive.with_values({path: smaller}).model_copy(), (f"{path}={smaller:g}",)
+
+
+def _smaller_uncertain_value(drive: Drive, path: str) -> tuple[Drive, tuple[str, ...]]:
+    """Return a drive with a third less of a tolerance and of its uncertainty, and the texts of the edit."""
+    smaller = _rounded(drive.number(path))
+    spread = _rounded(drive.uncertainty[path])
+    uncertainty = {**drive.uncertainty, path: spread}
+    edited = drive.with_values({path: smaller}).model_copy(update={"uncertainty": uncertainty})
+    return edited, (f"{path}={smaller:g} ± {spread:g}",)
+
+
+def _smaller_range(drive: Drive, size: FieldPrior) -> tuple[Drive, tuple[str, ...]]:
+    """Return a drive with a third less of the range of a tolerance, and the texts of the edit."""
+    low = _rounded(size.low)
+    high = _rounded(size.high)
+    value = drive.value(size.path)
+    smaller = high / 2 if value is None else _rounded(float(value))
+    source = {**drive.source, size.path: Source(kind="assumed", range=(low, high), ref=SOURCE_REF)}
+    edited = drive.with_values({size.path: smaller}).model_copy(update={"source": source})
+    range_text = f"source.{size.path}={{kind: assumed, range: [{low:g}, {high:g}], ref: {SOURCE_REF}}}"
+    return edited, (f"{size.path}={smaller:g}", range_text)
 
 
 def _rounded(value: float) -> float:
@@ -78,21 +96,22 @@ def _rounded(value: float) -> float:
 def coupled(prior: DrivePrior) -> Iterator[Edit]:
     """Yield an edit for each coupling that the drive could have: a solid hub only where the coupling is open."""
     drive = prior.drive
-    is_open = drive.cam.coupling == "unknown" and any(each.path == SUPPORT_FIELD for each in prior.fields)
+    is_open = drive.cam.coupling == "unknown" and any(field.path == SUPPORT_FIELD for field in prior.fields)
     if drive.cam.coupling == "oldham" or not drive.number(SUPPORT_FIELD):
         return
     for coupling in ASKED_COUPLINGS if is_open else ASKED_COUPLINGS[:1]:
         edited = with_cam_support(drive.with_values({COUPLING: coupling}))
-        yield Edit(f"coupling:{coupling}", (f"{COUPLING}={coupling}",), prior_of(edited), has_own_system=True)
+        texts = (f"{COUPLING}={coupling}",)
+        yield Edit(f"coupling:{coupling}", texts, prior_of(edited), has_own_system=True)
 
 
-def graded(prior: DrivePrior, drawn: bool) -> Iterator[Edit]:
+def graded(prior: DrivePrior) -> Iterator[Edit]:
     """Yield the edit that buys the next better accuracy of the catalogue, if the drive is one of a catalogue."""
     drive = prior.drive
-    given = drive.catalogue.accuracy
-    if not drawn or (given is None and drive.catalogue.K_3 is None):
+    accuracy = drive.catalogue.accuracy
+    if accuracy is None and drive.catalogue.K_3 is None:
         return
-    better = next((grade for grade in ACCURACY_GRADES if given is None or grade < given), None)
+    better = next((grade for grade in ACCURACY_GRADES if accuracy is None or grade < accuracy), None)
     if better is not None:
         values = drive.catalogue.model_copy(update={"accuracy": better})
         edited = drive.model_copy(update={"catalogue": values})

@@ -37,14 +37,15 @@ from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.walk import digits_depend_on
 
 LEAST_STEP_GAIN = 0.02  # of the probability, or of F'_ior without a limit: a smaller one is no step
-SHOWN_OPTIONS = 3  # best options, which are solved as far as the limit needs it
-FIRST_SAMPLES = 24  # on which all edits are solved
+BEST_OF_HOLES = "trials"  # name of the effect of the best of some holes
+_BEST_EDITS = 3  # which are solved as far as the limit needs it
+_FIRST_SAMPLES = 24  # on which all edits are solved
 _MOST_SAMPLES = 96  # that stand for all samples, if more of them have a weight
 _DONORS = 8  # solved samples whose factors another sample takes
 _NO_EFFECT = 0.005  # of F'_ior: a tolerance that reduces it by less
 _LIKELIHOOD_SPREAD = 0.1  # of a sample's likelihood over its donors: above it the sample is not settled
 _FEWEST_EFFECTIVE = 8.0  # samples that agree with the reference data of an edited drive: fewer tell nothing
-TRIALS = "trials"  # name of the effect of the best of some holes
+_LEAST_ERROR = 1e-9  # arcsec, a divisor
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +53,7 @@ class OptionSamples:
     """Samples that edits are solved on, and what a limit leaves F'_ior.
 
     samples, None where all is known; rows, places of the samples that stand for all, and their weights; shares of each
-    field's probability; torque, its place; left [arcsec], None without a limit; sure, probability that PASS needs.
+    field's probability; torque, its place; room_arcsec, None without a limit; sure, probability that PASS needs.
     """
 
     prior: DrivePrior
@@ -61,24 +62,36 @@ class OptionSamples:
     weights: Array
     shares: Array
     torque: int
-    left: float | None
+    room_arcsec: float | None
     sure: float
 
     @classmethod
     def of(
-        cls, prior: DrivePrior, samples: Samples | None, torque: int, left: float | None, sure: float
+        cls, prior: DrivePrior, samples: Samples | None, torque: int, room_arcsec: float | None, sure: float
     ) -> OptionSamples:
         """Return the samples of a drive that edits are solved on."""
-        if samples is None:
-            none = np.full((1, len(prior.fields)), 0.5)
-            return cls(prior, None, np.zeros(1, dtype=np.int64), np.ones(1), none, torque, left, sure)
-        first = samples.of_ranges
-        rows = np.flatnonzero(first.weights)
-        weights = first.weights[rows]
-        if len(rows) > _MOST_SAMPLES:
-            rows, count = np.unique(even_rows(first.weights, _MOST_SAMPLES), return_counts=True)
-            weights = count.astype(float)
-        return cls(prior, first, rows, weights, first.shares[rows], torque, left, sure)
+        first = None if samples is None else samples.of_ranges
+        if first is None:
+            rows = np.zeros(1, dtype=np.int64)
+            weights = np.ones(1)
+            shares = np.full((1, len(prior.fields)), 0.5)
+        else:
+            rows = np.flatnonzero(first.weights)
+            weights = first.weights[rows]
+            if len(rows) > _MOST_SAMPLES:
+                rows, count = np.unique(even_rows(first.weights, _MOST_SAMPLES), return_counts=True)
+                weights = count.astype(float)
+            shares = first.shares[rows]
+        return cls(
+            prior=prior,
+            samples=first,
+            rows=rows,
+            weights=weights,
+            shares=shares,
+            torque=torque,
+            room_arcsec=room_arcsec,
+            sure=sure,
+        )
 
     @property
     def stated_arcsec(self) -> Array | None:
@@ -91,7 +104,7 @@ class OptionSamples:
         if self.stated_arcsec is None:
             return np.zeros(1, dtype=np.int64)
         order = np.argsort(self.stated_arcsec, kind="stable")
-        count = min(FIRST_SAMPLES, len(order))
+        count = min(_FIRST_SAMPLES, len(order))
         return np.unique(order[even_rows(self.weights[order], count)])
 
     @cached_property
@@ -99,8 +112,8 @@ class OptionSamples:
         """Number among all draws of the sample of each row."""
         if self.samples is None:
             return [0]
-        made = [k for k, draw in enumerate(self.samples.made) if draw.F_ior_arcsec is not None]
-        return [made[row] for row in self.rows]
+        numbers = [number for number, draw in enumerate(self.samples.made) if draw.F_ior_arcsec is not None]
+        return [numbers[row] for row in self.rows]
 
     @property
     def tested_arcsec(self) -> Array | None:
@@ -108,18 +121,18 @@ class OptionSamples:
         if self.samples is None:
             return None
         figures = [self.samples.made[number].figures for number in self.draw_numbers]
-        if any(ACCURACY not in each for each in figures):
+        if any(ACCURACY not in of_draw for of_draw in figures):
             return None
-        return np.array([each[ACCURACY] for each in figures])
+        return np.array([of_draw[ACCURACY] for of_draw in figures])
 
     def edited_shares(self, prior: DrivePrior, seed: int) -> Array:
         """Return shares of each field of an edited drive: those of the samples, and of a new field random ones."""
-        places = {each.path: k for k, each in enumerate(self.prior.fields)}
+        places = {of_field.path: place for place, of_field in enumerate(self.prior.fields)}
         rng = np.random.default_rng([seed, len(prior.fields)])
         columns = []
-        for each in prior.fields:
+        for of_field in prior.fields:
             random = rng.random(len(self.rows)) if self.samples else np.full(len(self.rows), 0.5)
-            columns.append(self.shares[:, places[each.path]] if each.path in places else random)
+            columns.append(self.shares[:, places[of_field.path]] if of_field.path in places else random)
         return np.array(columns).reshape(len(prior.fields), len(self.rows)).T
 
     def row_values(self, rows: Sequence[int]) -> list[dict[str, float]]:
@@ -164,9 +177,12 @@ class Effect:
 
     def bounds(self, left_arcsec: float) -> tuple[float, float]:
         """Return the least and the greatest probability of meeting a limit that the unsettled samples leave open."""
-        weights, met, is_open = self.weights.sum(axis=1), self.met(left_arcsec), self.unsettled(left_arcsec)
-        low, high = (float(np.average(np.where(is_open, end, met), weights=weights)) for end in (0.0, 1.0))
-        return low, high
+        weights = self.weights.sum(axis=1)
+        met = self.met(left_arcsec)
+        is_open = self.unsettled(left_arcsec)
+        low = np.average(np.where(is_open, 0.0, met), weights=weights)
+        high = np.average(np.where(is_open, 1.0, met), weights=weights)
+        return float(low), float(high)
 
 
 @dataclass(frozen=True)
@@ -192,8 +208,7 @@ class _Task:
 
     values: of the sample, by path; edits: values that edits change, by name; systems: the same of edits with another
     contact system; tried_deg: turns of the wheel of which the best one counts; holes_deg: turns of all holes;
-    tested_deg: turn in which the accuracy is tested, None if no accuracy counts; tested: names of the edits that it
-    counts for.
+    tested_deg: turn in which the accuracy is tested; tested: names of the edits that it counts for.
     """
 
     values: Mapping[str, float]
@@ -201,19 +216,19 @@ class _Task:
     systems: Mapping[str, Mapping[str, float | str | None]]
     tried_deg: tuple[float, ...] = ()
     holes_deg: tuple[float, ...] = ()
-    tested_deg: float | None = None
+    tested_deg: float = 0.0
     tested: tuple[str, ...] = ()
 
     def of_edits(self, names: Iterable[str]) -> _Task:
         """Return the task of some edits alone, without the holes."""
-        kept = {*names}
+        chosen = {*names}
         return replace(
             self,
-            edits={name: changed for name, changed in self.edits.items() if name in kept},
-            systems={name: changed for name, changed in self.systems.items() if name in kept},
-            tried_deg=self.tried_deg if TRIALS in kept else (),
+            edits={name: changed for name, changed in self.edits.items() if name in chosen},
+            systems={name: changed for name, changed in self.systems.items() if name in chosen},
+            tried_deg=self.tried_deg if BEST_OF_HOLES in chosen else (),
             holes_deg=(),
-            tested=tuple(name for name in self.tested if name in {"", *kept}),
+            tested=tuple(name for name in self.tested if name in {"", *chosen}),
         )
 
 
@@ -223,7 +238,7 @@ class Effects:
 
     samples: the samples.
     stated_arcsec: F'_ior of each without any edit, shape (rows,).
-    of: the effect of each edit by its name; none of an edit that makes no drive, or has no effect.
+    by_name: the effect of each edit; none of an edit that makes no drive, or has no effect.
     hole_factors: F'_ior in each hole over that in the present one, of the first samples at all torques, shape (first
     rows, torques, holes).
     proof: of all states behind them.
@@ -231,132 +246,259 @@ class Effects:
 
     samples: OptionSamples
     stated_arcsec: Array
-    of: Mapping[str, Effect]
+    by_name: Mapping[str, Effect]
     hole_factors: Array
     proof: Certificate
 
 
-def effects_of(
-    samples: OptionSamples,
-    edits: Sequence[Edit],
-    torques: Sequence[float],
-    *,
-    tried_deg: Sequence[float] = (),
-    holes_deg: Sequence[float] = (),
-    is_measured: bool = False,
-    run: Run = Run(),
-) -> Effects:
-    """Return what edits do to F'_ior of samples at a torque.
+@dataclass(frozen=True, eq=False)
+class EditQuestion:
+    """Which edits are solved, and how.
 
     samples: the samples, and the place of the torque.
     edits: the edits.
     torques: all torques of the drive [N*m].
-    tried_deg: turns of the wheel of which the best one is an effect of its own, by the name TRIALS.
+    tried_deg: turns of the wheel of which the best one is an effect of its own, by the name BEST_OF_HOLES.
     holes_deg: turns of the holes that the first samples are solved in at all torques.
     is_measured: whether F'_ior was measured on the drive, which reference data do not count beside.
-    run: the run.
-    Raises UntrustedError where a state cannot be trusted.
     """
-    tasks_of = partial(_tasks, samples, edits, tuple(tried_deg), tuple(holes_deg), is_measured, run.seed)
-    first = samples.first_rows.tolist()
-    solved = dict(zip(first, _solve(samples, tasks_of(first), torques, run), strict=True))
-    names = [each.name for each in edits if not _is_idle(each, [*solved.values()])]
-    names += [TRIALS] if tried_deg else []
-    found = _found(samples, names, solved, is_measured)
-    if further := _further(samples, found):
-        rest = [task.of_edits(further[row]) for row, task in zip(further, tasks_of([*further]), strict=True)]
-        solved |= zip(further, _solve(samples, rest, torques, run), strict=True)
-        found = _found(samples, names, solved, is_measured)
+
+    samples: OptionSamples
+    edits: Sequence[Edit]
+    torques: tuple[float, ...]
+    tried_deg: tuple[float, ...] = ()
+    holes_deg: tuple[float, ...] = ()
+    is_measured: bool = False
+
+    def effects(self, run: Run = Run()) -> Effects:
+        """Return what the edits do to F'_ior at the torque. Raises UntrustedError where a state cannot be trusted."""
+        samples = self.samples
+        first = samples.first_rows.tolist()
+        solved = dict(zip(first, self._solve(self._tasks(first, run.seed), run), strict=True))
+        names = [edit.name for edit in self.edits if not _is_idle(edit, [*solved.values()])]
+        if self.tried_deg:
+            names.append(BEST_OF_HOLES)
+        effects = self._effects(names, solved)
+        undecided = _undecided(samples, effects)
+        if undecided:
+            tasks = zip(undecided, self._tasks([*undecided], run.seed), strict=True)
+            answers = self._solve([task.of_edits(undecided[row]) for row, task in tasks], run)
+            solved |= zip(undecided, answers, strict=True)
+            effects = self._effects(names, solved)
+        stated = samples.stated_arcsec
+        return Effects(
+            samples=samples,
+            stated_arcsec=np.array([solved[0].F_ior[""]], dtype=float) if stated is None else stated,
+            by_name=effects,
+            hole_factors=self._hole_factors([solved[row] for row in first]),
+            proof=sum((answer.proof for answer in solved.values()), EMPTY),
+        )
+
+    def _hole_factors(self, answers: Sequence[_Solved]) -> Array:
+        """Return F'_ior of the first samples in each hole over that in the present one, shape (first, torques, holes).
+
+        It is empty without holes, and where all is known.
+        """
+        samples = self.samples
+        if not self.holes_deg or samples.samples is None:
+            return np.empty((len(answers), 0, 0))
+        present = samples.samples.F_ior_arcsec[samples.rows[samples.first_rows]]
+        in_holes = np.array([answer.in_holes for answer in answers])
+        return np.asarray(in_holes / np.maximum(present, _LEAST_ERROR)[:, :, None])
+
+    def _effects(self, names: Sequence[str], solved: Mapping[int, _Solved]) -> dict[str, Effect]:
+        """Return the effects of edits by what is solved; without those that make no drive of a sample."""
+        evidence = None
+        if not self.is_measured and self.samples.samples:
+            data = evidence_of(self.samples.prior.drive)
+            evidence = next((datum for datum in data if datum.figure == ACCURACY), None)
+        effects = {}
+        for name in names:
+            effect = _effect(self.samples, name, solved, evidence)
+            if effect is not None:
+                effects[name] = effect
+        return effects
+
+    def _tasks(self, rows: Sequence[int], seed: int) -> list[_Task]:
+        """Return what is solved of the samples in some rows."""
+        samples = self.samples
+        drive = samples.prior.drive
+        changing = [edit for edit in self.edits if edit.kind != "accuracy"]
+        tested = self._tested_edits(changing)
+        values = {edit.name: edit.prior.values(samples.edited_shares(edit.prior, seed)[rows]) for edit in changing}
+        tasks = []
+        for place, of_sample in enumerate(samples.row_values(rows)):
+            changed = dict[str, Mapping[str, float]]()
+            systems = dict[str, Mapping[str, float | str | None]]()
+            for edit in changing:
+                edited = edit.prior.drive.with_values(values[edit.name][place])
+                if edit.has_own_system:
+                    systems[edit.name] = {SUPPORT_FIELD: edited.number(SUPPORT_FIELD), COUPLING: edited.cam.coupling}
+                else:
+                    changed[edit.name] = _changed_sizes(drive.with_values(of_sample), edited)
+            number = samples.draw_numbers[rows[place]]
+            task = _Task(
+                values=of_sample,
+                edits=changed,
+                systems=systems,
+                tried_deg=self.tried_deg,
+                holes_deg=self.holes_deg,
+                tested_deg=turn_of_test_deg(drive, [seed, number]) if tested else 0.0,
+                tested=tested,
+            )
+            tasks.append(task)
+        return tasks
+
+    def _tested_edits(self, changing: Sequence[Edit]) -> tuple[str, ...]:
+        """Return the names of edits that an accuracy counts for, "" of the drive without any."""
+        if self.samples.tested_arcsec is None:
+            return ("",) if len(changing) < len(self.edits) else ()
+        return () if self.is_measured else tuple(edit.name for edit in changing)
+
+    def _solve(self, tasks: Sequence[_Task], run: Run) -> list[_Solved]:
+        """Return what is solved of samples, kept in the user's cache."""
+        samples = self.samples
+        drive = samples.prior.drive
+        is_drawn = samples.samples is not None
+        depends = {
+            "drive": drive.model_dump(mode="json", exclude=WITHOUT_EFFECT),
+            "tasks": [_described(task) for task in tasks],
+            "M_g": [samples.torque, *self.torques],
+            "drawn": is_drawn,
+            "program": digits_depend_on(),
+        }
+
+        def solved() -> list[_Solved]:
+            solve = partial(_solve_one, drive, self.torques, samples.torque, is_drawn)
+            answers = list(run.map(solve, tasks))
+            run.solved(sum(answer.proof.states for answer in answers))
+            return answers
+
+        return kept_answer("options", depends, _SOLVED, solved)
+
+
+def _described(task: _Task) -> list[object]:
+    """Return all that the answer to a task depends on."""
+    turns = [task.tried_deg, task.holes_deg, task.tested_deg, task.tested]
+    return [dict(task.values), task.edits, task.systems, *turns]
+
+
+def _changed_sizes(drive: Drive, edited: Drive) -> dict[str, float]:
+    """Return the sizes of deviations of an edited drive, by path, that are not those of a drive."""
+    sizes = {path: edited.number(path) for path in deviation_sizes()}
+    return {path: size for path, size in sizes.items() if size != drive.number(path)}
+
+
+def _undecided(samples: OptionSamples, effects: Mapping[str, Effect]) -> dict[int, list[str]]:
+    """Return the edits by row that are to be solved further: on unsettled samples, if they may be among the best."""
+    limit = samples.room_arcsec
     stated = samples.stated_arcsec
-    if stated is None:
-        stated = np.array([solved[0].F_ior[""]], dtype=float)
-    factors = np.array([solved[row].in_holes for row in first]) if holes_deg else np.empty((len(first), 0, 0))
-    if holes_deg and samples.samples is not None:
-        now = samples.samples.F_ior_arcsec[samples.rows[first]]
-        factors = factors / np.maximum(now, 1e-9)[:, :, None]
-    return Effects(samples, stated, found, factors, sum((each.proof for each in solved.values()), EMPTY))
-
-
-def _further(samples: OptionSamples, effects: Mapping[str, Effect]) -> dict[int, list[str]]:
-    """Return the edits by row that are to be solved further: of those that may be among the best, unsettled samples."""
-    left, stated = samples.left, samples.stated_arcsec
     if stated is None:  # a single sample, which is solved
         return {}
-    contenders = {name: each for name, each in effects.items() if not name.startswith("accuracy:")}
-    if left is not None:
-        now = float(np.average(stated <= left, weights=samples.weights))
-        bounds = {name: each.bounds(left) for name, each in contenders.items()}
-        lowest = sorted((low for low, _ in bounds.values()), reverse=True)
-        least = lowest[SHOWN_OPTIONS - 1] if len(lowest) >= SHOWN_OPTIONS else 0.0
-        least = max(least, now + LEAST_STEP_GAIN)
-        contenders = {name: each for name, each in contenders.items() if bounds[name][1] >= least}
-    found = dict[int, list[str]]()
-    for name, effect in contenders.items():
-        for row in np.flatnonzero(effect.unsettled(left)).tolist():
-            found.setdefault(row, []).append(name)
-    return found
-
-
-def _found(
-    samples: OptionSamples, names: Sequence[str], solved: Mapping[int, _Solved], is_measured: bool
-) -> dict[str, Effect]:
-    """Return the effects of edits by what was solved so far; without those that make no drive of a sample."""
-    evidence = None
-    if not is_measured and samples.samples:
-        evidence = next((each for each in evidence_of(samples.prior.drive) if each.figure == ACCURACY), None)
-    effects = {}
-    for name in names:
-        effect = _effect(samples, name, solved, evidence)
-        if effect is not None:
-            effects[name] = effect
-    return effects
+    contenders = [name for name in effects if not name.startswith("accuracy:")]
+    if limit is not None:
+        present = float(np.average(stated <= limit, weights=samples.weights))
+        bounds = {name: effects[name].bounds(limit) for name in contenders}
+        surest = sorted((low for low, _ in bounds.values()), reverse=True)
+        of_best = surest[_BEST_EDITS - 1] if len(surest) >= _BEST_EDITS else 0.0
+        least = max(of_best, present + LEAST_STEP_GAIN)
+        contenders = [name for name in contenders if bounds[name][1] >= least]
+    undecided = dict[int, list[str]]()
+    for name in contenders:
+        for row in np.flatnonzero(effects[name].unsettled(limit)).tolist():
+            undecided.setdefault(row, []).append(name)
+    return undecided
 
 
 def _effect(
     samples: OptionSamples, name: str, solved: Mapping[int, _Solved], evidence: Evidence | None
 ) -> Effect | None:
     """Return the effect of an edit; None if it makes no drive of a sample, or hardly a sample agrees with it."""
-    is_grade = name.startswith("accuracy:")
-    source = "" if is_grade else name
-    rows = [row for row, each in solved.items() if source in each.F_ior]
-    after = [solved[row].F_ior[source] for row in rows]
-    if any(value is None for value in after):
+    grade = name.partition(":")[2] if name.startswith("accuracy:") else ""
+    source = "" if grade else name
+    answers = {row: answer for row, answer in solved.items() if source in answer.F_ior}
+    factor = _factor(len(samples.rows), answers, source)
+    if factor is None:
         return None
-    stated = samples.stated_arcsec
-    before = np.array([solved[row].F_ior[""] for row in rows], dtype=float)
-    if stated is None:
-        stated = before
-    factor = np.full(len(stated), np.nan)
-    factor[rows] = np.array(after, dtype=float) / before
+    stated = np.array([solved[0].F_ior[""]], dtype=float) if samples.stated_arcsec is None else samples.stated_arcsec
     donors = _donors(stated, factor)
-    F_ior = stated[:, None] * factor[donors]
-    weights = np.repeat(samples.weights[:, None] / donors.shape[1], donors.shape[1], axis=1)
-    tested_now = samples.tested_arcsec
-    if is_grade:
-        grade = Evidence("catalogue.accuracy", ACCURACY, float(name.partition(":")[2]), SOFT_EDGE, "limit")
-        tested = _tested(stated, solved, "")[donors] * stated[:, None] if tested_now is None else tested_now[:, None]
-        weights = weights * np.exp(grade.log_likelihood(tested))
-        if evidence and tested_now is not None:
-            weights = weights / np.exp(evidence.log_likelihood(tested_now))[:, None]
-    elif evidence and tested_now is not None:
-        tested = tested_now[:, None] * _tested(tested_now, solved, name)[donors]
-        ratio = evidence.log_likelihood(tested) - evidence.log_likelihood(tested_now)[:, None]
-        weights = weights * np.exp(ratio)
+    is_solved = ~np.isnan(factor)
+    likelihood = np.ones(donors.shape)
+    if grade:
+        is_solved |= samples.tested_arcsec is not None
+        likelihood = _grade_likelihood(samples, float(grade), answers, donors, evidence)
+    elif evidence:
+        likelihood = _likelihood_ratio(samples, name, answers, donors, evidence)
+    weights = samples.weights[:, None] / donors.shape[1] * likelihood
     effective = effective_number(weights.sum(axis=1))
     if samples.samples and effective < min(_FEWEST_EFFECTIVE, effective_number(samples.weights)):
         return None
-    is_solved = np.ones(len(stated), dtype=bool) if is_grade and tested_now is not None else ~np.isnan(factor)
-    return Effect(F_ior, weights, is_solved)
+    return Effect(stated[:, None] * factor[donors], weights, is_solved)
 
 
-def _tested(over_arcsec: Array, solved: Mapping[int, _Solved], name: str) -> Array:
+def _factor(rows: int, answers: Mapping[int, _Solved], name: str) -> Array | None:
+    """Return F'_ior with an edit over that without, shape (rows,), NaN if unsolved; None if a sample makes no drive."""
+    factor = np.full(rows, np.nan)
+    for row, answer in answers.items():
+        edited = answer.F_ior[name]
+        unedited = answer.F_ior[""]
+        if edited is None or not unedited:
+            return None
+        factor[row] = edited / unedited
+    return factor
+
+
+def _likelihood_ratio(
+    samples: OptionSamples,
+    name: str,
+    answers: Mapping[int, _Solved],
+    donors: NDArray[np.int64],
+    evidence: Evidence,
+) -> Array:
+    """Return the likelihood of the accuracy of edited samples over that of the samples, shape (rows, donors)."""
+    tested = samples.tested_arcsec
+    if tested is None:
+        return np.ones(donors.shape)
+    tested_with = tested[:, None] * _tested_factor(tested, answers, name)[donors]
+    before = evidence.log_likelihood(tested)
+    return np.asarray(np.exp(evidence.log_likelihood(tested_with) - before[:, None]))
+
+
+def _grade_likelihood(
+    samples: OptionSamples,
+    grade_arcsec: float,
+    answers: Mapping[int, _Solved],
+    donors: NDArray[np.int64],
+    evidence: Evidence | None,
+) -> Array:
+    """Return the likelihood of samples with a better accuracy over that with the present one, shape (rows, donors).
+
+    samples: the samples, of which F'_ior as tested is known if the catalogue has an accuracy.
+    grade_arcsec: the better accuracy [arcsec].
+    answers: those of the solved samples by row.
+    donors: solved samples of each sample, shape (rows, donors).
+    evidence: the present accuracy, None without any.
+    """
+    grade = Evidence(path="catalogue.accuracy", figure=ACCURACY, value=grade_arcsec, spread=SOFT_EDGE, kind="limit")
+    stated = samples.stated_arcsec
+    assert stated is not None
+    tested = samples.tested_arcsec
+    if tested is None:
+        return np.asarray(np.exp(grade.log_likelihood(stated[:, None] * _tested_factor(stated, answers, "")[donors])))
+    log = grade.log_likelihood(tested)
+    if evidence:
+        log = log - evidence.log_likelihood(tested)
+    return np.repeat(np.exp(log)[:, None], donors.shape[1], axis=1)
+
+
+def _tested_factor(over_arcsec: Array, answers: Mapping[int, _Solved], name: str) -> Array:
     """Return F'_ior as tested with an edit over other values [arcsec], shape (rows,), NaN if unsolved."""
-    tested = np.full(len(over_arcsec), np.nan)
-    for row, each in solved.items():
-        value = each.tested.get(name)
-        if value is not None:
-            tested[row] = value / over_arcsec[row]
-    return tested
+    factor = np.full(len(over_arcsec), np.nan)
+    for row, answer in answers.items():
+        tested = answer.tested.get(name)
+        if tested is not None:
+            factor[row] = tested / over_arcsec[row]
+    return factor
 
 
 def _donors(F_ior_arcsec: Array, factor: Array) -> NDArray[np.int64]:
@@ -372,98 +514,80 @@ def _donors(F_ior_arcsec: Array, factor: Array) -> NDArray[np.int64]:
     return donors
 
 
-def _is_idle(edit: Edit, solved: Sequence[_Solved]) -> bool:
+def _is_idle(edit: Edit, answers: Sequence[_Solved]) -> bool:
     """Return whether a tolerance hardly reduces F'_ior of any of some samples."""
     if edit.kind != "tolerance":
         return False
-    pairs = [(each.F_ior[""], each.F_ior.get(edit.name)) for each in solved]
-    reductions = [1 - after / now for now, after in pairs if now and after is not None]
+    pairs = [(answer.F_ior[""], answer.F_ior.get(edit.name)) for answer in answers]
+    reductions = [1 - edited / unedited for unedited, edited in pairs if unedited and edited is not None]
     return not reductions or max(reductions) < _NO_EFFECT
 
 
-def _tasks(
-    samples: OptionSamples,
-    edits: Sequence[Edit],
-    tried_deg: tuple[float, ...],
-    holes_deg: tuple[float, ...],
-    is_measured: bool,
-    seed: int,
-    rows: Sequence[int],
-) -> list[_Task]:
-    """Return what is solved of the samples in some rows."""
-    drive = samples.prior.drive
-    is_tested = not is_measured and samples.tested_arcsec is not None
-    is_graded = any(each.kind == "accuracy" for each in edits) and samples.tested_arcsec is None
-    changing = [each for each in edits if each.kind != "accuracy"]
-    values = {each.name: each.prior.values(samples.edited_shares(each.prior, seed)[rows]) for each in changing}
-    tested = (*((each.name for each in changing) if is_tested else ()), *(("",) if is_graded else ()))
-    tasks = []
-    for k, (row, of_sample) in enumerate(zip(rows, samples.row_values(rows), strict=True)):
-        sample = drive.with_values(of_sample)
-        changed, systems = dict[str, Mapping[str, float]](), dict[str, Mapping[str, float | str | None]]()
-        for each in changing:
-            edited = each.prior.drive.with_values(values[each.name][k])
-            if each.has_own_system:
-                systems[each.name] = {SUPPORT_FIELD: edited.number(SUPPORT_FIELD), COUPLING: edited.cam.coupling}
-            else:
-                sizes = {path: edited.number(path) for path in deviation_sizes()}
-                changed[each.name] = {path: size for path, size in sizes.items() if size != sample.number(path)}
-        turn = turn_of_test_deg(drive, [seed, samples.draw_numbers[row]]) if tested else None
-        tasks.append(_Task(of_sample, changed, systems, tried_deg, holes_deg, turn, tested))
-    return tasks
-
-
-def _solve(samples: OptionSamples, tasks: Sequence[_Task], torques: Sequence[float], run: Run) -> list[_Solved]:
-    """Return what is solved of samples, kept in the user's cache."""
-    drive, is_drawn = samples.prior.drive, samples.samples is not None
-    parts = drive.model_dump(mode="json", exclude=WITHOUT_EFFECT)
-    described = [[dict(t.values), t.edits, t.systems, t.tried_deg, t.holes_deg, t.tested_deg, t.tested] for t in tasks]
-    loads = [samples.torque, *torques]
-    depends = {"drive": parts, "tasks": described, "M_g": loads, "drawn": is_drawn, "program": digits_depend_on()}
-
-    def solved() -> list[_Solved]:
-        solve = partial(_solve_one, drive, tuple(torques), samples.torque, is_drawn)
-        answers = list(run.map(solve, tasks))
-        run.solved(sum(each.proof.states for each in answers))
-        return answers
-
-    return kept_answer("options", depends, _SOLVED, solved)
+# One sample
 
 
 def _solve_one(drive: Drive, torques: tuple[float, ...], torque: int, is_drawn: bool, task: _Task) -> _Solved:
     """Return F'_ior of one sample with its edits."""
     sample = drive.with_values(task.values)
-    M_g, load = torques[torque], ACCURACY_LOAD * drive.rated_torque
-    loads = dict.fromkeys((M_g, *(torques if task.holes_deg else ()), *((load,) if task.tested else ())))
-    maps = {each.M_g: each for each in error_maps(sample, [*loads])}
-    changes = [{}, *task.edits.values(), *(turned_directions(sample, turn) for turn in task.tried_deg)]
-    values, proof = searched(maps[M_g], sample, changes, is_drawn=is_drawn)
-    F_ior: dict[str, float | None] = dict(zip(("", *task.edits), values, strict=False))
-    tested = dict[str, float | None]()
-    if task.tried_deg:
-        F_ior[TRIALS] = min(values[1 + len(task.edits) :])
-    if task.tested and task.tested_deg is not None:
-        some = [name for name in task.tested if not name or name in task.edits]
-        turned = turned_directions(sample, task.tested_deg)
-        there = [turned | dict(task.edits.get(name, {})) for name in some]
-        found, more = searched(maps[load], sample, there, is_drawn=is_drawn) if some else ([], EMPTY)
-        tested |= zip(some, found, strict=True)
-        proof += more
+    M_g = torques[torque]
+    test_load = ACCURACY_LOAD * drive.rated_torque
+    loads = [M_g, *(torques if task.holes_deg else ()), *((test_load,) if task.tested else ())]
+    maps = {error_map.M_g: error_map for error_map in error_maps(sample, [*dict.fromkeys(loads)])}
+    F_ior, proof = _as_mounted(maps[M_g], sample, task, is_drawn)
+    tested, of_test = _tested(maps, test_load, sample, task, is_drawn)
     for name, changed in task.systems.items():
-        F_ior[name] = tested[name] = None
+        F_ior[name] = None
         with suppress(HdassistError):
-            other = sample.with_values(changed)
-            own_loads = [M_g, load] if name in task.tested and load != M_g else [M_g]
-            own = {each.M_g: each for each in error_maps(other, own_loads)}
-            (as_mounted,), more = searched(own[M_g], other, [{}], is_drawn=is_drawn)
-            proof += more
-            if name in task.tested and task.tested_deg is not None:
-                turn = 0.0 if no_hole_better(other) else task.tested_deg
-                (tested[name],), more = searched(own[load], other, [turned_directions(other, turn)], is_drawn=is_drawn)
-                proof += more
-            F_ior[name] = as_mounted
-    in_holes, of_holes = _in_holes([maps[each] for each in torques if each in maps], sample, task.holes_deg, is_drawn)
-    return _Solved(F_ior, tested, in_holes, proof + of_holes)
+            test = (test_load, task.tested_deg) if name in task.tested else None
+            F_ior[name], tested[name], of_system = _solve_system(sample.with_values(changed), M_g, test, is_drawn)
+            proof += of_system
+    in_holes, of_holes = _in_holes([maps[load] for load in torques if load in maps], sample, task.holes_deg, is_drawn)
+    return _Solved(F_ior, tested, in_holes, proof=proof + of_test + of_holes)
+
+
+def _as_mounted(
+    error_map: ErrorMap, drive: Drive, task: _Task, is_drawn: bool
+) -> tuple[dict[str, float | None], Certificate]:
+    """Return F'_ior [arcsec] with edits of the same contact system, by name, and the proof."""
+    turned = [turned_directions(drive, turn) for turn in task.tried_deg]
+    values, proof = searched(error_map, drive, [{}, *task.edits.values(), *turned], is_drawn=is_drawn)
+    F_ior: dict[str, float | None] = dict(zip(("", *task.edits), values, strict=False))
+    if turned:
+        F_ior[BEST_OF_HOLES] = min(values[-len(turned) :])
+    return F_ior, proof
+
+
+def _tested(
+    maps: Mapping[float, ErrorMap], load: float, drive: Drive, task: _Task, is_drawn: bool
+) -> tuple[dict[str, float | None], Certificate]:
+    """Return F'_ior [arcsec] as the manufacturer tests it with edits of the same contact system, and the proof."""
+    names = [name for name in task.tested if name not in task.systems]
+    if not names:
+        return {}, EMPTY
+    direction = turned_directions(drive, task.tested_deg)
+    changes = [direction | dict(task.edits.get(name, {})) for name in names]
+    F_ior, proof = searched(maps[load], drive, changes, is_drawn=is_drawn)
+    return dict(zip(names, F_ior, strict=True)), proof
+
+
+def _solve_system(
+    drive: Drive, M_g: float, test: tuple[float, float] | None, is_drawn: bool
+) -> tuple[float, float | None, Certificate]:
+    """Return F'_ior [arcsec] of a drive with a contact system of its own, as mounted and as tested, and the proof.
+
+    test: load [N*m] and turn [deg] of the test of the accuracy, None without one.
+    Raises UntrustedError where an answer cannot be trusted.
+    """
+    if test is None:
+        [error_map] = error_maps(drive, [M_g])
+        F_ior, proof = searched(error_map, drive, [{}], is_drawn=is_drawn)
+        return F_ior[0], None, proof
+    load, turn_deg = test
+    maps = {error_map.M_g: error_map for error_map in error_maps(drive, [*dict.fromkeys((M_g, load))])}
+    F_ior, proof = searched(maps[M_g], drive, [{}], is_drawn=is_drawn)
+    direction = turned_directions(drive, 0.0 if no_hole_better(drive) else turn_deg)
+    tested, of_test = searched(maps[load], drive, [direction], is_drawn=is_drawn)
+    return F_ior[0], tested[0], proof + of_test
 
 
 def _in_holes(
@@ -473,8 +597,8 @@ def _in_holes(
     if not holes_deg:
         return (), EMPTY
     changes = [turned_directions(drive, turn) for turn in holes_deg]
-    found = [searched(error_map, drive, changes, is_drawn=is_drawn) for error_map in maps]
-    return tuple(tuple(values) for values, _ in found), sum((proof for _, proof in found), EMPTY)
+    answers = [searched(error_map, drive, changes, is_drawn=is_drawn) for error_map in maps]
+    return tuple(tuple(F_ior) for F_ior, _ in answers), sum((proof for _, proof in answers), EMPTY)
 
 
 def turned_directions(drive: Drive, turn_deg: float) -> dict[str, float]:
@@ -487,6 +611,6 @@ def searched(
 ) -> tuple[list[float], Certificate]:
     """Return F'_ior [arcsec] of a drive with each of some changes of its deviations, and the proof."""
     paths = {path for change in changes for path in change} or {"tolerances.F_i1"}
-    columns = {path: np.array([each.get(path, drive.number(path)) for each in changes]) for path in sorted(paths)}
-    found = many_extremes(error_map, Batch(drive, columns), DRAWN_GRIDS if is_drawn else FINE_GRIDS)
-    return found.F_ior_arcsec.tolist(), found.certificate
+    columns = {path: np.array([change.get(path, drive.number(path)) for change in changes]) for path in sorted(paths)}
+    extremes = many_extremes(error_map, Batch(drive, columns), DRAWN_GRIDS if is_drawn else FINE_GRIDS)
+    return extremes.F_ior_arcsec.tolist(), extremes.certificate

@@ -23,12 +23,12 @@ from pydantic import TypeAdapter
 
 from hdassist.belief.edits import ASKED_COUPLINGS, COUPLING, SOURCE_REF, Edit, coupled, graded, tightened
 from hdassist.belief.effects import (
+    BEST_OF_HOLES,
     LEAST_STEP_GAIN,
-    TRIALS,
+    EditQuestion,
     Effect,
     Effects,
     OptionSamples,
-    effects_of,
     searched,
     turned_directions,
 )
@@ -145,17 +145,19 @@ def steps_of(
     is_measured = any(each.M_g for each in evidence_of(drive)) and samples is not None
     if samples is not None and not (samples.F_ior_arcsec[:, torque] > 0).all():
         return (), EMPTY
-    edits = [*tightened(prior), *coupled(prior), *([] if is_measured else graded(prior, bool(samples)))]
+    edits = [*tightened(prior), *coupled(prior)]
+    if samples and not is_measured:
+        edits += graded(prior)
     usable = [] if is_measured or unknown_turn(drive) else _usable_holes(drive)
-    effects = effects_of(
-        basis,
-        edits,
-        torques,
+    question = EditQuestion(
+        samples=basis,
+        edits=edits,
+        torques=tuple(torques),
         tried_deg=_tried_turns(drive) if samples and unknown_turn(drive) else (),
         holes_deg=_turns_deg(drive, usable),
         is_measured=is_measured,
-        run=run,
     )
+    effects = question.effects(run)
     if not (effects.stated_arcsec > 0).all():
         return (), effects.proof
     now = _outcome_now(effects, samples)
@@ -173,9 +175,11 @@ def _outcome_now(effects: Effects, samples: Samples | None) -> Outcome:
     """Return the outcome without any step; samples: all stages of them, None where all is known."""
     basis = effects.samples
     if samples is None or basis.samples is None:
-        return _outcome(effects.stated_arcsec, np.ones(1), basis.left, None)
-    kept = None if basis.left is None else samples.probability_within(basis.left, basis.torque, basis.sure)
-    return _outcome(basis.samples.F_ior_arcsec[:, basis.torque], basis.samples.weights, basis.left, kept)
+        return _outcome(effects.stated_arcsec, np.ones(1), basis.room_arcsec, None)
+    kept = (
+        None if basis.room_arcsec is None else samples.probability_within(basis.room_arcsec, basis.torque, basis.sure)
+    )
+    return _outcome(basis.samples.F_ior_arcsec[:, basis.torque], basis.samples.weights, basis.room_arcsec, kept)
 
 
 def _gain(now: Outcome, outcomes: Sequence[Outcome]) -> float:
@@ -225,9 +229,9 @@ def _edited_steps(effects: Effects, edits: Sequence[Edit], now: Outcome, is_meas
     reference_data: _ReferenceData = "kept" if is_measured or is_known else "applied again"
     answers = []
     for edit in edits:
-        if edit.name not in effects.of:
+        if edit.name not in effects.by_name:
             continue
-        outcome = _changed_outcome(effects, effects.of[edit.name], now)
+        outcome = _changed_outcome(effects, effects.by_name[edit.name], now)
         if edit.kind == "coupling":
             answers.append(replace(outcome, answer=edit.of, edit=edit.texts))
         if edit.kind == "tolerance":
@@ -244,11 +248,11 @@ def _edited_steps(effects: Effects, edits: Sequence[Edit], now: Outcome, is_meas
 def _changed_outcome(effects: Effects, effect: Effect, now: Outcome) -> Outcome:
     """Return the outcome of an effect by equation (1)."""
     basis = effects.samples
-    outcome = _outcome(*effect.values(), basis.left, None)
-    if basis.left is None or now.probability is None or basis.samples is None:
+    outcome = _outcome(*effect.values(), basis.room_arcsec, None)
+    if basis.room_arcsec is None or now.probability is None or basis.samples is None:
         return outcome
-    kept = probability_of(effect.met(basis.left), effect.weights.sum(axis=1))
-    of_rows = float(np.average(effects.stated_arcsec <= basis.left, weights=basis.weights))
+    kept = probability_of(effect.met(basis.room_arcsec), effect.weights.sum(axis=1))
+    of_rows = float(np.average(effects.stated_arcsec <= basis.room_arcsec, weights=basis.weights))
     moved = _moved(kept, now.probability - of_rows)
     return replace(outcome, probability=moved.value, probability_low=moved.low, probability_high=moved.high)
 
@@ -256,8 +260,8 @@ def _changed_outcome(effects: Effects, effect: Effect, now: Outcome) -> Outcome:
 def _tried_step(effects: Effects, now: Outcome) -> Iterator[Step]:
     """Yield the step to measure some holes and keep the best of them; if the directions are known, mount names it."""
     tried = _apart(_usable_holes(effects.samples.prior.drive))
-    if TRIALS in effects.of and len(tried) > 1:
-        outcome = _changed_outcome(effects, effects.of[TRIALS], now)
+    if BEST_OF_HOLES in effects.by_name and len(tried) > 1:
+        outcome = _changed_outcome(effects, effects.by_name[BEST_OF_HOLES], now)
         yield Step("trials", ",".join(map(str, tried)), (outcome,), 0.0, needs="values in holes")
 
 
@@ -295,9 +299,9 @@ def _hole_step(
         place = chosen_hole(losses, None if met is None else met[0].astype(float), stay)
         if usable[place] == 0:
             return [], proof
-        outcome = _outcome(F_ior[basis.torque][:, place], np.ones(1), basis.left, None)
+        outcome = _outcome(F_ior[basis.torque][:, place], np.ones(1), basis.room_arcsec, None)
         return [_turned_step(drive, usable[place], outcome)], proof
-    places = contending_holes(effects, left_arcsec, stay)
+    places = _contending_holes(effects, left_arcsec, stay)
     some = sorted({0.0, *(turns[place] for place in places)})
     turned = turned_samples(samples, evidence_of(drive), some, run)
     proof = sum((each.turned_proof for each in turned.made), EMPTY)
@@ -310,11 +314,11 @@ def _hole_step(
     if usable[place] == 0:
         return [], proof
     column, inside = columns[place], None
-    if basis.left is not None:
-        left, torque = basis.left, basis.torque
+    if basis.room_arcsec is not None:
+        left, torque = basis.room_arcsec, basis.torque
         inside = turned.probability(lambda stage: stage.turned_arcsec[:, torque, column] <= left, basis.sure)
     first = turned.of_ranges
-    outcome = _outcome(first.turned_arcsec[:, basis.torque, column], first.weights, basis.left, inside)
+    outcome = _outcome(first.turned_arcsec[:, basis.torque, column], first.weights, basis.room_arcsec, inside)
     return [_turned_step(drive, usable[place], outcome)], proof
 
 
@@ -324,7 +328,7 @@ def _turned_step(drive: Drive, hole: int, outcome: Outcome) -> Step:
     return Step("hole", str(hole), (outcome,), 0.0, _turn_texts(drive, turn))
 
 
-def contending_holes(effects: Effects, left_arcsec: Sequence[float | None], stay: int | None) -> list[int]:
+def _contending_holes(effects: Effects, left_arcsec: Sequence[float | None], stay: int | None) -> list[int]:
     """Return the places of the holes that may be the best by what the first samples show, and that of the present one.
 
     effects: with the factors of F'_ior in all holes.
@@ -429,9 +433,9 @@ def _corrected_step(
         F_ior, weights = basis.samples.F_ior_arcsec[:, basis.torque], basis.samples.weights
     left = np.multiply.outer(F_ior, shares)
     kept = None
-    if basis.left is not None and basis.samples:  # a sample is one case, however many cycles are tried on it
-        kept = probability_of((left <= basis.left).mean(axis=1), weights)
-    outcome = _outcome(left.ravel(), np.repeat(weights, len(shares)), basis.left, kept)
+    if basis.room_arcsec is not None and basis.samples:  # a sample is one case, however many cycles are tried on it
+        kept = probability_of((left <= basis.room_arcsec).mean(axis=1), weights)
+    outcome = _outcome(left.ravel(), np.repeat(weights, len(shares)), basis.room_arcsec, kept)
     return [Step("correction", str(_PHASORS_OFF), (outcome,), 0.0, needs="recording")], proof
 
 
@@ -473,7 +477,7 @@ def _questions(basis: OptionSamples, found: Sequence[Step]) -> Iterator[Step]:
             if weights.any():
                 chance = float(weights.sum() / samples.weights.sum())
                 some = inside & (samples.weights > 0)
-                outcome = _outcome(F_ior[some], samples.weights[some], basis.left, None)
+                outcome = _outcome(F_ior[some], samples.weights[some], basis.room_arcsec, None)
                 answers.append(replace(outcome, answer=answer, chance=chance, edit=_range_texts(prior.path, *ends)))
         if len(answers) == 2:
             yield Step("question", each.group, tuple(answers), 0.0, needs="answer", reference_data="applied again")

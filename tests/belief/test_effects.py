@@ -8,7 +8,7 @@ import pytest
 
 from hdassist import load_preset
 from hdassist.belief import effects
-from hdassist.belief.effects import Effect, _donors, _further
+from hdassist.belief.effects import Effect, _donors, _undecided
 from hdassist.design import check
 from hdassist.mounting.advice import advise
 from hdassist.mounting.positions import seat_positions
@@ -43,17 +43,17 @@ def test_a_sample_takes_the_factors_of_those_that_are_nearest_and_a_solved_one_i
     assert [sorted({*row}) for row in donors.tolist()] == [[0], [0, 2], [2], [2, 4], [4]]
 
 
-def test_the_option_that_may_be_best_is_solved_further_and_a_hopeless_one_is_not():
-    samples = SimpleNamespace(left=LEFT, stated_arcsec=np.full(4, 60.0), weights=np.ones(4))
+def test_the_option_that_may_be_best_is_solved_undecided_and_a_hopeless_one_is_not():
+    samples = SimpleNamespace(room_arcsec=LEFT, stated_arcsec=np.full(4, 60.0), weights=np.ones(4))
     sure = effect((40, 40), (40, 40), (40, 40), (60, 60))
     wide = effect((40, 60), (40, 60), (40, 60), (40, 60))
     poor = effect((60, 60), (60, 60), (40, 60), (40, 60))
     of = {"tolerance:a": sure, "tolerance:b": sure, "tolerance:c": sure, "tolerance:wide": wide, "tolerance:poor": poor}
-    assert _further(samples, of) == {row: ["tolerance:wide"] for row in range(4)}
+    assert _undecided(samples, of) == {row: ["tolerance:wide"] for row in range(4)}
     # without three better ones it is a step too, unless it gains nothing
-    assert _further(samples, {"tolerance:poor": poor}) == {2: ["tolerance:poor"], 3: ["tolerance:poor"]}
-    kept = SimpleNamespace(left=LEFT, stated_arcsec=np.array([40.0, 40, 60, 60]), weights=np.ones(4))
-    assert _further(kept, {"tolerance:poor": poor}) == {}
+    assert _undecided(samples, {"tolerance:poor": poor}) == {2: ["tolerance:poor"], 3: ["tolerance:poor"]}
+    kept = SimpleNamespace(room_arcsec=LEFT, stated_arcsec=np.array([40.0, 40, 60, 60]), weights=np.ones(4))
+    assert _undecided(kept, {"tolerance:poor": poor}) == {}
 
 
 @pytest.mark.usefixtures("kept")
@@ -62,7 +62,7 @@ def test_the_race_has_the_options_and_probabilities_of_all_samples(limit):
     drive = load_preset(TINY, (*OPEN, *SIZES, f"acceptance.F_ior={limit}"))
     solved = {}
     for first in (8, 1000):
-        with mock.patch.object(effects, "FIRST_SAMPLES", first):
+        with mock.patch.object(effects, "_FIRST_SAMPLES", first):
             solved[first] = {(each.kind, each.of): each for each in check(drive, draws=32).steps}
     few, every = solved.values()
     options = [key for key, each in every.items() if not each.is_question]
@@ -76,6 +76,6 @@ def test_the_race_has_the_options_and_probabilities_of_all_samples(limit):
 def test_the_race_names_the_hole_of_mount():
     for limit in ("acceptance.F_ior=2060", "name=any"):
         drive = load_preset(TINY, (*OPEN[:4], limit, "operation.M_g=[1, 4]"))
-        with mock.patch.object(effects, "FIRST_SAMPLES", 4):
+        with mock.patch.object(effects, "_FIRST_SAMPLES", 4):
             (hole,) = (step for step in check(drive, draws=16).steps if step.kind == "hole")
         assert hole.of == str(advise(drive, seat_positions(drive), draws=16).chosen.hole)
