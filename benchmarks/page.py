@@ -34,14 +34,14 @@ def page(measured: dict[str, Any], first: dict[str, Any] | None = None) -> str:
         "## Proposed extremes\n",
         DRAWN,
         _table(
-            ("drives", "cases", "F'_ior", "every state: states, ms", "proposed: states, ms", "greatest difference",
+            ("drives", "cases", "F'_ior", "every state: states, ms", "proposed: states, ms", "largest difference",
              "above 0.01″"),
             map(_proposals, measured["proposals"]),
         ),
         SEARCHED,
         _table(
             ("torque", "searches", "F'_ior, median", "bias", "rms", "worst", "over 0.2″",
-             "states: fine grid, proven, climbs", "ms: slopes, fine grid"),
+             "states: fine grid, verified, climbs", "ms: slopes, fine grid"),
             map(_draws, measured["draws"]),
         ),
         "## Whole processes\n",
@@ -70,7 +70,7 @@ def _machine(machine: dict[str, Any]) -> str:
 def _anew(loads: dict[str, float]) -> Iterable[str]:
     if loads:
         words = ", ".join(f"{part} at load {load}" for part, load in loads.items())
-        yield f"Measured anew later, each compared within itself: {words}. Two runs differ by up to 15 %.\n"
+        yield f"Measured again later, and compared only within each part: {words}. Two runs differ by up to 15 %.\n"
 
 
 def _table(heads: Iterable[str], lines: Iterable[Iterable[str]]) -> str:

@@ -59,17 +59,19 @@ def rows(measured: dict[str, Any]) -> Iterator[Row]:
         yield from _state(torque)
     yield from _processes(**measured["processes"])
     for group in measured["proposals"]:
-        words = f"proposed extremes, greatest difference to every state, {group['cases']} {group['group']}"
+        words = f"proposed extremes, largest difference from every state, {group['cases']} {group['group']}"
         yield Row("proposals", words, MISSED_ARCSEC, group["missed_arcsec"], "″")
     for search in measured["draws"]:
-        words = f"{search['searches']} searches of draws, {search['M_g']:g} N·m, against a grid of 60 positions"
+        words = f"{search['searches']} searches of samples, {search['M_g']:g} N·m, against a grid of 60 positions"
         yield Row("draws", f"{words}: rms", DRAWS_RMS, search["rms"], "″")
         yield Row("draws", f"{words}: worst", DRAWS_WORST, search["worst"], "″")
-        yield Row("draws", f"{words}: states a search", DRAWS_STATES, sum(search["states"][1:]), "")
+        yield Row("draws", f"{words}: states per search", DRAWS_STATES, sum(search["states"][1:]), "")
     yield from _growth(measured["growth"])
     yield from _coned(measured["coned"])
     for case in measured["tolerance"]:
-        words = f"a value of F'_ior of random drives, two torques, as built and best of 12 holes: {case['case']}"
+        words = (
+            f"a value of F'_ior of random drives, two torques, as assembled and in the best of 12 holes: {case['case']}"
+        )
         yield Row("random drives", words, VALUE_MS, case["value_ms"], "ms")
         words = f"use of two processes, {case['drives']} random drives: {case['case']}"
         yield Row("two processes", words, EFFICIENCY, case["efficiency"], "", at_least=True)

@@ -74,9 +74,9 @@ def test_the_page_has_the_run_before_beside_each_number():
 def test_parts_that_were_measured_anew_are_named():
     later = {"engine": slow()["engine"], "machine": {"load": 3.5}}
     made = page(joined(slow(), later))
-    assert "Measured anew later, each compared within itself: engine at load 3.5." in made
+    assert "Measured again later, and compared only within each part: engine at load 3.5." in made
     assert "load 0.1 at the start" in made
-    assert "anew later" not in page(slow())
+    assert "again later" not in page(slow())
 
 
 def test_engines_take_turns_over_the_states_that_proposals_solve():
