@@ -56,12 +56,13 @@ REASONS = {
     "The values of one nominal drive do not depend on proposals, because every state is solved. Those of sampled "
     "drives do. Next: a fourth grid in the region in which one zone carries nearly all of the torque.",
     "check": "Shares of one process on a busy machine: 64 sampled drives 36 %; options (twelve drives in other holes, "
-    "with tighter tolerances and another coupling) 15 %; self error 13 % (400 pairs of phases, each with its own "
-    "contacts and programme); ten states by another solver 11 %, and the import of cvxpy without scipy.stats 4 %; "
-    "every state of both torques 7 %; all other imports 9 % (a quarter is scipy.special, which cvxpy has too). One "
-    "sampled drive takes 30 ms: a third for the references of the contact systems, one per torque; a quarter for states of its "
-    "grids and climbs in C; a seventh for contacts and rules of the drive; the remainder for numpy around batches of "
-    "few states. Without any sampled drive the time is more than half. Next: the programmes of the self error in C.",
+    "with tighter tolerances and another coupling) 15 %; self error 13 % (400 pairs of phases, each with its "
+    "own contacts and programme); ten states by another solver 11 %, and the import of cvxpy without "
+    "scipy.stats 4 %; every state of both torques 7 %; all other imports 9 % (a quarter is scipy.special, which "
+    "cvxpy has too). One sampled drive takes 30 ms: a third for the references of the contact systems, one per "
+    "torque; a quarter for states of its grids and climbs in C; a seventh for contacts and rules of the drive; "
+    "the remainder for numpy around batches of few states. Without any sampled drive the time is more than "
+    "half. Next: the programmes of the self error in C.",
     "check own.yaml": "72 drives, each of which takes twice as long as one of vzp160, are 49 %. The search at "
     "two torques is 28 %, the profile shift at which the teeth mesh, which is another contact system, 9 %, and the "
     "stiffness for the comparison with the catalogue 5 %. Options are 17 %, the self error 12 %, the cross-check with "
