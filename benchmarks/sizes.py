@@ -1,4 +1,4 @@
-"""Prior sizes of the waves of a recording, from solved drives: `python -m benchmarks.sizes --drives 24 --write`.
+"""Prior sizes of the waves of a recording, from solved drives: `python -m benchmarks.sizes --drives 80 --write`.
 
 Each hidden drive of benchmarks/honesty.py is solved over its full cycle, half of them at the least and half at the
 largest torque of the preset. The Fourier transform over the cycle gives the amplitude of each wave (k, j): k periods
@@ -9,7 +9,8 @@ per input revolution, j per output revolution. The profiles of hdassist/recordin
 - other_wheel: the same of (k, +-k);
 - output: size of (0, j) over that of all waves of the output;
 - rest: rms of waves that the model leaves out over that of its waves from order 12 on, by the highest order of the
-  model, as mean and standard deviation of the logarithm; and what they add to the range over their rms.
+  model, and what they add to the range over their rms. The logarithm of the first and the second are straight lines
+  over the logarithm of the ratio, with the standard deviation around the line.
 
 Sizes are rms values over the drives, so that a wave that a few drives have counts. A size below the floor counts as the
 floor. Two things are cautious assumptions, because they decide whether a part of the cycle can pass. The first number
@@ -37,6 +38,7 @@ CAUTION = 2.0  # factor of the sizes of sidebands
 ORDERS, SIDEBANDS = 25, 7  # lengths of the profiles
 FINE_ORDER = 12  # from which waves show how rough the teeth are
 HIGHEST_ORDERS = (16, 24, 36)  # of the model, for which the rest is found
+LEAST_RATIO, USUAL_RATIO = 50, 80  # the least of the solved drives; that of the tabulated rest
 POINTS_PER_PERIOD = 2.2  # blocks for each period of the highest order, as in recording/waves.py
 TABLE = Path(__file__).parent.parent / "hdassist" / "recording" / "sizes.toml"
 HEAD = """# Prior sizes of the waves of a recording (R6), written by `python -m benchmarks.sizes --write`.
@@ -107,24 +109,38 @@ def profiles(cycles: Sequence[tuple[int, Array]]) -> dict[str, list[float]]:
 
 def rests(cycles: Sequence[tuple[int, Array]]) -> dict[str, list[float]]:
     """The table of the rest in sizes.toml, by the highest order of the model."""
-    table: dict[str, list[float]] = {"ratio": [], "log_sigma": [], "added": [], "added_sigma": []}
+    names = ("size", "size_exponent", "size_log_sigma", "added", "added_slope", "added_sigma")
+    table: dict[str, list[float]] = {name: [] for name in names}
+    larger = np.array([np.log(ratio / USUAL_RATIO) for ratio, _ in cycles])
     for highest in HIGHEST_ORDERS:
-        shares, added = list[float](), list[float]()
-        for ratio, error in cycles:
-            sizes = wave_sizes(ratio, error)
-            spectrum = np.fft.rfft(error)
-            fine = 0.0
-            for k, j in wave_pairs(Fraction(ratio), POINTS_PER_PERIOD * highest + 0.1).tolist():
-                spectrum[k * ratio + j] = 0.0
-                fine += sizes[k, j] ** 2 / 2 if k >= FINE_ORDER else 0.0
-            left = np.fft.irfft(spectrum, len(error))
-            shares.append(float(np.log(left.std() / np.sqrt(fine))))
-            added.append(float((np.ptp(error) - np.ptp(error - left)) / left.std()))
-        table["ratio"].append(float(np.exp(np.mean(shares))))
-        table["log_sigma"].append(float(np.std(shares)))
-        table["added"].append(float(np.mean(added)))
-        table["added_sigma"].append(float(np.std(added)))
+        log_sizes, added = np.array([_rest_of(ratio, error, highest) for ratio, error in cycles]).T
+        exponent, log_size = np.polyfit(larger, log_sizes, 1).tolist()
+        slope, usual = np.polyfit(larger, added, 1).tolist()
+        spreads = (
+            float(np.std(values - line, ddof=2))
+            for values, line in (
+                (log_sizes, log_size + exponent * larger),
+                (added, usual + slope * larger),
+            )
+        )
+        log_sigma, added_sigma = spreads
+        row = (float(np.exp(log_size)), exponent, log_sigma, usual, slope, added_sigma)
+        for name, value in zip(names, row, strict=True):
+            table[name].append(value)
     return table
+
+
+def _rest_of(ratio: int, error: Array, highest: int) -> tuple[float, float]:
+    """Logarithm of the rms of the waves beyond a model over that of its fine waves; what they add over their rms."""
+    sizes = wave_sizes(ratio, error)
+    spectrum = np.fft.rfft(error)
+    fine = 0.0
+    for k, j in wave_pairs(Fraction(ratio), POINTS_PER_PERIOD * highest + 0.1).tolist():
+        spectrum[k * ratio + j] = 0.0
+        fine += sizes[k, j] ** 2 / 2 if k >= FINE_ORDER else 0.0
+    left = np.fft.irfft(spectrum, len(error))
+    added = float((np.ptp(error) - np.ptp(error - left)) / left.std())
+    return float(np.log(left.std() / np.sqrt(fine))), added
 
 
 def toml_line(name: str, sizes: Sequence[float]) -> str:
@@ -135,7 +151,7 @@ def toml_line(name: str, sizes: Sequence[float]) -> str:
 def main() -> None:
     """Print the profiles, and write them with --write."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--drives", type=int, default=24, help="number of solved drives")
+    parser.add_argument("--drives", type=int, default=80, help="number of solved drives")
     parser.add_argument("--seed", type=int, default=1000, help="seed of the drives")
     parser.add_argument("--write", action="store_true", help="write hdassist/recording/sizes.toml")
     arguments = parser.parse_args()
@@ -143,7 +159,8 @@ def main() -> None:
     text = HEAD.format(drives=arguments.drives)
     for name, sizes in profiles(cycles).items():
         text += toml_line(name, sizes)
-    text += f"\n[rest]\nfine_order = {FINE_ORDER}\n" + toml_line("highest_order", HIGHEST_ORDERS)
+    text += f"\n[rest]\nfine_order = {FINE_ORDER}\nleast_ratio = {LEAST_RATIO}\nusual_ratio = {USUAL_RATIO}\n"
+    text += toml_line("highest_order", HIGHEST_ORDERS)
     for name, sizes in rests(cycles).items():
         text += toml_line(name, sizes)
     print(text)

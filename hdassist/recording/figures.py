@@ -76,7 +76,11 @@ class RangeFigure:
     def interval_arcsec(self) -> tuple[float, float]:
         """95 % interval: from the lower end over visited places to the upper end over all places."""
         low = float(np.quantile(self.seen_arcsec, 1 - _far_share(1 - _TAIL, self.seen_effective)))
-        return low, float(np.quantile(self.whole_arcsec, _far_share(1 - _TAIL, self.whole_effective)))
+        return low, self.upper_arcsec(1 - _TAIL)
+
+    def upper_arcsec(self, share: float) -> float:
+        """Return the quantile of the range over all places for a share of the samples, at its far end (R15)."""
+        return float(np.quantile(self.whole_arcsec, _far_share(share, self.whole_effective)))
 
     @property
     def has_few_samples(self) -> bool:
@@ -290,11 +294,11 @@ def _rest(posterior: AmplitudePosterior, seed: int) -> Array:
     """Return samples of what waves beyond the model add to a range [arcsec], shape (draws,)."""
     rng = np.random.default_rng(seed)
     order = posterior.pairs[:, 0]
-    profile = rest_profile(int(order.max()))
+    profile = rest_profile(int(order.max()), float(posterior.cycle))
     cosines, sines = np.split(posterior.amplitudes, 2, axis=1)
     is_fine = order >= FINE_ORDER
     fine = np.sqrt(((cosines**2 + sines**2) / 2)[:, is_fine].sum(axis=1))
     draws = len(fine)
-    size = profile.ratio * np.exp(profile.log_sigma * rng.standard_normal(draws)) * fine
+    size = profile.size * np.exp(profile.size_log_sigma * rng.standard_normal(draws)) * fine
     added = profile.added + profile.added_sigma * rng.standard_normal(draws)
-    return np.asarray(np.minimum(size, posterior.residual_rms) * added)
+    return np.asarray(np.minimum(size, posterior.noise_rms) * added)

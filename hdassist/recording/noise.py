@@ -42,6 +42,12 @@ class NoiseMemory:
     rho: float = 0.0
     theta: float = 0.0
 
+    @property
+    def gain(self) -> float:
+        """The rms of the noise over that of its white part."""
+        variance = (1 + 2 * self.rho * self.theta + self.theta**2) / (1 - self.rho**2)
+        return float(np.sqrt(variance))
+
 
 WHITE = NoiseMemory()
 

@@ -79,7 +79,6 @@ class AmplitudePosterior:
     amplitudes: cosines, then sines [arcsec], shape (draws, 2 waves).
     sigma_arcsec: white part of the noise of a block, shape (draws,).
     memory: memory of the noise.
-    residual_rms: rms of the residuals of the mean curve [arcsec].
     visited_rev: places with readings on the cycle [input rev], ascending, shape (readings,).
     readings_range: range of the readings less levels and drifts [arcsec].
     drift: coefficients of the drift of each run and power [arcsec], shape (draws, runs * degree).
@@ -97,7 +96,6 @@ class AmplitudePosterior:
     amplitudes: Array
     sigma_arcsec: Array
     memory: NoiseMemory
-    residual_rms: float
     visited_rev: Array
     readings_range: float
     drift: Array
@@ -108,6 +106,11 @@ class AmplitudePosterior:
     block_run: _Indices
     block_residual: Array
     effective: float
+
+    @property
+    def noise_rms(self) -> Array:
+        """Samples of the rms of the noise of a block [arcsec], with all that the waves leave, shape (draws,)."""
+        return self.sigma_arcsec * self.memory.gain
 
 
 def posterior_of_recording(
@@ -360,7 +363,6 @@ def _result(
         amplitudes=amplitudes,
         sigma_arcsec=sigma,
         memory=memory,
-        residual_rms=float(np.std(model.residual(mean))),
         visited_rev=np.sort(readings.turned * readings.place_rev % float(readings.cycle.numerator)),
         readings_range=float(np.ptp(levelled)),
         drift=readings.flipped * coefficients[:, model.waves + model.runs : model.slow_end],

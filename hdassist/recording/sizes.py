@@ -40,27 +40,48 @@ ORDER_PROFILE: tuple[float, ...] = tuple(_PROFILES["order"])
 SIDEBAND_PROFILE: tuple[float, ...] = tuple(_PROFILES["sideband"])
 _OTHER_WHEEL: float = _PROFILES["other_wheel"][0]  # the same for (k, +-k), a part that turns with the other wheel
 OUTPUT_PROFILE: tuple[float, ...] = tuple(_PROFILES["output"])  # of (0, j) by j = 1, 2, ...
-# Waves beyond the pairs, by the highest order of the pairs: their rms over that of the fine waves (orders from 12 on),
-# log-normal with a standard deviation of the logarithm; and what they add to the range over their rms, mean and
-# standard deviation. They nearly always add to it, because the largest value is sought among rougher ones.
+# Waves beyond the pairs: their rms over that of the fine waves (orders from 12 on), and what they add to the range over
+# their rms. They nearly always add to it, because the largest value is sought among rougher ones, and both grow with
+# the gear ratio, because more teeth have more places where the largest value may be.
 FINE_ORDER: int = _PROFILES["rest"]["fine_order"]
 
 
 @dataclass(frozen=True)
 class _RestProfile:
-    """Sizes of the waves beyond the pairs; see the comment above."""
+    """Sizes of the waves beyond the pairs; see the comment above.
 
-    ratio: float
-    log_sigma: float
+    size: median of their rms over that of the fine waves.
+    size_log_sigma: standard deviation of its logarithm.
+    added: mean of what they add to the range, over their rms.
+    added_sigma: standard deviation of added.
+    """
+
+    size: float
+    size_log_sigma: float
     added: float
     added_sigma: float
 
 
-def rest_profile(highest: int) -> _RestProfile:
-    """Return the sizes of the waves beyond pairs up to a highest order, between tabulated orders by a line."""
+def rest_profile(highest: int, gear_ratio: float) -> _RestProfile:
+    """Return the sizes of the waves beyond pairs up to a highest order.
+
+    Between tabulated orders they are interpolated; over the logarithm of the ratio they are straight lines.
+
+    highest: highest order of the pairs.
+    gear_ratio: input revolutions per output revolution; below 50, where no drive was solved, it counts as 50.
+    """
     table = _PROFILES["rest"]
-    columns = ("ratio", "log_sigma", "added", "added_sigma")
-    return _RestProfile(*(float(np.interp(highest, table["highest_order"], table[name])) for name in columns))
+
+    def entry(name: str) -> float:
+        return float(np.interp(highest, table["highest_order"], table[name]))
+
+    larger = float(np.log(max(gear_ratio, table["least_ratio"]) / table["usual_ratio"]))
+    return _RestProfile(
+        size=entry("size") * float(np.exp(entry("size_exponent") * larger)),
+        size_log_sigma=entry("size_log_sigma"),
+        added=entry("added") + entry("added_slope") * larger,
+        added_sigma=entry("added_sigma"),
+    )
 
 
 def wave_profile(pairs: _Indices) -> tuple[Array, Array]:

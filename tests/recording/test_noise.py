@@ -1,6 +1,7 @@
 """Memory of the noise: found where it is, none where there is none, and bounded."""
 
 import numpy as np
+import pytest
 from scipy.signal import lfilter
 
 from hdassist.recording.noise import WHITE, NoiseMemory, memory_of, whitened
@@ -35,3 +36,11 @@ def test_a_memory_decays_within_half_a_revolution():
     memory = memory_of(np.cumsum(RNG.standard_normal(10_000)), RUN, blocks_per_rev=100)
     assert np.isclose(memory.rho, np.exp(-1 / 50))
     assert memory_of(np.cumsum(RNG.standard_normal(10_000)), RUN, blocks_per_rev=2).rho <= np.exp(-1)
+
+
+def test_the_rms_of_noise_with_a_memory_is_more_than_that_of_its_white_part():
+    rng = np.random.default_rng(3)
+    memory = NoiseMemory(rho=0.9, theta=-0.4)
+    noise = lfilter([1.0, memory.theta], [1.0, -memory.rho], rng.standard_normal(200_000))
+    assert memory.gain == pytest.approx(float(np.std(noise)), rel=0.02)
+    assert WHITE.gain == 1.0

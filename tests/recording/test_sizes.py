@@ -38,9 +38,16 @@ def test_profile_by_hand():
 
 
 def test_the_rest_is_by_the_highest_order_of_the_pairs():
-    coarse, fine = rest_profile(16), rest_profile(36)
-    assert coarse.ratio > rest_profile(20).ratio > fine.ratio
-    assert rest_profile(12) == coarse
+    coarse, fine = rest_profile(16, 80), rest_profile(36, 80)
+    assert coarse.size > rest_profile(20, 80).size > fine.size
+    assert rest_profile(12, 80) == coarse
+
+
+def test_the_rest_of_a_drive_with_more_teeth_is_larger():
+    small, large = rest_profile(16, 50), rest_profile(16, 120)
+    assert large.size > small.size
+    assert large.added > small.added
+    assert rest_profile(16, 30) == small  # no drive below was solved
 
 
 def test_the_auxiliary_variable_makes_a_half_t():
