@@ -11,9 +11,9 @@ with a memory, and a drift that may be bent. The truth is the range of the drive
 recorded cycle. A line off the orders comes back with another phase in the next cycle: PASS is judged by the recorded
 cycle, FAIL by the one in which the line adds most, and the interval may end in between.
 
-`--measure`: the recordings are files with lost rows, single readings far off and a step of the level in every fourth,
-which `measure` cleans. Parts of the cycle are judged by its two ends: PASS if the upper end meets a limit, FAIL if the
-lower one exceeds it.
+`--measure`: the recordings are files, and `accept` decides, with a budget of 0. Those of the whole cycle and of parts
+have lost rows, single readings far off and a step of the level in every fourth, which `measure` cleans. A whole cycle
+is judged by the interval of `measure`, a part by its two ends.
 
 `--solved`: so many hidden drives of benchmarks/honesty.py, solved over the full cycle, are recorded four times each:
 the whole cycle, split, and twice a part of it.
@@ -30,9 +30,12 @@ from io import BytesIO
 import numpy as np
 
 from benchmarks.sizes import solved_cycle
-from hdassist.errors import HdassistError, Verdict
-from hdassist.measuring.full_cycle import FullCycle, full_cycle
-from hdassist.measuring.measure import measure
+from hdassist.acceptance.decision import AcceptedValue, RecordedPart, decide
+from hdassist.acceptance.limits import F_IOR, Limit
+from hdassist.errors import SURE, HdassistError, Verdict
+from hdassist.measuring.full_cycle import full_cycle
+from hdassist.measuring.measure import SweepResult, measure
+from hdassist.measuring.orders import STATED
 from hdassist.model.geometry import Array
 from hdassist.readers.trace import TraceForm, read_trace
 from hdassist.recording.figures import RangeFigure, range_figure
@@ -172,31 +175,43 @@ def file_of(turns: Array, error: Array) -> bytes:
 
 @dataclass(frozen=True)
 class MeasuredFigure:
-    """The two ends of a recording by `measure`, as range_figure gives them."""
+    """F'_ior of a file by `measure` and `accept`, as range_figure gives it.
+
+    interval_arcsec: 95 % interval, of a part its two ends.
+    direction: of the greatest F'_ior.
+    part: of the cycle that it covers, None for all of it.
+    """
 
     interval_arcsec: tuple[float, float]
+    direction: SweepResult
+    part: RecordedPart | None
     has_few_samples: bool = False
 
     def verdict(self, limit_arcsec: float) -> Verdict:
-        """PASS by the upper end, FAIL by the lower one."""
-        low, high = self.interval_arcsec
-        if high <= limit_arcsec:
-            return Verdict.PASS
-        return Verdict.FAIL if low > limit_arcsec else Verdict.INCONCLUSIVE
+        """The verdict of `accept` on a limit."""
+        limit = Limit(F_IOR.code, limit_arcsec, 1.0)
+        return decide(limit, AcceptedValue.measured(limit, self.direction, self.part), "guard", SURE).verdict
 
 
-def measured_figure(rng: np.random.Generator, recording: Recording) -> MeasuredFigure | None:
-    """The two ends by `measure`; None if it refuses the file or gives no upper end."""
-    trace = read_trace(BytesIO(file_of(*soiled(rng, recording))), TraceForm(robust=True))
+def measured_figure(rng: np.random.Generator, recording: Recording, kind: str) -> MeasuredFigure | None:
+    """F'_ior of a recording as a file; None if `measure` refuses it or a part has no upper end."""
+    in_time = np.argsort(recording.time, kind="stable")
+    turns, error = recording.input_rev[in_time], recording.error_arcsec[in_time]
+    if kind != "split":
+        turns, error = soiled(rng, recording)
+    trace = read_trace(BytesIO(file_of(turns, error)), TraceForm(robust=True))
     try:
-        result = measure(trace, ratio=recording.ratio, may_be_noise=True)
+        result = measure(trace, ratio=recording.ratio, stated=dict.fromkeys(STATED, 0.0), may_be_noise=True)
     except HdassistError:
         return None
-    sweep = result.greatest
-    if not sweep.is_bound:
+    direction = result.greatest
+    if not direction.is_bound:
+        return MeasuredFigure(interval_arcsec=direction.interval_arcsec, direction=direction, part=None)
+    found = full_cycle(result, direction)
+    if isinstance(found, str):
         return None
-    found = full_cycle(result, sweep)
-    return MeasuredFigure(found.interval_arcsec) if isinstance(found, FullCycle) else None
+    part = RecordedPart.of(direction, found, recording.ratio)
+    return MeasuredFigure(interval_arcsec=found.interval_arcsec, direction=direction, part=part)
 
 
 @dataclass
@@ -221,7 +236,7 @@ def judge(
     begin = time.process_time()
     figure: RangeFigure | MeasuredFigure | None
     if by_file:
-        figure = measured_figure(rng, recording)
+        figure = measured_figure(rng, recording, kind)
     else:
         figure = range_figure(posterior_of_recording(recording, seed=int(rng.integers(1 << 30))))
     tally.seconds.append(time.process_time() - begin)
@@ -250,20 +265,19 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--n", type=int, default=40, help="number of recordings")
     parser.add_argument("--solved", type=int, default=0, help="number of solved drives, four recordings each")
-    parser.add_argument("--measure", action="store_true", help="judge the two ends of `measure` on parts of the cycle")
+    parser.add_argument("--measure", action="store_true", help="judge `measure` and `accept` through files")
     parser.add_argument("--seed", type=int, default=0, help="first seed")
     arguments = parser.parse_args()
     tallies: dict[str, Tally] = defaultdict(Tally)
     for number in range(arguments.n):
         is_typical = number % 2 == 0
-        kind = "part" if arguments.measure else ("whole", "part", "split", "part")[number // 2 % 4]
+        kind = ("whole", "part", "split", "part")[number // 2 % 4]
         name = f"{'typical' if is_typical else 'other'} {kind}"
         rng = np.random.default_rng([arguments.seed, number])
         judge(rng, f"{name} {number}", tallies[name], made_drive(rng, is_typical), kind, by_file=arguments.measure)
     for number in range(arguments.solved):
         drive = SolvedDrive(*solved_cycle(number, arguments.seed))
-        kinds = ("part", "part", "part") if arguments.measure else ("whole", "split", "part", "part")
-        for take, kind in enumerate(kinds):
+        for take, kind in enumerate(("whole", "split", "part", "part")):
             rng = np.random.default_rng([arguments.seed, number, take])
             judge(rng, f"solved {kind} {number}", tallies[f"solved {kind}"], drive, kind, by_file=arguments.measure)
     heads = "interval holds | truth below, above | width | few samples | CPU s median, max"

@@ -23,11 +23,13 @@ from hdassist.acceptance.answer import (
     now,
     of_predictions,
 )
-from hdassist.acceptance.decision import AcceptedValue, DecidedCheck, Predictions, decide
-from hdassist.acceptance.limits import Limit, limits_of
+from hdassist.acceptance.decision import AcceptedValue, DecidedCheck, Predictions, RecordedPart, decide
+from hdassist.acceptance.limits import F_IOR, Limit, limits_of
 from hdassist.acceptance.request import Inputs, LotRow, Request
 from hdassist.errors import GUARD, SEVERITY, DataError, HdassistError, UsageError, Verdict, worst
 from hdassist.measuring.fit import COVERAGE_FACTOR
+from hdassist.measuring.full_cycle import full_cycle
+from hdassist.measuring.measure import Measurement, SweepResult
 from hdassist.model.deviations import unknown_names
 from hdassist.readers.table import NO_UNIT
 
@@ -62,9 +64,11 @@ def accept(
         elif limit not in left and measured[limit.M_g_Nm or 0.0].trace.is_between_torques:
             values = [AcceptedValue.between_torques()]
         elif limit not in left:
-            by_direction = (
-                AcceptedValue.measured(limit, direction) for direction in measured[limit.M_g_Nm or 0.0].directions
-            )
+            measurement = measured[limit.M_g_Nm or 0.0]
+            by_direction = [
+                AcceptedValue.measured(limit, direction, _recorded_part(limit, measurement, direction))
+                for direction in measurement.directions
+            ]
             values = sorted(
                 (value for value in by_direction if value.value is not None), key=lambda value: -(value.value or 0.0)
             )
@@ -115,6 +119,13 @@ def accept(
         "place": place,
         **of_predictions(predictions, inputs.wheels),
     })  # fmt: skip
+
+
+def _recorded_part(limit: Limit, measurement: Measurement, direction: SweepResult) -> RecordedPart | None:
+    """Return the part of the cycle that a direction covers, for a limit of F'_ior; None if it covers all of it."""
+    if limit.check is not F_IOR or not direction.is_bound or measurement.gearing is None:
+        return None
+    return RecordedPart.of(direction, full_cycle(measurement, direction), measurement.gearing.ratio)
 
 
 def _open_by_sharing(decision: DecidedCheck, others: Sequence[str]) -> DecidedCheck:

@@ -34,6 +34,7 @@ from hdassist.errors import GUARD, SURE, UsageError, Verdict
 from hdassist.files import number_of, with_decimal_points
 from hdassist.measuring.bench import SeenRange
 from hdassist.measuring.fit import COVERAGE_FACTOR
+from hdassist.measuring.full_cycle import LEAST_SHARE_OF_PASS, FullCycle
 from hdassist.measuring.measure import SweepResult
 from hdassist.measuring.orders import UncertaintySource, combined
 from hdassist.model.deviations import MeasuredTeeth, unknowns
@@ -261,6 +262,48 @@ def order_place(kinematics: Kinematics, order: float) -> int:
 
 
 @dataclass(frozen=True)
+class RecordedPart(ClosedRecord):
+    """The part of the full cycle that a recording covers, and what its model says about the full cycle.
+
+    share: of the cycle, 0 to 1.
+    at_most: smallest limit that F'_ior of the full cycle meets with a probability of 95 % [arcsec]; None if the part is
+        too small to pass a drive, or if the model does not hold.
+    record_next_deg: angles of the output between which a recording would narrow F'_ior most; None if not known.
+    why_open: why there is no at_most; empty if there is one.
+    """
+
+    share: float
+    at_most: float | None
+    record_next_deg: tuple[float, float] | None
+    why_open: str = ""
+
+    @classmethod
+    def of(cls, sweep: SweepResult, cycle: FullCycle | str, ratio: float) -> RecordedPart:
+        """Return the part that a direction of a measurement covers.
+
+        sweep: the direction.
+        cycle: F'_ior of its full cycle, or why there is none.
+        ratio: input revolutions per output revolution.
+        """
+        share = sweep.coverage.share if sweep.coverage else 0.0
+        if isinstance(cycle, str):
+            return cls(share=share, at_most=None, record_next_deg=None, why_open=cycle)
+        first, last = cycle.record_next_rev or (0.0, 0.0)
+        next_deg = (360 * first / ratio, 360 * last / ratio) if cycle.record_next_rev else None
+        why = ""
+        if cycle.at_most_arcsec is None:
+            why = f"{100 * share:.3g} % of the cycle recorded, PASS needs {100 * LEAST_SHARE_OF_PASS:.3g} %"
+        return cls(share=share, at_most=cycle.at_most_arcsec, record_next_deg=next_deg, why_open=why)
+
+    @property
+    def advice(self) -> str:
+        """The part of the cycle to record next, as a clause; empty if it is not known."""
+        if self.record_next_deg is None:
+            return ""
+        return "; to narrow it, record the output from {:.0f} to {:.0f}°".format(*self.record_next_deg)
+
+
+@dataclass(frozen=True)
 class AcceptedValue(ClosedRecord):
     """A measured or predicted value with its uncertainty; unknown without arguments.
 
@@ -268,8 +311,9 @@ class AcceptedValue(ClosedRecord):
     predicted; basis, how it is known; extent: the value of the whole cycle, a lower bound of it, that of a part which
     does not hold for the whole, a prediction at the preset's own numbers where others are as possible (not known), or
     none at a torque between those that were recorded; rise, by how much it may be greater in another cycle; at_most, of
-    a lower bound: value that 95 of 100 drives with it stay below, by a plan of positions; unstated, sources of its
-    uncertainty that nobody has stated; belief, of a prediction over the uncertain inputs.
+    a lower bound: value that 95 of 100 drives with it stay below, by a plan of positions or by the model of a
+    recording; unstated, sources of its uncertainty that nobody has stated; belief, of a prediction over the uncertain
+    inputs; part, of F'_ior by a recording of a part of the cycle.
     """
 
     value: float | None = None
@@ -280,6 +324,7 @@ class AcceptedValue(ClosedRecord):
     unstated: tuple[str, ...] = ()
     belief: Belief | None = None
     at_most: float | None = None
+    part: RecordedPart | None = None
 
     @classmethod
     def predicted(cls, limit: Limit, predictions: Predictions) -> AcceptedValue:
@@ -327,15 +372,21 @@ class AcceptedValue(ClosedRecord):
         return cls(extent="between torques")
 
     @classmethod
-    def measured(cls, limit: Limit, sweep: SweepResult) -> AcceptedValue:
-        """The value by one direction of a trace, with the expanded uncertainty; none where that does not tell it."""
+    def measured(cls, limit: Limit, sweep: SweepResult, part: RecordedPart | None = None) -> AcceptedValue:
+        """The value by one direction of a trace, with the expanded uncertainty; none where that does not tell it.
+
+        part: of the cycle that the direction covers, None for all of it.
+        """
         read = MEASURED[limit.code](sweep, limit.per_cam_rev or 0.0) if limit.check.of_trace else None
         if read is None:
             return cls()
         value, uncertainty, rise = read
         unstated = tuple(source.name for source in sweep.sources if source.arcsec is None)
         extent = limit.check.of_part if sweep.is_bound else "whole"
-        return cls(value, COVERAGE_FACTOR * uncertainty, "measured", extent, rise, unstated)
+        expanded = COVERAGE_FACTOR * uncertainty
+        if part is None or limit.check is not F_IOR:
+            return cls(value, expanded, "measured", extent, rise, unstated)
+        return cls(value, expanded, "measured", extent, rise, unstated, at_most=part.at_most, part=part)
 
 
 def _amplitude(sweep: SweepResult, order: float) -> tuple[float, float, float] | None:
@@ -412,14 +463,11 @@ def _verdict(known: AcceptedValue, room: float | None, guard: float, rule: Rule,
             return Verdict.INCONCLUSIVE, OF_TRAVEL
         within = known.extent == "at least" and room + (known.expanded_uncertainty or 0.0) > 0
         return Verdict.FAIL, f"the estimate {known.value:.4g} is beyond the limit by its rule" * within
-    if known.extent == "at least" and known.at_most is None:
-        return Verdict.INCONCLUSIVE, "a lower bound: part of the cycle only"
-    if known.at_most is not None and known.value is not None:
-        room -= (known.at_most - known.value) + guard * (known.at_most / max(known.value, 1e-9) - 1)
-        if room < guard:
-            return Verdict.INCONCLUSIVE, f"a lower bound: positions leave up to {known.at_most:.4g} open"
     strict = rule == "guard" and known.basis != "predicted"
-    if room - (known.rise if strict else 0.0) < guard:
+    if known.extent == "at least":
+        if why := _why_bound_is_open(known, room, guard):
+            return Verdict.INCONCLUSIVE, why
+    elif room - (known.rise if strict else 0.0) < guard:
         lines = f", with {known.rise:.3g} that lines may add in another cycle" if strict and known.rise else ""
         return Verdict.INCONCLUSIVE, f"within the guard band{lines}"
     if strict and known.unstated:
@@ -427,3 +475,20 @@ def _verdict(known: AcceptedValue, room: float | None, guard: float, rule: Rule,
         words = f"nothing stated of {names}: --budget {options}, U in ″, 0 where a source adds nothing"
         return Verdict.INCONCLUSIVE, words
     return Verdict.PASS, ""
+
+
+def _why_bound_is_open(known: AcceptedValue, room: float, guard: float) -> str:
+    """Return why a lower bound that is not beyond its limit does not pass; empty if its upper end meets the limit.
+
+    room: that the value leaves to the limit.
+    guard: guard band of the value.
+    """
+    part, at_most, value = known.part, known.at_most, known.value or 0.0
+    if at_most is None:
+        return f"a lower bound: {part.why_open + part.advice if part else 'part of the cycle only'}"
+    room_of_end = room - (at_most - value)
+    if part is not None:  # its upper end contains the uncertainty
+        return f"F'_ior of the full cycle may be up to {at_most:.4g}{part.advice}" if room_of_end < 0 else ""
+    if room_of_end < guard * at_most / max(value, 1e-9):
+        return f"a lower bound: positions leave up to {at_most:.4g} open"
+    return ""

@@ -6,6 +6,10 @@ the prior, which is cautious. The recording passes through the cleaning of `meas
 removed, and a lag and a wind-up are taken off, so that the model gets the averages of the fit. The lower end stays that
 of the rules, so every command gives the same lower bound.
 
+For a verdict one number counts: `at_most_arcsec`, the smallest limit that F'_ior of the full cycle meets with a
+probability of 95 %. It is given from a third of the cycle on (`LEAST_SHARE_OF_PASS`). Over less of it, the prior alone
+decides whether the remainder is like the recorded part.
+
 The model holds only in its domain, and `reason_outside` is the one place that states it: the cycle and the size of the
 error are known, F'_ior counts over all of the cycle, one direction, one torque, a recording of 12 % of the cycle or
 more, slow terms that are not much larger than the error of the orders (they may come from a wrong ratio), and enough
@@ -19,7 +23,7 @@ from math import hypot
 
 import numpy as np
 
-from hdassist.errors import DataError, UntrustedError
+from hdassist.errors import GUARD, SURE, DataError, UntrustedError
 from hdassist.measuring.fit import COVERAGE_FACTOR
 from hdassist.measuring.measure import Measurement, SweepResult
 from hdassist.recording.figures import part_to_record, range_figure
@@ -27,6 +31,7 @@ from hdassist.recording.positions import Recording, recording_from_columns
 from hdassist.recording.posterior import posterior_of_recording
 
 _LEAST_SHARE = 0.12  # of the cycle: less was not judged (benchmarks/recordings.py)
+LEAST_SHARE_OF_PASS = 1 / 3  # of the cycle, from which the upper end may pass a drive
 _LARGEST_SLOW = 10.0  # times the range of the orders: larger slow terms may come from a wrong ratio
 _FEWEST_EFFECTIVE = 40.0  # samples: with fewer an upper end is not known
 _PAUSE = 1e6  # rows between two levels, so that each is a run of its own
@@ -40,11 +45,14 @@ class FullCycle:
     record_next_rev: part of the cycle that would narrow the interval most, as input revolutions of the recorded angles
         modulo the cycle; None if there is none.
     effective_samples: number of independent samples of the range.
+    at_most_arcsec: smallest limit that F'_ior meets with a probability of 95 %; None if too little of the cycle was
+        recorded to pass a drive.
     """
 
     interval_arcsec: tuple[float, float]
     record_next_rev: tuple[float, float] | None
     effective_samples: float
+    at_most_arcsec: float | None
 
 
 def reason_outside(result: Measurement, sweep: SweepResult) -> str:
@@ -82,15 +90,17 @@ def full_cycle(result: Measurement, sweep: SweepResult) -> FullCycle | str:
     figure = range_figure(posterior, seed=result.seed)
     if figure.whole_effective < _FEWEST_EFFECTIVE:
         return "the model of the full cycle has too few effective samples"
-    lower = sweep.interval_arcsec[0]
-    median = figure.median_arcsec
-    upper = median + hypot(figure.interval_arcsec[1] - median, COVERAGE_FACTOR * sweep.range.others)
+    median, others = figure.median_arcsec, sweep.range.others
+    upper = median + hypot(figure.interval_arcsec[1] - median, COVERAGE_FACTOR * others)
     if upper < sweep.range.value:
         return "the model of the full cycle contradicts the range of the recorded part"
+    at_most = median + hypot(figure.upper_arcsec(SURE) - median, GUARD * others)
+    is_enough = sweep.coverage is not None and sweep.coverage.share >= LEAST_SHARE_OF_PASS
     return FullCycle(
-        interval_arcsec=(lower, upper),
+        interval_arcsec=(sweep.interval_arcsec[0], upper),
         record_next_rev=part_to_record(posterior),
         effective_samples=figure.whole_effective,
+        at_most_arcsec=max(at_most, sweep.range.value) if is_enough else None,
     )
 
 

@@ -39,7 +39,7 @@ _RULE_WORDS = {
 _CHECK_FIGURES: Quantities[DecidedCheck | None] = tuple(  # of CSV
     Quantity(name)
     for name in (
-        *(each.name for each in fields(DecidedCheck) if each.name not in ("unstated", "belief")),
+        *(each.name for each in fields(DecidedCheck) if each.name not in ("unstated", "belief", "part")),
         *(f"belief.{each.name}" for each in fields(Belief)),
     )
 )
@@ -182,10 +182,10 @@ def _facts(answer: AcceptAnswer, predictions: Predictions | None, drive: Drive) 
     if _is_open(first) and first.extent == "at least":
         of, travel = Kinematics.of(drive), drive.acceptance.travel
         turns = travel * abs(of.u) / 360
-        whole = f"the full cycle, {of.cycle_cam_revolutions} cam turns"
+        whole = f"the full cycle, {of.cycle_cam_revolutions} cam turns: less than a third of it never passes a drive"
         if turns < of.cycle_cam_revolutions:
-            whole = f"all of the travel, {travel:g}° of the output, {turns:.4g} cam turns"
-        yield "measure", f"{whole}: a part of it can fail a drive, and never pass it"
+            whole = f"all of the travel, {travel:g}° of the output, {turns:.4g} cam turns: a part of it never passes"
+        yield "measure", whole
     if _is_open(first) or (first.basis == "predicted" and first.verdict != "FAIL"):
         yield "next", _with_measured(first, answer, drive)
     elif first.verdict == "INCONCLUSIVE" and first.unstated:

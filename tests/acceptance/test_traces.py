@@ -10,6 +10,7 @@ from hdassist.acceptance.decision import GUARD
 from hdassist.acceptance.limits import limits_of
 from hdassist.acceptance.request import Request, torque_and_file
 from hdassist.errors import DataError, UsageError
+from hdassist.measuring.full_cycle import full_cycle
 from hdassist.measuring.measure import measure
 from hdassist.measuring.orders import STATED
 from hdassist.pages.accept import accept_report
@@ -52,9 +53,38 @@ def test_a_part_of_the_cycle_can_fail_a_drive_and_never_pass_it():
         assert [d.verdict for d in found.checks] == [verdict] * 2
         assert "COVERAGE" in [note.code for note in found.remarks]
     facts = facts_of(accept_report(found, None, drive))
-    assert facts["measure"] == "the full cycle, 30 cam turns: a part of it can fail a drive, and never pass it"
+    assert facts["measure"] == "the full cycle, 30 cam turns: less than a third of it never passes a drive"
     assert facts["next"].endswith("--measured 4=FILE --budget encoder=U,coupling=U,reseating=U,temperature=U")
     assert accept(small("order_2=1"), measured, measured_only=True).verdict == "INCONCLUSIVE"
+
+
+def test_half_of_the_cycle_passes_by_the_upper_end_of_its_model():
+    measured = {4.0: measure(rig(CYCLE // 2), drive=small(), stated=NOTHING)}
+    (direction,) = measured[4.0].directions
+    at_most = full_cycle(measured[4.0], direction).at_most_arcsec
+    assert whole_range(CURVE, CYCLE) < at_most
+    checks = {}
+    for limit in (0.5 * direction.interval_arcsec[0], at_most - 0.1, at_most + 0.1):
+        (check,) = accept(small(f"F_ior@4={limit!r}"), measured, measured_only=True).checks
+        checks[check.verdict] = check
+    assert list(checks) == ["FAIL", "INCONCLUSIVE", "PASS"]
+    passed = checks["PASS"]
+    assert (passed.extent, passed.at_most, passed.margin) == ("at least", at_most, pytest.approx(0.1))
+    assert passed.part.share == pytest.approx(0.5, abs=0.02)
+    first, last = passed.part.record_next_deg
+    assert 170 < first < last < 361
+    unstated = {4.0: measure(rig(CYCLE // 2), drive=small())}
+    assert accept(small("F_ior@4=1000"), unstated, measured_only=True).verdict == "INCONCLUSIVE"
+    only_bounded = accept(small("turn_range@4=1000"), measured, measured_only=True)  # it has no upper end
+    assert only_bounded.verdict == "INCONCLUSIVE"
+
+
+def test_less_than_a_third_of_the_cycle_never_passes():
+    measured = {4.0: measure(rig(CYCLE // 4), drive=small(), stated=NOTHING)}
+    (check,) = accept(small("F_ior@4=1000"), measured, measured_only=True).checks
+    assert (check.verdict, check.at_most) == ("INCONCLUSIVE", None)
+    assert check.part.why_open
+    assert check.part.record_next_deg
 
 
 def test_an_order_of_a_trace_is_the_one_that_was_asked_for():
