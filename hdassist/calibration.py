@@ -150,7 +150,7 @@ def read_targets(text: bytes, file: str, drive: Drive) -> Targets:
         document.add(("schema",), f"must be {_TARGETS_SCHEMA}")
     for key, (kind, example) in _PARTS.items():
         if not (isinstance(data.get(key), kind) and data[key]):
-            document.add((key,), "needs at least one entry", f"like {example}")
+            document.add((key,), "needs at least one entry", f"for example {example}")
             data[key] = kind()
     unknowns = [unknown for key, value in data["unknowns"].items() for unknown in _unknown(document, key, value, drive)]
     targets = [target for number, item in enumerate(data["targets"]) for target in _target(document, number, item)]
@@ -196,7 +196,13 @@ def _unknown(document: Document, key: str, value: Any, drive: Drive) -> Iterator
     path = ("unknowns", key)
     source = drive.source.get(key)
     if key not in measures():
-        document.add(path, "names no measure of a preset", near_miss(key, measures()) or "like gears.j_n", "", key=True)
+        document.add(
+            path,
+            "is not a numeric field of a preset",
+            near_miss(key, measures()) or "for example gears.j_n",
+            "",
+            key=True,
+        )
         return
     plausible = dict(zip(("low", "high"), source.range, strict=True)) if source and source.range else {}
     units = dict.fromkeys(("low", "high"), measures()[key].unit)
@@ -228,7 +234,7 @@ def _target(document: Document, number: int, item: Any) -> Iterator[CalibrationT
     quantity = item.get("quantity") if isinstance(item, dict) else None
     if not isinstance(quantity, str) or quantity not in _TARGET_KINDS:
         hint = near_miss(str(quantity), _TARGET_KINDS) or f"known: {', '.join(_TARGET_KINDS)}"
-        document.add((*path, "quantity"), "names no quantity", hint)
+        document.add((*path, "quantity"), "is not a quantity", hint)
         return
     unit, needs, takes = _TARGET_KINDS[quantity]
     units = {"quantity": _TEXT, **{key: _KEY_UNITS[key] for key in (*needs, *takes)}, "tolerance": None}
@@ -236,7 +242,7 @@ def _target(document: Document, number: int, item: Any) -> Iterator[CalibrationT
     given = _numbers(document, path, item, units | dict.fromkeys(("value", "low", "high"), unit), needs)
     for key in ("M_g", "T_1", "T_2"):
         if given.get(key) == 0:
-            document.add((*path, key), "a torque of 0 leaves the rotation undetermined")
+            document.add((*path, key), "the rotation is undetermined at a torque of 0")
     if len(document.findings) > faults:
         return
     value = given.get("value")
@@ -254,7 +260,7 @@ def _target(document: Document, number: int, item: Any) -> Iterator[CalibrationT
     except InvalidValueError:
         tolerance = 0.0
     if not 0 < tolerance < inf:
-        document.add((*path, "tolerance"), "must be above 0: a number, or a share like 5 %")
+        document.add((*path, "tolerance"), "must be above 0: a number, or a share, for example 5 %")
         return
     low, high = ends if value is None else (value - tolerance, value + tolerance)
     yield CalibrationTarget(
@@ -401,8 +407,10 @@ def calibrate(
     costs = (search.residuals(sobol) ** 2).sum(axis=1)
     order = [k for k in np.argsort(costs, kind="stable") if costs[k] < _IMPOSSIBLE**2]
     if not order:
-        words = f"no drive within the bounds could be computed; as the preset has it: {search.fits(sobol[:1])[0].fault}"
-        raise UntrustedError(words, "look at the bounds, and check the preset", Fault.FIT_UNSETTLED)
+        words = (
+            f"no drive within the bounds could be computed; at the preset's values: {search.fits(sobol[:1])[0].fault}"
+        )
+        raise UntrustedError(words, "check the bounds and the preset", Fault.FIT_UNSETTLED)
     runs = [search.settled(sobol[order[k]], iterations) for k in _distant(sobol[order])[:starts]]
     first, *others = sorted(runs, key=lambda fit: fit.cost)
     places = [first.x, *(other.x for other in others if all(targets.met(search.fits([other.x])[0].predictions)))]
@@ -426,8 +434,8 @@ def calibrate(
     ]
     missed = _shortfall(targets, fits[0], values)
     if first.status <= 0 and np.abs(first.fun).max() > 1:
-        words = missed or "its nearest set meets the targets all the same"
-        raise UntrustedError(f"the fit did not come to rest: {words}", "more --evaluations", Fault.FIT_UNSETTLED)
+        words = missed or "its nearest set still meets the targets"
+        raise UntrustedError(f"the fit did not converge: {words}", "more --evaluations", Fault.FIT_UNSETTLED)
     correlation = covariance / np.outer(deviation, deviation)
     alike = np.argwhere(np.triu(np.abs(correlation), 1) > _INDISTINCT).tolist()
     indistinct = tuple((unknowns[i].path, unknowns[k].path, float(correlation[i, k])) for i, k in alike)
@@ -523,5 +531,5 @@ def _shortfall(targets: Targets, fit: Fit, values: Sequence[_FoundValue]) -> str
         for target, is_, met in outcomes
         if not met
     ]
-    at = [f"{value.path} stands at its bound {plain(value.held_at)}" for value in values if value.held_at is not None]
-    return "; ".join([*missed, *(at or ["no bound is in the way"])]) if missed else ""
+    at = [f"{value.path} is at its bound {plain(value.held_at)}" for value in values if value.held_at is not None]
+    return "; ".join([*missed, *(at or ["no bound limits the fit"])]) if missed else ""

@@ -215,10 +215,11 @@ class DesignCheck:
         if self.prior and self.prior.fields and not self.samples:
             paths = [field.path for field in self.prior.fields]
             more = f" and {len(paths) - 4} more" if len(paths) > 4 else ""
-            remarks.append(f"not known, and computed as given or 0: {', '.join(paths[:4])}{more}; no range over them")
+            uncertain = f"uncertain, but not sampled: {', '.join(paths[:4])}{more}"
+            remarks.append(f"{uncertain}; computed at the given value or 0, so there is no range")
         measured = any(figure.path.startswith("measured.") for figure in evidence_of(self.drive))
         if measured and self.prior and not self.prior.fields:
-            remarks.append("nothing in the preset is open, so what was measured on the drive weighs nothing")
+            remarks.append("the preset has no uncertain input, so the measured values have no effect")
         return (*self.drive.origin.warnings, *remarks, *(self.samples.remarks if self.samples else ()))
 
 
@@ -228,7 +229,7 @@ def accuracy_words(accuracy: float | None, points: Sequence[OperatingPoint]) -> 
         return ""
     point = min(points, key=lambda point: abs(point.M_g))
     compared = " to ".join(dict.fromkeys(f"{100 * end / accuracy:.0f}" for end in point.range_arcsec or ()))
-    words = f"F'_ior at {point.M_g:g} N·m is {compared} % of it" if compared else "F'_ior is not known"
+    words = f"F'_ior at {point.M_g:g} N·m is {compared} % of it" if compared else "F'_ior is unknown"
     return f"accuracy {accuracy:g}″ (no load); {words}"
 
 
@@ -296,7 +297,7 @@ def _middle(drive: Drive, samples: Samples, torque: int) -> Drive:
 _VARY = "--vary"
 _TORQUE = "operation.M_g"
 MOST_VALUES = 10_000  # values of a field, at most
-_FORM = f"like {_VARY} tolerances.e_hb=20:120:11, from 20 to 120 in 11 steps, or {_VARY} tolerances.e_hb=20,50,80"
+_FORM = f"write {_VARY} tolerances.e_hb=20:120:11, from 20 to 120 in 11 steps, or {_VARY} tolerances.e_hb=20,50,80"
 _MOST_ROWS = 1_000_000  # of a grid, at most
 
 
@@ -316,13 +317,13 @@ def read_axes(texts: Sequence[str], overrides: Sequence[str]) -> tuple[Axis, ...
     Raises UsageError for the first text that is wrong.
     """
     if not texts:
-        raise UsageError("nothing is varied", _FORM)
+        raise UsageError("no field is varied", _FORM)
     axes: list[Axis] = []
     for text in texts:
         try:
             axis = _axis(text)
             if axis.path in [before.path for before in axes]:
-                raise InvalidValueError("each field once", "one range, or one list with all values")
+                raise InvalidValueError("each field only once", "give one range, or one list with all values")
             if is_overridden(axis.path, overrides):
                 hint = f"leave out {_VARY} or --set and --torque"
                 raise InvalidValueError("a field that is not set to one value", hint)
@@ -350,7 +351,7 @@ def _axis(text: str) -> Axis:
     if field is None:
         same = (field for field in _fields() if field.split(".")[1] == path.split(".")[-1])
         close = f"did you mean {meant}?" if (meant := next(same, "")) else near_miss(path, _fields())
-        raise InvalidValueError("a field of a single number", close or "write section.key, like gears.j_n")
+        raise InvalidValueError("a field of a single number", close or "write section.key, for example gears.j_n")
     unit, is_count = field.unit, field.kind == "count"
 
     def number(part: str) -> float:
@@ -358,14 +359,15 @@ def _axis(text: str) -> Axis:
         try:
             return read_count(value) if is_count else float(read_number(value, unit))
         except InvalidValueError as fault:
-            raise InvalidValueError(f"numbers ({shown(part) or 'nothing'} {fault.message})", fault.hint) from None
+            expected = f"numbers ({shown(part)} {fault.message})" if part else "numbers, but a value is missing"
+            raise InvalidValueError(expected, fault.hint) from None
 
     parts = [part.strip() for part in values.split(":" if ":" in values else ",")]
     if ":" in values and len(parts) != 3:
         raise InvalidValueError("KEY=START:STOP:STEPS", _FORM)
     numbers = [number(part) for part in (parts if ":" not in values else parts[:2])]
     if len(set(numbers)) < len(numbers):
-        raise InvalidValueError("each value once")
+        raise InvalidValueError("each value only once")
     if ":" in values:
         numbers = _grid(Fraction(repr(numbers[0])), Fraction(repr(numbers[1])), parts[2], is_count)
     return Axis(path, unit, tuple(numbers))
@@ -426,7 +428,7 @@ class Sweep:
         further = () if is_varied else (Axis(_TORQUE, "N*m", drive.operation.M_g),)
         sweep = cls(text, file, drive.origin.overrides, tuple(varied), further)
         if sweep.rows > _MOST_ROWS:
-            hint = "fewer steps, or fewer fields"
+            hint = "reduce the steps or the fields"
             raise UsageError(f"{_VARY} asks for {sweep.rows} rows, more than {_MOST_ROWS}", hint)
         return sweep
 

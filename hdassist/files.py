@@ -87,9 +87,9 @@ class TextFile:
             else:
                 rest += after
             if len(rest) > max(MAX_LINE, PART):
-                raise self._refusal(f"a line of more than {MAX_LINE} characters", "", "one row on each line", line)
+                raise self._refusal(f"a line of more than {MAX_LINE} characters", "", "write one row per line", line)
         if is_empty:
-            raise self._refusal("the file is empty", hint="was the measurement saved?")
+            raise self._refusal("the file is empty", hint="check that the measurement was saved")
         if rest := rest.rstrip("\x1a"):
             yield line, self._readable(rest)
 
@@ -111,7 +111,9 @@ class TextFile:
                 size += len(data)
                 if size > self.at_most:
                     limit = f"{self.at_most / 1e6:g} MB" if self.at_most >= 1e6 else f"{self.at_most} bytes"
-                    raise self._refusal(f"the file is larger than {limit}", hint="is this the file with the table?")
+                    raise self._refusal(
+                        f"the file is larger than {limit}", hint="check that this is the file with the table"
+                    )
                 try:
                     yield decoder.decode(data, final=not data)
                 except UnicodeDecodeError as error:
@@ -167,7 +169,7 @@ def opened(path: str | Path) -> Iterator[BinaryIO]:
     """
     name = str(path)
     if not name:
-        raise DataError("no such file: an empty name", "- is standard input", Fault.FILE_UNREADABLE)
+        raise DataError("no such file: the name is empty", "use - for standard input", Fault.FILE_UNREADABLE)
     if name == "-" and sys.stdin is None:
         raise DataError("cannot read standard input: it is closed", "", Fault.FILE_UNREADABLE)
     try:
@@ -179,7 +181,7 @@ def opened(path: str | Path) -> Iterator[BinaryIO]:
     except FileNotFoundError:
         raise DataError(f"no such file: {name}", _near_by(Path(name)), Fault.FILE_UNREADABLE) from None
     except IsADirectoryError:
-        raise DataError(f"{name} is a directory, not a file", "name the file in it", Fault.FILE_UNREADABLE) from None
+        raise DataError(f"{name} is a directory, not a file", "name a file in it", Fault.FILE_UNREADABLE) from None
     except (OSError, ValueError) as error:  # ValueError: a path with a NUL in it
         raise DataError(
             f"cannot read {'standard input' if name == '-' else name}: {os_reason(error)}", "", Fault.FILE_UNREADABLE
@@ -266,7 +268,7 @@ def _near_by(path: Path) -> str:
         close = _near_files(path)
     except (OSError, ValueError):
         return f"there is no directory {path.parent} either"
-    return f"did you mean {' or '.join(close)}?" if close else "is the path right?"
+    return f"did you mean {' or '.join(close)}?" if close else "check the path"
 
 
 # --- the files of this run
@@ -295,7 +297,7 @@ def note_input(file: str | int, name: str = "") -> None:
     for identity in _file(file):
         _inputs[identity] = name or str(file)
         if identity in _outputs and _inputs[identity] not in _kept:
-            raise UsageError(f"{_outputs[identity]} is an input of this run too", "name another file for the answer")
+            raise UsageError(f"{_outputs[identity]} is also an input of this run", "write the result to another file")
 
 
 def claim_output(path: str, *, is_kept: bool = False) -> None:
@@ -308,9 +310,9 @@ def claim_output(path: str, *, is_kept: bool = False) -> None:
     identities = _file(path) + _place(path)
     for identity in identities:
         if identity in _inputs:
-            raise UsageError(f"{path} is an input of this run too", "name another file for the answer")
+            raise UsageError(f"{path} is also an input of this run", "write the result to another file")
         if identity in _outputs:
-            raise UsageError(f"{path} is to take two answers", "each needs a file of its own")
+            raise UsageError(f"{path} would receive two results", "write each to its own file")
     _outputs.update(dict.fromkeys(identities, path))
     if is_kept:
         _kept.add(path)

@@ -165,8 +165,8 @@ def set_override(document: Document, text: str, index: int) -> None:
     whole = path_of(key)
     if not equals or not all(whole) or not key.strip().isprintable():  # YAML has no such keys either
         raise UsageError(
-            f"{OVERRIDE}:{index}:1: not of the form section.key=VALUE (got {shown(text) or 'nothing'})",
-            f"like {OVERRIDE} gears.j_n=6",
+            f"{OVERRIDE}:{index}:1: expected section.key=VALUE (got {shown(text) or 'nothing'})",
+            f"for example {OVERRIDE} gears.j_n=6",
         )
     at_key = Mark(index, 1)
     start = len(key) + 1
@@ -181,7 +181,7 @@ def set_override(document: Document, text: str, index: int) -> None:
         inner = table.get(part)
         if inner is not None and not isinstance(inner, dict):
             if path not in _PER_TORQUE:
-                message = f"{path_text(path)} is no table of keys"
+                message = f"{path_text(path)} is not a table of keys"
                 document.findings.append(Finding(OVERRIDE, *at_key, path_text(whole), message))
                 return
             inner = {"all": inner}  # one entry on top of a bare number, which is the limit for all torques
@@ -201,7 +201,7 @@ def _drive(document: Document) -> Drive | None:
     if not isinstance(document.data, dict):
         message = "the preset is empty" if document.data is None else "a preset must be a table of keys"
         got = "" if document.data is None else None
-        document.add((), message, "hdassist presets new NAME prints one to start from", got)
+        document.add((), message, "create one with hdassist presets new NAME", got)
         return None
     data = {key: value for key, value in document.data.items() if value is not None or (key,) in document.bad}
     if "schema" not in data:
@@ -247,7 +247,11 @@ def _settle_spreads(document: Document, data: dict[str, Any]) -> None:
             own_wins = document.is_override(own)
             beside_wins = document.is_override(beside)
             if path in table and beside_wins == own_wins:
-                document.add(own, "given twice", f"the value has an uncertainty of {spread:g} beside it")
+                document.add(
+                    own,
+                    "given twice",
+                    f"the value itself states an uncertainty of {spread:g}; leave out one of the two",
+                )
             elif path not in table or beside_wins:
                 data["uncertainty"] = table = table | {path: spread}
 
@@ -264,14 +268,16 @@ def _check_tables(values: dict[str, Any], document: Document) -> None:
         value = values.get(path)
         if len(each) != len(draws[first]):
             words = f"has {len(each)} draws, {first} has {len(draws[first])}"
-            document.add(("fit", path), words, "draw k of all fields is one drive")
-        elif value is not None and value != each[0] and not document.is_override(own):
-            document.warn(
-                own, f"{plain(value)} is not the first draw of its fit", "it is taken as it is, without a range"
+            document.add(
+                ("fit", path),
+                words,
+                "give each field the same number of values; the k-th values of all fields are one drive",
             )
+        elif value is not None and value != each[0] and not document.is_override(own):
+            document.warn(own, f"{plain(value)} is not the first value of its fit", "it is used without a range")
     for path in values.get("drive.uncertainty", ()):
         if path in values and values[path] is None:
-            document.add(("uncertainty", path), "an uncertainty of a value that is not given", f"give {path} as well")
+            document.add(("uncertainty", path), "an uncertainty without its value", f"give {path} too")
     for path, source in values.get("drive.source", {}).items():
         bounds = source.range
         value = values.get(path)
@@ -286,11 +292,11 @@ def _check_tables(values: dict[str, Any], document: Document) -> None:
 def _known_paths(document: Document, name: str, table: dict[str, Any]) -> dict[str, Any]:
     """Entries of a table by paths of fields whose path it takes; the others are findings."""
     known, words = {
-        "cost": (tuple(deviation_sizes()), "names no size of a deviation"),
-        "source": (tuple(field_table()), "names no field"),
-    }.get(name, (tuple(measures()), "names no field of a single number"))
+        "cost": (tuple(deviation_sizes()), "is not the size of a deviation"),
+        "source": (tuple(field_table()), "is not a field"),
+    }.get(name, (tuple(measures()), "is not a field of a single number"))
     for path in table.keys() - {*known}:
-        hint = f"like {known[0]}" if path in field_table() else "write section.key, like gears.z_g"
+        hint = f"for example {known[0]}" if path in field_table() else "write section.key, for example gears.z_g"
         if path not in field_table() and len(document.findings) <= MAX_FINDINGS:
             same = (each for each in known if each.split(".")[1] == path.split(".")[-1])
             hint = near_miss(next(same, path), known) or hint
@@ -327,9 +333,9 @@ def _unknown_hint(path: Path, value: Any, model: type[Section]) -> str:
         return removed
     key = str(path[-1])
     if value is None and ":" in key:
-        return "a space is missing behind the colon"
+        return "a space is missing after the colon"
     if value is None and key.replace(".", "").isdigit():
-        return "a comma in a number? write a decimal point"
+        return "write a decimal point, not a comma"
     home = next((section for section, each in sections() if key in each.model_fields), "")
     if home and path[0] not in BY_PATH:
         return f"{key} belongs to {home}"
@@ -341,7 +347,7 @@ def _warn_of_limits(drive: Drive, document: Document) -> None:
     """Warn of limits at torques that are not computed; those of a file may be more than the torques of one run."""
     narrowed = document.is_override(("operation", "M_g"))
     torques = shown(", ".join(map(plain, drive.operation.M_g[:20])))
-    message = "a limit for a torque that is not in operation.M_g: accept looks at it, check does not"
+    message = "a limit at a torque that is not in operation.M_g: accept uses it, check does not"
     for section, name in _PER_TORQUE:
         for key in drive.value(f"{section}.{name}"):
             path = (section, name, key)
@@ -360,14 +366,14 @@ def _warn_of_model(drive: Drive, document: Document) -> None:
         if document.is_override(path):
             document.warn(
                 path,
-                f"{here}: values of this preset were identified with the numerics.{name} that it names, if any",
-                "they fit no other; calibrate anew with this one",
+                f"{here}: values of this preset were identified with the numerics.{name} of the preset, if stated",
+                "they are not valid for another one; calibrate again with this one",
             )
         elif path not in document.places:
             document.warn(
                 ("source",),
-                f"values were identified, but not said with which numerics.{name}; {here} is used",
-                f"older values are of {before}: write numerics.{name}: {before}, or calibrate anew",
+                f"values were identified, but with an unknown numerics.{name}; {here} is used",
+                f"older values belong to {before}: write numerics.{name}: {before}, or calibrate again",
             )
 
 
@@ -395,7 +401,7 @@ def similar_preset(name: str, like: Drive, required: Requirements, description: 
     try:
         counts = origin_counts(load_text(text, name))
     except PresetError as error:
-        raise UsageError(f"no such drive meshes: {error.findings[0].message}", "other teeth, or another size") from None
+        raise UsageError(f"no valid drive: {error.findings[0].message}", "choose other teeth or another size") from None
     other = like.name if like.name.isprintable() else "another drive"
     head = f"# Made by hdassist presets new, like {other}: {counts['given']} values given, {counts['assumed']} assumed."
     return f"{head}\n# yaml-language-server: $schema={SCHEMA_FILE}\n{text}"
@@ -403,9 +409,9 @@ def similar_preset(name: str, like: Drive, required: Requirements, description: 
 
 def _similar_lines(name: str, like: Drive, entries: Mapping[str, SimilarValue], description: str) -> Iterator[str]:
     z_g, z_b, m = (entries[f"gears.{field}"].value for field in ("z_g", "z_b", "m"))
-    yield "# `source` at the end of the file says how each was chosen, and in which range it may lie. Put in what you"
-    yield "# know, with kind: given beside it. What is unknown is not zero: answers are ranges over it."
-    yield "# Assumed: a flexspline of steel (material.*), in the shape of a cup that is carried at its far end"
+    yield "# `source` at the end of the file states how each value was chosen, and its range. Replace values that you"
+    yield "# know, with kind: given in `source`. Unknown values are not zero: results are ranges over them."
+    yield "# Assumed: a flexspline of steel (material.*), in the shape of a cup that is supported at its closed end"
     yield "# (flexspline.l, flexspline.h_3, supports.C_2), on a flexible ball bearing (bearing.*), with two waves."
     yield f"schema: {PRESET_SCHEMA}"
     yield f"name: {_name(name)}"
@@ -476,17 +482,21 @@ def with_changes(text: bytes, file: str, overrides: Sequence[str]) -> str:
             tables[parts[0]] = str(_tables(written))
             continue
         if len(parts) == 1:
-            raise DataError(f"--set {override} cannot be saved", "only single fields can: write it into the file")
+            raise DataError(
+                f"--set {override} cannot be saved", "write it into the file; only single fields can be saved"
+            )
         section, name, *entry = parts
         path = f"{section}.{name}"
         if path not in field_table():
-            raise DataError(f"--set {override} cannot be saved", "only single fields can: write it into the file")
+            raise DataError(
+                f"--set {override} cannot be saved", "write it into the file; only single fields can be saved"
+            )
         changes.add(path)
         _set_value(tables, path, _tables(written), *entry)
         source = before.source.get(path)
         value = wanted.value(path)
         if source is not None and value != before.value(path):
-            ref = f"changed by hand; was {source.kind}"
+            ref = f"changed manually; was {source.kind}"
             _table(tables, "source")[path] = _source("assumed", ref, source, value)
     # the support follows from the coupling, on the command line too
     if "supports.C_3" not in changes and changes & {*COUPLING_FIELDS}:
@@ -549,7 +559,7 @@ def _written(tables: Any, file: str, wanted: Drive, model: Mapping[str, str | in
         same = all(read.value(path) == wanted.value(path) for path in field_table() if path not in loose)
         if same and read.uncertainty == wanted.uncertainty:
             return text
-    raise DataError(f"{file} cannot be changed in place", "change it by hand; hdassist presets new shows the form")
+    raise DataError(f"{file} cannot be changed in place", "change it in an editor; hdassist presets new shows the form")
 
 
 SCHEMA_FILE = "hdassist-preset.schema.json"  # that the first line of a new preset names

@@ -227,7 +227,9 @@ class EncoderData:
         """Read "0.5,1,0.1". Raises UsageError: no such text."""
         numbers = [number_of(part) for part in text.split(",")]
         if len(numbers) > 3 or not all(0 <= each <= LARGEST_UNCERTAINTY for each in numbers):
-            hint = "step and graduation error of the output's in arcsec, step of the cam's in deg: 0.5,1,0.1"
+            hint = (
+                "output encoder: step and graduation error in arcsec; input encoder: step in deg; for example 0.5,1,0.1"
+            )
             words = f"expected STEP[,GRADUATION[,CAM]], each from 0 to {LARGEST_UNCERTAINTY:g}"
             raise UsageError(f"invalid --encoders {text}: {words}", hint)
         return cls(*numbers)
@@ -357,7 +359,7 @@ def choose_plan(
     Raises UsageError for rolling balls, UntrustedError as `check` does.
     """
     if not searchable(drive):
-        raise UsageError("a plan needs locked balls", "--set bearing.ball_motion=locked")
+        raise UsageError("a plan needs bearing.ball_motion: locked", "use --set bearing.ball_motion=locked")
     torques = drive.operation.M_g
     rooms = limits_left(drive, torques, run)
     left = rooms.arcsec

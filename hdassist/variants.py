@@ -240,7 +240,7 @@ def _paired(one: _Believed, other: _Believed, rows: Indices, run: Run) -> DriveP
     ]
     weights = np.exp(np.array(gain) - max(gain))
     if effective_number(weights) < _LEAST_EFFECTIVE * count:
-        raise UntrustedError("too few pairs agree with the evidence on both drives")
+        raise UntrustedError("too few pairs of samples agree with the reference data of both drives")
     of_one, of_other = np.full(count, 1 / count), np.zeros(count)
     of_other[solved] = weights / weights.sum()
     alike = np.minimum(of_one, of_other)

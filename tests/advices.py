@@ -86,7 +86,7 @@ def crowded(advice: Advice) -> Advice:
     """The advice of a drive that says as much as one can."""
     drive = advice.drive.model_copy(update={"name": "Long name of a drive " * 9})
     drive._origin = replace(
-        advice.drive.origin, warnings=("a limit for a torque that is not in operation.M_g; " * 9,) * 6,
+        advice.drive.origin, warnings=("a limit at a torque that is not in operation.M_g; " * 9,) * 6,
         overrides=("tolerances.F_i1=60", "phases.xi_b=10") * 20,
     )  # fmt: skip
     return replace(advice, drive=drive)

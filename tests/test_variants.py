@@ -47,7 +47,7 @@ def F_ior(drive) -> float:
 
 @pytest.fixture(scope="module")
 def better():
-    """The small drive beside one with a better rigid wheel and more clearance."""
+    """The small drive beside one with a better circular spline and more clearance."""
     return compare_drives([small(), small(*BETTER)])
 
 

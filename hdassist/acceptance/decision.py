@@ -342,8 +342,9 @@ class AcceptedValue(ClosedRecord):
         Raises UsageError: it is none, has no uncertainty, or is below zero.
         """
         if not is_spread(given.text):
-            hint = f"like {given.text if isfinite(number_of(given.text)) else 28.1}±1.2: expanded, k = 2; ±0 for none"
-            raise UsageError(f"--value {given}: without its uncertainty", hint)
+            number = given.text if isfinite(number_of(given.text)) else 28.1
+            hint = f"state the expanded uncertainty (k = 2), for example {number}±1.2, or ±0 if there is none"
+            raise UsageError(f"--value {given}: the uncertainty is missing", hint)
         try:
             value, expanded = read_spread(with_decimal_points(given.text), limit.check.unit)
         except UnitError as error:

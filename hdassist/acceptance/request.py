@@ -389,7 +389,7 @@ def _column(name: str) -> _Column:
         return name.lower(), ""
     if at := _MEASURED.fullmatch(name):
         if at[1] and not is_number(at[1]):
-            raise InvalidValueError("no such column", "like measured@80")
+            raise InvalidValueError("no such column", "for example measured@80")
         return "measured", f"{float(at[1]):g}=" if at[1] else ""
     limit = _LIMIT.fullmatch(name)
     for gives, text in (("limits", limit[1] if limit else ""), ("values", name)):

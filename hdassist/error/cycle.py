@@ -74,7 +74,7 @@ class KinematicError:
     def F_ior_arcsec(self) -> float:
         """F'_ior [arcsec]. Raises UsageError where the states are not the full cycle."""
         if len(self.states) < self.kinematics.cycle_states:
-            raise UsageError("F'_ior needs every state of the full cycle")
+            raise UsageError("F'_ior needs every state of the full mesh cycle")
         return self.range_arcsec
 
     @property

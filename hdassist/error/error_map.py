@@ -123,8 +123,8 @@ class ErrorMap:
     ) -> None:
         if not searchable(drive):
             raise UsageError(
-                "this needs locked balls: of rolling ones every state has to be solved",
-                "--set bearing.ball_motion=locked",
+                "this needs bearing.ball_motion: locked; with rolling balls every mesh position has to be solved",
+                "use --set bearing.ball_motion=locked",
             )
         self.drive = drive
         self.M_g = M_g
@@ -214,7 +214,7 @@ _ROUGH_TURNS = 48  # positions of each wheel where orders beyond the fourth are 
 _LEAST_REACH = 1e-3  # mm: a table needs some width
 DEVIATION_SCALARS = 6 + 2 * len(TOOTH_ORDERS)
 
-_UNSPANNED = "deviations beyond those that the table of the error spans", "this is a bug"
+_UNSPANNED = "the deviations exceed the range of the table of the error", "report this bug in hdassist"
 
 TABLE_SECTIONS = ("tolerances.", "phases.", "harmonics.")  # sections of a preset that a table spans
 

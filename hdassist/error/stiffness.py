@@ -130,14 +130,14 @@ def stiffness(
     T_2 = defaults[1] if T_2 is None else T_2
     T_max = _CURVE_BEYOND * T_2 if T_max is None else T_max
     least = NEAR_ZERO * rated
-    hint = f"any finite torque above {least:g} N*m, a hundred-thousandth of the rated one"
+    hint = f"use a finite torque above {least:g} N*m, 1e-5 of the rated torque"
     for name, value in (("T_1", T_1), ("T_2", T_2), ("the end of the curve", T_max)):
         if not least < value < np.inf:
-            raise UsageError(f"{name} cannot be {value:g} N*m", hint)
+            raise UsageError(f"invalid {name}: {value:g} N*m", hint)
     if not T_1 < T_2:
         raise UsageError(
             f"T_1, {T_1:g} N*m, must be below T_2, {T_2:g} N*m",
-            f"--t1 and --t2 together; without them they are {defaults[0]:.4g} and {defaults[1]:.4g} N*m",
+            f"give both --t1 and --t2; their defaults are {defaults[0]:.4g} and {defaults[1]:.4g} N*m",
         )
     # a segment that the curve ends in is none
     ends = [least, *(T for T in (T_1, T_2) if T_max >= T), *([T_max] if T_max > T_2 else [])]

@@ -22,8 +22,8 @@ from hdassist.model.geometry import Array, Face, Flanks, Geometry, flank_candida
 from hdassist.preset.fields import Drive
 
 FREEDOMS = (
-    "rigid wheel x",
-    "rigid wheel y",
+    "circular spline x",
+    "circular spline y",
     "flexspline x",
     "flexspline y",
     "flexspline rotation",

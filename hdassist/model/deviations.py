@@ -396,7 +396,7 @@ def _sides(drive: Drive) -> tuple[list[Deviation], list[Deviation]]:
 def unknown_notes(drive: Drive) -> tuple[str, ...]:
     """A warning where a deviation is not known and counts as 0; none where all are known."""
     open_ = unknowns(drive)
-    return (f"not known, and computed as 0: {unknown_names(open_)}",) if open_ else ()
+    return (f"unknown, and computed as 0: {unknown_names(open_)}",) if open_ else ()
 
 
 def unknown_names(fields: Sequence[Unknown], most: int = 4) -> str:
@@ -404,7 +404,7 @@ def unknown_names(fields: Sequence[Unknown], most: int = 4) -> str:
     paths = ", ".join(field.path for field in fields[:most])
     if len(fields) <= most:
         return paths
-    return f"{len(fields)} inputs, among them {paths}"
+    return f"{len(fields)} inputs, including {paths}"
 
 
 def _largest(drive: Drive, deviation: Deviation) -> tuple[float, str]:

@@ -145,7 +145,7 @@ def flank_candidates(geometry: Geometry, tau: float = 0.0, samples: int = FLANK_
     lowest, reaches = _lowest_active_radius(geometry, theta, side, (w, v, chi))
     if not reaches.any():
         raise UntrustedError(
-            "no tooth of the flexspline reaches the rigid wheel", "raise cam.W_0 or gears.h_a", Fault.NO_MESH
+            "no tooth of the flexspline reaches the circular spline", "increase cam.W_0 or gears.h_a", Fault.NO_MESH
         )
     tooth = tooth[reaches]
     zone = zone[reaches]

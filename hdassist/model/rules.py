@@ -118,14 +118,19 @@ def _field_conflicts(values: Mapping[str, Any]) -> Iterator[tuple[_Conflict, tup
     greatest = max(map(abs, (values.get("operation.rated") or 0.0, *values.get("operation.M_g", ()))), default=0.0)
     for key in values.get("measured.F_ior", ()) if "mounting.holes" in values else ():
         if abs(number_of(key.partition("@")[2])) > _FARTHEST_MEASURED * greatest > 0:
-            words = f"measured at more than {_FARTHEST_MEASURED:g} times the drive's greatest torque, {greatest:g} N*m"
-            yield _Conflict(path=f"measured.F_ior.{key}", message=words, got=key, hint="the torque is in N*m"), ()
+            words = (
+                f"measured at more than {_FARTHEST_MEASURED:g} times the largest torque of the drive, {greatest:g} N*m"
+            )
+            yield (
+                _Conflict(path=f"measured.F_ior.{key}", message=words, got=key, hint="check that the torque is in N*m"),
+                (),
+            )
         if position := position_fault(key.split("@")[0], values["mounting.holes"]):
             yield _Conflict(path=f"measured.F_ior.{key}", message=position[0], got=key, hint=position[1]), ()
     for path, phase in values.items():
         size = path.replace("harmonics.xi_", "harmonics.a_")
         if size != path and phase is not None and values.get(size, phase) is None:
-            hint = f"give {size} in um as well; a phase alone says nothing"
+            hint = f"give {size} in um too; a phase has no meaning without its amplitude"
             yield (
                 _Conflict(path=path, message="a phase without an amplitude", got=f"{phase:g} deg", hint=hint),
                 (path, size),
@@ -147,13 +152,13 @@ def _listed(numbers: set[float]) -> str:
     return ", ".join(f"{number:g}" for number in sorted(numbers))
 
 
-_SOFT = "too soft to hold anything"
-_HOLDS = f"0 where nothing holds the part, else at least {_LEAST_SUPPORT:g} N/mm"
-_SMALL = "too small to end a segment"
+_SOFT = "too soft to support the part"
+_HOLDS = f"use 0 if nothing supports the part, else at least {_LEAST_SUPPORT:g} N/mm"
+_SMALL = "too small for the end of a segment"
 FIELD_RULES = (
     FieldRule(
         "gears.z_b",
-        "the rigid wheel needs more teeth than the flexspline",
+        "the circular spline needs more teeth than the flexspline",
         lambda z_b, z_g: z_b <= z_g and f"z_b - z_g = {z_b - z_g}",
     ),
     FieldRule(
@@ -174,7 +179,7 @@ FIELD_RULES = (
     ),
     FieldRule(
         path="cam.coupling",
-        message="overhung needs cam.shaft_d and cam.overhang",
+        message="coupling overhung needs cam.shaft_d and cam.overhang",
         fault=lambda coupling, shaft_d, overhang, C_3: (
             coupling == "overhung" and C_3 is None and None in (shaft_d, overhang)
         ),
@@ -182,9 +187,9 @@ FIELD_RULES = (
     ),
     FieldRule(
         path="supports.C_1",
-        message="C_1, C_2 and C_3 are all 0: nothing holds the drive",
+        message="C_1, C_2 and C_3 are all 0, so nothing supports the drive",
         fault=lambda C_1, C_2, C_3: C_1 == C_2 == C_3 == 0,
-        hint="give one of them",
+        hint="set one of the three above 0",
     ),
     FieldRule(path="supports.C_1", message=_SOFT, fault=lambda C_1: _too_soft(C_1), hint=_HOLDS),
     FieldRule(path="supports.C_2", message=_SOFT, fault=lambda C_2: _too_soft(C_2), hint=_HOLDS),
@@ -192,22 +197,22 @@ FIELD_RULES = (
     FieldRule("operation.M_g", "needs at least one torque", lambda M_g: not M_g),
     FieldRule(
         path="operation.M_g",
-        message="a torque of 0 leaves the rotation undetermined within the clearance",
+        message="the rotation is undetermined at a torque of 0, within the clearance",
         fault=lambda M_g: 0 in M_g,
-        hint="a small torque instead, such as 1 % of the rated one",
+        hint="use a small torque, for example 1 % of the rated torque",
     ),
     FieldRule(
         "operation.M_g",
-        "the same torque twice",
+        "a torque is given twice",
         lambda M_g: _listed({torque for torque in M_g if M_g.count(torque) > 1}),
     ),
     FieldRule(
         path="tolerances.e_b",
-        message="the run-out of the rigid wheel is given twice",
+        message="the runout of the circular spline is given twice",
         fault=lambda mark_kind, F_i2, e_b: (
             mark_kind == "runout" and F_i2 and e_b and f"F_i2 {F_i2:g} um, e_b {e_b:g} um"
         ),
-        hint="with mounting.mark_kind: runout F_i2 is that run-out (twice e_b); give one of the two",
+        hint="give either F_i2 or e_b; with mounting.mark_kind: runout, F_i2 is the runout (twice e_b)",
     ),
     FieldRule("catalogue.T_1", _SMALL, lambda T_1, rated, M_g: _too_small(T_1, rated, M_g)),
     FieldRule("catalogue.T_2", _SMALL, lambda T_2, rated, M_g: _too_small(T_2, rated, M_g)),
@@ -218,13 +223,13 @@ FIELD_RULES = (
     ),
     FieldRule(
         path="mounting.allowed",
-        message="no hole is left",
+        message="the list of holes is empty",
         fault=lambda allowed: not allowed,
-        hint="all, or a list of hole numbers",
+        hint="write all, or a list of hole numbers",
     ),
     FieldRule(
         path="mounting.allowed",
-        message="a free angle (holes: 0) has no holes to choose from",
+        message="a seat with a free angle (holes: 0) has no holes",
         fault=lambda allowed, holes: allowed and allowed != "all" and not holes,
         hint="all",
     ),
@@ -240,13 +245,13 @@ FIELD_RULES = (
     ),
     FieldRule(
         "mounting.allowed",
-        "the same hole twice",
+        "a hole is given twice",
         lambda allowed: allowed != "all" and len(set(allowed)) < len(allowed),
     ),
     FieldRule(
         "numerics.n_2",
         "too few nodes for the bending modes",
-        lambda n_2, n_max: n_2 < 2 * n_max and f"n_2 {n_2}, n_max {n_max}; at least 2 n_max = {2 * n_max}",
+        lambda n_2, n_max: n_2 < 2 * n_max and f"n_2 {n_2}, n_max {n_max}; use at least 2 n_max = {2 * n_max}",
     ),
 )
 
@@ -268,14 +273,14 @@ def position_fault(where: str, holes: int) -> tuple[str, str] | None:
     number = number_of(where.removeprefix("h"))
     if where.startswith("h"):
         if not holes:
-            return "names a hole of a seat that has none", "mounting.holes says how many"
+            return "names a hole, but the seat has none", "set their number in mounting.holes"
         return None if number in range(holes) else (f"the seat's holes are h0 to h{holes - 1}", "")
     turned = number * holes / 360
     if not holes or abs(turned - round(turned)) < 1e-9:
         return None
     return (
-        f"{number:g} deg is no hole of the seat, whose holes are {360 / holes:g} deg apart",
-        f"was hole {round(number) % holes} meant? h{round(number) % holes}",
+        f"{number:g} deg is not a hole of the seat; its holes are {360 / holes:g} deg apart",
+        f"for hole {round(number) % holes} write h{round(number) % holes}",
     )
 
 
@@ -290,8 +295,8 @@ def _teeth_reach(geometry: Geometry) -> Iterator[_Conflict]:
         yield _Conflict(
             path="cam.W_0",
             message="the teeth do not reach each other at the major axis",
-            got=f"tip of the flexspline {tip + geometry.W_0:.4g} mm, of the rigid wheel {other:.4g} mm",
-            hint=f"above {other - tip:.4g} mm with these teeth",
+            got=f"tip of the flexspline {tip + geometry.W_0:.4g} mm, of the circular spline {other:.4g} mm",
+            hint=f"use more than {other - tip:.4g} mm with these teeth",
         )
 
 
@@ -302,9 +307,9 @@ def _tips_come_free(geometry: Geometry) -> Iterator[_Conflict]:
     if tip - geometry.W_0 >= other:
         yield _Conflict(
             path="cam.W_0",
-            message="the tips interfere: they do not come free at the minor axis",
-            got=f"tip of the flexspline {tip - geometry.W_0:.4g} mm, of the rigid wheel {other:.4g} mm",
-            hint=f"above {tip - other:.4g} mm with these teeth, or lower teeth (h_a)",
+            message="the tips interfere: they do not come clear of each other at the minor axis",
+            got=f"tip of the flexspline {tip - geometry.W_0:.4g} mm, of the circular spline {other:.4g} mm",
+            hint=f"use more than {tip - other:.4g} mm with these teeth, or a smaller addendum (h_a)",
         )
 
 
@@ -313,15 +318,15 @@ def _roots_have_room(geometry: Geometry) -> Iterator[_Conflict]:
     to_rigid = geometry.r_fb - geometry.r_ag
     to_flexspline = geometry.r_ab - geometry.r_f
     for wheel, other, room, tip, root in (
-        ("flexspline", "rigid wheel", to_rigid, geometry.r_ag + geometry.W_0, geometry.r_fb),
-        ("rigid wheel", "flexspline", to_flexspline, geometry.r_ab, geometry.r_f + geometry.W_0),
+        ("flexspline", "circular spline", to_rigid, geometry.r_ag + geometry.W_0, geometry.r_fb),
+        ("circular spline", "flexspline", to_flexspline, geometry.r_ab, geometry.r_f + geometry.W_0),
     ):
         if room < geometry.W_0:
             yield _Conflict(
                 path="cam.W_0",
                 message=f"beyond the teeth: the {wheel} runs into the root of the {other}",
                 got=f"tip {tip:.4g} mm, root {root:.4g} mm",
-                hint=f"at most {room:.4g} mm with these teeth",
+                hint=f"use at most {room:.4g} mm with these teeth",
             )
 
 
@@ -329,21 +334,21 @@ def _flanks_exist(geometry: Geometry) -> Iterator[_Conflict]:
     """The tips lie outside the base circles, and no tooth is pointed."""
     for path, words, wheel, tip, least, most in (
         ("gears.x_g", "flexspline", geometry.flexspline, geometry.r_ag, 0.0, np.inf),
-        ("gears.x_b", "rigid wheel", geometry.rigid, geometry.r_ab, -np.inf, np.pi / geometry.rigid.z),
+        ("gears.x_b", "circular spline", geometry.rigid, geometry.r_ab, -np.inf, np.pi / geometry.rigid.z),
     ):
         if tip <= wheel.base_radius:
             yield _Conflict(
                 path=path,
                 message=f"the {words} has no involute flank: its tip lies inside the base circle",
                 got=f"tip {tip:.4g} mm, base circle {wheel.base_radius:.4g} mm",
-                hint="a larger profile shift, or lower teeth",
+                hint="use a larger profile shift, or a smaller addendum",
             )
         elif not least < wheel.half_angle(np.array(tip)) < most:
             yield _Conflict(
                 path=path,
                 message=f"the teeth of the {words} are pointed",
                 got="",
-                hint="another profile shift, or lower teeth",
+                hint="use another profile shift, or a smaller addendum",
             )
 
 
@@ -364,9 +369,9 @@ def _teeth_mesh(geometry: Geometry) -> Iterator[_Conflict]:
         angle = abs(flanks.theta[least] - flanks.zone[least] * np.pi)
         yield _Conflict(
             path="cam.W_0",
-            message="the teeth interfere: they run through each other under the shape the cam gives",
+            message="the teeth interfere: they overlap in the shape that the cam gives",
             got=f"an overlap of {overlap * 1e3:.3g} um at {np.degrees(angle):.3g}° from the major axis",
-            hint=f"at most {most * 1e3:.3g} um; check W_0 with m, x_g, x_b and h_a",
+            hint=f"at most {most * 1e3:.3g} um is allowed; check W_0 with m, x_g, x_b and h_a",
         )
 
 
@@ -379,7 +384,7 @@ def _rim_is_thin(geometry: Geometry) -> Iterator[_Conflict]:
             path="flexspline.h_1",
             message=f"too thick for a rim with a root radius of {geometry.r_f:.4g} mm",
             got=f"{h_1:g} mm",
-            hint=f"at most {most:.3g} mm",
+            hint=f"use at most {most:.3g} mm",
         )
 
 
@@ -394,12 +399,12 @@ def _bearing_fits(geometry: Geometry, d_ball: float | None, N: int) -> Iterator[
                 path="bearing.ring_h",
                 message=f"too thick for a bore with a radius of {bore:.4g} mm",
                 got=f"{ring_h:g} mm",
-                hint=f"at most {_MAX_THICKNESS * bore:.3g} mm",
+                hint=f"use at most {_MAX_THICKNESS * bore:.3g} mm",
             )
     elif d_ball is not None:
         share = float(np.sin(np.pi / N))
         room = 2 * raceway * share / (1 + share)
-        hint = f"at most {room:.3g} mm for {N} balls"
+        hint = f"use at most {room:.3g} mm for {N} balls"
         if d_ball >= raceway:
             message = f"does not fit inside the raceway with a radius of {raceway:.4g} mm"
             yield _Conflict(path="bearing.d_ball", message=message, got=f"{d_ball:g} mm", hint=hint)

@@ -119,12 +119,17 @@ _WANTED_LISTS = {"numbers": "must be a list of numbers", "holes": "must be all, 
 # of a table of values: pattern of its keys, their meaning, an example of a key, and of a table
 KEYED_TABLES = {
     "limits": (NUMBER, "a torque in N*m, or all", "", ""),
-    "orders": (rf"{UNSIGNED}(@{NUMBER})?", "an order per cam turn, or ORDER@TORQUE in N*m", "", "like {2: 10}"),
+    "orders": (
+        rf"{UNSIGNED}(@{NUMBER})?",
+        "an order per input revolution, or ORDER@TORQUE in N*m",
+        "",
+        "for example {2: 10}",
+    ),
     "readings": (
         rf"(h[0-9]+|{NUMBER})@{NUMBER}",
-        "a hole, or a turn in deg, at a torque in N*m",
-        "like h4@80 or 120@80",
-        "like {h0@80: 28.1 ± 1}",
+        "a hole or an angle in deg, at a torque in N*m",
+        "for example h4@80 or 120@80",
+        "for example {h0@80: 28.1 ± 1}",
     ),
 }
 
@@ -180,10 +185,10 @@ class PresetField:
                 raise InvalidValueError("must be text", "put it in quotes" if isinstance(value, int | float) else "")
             if self.kind == "line" and not ("\n" not in value and 1 <= len(value) <= MAX_NAME):
                 words = f"must be one line of 1 to {MAX_NAME} characters"
-                raise InvalidValueError(words, "what is longer stands in description" * bool(value))
+                raise InvalidValueError(words, "write a longer text in description" * bool(value))
         elif value is None:
             if not self.is_optional:
-                required = f"in {self.unit}" if self.unit else ""
+                required = f"write a number in {self.unit}" if self.unit else ""
                 hint = required if self.is_required else f"leave the key out for its default, {self.default}"
                 raise InvalidValueError("needs a value", hint)
         elif isinstance(value, str) and self.unknown and (meant := near_miss(value, [UNKNOWN])):
@@ -250,7 +255,9 @@ class PresetField:
     def draws(self, values: Any) -> tuple[float, ...]:
         """Equally likely values of the field. Raises InvalidValueError: they are none."""
         if not isinstance(values, list) or len(values) < 2:
-            raise InvalidValueError("must be two numbers or more, the preset's own value first", "like [8950, 9020]")
+            raise InvalidValueError(
+                "must be two or more numbers, starting with the preset's own value", "for example [8950, 9020]"
+            )
         found = tuple(read_number(value, self.unit) for value in values)
         if beyond := [value for value in found if not self.holds(value)]:
             raise InvalidValueError(f"{plain(beyond[0])} is out of range: {self.range_words(self.unit)}")
@@ -259,14 +266,14 @@ class PresetField:
     def bounds(self, ends: Any) -> tuple[float, float]:
         """A plausible range of the field. Raises InvalidValueError: it is none."""
         if self.kind != "number":
-            raise InvalidValueError("only single measures have a range")
+            raise InvalidValueError("only fields of a single number have a range")
         if not isinstance(ends, list) or len(ends) != 2:
-            raise InvalidValueError("must be two numbers, the lower one first", "like [0, 20]")
+            raise InvalidValueError("must be two numbers, the smaller one first", "for example [0, 20]")
         low, high = (read_number(end, self.unit) for end in ends)
         if not (self.holds(low) and self.holds(high)):
-            raise InvalidValueError(f"reaches beyond what the field takes: {self.range_words(self.unit)}")
+            raise InvalidValueError(f"exceeds the range of the field: {self.range_words(self.unit)}")
         if low >= high:
-            raise InvalidValueError("the lower one must stand first")
+            raise InvalidValueError("the smaller number must be first")
         return low, high
 
     def holds(self, value: float) -> bool:
@@ -386,9 +393,9 @@ PRESET_SCHEMA = "hdassist.preset/1"
 
 # fields that presets had once, with a hint
 REMOVED = {
-    "alternatives": "no command reads them any more: leave them out",
-    "acceptance.margin": "no margin any more: predictions are held by their probability, hdassist accept --sure",
-    "numerics.window": "no flank window any more: every tooth that may touch is looked at",
+    "alternatives": "leave it out; commands no longer read it",
+    "acceptance.margin": "leave it out; predictions are decided by their probability, see hdassist accept --sure",
+    "numerics.window": "leave it out; every tooth that may touch is included",
 }
 
 # fields of numerics that identified values depend on, and the value of each before it was a field

@@ -133,11 +133,11 @@ def implausible(drive: Drive) -> Iterator[tuple[str, str, str]]:
     rated = drive.operation.rated
     d = drive.gears.pitch_diameter
     limit = TORQUE_DENSITY[1] * d**3
-    usual = f"{limit:.3g} N*m, the highest of catalogues at {d:.4g} mm: 52 N*m for size 20, ratio 100, by d^3"
-    beyond = "times what drives of this size are rated for"
+    usual = f"{limit:.3g} N*m at {d:.4g} mm is the highest of catalogues: 52 N*m for size 20, ratio 100, by d^3"
+    beyond = "times the rated torque of drives of this size"
     if rated is None and most > limit:
         words = f"{most:g} N*m is {most / limit:.3g} {beyond}"
-        yield "operation.M_g", words, f"{usual}; give operation.rated where it is another"
+        yield "operation.M_g", words, f"{usual}; state operation.rated if it is different"
     if rated is not None and most > rated * (1 + _BOUND_ROUNDING):
         words = f"{most:g} N*m is {most / rated:.3g} times the rated torque"
         yield "operation.M_g", words, f"operation.rated: {rated:g} N*m"
@@ -158,7 +158,7 @@ def _implausible_stiffnesses(drive: Drive) -> Iterator[tuple[str, str, str]]:
             continue
         usual = f"usual at {d:.4g} mm: {_rounded(low, 2):g} to {_rounded(high, 2):g} N*m/rad"
         if low <= K * _CATALOGUE_UNIT <= high:
-            usual += f"; a catalogue that prints {K:g} in 1e4 N*m/rad means {K * _CATALOGUE_UNIT:g}"
+            usual += f"; if the catalogue gives {K:g} in 1e4 N*m/rad, write {K * _CATALOGUE_UNIT:g}"
         yield path, f"{K:g} N*m/rad is {K / K_3:.2g} times K3 of catalogue drives of this size", usual
 
 
@@ -171,7 +171,7 @@ COUPLING_FIELDS = ("cam.coupling", "cam.shaft_d", "cam.overhang")
 def with_cam_support(drive: Drive) -> Drive:
     """The drive with supports.C_3 as its coupling has it: assumed, within a range; None where a size is missing."""
     cam = drive.cam
-    why = "3 E I/L^3 of its shaft in series with a bearing, whose stiffness is a guess"
+    why = "3 E I/L^3 of its shaft in series with a bearing, whose stiffness is estimated"
     support: list[float] = []  # stiffness [N/mm], and its range
     if cam.coupling != "overhung":
         *numbers, why = _CAM_SUPPORTS[cam.coupling]
@@ -234,7 +234,10 @@ def _size_of(like: Drive, required: Requirements) -> tuple[SimilarValue, float]:
     T = required["operation.rated"].value if "operation.rated" in required else None
     K: tuple[float, ...] = required[STIFFNESS].value if STIFFNESS in required else ()
     if K and not (K[0] > 0 and all(weaker <= stiffer for weaker, stiffer in pairwise(K))):
-        raise UsageError(f"K1, K2, K3 must be above 0 and rise: {', '.join(map(plain, K))} N*m/rad")
+        raise UsageError(
+            f"K1, K2, K3 must be above 0 and increase: {', '.join(map(plain, K))} N*m/rad",
+            "check the stiffnesses of the catalogue and their sequence",
+        )
     if size := required.get(PITCH_DIAMETER):
         of_catalogues = CATALOGUE_K3 * (size.value / REFERENCE) ** 3
         stiffer = K[-1] / of_catalogues if K else 1.0
@@ -242,7 +245,7 @@ def _size_of(like: Drive, required: Requirements) -> tuple[SimilarValue, float]:
             _refuse_size(f"K3 = {plain(K[-1])} N*m/rad", size.value, f"about {_rounded(of_catalogues, 2):g}")
     elif K:
         d = _rounded(REFERENCE * (K[-1] / CATALOGUE_K3) ** (1 / 3))
-        why = f"{d:g} mm from K3 = {plain(K[-1])} N*m/rad, which grows with d^3 in catalogues"
+        why = f"{d:g} mm from K3 = {plain(K[-1])} N*m/rad, which increases with d^3 in catalogues"
         size = SimilarValue(d, "assumed", why)
     elif T is None:
         return SimilarValue(own, "assumed", f"the pitch diameter of {like.name}, {own:g} mm"), stiffer
@@ -261,7 +264,7 @@ def _size_of(like: Drive, required: Requirements) -> tuple[SimilarValue, float]:
 def _refuse_size(required: str, d: float, usual: str) -> NoReturn:
     raise UsageError(
         f"{required} contradicts a pitch diameter of {d:.6g} mm: drives of that size have {usual}",
-        "leave one of them out: the other one says it",
+        "omit one of the two; hdassist derives it from the other",
     )
 
 
@@ -305,8 +308,8 @@ def similar(like: Drive, required: Requirements) -> dict[str, SimilarValue]:
         field = field_table()[path]
         if isinstance(entry.value, float) and not field.holds(entry.value):
             raise UsageError(
-                f"no such drive: {path} would be {entry.value:.3g} {field.unit}".rstrip(),
-                f"a preset takes {field.range_words(field.unit)}; other teeth, or another size",
+                f"no valid drive: {path} would be {entry.value:.3g} {field.unit}".rstrip(),
+                f"choose other teeth or another size; the range is {field.range_words(field.unit)}",
             )
     return written
 
@@ -353,7 +356,9 @@ def _shifts(like: Drive, entries: Mapping[str, SimilarValue], d: float) -> dict[
         "gears.x_g": SimilarValue(
             x_g, "assumed", f"makes the bore {bore * d:.5g} mm, as {like.name} has it by its size"
         ),
-        "gears.x_b": SimilarValue(round(x_g + apart, 4), "assumed", f"x_g + {apart:g}, as {like.name}; tips come free"),
+        "gears.x_b": SimilarValue(
+            round(x_g + apart, 4), "assumed", f"x_g + {apart:g}, as {like.name}; tips come clear of the mesh"
+        ),
     }
 
 
@@ -364,7 +369,7 @@ def _tolerances(d: float, m: float, quality: str) -> dict[str, SimilarValue]:
     coarse = _rounded(F_p(d, m, coarsest), 2)
     fine = 0.0 if finest is None else _rounded(F_p(d, m, finest), 2)
     ends = f"0 to that of class {coarsest}" if finest is None else f"from class {finest} to class {coarsest}"
-    ref = f"F_p of class {usual_class}, ISO 1328-1:2013, in place of F'_i; {ends}"
+    ref = f"F_p of class {usual_class}, ISO 1328-1:2013, instead of F'_i; {ends}"
     if quality == "unknown":
         ref += "; an assumed wide range, because the quality is unknown (--quality unknown)"
     if m < 1:
@@ -378,8 +383,8 @@ def _tolerances(d: float, m: float, quality: str) -> dict[str, SimilarValue]:
 def _backlash(d: float) -> dict[str, SimilarValue]:
     lost = _LOST_MOTION if d > _LARGE_SIZE else _LOST_MOTION_SMALL
     return {
-        "catalogue.lost_motion": SimilarValue(lost, "assumed", "what makers promise of such sizes"),
-        "catalogue.play": SimilarValue(_PLAY, "assumed", "these drives are sold without backlash"),
+        "catalogue.lost_motion": SimilarValue(lost, "assumed", "usual value of manufacturers for such sizes"),
+        "catalogue.play": SimilarValue(_PLAY, "assumed", "manufacturers state no backlash for these drives"),
     }
 
 
@@ -389,7 +394,7 @@ def _load(like: Drive, required: Requirements, s: float, d: float) -> dict[str, 
     if rating is None:
         rated = _rounded(own * s**3, 3)
         bounds = [_rounded(density * d**3, 2) for density in TORQUE_DENSITY]
-        ref = f"{like.name} x d^3 = {s**3:.4g}; catalogues have it from {bounds[0]:g} to {bounds[1]:g} N*m"
+        ref = f"{like.name} x d^3 = {s**3:.4g}; catalogues: {bounds[0]:g} to {bounds[1]:g} N*m"
         rating = SimilarValue(
             value=rated, kind="assumed", ref=ref, range=_around(like, "operation.rated", rated, *bounds)
         )
@@ -447,7 +452,7 @@ def read_requirements(like: Drive, *, ratio: float | None = None, **given: str |
         if by_teeth and by_teeth.value != z_g:
             raise UsageError(
                 f"{by_teeth.ref} contradicts --ratio {plain(ratio)}, which takes {z_g}/{z_g + 2}",
-                "leave one of them out",
+                "omit one of the two",
             )
         required["gears.z_g"] = SimilarValue(z_g, "given", f"--ratio {plain(ratio)}, two waves")
     if (stiffness := given.get("stiffness")) is not None:
@@ -455,11 +460,11 @@ def read_requirements(like: Drive, *, ratio: float | None = None, **given: str |
         if len(K) not in (1, len(_SEGMENTS)):
             raise UsageError(
                 f"invalid --stiffness {shown(stiffness)}: expected one number or three",
-                "K1,K2,K3 like 3.1e4,5e4,5.7e4; the only stiffness of a data sheet, like 5e4, counts as K3",
+                "write K1,K2,K3, for example 3.1e4,5e4,5.7e4, or a single stiffness, which counts as K3",
             )
-        ref = f"--stiffness {','.join(map(plain, K))}; not fitted, hdassist stiffness compares"
+        ref = f"--stiffness {','.join(map(plain, K))}; not fitted; compare with hdassist stiffness"
         if len(K) == 1:
-            ref += "; the only stiffness of the data sheet, taken as K3"
+            ref += "; the only stiffness of the data sheet, used as K3"
         required[STIFFNESS] = SimilarValue(K, "given", ref)
     T_1, T_2 = (required[path].value if path in required else None for path in ("catalogue.T_1", "catalogue.T_2"))
     if T_1 is not None and T_2 is not None and T_1 >= T_2:
@@ -484,11 +489,11 @@ def _seat(like: Drive, holes: str | None, allowed: str | None) -> dict[str, Simi
     if allowed is not None:
         numbers = tuple(_hole_number("--allowed-holes", part) for part in allowed.split(","))
         if count == 0:
-            raise UsageError("--allowed-holes needs holes: --holes 0 is a free angle", "leave one of them out")
+            raise UsageError("--allowed-holes needs holes, but --holes 0 is a free angle", "omit one of the two")
         if len(set(numbers)) < len(numbers) or max(numbers) >= count:
             raise UsageError(
                 f"invalid --allowed-holes {shown(allowed)}: expected different holes from 0 to {count - 1}",
-                "--holes N gives the number of holes of the seat",
+                "set the number of holes of the seat with --holes N",
             )
         seat["mounting.allowed"] = SimilarValue(numbers, "given", f"--allowed-holes {','.join(map(str, numbers))}")
     return seat
@@ -510,7 +515,7 @@ def _teeth_of_ratio(like: Drive, ratio: float) -> int:
     if not float(z_g).is_integer() or not like.allows("gears.z_g", z_g):
         raise UsageError(
             f"a ratio of {plain(ratio)} needs {z_g:g} teeth on the flexspline",
-            f"two waves: twice the ratio, a whole number of teeth from {field_table()['gears.z_g'].range_words()}",
+            f"twice the ratio must be a whole number of teeth, {field_table()['gears.z_g'].range_words()}",
         )
     return int(z_g)
 
@@ -518,7 +523,10 @@ def _teeth_of_ratio(like: Drive, ratio: float) -> int:
 def _coupling(coupling: str | None, shaft: str | None) -> dict[str, SimilarValue]:
     """Fields of the cam's coupling, by path."""
     if (coupling == "overhung") != (shaft is not None):
-        raise UsageError("--coupling overhung and --shaft belong together", "like --coupling overhung --shaft 14x30")
+        raise UsageError(
+            "--coupling overhung and --shaft need each other",
+            "give both, for example --coupling overhung --shaft 14x30",
+        )
     if coupling is None:
         return {}
     if coupling not in (words := field_table()["cam.coupling"].choices):
@@ -530,7 +538,7 @@ def _coupling(coupling: str | None, shaft: str | None) -> dict[str, SimilarValue
     if shaft is not None:
         sizes = re.fullmatch(r"\s*([0-9.]+)\s*x\s*([0-9.]+)\s*(?:mm)?\s*", shaft)
         if sizes is None:
-            raise UsageError(f"invalid --shaft {shown(shaft)}: expected DIAMETERxOVERHANG in mm", "like 14x30")
+            raise UsageError(f"invalid --shaft {shown(shaft)}: expected DIAMETERxOVERHANG in mm", "for example 14x30")
         for path, text in zip(("cam.shaft_d", "cam.overhang"), sizes.groups(), strict=True):
             values[path] = SimilarValue(_measure("--shaft", text, "mm"), "given", f"--shaft {shaft}")
     return values
@@ -539,12 +547,12 @@ def _coupling(coupling: str | None, shaft: str | None) -> dict[str, SimilarValue
 def _teeth(text: str) -> int:
     match = re.fullmatch(r"\s*([0-9]{1,6})\s*(?:/\s*([0-9]{1,6})\s*)?", text)
     if match is None:
-        raise UsageError(f"invalid --teeth {shown(text)!r}: expected two whole numbers", "like 160/162")
+        raise UsageError(f"invalid --teeth {shown(text)!r}: expected two whole numbers", "for example 160/162")
     z_g = int(match[1])
     if match[2] is not None and int(match[2]) != z_g + 2:
         raise UsageError(
             f"invalid --teeth {z_g}/{int(match[2])}: expected z_b - z_g = 2 (two waves)",
-            f"{z_g}/{z_g + 2}, the flexspline first",
+            f"write the flexspline first: {z_g}/{z_g + 2}",
         )
     return z_g
 

@@ -167,14 +167,16 @@ class _Reader:
         for event in self.events:
             if isinstance(event, yaml.DocumentStartEvent):
                 if self.document.places:
-                    raise self._end(self._mark(event.start_mark), "a second document", hint="one preset, one document")
+                    raise self._end(
+                        self._mark(event.start_mark), "a second document", hint="write one document per preset"
+                    )
                 self.document.data = self._value(next(self.events), path)
 
     def _decoded(self, text: bytes | str) -> str:
         data = text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text
         if len(data) > MOST_PRESET_BYTES:
             words = f"the file is larger than {MOST_PRESET_BYTES // 1024} KiB"
-            raise self._end(self.last, words, hint="is this a preset?")
+            raise self._end(self.last, words, hint="check that the file is a preset")
         data = data.removeprefix(BOM_UTF8)
         try:
             decoded = data.decode()
@@ -219,13 +221,13 @@ class _Reader:
         value: Any = None
         if isinstance(event, yaml.AliasEvent):
             text = f"*{event.anchor}"
-            self._find(mark, path, "aliases are not allowed", shown(text), "write the value out")
+            self._find(mark, path, "YAML aliases are not allowed", shown(text), "write the value out")
             self.document.bad.add(path)
         elif event.anchor is not None:
-            self._find(mark, path, "anchors are not allowed", shown(f"&{event.anchor}"), "leave the anchor out")
+            self._find(mark, path, "YAML anchors are not allowed", shown(f"&{event.anchor}"), "leave the anchor out")
         if tag := getattr(event, "tag", None):
             got = shown(str(tag).replace("tag:yaml.org,2002:", "!!"))
-            self._find(mark, path, "tags are not allowed", got, "leave the tag out")
+            self._find(mark, path, "YAML tags are not allowed", got, "leave the tag out")
         if isinstance(event, yaml.SequenceStartEvent):
             items = enumerate(self._until(yaml.SequenceEndEvent))
             value = [self._value(item, (*path, index)) for index, item in items]
@@ -237,7 +239,7 @@ class _Reader:
             text = str(event.value)
             quoted = event.style is not None
             if _SURROGATE.search(text):
-                self._find(mark, path, "half of a surrogate pair is no character", shown(text))
+                self._find(mark, path, "half of a surrogate pair is not a character", shown(text))
                 self.document.bad.add(path)
             else:
                 value = text if quoted else scalar_value(text)
@@ -254,7 +256,7 @@ class _Reader:
             at = (*path, name)
             if name in table:
                 first = self.document.places[at].key
-                hint = f"first given in line {first.line}, column {first.column}"
+                hint = f"it is given first in line {first.line}, column {first.column}"
                 self._find(mark, at, "duplicate key", hint=hint)
             key = self._value(event, at, mark)
             value = self._value(next(self.events), at, mark)
@@ -288,17 +290,20 @@ def path_text(path: Path) -> str:
 
 # Messages of the parser, and the messages and hints for them
 _WORDS = {
-    "mapping values are not allowed": ("a ':' where none can stand", "wrong indentation, or a text that needs quotes"),
-    "could not find expected ':'": ("a line without a ':' behind its key", ""),
+    "mapping values are not allowed": (
+        "a ':' in a place where it is not allowed",
+        "wrong indentation, or a text that needs quotes",
+    ),
+    "could not find expected ':'": ("a line without a ':' after its key", ""),
     "found character '\\t'": ("a tab", "indent with spaces"),
     "expected ',' or": ("a bracket is not closed, or a comma is missing", ""),
     "unexpected end of stream": ("quotes are not closed", ""),
-    "expected the node content": ("a value is missing, or a bracket stays open", ""),
-    "expected <block end>": ("wrong indentation", "keys of one table start in the same column"),
+    "expected the node content": ("a value is missing, or a bracket is not closed", ""),
+    "expected <block end>": ("wrong indentation", "start the keys of a table in the same column"),
     "chr() arg": ("a bad escape in a quoted text", ""),
     "int too large": ("a bad escape in a quoted text", ""),
-    "unknown escape character": ("a bad escape in a quoted text", "single quotes take \\ as it is"),
-    "that cannot start any token": ("a character that no plain text can start with", "put the text in quotes"),
+    "unknown escape character": ("a bad escape in a quoted text", "use single quotes for a literal \\"),
+    "that cannot start any token": ("a character with which unquoted text cannot start", "put the text in quotes"),
 }
 
 
@@ -394,7 +399,7 @@ def read_spread(text: str, unit: str) -> tuple[float, float]:
     """
     match = _matched(_SPREAD, text)
     if match is None:
-        raise UnitError("must be a number and its uncertainty", "like 260 ± 10")
+        raise UnitError("must be a number and its uncertainty", "for example 260 ± 10")
     units = [number[2] if (number := _SPLIT.fullmatch(part)) else "" for part in match.groups()]
     common = units[0] or units[1]
     value, spread = (
@@ -402,7 +407,7 @@ def read_spread(text: str, unit: str) -> tuple[float, float]:
         for part, own in zip(match.groups(), units, strict=True)
     )
     if match[2].startswith(("-", "+")):
-        raise UnitError("an uncertainty has no sign", "like 260 ± 10")
+        raise UnitError("write the uncertainty without a sign", "for example 260 ± 10")
     if not (isfinite(bounded(value)) and isfinite(bounded(spread))):
         is_huge = isfinite(value) and isfinite(spread)
         raise UnitError(f"must be a number up to {GREATEST:g}" if is_huge else "must be a finite number")
@@ -417,7 +422,7 @@ def read_number(value: Any, unit: str, *, spread: bool = False) -> float:
     if isinstance(value, str):
         return read_spread(value, unit)[0] if spread and is_spread(value) else convert(value, unit)
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise InvalidValueError("must be a number", f"in {unit}" if unit else "")
+        raise InvalidValueError("must be a number", f"write a number in {unit}" if unit else "")
     if not isfinite(value):
         raise InvalidValueError("must be a finite number")
     if not abs(value) <= GREATEST:
@@ -449,17 +454,17 @@ def _normal(unit: str) -> str:
 
 def _factor(given: str, unit: str) -> Decimal:
     if not unit:
-        raise UnitError("takes a pure number, without a unit")
+        raise UnitError("must be a number without a unit")
     dimension, own_size = _UNITS[unit]
     other, size = _UNITS.get(given, ("", own_size))
     if other == dimension:
         return size / own_size
     shown_unit = shown(given, 30)
     if hint := _MISTAKEN[dimension].get(given):
-        raise UnitError(f"the unit {shown_unit} could be mistaken", hint)
-    fitting = f"a bare number is in {unit}; units: {', '.join(units_for(unit))}"
+        raise UnitError(f"the unit {shown_unit} is ambiguous", hint)
+    fitting = f"use one of {', '.join(units_for(unit))}; a number without a unit is in {unit}"
     if other:
-        raise UnitError(f"{shown_unit} is the unit of {other}, {dimension} is wanted", fitting)
+        raise UnitError(f"{shown_unit} is a unit of {other}; expected a unit of {dimension}", fitting)
     raise UnitError(f"unknown unit {shown_unit}", near_miss(given[:30], units_for(unit)) or fitting)
 
 
@@ -467,9 +472,9 @@ def _no_number(text: str, unit: str, sign: str = "") -> UnitError:
     if _NOT_FINITE.fullmatch(text.split(" ")[0]):
         return UnitError("must be a finite number")
     if sign == "," or re.fullmatch(r"[-+]?[0-9]+,[0-9]+.*", text):
-        return UnitError("must be a number", "a decimal point, not a comma, and nothing between thousands")
+        return UnitError("must be a number", "write a decimal point, no comma, and no separator between thousands")
     if sign == "_":
         return UnitError("must be a number", "write it without underscores")
     if text.startswith("\u2212"):
         return UnitError("must be a number", "write an ASCII minus sign")
-    return UnitError("must be a number", f"in {unit}" if unit else "")
+    return UnitError("must be a number", f"write a number in {unit}" if unit else "")

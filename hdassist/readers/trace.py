@@ -705,7 +705,9 @@ def _in_unit(
     unit = table.unit_of(index, words, default, (*ANGLES, COUNTS), asked, option)
     is_in_counts = unit.removeprefix("-") not in ANGLES
     if asked is None and is_in_counts:
-        raise table.fault(f'"{table.name(index)}": counts of how many in a turn?', f"like {option} 16384,4194304")
+        raise table.fault(
+            f'"{table.name(index)}": counts of how many in a turn?', f"for example {option} 16384,4194304"
+        )
     column = _TraceColumn(index, shaft, unit, angle_size(unit))
     if is_in_counts:
         table.notes[-1] += " a turn"

@@ -53,7 +53,7 @@ def own_schema(own: str) -> AfterValidator:
 
     def require(schema: str) -> str:
         if schema != own:
-            raise ValueError(f"{schema[:60]}, where this version of hdassist reads and writes {own}")
+            raise ValueError(f"{schema[:60]}; this version of hdassist reads and writes {own}")
         return schema
 
     return AfterValidator(require)
@@ -95,7 +95,7 @@ class KeptOwner(ClosedRecord):
 
 
 _OWNER = TypeAdapter(KeptOwner)
-_OTHER_FILE = "name another file, or remove this one"
+_OTHER_FILE = "name another file, or delete this one"
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,9 @@ class RecordKind(Generic[_RecordT]):
 
     adapter: TypeAdapter[_RecordT]
     fault: Callable[[int, _RecordT], str] = lambda _item, _record: ""
-    hint: str = "it was changed or damaged; without this line and all below it the same command goes on"
+    hint: str = (
+        "the file was changed or damaged; delete this line and all lines below it, then the same command resumes"
+    )
 
     def read(self, lines: Iterable[bytes], above: bytes, name: str) -> Iterator[tuple[_RecordT, bytes]]:
         """Records with their lines; a last one that is not finished is left out.
@@ -231,7 +233,9 @@ class Kept(Generic[_RecordT]):
 
     def _lost(self) -> DataError:
         words = f"{self._path} was removed, replaced or cut during this run"
-        return DataError(words, "run the command again, and leave the file to it", Fault.FILE_UNWRITABLE)
+        return DataError(
+            words, "run the command again, and do not change the file during the run", Fault.FILE_UNWRITABLE
+        )
 
     def begin(self) -> None:
         """Empty the file, and write the owner."""
@@ -268,7 +272,7 @@ class Kept(Generic[_RecordT]):
 
     def _write(self, data: bytes, records: int = 0) -> None:
         self.require_there()
-        with _writing(self._path, "" if self._path is None else "the same command goes on behind what is kept"):
+        with _writing(self._path, "" if self._path is None else "resume with the same command"):
             left = memoryview(data)
             while left:
                 left = left[os.write(self._descriptor, left) :]
@@ -333,10 +337,10 @@ def _locked(path: str | None, patience: float = LOCK_PATIENCE) -> tuple[int, int
         return descriptor, descriptor  # nobody else can open it
     if path.endswith(".parquet"):
         raise UsageError(
-            f"{path} would take JSON Lines", "keep work in FILE.jsonl; --parquet FILE writes a table of it"
+            f"{path} would be written as JSON Lines", "use FILE.jsonl for results; for a table use --parquet FILE"
         )
     if is_there(path) and not is_file(path):
-        raise DataError(f"{path} is no file that work can be kept in", "name a file")
+        raise DataError(f"{path} is not a file in which results can be stored", "name a regular file")
     if not system.locks_beside():
         descriptor = _held(path, path, patience)
         return descriptor, descriptor
@@ -430,12 +434,14 @@ def _owner_of(line: bytes, name: str) -> tuple[KeptOwner, bytes]:
     Raises UsageError: the file is not of this form; DataError: it is, and was changed.
     """
     if not line.startswith(b'{"schema":"%s",' % _KEPT_SCHEMA.encode()):
-        raise UsageError(f"{name} exists, and holds no work that hdassist has kept", _OTHER_FILE)
+        raise UsageError(f"{name} exists and was not written by hdassist", _OTHER_FILE)
     try:
         fields, checksum = _unsealed(line, b"")
         return _OWNER.validate_python(fields), checksum
     except (ValueError, RecursionError) as error:
-        raise DataError(f"{name}:1: invalid first line: {why_invalid(error)}", "it was changed or damaged") from None
+        raise DataError(
+            f"{name}:1: invalid first line: {why_invalid(error)}", "the file was changed or damaged"
+        ) from None
 
 
 def why_invalid(error: Exception) -> str:

@@ -153,22 +153,24 @@ def cluster(name: str, jobs: int, installation: _Installation) -> Iterator[Clust
     """
     kind, _, address = name.partition("=")
     if kind != "dask":
-        raise UsageError(f"unknown executor: {name}", "one of dask, dask=tcp://HOST:PORT")
+        raise UsageError(f"unknown executor: {name}", "use dask or dask=tcp://HOST:PORT")
     try:
         engine = _dask_cluster(address, jobs, installation)
     except ImportError as error:
         words = f"--executor dask needs a package that is not installed: {error.name or error}"
         raise UsageError(words, command_line(["pip", "install", "hdassist[dask]"])) from None
     except Exception as error:  # dask and its transports raise errors of many types when they cannot connect
-        words = f"cannot reach or begin {name}: {str(error) or type(error).__name__}"
-        raise DataError(words, "is its scheduler there, and open to this machine?", Fault.SYSTEM_LIMITS) from None
+        words = f"cannot reach or start {name}: {str(error) or type(error).__name__}"
+        raise DataError(
+            words, "check that its scheduler is running and reachable from this machine", Fault.SYSTEM_LIMITS
+        ) from None
     try:
         yield engine
     except Exception as error:
         if type(error).__module__.partition(".")[0] not in ("distributed", "dask", "concurrent"):
             raise
         words = f"dask has lost the work: {str(error) or type(error).__name__}"
-        hint = "see the log of its scheduler; the same command goes on behind what is kept"
+        hint = "see the log of its scheduler; then resume with the same command"
         raise UntrustedError(words, hint, Fault.WORKERS_LOST) from None
 
 
@@ -323,12 +325,12 @@ def workers(jobs: int) -> Iterator[Executor]:
             try:
                 executor.begin()
             except (OSError, RuntimeError, EOFError) as error:
-                words = f"cannot begin the processes that share the work: {getattr(error, 'strerror', None) or error}"
-                raise DataError(words, limits_hint("they need memory, and room in the limits of ulimit -a")) from None
+                words = f"cannot start worker processes: {getattr(error, 'strerror', None) or error}"
+                raise DataError(words, limits_hint("check the free memory and the limits shown by ulimit -a")) from None
             yield executor
         except BrokenExecutor:
-            words = "a process that shared the work was ended from outside: there is no answer"
-            hint = "was memory short? fewer --jobs take less of it"
+            words = "a worker process was killed; there is no result"
+            hint = "if memory ran out, reduce --jobs"
             raise UntrustedError(words, hint, Fault.WORKERS_LOST) from None
         finally:
             executor.end()

@@ -195,7 +195,7 @@ def _folder_of_profile(path: Path, *, makes: bool) -> PrivateFolder:
     """
     profile = type(path).home()
     if not path.resolve().is_relative_to(profile.resolve()):
-        raise UnsafeFolderError(f"{path.parent} is outside of {profile}: another user may be able to write to it")
+        raise UnsafeFolderError(f"{path.parent} is outside {profile}; another user may be able to write to it")
     if makes:
         path.mkdir(mode=0o700, exist_ok=True)
     if not path.is_dir():
@@ -294,7 +294,7 @@ def limits_hint(hint: str) -> str:
 
     hint: that of systems with `ulimit`, which Windows has not.
     """
-    return "close other programs: memory may be short" if sys.platform == "win32" else hint
+    return "close other programs to free memory" if sys.platform == "win32" else hint
 
 
 # --- signals
@@ -467,11 +467,11 @@ def why_not_a_windows_file(path: str) -> str:
         if re.fullmatch(_DEVICE, part):
             return f"{part} is the name of a device on Windows"
         if ":" in part:
-            return f"the file system takes {part} for a stream of another file, as of the colon"
+            return f"because of its colon, {part} means a stream of another file"
         if refused := re.search(r'[<>"|?*\x00-\x1f]', part):
-            return f"no name of a file has {refused[0]!r} on Windows"
+            return f"a file name cannot contain {refused[0]!r} on Windows"
         if part.endswith((" ", ".")) and part not in (".", ".."):
-            return "no name of a file ends in a dot or a space on Windows"
+            return "a file name cannot end in a dot or a space on Windows"
     return ""
 
 

@@ -246,10 +246,12 @@ def _require_proof(proof: Residuals, place: Callable[[int], str], first: int) ->
     worst = proof.worst
     k = int(np.argmin(worst <= TOLERANCE))  # the first one that is not solved, if any
     if not worst[k] <= TOLERANCE:
-        residual = f"residual {worst[k]:.1e} of its scale, {TOLERANCE:.0e} allowed"
+        reason = "no method converges"
+        if np.isfinite(worst[k]):
+            reason = f"residual {worst[k]:.1e} of its scale, {TOLERANCE:.0e} allowed"
         raise UntrustedError(
-            f"state not solved at {place(first + k)}: {residual if np.isfinite(worst[k]) else 'no method ends'}",
-            "try another solver (--solver clarabel), or a torque and stiffnesses nearer to a real drive",
+            f"mesh position not solved at {place(first + k)}: {reason}",
+            "use another solver (--solver clarabel), or a torque and stiffnesses closer to a real drive",
             Fault.UNTRUSTED_STATE,
         )
 
@@ -259,8 +261,8 @@ def _require_linear(system: ContactSystem, rotation: Array, place: Callable[[int
     k = int(np.argmax(np.abs(rotation)))
     if abs(rotation[k]) > quarter_pitch:
         raise UntrustedError(
-            f"outside the limits of the linear model at {place(first + k)}: wind-up of "
-            f"{abs(rotation[k]) * ARCSEC:.0f}″, above a quarter of a tooth pitch ({quarter_pitch * ARCSEC:.0f}″)",
-            "the torque is too great for this drive",
+            f"wind-up of {abs(rotation[k]) * ARCSEC:.0f}″ exceeds a quarter of a tooth pitch "
+            f"({quarter_pitch * ARCSEC:.0f}″), the limit of the linear model, at {place(first + k)}",
+            "reduce the torque",
             Fault.BEYOND_MODEL,
         )

@@ -319,7 +319,7 @@ def principal_transform(matrix: Array, inside: NDArray[np.bool_]) -> Array:
     inverse = both[:, :n].copy()
     rest = right - block @ both
     if not np.abs(rest[:, :n]).max(initial=0) <= _INVERSE:
-        raise ValueError("the contact set does not hold the parts in place")
+        raise ValueError("the contacts do not constrain the parts")
     both += inverse @ rest  # refined: without it two digits of the rotation are lost
     across = both[:, n:]
     ordered[n:, n:] -= coupling.T @ across

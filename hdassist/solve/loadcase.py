@@ -69,8 +69,8 @@ def require_compiled_as_stated(formulation: Formulation, run: Run = Run()) -> No
     elif not is_kept:
         if wrong := list(template_differences(formulation)):
             raise UntrustedError(
-                f"cvxpy compiles the programme to other data than stated: {', '.join(wrong)}",
-                "install the versions that hdassist was tested with (hdassist doctor)",
+                f"cvxpy compiled the programme to different data: {', '.join(wrong)}",
+                "install the versions with which hdassist was tested (hdassist doctor)",
             )
         keep(_COMPILED_TEMPLATE, key, b"")
     _proven.add(supported)
@@ -164,7 +164,7 @@ SOLVER_SETTINGS: dict[str, dict[str, Any]] = {
 def require_solver(name: str) -> str:
     """Name of a solver as cvxpy writes it; raises UsageError where it is not there or solves no such programme."""
     if name.upper() not in (CROSS_SOLVER, SECOND_SOLVER) and name.upper() not in _able():
-        raise UsageError(f"no solver {name!r} for the contact problem", f"there are: {', '.join(_able()).lower()}")
+        raise UsageError(f"no solver {name!r} for the contact problem", f"choose one of {', '.join(_able()).lower()}")
     return name.upper()
 
 
@@ -213,7 +213,7 @@ def solve_through_cvxpy(formulation: Formulation, delta_p: Array, torque: float,
         duals = None
         status = str(error).splitlines()[0]
     if forces is None or duals is None:
-        raise UntrustedError(f"{name} could not solve a state: {status}", "", Fault.UNTRUSTED_STATE)
+        raise UntrustedError(f"{name} could not solve a mesh position: {status}", "", Fault.UNTRUSTED_STATE)
     return formulation.answer(forces, duals)
 
 
@@ -280,7 +280,7 @@ def solve_again(
             raise UntrustedError(
                 f"two solvers disagree at {place(k)}: {difference:.3g}″ between the engine and "
                 f"{' and '.join(used).lower()}, {CROSS_TOLERANCE} allowed",
-                "try another solver for the cross-check (--cross-check osqp)",
+                "use another solver for the cross-check (--cross-check osqp)",
                 Fault.SOLVERS_DISAGREE,
             )
         worst = max(worst, difference)

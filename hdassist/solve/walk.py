@@ -208,9 +208,9 @@ def walk_library() -> tuple[Any, str]:
             library = folder / library_name(level)
             source = _opened(library).walk_source().decode()
         except OSError as error:
-            return None, f"the compiled walk can't be loaded: {error}"
+            return None, f"the compiled walk cannot be loaded: {error}"
         if source != source_hash():
-            return None, f"the compiled walk is older than {SOURCE.name}: install hdassist again"
+            return None, f"the compiled walk is older than {SOURCE.name}; install hdassist again"
         return _load(library), f"compiled walk, {INSTRUCTIONS[level]}"
     return None, "numpy: no compiled walk in this installation (no C compiler when it was made)"
 

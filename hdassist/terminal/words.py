@@ -210,7 +210,7 @@ def texts(language: str = HOME) -> Texts:
     return Texts(language, yaml.safe_load(source))
 
 
-WHEEL_WORDS = {"b": "rigid wheel", "g": "flexspline"}
+WHEEL_WORDS = {"b": "circular spline", "g": "flexspline"}
 
 
 def heading(measured: MeasuredTeeth | None) -> str:

@@ -313,7 +313,7 @@ class Production:
         """F'_ior as built and best, with its proof: fields of a record."""
         drive = self.drive.with_values({p: value for p, value in values.items() if p not in DEVIATION_FIELDS})
         if conflict := first_conflict(drive):
-            raise UntrustedError(f"no such drive: {conflict.path}: {conflict.message}")
+            raise UntrustedError(f"no valid drive: {conflict.path}: {conflict.message}")
         turns = np.array(self.rotations)
         turned = carried(drive)
         columns = {p: np.full(len(turns), value) for p, value in values.items() if p in DEVIATION_FIELDS}

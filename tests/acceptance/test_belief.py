@@ -157,7 +157,7 @@ def test_the_page_says_what_it_would_take_and_how_to_measure():
 
 
 def test_a_margin_is_refused_with_what_there_is_instead(tmp_path):
-    words = "no margin any more: predictions are held by their probability, hdassist accept --sure"
+    words = "leave it out; predictions are decided by their probability, see hdassist accept --sure"
     done = run("accept", TINY, "--limit", "F_ior=1", "--set", "acceptance.margin=10")
     assert (done.returncode, f"acceptance.margin: unknown key ({words})" in done.stderr) == (2, True)
     (tmp_path / "lot.csv").write_text("serial,acceptance.margin\n1,10\n")

@@ -35,12 +35,12 @@ n;;30;;;;;;short.csv;left
 o;;30;;3;60;,x:none.csv;;;
 """
 SAID = {
-    "a": "lot.csv:2:3: F_ior@4: without its uncertainty (got 28,1)",
+    "a": "lot.csv:2:3: F_ior@4: the uncertainty is missing (got 28,1)",
     "b": "lot.csv:3:3: F_ior@4: must be a number (got 28±x)",
-    "c": "lot.csv:4:8: limit F_ior@4: must be a number (got abc; in arcsec)",
+    "c": "lot.csv:4:8: limit F_ior@4: must be a number (got abc; write a number in arcsec)",
     "d": "lot.csv:5:11: lost_motion: the drive has no such limit (got 41)",
-    "e": "lot.csv:6:12: limit order_2@4: must be a number (got x; in arcsec)",
-    "f": "lot.csv:7:14: phases.xi_b: must be a number (got here; in deg)",
+    "e": "lot.csv:6:12: limit order_2@4: must be a number (got x; write a number in arcsec)",
+    "f": "lot.csv:7:14: phases.xi_b: must be a number (got here; write a number in deg)",
     "g": "lot.csv:8:14: phases.xi_b: out of range: -3600 to 3600 deg (got 1e9)\n"
     "lot.csv:8:8: limit F_ior@4: out of range: above 0, up to 1e6 arcsec (got -3)",
     "h": "lot.csv:9:11: measured: no such file: none.csv",
@@ -88,10 +88,10 @@ def test_a_limit_of_the_command_line_is_named_as_it_was_given() -> None:
     done = run("accept", SMALL, "--set", "cam.W_0=x", "--limit", "F_ior@4=30 mm", "--limit", "order_2@4=y")
     assert done.returncode == 2
     assert done.stderr.splitlines()[:3] == [
-        "error: --set:1:9: cam.W_0: must be a number (got x; in mm)",
-        "--limit F_ior@4=30 mm: mm is the unit of a length, an angle is wanted (got 30 mm; a bare "
-        "number is in arcsec; units: deg, arcmin, arcsec, rad, mrad, urad)",
-        "--limit order_2@4=y: must be a number (got y; in arcsec)",
+        "error: --set:1:9: cam.W_0: must be a number (got x; write a number in mm)",
+        "--limit F_ior@4=30 mm: mm is a unit of a length; expected a unit of an angle (got 30 mm; use one of "
+        "deg, arcmin, arcsec, rad, mrad, urad; a number without a unit is in arcsec)",
+        "--limit order_2@4=y: must be a number (got y; write a number in arcsec)",
     ]
     assert done.stderr.endswith("  hint: hdassist explain USAGE\n")
 

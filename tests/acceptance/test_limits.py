@@ -47,8 +47,8 @@ def test_a_limit_of_an_order_at_one_torque_wins_over_that_at_each():
         load_text(preset, "own.yaml")
     assert [(f.path, f.message) for f in caught.value.findings] == [
         ("acceptance.order_amplitude.2.0@4.0", "given twice"),
-        ("acceptance.order_amplitude.0@4", "must be an order per cam turn, or ORDER@TORQUE in N*m"),
-        ("acceptance.order_amplitude.x@4", "must be an order per cam turn, or ORDER@TORQUE in N*m"),
+        ("acceptance.order_amplitude.0@4", "must be an order per input revolution, or ORDER@TORQUE in N*m"),
+        ("acceptance.order_amplitude.x@4", "must be an order per input revolution, or ORDER@TORQUE in N*m"),
     ]
 
 
@@ -88,7 +88,7 @@ def test_words_of_stated_values():
     assert stated_values(["F_ior@4=8,1±0,4", "lost_motion=1±6,0"], drive) == told
     assert next(iter(stated_values(["order_2@1=3±1"], drive))).per_cam_rev == 2
     for bad, why in (
-        ("F_ior=8±1", "at which torque"), ("lost_motion=3", "without its uncertainty"), ("K_1=3±1", "no such limit"),
+        ("F_ior=8±1", "at which torque"), ("lost_motion=3", "the uncertainty is missing"), ("K_1=3±1", "no such limit"),
         ("F_ior@5=8±1", "no such limit"), ("lost_motion=x±1", "must be a number"),
         ("lost_motion=1,234±1", "number"), ("lost_motion=1.5±0,5", "number"),
         ("F_ior@4=-8±1", "cannot be below zero"),

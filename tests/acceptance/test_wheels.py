@@ -55,7 +55,7 @@ def test_a_prediction_is_that_of_the_measured_teeth(folder):
         for name, mark in (("b", 30.0), ("g", 0.0))
     ]
     page = run("accept", TINY, *LIMITS, *FILES, "--ascii", cwd=folder).stdout
-    assert "measured teeth: rigid wheel (b.csv), flexspline (g.csv)" in in_a_line(page)
+    assert "measured teeth: circular spline (b.csv), flexspline (g.csv)" in in_a_line(page)
     assert run("accept", "--replay", "a.json", "-q", cwd=folder).stdout == "agrees\n"
     (folder / "g.csv").write_text(wheel(20, 1))
     changed = run("accept", "--replay", "a.json", cwd=folder)

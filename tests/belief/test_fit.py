@@ -56,7 +56,7 @@ def test_a_file_whose_value_was_changed_by_hand_has_that_value_with_a_warning():
     changed = load_text(text.replace("C_3: 2.0e3", "C_3: 2.5e3"), "own.yaml")
     assert {each.path for each in prior_of(changed).fields} == {"gears.j_n"}
     (warning,) = changed.origin.warnings
-    assert "supports.C_3: 2500 is not the first draw of its fit" in warning
+    assert "supports.C_3: 2500 is not the first value of its fit" in warning
 
 
 def test_values_identified_anew_are_around_no_fit_of_before():

@@ -1,4 +1,4 @@
-"""Teeth that mesh: the shift of the rigid wheel follows from all else, by the play of the drives that come out."""
+"""Teeth that mesh: the shift of the circular spline follows from all else, by the play of the drives that come out."""
 
 import numpy as np
 import pytest

@@ -109,7 +109,7 @@ def test_what_stood_in_the_way_is_named_with_its_number(cheap):
     assert result.values[0].held_at == 7e-5
     (warning,) = [text for text in calibrate_report(result).warnings if "missed" in text]
     assert f"K_1 is {result.fits[0].predictions[0]:.4g} N*m/rad, wanted {found / 1e5:g}"[:30] in warning
-    assert "contact.c_t stands at its bound 7e-5; the values" in warning
+    assert "contact.c_t is at its bound 7e-5; the values" in warning
     assert report_object(calibrate_report(result))["unknowns"][0]["held_at"] == 7e-5
 
 
@@ -117,7 +117,7 @@ def test_what_is_missed_with_no_bound_in_the_way_says_so(cheap):
     torn = targets_of(drive_of(), [f"quantity: K_1, value: {k}, tolerance: 1 %" for k in (4000, 4500)])
     result = calibrate(drive_of(), torn, points=16, starts=ONE)
     assert "wanted 4000 ± 40; K_1 is" in result.shortfall
-    assert result.shortfall.endswith("wanted 4500 ± 45; no bound is in the way")
+    assert result.shortfall.endswith("wanted 4500 ± 45; no bound limits the fit")
 
 
 def test_a_fit_that_does_not_come_to_rest_says_what_it_misses(cheap):
@@ -129,7 +129,7 @@ def test_a_fit_that_does_not_come_to_rest_says_what_it_misses(cheap):
 def test_nothing_computable_is_an_error(cheap):
     # a torque beyond the model at every point
     wild = targets_of(drive_of(), ["quantity: lost_motion, M_g: 5000, value: 10, tolerance: 1"])
-    with pytest.raises(UntrustedError, match=r"could be computed; as the preset has it: .*wind-up") as error:
+    with pytest.raises(UntrustedError, match=r"could be computed; at the preset's values: .*wind-up") as error:
         calibrate(drive_of(), wild, points=8)
     assert error.value.exit_code == 5
 

@@ -45,7 +45,7 @@ def test_what_is_written_is_what_is_meant():
     ("old", "new", "place", "words"),
     [
         ("gears.j_n:", "gears.jn:", "4:3", "did you mean gears.j_n"),
-        ("gears.j_n:", "gears.z_g:", "4:3", "names no measure"),
+        ("gears.j_n:", "gears.z_g:", "4:3", "is not a numeric field"),
         ("high: 15 um", "high: 500", "4:14", "low must be below high, both within 0 to"),
         ("high: 15 um", "high: 15 kg", "4:29", "unit"),
         ("high: 2e-4", "high: 1e-6", "5:16", "low must be below high"),
@@ -59,7 +59,7 @@ def test_what_is_written_is_what_is_meant():
         ("low: 0.25, high: 2.0", "low: 3, high: 2.0", "8:5", "low below high"),
         (", low: 5e3", "", "9:5", "needs either a value"),
         ("low: 5e3", "weight: 5", "9:", "unknown key"),
-        ("7 %", "true %", "7:58", "a share like 5 %"),
+        ("7 %", "true %", "7:58", "a share, for example 5 %"),
         ("M_g: 80", "M_g: true", "7:32", "must be a number"),
         ("value: 31", "value: .inf", "7:43", "must be a finite number"),
         ("value: 31", "value: 31, low: 3", "7:5", "needs either a value"),
@@ -102,6 +102,6 @@ def test_all_faults_at_once():
 
 
 def test_faults_of_the_text_come_first():
-    with pytest.raises(PresetError, match="anchors are not allowed") as error:
+    with pytest.raises(PresetError, match="YAML anchors are not allowed") as error:
         read(GOOD.replace("value: 31", "value: !!int 31").replace("low: 0,", "low: &a 0,"))
     assert len(error.value.findings) == 2

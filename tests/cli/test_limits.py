@@ -58,7 +58,7 @@ def test_a_report_has_it() -> None:
         ("F_ior@4=", "expected [NAME[@TORQUE]=]VALUE"),
         ("lost_motion=30", "use hdassist accept for other limits"),
         ("F_ior@7=30", "--torque 7"),
-        ("F_ior@4=30 mm", "--limit F_ior@4=30 mm: mm is the unit of a length"),
+        ("F_ior@4=30 mm", "--limit F_ior@4=30 mm: mm is a unit of a length"),
         ("-3", "--limit F_ior=-3: out of range"),
     ],
 )

@@ -153,7 +153,7 @@ def test_validate_shows_every_error_of_every_preset(bad: str) -> None:
     assert result.exit_code == 4
     assert result.stdout == "vzp160: OK, 16 values are assumed\n"
     line = Path(bad).read_text(encoding="utf-8").splitlines().index("  W_0: 1.2 m         # mm, 1.2 modules") + 1
-    assert f"{bad}:{line}:8: cam.W_0: the unit m could be mistaken" in result.stderr
+    assert f"{bad}:{line}:8: cam.W_0: the unit m is ambiguous" in result.stderr
     assert "gears.z_b: must be a whole number (got no)" in result.stderr
     assert "no such preset or file: vzp161" in result.stderr
 
@@ -173,14 +173,14 @@ def test_validate_shows_warnings_on_stderr(tmp_path: Path) -> None:
     file.write_text(run("new", "x").stdout + "acceptance: {F_ior: {7: 30}}\n", encoding="utf-8")
     result = run("validate", str(file))
     assert result.exit_code == 0
-    assert "a limit for a torque that is not in operation.M_g" in result.stderr
+    assert "a limit at a torque that is not in operation.M_g" in result.stderr
     assert answer("validate", str(file))["warnings"]
 
 
 def test_a_bad_override_is_exit_code_2() -> None:
     result = run("validate", "vzp160", "--set", "cam.W_0=1.2 m")
     assert (result.exit_code, result.stdout) == (2, "")
-    assert "--set:1:9: cam.W_0: the unit m could be mistaken" in result.stderr
+    assert "--set:1:9: cam.W_0: the unit m is ambiguous" in result.stderr
     assert run("validate", "vzp160").exit_code == 0
 
 
@@ -311,7 +311,7 @@ def test_new_keeps_the_stiffnesses() -> None:
 def test_new_takes_the_only_stiffness_of_a_data_sheet_as_K3() -> None:
     drive = made("--ratio", "100", "--stiffness", "5.7e4")
     assert (drive.catalogue.K_1, drive.catalogue.K_2, drive.catalogue.K_3) == (None, None, 57000)
-    assert "taken as K3" in drive.source["catalogue.K_3"].ref
+    assert "used as K3" in drive.source["catalogue.K_3"].ref
     with_all = made("--ratio", "100", "--stiffness", "3.1e4,5e4,5.7e4")
     assert drive.gears.pitch_diameter == with_all.gears.pitch_diameter  # the size follows from K3
 
@@ -353,12 +353,12 @@ def test_values_are_counted_once(tmp_path: Path) -> None:
         (["--teeth", "many"], "invalid --teeth 'many': expected two whole numbers"),
         (["--ratio", "82.3"], "a ratio of 82.3 needs 164.6 teeth"),
         (["--ratio", "1e29"], "a ratio of 1e29 needs"),
-        (["--torque", "67 N"], "invalid --torque '67 N': the unit N could be mistaken"),
+        (["--torque", "67 N"], "invalid --torque '67 N': the unit N is ambiguous"),
         (["--ratio", "1e30", "--pitch-diameter", "60"], "a ratio of 1e30 needs"),
         (["--torque", "-1"], "invalid --torque -1: expected a number above 0 N*m"),
-        (["--pitch-diameter", "63 m"], "invalid --pitch-diameter '63 m': the unit m could be mistaken"),
+        (["--pitch-diameter", "63 m"], "invalid --pitch-diameter '63 m': the unit m is ambiguous"),
         (["--pitch-diameter", ""], "invalid --pitch-diameter '': must be a number"),
-        (["--pitch-diameter", "1e9"], "no such drive: gears.m would be 5e+06 mm"),
+        (["--pitch-diameter", "1e9"], "no valid drive: gears.m would be 5e+06 mm"),
         (["--pitch-diameter", "20", "--torque", "800"], "contradicts a pitch diameter of 20 mm"),
         (["--lost-motion", "x"], "invalid --lost-motion 'x': must be a number"),
         (["--accuracy", "0"], "invalid --accuracy 0: expected a number above 0 arcsec"),

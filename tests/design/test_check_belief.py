@@ -117,7 +117,9 @@ def test_without_samples_nothing_that_is_open_is_settled():
     result = run("check", TINY, "--json", "--draws", "0", "--set", PLAY, "--set", "acceptance.F_ior=1e5")
     told = json.loads(result.stdout)
     assert (result.returncode, told["verdict"], told["samples"]) == (6, "INCONCLUSIVE", None)
-    assert told["warnings"] == ["not known, and computed as given or 0: gears.j_n; no range over them"]
+    assert told["warnings"] == [
+        "uncertain, but not sampled: gears.j_n; computed at the given value or 0, so there is no range"
+    ]
 
 
 def test_a_catalogue_that_contradicts_the_drive_ends_without_a_number():
@@ -129,7 +131,7 @@ def test_a_catalogue_that_contradicts_the_drive_ends_without_a_number():
 
 
 def test_a_measured_figure_without_anything_open_is_remarked_upon():
-    measured, words = "measured.K_2=1400 ± 90", "weighs nothing"
+    measured, words = "measured.K_2=1400 ± 90", "no effect"
     drives = [load_preset(TINY, each) for each in ([measured], [measured, PLAY], [])]
     said = [" ".join(check(drive, draws=0).warnings) for drive in drives]
     assert [words in each for each in said] == [True, False, False]

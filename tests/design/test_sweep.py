@@ -99,7 +99,7 @@ def test_in_a_pipe_rows_are_csv_and_what_is_taken_as_0_is_said():
     assert header == ["harmonics.a_b2", "M_g_Nm", "F_ior_arcsec", "max_residual", "reason"]
     assert [float(row[0]) for row in rows] == [0, 3]
     assert float(rows[0][2]) != float(rows[1][2])
-    assert done.stderr == "warning: small: not known, and computed as 0: harmonics.xi_b2\n"
+    assert done.stderr == "warning: small: unknown, and computed as 0: harmonics.xi_b2\n"
 
 
 def test_json_has_rows_and_ends(tmp_path):
@@ -165,11 +165,11 @@ def test_parquet_has_what_csv_has_and_is_written_of_the_rows_that_are_kept(tmp_p
 @pytest.mark.parametrize(
     ("more", "words"),
     [
-        (("-o", "rows.parquet"), "rows.parquet would take JSON Lines"),
+        (("-o", "rows.parquet"), "rows.parquet would be written as JSON Lines"),
         (("--parquet", "-"), "--parquet writes a file, no stream"),
         (("--parquet", os.devnull), "--parquet writes a file, no stream"),
         (("--parquet", "there.parquet"), "there.parquet exists"),
-        (("-o", "a", "--parquet", "a"), "a is to take two answers"),
+        (("-o", "a", "--parquet", "a"), "a would receive two results"),
     ],
 )
 def test_a_table_that_cannot_be_written_is_refused_before_any_work(tmp_path, more, words):
@@ -239,7 +239,7 @@ def test_a_sweep_one_of_whose_processes_is_killed_goes_on_to_the_same_file(tmp_p
         os.kill(a_worker_of(process), signal.SIGKILL)
         _, err = process.communicate(timeout=60)
     assert process.returncode == 5
-    assert "was ended from outside" in err
+    assert "worker process was killed" in err
     done = run_cold("sweep", SMALL, *GRID, "--jobs", "2", "-o", str(file), "-q")
     assert (done.returncode, done.stderr) == (0, f"wrote {file}\n")
     assert re.fullmatch(r"\d+\.\d\d to \d+\.\d\d arcsec\n", done.stdout)

@@ -92,7 +92,7 @@ def test_what_is_not_known_is_said_where_it_counts_as_nothing():
     done = run("trace", SMALL, "--torque", "4", "--set", "phases.phi_hb=unknown", "--json")
     told = json.loads(done.stdout)
     assert [each["field"] for each in told["unknown"]] == ["phases.phi_hb"]
-    assert told["warnings"] == ["not known, and computed as 0: phases.phi_hb"]
+    assert told["warnings"] == ["unknown, and computed as 0: phases.phi_hb"]
     assert told["warnings"][0] in done.stderr
 
 

@@ -107,5 +107,5 @@ def test_the_highest_order_of_an_even_and_of_an_odd_number_of_states(reference, 
 
 
 def test_a_trace_starts_at_an_angle(reference):
-    with pytest.raises(UsageError, match="start angle must be a number, not nan"):
+    with pytest.raises(UsageError, match="invalid start angle nan: expected a number"):
         trace(reference, 80, start_deg=np.nan)

@@ -41,7 +41,7 @@ WARNINGS = re.compile(r"(warning: [^\n]+\n)*")
 TOLD = 20  # runs after which the count so far is printed
 SOON = 2.0  # s in which a command ends that is told to stop
 USUAL_ENDS = (0, 3, 6)
-LOST = "a process that shared the work was ended from outside"
+LOST = "a worker process was killed"
 ENDS = {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGHUP: 129}
 CHANGES = re.compile(  # from run to run; a checksum is that of a time too
     r'\d{4}-\d\d-\d\d(T\d\d:\d\d:\d\d\+00:00)?|"evaluations": \d+|"checksum":"[0-9a-f]{16}"'

@@ -137,7 +137,7 @@ def test_a_pipe_with_a_writer_is_read(folder):
 
 
 def test_targets_from_a_stream_are_read_and_refused_as_those_of_a_file(folder):
-    require_refused(run("calibrate", TINY, "--targets", "-", stdin=TARGETS % "{quantity: none}"), "names no quantity")
+    require_refused(run("calibrate", TINY, "--targets", "-", stdin=TARGETS % "{quantity: none}"), "is not a quantity")
     require_refused(run("calibrate", "-", "--targets", "-"), "standard input")
 
 

@@ -58,7 +58,7 @@ def test_an_overhung_shaft_is_a_beam_in_series_with_its_bearing():
 
 
 def test_an_overhung_cam_needs_its_shaft():
-    with pytest.raises(PresetError, match=r"overhung needs cam.shaft_d and cam.overhang"):
+    with pytest.raises(PresetError, match=r"coupling overhung needs cam.shaft_d and cam.overhang"):
         coupled("coupling: overhung, shaft_d: 14")
     with pytest.raises(UsageError, match="overhung needs"):
         load_preset(TINY, ["cam.coupling=overhung"])
@@ -100,8 +100,8 @@ def test_a_drive_like_another_has_its_coupling_in_place_of_the_support():
     ("asked", "message"),
     [
         ({"coupling": "oldam"}, "invalid --coupling oldam: expected one of solid, oldham, overhung, unknown"),
-        ({"coupling": "overhung"}, "--coupling overhung and --shaft belong together"),
-        ({"shaft": "14x30"}, "--coupling overhung and --shaft belong together"),
+        ({"coupling": "overhung"}, "--coupling overhung and --shaft need each other"),
+        ({"shaft": "14x30"}, "--coupling overhung and --shaft need each other"),
         ({"coupling": "overhung", "shaft": "14"}, "invalid --shaft 14: expected DIAMETERxOVERHANG in mm"),
         ({"coupling": "overhung", "shaft": "0x30"}, "invalid --shaft 0: expected a number above 0 mm"),
     ],

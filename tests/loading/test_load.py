@@ -24,7 +24,7 @@ operation: {M_g: [80, 800]}
 """
 
 NO_W_0 = "my.yaml:6:1: cam.W_0: missing key (radial deflection of the flexspline at the major axis, in mm)"
-EMPTY = "my.yaml:1:1: the preset is empty (hdassist presets new NAME prints one to start from)"
+EMPTY = "my.yaml:1:1: the preset is empty (create one with hdassist presets new NAME)"
 
 
 def load(*changes: tuple[str, str], more: str = "", overrides: tuple[str, ...] = ()) -> Drive:
@@ -125,22 +125,22 @@ def test_optional_fields_may_be_empty() -> None:
             "my.yaml:2:1: nmae: unknown key (did you mean name?)",
         ]),
         ([("m: 0.8", "m: 0.8, m: 0.9")], "",
-         ["my.yaml:3:37: gears.m: duplicate key (first given in line 3, column 29)"]),
+         ["my.yaml:3:37: gears.m: duplicate key (it is given first in line 3, column 29)"]),
         ([("m: 0.8", "m:0.8")], "", [
             "my.yaml:3:1: gears.m: missing key (module, in mm)",
-            "my.yaml:3:29: gears.m:0.8: unknown key (a space is missing behind the colon)",
+            "my.yaml:3:29: gears.m:0.8: unknown key (a space is missing after the colon)",
         ]),
         ([("j_n: 7", "j_n: 7,5")], "",
-         ["my.yaml:3:64: gears.5: unknown key (a comma in a number? write a decimal point)"]),
+         ["my.yaml:3:64: gears.5: unknown key (write a decimal point, not a comma)"]),
         ([("schema: hdassist.preset/1\n", "")], "",
          ["my.yaml:1:1: schema: missing key (write schema: hdassist.preset/1)"]),
         ([("preset/1", "preset/2")], "",
          ["my.yaml:1:9: schema: must be hdassist.preset/1 (got hdassist.preset/2)"]),
         # types
-        ([("m: 0.8", "m: 12:30")], "", ["my.yaml:3:32: gears.m: must be a number (got 12:30; in mm)"]),
-        ([("m: 0.8", "m: no")], "", ["my.yaml:3:32: gears.m: must be a number (got no; in mm)"]),
-        ([("m: 0.8", "m: true")], "", ["my.yaml:3:32: gears.m: must be a number (got true; in mm)"]),
-        ([("m: 0.8", "m: [0.8]")], "", ["my.yaml:3:32: gears.m: must be a number (got a list; in mm)"]),
+        ([("m: 0.8", "m: 12:30")], "", ["my.yaml:3:32: gears.m: must be a number (got 12:30; write a number in mm)"]),
+        ([("m: 0.8", "m: no")], "", ["my.yaml:3:32: gears.m: must be a number (got no; write a number in mm)"]),
+        ([("m: 0.8", "m: true")], "", ["my.yaml:3:32: gears.m: must be a number (got true; write a number in mm)"]),
+        ([("m: 0.8", "m: [0.8]")], "", ["my.yaml:3:32: gears.m: must be a number (got a list; write a number in mm)"]),
         ([("m: 0.8", 'm: "0.8"')], "",
          ['my.yaml:3:32: gears.m: must be a number, not text (got "0.8"; leave out the quotes)']),
         ([("m: 0.8", "m: 1_000")], "",
@@ -149,20 +149,21 @@ def test_optional_fields_may_be_empty() -> None:
          "(got nothing; leave the key out for its default, 0.0)"]),
         ([("z_g: 200", "z_g: 200.5")], "", ["my.yaml:3:14: gears.z_g: must be a whole number (got 200.5)"]),
         ([("z_g: 200", "z_g: 200 teeth")], "",
-         ["my.yaml:3:14: gears.z_g: takes a whole number, without a unit (got 200 teeth)"]),
+         ["my.yaml:3:14: gears.z_g: must be a whole number without a unit (got 200 teeth)"]),
         ([("name: test", "name: 58")], "", ["my.yaml:2:7: name: must be text (got 58; put it in quotes)"]),
         ([("name: test", 'name: ""')], "", ['my.yaml:2:7: name: must be one line of 1 to 200 characters (got "")']),
         ([("cam: {W_0: 0.96}", "cam: 0.96")], "", ["my.yaml:6:6: cam: must be a table of keys "
          "(got 0.96; its keys: W_0, coupling, shaft_d, overhang)"]),
         ([("[80, 800]", "2e7")], "",
          ["my.yaml:8:18: operation.M_g: out of range: -1e7 to 1e7 N*m (got 2e7)"]),
-        ([("[80, 800]", "all")], "", ["my.yaml:8:18: operation.M_g: must be a number (got all; in N*m)"]),
+        ([("[80, 800]", "all")], "", ["my.yaml:8:18: operation.M_g: must be a number "
+         "(got all; write a number in N*m)"]),
         ([("m: 0.8", "m: 0.8 ± 1e999")], "",
          ["my.yaml:3:32: gears.m: must be a finite number (got 0.8 ± 1e999)"]),
         ([("[80, 800]", "{a: 1}")], "",
          ["my.yaml:8:18: operation.M_g: must be a list of numbers (got a table of keys)"]),
         ([("[80, 800]", "[80, [1]]")], "",
-         ["my.yaml:8:23: operation.M_g[1]: must be a number (got a list; in N*m)"]),
+         ["my.yaml:8:23: operation.M_g[1]: must be a number (got a list; write a number in N*m)"]),
         ([], "mounting: {fixed: rigit}\n",
          ["my.yaml:9:19: mounting.fixed: must be one of rigid, flexspline (got rigit; did you mean rigid?)"]),
         ([], "mounting: {allowed: some}\n", ["my.yaml:9:21: mounting.allowed: "
@@ -179,20 +180,20 @@ def test_optional_fields_may_be_empty() -> None:
         ([("[80, 800]", "[80, 2e7]")], "",
          ["my.yaml:8:23: operation.M_g[1]: out of range: -1e7 to 1e7 N*m (got 2e7)"]),
         # units
-        ([("W_0: 0.96", "W_0: 1.2 m")], "", ["my.yaml:6:12: cam.W_0: the unit m could be mistaken "
-         "(got 1.2 m; metre or module? write mm or um)"]),
-        ([("j_n: 7", "j_n: 7 deg")], "", ["my.yaml:3:62: gears.j_n: deg is the unit of an angle, a length is "
-         "wanted (got 7 deg; a bare number is in um; units: mm, um, nm, cm, inch, in)"]),
+        ([("W_0: 0.96", "W_0: 1.2 m")], "", ["my.yaml:6:12: cam.W_0: the unit m is ambiguous "
+         "(got 1.2 m; write mm or um; m may mean metre or module)"]),
+        ([("j_n: 7", "j_n: 7 deg")], "", ["my.yaml:3:62: gears.j_n: deg is a unit of an angle; expected a unit of "
+         "a length (got 7 deg; use one of mm, um, nm, cm, inch, in; a number without a unit is in um)"]),
         ([("x_g: 3.1", "x_g: 3.1 mm")], "",
-         ["my.yaml:3:42: gears.x_g: takes a pure number, without a unit (got 3.1 mm)"]),
+         ["my.yaml:3:42: gears.x_g: must be a number without a unit (got 3.1 mm)"]),
         # tables by name
         ([], "cost: {cam.W_0: {share: 1}}\n",
-         ["my.yaml:9:8: cost.cam.W_0: names no size of a deviation (got cam.W_0; like tolerances.F_i1)"]),
+         ["my.yaml:9:8: cost.cam.W_0: is not the size of a deviation (got cam.W_0; for example tolerances.F_i1)"]),
         ([], "cost: {tolerances.e_hb: {share: -1, price: 2}}\n", [
             "my.yaml:9:33: cost.tolerances.e_hb.share: out of range: above 0, up to 1e9 (got -1)",
             "my.yaml:9:37: cost.tolerances.e_hb.price: unknown key (known: share, k, least)"]),
         ([], "source: {gears.zg: {kind: given}}\n",
-         ["my.yaml:9:10: source.gears.zg: names no field (got gears.zg; did you mean gears.z_g?)"]),
+         ["my.yaml:9:10: source.gears.zg: is not a field (got gears.zg; did you mean gears.z_g?)"]),
         ([], "source: {cam.W_0: {kind: gven}}\n", ["my.yaml:9:26: source.cam.W_0.kind: must be one of "
          "given, assumed, identified (got gven; did you mean given?)"]),
         ([], "source: {cam.W_0: {ref: 3}}\n", [
@@ -200,18 +201,18 @@ def test_optional_fields_may_be_empty() -> None:
             "my.yaml:9:25: source.cam.W_0.ref: must be text (got 3; put it in quotes)",
         ]),
         ([("m: 0.8", "m: x")], "source: {cam.W_0: {kind: given, range: [1, 2]}}\n", [
-            "my.yaml:3:32: gears.m: must be a number (got x; in mm)",
+            "my.yaml:3:32: gears.m: must be a number (got x; write a number in mm)",
             "my.yaml:9:40: source.cam.W_0.range: the value 0.96 lies outside its range "
             "(got 1 to 2; correct one of them)",
         ]),
         ([("m: 0.8", "m: x")], "uncertainty: {phases.xi_g: 3}\n", [
-            "my.yaml:3:32: gears.m: must be a number (got x; in mm)",
-            "my.yaml:9:28: uncertainty.phases.xi_g: an uncertainty of a value that is not given "
-            "(got 3; give phases.xi_g as well)",
+            "my.yaml:3:32: gears.m: must be a number (got x; write a number in mm)",
+            "my.yaml:9:28: uncertainty.phases.xi_g: an uncertainty without its value "
+            "(got 3; give phases.xi_g too)",
         ]),
         ([("m: 0.8", "m: 9, m: x")], "", [
-            "my.yaml:3:35: gears.m: duplicate key (first given in line 3, column 29)",
-            "my.yaml:3:38: gears.m: must be a number (got x; in mm)",
+            "my.yaml:3:35: gears.m: duplicate key (it is given first in line 3, column 29)",
+            "my.yaml:3:38: gears.m: must be a number (got x; write a number in mm)",
         ]),
         ([], "source: {cam.W_0: given}\n", ["my.yaml:9:19: source.cam.W_0: must be a table of keys "
          "(got given; its keys: kind, ref, range)"]),
@@ -220,35 +221,37 @@ def test_optional_fields_may_be_empty() -> None:
         ([], "source: {cam.W_0: {kind: given, range: [1, 1.1 mm]}}\n", ["my.yaml:9:40: source.cam.W_0.range: "
          "the value 0.96 lies outside its range (got 1 to 1.1; correct one of them)"]),
         ([], "source: {cam.W_0: {kind: given, range: [1, 0.9]}}\n",
-         ["my.yaml:9:40: source.cam.W_0.range: the lower one must stand first (got a list)"]),
+         ["my.yaml:9:40: source.cam.W_0.range: the smaller number must be first (got a list)"]),
         ([], "source: {cam.W_0: {kind: given, range: 1}}\n", ["my.yaml:9:40: source.cam.W_0.range: "
-         "must be two numbers, the lower one first (got 1; like [0, 20])"]),
+         "must be two numbers, the smaller one first (got 1; for example [0, 20])"]),
         ([], "source: {cam.W_0: {kind: given, range: [0.9, 1 N]}}\n", ["my.yaml:9:40: source.cam.W_0.range: "
          "unknown unit N (got a list; did you mean nm?)"]),
         ([], "source: {cam.W_0: {kind: given, range: [0.9, .inf]}}\n",
          ["my.yaml:9:40: source.cam.W_0.range: must be a finite number (got a list)"]),
         ([], "source: {cam.W_0: {kind: given, range: [0.9, 11]}}\n", ["my.yaml:9:40: source.cam.W_0.range: "
-         "reaches beyond what the field takes: 0.01 to 10 mm (got a list)"]),
+         "exceeds the range of the field: 0.01 to 10 mm (got a list)"]),
         ([], "source: {gears.z_g: {kind: given, range: [190, 210]}}\n",
-         ["my.yaml:9:42: source.gears.z_g.range: only single measures have a range (got a list)"]),
+         ["my.yaml:9:42: source.gears.z_g.range: only fields of a single number have a range (got a list)"]),
         ([("j_n: 7", "wall")], "",
          ["my.yaml:3:57: gears.wall: unknown key (known: z_g, z_b, m, alpha, x_g, x_b, h_a, h_f, j_n)"]),
         ([], "uncertainty: {xi_b: 3}\n",
-         ["my.yaml:9:15: uncertainty.xi_b: names no field of a single number (got xi_b; did you mean phases.xi_b?)"]),
+         ["my.yaml:9:15: uncertainty.xi_b: is not a field of a single number (got xi_b; did you mean phases.xi_b?)"]),
         ([], "uncertainty: {gears.z_g: 1}\n", ["my.yaml:9:15: uncertainty.gears.z_g: "
-         "names no field of a single number (got gears.z_g; like gears.m)"]),
+         "is not a field of a single number (got gears.z_g; for example gears.m)"]),
         ([], "uncertainty: {gears.m: -1 um}\n", ["my.yaml:9:24: uncertainty.gears.m: out of range: "
          "0 mm or more (got -1 um; that is -0.001 mm)"]),
         ([], "fit: {gears.m: 0.8}\n", ["my.yaml:9:16: fit.gears.m: "
-         "must be two numbers or more, the preset's own value first (got 0.8; like [8950, 9020])"]),
+         "must be two or more numbers, starting with the preset's own value (got 0.8; for example [8950, 9020])"]),
         ([], "fit: {gears.m: [0.8, 9]}\n",
          ["my.yaml:9:16: fit.gears.m: 9 is out of range: 0.05 to 5 mm (got a list)"]),
         ([], "fit: {gears.m: [0.8, .nan]}\n", ["my.yaml:9:16: fit.gears.m: must be a finite number (got a list)"]),
-        ([], "fit: {gears.m: [0.8, {}]}\n", ["my.yaml:9:16: fit.gears.m: must be a number (got a list; in mm)"]),
+        ([], "fit: {gears.m: [0.8, {}]}\n", ["my.yaml:9:16: fit.gears.m: must be a number "
+         "(got a list; write a number in mm)"]),
         ([], "fit: {gears.z_g: [200, 201]}\n",
-         ["my.yaml:9:7: fit.gears.z_g: names no field of a single number (got gears.z_g; like gears.m)"]),
+         ["my.yaml:9:7: fit.gears.z_g: is not a field of a single number (got gears.z_g; for example gears.m)"]),
         ([], "fit: {gears.m: [0.8, 0.81], cam.W_0: [0.96, 0.95, 0.97]}\n", ["my.yaml:9:38: fit.cam.W_0: "
-         "has 3 draws, gears.m has 2 (got a list; draw k of all fields is one drive)"]),
+         "has 3 draws, gears.m has 2 (got a list; give each field the same number of values; "
+         "the k-th values of all fields are one drive)"]),
         ([], "acceptance: {F_ior: {foo: 3}}\n",
          ["my.yaml:9:22: acceptance.F_ior.foo: must be a torque in N*m, or all (got foo)"]),
         ([], "acceptance: {F_ior: {80: 3, 80.0: 4}}\n",
@@ -258,22 +261,22 @@ def test_optional_fields_may_be_empty() -> None:
         ([], "measured: {K_2: 0}\n",
          ["my.yaml:9:17: measured.K_2: out of range: 0.001 to 1e12 N*m/rad (got 0)"]),
         ([], "measured: {F_ior: 28}\n", ["my.yaml:9:19: measured.F_ior: must be a table of keys "
-         "(got 28; like {h0@80: 28.1 ± 1})"]),
+         "(got 28; for example {h0@80: 28.1 ± 1})"]),
         ([], "measured: {F_ior: {h4@80: 28}}\n", ["my.yaml:9:27: measured.F_ior.h4@80: "
-         "must be a number and its uncertainty (got 28; like 260 ± 10)"]),
+         "must be a number and its uncertainty (got 28; for example 260 ± 10)"]),
         ([], "measured: {F_ior: {h4@80: 28 ± 0}}\n", ["my.yaml:9:27: measured.F_ior.h4@80: "
          "out of range: value and uncertainty above 0, up to 1e6 arcsec (got 28 ± 0)"]),
         *([([], f"measured: {{F_ior: {{{key}: 28 ± 1}}}}\n", [f"my.yaml:9:20: measured.F_ior.{key}: "
-         f"must be a hole, or a turn in deg, at a torque in N*m (got {key}; like h4@80 or 120@80)"])
+         f"must be a hole or an angle in deg, at a torque in N*m (got {key}; for example h4@80 or 120@80)"])
           for key in ("h4", "x@80", "h4@0", "h-1@80", "h4@80 Nm")]),
         ([], "measured: {F_ior: {h4@90000: 28 ± 1}}\n", ["my.yaml:9:30: measured.F_ior.h4@90000: measured at more "
-         "than 100 times the drive's greatest torque, 800 N*m (got h4@90000; the torque is in N*m)"]),
+         "than 100 times the largest torque of the drive, 800 N*m (got h4@90000; check that the torque is in N*m)"]),
         ([], "measured: {F_ior: {h12@80.5: 28 ± 1}}\n",
          ["my.yaml:9:30: measured.F_ior.h12@80.5: the seat's holes are h0 to h11 (got h12@80.5)"]),
-        ([], "measured: {F_ior: {4@80: 28 ± 1}}\n", ["my.yaml:9:26: measured.F_ior.4@80: 4 deg is no hole of the seat, "
-         "whose holes are 30 deg apart (got 4@80; was hole 4 meant? h4)"]),
+        ([], "measured: {F_ior: {4@80: 28 ± 1}}\n", ["my.yaml:9:26: measured.F_ior.4@80: 4 deg is not a hole of the "
+         "seat; its holes are 30 deg apart (got 4@80; for hole 4 write h4)"]),
         ([], "mounting: {holes: 0}\nmeasured: {F_ior: {h4@80: 28 ± 1}}\n", ["my.yaml:10:27: measured.F_ior.h4@80: "
-         "names a hole of a seat that has none (got h4@80; mounting.holes says how many)"]),
+         "names a hole, but the seat has none (got h4@80; set their number in mounting.holes)"]),
         ([], "acceptance: {F_ior: 0}\n",
          ["my.yaml:9:21: acceptance.F_ior: out of range: above 0, up to 1e6 arcsec (got 0)"]),
     ],
@@ -290,9 +293,10 @@ def test_each_thing_that_is_wrong_has_its_message(
         ("", EMPTY),
         ("# nothing\n~\n", EMPTY),
         ("- a\n", "my.yaml:1:1: a preset must be a table of keys "
-         "(got a list; hdassist presets new NAME prints one to start from)"),
+         "(got a list; create one with hdassist presets new NAME)"),
         (b"\xff\xfe", "my.yaml:1:1: not UTF-8 text (got byte 0xff; save the file as UTF-8)"),
-        (BASE + "phases: [", "my.yaml:9:10: not valid YAML: a value is missing, or a bracket stays open"),
+        (BASE + "phases: [", "my.yaml:9:10: not valid YAML: a value is missing, or a bracket is not closed "
+         "(opened in line 9, column 10)"),
     ],
 )  # fmt: skip
 def test_what_is_no_preset_at_all(text: str | bytes, message: str) -> None:
@@ -354,7 +358,7 @@ def test_no_field_takes_a_wrong_value_and_no_message_speaks_the_language_of_the_
 def test_a_limit_for_another_torque_is_a_warning() -> None:
     drive = load(more="acceptance: {F_ior: {80: 30, 900: 20, all: 60}}\n")
     assert drive.origin.warnings == (
-        "my.yaml:9:30: acceptance.F_ior.900: a limit for a torque that is not in operation.M_g: accept looks at it, "
+        "my.yaml:9:30: acceptance.F_ior.900: a limit at a torque that is not in operation.M_g: accept uses it, "
         "check does not (M_g: 80, 800)",
     )
 
@@ -363,7 +367,7 @@ def test_torques_of_one_run_leave_the_limits_of_the_file_alone() -> None:
     limits = "acceptance: {F_ior: {80: 30, 800: 20}}\n"
     assert load(more=limits, overrides=("operation.M_g=80",)).origin.warnings == ()
     (said,) = load(more=limits, overrides=("operation.M_g=80", "acceptance.F_ior.70=9")).origin.warnings
-    assert "acceptance.F_ior.70: a limit for a torque that is not in operation.M_g: accept" in said
+    assert "acceptance.F_ior.70: a limit at a torque that is not in operation.M_g: accept" in said
 
 
 def test_the_frozen_reference_holds_the_numbers_of_the_paper() -> None:
@@ -387,5 +391,5 @@ def test_a_deviation_that_is_not_given_is_not_known() -> None:
 
 
 def test_an_uncertainty_needs_a_value() -> None:
-    with pytest.raises(PresetError, match=r"my\.yaml:9:\d+: uncertainty\.phases\.xi_b: an uncertainty of a value that"):
+    with pytest.raises(PresetError, match=r"my\.yaml:9:\d+: uncertainty\.phases\.xi_b: an uncertainty without its"):
         load(more="uncertainty: {phases.xi_b: 10}\n")

@@ -25,8 +25,8 @@ def test_overrides_replace_and_are_remembered() -> None:
 
 def test_an_override_of_a_value_that_the_yaml_leaves_unread_is_read() -> None:
     assert errors(("W_0: 0.96", "W_0: *a"), overrides=("cam.W_0={}",)) == [
-        "my.yaml:6:12: cam.W_0: aliases are not allowed (got *a; write the value out)",
-        "--set:1:9: cam.W_0: must be a number (got a table of keys; in mm)",
+        "my.yaml:6:12: cam.W_0: YAML aliases are not allowed (got *a; write the value out)",
+        "--set:1:9: cam.W_0: must be a number (got a table of keys; write a number in mm)",
     ]
 
 
@@ -67,17 +67,17 @@ def test_the_last_override_wins() -> None:
         (["tolerances.F_l1=1"], "--set:1:1: tolerances.F_l1: unknown key (did you mean F_i1?)"),  # f_p1 is as near
         (["cam.W_0=0.95", "gears.z_g=x"], "--set:2:11: gears.z_g: must be a whole number (got x)"),
         (["phases.xi_b=unknwon"], "--set:1:13: phases.xi_b: must be a number (got unknwon; did you mean unknown?)"),
-        (["phases.xi_b=north"], "--set:1:13: phases.xi_b: must be a number (got north; in deg)"),
-        (["cam.W_0="], "--set:1:9: cam.W_0: needs a value (got nothing; in mm)"),
+        (["phases.xi_b=north"], "--set:1:13: phases.xi_b: must be a number (got north; write a number in deg)"),
+        (["cam.W_0="], "--set:1:9: cam.W_0: needs a value (got nothing; write a number in mm)"),
         (["operation.M_g=[80"], "--set:1:18: not valid YAML: a bracket is not closed, or a comma is missing "
          "(opened in line 1, column 15)"),
-        (["operation.M_g=[80, x]"], "--set:1:20: operation.M_g[1]: must be a number (got x; in N*m)"),
-        (["gears.z_g.x=3"], "--set:1:1: gears.z_g.x: gears.z_g is no table of keys"),
-        (["cam.W_0"], "--set:1:1: not of the form section.key=VALUE (got cam.W_0)"),
-        (["=3"], "--set:1:1: not of the form section.key=VALUE (got =3)"),
-        (["cam.=3"], "--set:1:1: not of the form section.key=VALUE (got cam.=3)"),
-        ([""], "--set:1:1: not of the form section.key=VALUE (got nothing)"),
-        (["cam.W_\udcb0=1"], r"--set:1:1: not of the form section.key=VALUE (got cam.W_\udcb0=1)"),  # a byte, not UTF-8
+        (["operation.M_g=[80, x]"], "--set:1:20: operation.M_g[1]: must be a number (got x; write a number in N*m)"),
+        (["gears.z_g.x=3"], "--set:1:1: gears.z_g.x: gears.z_g is not a table of keys"),
+        (["cam.W_0"], "--set:1:1: expected section.key=VALUE (got cam.W_0)"),
+        (["=3"], "--set:1:1: expected section.key=VALUE (got =3)"),
+        (["cam.=3"], "--set:1:1: expected section.key=VALUE (got cam.=3)"),
+        ([""], "--set:1:1: expected section.key=VALUE (got nothing)"),
+        (["cam.W_\udcb0=1"], r"--set:1:1: expected section.key=VALUE (got cam.W_\udcb0=1)"),  # a byte, not UTF-8
     ],
 )  # fmt: skip
 def test_bad_overrides_are_wrong_usage(overrides: list[str], message: str) -> None:

@@ -167,8 +167,8 @@ def test_changes_keep_comments_and_order_and_a_changed_value_is_assumed() -> Non
         "  j_n: 7.5          # um, clearance per flank",
         "  M_g: [80]         # N*m",
         "  holes: 6",
-        '  gears.j_n: {kind: assumed, range: [0.0, 20.0], ref: "changed by hand; was identified"}',
-        '  operation.M_g: {kind: assumed, ref: "changed by hand; was given"}',
+        '  gears.j_n: {kind: assumed, range: [0.0, 20.0], ref: "changed manually; was identified"}',
+        '  operation.M_g: {kind: assumed, ref: "changed manually; was given"}',
     }
     drive = load_text(changed, "vzp160")
     assert (drive.gears.j_n, drive.operation.M_g, drive.mounting.holes) == (7.5, (80.0,), 6)

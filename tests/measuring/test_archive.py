@@ -141,7 +141,7 @@ def test_a_line_that_was_changed_is_refused_and_half_a_line_is_not_there(tmp_pat
             add_to_archive(folder, read_conditions("17-3", []), measured)
         assert path.read_bytes() == wrong
     path.write_text("mine\n")
-    with pytest.raises(UsageError, match="holds no work"):
+    with pytest.raises(UsageError, match="was not written by hdassist"):
         add_to_archive(folder, read_conditions("17-3", []), measured)
     with pytest.raises(DataError, match="has no measurement"):
         read_archive(folder, "17-1")

@@ -73,11 +73,11 @@ def test_motions_open_gaps_as_drawn(reference):
         k = np.flatnonzero((flanks.tooth == 100 * zone) & (flanks.zone == zone) & (flanks.side == side))[0]
         return float(system.G[k, FREEDOMS.index(freedom)])
 
-    # tooth at theta = 0, its +theta flank: the rigid wheel's flank lies in +y and +x of it
-    assert gap_of(0, +1, "rigid wheel y") > 0
-    assert gap_of(0, +1, "rigid wheel x") > 0
-    assert gap_of(0, -1, "rigid wheel y") < 0
-    assert gap_of(1, +1, "rigid wheel y") < 0
+    # tooth at theta = 0, its +theta flank: the circular spline's flank lies in +y and +x of it
+    assert gap_of(0, +1, "circular spline y") > 0
+    assert gap_of(0, +1, "circular spline x") > 0
+    assert gap_of(0, -1, "circular spline y") < 0
+    assert gap_of(1, +1, "circular spline y") < 0
     # the flexspline turning towards +theta closes the + flanks in both zones
     assert gap_of(0, +1, "flexspline rotation") < 0
     assert gap_of(1, +1, "flexspline rotation") < 0

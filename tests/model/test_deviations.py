@@ -23,7 +23,7 @@ PITCH_ORDERS = range(6, 17, 2)
 
 
 def scalars(drive, phi_h: float, phi_g: float = 0.0):
-    """Deviation scalars at angles of cam and flexspline [deg], rigid wheel fixed."""
+    """Deviation scalars at angles of cam and flexspline [deg], circular spline fixed."""
     return deviation_scalars(drive, np.radians([phi_g - phi_h]), np.radians([-phi_h]))[0]
 
 
@@ -106,7 +106,7 @@ def test_measured_wheels_give_the_same_error(reference):
     teeth = ToothDeviations(g=first_harmonic(75.0, xi_g, 200))
     again = kinematic_error(reference, 80, states=states, teeth=teeth)
     assert again.error_arcsec == pytest.approx(once.error_arcsec, abs=1e-7)
-    # the rigid wheel's spaces keep their own deviation: up to 0.19 um, at half an arcsec per um
+    # the circular spline's spaces keep their own deviation: up to 0.19 um, at half an arcsec per um
     teeth = ToothDeviations(b=first_harmonic(75.0, xi_b, 202))
     again = kinematic_error(reference, 80, states=states, teeth=teeth)
     assert again.error_arcsec == pytest.approx(once.error_arcsec, abs=0.2)

@@ -86,9 +86,9 @@ def test_every_flank_whose_tip_reaches_behind_the_other_tips_is_a_candidate_and_
 
 
 def test_no_tooth_in_reach_is_an_error(reference):
-    with pytest.raises(UntrustedError, match="no tooth of the flexspline reaches the rigid wheel") as error:
+    with pytest.raises(UntrustedError, match="no tooth of the flexspline reaches the circular spline") as error:
         flank_candidates(Geometry.of(changed(reference, cam__W_0=0.0, gears__h_a=0.3)))
-    assert (error.value.hint, error.value.fault) == ("raise cam.W_0 or gears.h_a", Fault.NO_MESH)
+    assert (error.value.hint, error.value.fault) == ("increase cam.W_0 or gears.h_a", Fault.NO_MESH)
 
 
 def test_zones_and_sides_are_mirror_images(reference):
@@ -160,7 +160,7 @@ def test_growth_closes_the_flanks_by_its_part_along_the_normal(reference):
 
 
 def test_a_drive_that_is_as_warm_all_over_is_the_same_drive_drawn_larger(reference):
-    # flexspline, bearing and cam 100 K warmer, and a rigid wheel drawn as much larger: every gap grows by its share
+    # flexspline, bearing and cam 100 K warmer, and a circular spline drawn as much larger: every gap grows by its share
     grown = Geometry.of(changed(reference, operation__dT=100.0))
     growth = 1 + 100 * 11.5e-6
     rigid = replace(grown.rigid, m=growth * grown.rigid.m)

@@ -90,7 +90,7 @@ def test_any_hole_is_as_good_where_one_of_the_two_directions_is_not_known(overri
 
 def test_what_is_computed_as_0_is_said():
     drive = load_preset(SMALL, ["phases.phi_hb=unknown", "harmonics.a_g3=unknown"])
-    assert unknown_notes(drive) == ("not known, and computed as 0: phases.phi_hb, harmonics.a_g3, harmonics.xi_g3",)
+    assert unknown_notes(drive) == ("unknown, and computed as 0: phases.phi_hb, harmonics.a_g3, harmonics.xi_g3",)
 
 
 def test_harmonics_go_as_far_as_their_wheel_whatever_is_known_of_it():
@@ -126,7 +126,7 @@ def test_both_sides_may_be_open_that_of_the_wheel_first():
 
 
 @pytest.mark.parametrize(
-    ("count", "said"), [(1, "p0"), (4, "p0, p1, p2, p3"), (6, "6 inputs, among them p0, p1, p2, p3")]
+    ("count", "said"), [(1, "p0"), (4, "p0, p1, p2, p3"), (6, "6 inputs, including p0, p1, p2, p3")]
 )
 def test_a_few_names_and_how_many_more(count, said):
     assert unknown_names([Unknown(f"p{k}", 0, 1, "") for k in range(count)]) == said

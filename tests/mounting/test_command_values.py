@@ -185,7 +185,7 @@ def test_an_outcome_says_keep_or_go_back():
         ((*TRIALS, "--compensated", "phasors"), "--compensated cannot be combined with measured values"),
         ((*TRIALS, "--trial", "h0=1"), "hdassist mount PRESET h0=28.1 h4=17.3"),
         ((*TRIALS, "--sure", "1.1"), "must be at most"),
-        (("4=17",), "was hole 4 meant? h4"),
+        (("4=17",), "for hole 4 write h4"),
         ((*TRIALS, "--verify", "h4=17", "--card", "card.txt"), "--card cannot be combined with --verify"),
         ((*TRIALS, "--set", "tolerances.e_hb=0"), "unknown size of the cam offset"),
     ],

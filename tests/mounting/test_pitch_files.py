@@ -24,7 +24,7 @@ def rows(values=VALUES, first: int = 1, separator: str = ";") -> str:
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory) -> Path:
-    """A folder with a file for each wheel; that of the rigid wheel is European."""
+    """A folder with a file for each wheel; that of the circular spline is European."""
     folder = tmp_path_factory.mktemp("pitch")
     text = (
         HEAD.replace(": um", ": µm").replace("mark: 1", "mark: 17") + "Zahn;Fp links [µm]\n" + rows().replace(".", ",")
@@ -93,7 +93,7 @@ def test_people_see_whose_teeth_were_measured(command, files):
     args = (*QUICK, "--details") if command == "mount" else ("--torque", "4")
     page = pitch(command, SMALL, *args, "--pitch-b", "wheel.csv", "--mark-b", "120", files=files)
     assert (page.returncode, page.stderr) == (0, "")
-    assert "measured teeth: rigid wheel (wheel.csv)" in in_a_line(page.stdout)
+    assert "measured teeth: circular spline (wheel.csv)" in in_a_line(page.stdout)
     assert max(map(len, page.stdout.splitlines())) <= 80
 
 
@@ -120,16 +120,16 @@ def test_options_say_what_a_file_does_not(files):
     assert (wheel["file"], wheel["flank"]) == ("<stdin>", "left")
     assert wheel["range_um"] == pytest.approx(float(np.ptp(VALUES)), abs=1e-6)
     assert "numbers turned round" in wheel["notes"]
-    assert "note: rigid wheel, <stdin>: single pitch deviations summed up" in told.stderr
+    assert "note: circular spline, <stdin>: single pitch deviations summed up" in told.stderr
 
 
 def test_an_override_without_effect_is_noted(files):
     told = pitch("trace", SMALL, "--pitch-b", "wheel.csv", "--set", "tolerances.F_i2=60", files=files)
-    assert "note: rigid wheel, wheel.csv: tolerances.F_i2 has no effect, the teeth are measured\n" in told.stderr
+    assert "note: circular spline, wheel.csv: tolerances.F_i2 has no effect, the teeth are measured\n" in told.stderr
     told = pitch("trace", SMALL, "--pitch-b", "wheel.csv", "--set", "harmonics.a_b2=3", files=files)
-    assert "note: rigid wheel, wheel.csv: harmonics.a_b2 has no effect, the teeth are measured\n" in told.stderr
+    assert "note: circular spline, wheel.csv: harmonics.a_b2 has no effect, the teeth are measured\n" in told.stderr
     told = pitch("trace", SMALL, "--pitch-b", "wheel.csv", "--set", "tolerances.e_b=3", files=files)
-    assert "note: rigid wheel, wheel.csv: tolerances.e_b is added to the measured teeth" in told.stderr
+    assert "note: circular spline, wheel.csv: tolerances.e_b is added to the measured teeth" in told.stderr
 
 
 def test_the_card_has_the_tooth(files):

@@ -137,7 +137,11 @@ def test_the_belief_is_that_of_check():
     [
         (("--turns", "2"), 2, "--turns and --both need a test to evaluate"),
         (("--limit", "self_error=3"), 2, "expected a limit of F_ior"),
-        (("--set", "bearing.ball_motion=rolling", "--set", "bearing.d_ball=5"), 2, "a plan needs locked balls"),
+        (
+            ("--set", "bearing.ball_motion=rolling", "--set", "bearing.d_ball=5"),
+            2,
+            "a plan needs bearing.ball_motion: locked",
+        ),
     ],
 )
 def test_wrong_options_are_refused_in_words(options: tuple[str, ...], code: int, words: str):

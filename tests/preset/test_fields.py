@@ -92,7 +92,7 @@ MOVES = [
     ("contact.c_ball", 3e-5, heavy, +6.9, "softer balls"),
     ("contact.c_bore", 5e-6, heavy, +2.4, "softer seat of the ring"),
     ("tolerances.F_i1", 40.0, error, -0.5, "a better flexspline"),
-    ("tolerances.F_i2", 40.0, error, -2.0, "a better rigid wheel"),
+    ("tolerances.F_i2", 40.0, error, -2.0, "a better circular spline"),
     ("tolerances.e_hb", 40.0, error, -0.3, "a better seat of the cam"),
     ("tolerances.e_hh", 0.0, error, -1.7, "a cam that runs true"),
     ("tolerances.e_hg", 30.0, error, +0.3, "one offset more"),

@@ -125,7 +125,7 @@ def test_closed_standard_input_is_said_plainly(monkeypatch: pytest.MonkeyPatch) 
         ("qqqq", "no such preset or file: qqqq", "size-65-100, synthetic-160-162, vzp160"),
         ("gone.yaml", "no such file: gone.yaml", "in the library:"),
         ("", "no such preset or file: an empty name", "in the library:"),
-        (".", ". is a directory, not a preset", "name the file in it"),
+        (".", ". is a directory, not a preset", "name a file in it"),
         ("a\0b", "cannot read a\0b: embedded null", ""),
         pytest.param("x" * 5000, "File name too long", "", marks=posix_only("Windows knows no such error")),
     ],

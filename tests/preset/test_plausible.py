@@ -13,17 +13,17 @@ from tests.process import run
 @pytest.mark.parametrize(
     ("overrides", "path", "said"),
     [
-        (["flexspline.h_1=0.7", "flexspline.h_3=7"], "flexspline.h_3", "10 times its thickness"),
-        (["flexspline.h_3=0.2"], "flexspline.h_3", "0.143 times its thickness"),
+        (["flexspline.h_1=0.7", "flexspline.h_3=7"], "flexspline.h_3", "10 times the thickness of the rim"),
+        (["flexspline.h_3=0.2"], "flexspline.h_3", "0.143 times the thickness of the rim"),
         (["flexspline.h_1=0.6", "flexspline.h_3=0.6"], "flexspline.h_1", "0.38% of it"),
         (["flexspline.h_1=4", "flexspline.h_3=4"], "flexspline.h_1", "2.50% of it"),
         (["cam.W_0=0.7"], "cam.W_0", "0.875 modules"),
         (["cam.W_0=1.05"], "cam.W_0", "1.31 modules"),
         (["bearing.d_ball=5"], "bearing.d_ball", "3.1% of it"),
         (["bearing.d_ball=30", "bearing.N=6"], "bearing.d_ball", "18.8% of it"),
-        (["operation.M_g=2000"], "operation.M_g", "1.22 times what drives of this size are rated for"),
+        (["operation.M_g=2000"], "operation.M_g", "1.22 times the rated torque of drives of this size"),
         (["operation.rated=500"], "operation.M_g", "800 N*m is 1.6 times the rated torque"),
-        (["operation.rated=3000"], "operation.rated", "1.83 times what drives of this size are rated for"),
+        (["operation.rated=3000"], "operation.rated", "1.83 times the rated torque of drives of this size"),
     ],
 )
 def test_what_no_drive_has_is_remarked_upon(overrides: list[str], path: str, said: str) -> None:

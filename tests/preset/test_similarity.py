@@ -42,7 +42,7 @@ def bore(drive: Drive) -> float:
 @given(st.floats(20, 400), st.integers(60, 640))
 def test_any_size_and_ratio_makes_a_drive_that_meshes(d: float, z_g: int) -> None:
     if not 0.05 <= d / z_g <= 5:  # no preset has such modules
-        with pytest.raises(UsageError, match="no such drive"):
+        with pytest.raises(UsageError, match="no valid drive"):
             made(z_g=z_g, diameter=d)
         return
     drive = made(z_g=z_g, diameter=d)
@@ -216,7 +216,7 @@ def test_a_stiffness_beside_a_diameter_stiffens_the_contacts_by_its_share() -> N
         ({"diameter": 160.0, "torque": 8.0}, "contradicts a pitch diameter of 160 mm"),
         ({"diameter": 160.0, "stiffness": (3.1e4, 5e4, 5.7e4)}, "contradicts a pitch diameter of 160 mm"),
         ({"torque": 800.0, "stiffness": (3.1e4, 5e4, 5.7e4)}, "800 N*m contradicts a pitch diameter of 63.78 mm"),
-        ({"stiffness": (5e4, 3e4, 6e4)}, "K1, K2, K3 must be above 0 and rise"),
+        ({"stiffness": (5e4, 3e4, 6e4)}, "K1, K2, K3 must be above 0 and increase"),
         ({"diameter": 20.0, "z_g": 640}, "gears.m would be 0.0312 mm"),
     ],
 )
@@ -224,7 +224,7 @@ def test_contradictions_are_refused(wish: dict[str, object], message: str) -> No
     with pytest.raises(UsageError) as caught:
         made(**wish)
     assert message in caught.value.message
-    assert caught.value.hint or "rise" in message
+    assert caught.value.hint
 
 
 @pytest.mark.parametrize("like", ["synthetic-160-162", "tests/data/small.yaml"])

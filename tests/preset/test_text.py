@@ -74,26 +74,26 @@ def test_byte_order_mark_and_crlf_are_fine(text: bytes | str) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("a: 1\nb: 2\na: 3\n", "a.yaml:3:1: a: duplicate key (first given in line 1, column 1)"),
-        ("g: {m: 1, 'm': 2}", "a.yaml:1:11: g.m: duplicate key (first given in line 1, column 5)"),
-        ("a: &x 1", "a.yaml:1:4: a: anchors are not allowed (got &x; leave the anchor out)"),
-        ("a: !!float 3", "a.yaml:1:4: a: tags are not allowed (got !!float; leave the tag out)"),
-        ("a: !x 3", "a.yaml:1:4: a: tags are not allowed (got !x; leave the tag out)"),
+        ("a: 1\nb: 2\na: 3\n", "a.yaml:3:1: a: duplicate key (it is given first in line 1, column 1)"),
+        ("g: {m: 1, 'm': 2}", "a.yaml:1:11: g.m: duplicate key (it is given first in line 1, column 5)"),
+        ("a: &x 1", "a.yaml:1:4: a: YAML anchors are not allowed (got &x; leave the anchor out)"),
+        ("a: !!float 3", "a.yaml:1:4: a: YAML tags are not allowed (got !!float; leave the tag out)"),
+        ("a: !x 3", "a.yaml:1:4: a: YAML tags are not allowed (got !x; leave the tag out)"),
         ("? [a]\n: 1", "a.yaml:1:3: a key must be a single word (a text or a number)"),
-        ('a: "\\uD800"', "a.yaml:1:4: a: half of a surrogate pair is no character (got \\ud800)"),
-        ("a: 1\n---\nb: 2", "a.yaml:2:1: a second document (one preset, one document)"),
+        ('a: "\\uD800"', "a.yaml:1:4: a: half of a surrogate pair is not a character (got \\ud800)"),
+        ("a: 1\n---\nb: 2", "a.yaml:2:1: a second document (write one document per preset)"),
         ("a: 1\n\tb: 2", "a.yaml:2:1: not valid YAML: a tab (indent with spaces)"),
-        ("a: b: c", "a.yaml:1:5: not valid YAML: a ':' where none can stand "
+        ("a: b: c", "a.yaml:1:5: not valid YAML: a ':' in a place where it is not allowed "
          "(wrong indentation, or a text that needs quotes)"),
         ("a: [1,\nb: 2", "a.yaml:2:5: not valid YAML: a bracket is not closed, or a comma is missing "
          "(opened in line 1, column 4)"),
         ("a: 'b\n", "a.yaml:2:1: not valid YAML: quotes are not closed (opened in line 1, column 4)"),
-        ("a: 1\n b: 2", "a.yaml:2:3: not valid YAML: a ':' where none can stand "
+        ("a: 1\n b: 2", "a.yaml:2:3: not valid YAML: a ':' in a place where it is not allowed "
          "(wrong indentation, or a text that needs quotes)"),
-        ("a: @x", "a.yaml:1:4: not valid YAML: a character that no plain text can start with "
+        ("a: @x", "a.yaml:1:4: not valid YAML: a character with which unquoted text cannot start "
          "(put the text in quotes)"),
         ('a: "\\q"', "a.yaml:1:6: not valid YAML: a bad escape in a quoted text "
-         "(single quotes take \\ as it is)"),
+         "(use single quotes for a literal \\)"),
         ("a: \x07", "a.yaml:1:4: a control character, which YAML does not allow (got \\x07)"),
         (b"a: 1\nb: \xfc\n", "a.yaml:2:4: not UTF-8 text (got byte 0xfc; save the file as UTF-8)"),
         ("a: 1".encode("utf-16"), "a.yaml:1:1: not UTF-8 text (got byte 0xff; save the file as UTF-8)"),
@@ -106,7 +106,7 @@ def test_traps_are_refused_with_their_place(text: bytes | str, message: str) -> 
 def test_an_alias_bomb_is_refused_and_not_expanded() -> None:
     bomb = "a: &a [x, x]\n" + "".join(f"{b}: &{b} [*{a}, *{a}]\n" for a, b in zip("abcdefgh", "bcdefghi", strict=True))
     document = read_yaml(bomb, "f")
-    assert [f.message for f in document.findings].count("aliases are not allowed") == 16
+    assert [f.message for f in document.findings].count("YAML aliases are not allowed") == 16
     assert document.data["i"] == [None, None]
     assert {("i", 0), ("i", 1)} <= document.bad
 
@@ -126,7 +126,7 @@ def test_nesting_up_to_the_limit_is_read() -> None:
 
 def test_a_large_file_is_refused_and_one_of_just_that_size_is_not() -> None:
     assert findings("#" * (MOST_PRESET_BYTES + 1)) == [
-        "a.yaml:1:1: the file is larger than 256 KiB (is this a preset?)"
+        "a.yaml:1:1: the file is larger than 256 KiB (check that the file is a preset)"
     ]
     assert findings("#" * MOST_PRESET_BYTES) == []
 

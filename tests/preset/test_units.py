@@ -66,26 +66,26 @@ def test_decimal_conversion_rounds_once() -> None:
 @pytest.mark.parametrize(
     ("text", "unit", "message", "hint"),
     [
-        ("1.2 m", "mm", "could be mistaken", "metre or module"),
-        ("1.2m", "um", "could be mistaken", "metre or module"),
-        ("80 mN", "N*m", "could be mistaken", "N*m"),
-        ("80 nm", "N*m", "could be mistaken", "N*m"),
-        ("3 MNm", "N*m", "could be mistaken", "kN*m"),
-        ("206 mPa", "MPa", "could be mistaken", "MPa"),
-        ("10 °C", "K", "could be mistaken", "a difference of two? write K"),
-        ("5 min", "deg", "could be mistaken", "arcmin"),
-        ("5 sec", "arcsec", "could be mistaken", "arcsec"),
-        ("25 deg", "mm", "deg is the unit of an angle, a length is wanted", "units: mm"),
-        ("25 um", "N/mm", "um is the unit of a length, a stiffness is wanted", "units: N/mm"),
-        ("3 foo", "mm", "unknown unit foo", "units: mm, um"),
+        ("1.2 m", "mm", "is ambiguous", "metre or module"),
+        ("1.2m", "um", "is ambiguous", "metre or module"),
+        ("80 mN", "N*m", "is ambiguous", "N*m"),
+        ("80 nm", "N*m", "is ambiguous", "N*m"),
+        ("3 MNm", "N*m", "is ambiguous", "kN*m"),
+        ("206 mPa", "MPa", "is ambiguous", "MPa"),
+        ("10 °C", "K", "is ambiguous", "write K"),
+        ("5 min", "deg", "is ambiguous", "arcmin"),
+        ("5 sec", "arcsec", "is ambiguous", "arcsec"),
+        ("25 deg", "mm", "deg is a unit of an angle; expected a unit of a length", "use one of mm"),
+        ("25 um", "N/mm", "um is a unit of a length; expected a unit of a stiffness", "use one of N/mm"),
+        ("3 foo", "mm", "unknown unit foo", "use one of mm, um"),
         ("3 NM", "N*m", "unknown unit NM", "did you mean N*m?"),
         ("3 MM", "mm", "unknown unit MM", "did you mean mm?"),
-        ("3 %", "um", "% is the unit of a share, a length is wanted", "units:"),
-        ("200 teeth", "", "takes a pure number, without a unit", ""),
-        ("3 mm", "", "takes a pure number, without a unit", ""),
+        ("3 %", "um", "% is a unit of a share; expected a unit of a length", "use one of"),
+        ("200 teeth", "", "must be a number without a unit", ""),
+        ("3 mm", "", "must be a number without a unit", ""),
         ("160", "mm", "must be a number, not text", "quotes"),
         ("0,96", "mm", "must be a number", "decimal point"),
-        ("1,000.5 mm", "mm", "must be a number", "nothing between thousands"),
+        ("1,000.5 mm", "mm", "must be a number", "no separator between thousands"),
         ("1_000", "mm", "must be a number", "underscores"),
         ("12:30", "mm", "must be a number", "in mm"),
         ("no", "", "must be a number", ""),
@@ -181,7 +181,7 @@ def test_given_twice_is_a_fault() -> None:
 
 
 def test_faults_have_their_place() -> None:
-    with pytest.raises(UsageError, match=r"--set:1:13: phases.xi_b: an uncertainty has no sign"):
+    with pytest.raises(UsageError, match=r"--set:1:13: phases.xi_b: write the uncertainty without a sign"):
         load_preset(SMALL, ["phases.xi_b=90 ± -5"])
-    with pytest.raises(UsageError, match="takes a whole number"):
+    with pytest.raises(UsageError, match="must be a whole number"):
         load_preset(SMALL, ["gears.z_g=60±1"])

@@ -172,7 +172,7 @@ def test_a_sweep(word: str) -> None:
             pass
         assert "options.set" in say(*asked, "-o", kept)[1]
         write(Path(kept), [[word]])
-        assert "holds no work that hdassist has kept" in say(*asked, "-o", kept)[1]
+        assert "was not written by hdassist" in say(*asked, "-o", kept)[1]
 
 
 @hostile

@@ -163,7 +163,7 @@ def test_a_flank_is_chosen_among_columns() -> None:
     ("text", "expected"),
     [
         # what the table refuses stands in test_table; here that it arrives
-        ("", "1:1: the file is empty (was the measurement saved?)"),
+        ("", "1:1: the file is empty (check that the measurement was saved)"),
         ("1\n2\n", "1:1: 1 column, needs 2: tooth number, deviation "
          "(got 1; columns stand apart by ; or , or tabs or blanks)"),
         (FOUR.replace("-2", "nan"), "3:4: column 2: must be a finite number "
@@ -204,7 +204,7 @@ def test_a_flank_is_chosen_among_columns() -> None:
         ("tooth;dev [arcsec]\n" + FOUR, "1:1: unit: an angle, not a length "
          "(got dev [arcsec]; multiply by the pitch radius: 1 arcsec at 100 mm is 0.485 um)"),
         ("# unit: furlong\n" + FOUR, "1:9: unit: unknown unit furlong "
-         "(got furlong; a bare number is in um; units: mm, um, nm, cm, inch, in)"),
+         "(got furlong; use one of mm, um, nm, cm, inch, in; a number without a unit is in um)"),
         ("# unit: mm\ntooth;dev [um]\n" + FOUR, "2:1: unit: stated twice, and not the same "
          "(got dev [um]; line 1 says mm; keep one of them)"),
         ("1;0\n2;0.03\n3;0.075\n4;0\n", "1:1: column 2: 0.075 um over the whole wheel (got unit um; is it mm?)"),

@@ -134,8 +134,8 @@ def test_a_remark_may_hold_the_names() -> None:
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("", "w.csv:1:1: the file is empty (was the measurement saved?)"),
-        (" \r\n\n", "w.csv:1:1: the file is empty (was the measurement saved?)"),
+        ("", "w.csv:1:1: the file is empty (check that the measurement was saved)"),
+        (" \r\n\n", "w.csv:1:1: the file is empty (check that the measurement was saved)"),
         ("1;2\nPK\0\n", "w.csv:2:1: a binary file (got a NUL character; save the table as text: CSV in UTF-8)"),
         ("# form: index\n", "w.csv:1:1: no rows of numbers in the file (rows of tooth number, deviation)"),
         ("# a\nDear sir,\nthanks\n",
@@ -182,7 +182,7 @@ def test_a_remark_may_hold_the_names() -> None:
         (b"\xff\xfe1\0;", "w.csv:1:1: not UTF-16 text, which its first bytes say "
          "(got byte 0x3b; save the file as UTF-8)"),
         (b"\x1f\x8b\x08rubbish", "w.csv:1:1: a gzip file that is damaged or cut off"),
-        ("1;2\n" * 400, "w.csv:1:1: the file is larger than 1000 bytes (is this the file with the table?)"),
+        ("1;2\n" * 400, "w.csv:1:1: the file is larger than 1000 bytes (check that this is the file with the table)"),
     ],
 )  # fmt: skip
 def test_each_fault_is_said_with_its_place(text: str | bytes, expected: str) -> None:
@@ -367,12 +367,12 @@ def test_what_cannot_be_read(tmp_path: Path) -> None:
     (tmp_path / "wheel.csv").write_text("")
     cases: list[tuple[str | Path, str, str]] = [
         (tmp_path / "wheel.cvs", "no such file: ", f"did you mean {tmp_path / 'wheel.csv'}?"),
-        (tmp_path / "qqqqqq", "no such file: ", "is the path right?"),
+        (tmp_path / "qqqqqq", "no such file: ", "check the path"),
         (tmp_path / "a/b.csv", "no such file: ", f"there is no directory {tmp_path / 'a'} either"),
-        (tmp_path, "is a directory, not a file", "name the file in it"),
+        (tmp_path, "is a directory, not a file", "name a file in it"),
         ("a\0b", "cannot read a\0b: embedded null", ""),
         (tmp_path / "wheel.csv/x", "cannot read " if os.name == "posix" else "no such file: ", ""),
-        ("", "no such file: an empty name", ""),
+        ("", "no such file: the name is empty", ""),
     ]
     for path, message, hint in cases:
         with pytest.raises(DataError) as caught:

@@ -96,7 +96,7 @@ def test_an_own_cluster_is_open_to_nobody_else_and_ends_with_its_command(tmp_pat
     process.send_signal(signal.SIGTERM)
     _, err = process.communicate(timeout=60)
     assert process.returncode == 143
-    assert b"drives are kept in" in err
+    assert b"drives are stored in" in err
     assert all(map(ends, workers))
 
 
@@ -188,7 +188,7 @@ def lost() -> Iterator[None]:
         ("slurm", UsageError, "unknown executor: slurm"),
         ("mpi", UsageError, "unknown executor: mpi"),
         ("ray", UsageError, "unknown executor: ray"),
-        ("dask=tcp://127.0.0.1:1", DataError, "cannot reach or begin dask=tcp://127.0.0.1:1"),
+        ("dask=tcp://127.0.0.1:1", DataError, "cannot reach or start dask=tcp://127.0.0.1:1"),
     ],
 )
 def test_an_engine_that_cannot_be_had_is_refused(
@@ -210,4 +210,4 @@ def test_a_command_refuses_an_unknown_engine_by_its_name() -> None:
     done = run("tolerance", TINY, "--executor", "slurm")
     assert done.returncode == 2
     assert "unknown executor: slurm" in done.stderr
-    assert "one of dask, dask=tcp://HOST:PORT" in done.stderr
+    assert "use dask or dask=tcp://HOST:PORT" in done.stderr

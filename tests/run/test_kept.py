@@ -166,7 +166,7 @@ def test_what_cannot_be_put_in_place_of_a_file_leaves_it(written):
 )  # fmt: skip
 def test_a_file_that_is_none_of_ours_is_left_as_it_is(path, text):
     path.write_bytes(text)
-    with pytest.raises((UsageError, DataError), match=r"holds no work that hdassist has kept|jsonl:1: invalid"):
+    with pytest.raises((UsageError, DataError), match=r"was not written by hdassist|jsonl:1: invalid"):
         raise_refusal(path)
 
 

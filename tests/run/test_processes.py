@@ -183,7 +183,7 @@ def test_what_cannot_be_sent_is_an_error_of_its_task_alone():
 
 
 def test_where_one_process_is_lost_no_other_is_waited_for():
-    with pytest.raises(UntrustedError, match="ended from outside"), workers(2) as executor:
+    with pytest.raises(UntrustedError, match="a worker process was killed"), workers(2) as executor:
         slow, lost = executor.submit(time.sleep, 3600), executor.submit(os._exit, 1)
         with pytest.raises(BrokenExecutor):
             lost.result()
@@ -206,5 +206,5 @@ def test_a_process_that_ended_before_it_opened_its_pipe_is_not_waited_for():
 @pytest.mark.parametrize("fault", [OSError(28, "No space left on device"), RuntimeError("can't start new thread")])
 def test_processes_that_cannot_begin_are_a_data_error(monkeypatch, fault):
     monkeypatch.setattr("hdassist.run.run.Processes.begin", lambda *_: refuse(fault))
-    with pytest.raises(DataError, match=r"cannot begin the processes.*(No space left|new thread)"), workers(1):
+    with pytest.raises(DataError, match=r"cannot start worker processes.*(No space left|new thread)"), workers(1):
         pass

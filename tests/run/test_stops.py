@@ -73,7 +73,7 @@ def test_a_worker_that_is_ended_from_outside_leaves_no_answer_and_is_no_bug(tmp_
     out, err = process.communicate(timeout=60)
     assert process.returncode == 5
     assert out == b""
-    assert err.startswith(b"error: a process that shared the work was ended from outside")
+    assert err.startswith(b"error: a worker process was killed")
     assert all(map(ends, workers))
 
 

@@ -82,7 +82,7 @@ def test_no_chunk_is_longer_than_memory_allows(monkeypatch):
 
 def test_a_process_that_is_ended_from_outside_ends_the_stream_behind_the_records_before_it():
     kept = []
-    with pytest.raises(UntrustedError, match="ended from outside"):
+    with pytest.raises(UntrustedError, match="a worker process was killed"):
         for records in stream(partial(dies_over, 20), TOTAL, jobs=2):
             kept += records
     assert kept == squares(0, len(kept))

@@ -133,7 +133,7 @@ def test_clearances_that_have_a_tolerance_scatter_from_drive_to_drive() -> None:
 
 def test_a_drive_that_cannot_be_is_kept_with_the_reason(production: Production) -> None:
     (found,) = replace(production, designs=(({"cam.W_0": 9.0}, 1.0),)).records(0, 1)
-    assert found.refused and found.refused.startswith("no such drive: ")
+    assert found.refused and found.refused.startswith("no valid drive: ")
     assert found.values["cam.W_0"] == 9.0
     assert not found.F_ior_arcsec
 
