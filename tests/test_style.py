@@ -48,6 +48,7 @@ def prose_of(page):
 def pages():
     """Return the prose of each page that is written by hand, by its path."""
     files = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+    files += sorted((ROOT / ".github").rglob("*.md"))
     return {
         file.relative_to(ROOT).as_posix(): prose_of(file.read_text("utf-8"))
         for file in files
