@@ -224,12 +224,12 @@ class DesignCheck:
 
 
 def accuracy_words(accuracy: float | None, points: Sequence[OperatingPoint]) -> str:
-    """F'_ior at the least load beside an accuracy [arcsec], measured without any; empty where none is given."""
+    """Return F'_ior at the smallest torque beside the accuracy [arcsec], measured without load; empty without one."""
     if accuracy is None:
         return ""
     point = min(points, key=lambda point: abs(point.M_g))
     compared = " to ".join(dict.fromkeys(f"{100 * end / accuracy:.0f}" for end in point.range_arcsec or ()))
-    words = f"F'_ior at {point.M_g:g} N·m is {compared} % of it" if compared else "F'_ior is unknown"
+    words = f"F'_ior at {point.M_g:g} N·m is {compared} % of the accuracy" if compared else "F'_ior is unknown"
     return f"accuracy {accuracy:g}″ (no load); {words}"
 
 

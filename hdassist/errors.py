@@ -145,17 +145,21 @@ def verdict_by_probability(kept: float, sure: float = SURE) -> Verdict:
     return Verdict.FAIL if kept <= 1 - sure else Verdict.INCONCLUSIVE
 
 
-def percent_text(value: float, low: float, high: float, needed: float | None = None) -> str:
-    """A probability in per cent with its Monte Carlo interval, the ends rounded outwards: 89 % (81 to 94).
+def percent_text(
+    value: float, low: float, high: float, needed: float | None = None, *, outcome: str = Verdict.PASS
+) -> str:
+    """Return a probability in per cent with its Monte Carlo interval: 89 % (81 to 94); PASS needs 95 %.
 
-    needed: probability that a verdict needs, named where it is given; one that misses it is not rounded up to it, nor
-    is one above 1 - needed rounded down to that.
+    value, low, high: the probability and the ends of its interval, which are rounded outwards.
+    needed: the probability that the outcome needs, named if it is given. A value below it is not rounded up to it, and
+        a value above 1 - needed is not rounded down to that.
+    outcome: the verdict or instruction that needs it.
     """
     percent = f"{100 * value:.0f}"
     if needed and verdict_by_probability(value, needed) is not verdict_by_probability(round(value, 2), needed):
         percent = f"{(floor if value > 0.5 else ceil)(1000 * value) / 10:.1f}"
     ends = f" ({floor(round(100 * low, 6))} to {ceil(round(100 * high, 6))})" if low < high else ""
-    return f"{percent} %{ends}" + ("" if needed is None else f", {100 * needed:g} % needed")
+    return f"{percent} %{ends}" + ("" if needed is None else f"; {outcome} needs {100 * needed:g} %")
 
 
 def is_settled(low: float, high: float, sure: float = SURE) -> bool:

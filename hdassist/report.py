@@ -137,7 +137,7 @@ _TONES = {  # of verdicts and of labels of facts; any other has none
     **dict.fromkeys(("PASS", "TURN", "LEAVE", "KEEP"), "good"),
     **dict.fromkeys(("FAIL", "GO BACK", "MISSED", "broken"), "bad"),
     **dict.fromkeys(("INCONCLUSIVE", "BEST BET", "ANY HOLE"), "open"),
-    "next": "loud", "proof": "quiet", "more": "quiet",
+    "next": "loud", "verified": "quiet", "more": "quiet",
 }  # fmt: skip
 
 

@@ -109,7 +109,8 @@ def labels(source: str) -> Iterator[str]:
 NAMED = """
 effective samples; as given; as fitted; torque served worst; HIGHS; CLARABEL; REFINED; PROVEN; 90 % RANGE; N; B; W; E;
 variance of ln F'_ior; of smooth teeth; best bet; MEASURE FIRST; TURN; LEAVE; NO ORDER; now; best; worst; best of 12;
-more sure; less spread; self error; as built; PASS; FAIL; INCONCLUSIVE; NO LIMIT; one-wave share; proof; residual
+more sure; less spread; self error; as built; PASS; FAIL; INCONCLUSIVE; NO LIMIT; one-wave share; proof; verified;
+residual
 """
 
 

@@ -183,7 +183,7 @@ def test_a_change_that_unknown_inputs_could_reverse_is_open(better):
     assert re.search(r" -\d+ % 80 % .*B most by .*\(tolerances.F_i2\)", likely)
     assert "open unknown inputs could reverse this change" in likely
     few = page(probability_better=(probability(0.01, 0.0, 0.07),))
-    assert "could reverse this change: 99 % (93 to 100), 95 % needed by all of it" in few
+    assert "could reverse this change: 99 % (93 to 100); a decision needs 95 % over the whole interval" in few
 
 
 @pytest.mark.thorough

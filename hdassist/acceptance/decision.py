@@ -446,19 +446,19 @@ def _verdict(known: AcceptedValue, room: float | None, guard: float, rule: Rule,
     if known.extent == "between torques":
         return Verdict.INCONCLUSIVE, "nothing was recorded at this torque, only below and above it"
     if room is None:
-        return Verdict.INCONCLUSIVE, "neither the record nor a given value (--value) tells it"
+        return Verdict.INCONCLUSIVE, "neither the recording nor a reported value (--value) gives it"
     if belief := known.belief:
         verdict = belief.kept.verdict(sure)
         if verdict is Verdict.FAIL and known.extent == "at most":
             return Verdict.INCONCLUSIVE, OF_TRAVEL
         open_ = verdict is Verdict.INCONCLUSIVE
-        return verdict, f"kept with a probability of {belief.kept.text(sure)}" * open_
+        return verdict, f"probability that the limit is met: {belief.kept.text(sure)}" * open_
     if known.extent == "not known":
-        return Verdict.INCONCLUSIVE, "what is not known exactly was not drawn"
+        return Verdict.INCONCLUSIVE, "the uncertain inputs were not sampled"
     if known.extent == "scatter not known":
         return Verdict.INCONCLUSIVE, "each position was approached once: scatter may make the range larger"
     if known.extent == "part":
-        return Verdict.INCONCLUSIVE, "of a part of the cycle only"
+        return Verdict.INCONCLUSIVE, "the value is that of a part of the cycle only"
     if room < -guard:
         if known.extent == "at most":
             return Verdict.INCONCLUSIVE, OF_TRAVEL
@@ -469,11 +469,11 @@ def _verdict(known: AcceptedValue, room: float | None, guard: float, rule: Rule,
         if why := _why_bound_is_open(known, room, guard):
             return Verdict.INCONCLUSIVE, why
     elif room - (known.rise if strict else 0.0) < guard:
-        lines = f", with {known.rise:.3g} that lines may add in another cycle" if strict and known.rise else ""
+        lines = f", with {known.rise:.3g} that spectral lines may add in another cycle" if strict and known.rise else ""
         return Verdict.INCONCLUSIVE, f"within the guard band{lines}"
     if strict and known.unstated:
         names, options = ", ".join(known.unstated), ",".join(f"{name}=U" for name in known.unstated)
-        words = f"nothing stated of {names}: --budget {options}, U in ″, 0 where a source adds nothing"
+        words = f"no uncertainty is stated for {names}: --budget {options}, U in ″, 0 if a source adds nothing"
         return Verdict.INCONCLUSIVE, words
     return Verdict.PASS, ""
 
@@ -486,10 +486,10 @@ def _why_bound_is_open(known: AcceptedValue, room: float, guard: float) -> str:
     """
     part, at_most, value = known.part, known.at_most, known.value or 0.0
     if at_most is None:
-        return f"a lower bound: {part.why_open + part.advice if part else 'part of the cycle only'}"
+        return f"a lower bound: {part.why_open + part.advice if part else 'only a part of the cycle was recorded'}"
     room_of_end = room - (at_most - value)
     if part is not None:  # its upper end contains the uncertainty
         return f"F'_ior of the full cycle may be up to {at_most:.4g}{part.advice}" if room_of_end < 0 else ""
     if room_of_end < guard * at_most / max(value, 1e-9):
-        return f"a lower bound: positions leave up to {at_most:.4g} open"
+        return f"a lower bound: the value may be up to {at_most:.4g}"
     return ""

@@ -46,10 +46,10 @@ class Probability:
         found = {verdict_by_probability(each, sure) for each in ((self.low, self.high) if self.few else (self.value,))}
         return found.pop() if len(found) == 1 else Verdict.INCONCLUSIVE
 
-    def text(self, needed: float | None = None) -> str:
-        """It in per cent with its interval, and that which a verdict needs, as percent_text has them."""
-        by_all = " by all of it" if self.few and needed is not None else ""
-        return percent_text(self.value, self.low, self.high, needed) + by_all
+    def text(self, needed: float | None = None, *, outcome: str = Verdict.PASS) -> str:
+        """Return it in per cent with its interval, and the probability that an outcome needs, as percent_text does."""
+        over_all = " over the whole interval" if self.few and needed is not None else ""
+        return percent_text(self.value, self.low, self.high, needed, outcome=outcome) + over_all
 
     def is_stable(self, sure: float = SURE) -> bool:
         """Whether as many samples again would leave a verdict that needs `sure` as it is, with 95 % at each threshold.

@@ -402,5 +402,5 @@ def facts_of(report: Report | None, *left_out: str) -> Facts:
         return Facts(())
     rows = [row for block in (*report.blocks, *report.details) if isinstance(block, Facts) for row in block.rows]
     rows += [("warning", each) for each in report.warnings]
-    rows.append(("proof", proof(report.certificate, report.cross_checks)))
+    rows.append(("verified", proof(report.certificate, report.cross_checks)))
     return Facts.of(row for row in rows if row[0] not in ("next", *left_out))

@@ -1,8 +1,9 @@
-"""The design check of a drive as a report, with the steps that would keep its limit or lessen F'_ior."""
+"""The design check of a drive as a report, with the options that would meet its limit or reduce F'_ior."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -39,6 +40,7 @@ from hdassist.report import (
 )
 from hdassist.run.system import command_line
 from hdassist.terminal.words import (
+    ENVELOPE,
     again,
     field_unit,
     heading,
@@ -48,11 +50,11 @@ from hdassist.terminal.words import (
 )
 
 _ANGLES = ("phi_h", "phi_g", "phi_b")
-_UNKNOWN_AT_ZERO = "F_ior_shown_arcsec, at_max and at_min take what is not known as 0"
+_UNKNOWN_AT_ZERO = "F_ior_shown_arcsec, at_max and at_min take unknown inputs as 0"
 
 
 def _angle_deg(end: str, angle: str, point: OperatingPoint) -> float | None:
-    """An angle of the state with the greatest or the least error (at_max, at_min) [deg]."""
+    """Return an angle of the mesh position with the largest or the smallest error (at_max, at_min) [deg]."""
     return (
         None
         if point.error is None
@@ -84,7 +86,7 @@ _ON_PAGE = quantity_table(
 
 
 def check_report(check: DesignCheck, seed: int) -> Report:
-    """A design check; seed, of its sample that was solved again."""
+    """Return a design check as a report; seed: that of its mesh positions that were solved again."""
     least_sure = check.points[check.least_sure]
     first = _spread_curve(check, check.samples) if check.samples and check.prior else _error_curve(check, least_sure)
     others = [point for point in check.points if check.samples or point is not least_sure]
@@ -113,38 +115,42 @@ def check_report(check: DesignCheck, seed: int) -> Report:
 
 
 def influence_at(check: DesignCheck) -> str:
-    """The largest influences at the torque that decides, in words; empty without any."""
+    """Return the largest contributions at the governing torque in words; empty without any."""
     result = f"F'_ior at {check.points[check.least_sure].M_g:g} N·m" if check.influences else ""
     return influence_words(check.influences, result)
 
 
 def F_ior_table(check: DesignCheck) -> Table:
-    """F'_ior by torque, with its range over all that is not known exactly and its limit where there are such."""
-    title = "kinematic error F'_ior over the full cycle, ″" + ", unknown as 0" * bool(check.unknown)
-    if check.samples and check.prior:
-        fitted = f" ({len(check.prior.fitted)} others as fitted)" if check.prior.fitted else ""
-        title = f"F'_ior, ″: median and range over {len(check.prior.fields)} uncertain inputs{fitted}"
-    return Table.by_row(title, _ON_PAGE, check.points)
+    """Return F'_ior by torque, with its range over the uncertain inputs and its limit if the drive has them."""
+    if not (check.samples and check.prior):
+        title = f"F'_ior (peak-to-peak kinematic error){', unknown inputs as 0' * bool(check.unknown)}, ″"
+        return Table.by_row(title, _ON_PAGE, check.points)
+    fitted = f" ({len(check.prior.fitted)} others at fitted values)" if check.prior.fitted else ""
+    title = f"F'_ior (peak-to-peak kinematic error) over {len(check.prior.fields)} uncertain inputs{fitted}, ″"
+    columns = [replace(column, label="median") if column.key == "F_ior_arcsec" else column for column in _ON_PAGE]
+    return Table.by_row(title, columns, check.points)
 
 
 def _verdict_reason(point: OperatingPoint) -> str:
-    """Why the verdict at a torque is as it is; empty where there is no limit, or no probability."""
+    """Return the reason for the verdict at a torque; empty without a limit or a probability."""
     if not (found := point.probability):
         return ""
     words = found.text(point.sure if point.verdict is Verdict.INCONCLUSIVE else None)
-    return f"{point.M_g:g} N·m: F'_ior + self error ≤ {point.limit_arcsec:g}″: {words}"
+    return f"{point.M_g:g} N·m: probability that F'_ior + self error ≤ {point.limit_arcsec:g}″: {words}"
 
 
 def _undrawn(check: DesignCheck) -> Iterator[str]:
-    """Why a verdict without samples is open, and the remedy."""
+    """Yield the reason why a verdict without samples is INCONCLUSIVE, and the remedy."""
     if check.verdict is Verdict.INCONCLUSIVE and check.prior and not check.samples:
         count = len(check.prior.fields)
-        drawn = "no samples of them were drawn (that takes --draws, smooth teeth, locked balls)"
-        yield f"{count} inputs are not known exactly, and {drawn}; a measured F'_ior decides"
+        yield (
+            f"{count} inputs are uncertain and were not sampled (sampling needs --draws, smooth teeth and locked "
+            "balls). A measured F'_ior decides."
+        )
 
 
 def _facts(check: DesignCheck) -> Iterator[Fact]:
-    """Possible steps, inputs taken as 0, and the next command, a label and a text each."""
+    """Yield options, questions, inputs taken as 0 and the next command, a label and a text each."""
     if tuple(_undrawn(check)):
         yield "measure", again("accept", check.drive, "--measured", f"{check.points[check.least_sure].M_g:g}=FILE")
     yield from steps_facts(check)
@@ -154,86 +160,91 @@ def _facts(check: DesignCheck) -> Iterator[Fact]:
 
 
 def check_facts(check: DesignCheck) -> Iterator[Fact]:
-    """More to be known beside the numbers, a label and a text each."""
+    """Yield further facts about the numbers, a label and a text each."""
     k = Kinematics.of(check.drive)
-    yield "cycle", f"ratio {k.u:g}, {k.cycle_cam_revolutions} cam turns, {thousands(k.cycle_states)} states"
+    revolutions = f"{k.cycle_cam_revolutions} input revolutions"
+    yield "cycle", f"ratio {k.u:g}; full mesh cycle: {revolutions}, {thousands(k.cycle_states)} mesh positions"
     yield "catalogue", accuracy_words(check.drive.catalogue.accuracy, check.points)
-    yield "influence", influence_at(check)
+    yield "contributions", influence_at(check)
     if check.samples:
         yield "accuracy", _unstated_accuracy(check.drive, check.samples)
         yield "unknown", unknown_names(check.unknown)
         yield "inputs", uncertain_inputs_words(check.samples.prior)
         yield "samples", samples_words(check.samples)
-        yield "evidence", _evidence_words(check.drive)
+        yield "reference data", _evidence_words(check.drive)
         yield "exact", fitted_words(check.samples.prior)
 
 
 def uncertain_inputs_words(prior: DrivePrior) -> str:
     """Return the number of uncertain inputs, and of each kind of them, in words."""
-    words = {"assumed": "assumed within a range", "default": "left to a default within a range"}
+    words = {"assumed": "assumed within a range", "default": "default values within a range"}
     kinds = ", ".join(f"{count} {words.get(kind, kind)}" for kind, count in prior.counts().items() if count)
     return f"{len(prior.fields)} uncertain: {kinds}"
 
 
 def _unstated_accuracy(drive: Drive, samples: Samples) -> str:
-    """The range at the least load if the seller keeps the usual accuracy; empty where it is stated."""
+    """Return the range at the smallest torque if the drive has the usual accuracy; empty if the accuracy is given."""
     if drive.catalogue.accuracy is not None or drive.catalogue.play is None:
         return ""
     accuracy = USUAL_ACCURACY if drive.gears.pitch_diameter > SIZE_20 else SMALL_ACCURACY
     k = min(range(len(samples.torques)), key=lambda k: abs(samples.torques[k]))
     low, high = (samples.of_ranges.keeping(accuracy, k).percentile(share, k) for share in (0.05, 0.95))
-    kept = f"if the seller keeps the usual {accuracy:g}″, {low:.1f} to {high:.1f}″ at {samples.torques[k]:g} N·m"
-    return f"catalogue.accuracy is not given; {kept}"
+    return (
+        f"catalogue.accuracy is not given. If the drive meets the usual {accuracy:g}″, F'_ior at "
+        f"{samples.torques[k]:g} N·m is {low:.1f} to {high:.1f}″"
+    )
 
 
 def _evidence_words(drive: Drive) -> str:
-    """The figures that weigh samples, and how to leave a figure out; empty without any."""
+    """Return the reference data that weigh samples, and how to omit a value; empty without any."""
     paths = [each.path for each in evidence_of(drive)]
-    return f"{', '.join(paths)}; --set {paths[-1]}= leaves that one out" if paths else ""
+    return f"{', '.join(paths)}; --set {paths[-1]}= omits the last one" if paths else ""
 
 
 def fitted_words(prior: DrivePrior) -> str:
-    """Identified fields that samples take as exact."""
+    """Return the identified fields that all samples have at their fitted values, in words."""
     paths = prior.fitted
     more = f" and {len(paths) - 3} more" if len(paths) > 3 else ""
-    return f"identified, as fitted: {', '.join(paths[:3])}{more}" if paths else ""
+    return f"at fitted values: {', '.join(paths[:3])}{more}" if paths else ""
 
 
 def _error_curve(check: DesignCheck, point: OperatingPoint) -> Curve:
-    """The error over the full cycle at a torque: of the drive, or of one near the median of what it may be."""
+    """Return the error over the full cycle at a torque: of the drive, or of a sampled drive near the median."""
     assert point.error
-    zero = ", unknown as 0" * bool(check.unknown and not check.samples)
-    of = f" of a drive of {point.error.F_ior_arcsec:.1f}″, near the median" if check.samples else zero
+    zero = ", unknown inputs as 0" * bool(check.unknown and not check.samples)
+    of = f" of a sampled drive with F'_ior {point.error.F_ior_arcsec:.1f}″" if check.samples else zero
     return Curve(
         point.error.states.phi_h / (2 * np.pi),
         point.error.error_arcsec,
-        x_label="cam angle phi_h, turns",
-        y_label=f"error at {point.M_g:g} N·m{of}, ″: least and greatest around each cam turn",
+        x_label="input angle phi_h, revolutions",
+        y_label=f"kinematic error at {point.M_g:g} N·m{of}, ″: {ENVELOPE}",
         over=1.0,
     )
 
 
 def _spread_curve(check: DesignCheck, samples: Samples) -> Curve:
-    """Percentiles of F'_ior over samples, at the torque that is least sure."""
+    """Return the percentiles of F'_ior over the samples at the governing torque as a curve."""
     point = check.points[check.least_sure]
-    held = "" if point.left_arcsec is None else "; line: limit less self error"
+    limit = ""
+    if point.left_arcsec is not None:
+        limit = f"; line: {point.left_arcsec:.4g} (limit {point.limit_arcsec:g} minus self error)"
     return Curve(
         *shares_below(samples.F_ior_arcsec[:, check.least_sure], samples.weights),
-        x_label="percentile",
-        y_label=f"F'_ior at {point.M_g:g} N·m, ″: over the unknown inputs{held}",
+        x_label="percentile of the sampled drives",
+        y_label=f"F'_ior at {point.M_g:g} N·m, ″{limit}",
         limit=point.left_arcsec,
         rows=2,
     )
 
 
 def error_tables(check: DesignCheck) -> Iterator[Table]:
-    """All figures of the error by torque, and of the drive's geometry."""
+    """Yield all figures of the error by torque."""
     torque, *others = (q for q in POINT_QUANTITIES if q.key not in _OVER_BELIEF)
     still = "phi_b" if Kinematics.of(check.drive).fixed == "rigid" else "phi_g"
     shown = [q for q in others if still not in q.key]
-    of = ", of a drive near the median" if check.samples else ", unknown as 0" * bool(check.unknown)
-    yield Table.by_column("over the full cycle" + of, (torque, *shown), check.points)
-    yield Table.by_column("F'_ior over all that is not known exactly", (torque, *BELIEF, *_MONTE_CARLO), check.points)
+    of = ", of a sampled drive near the median" if check.samples else ", unknown inputs as 0" * bool(check.unknown)
+    yield Table.by_column("over the full mesh cycle" + of, (torque, *shown), check.points)
+    yield Table.by_column("F'_ior over the uncertain inputs", (torque, *BELIEF, *_MONTE_CARLO), check.points)
 
 
 def _values(check: DesignCheck, seed: int) -> Json:
@@ -270,25 +281,27 @@ def _line(check: DesignCheck) -> str:
 
 
 _SHOWN_OPTIONS, _SHOWN_QUESTIONS = 3, 1  # on a short page
+_DERIVED = "with a tolerance, the deviations derived from it are reduced too"
 _COUPLING_ANSWERS = {"oldham": "Oldham coupling", "solid": "solid hub"}
 
 
 def steps_tables(check: DesignCheck) -> Iterator[Table]:
-    """Yield the options at the governing torque, and the questions that could be answered, with their outcomes."""
+    """Yield the options at the governing torque, and the questions to clarify, with their outcomes."""
     if not check.steps:
         return
-    point, words, now = _before_steps(check)
+    point, purpose, now, outcome = _before_steps(check)
     options = [step for step in check.steps if not step.is_question]
     questions = [step for step in check.steps if step.is_question]
-    title = f"{words} at {point.M_g:g} N·m, now {now}"
     if options:
         rows = [
             (_step_words(step, check.drive), _outcome_words(step, point), _carried_out(step, check)) for step in options
         ]
-        yield Table(title, ("option", f"{words.partition(',')[0]} then", "how"), tuple(rows))
+        notes = (_DERIVED,) if any(step.kind == "tolerance" for step in options) else ()
+        yield Table(f"options {purpose} ({now})", ("option", outcome, "how"), tuple(rows), notes)
     if questions:
         asked = tuple((_step_words(step, check.drive), _outcome_words(step, point)) for step in questions)
-        yield Table(title, ("to clarify", f"{words.partition(',')[0]} then"), asked)
+        title = f"questions to clarify, at {point.M_g:g} N·m ({now})"
+        yield Table(title, ("to clarify", f"{outcome}, by answer"), asked)
 
 
 def steps_facts(check: DesignCheck) -> Iterator[Fact]:
@@ -297,9 +310,9 @@ def steps_facts(check: DesignCheck) -> Iterator[Fact]:
         return
     options = [step for step in check.steps if not step.is_question]
     questions = [step for step in check.steps if step.is_question]
-    point, words, now = _before_steps(check)
+    point, purpose, now, _ = _before_steps(check)
     if options:
-        lines = [f"{words} at {point.M_g:g} N·m, now {now}:"]
+        lines = [f"{purpose} ({now}):"]
         lines += [
             f"{_step_words(step, check.drive)}: {_outcome_words(step, point)}" for step in options[:_SHOWN_OPTIONS]
         ]
@@ -311,14 +324,18 @@ def steps_facts(check: DesignCheck) -> Iterator[Fact]:
         yield "to clarify", "\n".join(lines)
 
 
-def _before_steps(check: DesignCheck) -> tuple[OperatingPoint, str, str]:
-    """Return the governing torque, the quantity that steps change there, and its value before any, in words."""
+def _before_steps(check: DesignCheck) -> tuple[OperatingPoint, str, str, str]:
+    """Return the governing torque, the purpose of steps, the value before any, and the head of their outcomes."""
     point = check.points[check.least_sure]
-    if point.limit_arcsec is None:
-        return point, "F'_ior", f"{point.F_ior_or_error:.1f}″"
+    torque, limit = f"{point.M_g:g} N·m", point.limit_arcsec
+    if limit is None:
+        now = f"{'median ' * bool(point.belief)}now {point.F_ior_or_error:.1f}″"
+        return point, f"to reduce F'_ior at {torque}", now, "F'_ior"
     if point.probability:
-        return point, f"probability to meet {point.limit_arcsec:g}″", f"{100 * point.probability.value:.0f} %"
-    return point, f"F'_ior + self error, limit {point.limit_arcsec:g}″,", f"{point.F_ior_upper_arcsec:.1f}″"
+        now = f"probability now {100 * point.probability.value:.0f} %"
+        return point, f"to meet {limit:g}″ at {torque}", now, f"P(F'_ior + self error ≤ {limit:g}″)"
+    now = f"F'_ior + self error now {point.F_ior_upper_arcsec:.1f}″"
+    return point, f"to meet {limit:g}″ at {torque}", now, "F'_ior + self error"
 
 
 _COUNTS = {2: "two", 3: "three", 4: "four"}  # holes that a step tries
@@ -336,12 +353,12 @@ def _step_words(step: Step, drive: Drive) -> str:
     if step.kind == "trials":
         places = "holes" if holes else "directions"  # which ones, mount says
         count = _COUNTS[len(step.of.split(","))]
-        return f"measure F'_ior in {count} {places}, keep the best"
+        return f"measure F'_ior in {count} {places} and use the best"
     return {
-        "correction": f"record the full cycle, then correct {step.of} terms",
-        "tolerance": f"a third less of {step.of}, with all that follows",
-        "coupling": f"an Oldham coupling (cam.coupling={step.of})",
-        "accuracy": f"a drive of accuracy {step.of}″ (catalogue.accuracy)",
+        "correction": f"record the full cycle, store {step.of} correction terms",
+        "tolerance": f"reduce {step.of} by a third",
+        "coupling": f"use an Oldham coupling (cam.coupling={step.of})",
+        "accuracy": f"use a drive of accuracy {step.of}″ (catalogue.accuracy)",
     }[step.kind]
 
 
@@ -360,8 +377,8 @@ def _outcome_words(step: Step, point: OperatingPoint) -> str:
     if step.kind != "question":
         return _value(step.outcomes[0], point)
     unit = "" if step.of == "cam.coupling" else f" {field_unit(step.of)}"
-    return ", ".join(
-        f"{_COUPLING_ANSWERS.get(each.answer) or each.answer + unit} {_value(each, point)}" for each in step.outcomes
+    return "; ".join(
+        f"{_COUPLING_ANSWERS.get(each.answer) or each.answer + unit}: {_value(each, point)}" for each in step.outcomes
     )
 
 

@@ -413,7 +413,7 @@ def _drives_facts(result: DrivesComparison) -> Iterator[Fact]:
     if open_ := [(odds, at) for sense, odds, at in cells if sense == NOT_KNOWN]:
         likelier = [(max(odds, odds.complement, key=attrgetter("value")), at) for odds, at in open_ if odds]
         least, at = min(likelier, key=lambda each: each[0].low, default=(None, ""))
-        sure = f": {least.text(SURE)}" if least else ""
+        sure = f": {least.text(SURE, outcome='a decision')}" if least else ""
         yield "open", f"unknown inputs could reverse this change{at}{sure}"
     yield "next", again("report", result.sheets[result.best].drive, "-o", "report.html")
 

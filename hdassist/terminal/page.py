@@ -1,4 +1,4 @@
-"""A report as a page of a terminal: verdict and reasons, its blocks, one line of proof."""
+"""A report as a page of a terminal: verdict and reasons, its blocks, one line on the verification."""
 
 import re
 import sys
@@ -113,7 +113,8 @@ def report_page(report: Report, style: Style, *, plots: bool = True, details: bo
     blocks = [*report.blocks, *(more if details else ())]
     hidden = "" if details or not more else "--details"
     proven = proof(report.certificate, report.cross_checks)
-    last = Facts.of([("proof", f"{proven} (more: {hidden})" if hidden else proven) if proven else ("more", hidden)])
+    verified = ("verified", f"{proven} ({hidden})" if hidden else proven)
+    last = Facts.of([verified if proven else ("more", hidden)])
     parts = [part for block in blocks for part in block_on_page(block, style, plots)]
     lines = [line for part in parts for line in (part, Text(""))]
     if plots and blocks and isinstance(blocks[-1], Curve):
@@ -220,12 +221,15 @@ def _table(block: Table, columns: list[int], style: Style, *, is_tight: bool = F
 
 
 def _certificate_facts(found: ReportProof | None, cross_checks: Iterable[CrossCheck | None]) -> Iterator[Facts]:
-    """Residuals of the states behind a report with the bounds that they keep; none of a proof that has none."""
+    """Yield the residuals of the mesh positions of a report with their bounds; nothing for a report without any."""
     if isinstance(found, Certificate):
-        rows = [("states solved", f"{found.states}"), ("states that needed a fallback", f"{found.fallbacks}")]
+        rows = [
+            ("mesh positions solved", f"{found.states}"),
+            ("mesh positions that needed a fallback", f"{found.fallbacks}"),
+        ]
         bound = f", share of its scale, at most {TOLERANCE:.0e}"
         rows += [(f"{words}{bound}", f"{getattr(found, name):.1e}") for name, words in _RESIDUALS.items()]
         if cross := certificate_object(found, cross_checks)["cross_check"]:
-            words = f"{cross['states']} again by {cross['solver']}, apart by at most {CROSS_TOLERANCE:g}″"
-            rows.append((words, f"{cross['max_difference_arcsec']:.1e}"))
+            words = f"{cross['states']} solved again with {cross['solver']}: difference, at most {CROSS_TOLERANCE:g}″"
+            rows.append((words, f"{cross['max_difference_arcsec']:.1e}″"))
         yield Facts(tuple(rows))

@@ -39,7 +39,8 @@ TAKEN_OVER = {  # options that another command has too, by their field: the comm
     **dict.fromkeys(("pitch_form", "pitch_sense", "pitch_flank"), _TOOTHED),
 }
 _OPTION = re.compile("^(?:--[a-z-]+|-[a-z])")  # its name, as it is typed
-_REPORTED = 2  # influences and measurements on a short page
+_REPORTED = 2  # contributions and measurements on a short page
+ENVELOPE = "smallest and largest within one input revolution"  # two curves in a plot over many revolutions
 MORE_DRAWS = 4  # times as many samples, which halve the interval of a probability
 
 
@@ -79,73 +80,79 @@ def _options(command: str, overrides: Iterable[str]) -> Iterator[str]:
 
 
 def proof(found: ReportProof | None, cross_checks: Iterable[CrossCheck | None] = ()) -> str:
-    """One line of proof: states, greatest residual as a share of its scale, states that another solver solved."""
+    """Return one line on the verification: mesh positions, largest residual, and positions that another solver solved.
+
+    The residual is a share of its scale.
+    """
     if not found or not found.states:
         return ""
-    words = f"{thousands(found.states)} states, residual {found.max_residual:.0e}"
+    words = f"{thousands(found.states)} mesh positions, residual {found.max_residual:.0e}"
     if crosses := [cross for cross in cross_checks if cross]:
-        words += f", {sum(cross.states for cross in crosses)} again by {crosses[0].solver}"
+        words += f", {sum(cross.states for cross in crosses)} also by {crosses[0].solver}"
     return words
 
 
 def thousands(count: int) -> str:
-    """A count with its thousands apart: 20 200."""
+    """Return a count with its thousands apart: 20 200."""
     return f"{count:,}".replace(",", " ")
 
 
 def on_what(drive: Drive) -> str:
-    """How many values of a drive are assumed, or left to a default, and have a range that nobody has weighed."""
+    """Return the number of values with an assumed range that a page at nominal values leaves out; empty without any."""
     ranges = len(assumptions(drive))
-    return f"the ranges of {ranges} values are not weighed here: hdassist check weighs them" if ranges else ""
+    return f"{ranges} values have an assumed range; hdassist check takes the ranges into account" if ranges else ""
 
 
 def not_known(drive: Drive) -> str:
-    """Deviations of a drive that are not known, and were computed as 0."""
+    """Return the unknown deviations of a drive, computed as 0, in words; empty without any."""
     open_ = unknowns(drive)
     return f"taken as 0: {unknown_names(open_)}" if open_ else ""
 
 
 def named(path: str) -> str:
-    """A field or figure in words with its path in brackets."""
+    """Return a field or figure in words with its path in brackets."""
     if path not in field_table():
         return f"{path.removeprefix('stiffness.')} (hdassist stiffness)"
     return f"{field_table()[path].meaning} ({path})"
 
 
 def field_unit(path: str) -> str:
-    """The unit of a field."""
+    """Return the unit of a field."""
     return field_table()[path].unit
 
 
 def influence_words(found: Sequence[Influence], result: str = "F'_ior") -> str:
-    """The largest shares of the spread, the variance, of a result, by field."""
-    shares = [f"{named(each.group)} {100 * each.share:.0f} %" for each in found[:_REPORTED] if each.share >= 0.005]
-    return f"of the spread of {result}: {', '.join(shares)}" if shares else ""
+    """Return the largest contributions to the variance of a result, by field; empty without any."""
+    shares = [f"{named(each.group)}: {100 * each.share:.0f} %" for each in found[:_REPORTED] if each.share >= 0.005]
+    return f"to the variance of {result}: {'; '.join(shares)}" if shares else ""
 
 
 def measure_words(found: Sequence[MeasurementGain], M_g: float) -> str:
-    """The best measurements, and by how much each narrows the spread of F'_ior at a torque [N*m]."""
+    """Return the best measurements, and by how much each narrows the spread of F'_ior at a torque [N*m]."""
     words: list[str] = []
     for each in found[:_REPORTED]:
         field = field_table().get(each.measured.replace("stiffness.", "measured."))
         how = f", {field.how}" if field and field.how else ""
         name = each.measured if how and words else named(each.measured)  # the first in words, others by their path
-        words.append(f"{name}{how}: {-100 * each.gain:+.0f} %")
-    return f"of the spread of F'_ior at {M_g:g} N·m: {'; '.join(words)}" if words else ""
+        effect = "" if words else f"narrows the spread of F'_ior at {M_g:g} N·m "
+        words.append(f"{name}{how}: {effect}by {100 * each.gain:.0f} %")
+    return "; ".join(words)
 
 
 def more_draws(samples: Samples) -> str:
-    """The remedy for a verdict that is left open by its Monte Carlo interval alone, which such draws halve."""
-    return f"no measurement, more samples settle it: --draws {MORE_DRAWS * round(samples.effective)}"
+    """Return the remedy for a verdict left open by its Monte Carlo interval alone, which so many samples halve."""
+    return f"more samples settle it, without a measurement: --draws {MORE_DRAWS * round(samples.effective)}"
 
 
 def samples_words(samples: Samples) -> str:
-    """How many samples there are, and why others are not."""
+    """Return the numbers of effective and of all samples, and why samples were refused."""
     refused = sum(samples.refused.values())
-    words = f"{samples.effective:.0f} effective of {samples.draws} drawn"
+    words = f"effective sample size {samples.effective:.0f} of {samples.draws} samples"
     if samples.of_ranges.draws < samples.draws:
-        words += f", ranges and influence by the first {samples.of_ranges.draws}"
-    return words + (f"; {refused} are no drive ({next(iter(samples.refused))})" if refused else "")
+        words += f"; ranges and contributions are those of the first {samples.of_ranges.draws}"
+    if refused:
+        words += f"; {refused} refused as impossible drives ({next(iter(samples.refused))})"
+    return words
 
 
 HOME = "en"
@@ -214,7 +221,7 @@ WHEEL_WORDS = {"b": "circular spline", "g": "flexspline"}
 
 
 def heading(measured: MeasuredTeeth | None) -> str:
-    """Words behind a heading: whose teeth were measured; empty where none were."""
+    """Return the end of a heading that names the wheels with measured teeth; empty without any."""
     found = measured.by_name.items() if measured else ()
     words = ", ".join(f"{WHEEL_WORDS[name]} ({shown(wheel.pitch.file)})" for name, wheel in found)
     return f"; measured teeth: {words}" if words else ""

@@ -123,7 +123,7 @@ def test_without_samples_what_is_open_is_settled_by_nothing(case, tmp_path):
     wheels = WheelFiles(str(tmp_path / "b.csv"), mark_b=0.0).read(there) if case == "wheels" else None
     result = accept(there, wheels=wheels, draws=0 if case == "no draws" else 16)
     (decision,) = result.checks
-    assert (result.verdict, decision.reason) == ("INCONCLUSIVE", "what is not known exactly was not drawn")
+    assert (result.verdict, decision.reason) == ("INCONCLUSIVE", "the uncertain inputs were not sampled")
     assert decision.belief is None
 
 
@@ -145,8 +145,8 @@ def test_the_page_says_what_it_would_take_and_how_to_measure():
     done = run(*asked, "--draws", "8")
     page = in_a_line(done.stdout)
     assert done.returncode == 6
-    assert page.startswith("tiny: INCONCLUSIVE F'_ior + self error at 4 N·m: kept with a probability of ")
-    for words in ("predicted: PASS from 95 % probability", "--measured 4=FILE", "options probability to meet ",
+    assert page.startswith("tiny: INCONCLUSIVE F'_ior + self error at 4 N·m: probability that the limit is met: ")
+    for words in ("predicted: PASS from 95 % probability", "--measured 4=FILE", "options to meet ",
                   "remarks hdassist explain UNKNOWN next hdassist accept "):  # fmt: skip
         assert words in page
     page = in_a_line(run(*asked, "--draws", "4", "--sure", "0.96").stdout)

@@ -122,7 +122,7 @@ def test_silence_about_a_source_is_inconclusive_and_says_how_to_end_it(rig):
     args = ("--measured", "4=run.csv", "--limit", f"F_ior@4={TRUE + 3}")
     done = accepted(rig, *args, budget="encoder=0.1,reseating=0")
     assert done.returncode == 6
-    words = "nothing stated of coupling, temperature: --budget coupling=U,temperature=U, U in ″, 0 where"
+    words = "no uncertainty is stated for coupling, temperature: --budget coupling=U,temperature=U, U in ″, 0 if"
     page = in_a_line(done.stdout)
     assert words in page
     following = page.partition("next ")[2].partition(" more ")[0]

@@ -48,7 +48,9 @@ def test_measured_values_are_decided_by_the_rule(value, u, extent, rule, verdict
 def test_a_probability_of_few_samples_is_decided_by_all_of_its_interval(few, verdict):
     belief = Belief(10.0, 12.0, 14.0, 0.98, 0.79, 1.0, few)
     found = decide(UPPER, AcceptedValue(12.0, None, "predicted", "whole", belief=belief), "guard", 0.95)
-    reason = "kept with a probability of 98 % (79 to 100), 95 % needed by all of it" if few else None
+    reason = (
+        "probability that the limit is met: 98 % (79 to 100); PASS needs 95 % over the whole interval" if few else None
+    )
     assert (found.verdict, found.reason) == (verdict, reason)
 
 

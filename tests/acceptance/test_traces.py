@@ -110,7 +110,7 @@ def test_a_source_that_nobody_has_stated_keeps_a_drive_from_passing():
         found = accept(small(*limits), measured, measured_only=True)
         assert [d.verdict for d in found.checks] == ["INCONCLUSIVE"] * 3
         assert {d.reason for d in found.checks} == {
-            f"nothing stated of {missing}: --budget {missing}=U, U in ″, 0 where a source adds nothing"
+            f"no uncertainty is stated for {missing}: --budget {missing}=U, U in ″, 0 if a source adds nothing"
         }
         lenient = small(*limits, overrides=("acceptance.rule=simple",))
         assert accept(lenient, measured, measured_only=True).verdict == "PASS"

@@ -370,9 +370,9 @@ def test_the_words_of_a_probability_never_show_another_verdict_than_the_rule():
     for kept in (*np.linspace(0.90, 0.999, 100), 0.94501, 0.94999, 0.95, 0.05001, 0.0549, 0.05, 0.0):
         shown = float(percent_text(kept, kept, kept, 0.95).split()[0])
         assert verdict_by_probability(shown / 100) is verdict_by_probability(kept)
-    assert percent_text(0.94999, 0.93, 0.97, 0.95) == "94.9 % (93 to 97), 95 % needed"
-    assert percent_text(0.93, 0.9161, 0.951, 0.95) == "93 % (91 to 96), 95 % needed"
-    assert percent_text(0.0, 0.0, 0.0, 0.95) == "0 %, 95 % needed"
+    assert percent_text(0.94999, 0.93, 0.97, 0.95) == "94.9 % (93 to 97); PASS needs 95 %"
+    assert percent_text(0.93, 0.9161, 0.951, 0.95) == "93 % (91 to 96); PASS needs 95 %"
+    assert percent_text(0.0, 0.0, 0.0, 0.95) == "0 %; PASS needs 95 %"
 
 
 def test_a_catalogues_accuracy_is_held_against_the_error_at_hardly_any_load():

@@ -156,7 +156,7 @@ def test_evidence_that_is_only_narrow_contradicts_nothing(hidden):
     assert re.match(rf"{samples.effective:.3g} of 64 draws agree, 64 are wanted: numbers are rough", *samples.remarks)
     every = samples.probability_within(2 * samples.F_ior_arcsec.max(), 0)
     assert (every.value, every.verdict()) == (1.0, Verdict.INCONCLUSIVE)
-    assert every.text(0.95).endswith("95 % needed by all of it")
+    assert every.text(0.95).endswith("PASS needs 95 % over the whole interval")
     assert every.verdict(sure=0.6) is Verdict.PASS
 
 

@@ -78,7 +78,7 @@ def test_people_see_both_curves_and_what_would_explain_them(rig):
         "changed.csv over small at 4 N*m: explained by one deviation wave generator eccentricity, "
         "fixed to the circular spline (tolerances.e_hb), 4"
     )
-    for words in ("* measured, o predicted", "next hdassist mount ", "--set tolerances.e_hb=4", "proof"):
+    for words in ("* measured, o predicted", "next hdassist mount ", "--set tolerances.e_hb=4", "verified"):
         assert words in told
     assert len(page.stdout.splitlines()) <= 24 + 2  # a table in 7-bit characters has borders
     whole = run(

@@ -58,7 +58,7 @@ def test_few_samples_give_a_range_with_a_warning_and_a_verdict_where_all_of_the_
     kept = replace(point, limit_arcsec=1e5)
     assert (kept.probability.value, kept.verdict) == (1.0, Verdict.INCONCLUSIVE)
     held = replace(found, points=(found.points[0], kept))
-    assert "95 % needed by all of it" in " ".join(check_report(held, 0).why)
+    assert "PASS needs 95 % over the whole interval" in " ".join(check_report(held, 0).why)
     assert replace(kept, sure=0.7).verdict is Verdict.PASS
 
 
@@ -87,7 +87,7 @@ def test_one_torque_may_be_settled_and_another_open():
     limits = "acceptance.F_ior={1: 3000, 4: 2050}"
     page = run("check", TINY, "--jobs", "1", "--no-plot", "--set", "phases.phi_hb=unknown", "--set", limits)
     assert page.returncode == 6
-    kept = "F'_ior + self error ≤ {}″:"
+    kept = "probability that F'_ior + self error ≤ {}″:"
     assert f"\n1 N·m: {kept.format(3000)} 100 % (97 to 100)\n4 N·m: {kept.format(2050)} " in page.stdout
 
 

@@ -45,7 +45,7 @@ def test_a_screen_holds_the_range_the_orders_and_the_curve():
     row = rf" *{greatest['per_cam_rev']:.2f} +{greatest['amplitude_arcsec']:.2f} +{greatest['cause'][:20]}"
     assert any(re.match(row, line) for line in lines)
     assert any(re.match(r"next +hdassist trace .* -n 30 ", line) for line in lines)
-    assert lines[-1].startswith("proof  ")
+    assert lines[-1].startswith("verified  ")
     assert len(lines) <= 24
     assert max(map(len, lines)) <= 80
     assert "amplitude·cos(order·phi_h + phase)" in run("trace", SMALL, "--no-plot", "--details").stdout

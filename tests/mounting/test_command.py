@@ -58,7 +58,7 @@ def test_people_see_curve_and_tables(answer):
     page = run(*QUICK)
     assert page.returncode == 0
     assert max(map(len, page.stdout.splitlines())) <= 80
-    for words in ("wave generator side", "hole", "counter-clockwise", "turned by, holes", "proof"):
+    for words in ("wave generator side", "hole", "counter-clockwise", "turned by, holes", "verified"):
         assert words in page.stdout
     assert len(page.stdout.splitlines()) <= 30
     told = json.loads(answer.stdout)

@@ -240,6 +240,6 @@ def test_an_open_verdict_beside_measured_teeth_has_its_reason_and_a_next_command
     done = pitch("check", SMALL, "--torque", "4", *asked, files=files)
     words = in_a_line(done.stdout)
     assert done.returncode == 6
-    assert "1 inputs are not known exactly, and no samples of them were drawn" in words
+    assert "1 inputs are uncertain and were not sampled" in words
     options = "--limit 400 --pitch-b=my_wheel.csv --mark-b=120"
     assert f"next hdassist mount {SMALL} --set uncertainty.phases.phi_hb=9 --torque=4 {options}" in words

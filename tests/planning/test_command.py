@@ -66,7 +66,7 @@ def test_any_test_is_enough_only_where_each_of_the_table_is(options, is_any):
 @pytest.mark.thorough
 def test_what_chance_leaves_open_asks_for_more_samples():
     page = run("plan", TINY, *OPEN, "--torque", "4", "--limit", "2102", "--no-plot").stdout
-    assert re.search(r"^open +no measurement, more samples settle it: --draws ", page, re.M)
+    assert re.search(r"^open +more samples settle it, .*--draws ", page, re.M)
 
 
 @pytest.mark.parametrize(

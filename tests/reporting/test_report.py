@@ -130,7 +130,7 @@ def test_the_verdict_comes_first_and_the_numbers_are_those_of_check_and_mount(sh
     for words in (
         sheet.drive.origin.sha256,
         "; ".join(sheet.drive.origin.overrides),
-        f"proof: {proof(sheet.certificate, sheet.cross_checks)}",
+        f"verified: {proof(sheet.certificate, sheet.cross_checks)}",
         "holes count counter-clockwise",
     ):
         assert words in text
@@ -141,7 +141,7 @@ def test_angles_of_the_cam_are_turns_and_numbers_have_no_exponent(sheet):
     (section, *_) = sections(drive_report(sheet, draws=64, seed=0))
     rows = dict(row for block in section.blocks if isinstance(block, Table) for row in block.rows if len(row) == 2)
     degrees = report["operating_points"][0]["at_max"]["phi_h_deg"]
-    assert rows["greatest at phi_h, turns"] == f"{degrees / 360:.2f}"
+    assert rows["largest error at phi_h, rev"] == f"{degrees / 360:.2f}"
     assert (four_digits(39_690.0), four_digits(396.9), four_digits(1.2)) == ("39690", "396.9", "1.2")
 
 
@@ -221,9 +221,9 @@ def test_where_no_hole_is_better_by_what_is_known_it_says_so():
     [tiles] = [block for block in report.blocks if isinstance(block, Tiles)]
     assert next(value for label, value, _ in tiles.rows if label == "position of the wheel") == "any"
     ranges, *errors = [block for block in sections(report)[0].blocks if isinstance(block, Curve)]
-    assert ranges.y_label.endswith("over the unknown inputs")
+    assert ranges.x_label == "percentile of the sampled drives"
     (shown,) = (f"{point['F_ior_shown_arcsec']:.1f}″" for point in told["check"]["operating_points"])
-    assert [f"of a drive of {shown}, near the median" in error.y_label for error in errors] == [True]
+    assert [f"of a sampled drive with F'_ior {shown}" in error.y_label for error in errors] == [True]
     assert "phases.phi_hb" in report_markdown(report, UNICODE).replace("\\", "")
 
 

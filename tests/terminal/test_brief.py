@@ -32,7 +32,7 @@ from tests.process import SMALL, in_a_line, run
 
 
 @pytest.mark.parametrize(
-    ("share", "second"), [(0.006, ", addendum of both wheels, in modules (gears.h_a) 1 %"), (0.004, "")]
+    ("share", "second"), [(0.006, "; addendum of both wheels, in modules (gears.h_a): 1 %"), (0.004, "")]
 )
 def test_a_second_influence_is_named_where_it_is_more_than_0_percent(share, second):
     found = [Influence("operation.dT", 0.99), Influence("gears.h_a", share)]
@@ -72,7 +72,7 @@ def test_numbers_of_a_verdict_and_the_next_command_stand_out_and_the_proof_steps
     coloured = shown(Style(False, True, 80), report)
     assert "h0 keeps \x1b[1m30″\x1b[0m at \x1b[1m80 N·m\x1b[0m" in coloured
     assert "\x1b[1mnext" in coloured
-    assert "\x1b[2mproof" in coloured
+    assert "\x1b[2mverified" in coloured
     assert "\x1b[1mlimit" not in coloured
     assert "\x1b" not in shown(Style(False, False, 80), report)
 
@@ -97,7 +97,7 @@ def test_no_line_ends_within_a_number_with_its_unit(width):
 
 
 def test_labels_wrap_before_numbers_do():
-    rows = (("negative force, share of its scale, at most 1e-08", "2.8e-12"), ("states solved", "71569"))
+    rows = (("negative force, share of its scale, at most 1e-08", "2.8e-12"), ("mesh positions solved", "71569"))
     text = shown(Style(False, False, 50), Report("check", None, "own", blocks=(Facts(rows),)))
     assert "2.8e-12" in text
     assert "71569" in text
@@ -169,16 +169,16 @@ def test_an_option_that_is_given_takes_the_place_of_the_one_that_was_asked():
 
 def test_the_proof_in_a_line():
     certificate = Certificate(20200, 0.0, 8.1e-11, 1e-12, 0.0, 0)
-    assert proof(certificate) == "20 200 states, residual 8e-11"
+    assert proof(certificate) == "20 200 mesh positions, residual 8e-11"
     crossed = [CrossCheck("CLARABEL", 10, 1e-6), None, CrossCheck("CLARABEL", 10, 1e-6)]
-    assert proof(certificate, crossed) == "20 200 states, residual 8e-11, 20 again by CLARABEL"
+    assert proof(certificate, crossed) == "20 200 mesh positions, residual 8e-11, 20 also by CLARABEL"
 
 
 def test_ranges_that_are_not_weighed_are_those_of_assumed_values_and_of_what_is_left_to_a_default():
     drive = load_preset("size-17-100")
     ranges = {path for path, source in drive.source.items() if source.kind == "assumed" and source.range}
     ranges = ranges - {drive.unused_tooth_field} | {"operation.dT"}  # which the preset leaves out
-    told = f"the ranges of {len(ranges)} values are not weighed here: hdassist check weighs them"
+    told = f"{len(ranges)} values have an assumed range; hdassist check takes the ranges into account"
     assert on_what(drive) == told
     assert on_what(load_preset(SMALL)) == ""
 

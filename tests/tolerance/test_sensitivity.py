@@ -82,4 +82,4 @@ def test_a_measurement_is_of_the_torque_that_is_worst_by_its_limit_and_the_page_
     assert worst_torque(load_preset(TINY, [*sets, "acceptance.F_ior.1=1"]), found.samples) == 0
     assert found.to_measure == to_measure(found.law, found.samples, 1) != to_measure(found.law, found.samples, 0)
     words = facts_of(sensitivity_report(found))["measure"]
-    assert words.startswith("of the spread of F'_ior at 4 N·m: ")
+    assert "narrows the spread of F'_ior at 4 N·m by " in words
