@@ -1,4 +1,4 @@
-"""In which hole to mount the fixed wheel, as a report: the hole, how sure that is, and what measuring would bring."""
+"""In which hole to install the fixed wheel, as a report: the hole, its probability, and the benefit of measuring."""
 
 from __future__ import annotations
 
@@ -51,12 +51,12 @@ WORDS = {"TURN": "TURN", "LEAVE": "LEAVE", "BEST_BET": "BEST BET", "ANY_HOLE": "
 _VERIFICATION_WORDS = {"KEEP": "KEEP", "GO_BACK": "GO BACK", "MEASURE_AGAIN": "MEASURE AGAIN"}
 _ANY_LINE = "any"  # in place of a hole on the page of a script
 _NO_HOLE_BETTER = {
-    "floating": "the cam aligns itself (its support has a stiffness of 0), so no offset of it is felt",
-    "standing": "nothing that stands still with the seat is off",
-    "turning": "the wheel has no deviation that could be turned",
+    "floating": "the wave generator aligns itself (stiffness of its support: 0), so its eccentricity has no effect",
+    "standing": "no part that is fixed to the housing seat has a deviation",
+    "turning": "the fixed wheel has no deviation that another hole could turn",
 }
-_ROWS = 3  # holes on the first screen beside the present and the worst one
-_APART = 3.0  # standard deviations by which values of one hole may differ without a remark
+_ROWS = 3  # holes on the first screen, and also the present and the worst one
+_APART = 3.0  # standard deviations by which values of one hole may differ without a warning
 
 
 def mount_report(
@@ -66,22 +66,24 @@ def mount_report(
     carded: bool = False,
     sure: float | None = None,
 ) -> Report:
-    """The advice on a drive.
+    """Return the advice on a drive as a report.
 
-    Arguments: seed, of its samples; carded, whether a card is written; sure, probability that was asked for: a choice
-    that is less sure ends with code 6.
+    advice: the choice of a hole.
+    seed: that of its samples.
+    carded: whether a card is written too.
+    sure: probability that the user requires; a choice with a smaller one ends with exit code 6.
     """
     drive, figures = advice.drive, list[Figure](_position_curves(advice))
     say = ENGLISH.variant("trials") if advice.trials else ENGLISH
     figures.append(seat_of(advice, say, advice.chosen))
     count = len(advice.trials)
-    where = f"{TRADE[drive.mounting.fixed]} on its seat{heading(advice.measured)}"
+    where = f"{TRADE[drive.mounting.fixed]}{heading(advice.measured)}"
     if count:
         torques = " and ".join(f"{M_g:g}" for M_g in advice.torques_of_values)
-        # the uncertainty (k = 2) of values that have none of their own, as --noise or its default has it
+        # the uncertainty of values without one of their own: that of --noise or its default
         own = all(trial.noise_arcsec for trial in advice.trials)
-        spread = "" if own else f" ± {2 * advice.setup.noise_arcsec:g}″"
-        where = f"{count} value{'s' * (count > 1)}{spread} at {torques} N·m"
+        spread = "" if own else f" (± {2 * advice.setup.noise_arcsec:g}″, k = 2)"
+        where = f"{count} measured value{'s' * (count > 1)}{spread} at {torques} N·m"
     found = advice.decision
     stay = () if found.stay is None else (found.stay,)
     rows = dict.fromkeys((found.best, *found.ranked[:_ROWS], *stay, found.ranked[-1]))
@@ -109,7 +111,7 @@ def mount_report(
 
 
 def _verdict(advice: Advice) -> str:
-    """Return the choice in a word, and the hole unless any will do."""
+    """Return the choice in a word, and the hole unless all are equal."""
     if not advice.names_hole:
         return WORDS[advice.word]
     word = _VERIFICATION_WORDS[advice.verification.verdict] if advice.verification else WORDS[advice.word]
@@ -117,7 +119,7 @@ def _verdict(advice: Advice) -> str:
 
 
 def _exit_code(advice: Advice, sure: float | None) -> int:
-    """Return the exit code of an advice; sure: probability that was asked for, None without one."""
+    """Return the exit code of an advice; sure: required probability, None without one."""
     if advice.verification and advice.verification.verdict == "GO_BACK":
         return Verdict.FAIL.exit_code
     if advice.verification and advice.verification.verdict == "MEASURE_AGAIN":
@@ -126,7 +128,7 @@ def _exit_code(advice: Advice, sure: float | None) -> int:
 
 
 def mount_warnings(advice: Advice, say: Texts = ENGLISH) -> tuple[str, ...]:
-    """Warnings beside the numbers, in the language of the texts."""
+    """Return the warnings about an advice in the language of the texts."""
     found = list(warnings_of(advice.drive, say))
     if advice.open_ and not advice.decision.is_sampled:
         found.append(say("warning.not_drawn", count=len(advice.open_)))
@@ -139,12 +141,15 @@ def mount_warnings(advice: Advice, say: Texts = ENGLISH) -> tuple[str, ...]:
 
 
 def _warnings_of_values(advice: Advice, say: Texts) -> Iterator[str]:
-    """Oddities of measured values, in the language of the texts."""
+    """Yield warnings about measured values in the language of the texts."""
     yield from advice.samples.remarks if advice.samples else ()
     if not (after := advice.after):
         return
     if after.samples.few:
-        yield f"{after.samples.few}: how sure the hole is, is rough; check measured figures, then assumed ranges"
+        yield (
+            f"{after.samples.few}: the probability of the choice is rough; check the measured values, then the "
+            "assumed ranges"
+        )
     elif after.effective < FEWEST_SURE:
         yield say("warning.effective", count=f"{after.effective:.0f}")
     if M_g := advice.likelier_torque:
@@ -186,36 +191,39 @@ def _measured(advice: Advice, trial: Trial, say: Texts = ENGLISH) -> str:
 
 
 def instruction_of(advice: Advice) -> str:
-    """The order for the wheel in a sentence or two, behind its reason where no hole is better."""
+    """Return the instruction for the fixed wheel in a sentence or two; if no hole is better, after the reason."""
     return " ".join(filter(None, reversed(order_and_reason(advice))))
 
 
 def order_and_reason(advice: Advice) -> tuple[str, str]:
-    """The order for the wheel, and why no hole is better than another; empty where one is."""
+    """Return the instruction for the fixed wheel, and the reason why no hole is better; empty if one is."""
     if advice.verification:
         return _verification_words(advice, advice.verification), ""
     if advice.to_repeat:  # what F'_ior is there hangs on the value
-        return f"{_repeat_words(advice)} Until then the best choice is: {instruction(advice, gains=False)}", ""
+        return f"{_repeat_words(advice)} Until then, the best choice is: {instruction(advice, gains=False)}", ""
     order = instruction(advice)
     if advice.correction:
         order = instruction(advice, gains=False)
-        order += f" The correction ({advice.correction}) is made there, and for no other hole."
+        order += f" Make the correction ({advice.correction}) in this hole; it is valid in no other hole."
     if advice.compensated and not advice.correction:
-        order = f"With {advice.compensated[0]} no hole is better than another by what is left. By F'_ior: {order}"
+        equal = f"With {advice.compensated[0]} the residual F'_ior is the same in all holes."
+        order = f"{equal} By F'_ior without a correction: {order}"
     if advice.names_hole:
         return order, ""
     if why := _NO_HOLE_BETTER.get(advice.no_hole_better):
         return order, f"No hole is better than another: {why}."
-    why = ": the direction that decides is not known" if advice.decision.all_alike else " by 1 %"
-    return order, f"No hole is expected to be better than another{why}."
+    if advice.decision.all_alike:
+        return order, "The direction of the deviations is unknown, so no hole is expected to be better than another."
+    return order, "No hole is expected to be better than another by 1 %."
 
 
 def _verification_words(advice: Advice, checked: Verification) -> str:
-    """Return whether the wheel stays after a measured outcome, and the prediction beside it."""
+    """Return whether the wheel stays after a measured outcome, with the prediction."""
     fixed = wheel(advice.drive)
     predicted = f"predicted {checked.mean_arcsec:.1f}″ ({checked.low_arcsec:.1f} to {checked.high_arcsec:.1f}″, 95 %)"
-    told = f"Measured {_measured(advice, checked.trial)}; {predicted}."
-    odd = "" if checked.as_predicted else " That is not as predicted: check seat and measurement."
+    compared = f"Measured {_measured(advice, checked.trial)}; {predicted}."
+    if not checked.as_predicted:
+        compared += " The value is outside the predicted interval: check the seat and the measurement."
     place = hole_place(advice.chosen)
     if checked.verdict == "GO_BACK":
         back = measured_value(checked.goal)
@@ -223,46 +231,48 @@ def _verification_words(advice: Advice, checked: Verification) -> str:
         decided = (
             "" if checked.as_predicted or checked.is_misread else " The measured values decide, not the prediction."
         )
-        return f"{moved} There {back}″ was measured. {told}{odd}{decided}"
+        return f"{moved} F'_ior measured in that hole: {back}″. {compared}{decided}"
     if checked.verdict == "MEASURE_AGAIN":
         odds = advice.after.misread[-1] if advice.after else 1.0
         return (
-            f"Make sure that the {fixed} is in {place}, and measure there again: the value is probably misread "
-            f"({100 * odds:.0f} %). {told}"
+            f"Make sure that the {fixed} is in {place}, and measure there again. "
+            f"Probability of a reading error: {100 * odds:.0f} %. {compared}"
         )
-    return f"Keep the {fixed} in {place}. {told}{odd}"
+    return f"Keep the {fixed} in {place}. {compared}"
 
 
 def _repeat_words(advice: Advice) -> str:
-    """Return that a value is to be measured again before anything else."""
+    """Return the instruction to measure a value again before anything else."""
     doubted = advice.to_repeat
     if not (doubted and advice.after):
         return ""
     odds = 100 * advice.after.misread[advice.trials.index(doubted)]
     where = place_at(doubted.rotation_deg, hole_of(doubted.rotation_deg, advice.drive.mounting.holes))
     several = f" at {advice.torque_of(doubted):g} N·m" * (len(advice.torques_of_values) > 1)
-    return f"Measure in {where}{several} again: {measured_value(doubted)}″ is probably misread ({odds:.0f} %)."
+    value = measured_value(doubted)
+    return f"Measure in {where}{several} again. Probability that {value}″ is a reading error: {odds:.0f} %."
 
 
 def _why(advice: Advice) -> Iterator[str]:
-    """The order, how sure it is, and the next measurement."""
+    """Yield the instruction, its probability, and the next measurement."""
     yield instruction_of(advice)
     if not advice.verification:
-        yield _sure_words(advice)
+        yield _probability_words(advice)
         if not advice.to_repeat:
             yield next_value_words(advice)
 
 
-def _sure_words(advice: Advice) -> str:
-    """How sure the choice is; empty where no hole can be told from another."""
+def _probability_words(advice: Advice) -> str:
+    """Return the probability of the choice in words; empty if no hole is better than another."""
     found = advice.decision
     if not advice.names_hole:
         return f"F'_ior is that at nominal values: {advice.fault}." if advice.fault else ""
     if not found.is_sampled:
         why = f": {advice.fault}" if advice.fault else ""
-        return f"By the values as given; how sure that is, is not known{why}."
+        return f"The choice is made at nominal values; its probability is unknown{why}."
     few, by = found.probability.few, f" by more than {100 * found.cost:g} %"
-    sure = found.probability.text(advice.sure if few else None)
+    outcome = "LEAVE" if found.best == found.stay else "TURN"
+    sure = found.probability.text(advice.sure if few else None, outcome=outcome)
     place, start = hole_place(advice.chosen), start_of_count(advice.drive)
     if found.best == found.stay:
         words = f"Probability that no other hole is better than {start}{by}: {sure}."
@@ -271,63 +281,75 @@ def _sure_words(advice: Advice) -> str:
     else:
         words = f"Probability that {place} is better than {start}{by}: {sure}."
     if advice.after and advice.decision.effective:
-        words += f" It rests on {advice.after.effective:.0f} effective samples."
+        words += f" Effective sample size: {advice.after.effective:.0f}."
     return words
 
 
 def next_value_words(advice: Advice) -> str:
-    """The gain of further values, or that it is time to stop; empty where that is not known."""
+    """Return the next measurement and its expected benefit, or to stop measuring; empty if the benefit is unknown."""
     value, worths = advice.value, advice.worths
     if not value:
         return ""
-    (count, now), *later = worths
-    torque, several = f"at {advice.setup.M_g:g} N·m", len(advice.torques) > 1
-    deciding = advice.torques[0]
-    elsewhere = f" at {deciding:g} N·m" * (not several and {deciding} != {*advice.torques_of_values})
-
-    def brought(F_ior: float, *, new: bool = True) -> str:
-        """F'_ior then; of several torques what of it is saved, as the hole serves all of them."""
-        if several:
-            return f"{100 * max(1 - F_ior / now, 0.0):.1f} %" + " less F'_ior" * new
-        return f"{now:.1f} → {F_ior:.1f}″{elsewhere}" if new else f"{F_ior:.1f}"
-
-    if not count:
-        after = dict(later)
+    (count, _), *later = worths
+    if count:
+        (_, one), (_, three) = later
         if not advice.next:
-            return f"Measuring is not worth it: {brought(after[6])} is expected on average with six values."
-        holes = ", ".join(hole_place(p) for p in advice.to_try)
-        gain = f"{brought(after[FEWEST_VALUES])} is expected on average with four values"
-        gain += f", {brought(after[6], new=False)} with six"
-        return f"To do better, measure F'_ior {torque} in {holes}, then where this command says: {gain}."
-    one, three = (F_ior for _, F_ior in later)
+            return f"Stop measuring: one more value would reduce F'_ior {_reduction(advice, one)} on average."
+        point = advice.next.rotation_deg, value.M_g
+        again_ = " again" if point in map(advice.setup.point, advice.trials) else ""
+        at = f" at {value.M_g:g} N·m" * (advice.torques_of_values != (value.M_g,))
+        gain = _expected(advice, (one, "one more value"), (three, "three"))
+        return f"Next, measure {hole_place(advice.next)}{at}{again_}. {gain}"
+    after = dict(later)
     if not advice.next:
-        return f"Stop measuring: {brought(one)} is expected on average with one more value."
-    point = advice.next.rotation_deg, value.M_g
-    again_ = " again" if point in map(advice.setup.point, advice.trials) else ""
-    at = f" at {value.M_g:g} N·m" * (advice.torques_of_values != (value.M_g,))
-    gain = f"{brought(one)} is expected on average, {brought(three, new=False)} after three more"
-    return f"Measure {hole_place(advice.next)}{at}{again_} next: {gain}."
+        return f"No need to measure: six values would reduce F'_ior only {_reduction(advice, after[6])} on average."
+    holes = ", ".join(hole_place(p) for p in advice.to_try)
+    gain = _expected(advice, (after[FEWEST_VALUES], "four values"), (after[6], "six"))
+    action = f"To reduce F'_ior, measure it at {advice.setup.M_g:g} N·m in {holes}"
+    return f"{action}, then in the holes that this command names. {gain}"
+
+
+def _reduction(advice: Advice, F_ior: float) -> str:
+    """Return the reduction of F'_ior by further values: that of all torques in %, or F'_ior before and after it."""
+    now = advice.worths[0][1]
+    if len(advice.torques) > 1:
+        return f"by {100 * max(1 - F_ior / now, 0.0):.1f} %"
+    return f"from {now:.1f} to {F_ior:.1f}″{_elsewhere(advice)}"
+
+
+def _expected(advice: Advice, *gains: tuple[float, str]) -> str:
+    """Return F'_ior expected after further values, a pair of it and a number of values in words each."""
+    now = advice.worths[0][1]
+    if len(advice.torques) > 1:
+        shares = ", ".join(f"{100 * max(1 - F_ior / now, 0.0):.1f} % after {count}" for F_ior, count in gains)
+        return f"Expected reduction of F'_ior: {shares}."
+    values = ", ".join(f"{F_ior:.1f}″ after {count}" for F_ior, count in gains)
+    return f"Expected F'_ior{_elsewhere(advice)} in the hole then chosen: {values} (now {now:.1f}″)."
+
+
+def _elsewhere(advice: Advice) -> str:
+    """Return the only torque of the choice in words; empty if the values were measured at it."""
+    deciding = advice.torques[0]
+    return "" if {deciding} == {*advice.torques_of_values} else f" at {deciding:g} N·m"
 
 
 def _facts(advice: Advice, *, carded: bool) -> Iterator[Fact]:
-    """The choice of each torque alone, limits, and the next command, a label and a text each."""
+    """Yield the best hole for each torque, limits, and the next command, a label and a text each."""
     found, drive, at = advice.decision, advice.drive, advice.chosen.rotation_deg
     alone = [p.rotation_deg for p in advice.by_torque]
     if advice.names_hole and not advice.verification and any(each != alone[0] for each in alone):
-        words = (f"{M_g:g} N·m {hole_place(p)}" for M_g, p in zip(advice.torques, advice.by_torque, strict=True))
-        yield "each torque alone", ", ".join(words)
+        words = (f"{M_g:g} N·m: {hole_place(p)}" for M_g, p in zip(advice.torques, advice.by_torque, strict=True))
+        yield "best hole for each torque", "; ".join(words)
     if found.stay is None:
-        yield "forbidden", "the wheel may not stay where it stands"
+        yield "not allowed", f"{start_of_count(drive)}, so the {wheel(drive)} has to move"
     if found.is_sampled and (kept := found.probability_kept) is not None and not advice.correction:
         limits = [f"{limit:g}″ at {M_g:g} N·m" for M_g in advice.torques if (limit := drive.limit(M_g)) is not None]
-        stays = (
-            ""
-            if not at or found.stay is None or not advice.names_hole
-            else f", {100 * kept[found.stay]:.0f} % where it stands"
-        )
-        goal = _where(advice, at) if advice.names_hole else "any hole"
-        held = f"{goal} keeps {', '.join(limits)} (F'_ior + self error)"
-        yield "limit", f"{held} with {100 * kept[found.best]:.0f} %{stays}"
+        stays = ""
+        if at and found.stay is not None and advice.names_hole:
+            stays = f"; {start_of_count(drive)}: {100 * kept[found.stay]:.0f} %"
+        goal = hole_place(advice.chosen) if advice.names_hole else "any hole"
+        event = f"{goal} meets {', '.join(limits)} (F'_ior + self error)"
+        yield "limit", f"probability that {event}: {100 * kept[found.best]:.0f} %{stays}"
     if advice.unknown and not found.is_sampled:
         yield "unknown", f"taken as 0: {unknown_names(advice.unknown)}"
     if advice.verification:
@@ -345,32 +367,34 @@ def _facts(advice: Advice, *, carded: bool) -> Iterator[Fact]:
 
 
 def _name(advice: Advice, rotation_deg: float) -> str:
-    """A position as a value is given for it."""
+    """Return the name of a position, as the command line takes it before a value."""
     return named_position(rotation_deg, advice.drive.mounting.holes)
 
 
 def _more_facts(advice: Advice) -> Iterator[Fact]:
-    """Gain, influences, samples, noise and offset by the values, a label and a text each."""
+    """Yield gain, contributions, samples, repeatability and eccentricity, a label and a text each."""
     if advice.turn and advice.decision.is_sampled and not advice.correction:
         low, middle, high = (-100 * each for each in advice.gain_range)
-        yield "gain", f"{middle:+z.0f} % ({low:+z.0f} to {high:+z.0f}) F'_ior against where it stands"
+        places = f"F'_ior in {hole_place(advice.chosen)} relative to {start_of_count(advice.drive)}"
+        yield "gain", f"{places}: {middle:+z.0f} % ({low:+z.0f} to {high:+z.0f})"
     if advice.samples:
-        yield "influence", influence_words(advice.influences, "the gain")
+        yield "contributions", influence_words(advice.influences, "the gain")
         yield "unknown", unknown_names(advice.unknown)
         yield "samples", samples_words(advice.samples)
     if after := advice.after:
         found = advice.setup.noise_arcsec * after.noise.mean()
-        yield "noise", f"given {advice.setup.noise_arcsec:g}, found {found:.2f}″"
+        yield "repeatability", f"stated {advice.setup.noise_arcsec:g}″, estimated {found:.2f}″ (1σ)"
         size, _ = after.offset
         if after.facing[0] is not None and len(size):
-            at = f"towards {after.facing[0]:.0f}° ± {after.facing[1]:.0f}°"
-            yield "cam offset", f"{size.mean():.0f} ± {size.std():.0f} µm {at} (standard deviations)"
-        yield "scale", f"F'_ior over the computed one {after.scale.mean():.2f} ± {after.scale.std():.2f}"
+            at = f"at {after.facing[0]:.0f}° ± {after.facing[1]:.0f}°"
+            yield "eccentricity", f"of the wave generator: {size.mean():.0f} ± {size.std():.0f} µm {at} (k = 1)"
+        ratio = f"{after.scale.mean():.2f} ± {after.scale.std():.2f}"
+        yield "scale", f"measured F'_ior over computed F'_ior: {ratio} (k = 1)"
         yield "unknown", unknown_names(advice.unknown)
 
 
 def _positions_table(advice: Advice, places: Sequence[int], title: str = "") -> Table:
-    """Some holes, by their places: F'_ior, median and range over samples, and how good each is."""
+    """Return a table of some holes, by their places: F'_ior, median and range, and the probabilities of the hole."""
     found, rows = advice.decision, []
     names = {found.stay: _standing(advice)}
     if advice.names_hole:
@@ -391,28 +415,31 @@ def _positions_table(advice: Advice, places: Sequence[int], title: str = "") -> 
             label, hole = "", _ANY_LINE
         rows.append((label, hole, *cells, *shares, f"{100 * action.expected_loss:.1f}"))
     spread = ": median (5 to 95 %)" * sampled + " in any hole" * (found.all_alike and not title)
-    left = f"left by {advice.correction}" if advice.correction else "F'_ior"
+    residual = f"residual F'_ior with {advice.correction}" if advice.correction else "F'_ior"
     heads = (f"at {M_g:g} N·m" for M_g in advice.torques)
-    where, counted = ("hole", "holes") if advice.drive.mounting.holes else ("turn, °", "turns")
-    of_shares = ("better", "good") * sampled
-    better = "better: than staying; good: within 5 % of the best hole; both in %"
+    where, counted = ("hole", "holes") if advice.drive.mounting.holes else ("angle, °", "angles")
+    of_shares = ("P(better)", "P(within 5 %)") * sampled
+    start = start_of_count(advice.drive)
+    better = f"better: than {start} by > {100 * found.cost:g} %; within 5 %: of the best hole"
+    governing = ", at the governing torque" * (len(advice.torques) > 1)
     first = f"{title}: " if title else ""
     return Table(
-        f"{first}{left}, ″{spread}", ("", where, *heads, *of_shares, "loss"), tuple(rows),
+        f"{first}{residual}, ″{spread}", ("", where, *heads, *of_shares, "excess, %"), tuple(rows),
         notes=(
-            *((better,) if sampled else ()),
-            f"loss: against the best hole, %; {counted} count counter-clockwise",
+            *((f"P: probability, %; {better}",) if sampled else ()),
+            f"excess: expected, over the best hole{governing}",
+            f"{counted} count counter-clockwise, seen from the wave generator side",
         ),
     )  # fmt: skip
 
 
 def _standing(advice: Advice) -> str:
-    """Word for hole 0: where the wheel stands, or after trials stood before the first of them."""
+    """Return the word for hole 0: the present hole of the wheel, after trials its hole before the first of them."""
     return "first" if advice.trials else "now"
 
 
 def _position_curves(advice: Advice) -> Iterator[Curve]:
-    """F'_ior over positions of the wheel at each torque: drive as given, ranges over samples, values, limit."""
+    """Yield F'_ior over positions of the wheel at each torque: nominal drive, ranges over samples, values, limit."""
     found, holes, curve = advice.decision, advice.drive.mounting.holes, advice.curve
     per, sampled = 360 / holes if holes else 1.0, found.is_sampled
     turns = np.array(found.rotations_deg)
@@ -442,10 +469,11 @@ def _position_curves(advice: Advice) -> Iterator[Curve]:
         if next_place is not None:
             marks.append(CurveMark(turns[next_place] / per, float(ends[1][next_place, k]), next_words, "target"))
         notes = ["median, 5 to 95 %"] * sampled
-        notes += ["unknown as 0"] * (bool(advice.unknown) and not sampled)
-        notes += ["line: limit less self error"] * (limit is not None)
+        notes += ["unknown inputs as 0"] * (bool(advice.unknown) and not sampled)
+        if limit is not None:
+            notes.append(f"line: {limit:.4g} (limit {advice.drive.limit(M_g):g} minus self error)")
         yield Curve(
-            x, line, "turned by, holes" if holes else "turned by, °", "; ".join([f"F'_ior at {M_g:g} N·m, ″", *notes]),
+            x, line, "hole" if holes else "angle, °", "; ".join([f"F'_ior at {M_g:g} N·m, ″", *notes]),
             whiskers=tuple(zip((turns / per).tolist(), ends[0][:, k].tolist(), ends[2][:, k].tolist(), strict=True))
             * sampled,
             marks=tuple(marks), limit=limit, points=bool(holes), from_zero=True, rows=5,

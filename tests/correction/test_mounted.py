@@ -72,8 +72,8 @@ def test_the_order_goes_by_what_a_table_leaves_and_by_F_ior_where_phasors_tell_n
     page = in_a_line(run(*SIX, "--compensated", "phasors", "--no-plot").stdout)
     plain = json.loads(run(*SIX, "--json").stdout)
     assert plain["compensated"] is None
-    words = "With 1280 phasors no hole is better than another by what is left. By F'_ior: "
-    assert words in page or "The correction (1280 phasors) is made there" in page
+    words = "the residual F'_ior is the same in all holes. By F'_ior without a correction: "
+    assert words in page or "it is valid in no other hole" in page
     assert plain["compensated"] is None
 
 

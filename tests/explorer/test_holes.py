@@ -115,7 +115,7 @@ def test_unknown_directions_have_a_range_with_its_verdict_and_a_card_that_says_a
 
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         told = screen(app)
-        assert "No hole is expected to be better than another" in told and "PROVEN" not in told
+        assert "no hole is expected to be better than another" in told and "PROVEN" not in told
         assert app.known.curve is not None and range_of_check(app.session) in " ".join(told.split())
         low, _, high = app.known.curve.F_ior_arcsec[:, 0, 0]
         assert f"{low:.1f}…{high:.1f}" in told and "best:" not in told
@@ -161,7 +161,7 @@ def test_limits_stand_above_the_ranges_and_the_action_before_its_reason() -> Non
         (limit,) = {bar.index("│") for bar in bars if "│" in bar}
         assert any(bar[limit - 1] == bar[limit + 1] == "─" for bar in bars)
         assert next_text(app.known).startswith(
-            "The circular spline may be put in any hole. No hole is expected to be better"
+            "The circular spline may be put in any hole. The direction of the deviations is unknown"
         )
         assert "torque" not in str(app.lines["keys"].content)
 

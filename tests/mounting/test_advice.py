@@ -103,8 +103,8 @@ def test_the_seat_shows_where_holes_lie():
 def test_the_page_names_what_each_torque_alone_would_choose_where_that_differs():
     light, heavy = [30.0, 10.0, 20.0], [10.0, 12.0, 7.0]
     (_, facts, *_), one = mount_report(advice_of(curve_of(light, heavy, holes=3)), 0).blocks, curve_of(light, holes=3)
-    assert ("each torque alone", "1 N·m hole 1, 2 N·m hole 2") in facts.rows
-    assert "each torque alone" not in dict(mount_report(advice_of(one), 0).blocks[1].rows)
+    assert ("best hole for each torque", "1 N·m: hole 1; 2 N·m: hole 2") in facts.rows
+    assert "best hole for each torque" not in dict(mount_report(advice_of(one), 0).blocks[1].rows)
 
 
 def test_the_curve_has_the_limit_less_the_self_error():

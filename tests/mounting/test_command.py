@@ -58,13 +58,13 @@ def test_people_see_curve_and_tables(answer):
     page = run(*QUICK)
     assert page.returncode == 0
     assert max(map(len, page.stdout.splitlines())) <= 80
-    for words in ("wave generator side", "hole", "counter-clockwise", "turned by, holes", "verified"):
+    for words in ("wave generator side", "hole", "counter-clockwise", "hole (N: now", "verified"):
         assert words in page.stdout
     assert len(page.stdout.splitlines()) <= 30
     told = json.loads(answer.stdout)
     one, other = (f"{F_ior:.2f}" for F_ior in told["recommended"]["F_ior_arcsec"])
     assert re.search(rf"best +\d+ +{one} +{other} ", page.stdout)
-    assert "By the values as given; how sure that is, is not known." in page.stdout
+    assert "its probability is unknown." in page.stdout
     assert run(*QUICK, "-q").stdout == f"{told['recommended']['hole']}\n"
 
 

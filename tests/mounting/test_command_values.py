@@ -120,10 +120,10 @@ def test_people_see_the_hole_how_sure_what_to_measure_and_where_to_go_on(answer)
         )
         in page
     )
-    for words in ("is better than hole 0 by more than 1 %: ", " effective samples.", "F'_ior at 4 N*m, arcsec"):
+    for words in ("is better than hole 0 by more than 1 %: ", " Effective sample size: ", "F'_ior at 4 N*m, arcsec"):
         assert words in page
     following = answer[0]["next"]
-    assert (f"Measure hole {following['hole']} " if following else "Stop measuring: ") in page
+    assert (f"Next, measure hole {following['hole']}" if following else "Stop measuring: ") in page
     words = re.sub(r"next hdassist .*?F_IOR", "", page)  # the command as it was typed
     assert not re.search(r"\b(tolerances|phases|gears|bearing)\.", words)  # no paths on a fitter's page
 
@@ -132,7 +132,10 @@ def test_people_see_the_hole_how_sure_what_to_measure_and_where_to_go_on(answer)
 @pytest.mark.usefixtures("kept")
 def test_details_are_all_holes_and_what_was_learnt(answer):
     page = in_a_line(run(*LOOSE, *TRIALS, "--ascii", "--details").stdout)
-    for words in ("all holes: F'_ior", f"noise given 1, found {answer[0]['trials']['noise_found_arcsec']:.2f} arcsec"):
+    for words in (
+        "all holes: F'_ior",
+        f"stated 1 arcsec, estimated {answer[0]['trials']['noise_found_arcsec']:.2f} arcsec",
+    ):
         assert words in page
 
 
