@@ -153,14 +153,14 @@ def _of_traces(inputs: Inputs, decisions: Sequence[DecidedCheck]) -> Iterator[No
         where, directions = f"{measurement.trace.file}, {M_g:g} N*m", measurement.directions
         if any(d.M_g_Nm == M_g and d.extent not in (None, "whole", "between torques") for d in decisions):
             shares = [direction.coverage.share for direction in directions if direction.is_bound and direction.coverage]
-            visited = [f"{100 * share:.3g} % of the full cycle visited" for share in shares]
+            visited = [f"{100 * share:.3g} % of the full mesh cycle covered" for share in shares]
             yield Note("COVERAGE", f"{where}: {' and '.join(visited) or 'unknown cycle'}")
         if missing := [source.name for source in directions[0].sources if source.arcsec is None]:
-            yield Note("BUDGET", f"{where}: nothing stated of {', '.join(missing)}")
+            yield Note("BUDGET", f"{where}: no uncertainty is stated for {', '.join(missing)}")
         if lines := dict.fromkeys(f"{line.per_cam_rev:.3f}" for direction in directions for line in direction.lines):
             rise = max(direction.range.rise for direction in directions)
-            more = f"; F'_ior may be {rise:.3g}″ greater in another cycle" if rise else ""
-            yield Note("LINES", f"{where}: {', '.join(lines)} per cam turn{more}")
+            more = f"; F'_ior may be {rise:.3g}″ larger in another cycle" if rise else ""
+            yield Note("LINES", f"{where}: {', '.join(lines)} per input revolution{more}")
         assumed = [note for note in measurement.notes if NO_UNIT in note]
         yield from (Note("RECORD", f"{where}: {text}") for text in (*measurement.warnings, *assumed))
 
@@ -171,16 +171,14 @@ def _of_decisions(
     """Remarks on values, on unknown inputs, and on limits without a decision."""
     for decision in decisions:
         if decision.expanded_uncertainty is not None and decision.expanded_uncertainty > _QUARTER * decision.limit:
-            text = (
-                f"U = {decision.expanded_uncertainty:.3g} beside a limit of {decision.limit:g}, k = {COVERAGE_FACTOR:g}"
-            )
+            text = f"U = {decision.expanded_uncertainty:.3g} (k = {COVERAGE_FACTOR:g}), limit {decision.limit:g}"
             yield Note("UNCERTAINTY", f"{decision.label}: {text}")
     rated = inputs.drive.operation.rated
     for M_g in sorted({decision.M_g_Nm for decision in decisions if decision.M_g_Nm}):
         if rated and abs(M_g) > rated:
             yield Note("RATED", f"{M_g:g} N*m is above the rated torque of {rated:g} N*m")
     if predictions and predictions.unknown:
-        yield Note("UNKNOWN", f"not known: {unknown_names(predictions.unknown)}")
+        yield Note("UNKNOWN", f"unknown: {unknown_names(predictions.unknown)}")
     if left_out:
         yield Note("NOT_TESTED", "; ".join(limit.label for limit in left_out))
 

@@ -1,4 +1,4 @@
-"""Acceptance of a drive, of a lot, or done again, as a report; each check in a sentence, in CSV and in JUnit XML."""
+"""Acceptance of a drive or of a lot, and its replay, as a report; each check in words, in CSV and in JUnit XML."""
 
 import re
 from collections import Counter
@@ -33,8 +33,8 @@ from hdassist.terminal.output import csv_text, together
 from hdassist.terminal.words import WHEEL_WORDS, again, samples_words
 
 _RULE_WORDS = {
-    "guard": f"guard bands of {GUARD:g} u on each side of a limit",
-    "simple": "simple acceptance up to a limit",
+    "guard": f"guard band of {GUARD:g} u on each side of the limit",
+    "simple": "simple acceptance up to the limit",
 }
 _CHECK_FIGURES: Quantities[DecidedCheck | None] = tuple(  # of CSV
     Quantity(name)
@@ -44,25 +44,26 @@ _CHECK_FIGURES: Quantities[DecidedCheck | None] = tuple(  # of CSV
     )
 )
 FIGURES_HEAD = ",".join(("serial", "preset", *(figure.key for figure in _CHECK_FIGURES), "exit_code", "error", ""))
+_BASIS_WORDS = {"stated": "reported value"}  # of a basis whose own word is too short
 _NAMED_CHECKS = 2  # reasons below the verdict
 
 
 def number(value: float, limit: Limit) -> str:
-    """A value as its table shows it: three digits of a small limit, two decimals of an arcsec at least."""
+    """Return a value as its table shows it: three digits of a small limit, at least two decimals in arcsec."""
     if limit.check.unit != "arcsec":
         return four_digits(value)
     return f"{value:.{max(2, 2 - floor(log10(limit.limit)))}f}"
 
 
 def _value(check: DecidedCheck) -> str | None:
-    """The value; of a lower bound the lower end of its interval, as `hdassist measure` shows it."""
+    """Return the value; for a lower bound the lower end of its interval, as `hdassist measure` shows it."""
     if check.value is None or check.extent != "at least":
         return None if check.value is None else number(check.value, check)
     return f"≥ {number(max(0.0, check.value - (check.expanded_uncertainty or 0.0)), check)}"
 
 
 def _beside(name: str) -> Callable[[DecidedCheck], str | None]:
-    """A number beside the value, which a lower bound does not have."""
+    """Return the cell of a number that a lower bound does not have."""
     return lambda d: None if (value := getattr(d, name)) is None or d.extent == "at least" else number(value, d)
 
 
@@ -71,12 +72,12 @@ def _range(check: DecidedCheck, belief: Belief) -> str:
 
 
 def _bound(limit: Limit) -> str:
-    """A limit with its sign."""
+    """Return a limit with its sign."""
     return f"{'≤' if limit.check.upper else '≥'} {limit.limit:.6g}"
 
 
 def _shown_label(check: DecidedCheck) -> str:
-    """Label of a check; a predicted F'_ior has the self error on top, which a measured one contains."""
+    """Return the label of a check; the self error is added to a predicted F'_ior, a measured one contains it."""
     adds = check.check is F_IOR and check.basis == "predicted"
     return check.label.replace("F'_ior", "F'_ior + self error") if adds else check.label
 
@@ -89,19 +90,17 @@ _DECISION_COLUMNS: Quantities[DecidedCheck] = (
     Quantity("range", "5 to 95 %", value=lambda d: d.belief and _range(d, d.belief)),
     Quantity("limit", value=_bound),
     Quantity("margin", value=_beside("margin")),
-    Quantity("guard", value=lambda d: _beside("guard")(d) if d.guard else None),
-    Quantity("kept", value=lambda d: d.belief and f"{100 * d.belief.probability:.0f} %"),
+    Quantity("guard", "guard band", value=lambda d: _beside("guard")(d) if d.guard else None),
+    Quantity("kept", "P(met)", value=lambda d: d.belief and f"{100 * d.belief.probability:.0f} %"),
 )
 
 
 def accept_report(answer: AcceptAnswer, predictions: Predictions | None, drive: Drive) -> Report:
-    """An acceptance of a drive; predictions, those of the model, None without any."""
+    """Return the acceptance of a drive as a report; predictions: those of the model, None without any."""
     found = _by_severity(_shown_checks(answer))
     worst = [check for check in found if check.verdict == found[0].verdict]
-    reasons = [
-        f"{_shown_label(each)}: {each.reason}" if each.reason else _sentence(each) for each in worst[:_NAMED_CHECKS]
-    ]
-    reasons[-1] += f"; {len(worst) - _NAMED_CHECKS} more" if len(worst) > _NAMED_CHECKS else ""
+    reasons = [_reason(check, answer) for check in worst[:_NAMED_CHECKS]]
+    reasons[-1] += further_checks(len(worst) - _NAMED_CHECKS)
     return Report(
         command="accept",
         drive=drive,
@@ -122,21 +121,34 @@ def accept_report(answer: AcceptAnswer, predictions: Predictions | None, drive: 
     )
 
 
+def _reason(check: DecidedCheck, answer: AcceptAnswer) -> str:
+    """Return the reason for the verdict on a check in words, for a prediction its probability."""
+    if check.belief and check.verdict == "INCONCLUSIVE" and answer.rule:
+        probability = check.belief.kept.text(answer.rule.sure)
+        return f"probability that {_shown_label(check)} is {_bound(check)}{_unit(check)}: {probability}"
+    return f"{_shown_label(check)}: {check.reason}" if check.reason else _sentence(check)
+
+
+def further_checks(count: int) -> str:
+    """Return the end of a list that names a number of further checks; empty without any."""
+    return f"; {count} further check{'s' * (count > 1)}" if count > 0 else ""
+
+
 def _more_facts(answer: AcceptAnswer, predictions: Predictions | None) -> Iterator[Fact]:
-    """Influences, samples, grounds of all checks, remarks and files, a label and a text each."""
+    """Yield contributions, samples, reasons of all checks, notes and files, a label and a text each."""
     if predictions:
-        yield "influence", influence_at(predictions)
+        yield "contributions", influence_at(predictions)
         yield "samples", samples_words(predictions.samples) if predictions.samples else ""
         yield "exact", fitted_words(predictions.samples.prior) if predictions.samples else ""
     yield "reasons", "\n".join(f"{each.label}: {each.verdict}, {each.reason}" for each in answer.checks if each.reason)
-    yield "remarks", "\n".join(f"{note.code}: {note.text}" for note in answer.remarks if note.code != "RECORD")
+    yield "notes", "\n".join(f"{note.code}: {note.text}" for note in answer.remarks if note.code != "RECORD")
     yield "version", f"{__version__}, preset sha256 {str(answer.preset.sha256)[:12]}"
     hashes = {each.file: each.sha256 for each in answer.measured} | {each.file: each.sha256 for each in answer.pitch}
     yield "files", "\n".join(f"{file}: sha256 {sha256[:12]}" for file, sha256 in hashes.items())
 
 
 def _shown_checks(answer: AcceptAnswer) -> list[DecidedCheck]:
-    """Checks of an answer, stiffnesses and torques in the unit in which options give their limit."""
+    """Return the checks of an answer, stiffnesses and torques in the unit of their limit on the command line."""
     given = [LimitText.parse(text, "--limit") for text in (answer.request.limits if answer.request else ())]
     units = {each.field: each.text.lstrip("+-.0123456789 eE") for each in given}
     return [_in_unit(check, units.get(check.check.field, "")) for check in answer.checks]
@@ -150,41 +162,43 @@ def _in_unit(check: DecidedCheck, unit: str) -> DecidedCheck:
 
 
 def _by_severity(checks: Iterable[DecidedCheck]) -> list[DecidedCheck]:
-    """Checks by their verdict, the worst first, and those of a verdict by their room to the limit, the least first."""
+    """Return checks with the worst verdict first, and those of a verdict with the smallest margin first."""
     return sorted(checks, key=lambda each: (SEVERITY.index(each.verdict), (each.margin or 0.0) / each.limit))
 
 
 def _tables(answer: AcceptAnswer) -> Iterator[Table]:
-    """A table of the checks that are known in one way, for each way."""
+    """Yield a table of checks for each basis of their values."""
     assert answer.rule is not None
     teeth = ", ".join(f"{WHEEL_WORDS[wheel.wheel]} ({shown(wheel.file)})" for wheel in answer.pitch)
     titles = {
         "measured": f"measured: {_RULE_WORDS[answer.rule.measured]}",
-        "stated": f"measured otherwise: {_RULE_WORDS[answer.rule.measured]}",
-        "predicted": f"predicted: PASS from {100 * answer.rule.sure:g} % probability; "
-        "no decision on conformity" + (f"; measured teeth: {teeth}" if teeth else ""),
+        "stated": f"reported values: {_RULE_WORDS[answer.rule.measured]}",
+        "predicted": f"predicted: PASS from a probability of {100 * answer.rule.sure:g} %; "
+        "a prediction is no statement of conformity" + (f"; measured teeth: {teeth}" if teeth else ""),
     }
     for basis, title in titles.items():
         checks = [check for check in _shown_checks(answer) if (check.basis or "measured") == basis]
         less = "margin" if any(check.belief for check in checks) else ""  # a probability stands in its place
         columns = [q for q in _DECISION_COLUMNS if q.key != less and {*map(q.text, checks)} - {NO_VALUE}]
+        predicted = basis == "predicted" and all(check.belief for check in checks)
+        columns = [replace(q, label="median") if predicted and q.key == "value" else q for q in columns]
         yield Table.by_row(title, columns, checks)
 
 
 def _facts(answer: AcceptAnswer, predictions: Predictions | None, drive: Drive) -> Iterator[Fact]:
-    """Possible steps, remarks and the next command, a label and a text each."""
+    """Yield options, questions, notes and the next command, a label and a text each."""
     if predictions:
         yield from steps_facts(predictions)
     codes = " ".join(dict.fromkeys(note.code for note in answer.remarks))
     records = [note.text for note in answer.remarks if note.code == "RECORD"]
-    yield "remarks", "\n".join([*records, f"hdassist explain {codes}"]) if codes else ""
+    yield "notes", "\n".join([*records, f"hdassist explain {codes}"]) if codes else ""
     first = _by_severity(answer.checks)[0]
     if _is_open(first) and first.extent == "at least":
         of, travel = Kinematics.of(drive), drive.acceptance.travel
         turns = travel * abs(of.u) / 360
-        whole = f"the full cycle, {of.cycle_cam_revolutions} cam turns: less than a third of it never passes a drive"
+        whole = f"the full mesh cycle, {of.cycle_cam_revolutions} input revolutions; less than a third never gives PASS"
         if turns < of.cycle_cam_revolutions:
-            whole = f"all of the travel, {travel:g}° of the output, {turns:.4g} cam turns: a part of it never passes"
+            whole = f"the whole travel, {travel:g}° of the output, {turns:.4g} input revolutions; a part never gives PASS"
         yield "measure", whole
     if _is_open(first) or (first.basis == "predicted" and first.verdict != "FAIL"):
         yield "next", _with_measured(first, answer, drive)
@@ -195,7 +209,7 @@ def _facts(answer: AcceptAnswer, predictions: Predictions | None, drive: Drive) 
 
 
 def _with_measured(check: DecidedCheck, answer: AcceptAnswer, drive: Drive) -> str:
-    """The same command with a value of a check that is still to be measured, in place of a record at its torque."""
+    """Return the same command with the value of a check still to be measured instead of a recording at its torque."""
     if not (answer.request and check.option.startswith("--measured")):
         return f"{again('accept', drive)} {check.option}"
     torques = {text: torque_and_file(text)[0] for text in answer.request.measured}  # empty: that of the only limit
@@ -206,12 +220,12 @@ def _with_measured(check: DecidedCheck, answer: AcceptAnswer, drive: Drive) -> s
 
 
 def _with_budget(unstated: Sequence[str]) -> str:
-    """The option that states sources of uncertainty which nobody has stated; empty without any."""
+    """Return the option that states the sources of uncertainty not yet stated; empty without any."""
     return f" --budget {','.join(f'{name}=U' for name in unstated)}" if unstated else ""
 
 
 def _sentence(check: DecidedCheck) -> str:
-    """A check in words: value, uncertainty or range, limit, margin and the guard that it needs, how it is known."""
+    """Return a check in words: value, uncertainty or range, limit, margin, guard band, and the basis of the value."""
     cells = {quantity.key: quantity.of(check) for quantity in _DECISION_COLUMNS}
     if not cells["value"]:
         return f"{_shown_label(check)}: no value, limit {_bound(check)}{_unit(check)}"
@@ -219,34 +233,36 @@ def _sentence(check: DecidedCheck) -> str:
     value = cells["value"] + spread + (f" ({cells['range']})" if cells["range"] else "")
     if check.at_most is not None and check.verdict != "FAIL":
         value += f" to {check.at_most:.4g}"
-    rest = [f"{name} {cells[name]}" for name in ("limit", "margin", "guard", "kept") if cells[name]]
-    return ", ".join(filter(None, (f"{_shown_label(check)}: {value}{_unit(check)}", *rest, check.basis)))
+    labels = {"limit": "limit", "margin": "margin", "guard": "guard band", "kept": "probability that it is met"}
+    rest = [f"{label} {cells[name]}" for name, label in labels.items() if cells[name]]
+    basis = _BASIS_WORDS.get(str(check.basis), check.basis)
+    return ", ".join(filter(None, (f"{_shown_label(check)}: {value}{_unit(check)}", *rest, basis)))
 
 
 def _unit(check: DecidedCheck) -> str:
-    """The unit as it stands behind a value."""
+    """Return the unit as it appears after a value."""
     return "″" if check.unit == "arcsec" else f" {check.unit.replace('*', '·')}"
 
 
 def _is_open(check: DecidedCheck) -> bool:
-    """Whether a prediction, or a record of a part of the cycle, leaves a check open, so that measuring decides it."""
+    """Return whether a prediction, or a recording of a part of the cycle, leaves a check undecided."""
     return check.verdict == "INCONCLUSIVE" and (check.basis == "predicted" or check.extent == "at least")
 
 
 def _to_explain(checks: Iterable[DecidedCheck]) -> str:
-    """The command that explains failed checks, or measured ones that are open; empty without any."""
+    """Return the command that explains checks that fail, or measured ones without a decision; empty without any."""
     codes = [each.code for each in checks if each.verdict in ("FAIL", "INCONCLUSIVE") and not _is_open(each)]
     return f"hdassist explain {' '.join(dict.fromkeys(codes))}" if codes else ""
 
 
 def lot_report(lot: Lot, answers: Sequence[AcceptAnswer]) -> Report:
-    """Counts, yield, each drive with the check that decides, and the remedy for the rest."""
+    """Return counts, yield, and each drive with the check that decides, as a report."""
     found = lot_summary(answers)
     counts = [f"{count} {verdict}" for verdict in LOT_VERDICTS if (count := found["verdicts"][verdict])]
-    why = "no drive is decided: each line says why"
+    why = "no drive has a decision; the table gives the reasons"
     if share := found["yield"]:
         percent = percent_text(share["share"], share["low"], share["high"])
-        why = f"yield: {found['verdicts']['PASS']} of {share['decided']} drives that pass or fail, {percent}"
+        why = f"yield: {percent}, {found['verdicts']['PASS']} of the {share['decided']} drives with PASS or FAIL"
     same: dict[str, AcceptAnswer] = {}  # the first answer with a fault, by the words of that
     drives = tuple(
         (title(each), each.status, _deciding(each, same.setdefault(fault_words(each), each))) for each in answers
@@ -254,7 +270,7 @@ def lot_report(lot: Lot, answers: Sequence[AcceptAnswer]) -> Report:
     warnings = tuple(_shared_records(answers))
     if lot.remarks:
         lines = shortened(lot.remarks)
-        warnings = (*warnings, f"{lot.file}: taken as remarks, not as rows: line{'s' * (len(lot.remarks) > 1)} {lines}")
+        warnings = (*warnings, f"{lot.file}: read as comments, not as rows: line{'s' * (len(lot.remarks) > 1)} {lines}")
     return Report(
         command="accept",
         drive=None,
@@ -279,7 +295,7 @@ def lot_report(lot: Lot, answers: Sequence[AcceptAnswer]) -> Report:
 
 
 def _shared_records(answers: Sequence[AcceptAnswer]) -> Iterator[str]:
-    """A warning for each record that several drives have: most likely one was copied, or named in a wrong row."""
+    """Yield a warning for each recording of several drives: probably a copy, or named in a wrong row."""
     drives: dict[str, dict[str, str]] = {}  # names of drives with the files that they name, by SHA-256
     for answer in answers:
         for trace in answer.measured:
@@ -290,7 +306,7 @@ def _shared_records(answers: Sequence[AcceptAnswer]) -> Iterator[str]:
 
 
 def _deciding(answer: AcceptAnswer, first_alike: AcceptAnswer) -> str:
-    """The check that decides, the worst one with the least room, and why it is not plain; or its error, given once."""
+    """Return the check that decides, the worst one with the smallest margin, and its reason; or its error, once."""
     if not answer.error:
         worst = _by_severity(_shown_checks(answer))[0]
         return "; ".join(filter(None, (_sentence(worst), worst.reason)))
@@ -301,17 +317,17 @@ def _deciding(answer: AcceptAnswer, first_alike: AcceptAnswer) -> str:
 
 
 def fault_words(answer: AcceptAnswer) -> str:
-    """The error of a row without its place, by which rows with the same one are known; empty of a decided drive."""
+    """Return the error of a row without its place, which is equal for rows with the same error; empty without one."""
     return re.sub(rf"^{re.escape(answer.place or '')}(:\d+)?: ", "", answer.error.message) if answer.error else ""
 
 
 def _lot_facts(answers: Sequence[AcceptAnswer]) -> Iterator[Fact]:
-    """Remarks, the next measurement and the next command, a label and a text each."""
-    remarks = Counter(code for answer in answers for code in {remark.code for remark in answer.remarks})
-    yield "remarks", "; ".join(f"{code}: {_drives(remarks[code])}" for code in sorted(remarks))
+    """Yield notes, the next measurement and the next command, a label and a text each."""
+    notes = Counter(code for answer in answers for code in {note.code for note in answer.remarks})
+    yield "notes", "; ".join(f"{code}: {_drives(notes[code])}" for code in sorted(notes))
     checks = sorted((check for answer in answers for check in answer.checks), key=lambda check: check.code)
     open_ = sorted({check.label for check in checks if _is_open(check)})
-    yield "measure", f"{'; '.join(open_)}: open by its prediction, or by a part of the cycle" if open_ else ""
+    yield "measure", f"{'; '.join(open_)}; a prediction or a part of the cycle does not decide" if open_ else ""
     failed = [
         ((check.value or 0.0) / check.limit, place, check)
         for place, answer in enumerate(answers)
@@ -322,7 +338,7 @@ def _lot_facts(answers: Sequence[AcceptAnswer]) -> Iterator[Fact]:
     turning, named = "", []
     for place, (times, check) in sorted(worst.items(), key=lambda item: item[1][0]):  # what needs the least, first
         request = answers[place].request
-        named.append(f"{title(answers[place])}, {times:.3g} times its limit")
+        named.append(f"{title(answers[place])} ({times:.3g} times its limit)")
         if turning or request is None:
             continue
         value = "h0=VALUE" if check.basis == "predicted" or check.value is None else f"h0={check.value:g}"
@@ -330,8 +346,10 @@ def _lot_facts(answers: Sequence[AcceptAnswer]) -> Iterator[Fact]:
         torque = ["--trial-torque", f"{check.M_g_Nm:g}"]
         turning = command_line(["hdassist", "mount", request.preset, value, *sets, *torque])
     if named:
-        more = f"; {len(named) - _NAMED_CHECKS} more" * (len(named) > _NAMED_CHECKS)
-        yield "turn it", f"{'; '.join(named[:_NAMED_CHECKS])}{more}: the next command is of the first"
+        more = len(named) - _NAMED_CHECKS
+        others = f"; {more} further drive{'s' * (more > 1)}" if more > 0 else ""
+        first = '. "next" is for the first one' if len(named) > 1 else ""
+        yield "other hole", f"for {'; '.join(named[:_NAMED_CHECKS])}{others}{first}"
     yield "next", turning or _to_explain(checks)
 
 
@@ -340,7 +358,12 @@ def _drives(count: int) -> str:
 
 
 def replay_report(recorded: AcceptAnswer, now: AcceptAnswer | None, fault: DataError | None) -> Report:
-    """An answer done again: the answer now, None where its row was wrong in itself, or the fault that prevents it."""
+    """Return the replay of an answer as a report.
+
+    recorded: the answer of the file.
+    now: the answer today, None if its row was invalid.
+    fault: the fault that prevents a replay, None without one.
+    """
     found = answer_differences(recorded, now) if now else []
     outcome, code = ("differs", 3) if found else ("agrees", 0) if now else ("left out", 0)
     if fault:
@@ -367,13 +390,13 @@ def replay_report(recorded: AcceptAnswer, now: AcceptAnswer | None, fault: DataE
 
 
 def title(answer: AcceptAnswer) -> str:
-    """The name of a drive on a line: its serial, else its preset, with control characters escaped."""
+    """Return the name of a drive on a line: its serial, else its preset, with control characters escaped."""
     name = answer.serial or answer.preset.name
     return shown(name, len(name))
 
 
 def csv(answers: Sequence[AcceptAnswer]) -> str:
-    """One row per drive and check; a drive without an answer has a row with its error."""
+    """Return one row per drive and check as CSV; a drive without an answer has a row with its error."""
     rows = [
         {
             "serial": answer.serial,

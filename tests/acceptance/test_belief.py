@@ -145,9 +145,9 @@ def test_the_page_says_what_it_would_take_and_how_to_measure():
     done = run(*asked, "--draws", "8")
     page = in_a_line(done.stdout)
     assert done.returncode == 6
-    assert page.startswith("tiny: INCONCLUSIVE F'_ior + self error at 4 N·m: probability that the limit is met: ")
-    for words in ("predicted: PASS from 95 % probability", "--measured 4=FILE", "options to meet ",
-                  "remarks hdassist explain UNKNOWN next hdassist accept "):  # fmt: skip
+    assert page.startswith("tiny: INCONCLUSIVE probability that F'_ior + self error at 4 N·m is ≤ ")
+    for words in ("predicted: PASS from a probability of 95 %", "--measured 4=FILE", "options to meet ",
+                  "notes hdassist explain UNKNOWN next hdassist accept "):  # fmt: skip
         assert words in page
     page = in_a_line(run(*asked, "--draws", "4", "--sure", "0.96").stdout)
     assert "--draws=4 --sure=0.96 --measured 4=FILE" in page

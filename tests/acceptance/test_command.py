@@ -141,7 +141,7 @@ def test_people_see_each_check_with_how_it_is_known(rig):
     assert done.returncode == 3
     assert max(map(len, done.stdout.splitlines())) <= 80
     assert done.stdout.isascii()
-    for words in ("small: FAIL", "measured: guard bands of 1.65 u", "predicted: PASS from 95 % probability", "<= 400",
+    for words in ("small: FAIL", "measured: guard band of 1.65 u", "predicted: PASS from a probability", "<= 400",
                   "F'_ior at 4 N*m", "BUDGET: run.csv", "equilibrium",
                   "explain F_IOR ORDER LOST_MOTION"):  # fmt: skip
         assert words in done.stdout

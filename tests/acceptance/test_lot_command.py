@@ -76,15 +76,15 @@ def test_a_lot_on_paper_and_in_files(folder, here):
     assert result.returncode == 4
     head, why, *_ = result.stdout.splitlines()
     assert head == "lot.csv, 5 drives: 1 PASS, 1 FAIL, 1 INCONCLUSIVE, 2 DATA_ERROR"
-    assert why.startswith("yield: 1 of 2 drives that pass or fail, 50 % (9 to 91)")
+    assert why.startswith("yield: 50 % (9 to 91), 1 of the 2 drives")
     verdicts = ["PASS", "FAIL", "INCONCLUSIVE", "DATA_ERROR", "DATA_ERROR"]
     page = [line for line in result.stdout.splitlines() if line.startswith("17-")]
     assert [line.split()[:2] for line in page] == [[f"17-{n}", v] for n, v in enumerate(verdicts, 1)]
     assert "F'_ior at 1 N·m: 55.00 ± 1.00″, limit ≤ 40, margin" in page[1]
     words = in_a_line(result.stdout)
-    assert "margin 0.20, guard 0.82, stated; within the guard band" in words
+    assert "margin 0.20, guard band 0.82, reported value; within the guard band" in words
     turning = f"next hdassist mount {SMALL} h0=55 --trial-torque 1"
-    assert f"turn it 17-2, 1.38 times its limit: the next command is of the first {turning}" in words
+    assert f"other hole for 17-2 (1.38 times its limit) {turning}" in words
     assert "lot.csv:5:10: measured@4: no such file: gone.csv" in page[3]
     for words in (
         "error: 17-4: lot.csv:5:10: measured@4: no such file: gone.csv",
@@ -434,7 +434,7 @@ def test_a_lot_without_one_answer_says_so(folder, here):
     code, page, _ = here("accept", "lot.csv", "--preset", SMALL, "--measured-only")
     assert code == 4
     assert page.splitlines()[:2] == [
-        "lot.csv, 2 drives: 2 DATA_ERROR", "no drive is decided: each line says why"
+        "lot.csv, 2 drives: 2 DATA_ERROR", "no drive has a decision; the table gives the reasons"
     ]  # fmt: skip
 
 
@@ -502,6 +502,6 @@ def test_the_drive_nearest_to_its_limit_is_turned_first_and_all_say_how_far_they
     words = in_a_line(here(*MEASURED)[1])
     turning = f"next hdassist mount {SMALL} h0=60 --set phases.xi_b=61 --trial-torque 4"
     assert (
-        f"turn it near, 2 times its limit; far, 100 times its limit: the next command is of the first {turning}"
+        f'other hole for near (2 times its limit); far (100 times its limit). "next" is for the first one {turning}'
         in words
     )

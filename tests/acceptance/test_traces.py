@@ -53,7 +53,7 @@ def test_a_part_of_the_cycle_can_fail_a_drive_and_never_pass_it():
         assert [d.verdict for d in found.checks] == [verdict] * 2
         assert "COVERAGE" in [note.code for note in found.remarks]
     facts = facts_of(accept_report(found, None, drive))
-    assert facts["measure"] == "the full cycle, 30 cam turns: less than a third of it never passes a drive"
+    assert facts["measure"] == "the full mesh cycle, 30 input revolutions; less than a third never gives PASS"
     assert facts["next"].endswith("--measured 4=FILE --budget encoder=U,coupling=U,reseating=U,temperature=U")
     assert accept(small("order_2=1"), measured, measured_only=True).verdict == "INCONCLUSIVE"
 
