@@ -100,7 +100,7 @@ def accept_report(answer: AcceptAnswer, predictions: Predictions | None, drive: 
     found = _by_severity(_shown_checks(answer))
     worst = [check for check in found if check.verdict == found[0].verdict]
     reasons = [_reason(check, answer) for check in worst[:_NAMED_CHECKS]]
-    reasons[-1] += further_checks(len(worst) - _NAMED_CHECKS)
+    reasons[-1] += _further_checks(len(worst) - _NAMED_CHECKS)
     return Report(
         command="accept",
         drive=drive,
@@ -129,7 +129,7 @@ def _reason(check: DecidedCheck, answer: AcceptAnswer) -> str:
     return f"{_shown_label(check)}: {check.reason}" if check.reason else _sentence(check)
 
 
-def further_checks(count: int) -> str:
+def _further_checks(count: int) -> str:
     """Return the end of a list that names a number of further checks; empty without any."""
     return f"; {count} further check{'s' * (count > 1)}" if count > 0 else ""
 
