@@ -36,7 +36,7 @@ _UNITS_OF_NAMES = {  # by the end of a name, which is the unit in JSON: unit and
     "Nm": ("N·m", "g"),
     "N": ("N", ".0f"),
     "um": ("µm", ".1f"),
-    "revolutions": ("cam turns", ".2f"),
+    "revolutions": ("input revolutions", ".2f"),
 }
 
 

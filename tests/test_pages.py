@@ -101,7 +101,7 @@ def test_mount(tmp_path: Path):
 
 def test_measure(tmp_path: Path):
     output = output_of("measure.md", tmp_path)
-    for words in ("at least", "full cycle: 100 cam turns, 1 output turn"):
+    for words in ("at least", "full mesh cycle of 100 input revolutions"):
         assert words in output
     for words in ("agrees", "explained by one deviation", "mirrored --error-is output-cam"):
         assert words in output
@@ -116,7 +116,7 @@ def test_files(tmp_path: Path):
 
 def test_correct(tmp_path: Path):
     output = output_of("correct.md", tmp_path)
-    assert "vzp160, correction at 80 N·m: 1280 phasors leave 0.1 of 28.7″ (0 %)" in output
+    assert "vzp160, correction at 80 N·m: 1280 correction terms leave 0.1 of 28.7″ (0 %)" in output
     assert len((tmp_path / "table.csv").read_text().splitlines()) == 1501
     assert json.loads((tmp_path / "correction.json").read_text())["schema"] == "hdassist.compensate/1"
 

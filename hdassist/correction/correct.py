@@ -579,8 +579,8 @@ def _likely_cause(before: Array, taken: Array, record: RecordedError, lines: Err
     if way == 2:
         return "the correction is not on"
     found = ["its sign is flipped"] * (way == 1)
-    found += [f"its zero is off by {abs(off_deg):.0f}° of the cam"] * (abs(off_deg) > _IN_ZERO_DEG)
-    found += [f"{abs(turns)} turns of the cam are lost"] * bool(turns)
+    found += [f"its zero is off by {abs(off_deg):.0f}° of the input"] * (abs(off_deg) > _IN_ZERO_DEG)
+    found += [f"{abs(turns)} input revolutions are lost"] * bool(turns)
     return ", ".join(found)
 
 

@@ -53,12 +53,12 @@ class _Order:
 
 
 def order_legend(drive: Drive) -> str:
-    """How to read the causes of a drive's orders."""
-    even = ", an even number of them in all: z_g, N and n_2 are even" * is_half_turn_symmetric(drive)
+    """Return the explanation of the causes of a drive's orders."""
+    even = ", an even number of them in all, as z_g, N and n_2 are even" * is_half_turn_symmetric(drive)
     return (
-        "rigid wheel: its teeth and the cam offset that stands still with it; flexspline: its teeth and the "
-        "cam offset that goes with it; cam: the offset that turns with the cam. The error follows sums and "
-        f"differences of their orders{even}."
+        "circular spline: its teeth and the eccentricity fixed to it; flexspline: its teeth and the eccentricity fixed "
+        "to it; wave generator: the eccentricity that rotates with it. The error follows sums and differences of "
+        f"their orders{even}."
     )
 
 
@@ -87,9 +87,9 @@ def known_causes(drive: Drive) -> dict[tuple[int, int], tuple[float, str]]:
 
 def _words(k_g: int, k_b: int, needs_cam: bool) -> str:
     flexspline = f"{k_g if k_g > 1 else ''} flexspline" if k_g else ""
-    rigid = f"{abs(k_b) if abs(k_b) > 1 else ''} rigid wheel" if k_b else ""
+    rigid = f"{abs(k_b) if abs(k_b) > 1 else ''} circular spline" if k_b else ""
     between = (" - " if k_b < 0 else " + ") if k_g and k_b else ""
-    return " ".join(f"{flexspline}{between}{rigid}{' + cam' if needs_cam else ''}".split())
+    return " ".join(f"{flexspline}{between}{rigid}{' + wave generator' if needs_cam else ''}".split())
 
 
 def orders(drive: Drive, error_arcsec: Array, revolutions: int) -> list[_Order]:

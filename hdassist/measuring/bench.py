@@ -399,7 +399,7 @@ def place_loops(record: LoopRecord, rated: float) -> tuple[PlaceLoop, ...]:
 
 def loop_quantities(loops: tuple[PlaceLoop, ...]) -> tuple[StatedQuantity, ...]:
     """The greatest hysteresis loss and lost motion over places."""
-    words = f"the greatest of {len(loops)} places" if len(loops) > 1 else "one place"
+    words = f"the largest of {len(loops)} places" if len(loops) > 1 else "one place"
     hysteresis, lost = max(loop.hysteresis for loop in loops), max(loop.lost_motion for loop in loops)
     return StatedQuantity("hysteresis_loss", *hysteresis, words), StatedQuantity("lost_motion", *lost, words)
 

@@ -58,11 +58,11 @@ class FullCycle:
 def reason_outside(result: Measurement, sweep: SweepResult) -> str:
     """Return why the model does not hold for a direction of a measurement; empty if it does."""
     if result.gearing is None or sweep.coverage is None:
-        return "the full cycle is not known"
+        return "the full cycle is unknown"
     if result.gearing.travel:
-        return "F'_ior counts over a travel, whose place in the cycle is not known"
+        return "F'_ior is that over a travel, whose place in the cycle is unknown"
     if sweep.is_scale_bound:
-        return "the declination of the guide star is not known, and with it the size of the error"
+        return "the declination of the guide star is unknown, and with it the size of the error"
     if sweep.direction == 0:
         return "both directions were taken as one"
     if result.trace.is_between_torques or len(sweep.fit.blocks) > 1 or _is_torque_changing(result, sweep):

@@ -64,18 +64,20 @@ from hdassist.run.kept import ClosedRecord
 _DRIFTS = {"none": 0, "linear": 1, "quadratic": 2}
 _SHORTEST_TURNS = 1.0  # cam turns
 _STEPS_PER_PERIOD = 2.5  # of the angle, in a period of the highest order, at least
-DRIFT_LEFT = "linear drift of {:.3g}″ over the record left in (--drift linear), if it is no part of a slow order"
+DRIFT_LEFT = "a linear drift of {:.3g}″ over the recording is not removed (--drift linear), as it may be a slow order"
 _DRIFT_OFF = (
-    "the cycle does not close: linear drift of {:.3g}″ taken off; with it the curve spans {:.1f}″; is the ratio right?"
+    "the cycle does not close: a linear drift of {:.3g}″ is removed; with it the curve spans {:.1f}″; check the ratio"
 )
 _WIND_UP_LEFT = (
-    "the torque goes with the output's turn: its wind-up is left in (--drive PRESET with catalogue.K_1 to K_3)"
+    "the torque follows the output angle: its wind-up is not removed (--drive PRESET with catalogue.K_1 to K_3)"
 )
 _CHANGES_LEFT = (
-    "the record does not tell how the orders change with the torque, which may be part of F'_ior: "
+    "the recording does not show how the orders change with the torque, which may be part of F'_ior: "
     "record a sweep at each torque"
 )
-_STRAIGHT = "F'_ior at {:g} N·m is by a straight line from {:.3g} to {:.3g} N·m: the record does not tell a bend"
+_STRAIGHT = (
+    "F'_ior at {:g} N·m is interpolated linearly from {:.3g} to {:.3g} N·m: the recording does not show a curvature"
+)
 _CYCLES_OF_RATIO = 1.2  # full cycles, from which on a record shows whether its beats are those of the ratio
 _BENT = 1 / 4  # of a drift: how far it may depart from a line to either side
 _COARSE_STEP = 1 / 4  # of F'_ior: greatest step in time with the turns that the error is resolved from
@@ -327,7 +329,7 @@ class _RecordUnderway:
         if longest < _SHORTEST_TURNS - 0.01:
             if own.sweeps:
                 way = "growing" if sign > 0 else "falling"
-                self.notes.append(f"{way} angles left out: {longest:.2g} of a cam turn")
+                self.notes.append(f"{way} angles omitted: {longest:.2g} of an input revolution")
             return None
         fit = self._fitted(sign)
         own, bins = self.trace.one_way(sign), fit.bins
@@ -356,7 +358,7 @@ class _RecordUnderway:
         found = self._sweep_result(sign, fit, drift_left, miss)
         if not fit.unmodelled < _UNMODELLED * found.range.value:
             size = f"{fit.unmodelled:.2g}″"
-            self.warnings.append(f"error beyond the declared orders, {size}: declare more of them, or it drifts")
+            self.warnings.append(f"error beyond the declared orders, {size}: declare more orders, or remove a drift")
         shafts = shaft_components(self.trace.one_way(sign), fit, self.shafts, gearing)
         return replace(found, shafts=shafts)
 
@@ -434,19 +436,21 @@ class _RecordUnderway:
         drift = abs(drift_left) / 2 if len(fit.drift) != 1 else _BENT * abs(float(fit.drift[0]))
         wind_up = self.torque.uncertainty_arcsec if self.torque and self.torque.by == "catalogue" else 0.0
         drifting = (
-            UncertaintySource("drift", drift / sqrt(3), "how straight it is, or whether it is one"),
-            UncertaintySource(WIND_UP, wind_up, "stiffnesses of a catalogue, by which it was taken off"),
+            UncertaintySource("drift", drift / sqrt(3), "departure of the drift from a straight line"),
+            UncertaintySource(WIND_UP, wind_up, "catalogue stiffnesses by which it was removed"),
         )
         errors_range = float(np.ptp(trace.error_arcsec[trace.rows]))
         misses = [torque_miss] if torque_miss else []
         common = (
             # both extremes of a range err by themselves: hence sqrt(2)
-            UncertaintySource("between readings", image_change(fit, grid) / sqrt(2), "orders that even readings hide"),
-            UncertaintySource("beyond the orders", sqrt(2) * fit.unmodelled, "residuals that go on from step to step"),
-            UncertaintySource("guide rate", trace.scale_uncertainty * errors_range, "pulses that were added back"),
+            UncertaintySource(
+                "between readings", image_change(fit, grid) / sqrt(2), "orders hidden by evenly spaced readings"
+            ),
+            UncertaintySource("beyond the orders", sqrt(2) * fit.unmodelled, "residuals correlated from step to step"),
+            UncertaintySource("guide rate", trace.scale_uncertainty * errors_range, "guide pulses added back"),
             resolution_source(trace, float(np.sqrt(np.mean(bins.rows * fit.residual**2)))),
             *(
-                UncertaintySource("between torques", each / sqrt(12), "how straight the orders change")
+                UncertaintySource("between torques", each / sqrt(12), "curvature of the orders between torques")
                 for each in misses
             ),
             *stated_sources(self.stated),
@@ -465,7 +469,7 @@ class _RecordUnderway:
         at_torques = [(torque, ranges(fit.at_torque(torque))[0]) for torque in torques]
         sources = (
             UncertaintySource("noise", extent.spread, "bootstrap of the residuals"),
-            UncertaintySource("bias correction", extent.bias_uncertainty, "a third of what was taken off"),
+            UncertaintySource("bias correction", extent.bias_uncertainty, "a third of the removed bias"),
             *drifting,
             *common,
         )
@@ -522,7 +526,7 @@ def _declared(trace: MeasuredTrace, orders: Sequence[float] | None, notes: list[
             f"{trace.file}: {message}", f"up to {highest:.2g} can be declared: --orders", Fault.ORDERS_UNTOLD
         )
     notes.append(
-        f"orders up to {kept[-1]:g} only: the steps of the angle resolve no more, and may show higher ones as these"
+        f"orders up to {kept[-1]:g} only: the steps of the angle resolve no higher ones, which may appear as these"
     )
     return kept
 
@@ -537,11 +541,11 @@ def _fit(bins: Bins, declared: Sequence[float], ratio: float, slow: SlowTerms, n
             with suppress(UntrustedError):
                 fit = fit_orders(bins, orders, slow)
                 if orders is not grids[0][1]:
-                    notes.append(f"beats up to {beats} to either side of an order: too few angles for all {BEATS}")
+                    notes.append(f"{beats} sidebands on each side of an order: too few angles for {BEATS}")
                 return fit
     if len(without) < len(declared):
-        notes.append(f"orders closer than 1/{turns:.3g} joined: the record does not tell them apart")
-    notes.append("beats with the output are not resolved: each order stands for them too")
+        notes.append(f"orders closer than 1/{turns:.3g} combined: the recording does not resolve them")
+    notes.append("sidebands at the output frequency are not resolved and are included in the orders")
     return fit_orders(bins, without, slow)
 
 

@@ -46,20 +46,20 @@ _UNSEEN_FACTOR = 2.5  # ovals of both wheels cancel more often than beats that a
 WHOLE_TURN = 0.97  # of an output turn: a record that has its beats
 _TRAVEL_GAP = 0.6  # of the resolution, between orders of a travel
 _TRAVEL_RIDGE = 1e-7  # of the normal equations: in the travel, the curve moves by less than its noise
-_LINE_CAUSE = "none of the orders, or not told apart from one: ball pass, cage, rig"
-_BEAT_CAUSE = "beats of an order with the output, or a line: part of an output turn does not tell them apart"
+_LINE_CAUSE = "no order, or not resolved from one: ball pass, cage, test rig"
+_BEAT_CAUSE = "sidebands of an order, or a line: a part of an output revolution does not resolve them"
 LINE_WIDTH = 1.5  # of the resolution, to either side: a wave's own peak
 _RIG_CAUSES = {  # parts of the rig that repeat so often in a turn of the output
-    1.0: "once per output turn: also encoder graduation and coupling, gravity",
-    2.0: "twice per output turn: also encoder graduation and coupling",
+    1.0: "once per output revolution: also encoder graduation and coupling, gravity",
+    2.0: "twice per output revolution: also encoder graduation and coupling",
 }
-_CAM_CAUSE = "once per cam turn: also the cam's encoder"
+_CAM_CAUSE = "once per input revolution: also the input encoder"
 LARGEST_UNCERTAINTY = 1e6  # arcsec, of one that is stated
 STATED = {  # sources that a single record cannot show
-    "encoder": "graduation of the output's encoder, once per output turn; the cam's off its centre, once per cam turn",
-    "coupling": "eccentricity of the output coupling: cannot be told from once-per-output error",
-    "reseating": "taking the drive off the rig and putting it back",
-    "temperature": "temperature of drive and rig: operation.dT, known only so well",
+    "encoder": "graduation of the output encoder, once per output revolution; eccentricity of the input encoder",
+    "coupling": "eccentricity of the output coupling: looks like an error once per output revolution",
+    "reseating": "removal of the drive from the test rig and reinstallation",
+    "temperature": "temperature of drive and test rig (operation.dT)",
 }
 WIND_UP = "wind-up"
 _POINTS_PER_PERIOD = 16  # points in a period of the highest order
@@ -378,7 +378,9 @@ def resolution_source(trace: MeasuredTrace, scatter: float) -> UncertaintySource
     unit = trace.step_arcsec / sqrt(12)
     if trace.dithered or trace.step_arcsec / 2 < scatter:
         if trace.in_time and trace.cam_step_arcsec:
-            return UncertaintySource("resolution", 2 * trace.cam_step_arcsec / sqrt(12), "cam counts at even angles")
+            return UncertaintySource(
+                "resolution", 2 * trace.cam_step_arcsec / sqrt(12), "counts of the input at even angles"
+            )
         return UncertaintySource("resolution", 0.0, "no step seen above the noise")
     if trace.in_time:
         return UncertaintySource("resolution", 2 * unit, "step of the readings, at even angles")

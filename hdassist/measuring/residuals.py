@@ -210,7 +210,9 @@ def with_step(trace: MeasuredTrace, fit: TraceFit) -> tuple[MeasuredTrace, str] 
     (own, (step,)), (drift, (slope,)) = (fit.beside(column[:, None]) for column in columns)
     if step**2 * (bins.weight @ own**2)[0] < slope**2 * (bins.weight @ drift**2)[0]:
         return None
-    words = f"the error steps by {step:.3g}″ at line {line}, as where a coupling slips or counts are lost: taken off"
+    words = (
+        f"the error steps by {step:.3g}″ at line {line}, as if a coupling slips or counts are lost; the step is removed"
+    )
     return replace(trace, breaks=tuple(sorted((*trace.breaks, line)))), words
 
 
@@ -250,5 +252,5 @@ def without_spikes(trace: MeasuredTrace, fit: TraceFit) -> tuple[MeasuredTrace, 
     if not trace.robust and (inside[spikes] >= _LONGEST_SPIKE).any():  # a shaft that turns back has play and a lag
         hint = "check the encoders' cables and counters, or leave out these rows: --robust"
         raise UntrustedError(f"{trace.file}: {words}, no readings of a shaft", hint, Fault.ORDERS_UNTOLD)
-    words += f", left out; else the curve would span {np.ptp(fit.curve(bins.turns)):.1f}″"
+    words += f", omitted; with them the curve would span {np.ptp(fit.curve(bins.turns)):.1f}″"
     return trace.without(rows[spikes]), words

@@ -10,6 +10,7 @@ import numpy as np
 from hdassist.correction.correct import (
     HALVED,
     IN_PLACE,
+    TURN_LOST,
     Correction,
     ErrorPart,
     FormResiduals,
@@ -22,25 +23,36 @@ from hdassist.errors import Verdict
 from hdassist.model.deviations import unknown_notes, unknowns
 from hdassist.model.geometry import Array
 from hdassist.report import Curve, Fact, Facts, Report, Table, csv_columns, samples_object
-from hdassist.terminal.words import again
+from hdassist.terminal.words import ENVELOPE, again, form_words
 
-UNPROVEN = "no real drive has been corrected with this yet: record the first one corrected"
-_TOLD_NOISE_CYCLES = 1.5  # full cycles in a record that tells its noise
+UNPROVEN = "Not yet tried on a real drive: record the first one with the correction on."
+_TOLD_NOISE_CYCLES = 1.5  # full cycles in a recording that shows its noise
+_PART_WORDS = {  # parts of the error, by their names in JSON
+    "with the cam": "repeats every input revolution",
+    "beats": "sidebands",
+    "once an output turn": "once per output revolution",
+    "with load": "changes with load",
+    "with direction": "changes with direction",
+}
 _OTHER_DIRECTION = "other_direction_arcsec"  # whose torque has rows of its own
 _SHORT_FORM = "output turn, 256 points"  # that many controllers keep
 
 
 def compensate_report(result: Correction, *, is_written: bool = False, warnings: Sequence[str] = ()) -> Report:
-    """How much of the error a stored correction takes off, in which form.
+    """Return the residual error with a stored correction, by its form, as a report.
 
-    Arguments: is_written, whether a file has it; warnings, of a record alone.
+    result: the correction.
+    is_written: whether a file contains it.
+    warnings: those of a recording alone.
     """
     drive, chosen, notes = result.drive, result.chosen, tuple[str, ...]()
     if drive:
         is_open = not (result.samples or result.misfit)
         notes = (*drive.origin.warnings, *(unknown_notes(drive) if is_open else ()))
         notes += result.samples.remarks if result.samples else ()
-    refused = (f"{chosen.form.name}: refused, {_percent(chosen)} % would be left",) if chosen.is_refused else ()
+    refused = (
+        (f"{form_words(chosen.form.name)}: refused, as {_percent(chosen)} % would remain",) if chosen.is_refused else ()
+    )
     names = {_SHORT_FORM, chosen.form.name, result.forms[0].form.name}
     forms = [each for each in result.forms if each.form.name in names]
     return Report(
@@ -81,25 +93,32 @@ def compensate_report(result: Correction, *, is_written: bool = False, warnings:
 
 
 def verified_report(result: Correction, found: VerifiedCorrection) -> Report:
-    """What a record with the correction on shows, and what was promised."""
+    """Return the comparison of a recording with the correction on with the predicted residual, as a report."""
     promised, (low, high) = found.promised, found.interval_arcsec
-    came = f"at least {low:.1f}" if high is None else f"{low:.1f}-{high:.1f}"
-    rows: list[tuple[str, ...]] = [("F'_ior", f"{promised.uncorrected_p50:.1f}", _range(promised), came)]
+    measured = f"at least {low:.1f}" if high is None else f"{low:.1f}-{high:.1f}"
+    rows: list[tuple[str, ...]] = [("F'_ior", f"{promised.uncorrected_p50:.1f}", _range(promised), measured)]
     parts = zip(result.parts, found.promised_parts, found.parts, strict=False)  # loads and directions are not compared
-    rows += [(before.name, *map(_range, (before, *others))) for before, *others in parts]
-    why = [f"{found.F_ior_arcsec:.1f}″ came ({came}), promised at most {promised.p95:.1f}″"]
+    rows += [(_part_words(before), *map(_range, (before, *others))) for before, *others in parts]
+    why = [
+        f"Measured residual F'_ior: {found.F_ior_arcsec:.1f}″ ({measured}); predicted: at most {promised.p95:.1f}″ "
+        "(95th percentile)."
+    ]
     measure = []
     if found.verdict is Verdict.FAIL:
-        why.append(f"likely cause: {found.cause or 'none of sign, zero and turns; has load, hole or drive changed?'}")
+        unknown = "not sign, zero or lost revolutions; check whether load, hole or drive has changed"
+        why.append(f"Probable cause: {found.cause or unknown}.")
     elif found.verdict is Verdict.INCONCLUSIVE:
-        measure = [("measure", "the full cycle with the correction on, twice or more: that shows the noise")]
+        measure = [("measure", "the full mesh cycle twice or more with the correction on, to determine the noise")]
     return Report(
         command="compensate",
         drive=result.drive,
-        head=f"{result.correction.preset}, {result.chosen.form.name} on at {result.M_g:g} N·m",
+        head=f"{result.correction.preset}, {form_words(result.chosen.form.name)}, correction on at {result.M_g:g} N·m",
         verdict=str(found.verdict),
         why=tuple(why),
-        blocks=(Table("", ("arcsec", "before", "promised", "came"), tuple(rows)), Facts.of(measure)),
+        blocks=(
+            Table("", ("error, ″", "uncorrected", "predicted residual", "measured residual"), tuple(rows)),
+            Facts.of(measure),
+        ),
         certificate=result.certificate,
         values={"M_g_Nm": result.M_g, "form": result.chosen.form.name, "verified": found},
         line=str(found.verdict),
@@ -109,7 +128,7 @@ def verified_report(result: Correction, found: VerifiedCorrection) -> Report:
 
 
 def _columns(result: Correction) -> dict[str, Array]:
-    """Columns of the correction; where each load has one, their rows one torque after the other."""
+    """Return the columns of the correction; with one for each load, the rows of one torque after the other."""
     if not result.chosen.form.each_load:
         return correction_columns(result.correction)
     tables = [correction_columns(each) for each in result.corrections.values()]
@@ -120,34 +139,55 @@ def _columns(result: Correction) -> dict[str, Array]:
 def _verdict(result: Correction) -> str:
     form, residual = result.chosen.form, result.chosen.residuals[0]
     if not result.chosen.is_refused:
-        noise = ", with noise of the record" if result.M_g in result.records else ""
+        noise = ", including noise of the recording" if result.M_g in result.records else ""
         left = f"{_range(residual)} of {residual.uncorrected_p50:.1f}″ ({_percent(result.chosen)} %)"
-        return f"{form.name} leave {left}{noise}"
+        verb = "leave" if form.turn is None else "leaves"
+        return f"{form_words(form.name)} {verb} {left}{noise}"
     if any(each.is_refused for each in result.forms if each.form == form):
-        return f"no: {form.name} may make it worse; {_enough(result)}"
+        return f"refused: {form_words(form.name)} may increase the error; {_enough(result)}"
     best = min(result.forms, key=lambda each: each.left[1])
-    return f"record it first: {best.form.name} then leave {_percent(best)} %, from the preset alone it may get worse"
+    words = f"with a recording, {form_words(best.form.name)} would leave {_percent(best)} %"
+    return f"record first: {words}; from the preset alone the error may increase"
 
 
 def _why(result: Correction) -> Iterator[str]:
-    cam = next(each for each in result.forms if each.form.turn == "cam")
-    if cam.left[1] <= HALVED:
-        yield f"the error repeats with the cam, as of an oval wheel: a cam-turn table leaves {_percent(cam)} %"
+    table = next(each for each in result.forms if each.form.turn == "cam")
+    left = f"a table over one input revolution would leave {_percent(table)} %"
+    if table.left[1] <= HALVED:
+        yield f"The error repeats every input revolution, as with an oval wheel; {left}."
     else:
-        often = ", ".join(f"{each:g}" for each in result.strong_lines)
-        yield f"the error comes {often} times an output turn: a cam-turn table leaves {_percent(cam)} %"
+        *others, last = [f"{each:g}" for each in result.strong_lines]
+        often = f"{', '.join(others)} and {last}" if others else last
+        yield f"The error repeats mainly {often} times per output revolution; {left}."
+    yield from _other_loads(result)
     yield UNPROVEN
 
 
+def _other_loads(result: Correction) -> Iterator[str]:
+    """Yield a warning for each torque at which the chosen correction increases the error in the median."""
+    for each in result.chosen.residuals:
+        if each.case == IN_PLACE and each.M_g != result.M_g and each.p50 > each.uncorrected_p50:
+            statistic = "the median of F'_ior" if result.samples else "F'_ior"
+            change = f"{each.uncorrected_p50:.1f} → {each.p50:.1f}″"
+            yield f"At {each.M_g:g} N·m this correction increases {statistic}: {change}."
+
+
+def _part_words(part: ErrorPart) -> str:
+    """Return the name of a part of the error as pages show it."""
+    return _PART_WORDS.get(part.name, part.name)
+
+
 def _facts(result: Correction, is_written: bool) -> Iterator[Fact]:
-    yield "parts", "; ".join(f"{each.name} {_range(each)}" for each in result.parts)
-    refused = "; ".join(each.form.name for each in result.forms if each.is_refused)
-    yield "points", _enough(result) + (f"; refused, as they may make it worse: {refused}" if refused else "")
-    yield "phasors", "left by their number: " + ", ".join(f"{n}: {left:.2g}″" for n, left in result.phasors.items())
+    parts = "; ".join(f"{_part_words(each)}: {_range(each)}" for each in result.parts)
+    yield "parts, ″", parts
+    refused = "; ".join(form_words(each.form.name) for each in result.forms if each.is_refused)
+    yield "table", _enough(result) + (f"; refused, as they may increase the error: {refused}" if refused else "")
+    numbers = ", ".join(f"{n}: {left:.2g}″" for n, left in result.phasors.items())
+    yield "terms", f"residual by number of correction terms: {numbers}"
     yield from _record_facts(result)
     missing = [f"{M_g:g}" for M_g in result.errors if M_g not in result.corrections]
     if result.chosen.form.each_load and missing:
-        yield "stored", f"none at {', '.join(missing)} N·m, where it may make it worse"
+        yield "stored", f"no correction for {', '.join(missing)} N·m, where it may increase the error"
     if result.misfit or (result.chosen.is_refused and result.M_g not in result.records):
         yield "next", again("compensate", result.drive, "record.csv")
     elif not (is_written or result.records):
@@ -159,37 +199,37 @@ def _record_facts(result: Correction) -> Iterator[Fact]:
     turns = [float(np.ptp(each.cam_turns)) for each in result.records.values()]
     cycle = result.errors[result.M_g].lines.kinematics.cycle_cam_revolutions
     if result.misfit and result.drive:
-        cycle_turns = f"{', '.join(f'{each:.3g}' for each in turns)} of {cycle} turns"
-        yield "record", f"{cycle_turns} at {recorded} N·m; the correction has the preset's angles"
+        recording = f"{', '.join(f'{each:.3g}' for each in turns)} of {cycle} input revolutions"
+        yield "recording", f"{recording} at {recorded} N·m; angles count as in the preset"
         fitted = ", ".join([*(each.path for each in unknowns(result.drive)), "values in doubt (docs/correct.md)"])
         yield "fitted", f"{fitted}; misfit {100 * result.misfit:.0f} % of the error"
-        yield "measure", "the full cycle: it needs no fit"
+        yield "measure", "the full mesh cycle, which needs no fit"
     elif ends := result.recorded_deg:
-        words = (
-            f"{ends[0]:z.1f} to {ends[1]:z.1f}° of the output; beyond its ends the correction goes on without a promise"
-        )
-        yield "record", f"at {recorded} N·m, {words}"
+        words = f"{ends[0]:z.1f} to {ends[1]:z.1f}° of the output; beyond these ends the residual is not predicted"
+        yield "recording", f"at {recorded} N·m, {words}"
     elif recorded and _is_of_part(result):
-        words = f"{turns[0]:.3g} of {cycle} input revolutions at {recorded} N·m, whose angles the correction has"
-        yield "record", words
-        words = "sidebands and slow waves of the output that a part of the cycle does not determine are in what is left"
-        yield "open", words
-        yield "measure", "more of the cycle: it reduces the upper end of what is left"
+        words = f"{turns[0]:.3g} of {cycle} input revolutions at {recorded} N·m; angles count as in the recording"
+        yield "recording", words
+        words = "sidebands and slow terms of the output, which a part of the cycle does not determine; the residual"
+        yield "open", f"{words} includes them"
+        yield "measure", "more of the cycle, which reduces the upper end of the residual"
     elif recorded:
-        yield "record", f"at {recorded} N·m, whose angles the correction has"
+        yield "recording", f"at {recorded} N·m; angles count as in the recording"
     if not result.drive and not _is_of_part(result) and turns[0] < _TOLD_NOISE_CYCLES * cycle:
-        yield "noise", "one cycle does not tell it from error: the upper end of what is left has all of it"
-        yield "measure", "the cycle twice or more: noise averages out, error does not"
+        yield "noise", "one cycle does not distinguish noise from error; the upper end of the residual includes it"
+        yield "measure", "the cycle twice or more, so that noise averages out"
 
 
 def _is_of_part(result: Correction) -> bool:
-    """Return whether the correction is that of a recording alone of a part of the cycle, or of a travel."""
+    """Return whether the correction is that of a recording of a part of the cycle, or of a travel, without a preset."""
     return result.drive is None and any(record.is_part for record in result.records.values())
 
 
 def _enough(result: Correction) -> str:
     points = result.fewest_points
-    return f"{points} points over an output turn halve it" if points else "no table over an output turn halves it"
+    if points:
+        return f"{points} points over one output revolution would halve the error"
+    return "no table over one output revolution halves the error"
 
 
 def _percent(each: FormResiduals) -> str:
@@ -205,24 +245,33 @@ def _residual_table(forms: Sequence[FormResiduals], *, short: bool = False) -> T
     if short:  # two torques, the zero off by more, and the turn lost
         cases = sorted({*cases[:2], *cases[-2:]} - {cases[-3]})
     heads = [forms[0].residuals[k] for k in cases]
-    words = tuple(f"{each.M_g:g} N·m" if each.case == IN_PLACE else each.case.replace(" deg", "°") for each in heads)
-    none = ("none", *(f"{each.uncorrected_p50:.1f}" for each in heads))
-    rows = [(each.form.name, *(_range(each.residuals[k]) for k in cases)) for each in forms]
-    return Table("", ("arcsec left with", *words), (none, *rows))
+    words = tuple(_case_words(each) for each in heads)
+    none = ("uncorrected", *(f"{each.uncorrected_p50:.1f}" for each in heads))
+    rows = [(form_words(each.form.name), *(_range(each.residuals[k]) for k in cases)) for each in forms]
+    return Table("", ("residual F'_ior, ″", *words), (none, *rows))
+
+
+def _case_words(residual: ExpectedResidual) -> str:
+    """Return the torque of a residual, and what is wrong with the correction, as the head of a column."""
+    torque = f"{residual.M_g:g} N·m"
+    if residual.case == IN_PLACE:
+        return torque
+    fault = "revolution count lost" if residual.case == TURN_LOST else residual.case.replace(" deg", "°")
+    return f"{torque}, {fault}"
 
 
 def _lines_table(result: Correction) -> Table:
-    """The strong lines of the drive nearest to the median, before and after."""
+    """Return the strong lines of the drive nearest to the median, before and after the correction."""
     lines = result.errors[result.M_g].lines
     before, after = (2 / len(curve) * np.abs(np.fft.rfft(curve)[lines.per_cycle]) for curve in _curves(result))
     often, strongest = line_orders(lines)[0], np.argsort(-before)[:12]
     rows = tuple((f"{often[k]:g}", f"{before[k]:.2f}", f"{after[k]:.2f}") for k in strongest)
-    heads = ("times an output turn", "before, ″", "after, ″")
-    return Table("lines of the error of a drive in the middle of all", heads, rows)
+    heads = ("lines per output revolution", "before, ″", "after, ″")
+    return Table("spectral lines of the error of a drive near the median", heads, rows)
 
 
 def _curves(result: Correction) -> tuple[Any, Any]:
-    """Error [arcsec] of the drive nearest to the median over the cycle, before and after."""
+    """Return the error [arcsec] of the drive nearest to the median over the cycle, before and after."""
     error = result.errors[result.M_g]
     before = error.actual[np.argsort(error.ranges)[len(error.ranges) // 2]]
     return before, before - correction_curve(result.correction, error.lines.kinematics).reshape(-1)
@@ -231,10 +280,9 @@ def _curves(result: Correction) -> tuple[Any, Any]:
 def _before_and_after(result: Correction) -> Curve:
     before, after = _curves(result)
     turns, names = np.arange(len(before)) / POINTS_A_TURN, ("before", "after")
-    title = "error, ″, least and greatest around each cam turn"
-    return Curve(
-        turns, before, "turns of the cam over the full cycle", title, over=1.0, second=after, names=names, rows=3
-    )
+    title = f"kinematic error, ″, {ENVELOPE}"
+    x_label = "input angle over the full mesh cycle, revolutions"
+    return Curve(turns, before, x_label, title, over=1.0, second=after, names=names, rows=3)
 
 
 def _form_object(each: FormResiduals) -> dict[str, Any]:

@@ -35,7 +35,7 @@ from hdassist.report import (
     quantity_table,
     unknown_objects,
 )
-from hdassist.terminal.words import again, heading, not_known, on_what
+from hdassist.terminal.words import ENVELOPE, again, heading, not_known, on_what
 
 _LISTED_ORDERS, _NAMED_ORDERS = 12, 2  # with --details and without, the greatest
 _LEAST_SHOWN = 0.005  # arcsec: a smaller amplitude is shown as 0.00
@@ -47,13 +47,14 @@ ORDER_QUANTITIES = quantity_table("trace.orders")
 
 
 def slope_words(slope: float, uncertainty: float, speed: float | None, *, is_least: bool = False) -> str:
-    """Words for the greatest slope [arcsec per deg of the output], and for the rate at a speed [arcsec/s].
+    """Return the largest slope [arcsec per deg of the output] in words, and the rate at a speed [arcsec/s].
 
     is_least: whether the slope is a lower bound.
     """
     reach = f" ± {2 * uncertainty:.2g}" if uncertainty else ""
-    words = f"at {'least' if is_least else 'most'} {slope:.3g}{reach}″ per ° of the output"
-    return f"{words}; {slope * speed / 3600:.3g}″/s at {speed:g}″/s" if speed else words
+    factor = " (k = 2)" if uncertainty else ""
+    words = f"at {'least' if is_least else 'most'} {slope:.3g}{reach}″ per ° of the output{factor}"
+    return f"{words}; {slope * speed / 3600:.3g}″/s at an output speed of {speed:g}″/s" if speed else words
 
 
 def trace_report(drive: Drive, trace: Trace, seed: int, speed: float | None = None) -> Report:
@@ -138,10 +139,10 @@ def _along_words(along: ErrorAlong | None) -> str:
 
 
 def curve_of_turns(turns: Series, error: Series, words: str) -> Curve:
-    """The error over cam turns; words: of the error, with its unit."""
+    """Return the error over input revolutions as a curve; words: those for the error, with its unit."""
     over = float(np.ptp(turns) > _MANY_TURNS)
-    around = ": least and greatest around each cam turn" if over else ""
-    return Curve(turns, error, x_label="cam angle, turns", y_label=f"{words}{around}", over=over, rows=4)
+    around = f": {ENVELOPE}" if over else ""
+    return Curve(turns, error, x_label="input angle, revolutions", y_label=f"{words}{around}", over=over, rows=4)
 
 
 _ARCMIN = pi / 10800  # rad

@@ -1,4 +1,4 @@
-"""A measured trace, approached positions or torque loops, and the history of a drive, as reports."""
+"""A recording, approached positions or torque loops, and the history of a drive, as reports."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ from hdassist.terminal.words import again
 
 _NAMED_SLOW = 0.1  # of F'_ior: least slow terms in a line
 _LISTED_ORDERS, _NAMED_ORDERS = 12, 3  # in the table, and in a line: the greatest
-_DIRECTION_NAMES = {1: "growing", -1: "falling"}
+_DIRECTION_NAMES = {1: "increasing", -1: "decreasing"}
 
 
 def _ends_text(interval: Sequence[float]) -> str:
@@ -81,16 +81,19 @@ def _columns(found: SweepResult) -> Sequence[Quantity[SweepResult]]:
     """Return the columns of the short table; of a lower bound the range is that of the recorded part, not F'_ior."""
     if not found.is_bound:
         return _ON_PAGE
-    return [replace(column, label="range") if column.key == "F_ior_arcsec" else column for column in _ON_PAGE]
+    label = "recorded range"
+    return [replace(column, label=label) if column.key == "F_ior_arcsec" else column for column in _ON_PAGE]
 
 
 def measure_report(
     result: Measurement, drive: Drive | None, options: Sequence[str] = (), speed: float | None = None
 ) -> Report:
-    """F'_ior of a measured trace with its uncertainty, by direction.
+    """Return F'_ior of a recording with its uncertainty, by direction, as a report.
 
-    Arguments: drive, None where it is not known; options by which the file was read, for the next command; speed of
-    the output [arcsec/s], for the slope.
+    result: the measurement.
+    drive: None if it is unknown.
+    options: those by which the file was read, for the next command.
+    speed: that of the output [arcsec/s], for the slope.
     """
     found, *others = result.directions
     travel = f" over {result.gearing.travel_deg:.4g}° of travel" if result.gearing and result.gearing.travel else ""
@@ -100,7 +103,7 @@ def measure_report(
         command="measure",
         drive=drive,
         head=f"{trace.file}, {len(trace.line)} rows" + (f", {drive.name}" if drive else ""),
-        verdict=f"F'_ior at least {found.interval_arcsec[0]:.2f}″"
+        verdict=f"F'_ior at least {found.interval_arcsec[0]:.2f}″ (lower bound)"
         if found.is_bound
         else f"F'_ior {found.range.value:.2f}″{travel}",
         why=(*_lower_bound(result, found), *_full_cycle_words(result, cycles[0])),
@@ -111,7 +114,7 @@ def measure_report(
             _curve(found),
         ),
         details=(
-            Table.by_column("full cycle", _CYCLE, [gearing] if gearing else []),
+            Table.by_column("full mesh cycle", _CYCLE, [gearing] if gearing else []),
             Table.by_column("all numbers", _SWEEP_QUANTITIES, result.directions),
             *(block for each in result.directions for block in _details(each)),
             *map(_curve, others),
@@ -141,53 +144,58 @@ def measure_report(
 
 
 def _lower_bound(result: Measurement, found: SweepResult) -> Iterator[str]:
-    """Why F'_ior is a lower bound; empty of the full cycle."""
+    """Yield the reasons why F'_ior is a lower bound; nothing for the full mesh cycle."""
     if found.coverage is None or result.gearing is None:
-        yield f"a lower bound: {found.bins.span:.2f} cam turns; without --drive or --ratio the cycle is unknown"
-    elif found.is_scale_bound:
-        yield "a lower bound: the declination is unknown; state it (--declination DEG)"
+        yield (
+            f"The recording covers {found.bins.span:.2f} input revolutions; without --drive or --ratio the full mesh "
+            "cycle is unknown."
+        )
+        return
+    covered = f"The recording covers {100 * found.coverage.share:.1f} %"
+    if found.is_scale_bound:
+        yield "The declination is unknown: state it (--declination DEG)."
     elif found.is_bound and result.gearing.travel:
-        yield f"a lower bound: {100 * found.coverage.share:.1f} % of {result.gearing.travel_deg:.4g}° of travel visited"
+        yield f"{covered} of the travel of {result.gearing.travel_deg:.4g}°."
         if found.coverage.share >= FULL_SHARE:
-            yield "the travel was recorded in several sweeps: record it in one"
+            yield "The travel was recorded in several sweeps: record it in one."
     elif found.is_bound:
         cycle, output = result.gearing.cycle, result.gearing.cycle_output
-        turns = f"{cycle} cam turns, {output} output turn{'s' * (output != 1)}"
-        yield f"a lower bound: {100 * found.coverage.share:.1f} % visited of the full cycle: {turns}"
+        outputs = f"{output} output revolution{'s' * (output != 1)}"
+        yield f"{covered} of the full mesh cycle of {cycle} input revolutions ({outputs})."
         if found.coverage.share >= FULL_SHARE:
-            yield "slow terms were removed: only readings of a whole output revolution determine them"
+            yield "Slow terms were removed: only readings of a whole output revolution determine them."
         elif found.bins.span >= FULL_SHARE * cycle:
             gap = 360 * GAP_PERIODS / float(found.fit.orders[-1])
-            yield f"rows are missing: gaps of more than {gap:.3g}° between readings are not visited"
+            yield f"Rows are missing: gaps of more than {gap:.3g}° between readings are not covered."
 
 
 def _full_cycle_words(result: Measurement, found: FullCycle | str | None) -> Iterator[str]:
-    """F'_ior of the full cycle and the part of the cycle to record next; empty without a model of the cycle."""
+    """Yield F'_ior of the full mesh cycle and the part to record next; nothing without a model of the cycle."""
     if not isinstance(found, FullCycle) or result.gearing is None:
         return
     low, high = found.interval_arcsec
-    yield f"F'_ior over the full cycle: {low:.1f} to {high:.1f}″ (95 %)"
+    yield f"Predicted F'_ior over the full mesh cycle: {low:.1f} to {high:.1f}″ (95 % interval)."
     if found.record_next_rev:
         first, last = (360 * turns / result.gearing.ratio for turns in found.record_next_rev)
-        yield f"to narrow it, record the output from {first:.0f} to {last:.0f}° next"
+        yield f"To narrow this interval, record the output from {first:.0f} to {last:.0f}° next."
 
 
 def _facts(result: Measurement, drive: Drive | None, options: Sequence[str], speed: float | None) -> Iterator[Fact]:
-    """Largest orders, missing positions, how the file was read and the next command, a label and a text each."""
+    """Yield the largest orders, reading of the file and the next command, a label and a text each."""
     found, file = result.directions[0], result.trace.file
-    greatest = sorted(found.orders_of_cam, key=lambda o: -o.amplitude_arcsec)[:_NAMED_ORDERS]
-    of_record = " here"  # over whole turns of the output it may be none or much more
-    named = []
-    for order in greatest:
-        spread = of_record if order.is_of_record else f" ± {COVERAGE_FACTOR * order.uncertainty_arcsec:.2f}"
-        alone = found.order_alone(order.per_cam_rev)
-        beside = f" ({alone.amplitude_arcsec:.2f} alone)" if alone else ""
-        named.append(f"{order.per_cam_rev:g}: {order.amplitude_arcsec:.2f}{spread}{beside}")
-    yield "orders", f"{', '.join(named)} (″, with beats)"
+    yield "orders", _orders_words(found)
     yield "slow", _slow(found)
     if speed and (slope := result.slope_arcsec_per_deg):
         yield "slope", slope_words(*slope, speed, is_least=found.is_scale_bound)
+<<<<<<< HEAD
     yield from _line_facts(found)
+=======
+    if found.lines:
+        lines = ", ".join(_line_words(line, found) for line in found.lines)
+        rise = f". In another cycle they may add {found.range.rise:.2f}″ to F'_ior" if found.range.rise else ""
+        yield "lines", f"between the orders, per input revolution: {lines}{rise}"
+    yield "shafts", _shaft_words(found)
+>>>>>>> cc98fa57 (Pages of measure and compensate: input and output revolutions, sidebands, correction terms, and the statistic of each number)
     if reversal := result.reversal:
         yield "reversal", _reversal_words(reversal)
     if torque := result.torque:
@@ -198,17 +206,18 @@ def _facts(result: Measurement, drive: Drive | None, options: Sequence[str], spe
         yield (
             "lag",
             (
-                f"output read {lag.ms:.3g} ± {reach:.2g} ms after the cam, or less: friction that grows with the speed "
-                "looks alike; taken off"
+                f"the output is read {lag.ms:.3g} ± {reach:.2g} ms (k = {COVERAGE_FACTOR:g}) after the input, or less, "
+                "because friction that grows with the speed has the same effect; the lag is removed"
             ),
         )
     missing = [source.name for source in found.sources if source.arcsec is None]
-    yield "measure", f"not in u: {', '.join(missing)} (--budget NAME=U)" if missing else ""
+    yield "not in u", f"{', '.join(missing)} (--budget NAME=U)" if missing else ""
     yield "read as", "; ".join(result.notes)
     if file != STDIN:
         yield "next", _next_command(result, drive, options)
 
 
+<<<<<<< HEAD
 def _line_facts(found: SweepResult) -> Iterator[Fact]:
     """Lines off the orders, and stated shafts without a component, a label and a text each."""
     if found.lines:
@@ -216,6 +225,23 @@ def _line_facts(found: SweepResult) -> Iterator[Fact]:
         rise = f"; in another cycle they may add {found.range.rise:.2f}″" if found.range.rise else ""
         yield "lines", f"off the orders: {lines}{rise}"
     yield "shafts", _shaft_words(found)
+=======
+def _orders_words(found: SweepResult) -> str:
+    """Return the largest orders of a direction in words, with the amplitude without sidebands if it is known."""
+    largest = sorted(found.orders_of_cam, key=lambda order: -order.amplitude_arcsec)[:_NAMED_ORDERS]
+    of_recording = all(order.is_of_record for order in largest)  # over whole output revolutions it may be much more
+    named = []
+    for order in largest:
+        spread = f" ± {COVERAGE_FACTOR * order.uncertainty_arcsec:.2f}" if not order.is_of_record else ""
+        here = " in this recording" if order.is_of_record and not of_recording else ""
+        alone = None if order.is_of_record else found.order_alone(order.per_cam_rev)
+        without = f" ({alone.amplitude_arcsec:.2f}″)" if alone else ""
+        named.append(f"order {order.per_cam_rev:g}: {order.amplitude_arcsec:.2f}{spread}″{here}{without}")
+    if of_recording:
+        return f"{', '.join(named)}; amplitudes in this recording, sidebands included"
+    brackets = " (without)" if any("(" in words for words in named) else ""
+    return f"{', '.join(named)}; amplitudes with{brackets} sidebands, k = {COVERAGE_FACTOR:g}"
+>>>>>>> cc98fa57 (Pages of measure and compensate: input and output revolutions, sidebands, correction terms, and the statistic of each number)
 
 
 def _line_words(line: MeasuredOrder, found: SweepResult) -> str:
@@ -237,9 +263,10 @@ def _shaft_words(found: SweepResult) -> str:
 
 
 def _next_command(result: Measurement, drive: Drive | None, options: Sequence[str]) -> str:
-    """The command that goes on from a record: of a part its prediction, of a joint, or without a preset, a correction.
+    """Return the command that follows a recording.
 
-    Of the full cycle of a drive it is the hole of its fixed wheel.
+    For a part of the cycle it compares with the prediction; for the full cycle of a drive it is the hole of its fixed
+    wheel; for a joint, or without a preset, it is a correction.
     """
     file, gearing = result.trace.file, result.gearing
     if not gearing or result.directions[0].is_bound:
@@ -253,19 +280,21 @@ def _next_command(result: Measurement, drive: Drive | None, options: Sequence[st
 
 
 def _reversal_words(reversal: Reversal) -> str:
-    """Lost motion of a record in both directions, and the part of it that may be lag."""
+    """Return the lost motion of a recording in both directions in words, and the part of it that may be lag."""
     reach = COVERAGE_FACTOR * reversal.lost_motion_standard_uncertainty_arcsec
     words = (
-        f"lost motion {reversal.lost_motion_arcsec:.2f} ± {reach:.2f}″ where it turns back (play, friction, hysteresis)"
+        f"lost motion {reversal.lost_motion_arcsec:.2f} ± {reach:.2f}″ (k = {COVERAGE_FACTOR:g}) at reversal "
+        "(backlash, friction, hysteresis)"
     )
     if reversal.by == "one speed":
-        size = f", {reversal.arcsec_per_ms:.3g}″ per ms" if reversal.arcsec_per_ms else ""
-        words += f", lag included{size}: record two speeds"
-    return f"{words}; {reversal.mean_arcsec:.2f}″ on the mean, up to {reversal.greatest_departure_arcsec:.2f}″ off that"
+        size = f" of {reversal.arcsec_per_ms:.3g}″ per ms" if reversal.arcsec_per_ms else ""
+        words += f", encoder lag{size} included (record two speeds to remove it)"
+    departure = f"up to {reversal.greatest_departure_arcsec:.2f}″ from the mean"
+    return f"{words}; mean {reversal.mean_arcsec:.2f}″, {departure}"
 
 
 def _slope_object(result: Measurement, speed: float | None) -> Json:
-    """The greatest slope with its standard uncertainty, and the rate at a speed [arcsec/s], as JSON."""
+    """Return the largest slope with its standard uncertainty, and the rate at a speed [arcsec/s], as JSON."""
     slope, uncertainty = result.slope_arcsec_per_deg or (None, None)
     rate = None if slope is None or speed is None else slope * speed / 3600
     return {
@@ -276,20 +305,20 @@ def _slope_object(result: Measurement, speed: float | None) -> Json:
 
 
 def _torque(torque: RecordedTorque) -> str:
-    """The torque of a record, the wind-up that was taken off, and by which law."""
-    words = f"{torque.mean_Nm:.4g} N·m on the mean, {torque.least_Nm:.4g} to {torque.greatest_Nm:.4g}"
+    """Return the torque of a recording in words, the removed wind-up, and the stiffness it follows from."""
+    words = f"mean {torque.mean_Nm:.4g} N·m, {torque.least_Nm:.4g} to {torque.greatest_Nm:.4g} N·m"
     if not torque.by:
         return words
     size = f"{torque.wind_up_arcsec:.3g} ± {COVERAGE_FACTOR * torque.uncertainty_arcsec:.2g}″"
     by = "K_1 to K_3 of the preset's catalogue"
     if fitted := torque.stiffness_Nm_rad:
-        by = f"the record itself, {fitted[0]:.3g} ± {COVERAGE_FACTOR * fitted[1]:.2g} N·m/rad"
-    where = "at the mean" if fitted else "along it"
-    return f"{words}; wind-up of {size} taken off by {by}: F'_ior is that {where}"
+        by = f"the stiffness in the recording, {fitted[0]:.3g} ± {COVERAGE_FACTOR * fitted[1]:.2g} N·m/rad"
+    where = "the mean torque" if fitted else "the recorded torque"
+    return f"{words}; wind-up of {size} removed with {by} (± k = {COVERAGE_FACTOR:g}). F'_ior is that at {where}"
 
 
 def _at_torques(found: SweepResult) -> str:
-    """F'_ior at each torque of a record that tells how the orders change with it."""
+    """Return F'_ior at each torque of a recording that shows how the orders change with it; empty for other ones."""
     if not found.torques:
         return ""
     each = (
@@ -297,27 +326,31 @@ def _at_torques(found: SweepResult) -> str:
         for t in found.torques
     )
     miss = found.torque_miss_arcsec
-    return f"{', '.join(each)}; straight between, which misses {NO_VALUE if miss is None else f'{miss:.2g}″ at most'}"
+    error = NO_VALUE if miss is None else f"{miss:.2g}″ at most"
+    return f"{', '.join(each)} (± k = {COVERAGE_FACTOR:g}); linear between these torques, error {error}"
 
 
 def _slow(found: SweepResult) -> str:
-    """Slow terms of the output: size, whose they may be, the orders of the cam without them; empty for small ones."""
+    """Return the slow terms of the output in words: size, possible cause, F'_ior without them; empty for small ones."""
     if found.slow_arcsec < _NAMED_SLOW * found.range.value:
         return ""
     slow = [order for order in found.orders if order.per_cam_rev < SLOWEST_ORDER]
     size = f"{found.slow_arcsec:.2f}″"
     if found.is_part:
-        return f"{size} taken off: rig, drift or drive, in a part of an output turn"
-    greatest = max(slow, key=lambda order: order.amplitude_arcsec)
+        return (
+            f"slow terms of {size} removed: from test rig, drift or drive, which a part of an output revolution mixes"
+        )
+    largest = max(slow, key=lambda order: order.amplitude_arcsec)
     low, high = found.cam.interval
-    cause = f" ({greatest.cause})" if greatest.cause else ""
-    return f"{size}, most of it {greatest.per_cam_rev:.3g} a cam turn{cause}; without {low:.2f} to {high:.2f}"
+    cause = f" ({largest.cause})" if largest.cause else ""
+    terms = f"slow terms of {size}, mainly {largest.per_cam_rev:.3g} per input revolution{cause}"
+    return f"{terms}. F'_ior without slow terms: {low:.2f} to {high:.2f}″"
 
 
 def _curve(found: SweepResult) -> Curve:
-    """The error in the first sweep of a direction, without the parts taken off."""
+    """Return the error in the first sweep of a direction, without the removed parts, as a curve."""
     first = found.bins.sweep == 0
-    words = f"error, ″, {_DIRECTION_NAMES[found.direction]} cam angle"
+    words = f"kinematic error, ″, {_DIRECTION_NAMES[found.direction]} input angle"
     turns = found.bins.turns[first]
     return curve_of_turns(turns, found.fit.error[first], words)
 
@@ -326,21 +359,21 @@ def _details(found: SweepResult) -> Iterator[ReportSection]:
     """Orders and budget of uncertainty of a direction."""
     shown = _ORDER_COLUMNS[:5] if any(order.cause for order in found.orders) else _ORDER_COLUMNS[:4]
     greatest = sorted(found.orders, key=lambda o: -o.amplitude_arcsec)[:_LISTED_ORDERS]
-    title = f"orders: amplitude·cos(order·angle + phase), the {len(greatest)} greatest of {len(found.orders)}"
+    title = f"orders: amplitude·cos(order·angle + phase), the {len(greatest)} largest of {len(found.orders)}"
     orders = Table.by_row(title, shown, sorted(greatest, key=lambda o: o.per_cam_rev))
     stated = all(source.arcsec is not None for source in found.sources if source.name in STATED)
     together = UncertaintySource(
-        "combined", found.uncertainty_arcsec, "" if stated else f"without those with {NO_VALUE}"
+        "combined", found.uncertainty_arcsec, "" if stated else f"without the sources marked {NO_VALUE}"
     )
-    title = f"standard uncertainty of F'_ior; 95 %: k = {COVERAGE_FACTOR:g}"
+    title = f"standard uncertainty of F'_ior (95 % intervals: k = {COVERAGE_FACTOR:g})"
     budget = Table.by_row(title, _BUDGET, [*found.sources, together])
-    title = "orders of the cam, each with its beats"
+    title = "orders of the input, each with its sidebands"
     together_with_beats = Table.by_row(title, (*_ORDER_COLUMNS[:3], *shown[4:]), found.orders_of_cam)
-    yield ReportSection(f"{_DIRECTION_NAMES[found.direction]} cam angle", (together_with_beats, orders, budget))
+    yield ReportSection(f"{_DIRECTION_NAMES[found.direction]} input angle", (together_with_beats, orders, budget))
 
 
 def _sweep(found: SweepResult, cycle: FullCycle | str | None) -> Json:
-    """One direction as a JSON object; cycle: F'_ior of the full cycle, or the reason why it is missing."""
+    """Return one direction as a JSON object; cycle: F'_ior of the full cycle, or the reason why it is missing."""
     return {
         **as_object(_SWEEP_QUANTITIES, found),
         **{name: as_objects(_ORDER_COLUMNS, getattr(found, name)) for name in ("orders", "orders_of_cam", "lines")},
@@ -354,7 +387,7 @@ def _sweep(found: SweepResult, cycle: FullCycle | str | None) -> Json:
 
 
 def _line(found: SweepResult) -> str:
-    """F'_ior with its expanded uncertainty; of a lower bound the lower end of its interval."""
+    """Return F'_ior with its expanded uncertainty; for a lower bound the lower end of its interval."""
     if found.is_bound:
         return f">= {found.interval_arcsec[0]:.2f}″"
     reach, rise = COVERAGE_FACTOR * found.uncertainty_arcsec, found.range.rise
@@ -363,7 +396,7 @@ def _line(found: SweepResult) -> str:
 
 
 def _csv(result: Measurement) -> CsvTable:
-    """One row per step of the angle, in each direction: error less its level and drift, and the fitted curve."""
+    """Return one row per step of the angle and direction: error minus its level and drift, and the fitted curve."""
     rows: list[list[Any]] = []
     for found in result.directions:
         error = found.fit.error
@@ -373,20 +406,20 @@ def _csv(result: Measurement) -> CsvTable:
 
 
 def repeats(results: Sequence[Measurement]) -> tuple[Json, list[str]]:
-    """F'_ior over files, as of repeat runs: for JSON, and in a line; both empty for one file."""
+    """Return F'_ior over files, as of repeat runs, for JSON and in a line; both are empty for one file."""
     values = [result.F_ior_arcsec for result in results]
     if len(values) < 2:
         return {}, []
     mean, spread = float(np.mean(values)), float(np.std(values, ddof=1))
     found = {"files": len(values), "mean_arcsec": mean, "standard_deviation_arcsec": spread}
-    line = f"{len(values)} files: F'_ior {mean:.2f}″ on the mean, standard deviation {spread:.2f}"
+    line = f"{len(values)} files: mean F'_ior {mean:.2f}″, standard deviation {spread:.2f}″"
     return {"repeat_runs": found}, [line]
 
 
 def joint_lines(reports: Sequence[Report], results: Sequence[Measurement]) -> list[str]:
-    """F'_ior of the joints of a log in one table."""
+    """Return F'_ior of the joints of a log in one table."""
     measured = iter(results)
-    rows = [("joint", "F'_ior, ″", "95 %, ″", "visited, %")]
+    rows = [("joint", "F'_ior, ″", "95 % interval, ″", "covered, %")]
     for report in reports:
         if "joint" not in report.values:
             continue
@@ -438,7 +471,7 @@ def bench_report(
         rated, by = drive.operation.rated if drive else None, "the preset"
         if rated is None:
             hint = f"{drive.name} has no operation.rated" if drive else "--drive PRESET for its own"
-            rated, by = greatest, f"the greatest of the loop; {hint}"
+            rated, by = greatest, f"the largest of the loop; {hint}"
         table.notes.append(f"rated torque {rated:g} N·m: {by}")
         places = place_loops(record, rated)
         found = loop_quantities(places)
@@ -450,7 +483,7 @@ def bench_report(
     if positions is None and iso230 and iso230.figure("B"):
         verdict = _reversal_verdict(iso230)
         values = [verdict, *values]
-    once = "one approach a position: no uncertainty, and scatter widens the range by an unknown part"
+    once = "each position was approached once: its uncertainty is unknown, and scatter widens the range"
     words = [word for q in unsure for word in ("--value", f"{q.name}={q.arcsec:.3g}±{_expanded(q):.2g}")]
     planned = positions and positions.M_g
     if planned and table.file != STDIN:  # all of it by one option
@@ -473,7 +506,7 @@ def bench_report(
                 ("next", again("accept", drive, *words) if words and table.file != STDIN else ""),
             ]),
         ),
-        details=(Lines("what they are", tuple(f"{_CHECKS[q.name].words}: {_CHECKS[q.name].tests}" for q in found)),),
+        details=(Lines("definitions", tuple(f"{_CHECKS[q.name].words}: {_CHECKS[q.name].tests}" for q in found)),),
         values={
             "file": {"name": table.file, "sha256": table.sha256, "rows": len(table.lines)},
             "notes": list(table.notes),
@@ -522,14 +555,14 @@ def _iso230_object(test: PositioningTest) -> Json:
 def _seen_words(found: SeenRange) -> str:
     least = f"at least {found.at_least_arcsec:.2f}″ by these positions"
     if found.uncertainty_arcsec is None and not found.expanded_arcsec:
-        return f"not told: scatter may be part of the {found.arcsec:.2f}″; approach the positions twice or more"
+        return f"unknown: scatter may be part of the {found.arcsec:.2f}″; approach the positions twice or more"
     if found.is_cut:
-        return f"{least}; planned positions or sides are missing, so the shares of the plan do not count"
+        return f"{least}; planned positions or sides are missing, so the shares of the plan do not apply"
     if not found.seen:
-        return f"{least}; hdassist plan tells how much they see"
+        return f"{least}; hdassist plan computes the share that they capture"
     _, middle, most = found.estimates_arcsec
     share = f"{100 * found.seen[0]:.0f} to {100 * found.seen[2]:.0f} %"
-    return f"{least}, which see {share} of it: {middle:.1f}″ in the median, up to {most:.1f}″ in 95 of 100 drives"
+    return f"{least}, which capture {share} of F'_ior: median {middle:.1f}″, up to {most:.1f}″ in 95 of 100 drives"
 
 
 def _expanded(found: StatedQuantity) -> float:
@@ -545,7 +578,7 @@ _ENTRY_COLUMNS = quantity_table(
 
 
 def history_report(serial: str, archive: str, entries: Sequence[ArchiveEntry]) -> Report:
-    """How F'_ior of a drive changed, by its entries in an archive, and whether that is more than its uncertainty."""
+    """Return the change of F'_ior of a drive by its entries in an archive, compared with its uncertainty."""
     found = histories(entries)
     verdict = "no change beyond its uncertainty" if found else "nothing to compare"
     verdict = "changed by more than its uncertainty" if any(each.is_changed for each in found) else verdict
@@ -568,24 +601,24 @@ def history_report(serial: str, archive: str, entries: Sequence[ArchiveEntry]) -
 
 
 def _sentence(found: DriveHistory) -> str:
-    """The change of a history in words."""
+    """Return the change of a history in words."""
     values, (first, *_) = [each.F_ior_arcsec for each in found.entries], found.entries
     hole, torque = (quantity.text(first) for quantity in _ENTRY_COLUMNS[1:3])
-    where = f"hole {hole}, {torque} N·m, {_DIRECTION_NAMES[first.direction]} cam angle"
-    spread = f"unchanged drives spread so in {100 * found.probability:.2g} % of cases"
+    where = f"hole {hole}, {torque} N·m, {_DIRECTION_NAMES[first.direction]} input angle"
+    spread = f"probability of such a spread without a change: {100 * found.probability:.2g} %"
     return f"{where}: {min(values):.2f} to {max(values):.2f}″; {spread}"
 
 
 def _history_facts(entries: Sequence[ArchiveEntry]) -> Iterator[Fact]:
-    """The parts left out of the comparison and of the uncertainty, a label and a text each."""
+    """Yield the entries omitted from the comparison and from the uncertainty, a label and a text each."""
     parts = sum(each.F_ior_is_lower_bound for each in entries)
-    yield "left out", f"{parts} of a part of the cycle: lower bounds" if parts else ""
+    yield "left out", f"{parts} lower bounds from a part of the cycle" if parts else ""
     missing = dict.fromkeys(name for each in entries for name in each.unstated)
-    yield "not in u", f"{', '.join(missing)}: a change may be theirs (--budget NAME=U)" if missing else ""
+    yield "not in u", f"{', '.join(missing)}; they may cause a change (--budget NAME=U)" if missing else ""
 
 
 def _history_curve(found: DriveHistory) -> Curve:
-    """F'_ior over the days since the first measurement, with intervals."""
+    """Return F'_ior over the days since the first measurement, with intervals, as a curve."""
     first, *_ = dates = [date.fromisoformat(each.date) for each in found.entries]
     days = np.array([(each - first).days for each in dates], dtype=float)
     ends = [(day, each.low_arcsec, each.high_arcsec) for day, each in zip(days, found.entries, strict=True)]

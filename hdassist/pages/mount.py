@@ -45,7 +45,7 @@ from hdassist.report import (
     samples_object,
     unknown_objects,
 )
-from hdassist.terminal.words import Texts, again, heading, influence_words, samples_words
+from hdassist.terminal.words import Texts, again, form_words, heading, influence_words, samples_words
 
 WORDS = {"TURN": "TURN", "LEAVE": "LEAVE", "BEST_BET": "BEST BET", "ANY_HOLE": "ANY HOLE"}
 _VERIFICATION_WORDS = {"KEEP": "KEEP", "GO_BACK": "GO BACK", "MEASURE_AGAIN": "MEASURE AGAIN"}
@@ -204,9 +204,10 @@ def order_and_reason(advice: Advice) -> tuple[str, str]:
     order = instruction(advice)
     if advice.correction:
         order = instruction(advice, gains=False)
-        order += f" Make the correction ({advice.correction}) in this hole; it is valid in no other hole."
+        form = form_words(advice.correction)
+        order += f" Make the correction ({form}) in this hole; it is valid in no other hole."
     if advice.compensated and not advice.correction:
-        equal = f"With {advice.compensated[0]} the residual F'_ior is the same in all holes."
+        equal = f"With a correction ({form_words(advice.compensated[0])}) the residual F'_ior is the same in all holes."
         order = f"{equal} By F'_ior without a correction: {order}"
     if advice.names_hole:
         return order, ""
@@ -415,20 +416,20 @@ def _positions_table(advice: Advice, places: Sequence[int], title: str = "") -> 
             label, hole = "", _ANY_LINE
         rows.append((label, hole, *cells, *shares, f"{100 * action.expected_loss:.1f}"))
     spread = ": median (5 to 95 %)" * sampled + " in any hole" * (found.all_alike and not title)
-    residual = f"residual F'_ior with {advice.correction}" if advice.correction else "F'_ior"
+    residual = f"residual F'_ior ({form_words(advice.correction)})" if advice.correction else "F'_ior"
     heads = (f"at {M_g:g} N·m" for M_g in advice.torques)
     where, counted = ("hole", "holes") if advice.drive.mounting.holes else ("angle, °", "angles")
     of_shares = ("P(better)", "P(within 5 %)") * sampled
     start = start_of_count(advice.drive)
     better = f"better: than {start} by > {100 * found.cost:g} %; within 5 %: of the best hole"
-    governing = ", at the governing torque" * (len(advice.torques) > 1)
+    governing = ", governing torque" * (len(advice.torques) > 1)
+    excess = f"excess: {'expected ' * sampled}over best hole{governing}; {counted} count counter-clockwise"
     first = f"{title}: " if title else ""
     return Table(
         f"{first}{residual}, ″{spread}", ("", where, *heads, *of_shares, "excess, %"), tuple(rows),
         notes=(
             *((f"P: probability, %; {better}",) if sampled else ()),
-            f"excess: expected, over the best hole{governing}",
-            f"{counted} count counter-clockwise, seen from the wave generator side",
+            excess,
         ),
     )  # fmt: skip
 

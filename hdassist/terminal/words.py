@@ -139,6 +139,17 @@ def measure_words(found: Sequence[MeasurementGain], M_g: float) -> str:
     return "; ".join(words)
 
 
+_TURN_WORDS = {"output": "one output revolution", "cam": "one input revolution", "half-cam": "half an input revolution"}
+
+
+def form_words(name: str) -> str:
+    """Return the name of the form of a correction for pages, from that in JSON ("output turn, 36 points")."""
+    turn, is_table, more = name.partition(" turn, ")
+    if is_table:
+        return f"table over {_TURN_WORDS[turn]}, {more}"
+    return name.replace("phasors", "correction terms")
+
+
 def more_draws(samples: Samples) -> str:
     """Return the remedy for a verdict left open by its Monte Carlo interval alone, which so many samples halve."""
     return f"more samples settle it, without a measurement: --draws {MORE_DRAWS * round(samples.effective)}"

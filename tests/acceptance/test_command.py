@@ -152,7 +152,7 @@ def test_the_short_page_has_the_verdict_and_what_to_do_next(rig):
     done = accepted(rig, "--measured", "4=run.csv", *limits, budget="encoder=0.1")
     lines = done.stdout.splitlines()
     assert lines[0] == "small: FAIL"
-    value = r"F'_ior at 4 N·m: \d+\.\d\d ± (\d\.\d\d)″, limit ≤ 1, margin -\d+\.\d\d, guard (\d\.\d\d), measured$"
+    value = r"F'_ior at 4 N·m: \d+\.\d\d ± (\d\.\d\d)″, limit ≤ 1, margin -\d+\.\d\d, guard band (\d\.\d\d), measured$"
     found = re.match(value, lines[1])
     assert found and float(found[2]) == pytest.approx(GUARD / 2 * float(found[1]), abs=0.01)
     assert len(lines) <= 24
@@ -221,7 +221,7 @@ def test_a_value_beside_a_record_of_the_same_is_refused(rig, tmp_path):
 def test_the_guard_is_in_the_unit_of_its_row(rig):
     value, limit = "K_1=1.2e5±5e3", "K_1=20 N*m/arcmin"
     page = in_a_line(accepted(rig, "--value", value, "--limit", limit).stdout)
-    guard = float(re.findall(r"guard ([\d.]+)", page)[0])
+    guard = float(re.findall(r"guard band ([\d.]+)", page)[0])
     assert guard == pytest.approx(GUARD * 2500 * np.pi / 180 / 60, rel=0.01)
 
 
@@ -264,4 +264,4 @@ def test_the_next_command_replaces_the_record_that_leaves_a_check_open(rig):
     silent = in_a_line(run("accept", SMALL, "--measured-only", *asked[:2], *asked[6:], cwd=rig).stdout)
     assert "--measured 4=FILE --budget encoder=U,coupling=U,reseating=U,temperature=U" in silent
     travel = in_a_line(accepted(rig, *asked, "--set", "acceptance.travel=180").stdout)
-    assert "all of the travel, 180° of the output, 15 cam turns" in travel
+    assert "the whole travel, 180° of the output, 15 input revolutions" in travel

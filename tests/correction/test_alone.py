@@ -144,7 +144,7 @@ def test_the_command_takes_a_record_with_its_ratio_and_keeps_its_promise_on_the_
     assert np.ptp(-error.error_arcsec + taken) > 1.8 * error.F_ior_arcsec
     page = run("compensate", "run.csv", "--ratio", "10", "--torque", "1", "--no-plot", cwd=tmp_path).stdout
     assert page.startswith("run.csv, correction at 1 N·m: ")
-    assert "does not tell it from error" not in page
+    assert "does not distinguish noise from error" not in page
 
 
 def test_one_cycle_is_said_not_to_tell_noise_and_part_of_it_is_refused_with_the_remedy(tmp_path: Path):
@@ -152,16 +152,18 @@ def test_one_cycle_is_said_not_to_tell_noise_and_part_of_it_is_refused_with_the_
     (tmp_path / "part.csv").write_text(rows_of_drive(6))
     options = ("--ratio", "10", "--torque", "1", "--no-plot")
     page = in_a_line(run("compensate", "one.csv", *options, cwd=tmp_path).stdout)
-    assert "noise one cycle does not tell it from error" in page
+    assert "noise one cycle does not distinguish noise from error" in page
     (tmp_path / "noisy.csv").write_text(rows_of_drive(10, 10.0))
     noisy = run("compensate", "noisy.csv", *options, cwd=tmp_path)
     page = in_a_line(noisy.stdout)
     assert noisy.returncode == 5
-    assert "phasors may make it worse" in page
+    assert "correction terms may increase the error" in page
     assert "measure the cycle twice or more" in page
-    left = [float(end) for end in re.search(r"phasors (\S+)-(\S+) ", page.partition("arcsec left")[2]).groups()]
+    left = [
+        float(end) for end in re.search(r"correction terms (\S+)-(\S+) ", page.partition("residual F'_ior")[2]).groups()
+    ]
     assert left[0] < 18.9 < left[1]
-    assert not {"record it first", "next "} & set(re.findall("record it first|next ", page))
+    assert not {"record first", "next "} & set(re.findall("record first|next ", page))
     refused = run("compensate", "part.csv", *options, cwd=tmp_path)
     assert refused.returncode == 5
     assert "% of the full cycle" in refused.stderr

@@ -19,9 +19,9 @@ def test_a_screen_says_first_how_much_can_be_taken_off():
     page = run("compensate", TINY)
     lines = page.stdout.splitlines()
     assert page.returncode == 0
-    assert lines[0] == "tiny, correction at 1 N·m: 320 phasors leave 0.3 of 35.4″ (1 %)"
-    assert lines[1].startswith("the error comes 10, 22, 21 times an output turn: a cam-turn table leaves ")
-    assert lines[2] == UNPROVEN
+    assert lines[0] == "tiny, correction at 1 N·m: 320 correction terms leave 0.3 of 35.4″ (1 %)"
+    assert lines[1].startswith("The error repeats mainly 10, 22 and 21 times per output revolution; ")
+    assert UNPROVEN in lines
     assert "--csv correction.csv" in in_a_line(page.stdout)
     assert any("before, " in line and line.endswith("after") for line in lines)
     assert len(lines) <= 25
@@ -35,14 +35,14 @@ def test_fewer_phasors_are_taken_where_asked_for_and_the_page_has_what_each_numb
     assert found["forms"][0]["residuals"][0]["p50"] == pytest.approx(left["80"])
     assert sorted(left.values(), reverse=True) == [*left.values()]
     words = in_a_line(run("compensate", TINY, "--no-plot").stdout)
-    assert "left by their number: 20: 9″, 80: 2.7″, " in words
+    assert "by number of correction terms: 20: 9″, 80: 2.7″, " in words
 
 
 def test_the_table_of_many_torques_is_no_wider_than_a_screen():
     torques = [word for M_g in ("1", "2", "-2", "4") for word in ("--torque", M_g)]
     lines = run("compensate", TINY, *torques, "--no-plot").stdout.splitlines()
-    (heads,) = (line for line in lines if line.startswith("arcsec left with"))
-    assert heads.split("  ")[-1].strip() == "turn lost"
+    (heads,) = (line for line in lines if line.startswith("residual F'_ior, ″"))
+    assert heads.split("  ")[-1].strip() == "count lost"
 
 
 def test_phasors_and_tables_are_written_as_figures():
@@ -71,7 +71,7 @@ def test_each_load_has_a_correction_in_json_but_where_it_may_make_it_worse():
     weak = ("--form", "output", "--points", "12", "--each-load")
     page = in_a_line(run("compensate", TINY, *weak, "--no-plot").stdout)
     worse = json.loads(run("compensate", TINY, *weak, "--json").stdout)["corrections"]
-    assert ("stored none at 4 N·m, where it may make it worse" in page) == (len(worse) == 1)
+    assert ("stored no correction for 4 N·m, where it may increase the error" in page) == (len(worse) == 1)
 
 
 def test_the_next_command_keeps_the_form_and_is_left_out_once_written(tmp_path: Path):
@@ -94,17 +94,17 @@ def test_what_may_make_a_drive_worse_is_refused_and_not_written(tmp_path: Path):
     table = tmp_path / "table.csv"
     page = run("compensate", TINY, *OPEN, "--csv", str(table), "--no-plot")
     assert page.returncode == 5
-    assert "record it first: " in page.stdout
-    assert "phasors: refused" in page.stderr
+    assert "record first: " in page.stdout
+    assert "correction terms: refused" in page.stderr
     few = run("compensate", TINY, *OPEN, "--form", "output", "--points", "12", "--no-plot").stdout
-    assert "points over an output turn halve it" in in_a_line(few.partition("the error comes")[0])
+    assert "points over one output revolution would halve" in in_a_line(few.partition("The error repeats")[0])
     assert not table.exists()
     assert json.loads(run("compensate", TINY, *OPEN, "--json").stdout)["correction"] is None
 
 
 def test_details_have_parts_forms_and_lines_before_and_after():
     page = run("compensate", TINY, "--details", "--no-plot", "--ascii").stdout
-    for words in ("half-cam turn,", "before, arcsec"):
+    for words in ("half an input revolution,", "before, arcsec"):
         assert words in page
 
 

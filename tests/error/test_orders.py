@@ -24,10 +24,10 @@ def test_a_known_wave_is_found(reference):
     assert set(found) == {2.01, 0.01}
     assert found[2.01].amplitude_arcsec == pytest.approx(3)
     assert found[2.01].phase_deg == pytest.approx(40)
-    assert found[2.01].cause == "flexspline + rigid wheel"
+    assert found[2.01].cause == "flexspline + circular spline"
     assert found[0.01].amplitude_arcsec == pytest.approx(1)
     assert found[0.01].phase_deg == pytest.approx(-90)
-    assert found[0.01].cause == "flexspline - rigid wheel"
+    assert found[0.01].cause == "flexspline - circular spline"
 
 
 def test_orders_add_up_to_the_error(reference):
@@ -82,7 +82,7 @@ def test_odd_orders_need_no_cam_offset_where_half_a_turn_is_not_the_same(referen
     drive = changed(reference, tolerances__e_hh=0.0, **odd)
     once = [o for o in trace(drive, 800, revolutions=100, run=UNCHECKED).orders if abs(o.per_cam_rev - 1) < 0.02]
     assert max(o.amplitude_arcsec for o in once) > 0.01
-    assert {o.cause for o in once} >= {"rigid wheel", "flexspline"}
+    assert {o.cause for o in once} >= {"circular spline", "flexspline"}
     assert "even number" not in order_legend(drive)
     assert "even number" in order_legend(reference)
 
@@ -90,7 +90,7 @@ def test_odd_orders_need_no_cam_offset_where_half_a_turn_is_not_the_same(referen
 def test_orders_of_the_other_mounting(reference):
     order, words = known_causes(changed(reference, mounting__fixed="flexspline"))[1, 1]
     assert order == pytest.approx(1 + 200 / 202)
-    assert words == "flexspline + rigid wheel"
+    assert words == "flexspline + circular spline"
 
 
 @pytest.mark.parametrize("revolutions", [0, 101])

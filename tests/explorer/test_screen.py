@@ -28,7 +28,7 @@ def test_the_screen_has_error_seat_holes_levers_cam_turn_and_the_order() -> None
         assert f"= hdassist mount {TINY[:40]}" in told
         assert "PROVEN" in told and "80 N·m" not in told
         found = app.known.turn
-        assert found is not None and told.count("cam angle, turns") == 2 and "hdassist trace" not in told
+        assert found is not None and told.count("input angle, revolutions") == 2 and "hdassist trace" not in told
         (point,) = check(app.session.drive).points
         assert f"▸4 N·m ─●─ {point.error.F_ior_arcsec:.2f}" in " ".join(told.split()) and "every state" in told
 

@@ -63,9 +63,9 @@ def test_a_screen_holds_the_answer_and_what_to_do_next(rig):
     low, high = found["interval_arcsec"]
     assert lines[0] == f"run.csv, 3600 rows, small: F'_ior {told['F_ior_arcsec']:.2f}″"
     assert any(f"{low:.2f} to {high:.2f}" in line and line.endswith("100.0 %") for line in lines)
-    labels = [match[1] for line in lines if (match := re.match(r"(orders|measure|read as|next|more)  +\S", line))]
-    assert labels == ["orders", "measure", "read as", "next", "more"]
-    assert any(re.match(r"measure +not in u: encoder, .* \(--budget", line) for line in lines)
+    labels = [match[1] for line in lines if (match := re.match(r"(orders|not in u|read as|next|more)  +\S", line))]
+    assert labels == ["orders", "not in u", "read as", "next", "more"]
+    assert any(re.match(r"not in u +encoder, .* \(--budget", line) for line in lines)
     assert any(re.match(r"next +hdassist mount .*small.yaml h0=run.csv", line) for line in lines)
     assert len(lines) <= 24
     assert max(map(len, lines)) <= 80
@@ -76,17 +76,19 @@ def test_part_of_the_cycle_is_a_lower_bound_and_says_why(rig):
     (rig / "part.csv").write_text(text([360 * TURNS[:600], ERROR[:600]], "cam_deg,error_arcsec"))
     lines = run("measure", "part.csv", "--ratio", "30", "--ascii", cwd=rig).stdout.splitlines()
     told = json.loads(run("measure", "part.csv", "--ratio", "30", "--json", cwd=rig).stdout)
-    assert lines[0] == f"part.csv, 600 rows: F'_ior at least {told['directions'][0]['interval_arcsec'][0]:.2f} arcsec"
-    (heads,) = [line for line in lines if line.startswith("cam angle")]
+    assert lines[0].startswith(
+        f"part.csv, 600 rows: F'_ior at least {told['directions'][0]['interval_arcsec'][0]:.2f} arc"
+    )
+    (heads,) = [line for line in lines if line.startswith("input angle")]
     assert "range" in heads and "F'_ior" not in heads  # of the part, above the lower bound
     quiet = run("measure", "part.csv", "--ratio", "30", "-q", cwd=rig).stdout
     assert quiet == f">= {told['directions'][0]['interval_arcsec'][0]:.2f}″\n"
-    assert lines[1] == "a lower bound: 16.6 % visited of the full cycle: 30 cam turns, 1 output turn"
+    assert lines[1].startswith("The recording covers 16.6 % of the full mesh cycle of 30 input revolutions")
     assert len(lines) <= 24
     assert "".join(lines).isascii()
-    assert not any("rows are missing" in line for line in lines)
+    assert not any("Rows are missing" in line for line in lines)
     alone = run("measure", "part.csv", "--no-plot", cwd=rig).stdout
-    assert "without --drive or --ratio the cycle is unknown" in alone
+    assert "without --drive or --ratio the full mesh cycle is unknown" in in_a_line(alone)
     assert "next     hdassist compare PRESET part.csv\n" in alone
 
 
@@ -125,14 +127,14 @@ def test_the_next_command_reads_the_file_alike(rig):
 def test_the_rest_stands_in_the_details(rig):
     whole = run("measure", "run.csv", "--ratio", "30", "--details", "--no-plot", cwd=rig).stdout
     assert max(map(len, whole.splitlines())) <= 80
-    for words in ("range of the readings", "full cycle, cam turns", "share of the cycle visited",
-                  "the 12 greatest of", "not stated", "combined"):  # fmt: skip
+    for words in ("range of the readings", "full cycle, input revolutions", "share of the full cycle covered",
+                  "the 12 largest of", "not stated", "combined"):  # fmt: skip
         assert words in whole
     assert "±, ″" not in whole  # beside a ± of two u
     coupled = ERROR + 12 * np.cos(2 * np.pi * TURNS / 30)
     (rig / "coupled.csv").write_text(text([360 * TURNS, coupled], "cam_deg,error_arcsec"))
     beside = run("measure", "coupled.csv", "--drive", SMALL, "--no-plot", cwd=rig)
-    assert "once per output turn: also encoder graduation and coupling" in in_a_line(beside.stdout)
+    assert "once per output revolution: also encoder graduation and coupling" in in_a_line(beside.stdout)
 
 
 @pytest.mark.thorough
@@ -144,9 +146,9 @@ def test_both_directions_stand_side_by_side(rig):
     page = run(*command, cwd=rig).stdout
     told = json.loads(run(*command, "--json", cwd=rig).stdout)
     for direction in told["directions"]:
-        name = {1: "growing", -1: "falling"}[direction["direction"]]
+        name = {1: "increasing", -1: "decreasing"}[direction["direction"]]
         assert re.search(rf"^{name} +{direction['F_ior_arcsec']:.2f} ", page, re.MULTILINE)
-    assert re.search(r"^reversal +lost motion [45]\.\d\d ± 0\.\d\d″ where it turns back", page, re.MULTILINE)
+    assert re.search(r"^reversal +lost motion [45]\.\d\d ± 0\.\d\d″ \(k = 2\) at reversal", page, re.MULTILINE)
 
 
 def test_a_gap_longer_than_a_cam_turn_is_drawn(rig):
@@ -154,8 +156,8 @@ def test_a_gap_longer_than_a_cam_turn_is_drawn(rig):
     (rig / "gap.csv").write_text(text([360 * TURNS[kept], ERROR[kept]], "cam_deg,error_arcsec"))
     page = run("measure", "gap.csv", "--ratio", "30", cwd=rig)
     assert (page.returncode, page.stderr) == (0, "")
-    assert "69.9 % visited of the full cycle: 30 cam turns, 1 output turn" in page.stdout
-    assert "rows are missing: gaps of more than 14.8° between readings are not visited" in page.stdout
+    assert "covers 69.9 % of the full mesh cycle of 30 input revolutions" in in_a_line(page.stdout)
+    assert "Rows are missing: gaps of more than 14.8°" in in_a_line(page.stdout)
 
 
 @pytest.mark.thorough

@@ -35,7 +35,7 @@ def test_a_line_is_found_where_it_is(order):
     assert only.per_cam_rev == pytest.approx(order, abs=0.002)
     assert only.amplitude_arcsec == pytest.approx(3.0, abs=4 * only.uncertainty_arcsec)
     assert only.phase_deg == pytest.approx(np.degrees(0.4), abs=8)
-    assert "none of the orders" in only.cause
+    assert "no order, or not resolved" in only.cause
     assert {round(o.per_cam_rev, 9) for o in found_in(CURVE(TURNS) + NOISE).orders} == {
         round(o.per_cam_rev, 9) for o in found.orders if o is not only
     }
@@ -53,7 +53,7 @@ def test_a_line_beside_an_order_of_a_short_record_is_one_with_it(order):
     (only,) = (o for o in found.orders if abs(o.per_cam_rev - order) < 0.02)
     assert only.amplitude_arcsec == pytest.approx(3.0, abs=0.05)
     assert found.lines == ((only,) if order < 1 else ())
-    assert ("beats of an order with the output, or a line" in only.cause) == (order > 1)
+    assert ("sidebands of an order, or a line" in only.cause) == (order > 1)
     assert sum(o.amplitude_arcsec > 0.2 for o in found.orders) == 4
     low, high = found.interval_arcsec
     assert low < np.ptp(error) < high < low + 1

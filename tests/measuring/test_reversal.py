@@ -113,5 +113,5 @@ def test_at_one_speed_the_page_has_the_part_of_a_lag(tmp_path):
     page = run("measure", "run.csv", "--ratio", str(RATIO), "--second", "output_deg", "--no-plot", cwd=tmp_path).stdout
     words = in_a_line(page)
     assert re.search(
-        r"reversal lost motion 5\d\.\d\d ± 0\.\d\d″ where it turns back .* lag included, 130″ per ms", words
+        r"reversal lost motion 5\d\.\d\d ± 0\.\d\d″ \(k = 2\) at reversal .* lag of 130″ per ms included", words
     )

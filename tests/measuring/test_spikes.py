@@ -52,7 +52,7 @@ def test_many_outliers_are_left_out_when_asked_and_their_effect_said():
     low, high = result.directions[0].interval_arcsec
     assert low < whole_range(curve, RATIO) < high < low + 4
     assert result.warnings
-    assert all("left out; else the curve would span" in text for text in result.warnings)
+    assert all("omitted; with them the curve would span" in text for text in result.warnings)
 
 
 def stepped(size: float, share: float = 1.0):

@@ -61,7 +61,7 @@ def test_a_wind_up_that_the_record_tells_is_fitted(sign: float):
 def test_a_wind_up_that_goes_with_the_output_s_turn_is_the_catalogue_s_or_stays():
     left = measured(file(GRAVITY, 1.0))
     assert left.F_ior_arcsec > 5 * RANGE
-    assert any("goes with the output's turn" in warning for warning in left.warnings)
+    assert any("the torque follows the output angle" in warning for warning in left.warnings)
     beyond = np.maximum(GRAVITY - 22, 0)
     twist = (15 + (np.minimum(GRAVITY, 22) - 15) / 2 + beyond / 3) / STIFFNESS * 648000 / np.pi
     twist[GRAVITY < 15] = (GRAVITY / STIFFNESS * 648000 / np.pi)[GRAVITY < 15]
@@ -130,7 +130,7 @@ def test_a_constant_torque_is_told_and_changes_nothing(unit: str, size: float, t
     assert told["torque"]["mean_Nm"] == pytest.approx(20)
     assert told["torque"]["by"] == ""
     assert told["F_ior_arcsec"] == pytest.approx(RANGE, abs=0.2)
-    assert "torque   20 N·m on the mean, 20 to 20\n" in run("measure", "run.csv", "--ratio", "100", cwd=tmp_path).stdout
+    assert "torque    mean 20 N·m, 20 to 20 N·m\n" in run("measure", "run.csv", "--ratio", "100", cwd=tmp_path).stdout
 
 
 RATIO, PER_TURN, MIDDLE = 30, 60, 20.0  # a small drive, whose orders change with the torque

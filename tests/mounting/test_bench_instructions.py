@@ -198,7 +198,7 @@ def test_a_value_that_is_probably_misread_is_measured_again_before_anything_else
     assert report.values["next"] == {
         "hole": 6, "rotation_deg": 180.0, "gain_arcsec": None, "M_g_Nm": SETUP.M_g, "repeats_misread": True
     }  # fmt: skip
-    assert report.why[0].startswith("Measure in hole 6 again: ")
+    assert report.why[0].startswith("Measure in hole 6 again. ")
     assert not any("Stop measuring" in words or "→" in words for words in report.why)
     (facts,) = [block for block in report.blocks if type(block).__name__ == "Facts"]
     assert "h6=F_IOR" in dict(facts.rows)["next"]
@@ -291,7 +291,7 @@ def test_the_gain_of_values_at_a_torque_that_does_not_decide_is_computed_at_that
     both = load_preset(SMALL, [*drive.origin.overrides, "operation.M_g=[4, 10]"])
     assert advise(both, positions, setup=TrialSetup(10.0), draws=8).samples.torques == there.samples.torques
     page = mount_report(there, 0).why
-    assert any("at 10 N·m in hole 0" in words and "″ at 4 N·m" in words for words in page)
+    assert any("at 10 N·m in hole 0" in words and "F'_ior at 4 N·m in the hole" in words for words in page)
 
 
 def test_one_sample_is_no_nominal_value() -> None:

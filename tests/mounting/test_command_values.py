@@ -107,7 +107,7 @@ def test_people_see_the_hole_how_sure_what_to_measure_and_where_to_go_on(answer)
     assert len(done.stdout.splitlines()) <= 36  # the next command stands there as it is typed
     page = in_a_line(done.stdout)
     # the uncertainty by the default of --noise is no secret
-    head = f"small, 5 values +- 2 arcsec at 4 N*m: TURN, hole {answer[0]['hole']} Put the circular spline in "
+    head = f"small, 5 measured values (+- 2 arcsec, k = 2) at 4 N*m: TURN, hole {answer[0]['hole']} Put the "
     assert page.startswith(head)
     assert (
         " ".join(
@@ -214,7 +214,7 @@ def test_values_of_another_torque_are_named_with_the_torque_that_they_fit():
     done = run(*ONE, *FEW, "h0=190", "h4=189", "h8=147", "-q")
     words = " ".join(done.stderr.split())
     assert done.returncode == 0
-    assert "the values fit 1 N·m far better than 4 N·m: measured at it? (--trial-torque 1)" in words
+    assert "the values fit 1 N·m far better than 4 N·m; " in words
 
 
 @pytest.mark.thorough
