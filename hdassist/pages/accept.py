@@ -131,7 +131,9 @@ def _reason(check: DecidedCheck, answer: AcceptAnswer) -> str:
 
 def _further_checks(count: int) -> str:
     """Return the end of a list that names a number of further checks; empty without any."""
-    return f"; {count} further check{'s' * (count > 1)}" if count > 0 else ""
+    if count <= 0:
+        return ""
+    return f"; {count} further checks" if count > 1 else "; 1 further check"
 
 
 def _more_facts(answer: AcceptAnswer, predictions: Predictions | None) -> Iterator[Fact]:
@@ -346,10 +348,10 @@ def _lot_facts(answers: Sequence[AcceptAnswer]) -> Iterator[Fact]:
         torque = ["--trial-torque", f"{check.M_g_Nm:g}"]
         turning = command_line(["hdassist", "mount", request.preset, value, *sets, *torque])
     if named:
-        more = len(named) - _NAMED_CHECKS
-        others = f"; {more} further drive{'s' * (more > 1)}" if more > 0 else ""
-        first = '. "next" is for the first one' if len(named) > 1 else ""
-        yield "other hole", f"for {'; '.join(named[:_NAMED_CHECKS])}{others}{first}"
+        unnamed = len(named) - _NAMED_CHECKS
+        ending = f"; {unnamed} further" if unnamed > 0 else ""
+        ending += '. "next" is for the first one' if len(named) > 1 else ""
+        yield "other hole", f"for {'; '.join(named[:_NAMED_CHECKS])}{ending}"
     yield "next", turning or _to_explain(checks)
 
 

@@ -123,8 +123,8 @@ def influence_at(check: DesignCheck) -> str:
 def F_ior_table(check: DesignCheck) -> Table:
     """Return F'_ior by torque, with its range over the uncertain inputs and its limit if the drive has them."""
     if not (check.samples and check.prior):
-        title = f"F'_ior (peak-to-peak kinematic error){', unknown inputs as 0' * bool(check.unknown)}, ″"
-        return Table.by_row(title, _ON_PAGE, check.points)
+        zeros = ", unknown inputs as 0" if check.unknown else ""
+        return Table.by_row(f"F'_ior (peak-to-peak kinematic error){zeros}, ″", _ON_PAGE, check.points)
     fitted = f" ({len(check.prior.fitted)} others at fitted values)" if check.prior.fitted else ""
     title = f"F'_ior (peak-to-peak kinematic error) over {len(check.prior.fields)} uncertain inputs{fitted}, ″"
     columns = [replace(column, label="median") if column.key == "F_ior_arcsec" else column for column in _ON_PAGE]
@@ -289,7 +289,7 @@ def steps_tables(check: DesignCheck) -> Iterator[Table]:
     """Yield the options at the governing torque, and the questions to clarify, with their outcomes."""
     if not check.steps:
         return
-    point, purpose, now, outcome = _before_steps(check)
+    point, purpose, value, outcome = _before_steps(check)
     options = [step for step in check.steps if not step.is_question]
     questions = [step for step in check.steps if step.is_question]
     if options:
@@ -297,10 +297,10 @@ def steps_tables(check: DesignCheck) -> Iterator[Table]:
             (_step_words(step, check.drive), _outcome_words(step, point), _carried_out(step, check)) for step in options
         ]
         notes = (_DERIVED,) if any(step.kind == "tolerance" for step in options) else ()
-        yield Table(f"options {purpose} ({now})", ("option", outcome, "how"), tuple(rows), notes)
+        yield Table(f"options {purpose} ({value})", ("option", outcome, "how"), tuple(rows), notes=notes)
     if questions:
         asked = tuple((_step_words(step, check.drive), _outcome_words(step, point)) for step in questions)
-        title = f"questions to clarify, at {point.M_g:g} N·m ({now})"
+        title = f"questions to clarify, at {point.M_g:g} N·m ({value})"
         yield Table(title, ("to clarify", f"{outcome}, by answer"), asked)
 
 
@@ -310,9 +310,9 @@ def steps_facts(check: DesignCheck) -> Iterator[Fact]:
         return
     options = [step for step in check.steps if not step.is_question]
     questions = [step for step in check.steps if step.is_question]
-    point, purpose, now, _ = _before_steps(check)
+    point, purpose, value, _ = _before_steps(check)
     if options:
-        lines = [f"{purpose} ({now}):"]
+        lines = [f"{purpose} ({value}):"]
         lines += [
             f"{_step_words(step, check.drive)}: {_outcome_words(step, point)}" for step in options[:_SHOWN_OPTIONS]
         ]
@@ -327,15 +327,16 @@ def steps_facts(check: DesignCheck) -> Iterator[Fact]:
 def _before_steps(check: DesignCheck) -> tuple[OperatingPoint, str, str, str]:
     """Return the governing torque, the purpose of steps, the value before any, and the head of their outcomes."""
     point = check.points[check.least_sure]
-    torque, limit = f"{point.M_g:g} N·m", point.limit_arcsec
+    torque = f"{point.M_g:g} N·m"
+    limit = point.limit_arcsec
     if limit is None:
-        now = f"{'median ' * bool(point.belief)}now {point.F_ior_or_error:.1f}″"
-        return point, f"to reduce F'_ior at {torque}", now, "F'_ior"
+        statistic = "median now" if point.belief else "now"
+        return point, f"to reduce F'_ior at {torque}", f"{statistic} {point.F_ior_or_error:.1f}″", "F'_ior"
+    purpose = f"to meet {limit:g}″ at {torque}"
     if point.probability:
-        now = f"probability now {100 * point.probability.value:.0f} %"
-        return point, f"to meet {limit:g}″ at {torque}", now, f"P(F'_ior + self error ≤ {limit:g}″)"
-    now = f"F'_ior + self error now {point.F_ior_upper_arcsec:.1f}″"
-    return point, f"to meet {limit:g}″ at {torque}", now, "F'_ior + self error"
+        probability = f"probability now {100 * point.probability.value:.0f} %"
+        return point, purpose, probability, f"P(F'_ior + self error ≤ {limit:g}″)"
+    return point, purpose, f"F'_ior + self error now {point.F_ior_upper_arcsec:.1f}″", "F'_ior + self error"
 
 
 _COUNTS = {2: "two", 3: "three", 4: "four"}  # holes that a step tries

@@ -146,30 +146,31 @@ def _verdict(result: Correction) -> str:
     if any(each.is_refused for each in result.forms if each.form == form):
         return f"refused: {form_words(form.name)} may increase the error; {_enough(result)}"
     best = min(result.forms, key=lambda each: each.left[1])
-    words = f"with a recording, {form_words(best.form.name)} would leave {_percent(best)} %"
-    return f"record first: {words}; from the preset alone the error may increase"
+    residual_words = f"with a recording, {form_words(best.form.name)} would leave {_percent(best)} %"
+    return f"record first: {residual_words}; from the preset alone the error may increase"
 
 
 def _why(result: Correction) -> Iterator[str]:
     table = next(each for each in result.forms if each.form.turn == "cam")
-    left = f"a table over one input revolution would leave {_percent(table)} %"
+    table_words = f"a table over one input revolution would leave {_percent(table)} %"
     if table.left[1] <= HALVED:
-        yield f"The error repeats every input revolution, as with an oval wheel; {left}."
+        yield f"The error repeats every input revolution, as with an oval wheel; {table_words}."
     else:
-        *others, last = [f"{each:g}" for each in result.strong_lines]
-        often = f"{', '.join(others)} and {last}" if others else last
-        yield f"The error repeats mainly {often} times per output revolution; {left}."
+        *first_lines, last_line = [f"{line:g}" for line in result.strong_lines]
+        often = f"{', '.join(first_lines)} and {last_line}" if first_lines else last_line
+        yield f"The error repeats mainly {often} times per output revolution; {table_words}."
     yield from _other_loads(result)
     yield UNPROVEN
 
 
 def _other_loads(result: Correction) -> Iterator[str]:
     """Yield a warning for each torque at which the chosen correction increases the error in the median."""
-    for each in result.chosen.residuals:
-        if each.case == IN_PLACE and each.M_g != result.M_g and each.p50 > each.uncorrected_p50:
+    for residual in result.chosen.residuals:
+        is_elsewhere = residual.case == IN_PLACE and residual.M_g != result.M_g
+        if is_elsewhere and residual.p50 > residual.uncorrected_p50:
             statistic = "the median of F'_ior" if result.samples else "F'_ior"
-            change = f"{each.uncorrected_p50:.1f} → {each.p50:.1f}″"
-            yield f"At {each.M_g:g} N·m this correction increases {statistic}: {change}."
+            change = f"{residual.uncorrected_p50:.1f} → {residual.p50:.1f}″"
+            yield f"At {residual.M_g:g} N·m this correction increases {statistic}: {change}."
 
 
 def _part_words(part: ErrorPart) -> str:
@@ -210,8 +211,8 @@ def _record_facts(result: Correction) -> Iterator[Fact]:
     elif recorded and _is_of_part(result):
         words = f"{turns[0]:.3g} of {cycle} input revolutions at {recorded} N·m; angles count as in the recording"
         yield "recording", words
-        words = "sidebands and slow terms of the output, which a part of the cycle does not determine; the residual"
-        yield "open", f"{words} includes them"
+        slow = "sidebands and slow terms of the output, which a part of the cycle does not determine"
+        yield "open", f"{slow}; the residual includes them"
         yield "measure", "more of the cycle, which reduces the upper end of the residual"
     elif recorded:
         yield "recording", f"at {recorded} N·m; angles count as in the recording"
@@ -245,10 +246,10 @@ def _residual_table(forms: Sequence[FormResiduals], *, short: bool = False) -> T
     if short:  # two torques, the zero off by more, and the turn lost
         cases = sorted({*cases[:2], *cases[-2:]} - {cases[-3]})
     heads = [forms[0].residuals[k] for k in cases]
-    words = tuple(_case_words(each) for each in heads)
+    cases_in_words = tuple(_case_words(residual) for residual in heads)
     none = ("uncorrected", *(f"{each.uncorrected_p50:.1f}" for each in heads))
     rows = [(form_words(each.form.name), *(_range(each.residuals[k]) for k in cases)) for each in forms]
-    return Table("", ("residual F'_ior, ″", *words), (none, *rows))
+    return Table("", ("residual F'_ior, ″", *cases_in_words), (none, *rows))
 
 
 def _case_words(residual: ExpectedResidual) -> str:

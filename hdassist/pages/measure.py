@@ -187,15 +187,7 @@ def _facts(result: Measurement, drive: Drive | None, options: Sequence[str], spe
     yield "slow", _slow(found)
     if speed and (slope := result.slope_arcsec_per_deg):
         yield "slope", slope_words(*slope, speed, is_least=found.is_scale_bound)
-<<<<<<< HEAD
     yield from _line_facts(found)
-=======
-    if found.lines:
-        lines = ", ".join(_line_words(line, found) for line in found.lines)
-        rise = f". In another cycle they may add {found.range.rise:.2f}″ to F'_ior" if found.range.rise else ""
-        yield "lines", f"between the orders, per input revolution: {lines}{rise}"
-    yield "shafts", _shaft_words(found)
->>>>>>> cc98fa57 (Pages of measure and compensate: input and output revolutions, sidebands, correction terms, and the statistic of each number)
     if reversal := result.reversal:
         yield "reversal", _reversal_words(reversal)
     if torque := result.torque:
@@ -217,15 +209,6 @@ def _facts(result: Measurement, drive: Drive | None, options: Sequence[str], spe
         yield "next", _next_command(result, drive, options)
 
 
-<<<<<<< HEAD
-def _line_facts(found: SweepResult) -> Iterator[Fact]:
-    """Lines off the orders, and stated shafts without a component, a label and a text each."""
-    if found.lines:
-        lines = ", ".join(_line_words(line, found) for line in found.lines)
-        rise = f"; in another cycle they may add {found.range.rise:.2f}″" if found.range.rise else ""
-        yield "lines", f"off the orders: {lines}{rise}"
-    yield "shafts", _shaft_words(found)
-=======
 def _orders_words(found: SweepResult) -> str:
     """Return the largest orders of a direction in words, with the amplitude without sidebands if it is known."""
     largest = sorted(found.orders_of_cam, key=lambda order: -order.amplitude_arcsec)[:_NAMED_ORDERS]
@@ -233,15 +216,23 @@ def _orders_words(found: SweepResult) -> str:
     named = []
     for order in largest:
         spread = f" ± {COVERAGE_FACTOR * order.uncertainty_arcsec:.2f}" if not order.is_of_record else ""
-        here = " in this recording" if order.is_of_record and not of_recording else ""
+        place = " in this recording" if order.is_of_record and not of_recording else ""
         alone = None if order.is_of_record else found.order_alone(order.per_cam_rev)
         without = f" ({alone.amplitude_arcsec:.2f}″)" if alone else ""
-        named.append(f"order {order.per_cam_rev:g}: {order.amplitude_arcsec:.2f}{spread}″{here}{without}")
+        named.append(f"order {order.per_cam_rev:g}: {order.amplitude_arcsec:.2f}{spread}″{place}{without}")
     if of_recording:
         return f"{', '.join(named)}; amplitudes in this recording, sidebands included"
-    brackets = " (without)" if any("(" in words for words in named) else ""
+    brackets = " (without)" if any("(" in text for text in named) else ""
     return f"{', '.join(named)}; amplitudes with{brackets} sidebands, k = {COVERAGE_FACTOR:g}"
->>>>>>> cc98fa57 (Pages of measure and compensate: input and output revolutions, sidebands, correction terms, and the statistic of each number)
+
+
+def _line_facts(found: SweepResult) -> Iterator[Fact]:
+    """Yield lines between the orders, and stated shafts without a component, a label and a text each."""
+    if found.lines:
+        lines = ", ".join(_line_words(line, found) for line in found.lines)
+        rise = f". In another cycle they may add {found.range.rise:.2f}″ to F'_ior" if found.range.rise else ""
+        yield "lines", f"between the orders, per input revolution: {lines}{rise}"
+    yield "shafts", _shaft_words(found)
 
 
 def _line_words(line: MeasuredOrder, found: SweepResult) -> str:
@@ -350,9 +341,9 @@ def _slow(found: SweepResult) -> str:
 def _curve(found: SweepResult) -> Curve:
     """Return the error in the first sweep of a direction, without the removed parts, as a curve."""
     first = found.bins.sweep == 0
-    words = f"kinematic error, ″, {_DIRECTION_NAMES[found.direction]} input angle"
+    title = f"kinematic error, ″, {_DIRECTION_NAMES[found.direction]} input angle"
     turns = found.bins.turns[first]
-    return curve_of_turns(turns, found.fit.error[first], words)
+    return curve_of_turns(turns, found.fit.error[first], title)
 
 
 def _details(found: SweepResult) -> Iterator[ReportSection]:

@@ -144,9 +144,9 @@ _TURN_WORDS = {"output": "one output revolution", "cam": "one input revolution",
 
 def form_words(name: str) -> str:
     """Return the name of the form of a correction for pages, from that in JSON ("output turn, 36 points")."""
-    turn, is_table, more = name.partition(" turn, ")
+    turn, is_table, points = name.partition(" turn, ")
     if is_table:
-        return f"table over {_TURN_WORDS[turn]}, {more}"
+        return f"table over {_TURN_WORDS[turn]}, {points}"
     return name.replace("phasors", "correction terms")
 
 
