@@ -158,12 +158,12 @@ def more_draws(samples: Samples) -> str:
 def samples_words(samples: Samples) -> str:
     """Return the numbers of effective and of all samples, and why samples were refused."""
     refused = sum(samples.refused.values())
-    words = f"effective sample size {samples.effective:.0f} of {samples.draws} samples"
+    text = f"effective sample size {samples.effective:.0f} of {samples.draws} samples"
     if samples.of_ranges.draws < samples.draws:
-        words += f"; ranges and contributions are those of the first {samples.of_ranges.draws}"
+        text += f"; ranges and contributions are those of the first {samples.of_ranges.draws}"
     if refused:
-        words += f"; {refused} refused as impossible drives ({next(iter(samples.refused))})"
-    return words
+        text += f"; {refused} refused as impossible drives ({next(iter(samples.refused))})"
+    return text
 
 
 HOME = "en"
