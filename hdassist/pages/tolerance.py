@@ -34,13 +34,14 @@ from hdassist.tolerance.yields import YIELD_TAIL, AtTorque, Percentile, Summary,
 
 _PLOTTED_SHARES = np.linspace(0, 100, 201)  # of drives, %
 _PLOTTED_ROWS = 5
+_AS_ASSEMBLED = "as assembled"  # on pages; CSV has "as built"
 _MORE_DRIVES = "more drives (-n) may decide it"
 _FEW_DESIGNS = 8  # fewer hardly bound the yield of the type
 
 
 @dataclass(frozen=True)
 class _MountedDrives:
-    """Random drives at a torque, as built or (best) each with its wheel in its best position."""
+    """Random drives at a torque, as assembled or (best) each with its wheel in its best hole."""
 
     summary: Summary
     point: AtTorque
@@ -62,7 +63,7 @@ class _MountedDrives:
 
 
 def _yield_words(found: YieldBelief, digits: str = ".0f") -> str:
-    """A yield in the middle of its range over the designs, or that of the only one, with its interval."""
+    """Return the median of a yield over the designs, or that of the only one, with its interval."""
     middle = found.share if len(found.weights) == 1 else found.percentile(0.5)
     low, high = (format(100 * end, digits) for end in found.range)
     return f"{100 * middle:{digits}} % ({low} to {high})"
@@ -74,7 +75,9 @@ def _percentile(share: float, drives: _MountedDrives) -> float:
 
 _PERCENTILES = (("p5", "5 %", 0.05), ("p50", "median", 0.5), ("p95", "95 %", 0.95))
 _MOUNTING_COLUMNS = quantity_table(
-    "tolerance.page", wheel=lambda drives: f"best of {drives.summary.positions}" if drives.best else "as built"
+    "tolerance.page",
+    wheel=lambda drives: f"best of {drives.summary.positions}" if drives.best else "as built",
+    wheel_words=lambda name: _AS_ASSEMBLED if name == "as built" else f"{name} holes",
 )
 _F_IOR_COLUMNS = quantity_table(
     "tolerance.F_ior", **{name: partial(_percentile, share) for name, _, share in _PERCENTILES}
@@ -85,38 +88,39 @@ _YIELD_COLUMNS = quantity_table("tolerance.yield", **{"yield": _yield_words})
 def tolerance_report(
     law: ProductionLaw, seed: int, summary: Summary, samples: Samples | None, *, interrupted: bool = False
 ) -> Report:
-    """Random drives; samples of their designs, None where they are one, or were not drawn now."""
+    """Return random drives as a report; samples: those of their designs, None for one design or kept drives."""
     drive, points = law.drive, summary.points
     ways = (False, True) if summary.positions > 1 else (False,)
     drives = [_MountedDrives(summary, point, best) for point in points for best in ways]
     worst = min(range(len(points)), key=lambda k: summary.yield_of(True, points[k]).share)
     gains = to_measure(law, samples, worst) if samples else ()
     is_open = summary.verdict is Verdict.INCONCLUSIVE
-    title = "F'_ior, ″, of other drives of the type"
+    title = "F'_ior of drives of this type, ″ (percentiles)"
     if summary.has_limit and law.shared:
-        title += f"; yield: {100 * YIELD_TAIL:.0f} to {100 - 100 * YIELD_TAIL:.0f} % over designs"
+        title += f"; yield: median ({100 * YIELD_TAIL:.0f} to {100 - 100 * YIELD_TAIL:.0f} %) over designs"
     F_ior = (*_MOUNTING_COLUMNS, *_F_IOR_COLUMNS)
     table = Table.by_row(title, (*F_ior, *_YIELD_COLUMNS) if summary.has_limit else F_ior, drives)
     plots = [_share_below(drives[k : k + len(ways)]) for k in range(0, len(drives), len(ways))]
+    designs = f" of {summary.design_count} sampled designs" if law.shared else ""
     line = "\n".join(f"{row[0]} N*m, {row[1]}: 95 % of drives below {row[4]}″" for row in table.rows)
     if summary.has_limit:
         line = _yields(summary) + f": {summary.verdict}" * (summary.wanted is not None)
     return Report(
         command="tolerance",
         drive=drive,
-        head=f"{drive.name}, {summary.count} random drives" + f" of {summary.design_count} designs" * bool(law.shared),
+        head=f"{drive.name}, {summary.count} random drives{designs}",
         verdict=_yields(summary) if summary.has_limit and summary.wanted is None else str(summary.verdict),
         why=tuple(_reasons(summary)),
         blocks=(
             table,
             Facts.of([
-                (f"best of {summary.positions}", _best_of(summary, drives)),
+                ("best hole", _best_of(summary, drives)),
                 ("measure", (measure_words(gains, points[worst].M_g) or _MORE_DRIVES) if is_open else ""),
                 ("next", again("sensitivity", drive)),
             ]),
             plots.pop(worst),
         ),
-        details=(Facts((("drawn", _drawn(law, seed)),)), *plots),
+        details=(Facts((("distributions", _drawn(law, seed)),)), *plots),
         certificate=summary,
         values=_values(law, seed, summary, gains),
         csv=csv_table(drive.name, (*F_ior, Quantity("yield", value="yield_belief.share")), drives),
@@ -129,7 +133,7 @@ def tolerance_report(
 def drive_table(
     production: Production, records: Iterable[RandomDrive]
 ) -> tuple[dict[str, type], Iterator[tuple[Any, ...]]]:
-    """Random drives as a table: the type of each column by its name, and a row a drive, None where it has no value."""
+    """Return random drives as a table: the type of each column by its name, and a row a drive, None without a value."""
     torques = [repr(M_g).removesuffix(".0") for M_g in production.torques]
     F_ior = [f"{which}F_ior_arcsec@{M_g}" for which in ("", "best_") for M_g in torques]
     drawn = [field.path for field in production.law.joint.fields]
@@ -149,70 +153,75 @@ def drive_table(
 
 
 def _drawn(law: ProductionLaw, seed: int) -> str:
-    """How values of the random drives are drawn."""
+    """Return the distributions of the random drives in words."""
     laws = ", ".join(sorted({field.law for field in law.own if isinstance(field, TolerancedSize)}))
-    return f"given sizes {laws}, " * bool(laws) + "others even, " * bool(law.not_given) + f"seed {seed}"
+    parts = [f"stated sizes: {laws}" if laws else "", "others: even" if law.not_given else "", f"seed {seed}"]
+    return "; ".join(filter(None, parts))
 
 
 def _few(law: ProductionLaw, summary: Summary) -> Iterator[str]:
-    """Warnings of designs that are too few to bound a yield, and of drives without an answer."""
+    """Yield warnings of too few designs to bound a yield, and of drives without a result."""
     if law.shared and summary.design_count < _FEW_DESIGNS:
-        least = f"Yields of a type range over {_FEW_DESIGNS} at least; more drives: -n"
-        yield f"designs drawn: {summary.design_count}. {least}"
+        designs = f"only {summary.design_count} designs were sampled"
+        yield f"{designs}; a yield range needs at least {_FEW_DESIGNS}. Use more drives (-n)"
     if summary.refused:
-        yield f"{len(summary.refused)} drives have no answer, and count both ways: {summary.reason}"
+        yield f"{len(summary.refused)} drives have no result, and are counted as PASS and as FAIL: {summary.reason}"
 
 
 def _best_of(summary: Summary, drives: Sequence[_MountedDrives]) -> str:
-    """Why best mounted drives are worse than as built where they are, which one torque alone never shows."""
+    """Return why drives in their best holes may be worse than as assembled at one torque; empty if none is."""
     built, best = (
         np.array([[_percentile(share, each) for *_, share in _PERCENTILES] for each in drives if each.best is way])
         for way in (False, True)
     )
     if not best.size or not np.any(best > built):
         return ""
-    of = "its limit" if summary.has_limit else "that as built"
-    hole = f"the hole whose greatest F'_ior against {of} is least, one for all torques"
-    return f"{hole}: at one it may be worse"
+    reference = "its limit" if summary.has_limit else "the value as assembled"
+    hole = f"one hole per drive for all torques, with the smallest F'_ior relative to {reference} at the worst torque"
+    return f"{hole}. At a single torque it may be worse than as assembled"
 
 
 def _law_warnings(law: ProductionLaw) -> tuple[str, ...]:
-    """Warnings about a drive and about the distributions that its random drives are drawn from."""
-    words = f"no tolerance given, drawn evenly as check draws them: {', '.join(law.not_given)}"
-    return (*law.drive.origin.warnings, *[words] * bool(law.not_given))
+    """Return the warnings about a drive, and about the distributions of its random drives."""
+    if not law.not_given:
+        return law.drive.origin.warnings
+    names = ", ".join(law.not_given)
+    return (*law.drive.origin.warnings, f"inputs without a tolerance are sampled evenly, as in check: {names}")
 
 
 def _yields(summary: Summary) -> str:
-    words = f"yield as built {_yield_words(summary.yield_of(False), '.1f')}"
-    turned = f", best mounted {_yield_words(summary.yield_of(True), '.1f')}"
-    return words + turned * (summary.positions > 1)
+    assembled = f"yield as assembled {_yield_words(summary.yield_of(False), '.1f')}"
+    if summary.positions == 1:
+        return assembled
+    return f"{assembled}, with each wheel in its best hole {_yield_words(summary.yield_of(True), '.1f')}"
 
 
 def _reasons(summary: Summary) -> Iterator[str]:
-    """Probability of the yield wanted, and the yields; without a limit, the gain of turning."""
+    """Yield the probability of the required yield, and the yields; without a limit, the gain of the best hole."""
     if summary.has_limit and summary.wanted is not None:
-        sure = summary.yield_of(True).probability(summary.wanted).text(summary.sure)
-        yield f"probability that the yield reaches {100 * summary.wanted:g} %: {sure}"
+        probability = summary.yield_of(True).probability(summary.wanted).text(summary.sure)
+        name = "best-hole yield" if summary.positions > 1 else "yield"
+        yield f"Probability that the {name} is at least {100 * summary.wanted:g} %: {probability}"
         yield _yields(summary)
     elif summary.positions > 1 and not summary.has_limit:
         off = []
         for point in summary.points:
             low, median, high = -100 * np.quantile(point.gains(), [share for *_, share in _PERCENTILES])
             off.append(f"{median:+z.0f} % ({low:+z.0f} to {high:+z.0f}) at {point.M_g:g} N·m")
-        yield f"F'_ior by turning the wheel: {', '.join(off)}"
+        yield f"Change of F'_ior in the best hole, median (5 to 95 %): {', '.join(off)}"
 
 
 def _share_below(drives: Sequence[_MountedDrives]) -> Curve:
-    """F'_ior that a share of the drives at a torque stays below, as built and where wheels are turned."""
+    """Return F'_ior that a share of the drives is below at a torque, as assembled and in the best holes."""
     point, weights = drives[0].point, np.array(drives[0].summary.weights)
     limit = None if point.limit is None or point.limit <= point.self_error else point.limit - point.self_error
     curves = [np.interp(_PLOTTED_SHARES, *shares_below(np.array(each.F_ior), weights)) for each in drives]
     x_label, y_label = "share of the drives, %", f"F'_ior at {point.M_g:g} N·m, ″"
-    y_label += "" if limit is None else f" ({limit:.4g} allowed)"
+    y_label += "" if limit is None else f"; line: {limit:.4g} (limit {point.limit:g} minus self error)"
     best = curves[1] if len(curves) > 1 else None
     return Curve(
         _PLOTTED_SHARES, curves[0], x_label, y_label,
-        second=best, names=() if best is None else ("as built", "best mounted"), limit=limit, rows=_PLOTTED_ROWS,
+        second=best, names=() if best is None else ("as assembled", "best hole"), limit=limit, rows=_PLOTTED_ROWS,
     )  # fmt: skip
 
 
@@ -248,14 +257,14 @@ def _values(law: ProductionLaw, seed: int, summary: Summary, gains: Sequence[Mea
 
 
 def _F_ior_object(drives: _MountedDrives) -> Json:
-    """F'_ior of random drives, and the Monte Carlo intervals of its percentiles."""
+    """Return F'_ior of random drives, and the Monte Carlo intervals of its percentiles."""
     found = {name: drives.percentile(share) for name, _, share in _PERCENTILES}
     intervals = {f"{name}_interval_arcsec": (each.low, each.high) for name, each in found.items()}
     return as_object(_F_IOR_COLUMNS, drives) | intervals
 
 
 def _yield_object(summary: Summary, best: bool) -> Json:
-    """A yield with its range over the designs, and the probability that it is the wanted one, if any."""
+    """Return a yield with its range over the designs, and the probability of the required yield, if any."""
     found, wanted = summary.yield_of(best), summary.wanted
     return {
         **_yield_range(found),
@@ -266,20 +275,20 @@ def _yield_object(summary: Summary, best: bool) -> Json:
 
 
 def _yield_range(found: YieldBelief) -> Json:
-    """A yield with 5 and 95 % of its range over the designs."""
+    """Return a yield with 5 and 95 % of its range over the designs."""
     low, high = found.range
     return {"share": found.share, "low": low, "high": high}
 
 
 _LISTED = (5, 3)  # on the first screen: fields with a tolerance, and others
-_NO_SHARE = "no share: too small to be told from chance by so many drives (-n)"
+_NO_SHARE = "no contribution: too small to distinguish from chance with this number of drives (-n)"
 _UNDECIDED, _MORE_TIMES = "no tolerance, more drives are needed", 4
 _STEP_WORDS = f"{100 * (1 - TIGHTER_STEP):.0f} % tighter"
 
 
 @dataclass(frozen=True)
 class _FieldEffect:
-    """A field at a torque: its share of the spread of F'_ior, and its tolerance's effect; None without any."""
+    """A field at a torque: its contribution to F'_ior, and the effect of its tolerance; None without any."""
 
     M_g: float
     path: str
@@ -297,11 +306,11 @@ _EFFECT_COLUMNS = quantity_table(
 
 
 def sensitivity_report(found: Sensitivities) -> Report:
-    """The sensitivities of a drive."""
+    """Return the sensitivities of a drive as a report."""
     law, samples, torques = found.law, found.samples, found.samples.torques
     effects = [_effects(found, t) for t in range(len(torques))]
     verdict, reason, measured = _answer(found)
-    drawn = f"{len(samples.weights)} random drives, each of a design of its own, seed {samples.seed}"
+    drawn = f"{len(samples.weights)} random drives, each of its own design, seed {samples.seed}"
     limited = all(law.drive.limit(M_g) is not None for M_g in torques)
     next_ = again("allocate", law.drive, *(() if limited else ("--limit", "LIMIT")))
     if verdict == _UNDECIDED:
@@ -317,7 +326,7 @@ def sensitivity_report(found: Sensitivities) -> Report:
         verdict=verdict,
         why=(reason,),
         blocks=(short, Facts.of(facts)),
-        details=(Facts((("drawn", drawn),)), *(table for table in whole if table != short)),
+        details=(Facts((("distributions", drawn),)), *(table for table in whole if table != short)),
         certificate=found,
         values={
             "operating_points": [
@@ -343,26 +352,26 @@ def sensitivity_report(found: Sensitivities) -> Report:
 
 
 def _answer(found: Sensitivities) -> tuple[str, str, str]:
-    """The tolerance to tighten first and the gain of a step, or why there is none; the field to measure instead."""
+    """Return the tolerance to tighten first and the gain, or the reason for none, and the field to measure instead."""
     first, largest = found.first, found.largest
-    percentile = f"the 95th percentile of F'_ior, {first.now:.2f}″"
+    percentile = f"the 95th percentile of F'_ior ({first.now:.2f}″)"
     if found.is_worth_tightening:
         gain = f"{first.gain:.2f}″ ({first.now - first.high:.2f} to {first.now - first.low:.2f})"
-        return named(first.path), f"made {_STEP_WORDS} it takes {gain} off {percentile}", ""
-    reason = f"a tolerance {_STEP_WORDS} takes at most {max(first.gain, 0):.2f}″ off {percentile}"
+        return named(first.path), f"If it is {_STEP_WORDS}, {percentile} decreases by {gain}.", ""
+    reason = f"A tolerance {_STEP_WORDS} reduces {percentile} by at most {max(first.gain, 0):.2f}″."
     if largest and largest.group not in {way.path for way in found.tightened[found.worst]}:
-        share = f"{100 * largest.share:.0f} % of the spread of F'_ior"
-        return f"no tolerance, measure {named(largest.group)}", f"{share}; {reason}", largest.group
+        share = f"It contributes {100 * largest.share:.0f} % of the variance of F'_ior."
+        return f"no tolerance, measure {named(largest.group)}", f"{share} {reason}", largest.group
     return _UNDECIDED, reason, ""
 
 
 def _as_measured(path: str) -> tuple[str, str]:
-    """The option that gives a command the value of a measurement, by its path; VALUE stands for it."""
+    """Return the option that gives a command the value of a measurement, by its path, with VALUE as placeholder."""
     return "--set", f"{path.replace('stiffness.', 'measured.')}=VALUE"
 
 
 def _effects(found: Sensitivities, torque: int) -> list[_FieldEffect]:
-    """All fields that do something at a torque, the greatest shares of the variance first."""
+    """Return all fields with an effect at a torque, the largest contributions first."""
     shares = {each.group: each.share for each in found.influences[torque]}
     ways = {way.path: way for way in found.tightened[torque]}
     M_g = found.samples.torques[torque]
@@ -370,12 +379,13 @@ def _effects(found: Sensitivities, torque: int) -> list[_FieldEffect]:
 
 
 def _table(effects: Sequence[_FieldEffect], tolerances: int, others: int) -> Table:
-    """So many fields with a tolerance, the greatest gain first, and so many others."""
+    """Return a table of some fields with a tolerance, the largest gain first, and of some others."""
     tight = sorted((e for e in effects if e.tightened), key=lambda e: -e.tightened.gain if e.tightened else 0.0)
     rest = [e for e in effects if not e.tightened]
     shown = [*tight[:tolerances], *rest[:others]]
-    share = "share of the spread of F'_ior; " * any(each.share is not None for each in shown)
-    title = f"at {effects[0].M_g:g} N·m: {share}gain of a tolerance {_STEP_WORDS}"
+    share = "contribution to the variance of F'_ior; " * any(each.share is not None for each in shown)
+    reduction = f"reduction of the 95th percentile by a tolerance {_STEP_WORDS}"
+    title = f"at {effects[0].M_g:g} N·m: {share}{reduction}"
     table = Table.by_row(title, _EFFECT_COLUMNS, shown)
     return replace(table, notes=(_NO_SHARE,) * any(each.share is None for each in shown))
 
@@ -384,10 +394,12 @@ def allocate_report(
     found: Allocator, ways: Sequence[Allocation], self_errors: Sequence[float], to_measure: Sequence[MeasurementGain],
     M_g: float,
 ) -> Report:  # fmt: skip
-    """The cheapest tolerances of a drive.
+    """Return the cheapest tolerances of a drive as a report.
 
-    Arguments: the search, ways to build the drive that it found tolerances for, self errors [arcsec] at each torque,
-    and measurements of the design, at a torque M_g [N*m].
+    found: the search.
+    ways: ways to build the drive with the tolerances found for them.
+    self_errors: self error at each torque [arcsec].
+    to_measure: measurements of the design, at the torque M_g [N*m].
     """
     law, choices = found.production.law, found.choices
     drive, verdicts = law.drive, {way.verdict for way in ways}
@@ -395,12 +407,12 @@ def allocate_report(
     held = [(M_g, drive.limit(M_g), own) for M_g, own in zip(found.production.torques, self_errors, strict=True)]
     limits = ", ".join(f"{limit:g}″ at {M_g:g} N·m" for M_g, limit, _ in held)
     assumed = [choice.path for choice in choices if choice.assumed_law]
-    costs = f"costs are assumed, 1 now and growing as 1/tolerance: {', '.join(assumed)} (preset: cost)"
+    costs = f"costs are assumed (1 at present, increasing as 1/tolerance): {', '.join(assumed)} (preset: cost)"
     reasons = [_words(way, found) for way in ways]
     facts = []
     if verdict is not Verdict.PASS:
         taken = ", ".join(f"{own:.1f} of {limit:g}″ at {M_g:g} N·m" for M_g, limit, own in held)
-        facts.append(("self error", f"takes {taken}; no tolerance changes that"))
+        facts.append(("self error", f"{taken}, which no tolerance reduces"))
     if verdict is Verdict.INCONCLUSIVE:
         facts.append(("measure", measure_words(to_measure, M_g) or _MORE_DRIVES))
     facts.append(("next", _next(found, ways, verdict, to_measure)))
@@ -450,18 +462,18 @@ def allocate_report(
 
 
 def _words(way: Allocation, found: Allocator) -> str:
-    """Whether a way to build reaches the yield, at which cost, and how sure that is."""
-    how = "with the wheel in its best hole" if way.turned else "as built"
-    none = "no tolerances reach it" if way.verdict is Verdict.FAIL else "none recommended: not sure enough"
+    """Return in words whether a way to build reaches the yield, its cost, and its probability."""
+    how = "In the best holes" if way.turned else "As assembled"
+    none = "no tolerances reach the yield" if way.verdict is Verdict.FAIL else "no tolerances are recommended"
     return (
         f"{how}: {f'cost {way.cost:.2f}' if way.fits else none}; {100 * way.tried.share:.1f} % of "
-        f"{way.tried.drives.sum()} drives drawn anew pass, probability that {100 * found.wanted:g} % do: "
-        f"{way.probability.text(found.sure)}"
+        f"{way.tried.drives.sum()} further random drives meet the limits. Probability of a yield of at least "
+        f"{100 * found.wanted:g} %: {way.probability.text(found.sure)}"
     )
 
 
 def _next(found: Allocator, ways: Sequence[Allocation], verdict: Verdict, to_measure: Sequence[MeasurementGain]) -> str:
-    """The command to type next: with the tolerances, the measured value or more drives; or for steps beside them."""
+    """Return the next command: with the tolerances, the measured value or more drives, or for other options."""
     drive = found.production.drive
     if verdict is Verdict.PASS:
         cheapest = min((way for way in ways if way.fits), key=lambda way: way.cost)
@@ -486,7 +498,8 @@ def _tolerances_table(found: Allocator, ways: Sequence[Allocation]) -> Table:
     ]
     now = sum(choice.law.share for choice in found.choices)
     rows.append(("cost", f"{now:.2f}", *(f"{way.cost:.2f}" for way in ways)))
-    return Table("tolerances (cost of each)", ("field", "preset", *map(_column, ways)), tuple(rows))
+    heads = ("best hole" if way.turned else _AS_ASSEMBLED for way in ways)
+    return Table("tolerances (cost of each)", ("field", "preset", *heads), tuple(rows))
 
 
 def _column(way: Allocation) -> str:

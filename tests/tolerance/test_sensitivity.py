@@ -71,7 +71,7 @@ def test_a_support_that_nobody_knows_is_measured_before_any_tolerance_is_tighten
     assert found.to_measure[0].measured == "supports.C_3"
     report = sensitivity_report(found)
     assert report.verdict == "no tolerance, measure radial support stiffness of the wave generator (supports.C_3)"
-    assert "a tolerance 20 % tighter takes at most" in report.why[0]
+    assert "A tolerance 20 % tighter reduces the 95th percentile" in report.why[0]
     assert facts_of(report)["next"].endswith(" --set supports.C_3=VALUE")
 
 

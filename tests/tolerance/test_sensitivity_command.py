@@ -20,8 +20,8 @@ def test_the_first_line_says_what_to_tighten_and_fits_a_terminal() -> None:
     assert done.returncode == 0, done.stderr
     words = in_a_line(done.stdout)
     field = "single-flank composite deviation F'_i2 of the circular spline (tolerances.F_i2)"
-    assert words.startswith(f"tiny, tighten first at 4 N*m: {field} made 20 % tighter it takes ")
-    for part in ("95th percentile", "tolerances.F_i1", "proof", "next hdassist allocate", " --limit LIMIT "):
+    assert words.startswith(f"tiny, tighten first at 4 N*m: {field} If it is 20 % tighter, the 95th percentile")
+    for part in ("95th percentile", "tolerances.F_i1", "verified", "next hdassist allocate", " --limit LIMIT "):
         assert part in words
     assert len(done.stdout.splitlines()) <= 24
     assert "..." not in done.stdout
@@ -43,8 +43,8 @@ def test_json_has_influences_and_what_tighter_tolerances_bring(as_json: subproce
 
 def test_a_share_that_is_missing_is_explained() -> None:
     page = run("sensitivity", TINY, *FEW).stdout
-    assert "no share: too small to be told from chance" in page
-    assert "spread, %" not in page  # of which none is shown
+    assert "no contribution: too small to distinguish from chance" in page
+    assert "contribution, %" not in page  # of which none is shown
 
 
 def test_csv_has_a_row_a_field() -> None:

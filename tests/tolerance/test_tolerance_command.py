@@ -28,11 +28,11 @@ def test_the_page_has_yields_both_ways_and_the_next_command() -> None:
     done = run("tolerance", TINY, "-n", "12", "--torque", "1", "--limit", "60", "--jobs", "1")
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
-    assert lines[0].startswith("tiny, 12 random drives: yield as built ")
-    for words in ("best of 12", "5 %", "residual", "of other drives of the type"):
+    assert lines[0].startswith("tiny, 12 random drives: yield as assembled ")
+    for words in ("best of 12 holes", "5 %", "residual", "of drives of this type"):
         assert words in done.stdout
     assert f"hdassist sensitivity {TINY}" in in_a_line(done.stdout)
-    assert "given sizes Rayleigh" not in done.stdout
+    assert "stated sizes: rayleigh" not in done.stdout
     assert max(map(len, lines)) <= 80
     assert len(lines) <= 24
 
@@ -42,11 +42,11 @@ def test_the_page_of_a_yield_that_is_wanted_has_its_verdict_first_and_all_tables
     done = run("tolerance", TINY, *few, "--details", "--no-plot", "--ascii")
     words = in_a_line(done.stdout)
     assert words.startswith(
-        "tiny, 12 random drives: FAIL probability that the yield reaches 99 %: 0 %; PASS needs 95 %"
+        "tiny, 12 random drives: FAIL Probability that the best-hole yield is at least 99 %: 0 %; PASS needs 95 %"
     )
     for part in (
-        "yield as built 0.0 %",
-        "given sizes rayleigh, seed 0",
+        "yield as assembled 0.0 %",
+        "stated sizes: rayleigh; seed 0",
     ):
         assert part in words
     assert "share of the drives" not in words
@@ -78,9 +78,9 @@ def test_a_torque_without_a_limit_is_no_fault_and_a_worse_best_hole_has_its_reas
     done = run("tolerance", TINY, *two, "--limit", "F_ior@4=2050")
     page, bare = in_a_line(done.stdout), run("tolerance", TINY, *two[:2], *two[4:]).stdout
     assert done.returncode == 0, done.stderr
-    assert "1 best of 12 1.36 3.57 7.67 - - " in page and "1 as built 1.38 3.36 7.79 - - " in page
-    assert "best of 12 the hole whose greatest F'_ior against its limit is least, one for all torques" in page
-    assert "one for all torques" not in bare
+    assert "1 best of 12 holes 1.36 3.57 7.67 - - " in page and "1 as assembled 1.38 3.36 7.79 - - " in page
+    assert "best hole one hole per drive for all torques, " in page
+    assert "one hole per drive" not in bare
     other = run("tolerance", TINY, *two, "--limit", "F_ior@3=2050")
     assert (other.returncode, other.stdout) == (2, "")
     answer = json.loads(run("tolerance", TINY, *two, "--limit", "F_ior@4=2050", "--json").stdout)
@@ -97,14 +97,14 @@ def test_a_yield_that_hangs_on_what_is_not_known_of_the_design_is_a_range() -> N
     open_ = run("tolerance", TINY, *few, *sizes, *soft)
     words = in_a_line(open_.stdout)
     assert open_.returncode == 6, open_.stdout + open_.stderr
-    assert words.startswith("tiny, 100 random drives of 10 designs: INCONCLUSIVE")
-    yields = r"yield as built [\d.]+ % \([\d.]+ to 100.0\) F'_ior, ″, .* of the type; yield: 5 to 95 % over designs"
+    assert words.startswith("tiny, 100 random drives of 10 sampled designs: INCONCLUSIVE")
+    yields = r"yield as assembled [\d.]+ % \([\d.]+ to 100.0\) .* yield: median \(5 to 95 %\) over designs"
     assert re.search(yields, words)
-    assert "more drives (-n)" in words and "designs drawn" not in open_.stderr
+    assert "more drives (-n)" in words and "designs were sampled" not in open_.stderr
     two = run("tolerance", TINY, *few, *sizes, *soft, "-n", "20")
-    assert "warning: tiny: designs drawn: 2. Yields of a type range over 8 at least" in two.stderr
+    assert "warning: tiny: only 2 designs were sampled; " in two.stderr
     quiet = run("tolerance", TINY, *FEW, "-n", "3", "--limit", "2050", "-q")
-    assert re.fullmatch(r"yield as built 100.0 % \([\d.]+ to [\d.]+\)\n", quiet.stdout)
+    assert re.fullmatch(r"yield as assembled 100.0 % \([\d.]+ to [\d.]+\)\n", quiet.stdout)
 
 
 def test_two_processes_write_the_same_bytes_as_one(kept: Path, tmp_path: Path) -> None:
