@@ -200,7 +200,9 @@ def _facts(answer: AcceptAnswer, predictions: Predictions | None, drive: Drive) 
         turns = travel * abs(of.u) / 360
         whole = f"the full mesh cycle, {of.cycle_cam_revolutions} input revolutions; less than a third never gives PASS"
         if turns < of.cycle_cam_revolutions:
-            whole = f"the whole travel, {travel:g}° of the output, {turns:.4g} input revolutions; a part never gives PASS"
+            whole = (
+                f"the whole travel, {travel:g}° of the output, {turns:.4g} input revolutions; a part never gives PASS"
+            )
         yield "measure", whole
     if _is_open(first) or (first.basis == "predicted" and first.verdict != "FAIL"):
         yield "next", _with_measured(first, answer, drive)
