@@ -141,8 +141,7 @@ def _verdict(result: Correction) -> str:
     if not result.chosen.is_refused:
         noise = ", including noise of the recording" if result.M_g in result.records else ""
         left = f"{_range(residual)} of {residual.uncorrected_p50:.1f}″ ({_percent(result.chosen)} %)"
-        verb = "leave" if form.turn is None else "leaves"
-        return f"{form_words(form.name)} {verb} {left}{noise}"
+        return f"{form_words(form.name)} leave {left}{noise}"
     if any(each.is_refused for each in result.forms if each.form == form):
         return f"refused: {form_words(form.name)} may increase the error; {_enough(result)}"
     best = min(result.forms, key=lambda each: each.left[1])
@@ -184,7 +183,7 @@ def _facts(result: Correction, is_written: bool) -> Iterator[Fact]:
     refused = "; ".join(form_words(each.form.name) for each in result.forms if each.is_refused)
     yield "table", _enough(result) + (f"; refused, as they may increase the error: {refused}" if refused else "")
     numbers = ", ".join(f"{n}: {left:.2g}″" for n, left in result.phasors.items())
-    yield "terms", f"residual by number of correction terms: {numbers}"
+    yield "terms", f"residual with {numbers} terms"
     yield from _record_facts(result)
     missing = [f"{M_g:g}" for M_g in result.errors if M_g not in result.corrections]
     if result.chosen.form.each_load and missing:
@@ -249,16 +248,15 @@ def _residual_table(forms: Sequence[FormResiduals], *, short: bool = False) -> T
     cases_in_words = tuple(_case_words(residual) for residual in heads)
     none = ("uncorrected", *(f"{each.uncorrected_p50:.1f}" for each in heads))
     rows = [(form_words(each.form.name), *(_range(each.residuals[k]) for k in cases)) for each in forms]
-    return Table("", ("residual F'_ior, ″", *cases_in_words), (none, *rows))
+    title = f"residual F'_ior, ″; with the zero off, or a revolution (rev.) lost, at {heads[-1].M_g:g} N·m"
+    return Table(title, ("correction", *cases_in_words), (none, *rows))
 
 
 def _case_words(residual: ExpectedResidual) -> str:
-    """Return the torque of a residual, and what is wrong with the correction, as the head of a column."""
-    torque = f"{residual.M_g:g} N·m"
+    """Return the head of the column of a residual: its torque, or the fault of the correction."""
     if residual.case == IN_PLACE:
-        return torque
-    fault = "revolution count lost" if residual.case == TURN_LOST else residual.case.replace(" deg", "°")
-    return f"{torque}, {fault}"
+        return f"{residual.M_g:g} N·m"
+    return "rev. lost" if residual.case == TURN_LOST else residual.case.replace(" deg", "°")
 
 
 def _lines_table(result: Correction) -> Table:

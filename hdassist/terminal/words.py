@@ -40,7 +40,7 @@ TAKEN_OVER = {  # options that another command has too, by their field: the comm
 }
 _OPTION = re.compile("^(?:--[a-z-]+|-[a-z])")  # its name, as it is typed
 _REPORTED = 2  # contributions and measurements on a short page
-ENVELOPE = "smallest and largest within one input revolution"  # two curves in a plot over many revolutions
+ENVELOPE = "envelope per input revolution"  # two curves, of the smallest and the largest value
 MORE_DRAWS = 4  # times as many samples, which halve the interval of a probability
 
 
@@ -139,14 +139,15 @@ def measure_words(found: Sequence[MeasurementGain], M_g: float) -> str:
     return "; ".join(words)
 
 
-_TURN_WORDS = {"output": "one output revolution", "cam": "one input revolution", "half-cam": "half an input revolution"}
+_TURN_WORDS = {"output": "output revolution", "cam": "input revolution", "half-cam": "half input revolution"}
 
 
 def form_words(name: str) -> str:
     """Return the name of the form of a correction for pages, from that in JSON ("output turn, 36 points")."""
     turn, is_table, points = name.partition(" turn, ")
     if is_table:
-        return f"table over {_TURN_WORDS[turn]}, {points}"
+        number, _, each_load = points.partition(", ")
+        return ", ".join(filter(None, (f"{number} per {_TURN_WORDS[turn]}", each_load)))
     return name.replace("phasors", "correction terms")
 
 

@@ -51,7 +51,7 @@ def test_a_screen_holds_the_range_the_orders_and_the_curve():
     assert "amplitude·cos(order·phi_h + phase)" in run("trace", SMALL, "--no-plot", "--details").stdout
     whole = run("trace", SMALL, "-n", "30").stdout
     assert "of the full cycle:" not in whole
-    assert "smallest and largest within one input revolution" in in_a_line(whole)
+    assert "envelope per input revolution" in in_a_line(whole)
 
 
 def test_quiet_prints_the_range():
