@@ -135,8 +135,8 @@ def guide_rows(lines: Sequence[str], form: GuideForm) -> GuideRows:
     chosen = unguided if is_preferred or not whole.is_guided else whole
     if not (chosen.span_s and isfinite(chosen.facts.scale)):
         raise DataError(
-            "a guide log of PHD2 without a section of frames with a pixel scale, times, distances and pulses",
-            "Pixel scale above the frames, and the columns Time, RARawDistance and RADuration",
+            "a PHD2 guide log without a section of frames with pixel scale, times, distances and pulses",
+            "use a log with the pixel scale above the frames, and with the columns Time, RARawDistance and RADuration",
         )
     chosen = replace(chosen, facts=_with_stated(chosen.facts, form))
     frames, uncertainty, rate_words = chosen.frames, 0.0, "no pulses"
@@ -155,7 +155,7 @@ def guide_rows(lines: Sequence[str], form: GuideForm) -> GuideRows:
         where = f"declination {chosen.facts.declination:g} deg"
     notes = (
         f"a guide log of PHD2: lines {first + 1} to {last + 1}, {len(frames)} of {total} frames, {rate_words}; {where}",
-        f"error in right ascension over the angle at {SIDEREAL_ARCSEC_S:g} arcsec/s; its sense is not known",
+        f"error in right ascension over the angle at {SIDEREAL_ARCSEC_S:g} arcsec/s; its sense is unknown",
     )
     table = tuple(rows.get(number, "") for number in range(len(lines)))
     return GuideRows(table, notes, is_unknown, uncertainty)
@@ -238,7 +238,7 @@ def _guide_rate(facts: _Facts, form: GuideForm) -> _GuideRate:
     Raises DataError where none is known, or where the declination that it depends on is not.
     """
     if not isfinite(facts.declination):
-        words = "a guided section of a guide log, of which the declination is unknown: the guide rate depends on it"
+        words = "a guided section of a guide log with an unknown declination, on which the guide rate depends"
         raise DataError(words, "--declination DEG")
     px_per_arcsec = cos(radians(facts.declination)) / facts.scale
     if form.rate_arcsec_s is not None:
@@ -251,8 +251,8 @@ def _guide_rate(facts: _Facts, form: GuideForm) -> _GuideRate:
     if facts.guide_speed > 0:
         rates.append((facts.guide_speed, "as the mount states it"))
     if not rates:
-        words = "a guided section of a guide log without a guide rate"
-        raise DataError(words, "--guide-rate ARCSEC/S, such as 7.52 for half the sidereal rate")
+        words = "a guided section of a guide log without its guide rate"
+        raise DataError(words, "state it with --guide-rate ARCSEC/S, for example 7.52 for half the sidereal rate")
     rate, origin = rates[0]
     uncertainty = _ONE_RATE_UNCERTAINTY
     if len(rates) > 1:
@@ -268,12 +268,12 @@ def _with_pulses_added(frames: Sequence[_Frame], rate_px_s: float) -> list[_Fram
     """
     if any(isnan(frame.pulse_s) for frame in frames):
         raise DataError(
-            "a guide log with pulses without a direction", "the column RADirection has E or W beside RADuration"
+            "a guide log with pulses without a direction", "use a log in which the column RADirection states E or W"
         )
     if sum(frame.pulse_s * frame.distance_px for frame in frames) < 0:
         raise DataError(
             "a guide log whose pulses increase the error instead of reducing it",
-            "use a log with guide output off, as the Guiding Assistant makes it",
+            "use a log with guide output off, for example of the Guiding Assistant",
         )
     moved_s, unguided = 0.0, []
     for frame in frames:

@@ -63,18 +63,19 @@ _Sense = Literal["ccw", "cw"]
 _Flank = Literal["left", "right"]
 _CHOICES = {  # by key: values, and their names for messages
     "form": (get_args(_PitchForm), "cumulative or single"),
-    "sense": (get_args(_Sense), "ccw or cw, seen from the cam side"),
+    "sense": (get_args(_Sense), "ccw or cw, seen from the wave generator side"),
     "sign": (("along", "ccw", "cw"), "along (the numbering), ccw or cw"),
     "flank": (get_args(_Flank), "left or right"),
 }
 ASSUMED = {  # by key: value without a statement, and the note on it
-    "form": ("cumulative", "no form given: cumulative deviations"),
-    "unit": ("um", "no unit given: um"),
-    "sense": ("ccw", "no sense given: numbered counter-clockwise, seen from the cam side"),
+    "form": ("cumulative", "no form stated; read as cumulative deviations"),
+    "unit": ("um", "no unit stated; read as um"),
+    "sense": ("ccw", "no sense stated; read as numbered counter-clockwise, seen from the wave generator side"),
     "sign": ("along", ""),
 }
 COLUMNS_HINT = (
-    "left [um]; right [um] above the rows, and one flank or form asked for; decimal commas need ; between columns"
+    "name the columns above the rows, for example left [um]; right [um], and select one flank or form; "
+    "with decimal commas separate columns by ;"
 )
 _FORM_HINT = 'write a comment line above the rows, like "# form: cumulative" or "# form: single"'
 _WHEEL_NAMES = ("b", "g")
@@ -114,9 +115,9 @@ def read_pitch(
     first, order = _rows_by_tooth(table, teeth_in, teeth) if is_table else (1, [])
     mark = int(stated.value("mark") or first)
     if not stated.stated["mark"]:
-        table.notes.append(f"no mark given: tooth {mark} has it")
+        table.notes.append(f"no mark stated; tooth {mark} is the marked tooth")
     elif not first <= mark < first + teeth:
-        message = f"no tooth of the wheel: {first} to {first + teeth - 1}"
+        message = f"not a tooth of the wheel, whose teeth are {first} to {first + teeth - 1}"
         stated.refused("mark", message, "", "give the number of the tooth with the mark")
     table.require_sound()
     values = _cumulative(table, deviation_in, order, (unit, size), is_single=form_is == "single")
@@ -124,10 +125,10 @@ def read_pitch(
     values = np.roll(values, first - mark)
     if sense_is == "cw":
         values = np.roll(values[::-1], 1)
-        table.notes.append("numbers turned round")
+        table.notes.append("numbers reversed")
     if (sense_is if sign_is == "along" else sign_is) == "cw":
         values = -values
-        table.notes.append("signs turned round")
+        table.notes.append("signs reversed")
     deviation = values - values.mean()
     deviation.setflags(write=False)
     flank_is = cast(_Flank | None, side or None)
@@ -160,7 +161,7 @@ class _Statements:
             if key := PITCH_KEYS.get(word):
                 self.stated[key].append(_Statement(_value_of(key, text), text, line, column))
             elif hint := near_miss(word, PITCH_KEYS):
-                table.notes.append(f'line {line}: "{word}" is passed over; {hint}')
+                table.notes.append(f'line {line}: "{word}" is ignored; {hint}')
 
     def value(self, key: str) -> str:
         """Value of a key: that of the argument, else that of the file, else the one that is assumed, with a note."""
@@ -168,15 +169,15 @@ class _Statements:
         if asked := self.asked.get(key):
             other = next((each.text for each in stated if each.value != asked), None)
             if other is not None:
-                self.table.notes.append(f"{key} {asked} as asked for; the file says {other}")
+                self.table.notes.append(f"{key} {asked} as requested; the file states {other}")
             return asked
         for each in stated:
             if not each.value:
                 expected = _CHOICES[key][1] if key in _CHOICES else "the number of a tooth"
                 return self.refused(key, f"must be {expected}", default, at=each)
             if each.value != stated[0].value:
-                hint = f"line {stated[0].line} says {stated[0].text}; keep one of them"
-                return self.refused(key, "stated twice, and not the same", default, hint, each)
+                hint = f"line {stated[0].line} states {stated[0].text}; keep one of the two"
+                return self.refused(key, "stated twice with different values", default, hint, each)
         if not stated and note:
             self.table.notes.append(note)
         return stated[0].value if stated else default
@@ -201,7 +202,7 @@ class _Statements:
                 if value and value != AMBIGUOUS:
                     self.stated[key].append(_Statement(value, name, table.names_line, 1))
                 elif value and not self.stated[key] and key not in self.asked:
-                    message = "single pitch deviations, or cumulative ones?"
+                    message = "state whether they are single or cumulative pitch deviations"
                     table.add(table.names_line, 1, key, message, name, _FORM_HINT)
         return first, others[0]
 
@@ -231,19 +232,19 @@ def _rows_by_tooth(table: NumberTable, column: int, teeth: int) -> tuple[int, li
     row_of: dict[int, int] = {}
     for row, number in enumerate(table.values[:, column].tolist()):
         if not number.is_integer():
-            hint = "the first column has the tooth numbers, unless a line of names says otherwise"
+            hint = "put tooth numbers in the first column, or name the columns"
             table.add_at(row, column, "must be the whole number of a tooth", f"{number:g}", hint)
             return 1, []
         if row_of.setdefault(int(number), row) != row:
             hint = f"first in line {table.lines[row_of[int(number)]]}; keep one row"
-            table.add_at(row, column, "a tooth for the second time", f"{number:g}", hint)
+            table.add_at(row, column, "a tooth is given twice", f"{number:g}", hint)
     first = 0 if 0 in row_of else 1
     wanted = range(first, first + teeth)
     beyond, missing = sorted(row_of.keys() - set(wanted)), sorted(set(wanted) - row_of.keys())
     for words, numbers in (("a row for tooth", beyond), ("no row for tooth", missing)):
         if numbers:
-            message = f"the wheel has {teeth} teeth, the file {len(row_of)}"
-            hint = "count from 0 or from 1 on, each tooth once" if beyond else f"{teeth} rows are needed"
+            message = f"the wheel has {teeth} teeth, the file has {len(row_of)}"
+            hint = "number the teeth from 0 or 1, each tooth once" if beyond else f"{teeth} rows are needed"
             row = row_of.get(numbers[0], 0)
             table.add_at(row, column, message, f"{words} {shortened(numbers)}", hint)
     return first, [row_of.get(number, 0) for number in wanted]
@@ -267,17 +268,19 @@ def _cumulative(
         closes = abs(gap) <= _NOISE * whole
         if not closes and abs(gap) > _CLOSING * np.ptp(values):
             sizes = f"their sum is {gap:.3g} um, their curve spans {np.ptp(values):.3g} um"
-            hint = "cumulative deviations, values rounded too far, or teeth measured in several passes?"
+            hint = "check whether they are cumulative deviations, rounded too coarsely, or measured in several passes"
             table.add_at(0, column, f"single pitch deviations do not close: {sizes}", "", hint)
         else:
-            shared = "" if closes else f", closing error of {gap:.3g} um shared out"
+            shared = "" if closes else f", closing error of {gap:.3g} um distributed over all teeth"
             table.notes.append(f"single pitch deviations summed up{shared}")
     reach = float(np.ptp(values))
     if reach > _LARGEST_RANGE:
-        hint = "is the unit right, and are these deviations, not places?"
+        hint = "check the unit, and that the values are deviations, not positions"
         table.add_at(0, column, f"{reach:.4g} um over the whole wheel", f"unit {name}", hint)
     elif 0 < reach < _LEAST_RANGE:
-        hint = "is it mm?" if name != "mm" else "is it um? no wheel is that good"
+        hint = (
+            "check whether the unit is mm" if name != "mm" else "check whether the unit is um; no wheel is so accurate"
+        )
         table.add_at(0, column, f"{reach:.3g} um over the whole wheel", f"unit {name}", hint)
     return values
 
@@ -308,13 +311,11 @@ class WheelFiles:
         """Raise UsageError for a mark or a form without a file, and for a mark that is not finite."""
         for name, mark in self.marks.items():
             if name not in self.files:
-                raise UsageError(
-                    f"--mark-{name} is the mark of a measured wheel", f"--pitch-{name} FILE names its file"
-                )
+                raise UsageError(f"--mark-{name} needs a measured wheel", f"name its file with --pitch-{name} FILE")
             if not isfinite(mark):
                 raise UsageError(f"invalid --mark-{name} {mark}: expected an angle in deg")
         if not self.files and (self.pitch_form or self.pitch_sense or self.pitch_flank):
-            raise UsageError("--pitch-form, --pitch-sense and --pitch-flank say how to read --pitch-b and --pitch-g")
+            raise UsageError("--pitch-form, --pitch-sense and --pitch-flank need --pitch-b or --pitch-g")
 
     def read(self, drive: Drive) -> MeasuredTeeth | None:
         """The measured wheels of a drive, with the assumptions made in their notes; None without a file.
@@ -329,13 +330,16 @@ class WheelFiles:
             mark, notes = self.marks.get(name), list(pitch.notes)
             if mark is None:
                 if (given := drive.value(f"phases.xi_{name}")) is None:
-                    raise UsageError(f"unknown direction of the mark of {file}", f"like --mark-{name} 30, in deg")
+                    raise UsageError(
+                        f"unknown direction of the mark of {file}", f"state it in deg, for example --mark-{name} 30"
+                    )
                 mark = float(given)
-                words = f"the mark stands at {mark:g} deg, as phases.xi_{name} of the preset"
-                notes.append(f"{words}; --mark-{name} says otherwise")
+                words = f"the mark is at {mark:g} deg, from phases.xi_{name} of the preset"
+                notes.append(f"{words}; to change it use --mark-{name}")
             if name == "b" and drive.value("tolerances.e_b"):
                 notes.append(
-                    "tolerances.e_b is added to the measured teeth: right only where their own centre was the datum"
+                    "tolerances.e_b is added to the measured teeth, which is right only "
+                    "if they were measured about their own centre"
                 )
             composite, *harmonics = IN_TEETH[name]
             replaced = [composite] if is_overridden(composite, drive.origin.overrides) else []

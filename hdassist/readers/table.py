@@ -55,7 +55,7 @@ _MOST_TABLE_BYTES = 5_000_000
 SAMPLED_LINES = 300  # lines that settle how rows are written
 _FOREIGN_ROWS = 20  # that cannot be read, and most of those sampled: the file is no table of numbers
 _FOREIGN_HEAD = 3  # lines above the rows that are no names of columns
-NO_UNIT = "no unit given"  # in notes, before the one that is assumed
+NO_UNIT = "no unit stated"  # in notes, before the one that is assumed
 MAX_REMARKS = 1000  # remarks that are kept
 _ANGLE_ROLES = ("cam", "output", "angle", "error", "target", "actual", "twist")  # contents that are angles
 _SHAFTS = ("cam", "output", "angle", "error")  # contents of a column of a record
@@ -135,7 +135,7 @@ class NumberTable:
         unit = plain_unit(asked) if asked is not None else named or default
         foreign = foreign_unit_in(name, units)
         if asked is not None and (foreign or (named and named != unit)):
-            self.notes.append(f'"{name}": {asked} as asked for, though the name says {named or foreign}')
+            self.notes.append(f'"{name}": {asked} as requested, although the name states {named or foreign}')
         assumed = f"{NO_UNIT}, {default} assumed{f' ({option})' * bool(option)}"
         is_assumed = asked is None and not named
         definition = f" ({DEFINITIONS[unit]})" if unit in DEFINITIONS else ""
@@ -151,15 +151,17 @@ class NumberTable:
             raise self.fault(message, "write every angle of a column in the same way")
         stated = plain_unit(asked) if asked is not None else named or foreign_unit_in(name, units)
         if "deg" not in units:
-            raise self.fault(f'"{name}": degrees, minutes and seconds are no {words}', "check the names of the columns")
+            raise self.fault(
+                f'"{name}": degrees, minutes and seconds are not {words}', "check the names of the columns"
+            )
         if stated not in ("", "deg"):
             message = f'"{name}": degrees, minutes and seconds, and the unit {stated} is stated'
-            raise self.fault(message, "leave the unit out, or write plain numbers in it")
+            raise self.fault(message, "leave out the unit, or write plain numbers in that unit")
 
     def _require_known(self, column: int, named: str, default: str, units: Iterable[str], option: str) -> None:
         """Raise PresetError if a unit is stated for a column, in its name or in a remark, and is not understood."""
         name, quantity = self.name(column), quantity_of(default) or "angle"
-        hint = f"write a unit of {quantity} in the name, such as [{default}]"
+        hint = f"write a unit of {quantity} in the name, for example [{default}]"
         if option:
             hint = f"state it: {option} {default}, or another unit of {quantity}"
         if foreign := foreign_unit_in(name, units):
@@ -169,13 +171,15 @@ class NumberTable:
                 fault = "a degree in German and 1/400 of a revolution elsewhere: write deg or gon"
             elif scaled_unit_in(name):  # a unit that an option states would not have the factor
                 fault = f"a unit with a factor, or of another quantity than {quantity}"
-                hint = f"convert the column to one unit of {quantity}, and name it so, such as [{default}]"
+                hint = (
+                    f"convert the column to one unit of {quantity}, and write it in the name, for example [{default}]"
+                )
             raise self.fault(f'"{name}": {foreign} is {fault}', hint)
         entries = ((line, line.entry) for line in self.remarks)
         stated = [(line, entry) for line, entry in entries if entry and PITCH_KEYS.get(entry[0]) == "unit"]
         if stated and not named and quantity == "angle":
             line, (_, text, place) = stated[0]
-            words = f'the remark states the unit {text}, the name "{name}" states none'
+            words = f'the comment states the unit {text}, the name "{name}" states none'
             self.add(line.number, place, "", words, text, hint)
             raise PresetError(self.findings)
 
@@ -258,7 +262,7 @@ def read_texts(source: Readable) -> CellTable:
                 remarks.append(line.number)
     table.require_sound()
     if len(lines) < 2:
-        hint = "a line of names such as serial;preset;measured, and a row for each drive"
+        hint = "write a line of names, for example serial;preset;measured, and a row for each drive"
         raise PresetError(
             [Finding(text.name, lines[0].number if lines else 1, 1, "", "no rows in the table", "", hint)]
         )
@@ -370,23 +374,23 @@ class _Rows:
         rows = [(line.number, row) for line, row in zip(sample, cells, strict=True) if has_numbers(row)]
         first = sample[0] if sample else TableLine(1, "", 0)
         if not rows:
-            hint = f"rows of {', '.join(self.needs)}" if self.needs else "is this the file with the table?"
+            hint = f"rows of {', '.join(self.needs)}" if self.needs else "check that this is the file with the table"
             self._refuse(first.number, "no rows of numbers in the file", first.text.strip(), hint)
         row_line, row = rows[0]
         self.width = Counter(len(row) for _, row in rows).most_common(1)[0][0]
         if self.width < len(self.needs):
             message = f"{self.width} column, needs {len(self.needs)}: {', '.join(self.needs)}"
-            self._refuse(row_line, message, row_text(row), "columns stand apart by ; or , or tabs or blanks")
+            self._refuse(row_line, message, row_text(row), "separate columns by ; or , or tabs or blanks")
         named = not has_numbers(cells[0])
         line = first if named else self.above
         if line and (names := names_in(line.text if named else line.words, self.width, separator)):
             self.table.names, self.table.names_line, self.table.names_in_remark = names, line.number, not named
         elif line and named:
             message = f"the line of names does not fit {self.width} columns"
-            hint = "one name for each column, separated as the rows are"
+            hint = "write one name for each column, with the separator of the rows"
             empty = [cell.text for cell in cells[0][self.width :]]
             if empty and all(each.text.rstrip().endswith(separator) for each in sample[1:]):
-                message, hint = f"nothing is written in {', '.join(empty)}", "fill it in, or leave out its name"
+                message, hint = f"no value is written in {', '.join(empty)}", "fill it in, or leave out the column"
             self.table.add(line.number, 1, "", message, line.text.strip(), hint)
         self.separator = separator
         self._settle_decimal(cells)
@@ -397,8 +401,10 @@ class _Rows:
         faulty &= {line.number for line in lines}
         if (len(faulty) >= _FOREIGN_ROWS and 2 * len(faulty) > len(lines)) or head >= _FOREIGN_HEAD:
             self.table.findings.clear()
-            program = _program_of([line.text for line in sample]) or "a file of another program?"
-            message = f"no table of numbers: {len(faulty)} of the first {len(lines)} lines are no rows of {self.width}"
+            program = _program_of([line.text for line in sample]) or "check whether this is a file of another program"
+            message = (
+                f"not a table of numbers: {len(faulty)} of the first {len(lines)} lines are not rows of {self.width}"
+            )
             hint = f"{program}; write one line of names above rows of numbers, like {';'.join(self.needs)}"
             self._refuse(first.number, message, first.text.strip(), hint)
 
@@ -454,14 +460,18 @@ class _Rows:
     def _row(self, line: int, row: Sequence[Cell]) -> list[float] | None:
         """Numbers of a row; None, with a finding, for a row that has none or another number of cells."""
         if not has_numbers(row):
-            hint = "put # in front of it; only one line of names, above the rows"
+            hint = "put # in front of it; only one line of names is allowed, above the rows"
             self.table.add(line, row[0].column if row else 1, "", "a line of text among the rows", row_text(row), hint)
             return None
         if len(row) != self.width:
-            hint = "a decimal comma? separate the columns by ;" if self.separator == "," else "one cell for each column"
+            hint = (
+                "with decimal commas separate the columns by ;"
+                if self.separator == ","
+                else "write one cell for each column"
+            )
             if len(row) < self.width:
-                hint = "a cell is missing, or the file breaks off here"
-            wrong = f"a row of {len(row)}, most rows have {self.width} columns"
+                hint = "a cell is missing, or the file is cut off here"
+            wrong = f"columns in this row: {len(row)}; in most rows: {self.width}"
             self.table.add(line, row[0].column, "", wrong, row_text(row), hint)
             return None
         return [self._number(line, index, cell) for index, cell in enumerate(row)]
@@ -493,7 +503,7 @@ def _lines(first: int, part: str, table: NumberTable) -> Iterator[TableLine]:
         if not line.strip(' ;,\t"\x1a') or (number == 1 and _SEPARATOR_LINE.fullmatch(line)):
             continue
         if len(line) > MAX_LINE:
-            table.add(number, 1, "", f"a line of {len(line)} characters", line, "one row on each line")
+            table.add(number, 1, "", f"a line of {len(line)} characters", line, "write one row per line")
         else:
             yield TableLine.of(number, line)
 
@@ -544,7 +554,8 @@ def _readable_parts(text: TextFile, table: NumberTable, guide: GuideForm) -> Ite
         is_guide_log = program == "a guide log of PHD2"
         if first == 1 and guide != GuideForm() and not is_guide_log:
             raise UsageError(
-                f"--declination and --guide-rate are for guide logs; {text.name} is none", "leave them out"
+                f"--declination and --guide-rate apply to guide logs only, and {text.name} is not one",
+                "leave out these options",
             )
         if not (is_guide_log or program == "a PE file of EQMOD"):
             yield first, part
@@ -569,11 +580,14 @@ def _of_pe_file(lines: list[str], table: NumberTable) -> Iterator[str]:
     stated = {key: number_of(number) for key, number in reversed(facts)}  # the first of each
     period, steps = (stated.get(key, nan) for key in ("WormPeriod", "StepsPerWorm"))
     if not period > 0:
-        raise DataError("a PE file of EQMOD without its !WormPeriod", "!WormPeriod=479 above the rows, in s")
+        raise DataError(
+            "a PE file of EQMOD without its !WormPeriod",
+            "write the worm period in s above the rows, for example !WormPeriod=479",
+        )
     column, turn, by = (1, steps, "motor steps") if steps > 0 else (0, period, "time")
     table.deg_per_s = 360 / period
     table.notes.append(
-        f"a PE file of EQMOD: a turn of the cam in the worm period of {period:g} s, by {by}; its sense is not known"
+        f"a PE file of EQMOD: one input revolution in the worm period of {period:g} s, by {by}; its sense is unknown"
     )
     names = "cam_deg error_arcsec"
     for line in lines:

@@ -43,14 +43,14 @@ _WIDEST_TURN_BACK = 2.5  # median steps: how far a reading may lie off those aro
 _FEW_ROWS = 5  # fewer rows are no move
 _SPIKE = 10.0  # median steps: longest first step after a restart
 _Angles = NDArray[np.float64]
-BY_ORDER = "columns by their order: cam angle, error"  # where none has a name
+BY_ORDER = "columns by their sequence: input angle, error"  # where none has a name
 _TIME_BY_ORDER = (  # if a speed or a period is given
-    "columns by their order: time, error (--angle-unit deg for an angle)"
+    "columns by their sequence: time, error (--angle-unit deg for an angle)"
 )
 MAX_TRACE_BYTES = 100_000_000
 _ARCSEC_PER_DEG = 3600.0
 LARGEST_ERROR = 7200.0  # arcsec, range of an error
-_RESTART_HINT = "an encoder that was restarted? take the rows above or below this line alone"
+_RESTART_HINT = "check whether an encoder was restarted; use only the rows above or below this line"
 _LEAP_REST = 0.5  # of a leap: range of the rest, at most, where an encoder was restarted
 _SLIP = 0.02  # of the ratio: greatest disagreement of the two encoders with it
 # A ramp of the error over the angle is a wrong ratio where it is so many times as long as all else in the record, and
@@ -156,7 +156,7 @@ def sweeps(angle: _Angles) -> list[_AngleSweep]:
         follows = len(after) >= _FEW_ROWS and abs(angle[after.start] - angle[after.start - 1]) <= _SPIKE * step
         if not (is_leap and follows):  # no restart of the same move
             message = f"the angle runs backwards: {angle[row]:.6g} deg after {angle[last]:.6g} deg"
-            raise AngleError(row, message, "put the rows in the order of time, which --robust does not, or --wrap 360")
+            raise AngleError(row, message, "sort the rows by time (--robust does not sort), or use --wrap 360")
     return [move for move in _without_turning(angle, moves, step / 2) if len(move) >= _FEW_ROWS]
 
 
@@ -225,12 +225,15 @@ class TraceForm:
         if self.error is not None and self.second is not None:
             raise UsageError("invalid --error with --second: expected the error or a second encoder, not both")
         if self.speed is not None and self.period is not None:
-            raise UsageError("invalid --speed with --period: expected one of them", "each gives the angle at a time")
+            raise UsageError(
+                "invalid --speed with --period: expected one of them",
+                "use one of the two; each converts times to angles",
+            )
         if len(angles) > _ENCODERS:
             raise UsageError(f"invalid --angle-unit {self.angle_unit}: expected one unit for each encoder")
         times = [unit for unit in angles if plain_unit(unit) in TIMES]
         if times and len(angles) > 1:
-            raise UsageError(f"invalid --angle-unit {self.angle_unit}: a time is no angle of an encoder")
+            raise UsageError(f"invalid --angle-unit {self.angle_unit}: a time is not an angle of an encoder")
         units = [*(("--angle-unit", unit) for unit in angles if not times), ("--error-unit", self.error_unit)]
         for option, unit in units:
             try:
@@ -370,10 +373,10 @@ def read_record(source: Readable, form: TraceForm) -> NumberTable:
         table.require_sound()
     except PresetError as error:
         if not form.robust and len(table.lines) >= _FEWEST_ROWS and any(each.path for each in table.findings):
-            error.hint = "--robust leaves out rows that are no readings"
+            error.hint = "use --robust to leave out rows that are not readings"
         raise
     if table.left_out:
-        table.notes.append(f"left out, no readings: lines {shortened(table.left_out)}")
+        table.notes.append(f"left out because they are not readings: lines {shortened(table.left_out)}")
     return table
 
 
@@ -386,9 +389,9 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
     """
     first, other = _columns(table, form)
     if len(table.lines) < _FEWEST_ROWS:
-        raise table.fault(f"{len(table.lines)} rows", f"a trace has {_FEWEST_ROWS} rows or more", 0, first.index)
+        raise table.fault(f"{len(table.lines)} rows", f"a recording needs at least {_FEWEST_ROWS} rows", 0, first.index)
     if ratio is None and "output" in (first.shaft, other.shaft):
-        message = f"{table.file}: the ratio is needed to bring output and cam together"
+        message = f"{table.file}: the ratio is needed to relate output and input"
         raise DataError(message, "--ratio 100, or --drive PRESET")
     per_turn = abs(ratio or 1)
     angle, readings = (table.values[:, column.index].copy() for column in (first, other))
@@ -411,12 +414,12 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
         for column, rows in ((first, leaps), (other, far)):
             if rows.any():
                 named = shortened(table.lines[rows].tolist())
-                table.notes.append(f'left out, "{table.name(column.index)}" leaps there and back: lines {named}')
+                table.notes.append(f'left out, "{table.name(column.index)}" jumps and returns: lines {named}')
         kept = ~(leaps | far)
         table.lines, cam, readings = table.lines[kept], cam[kept], readings[kept]
         output, time_s, torque = (None if each is None else each[kept] for each in (output, time_s, torque))
     if not np.ptp(readings):
-        raise table.fault("a constant column", "check the column of the error", 0, other.index)
+        raise table.fault("the column is constant", "check the column of the error", 0, other.index)
     error, sense, in_time, by_cam, dithered = readings * other.size, 0, False, 0.0, False
     step = _step(readings) * abs(other.size)
     if output is not None:
@@ -442,13 +445,11 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
         row = _leap_in(error)
         if row is not None:
             leap = float(error[row] - error[row - 1]) / _ARCSEC_PER_DEG
-            message = (
-                f"an error that spans {reach / _ARCSEC_PER_DEG:.3g} deg: here it leaps by {leap:.3g} deg and stays"
-            )
+            message = f"the error spans {reach / _ARCSEC_PER_DEG:.3g} deg: here it jumps by {leap:.3g} deg and stays"
             raise table.fault(message, _RESTART_HINT, row, other.index)
         row = int(np.abs(error - np.median(error)).argmax())
-        message = f"an error that spans {reach / _ARCSEC_PER_DEG:.3g} deg"
-        leaves_out = "; --robust leaves single ones out" * bool(far.any())
+        message = f"the error spans {reach / _ARCSEC_PER_DEG:.3g} deg"
+        leaves_out = "; --robust leaves out single ones" * bool(far.any())
         raise table.fault(
             message, f"check the column of the error, its unit and the ratio{leaves_out}", row, other.index
         )
@@ -469,7 +470,7 @@ def _angle(
     """Angles [deg] of the readings of a column without wraps; other, see `unwrapped`."""
     angle = readings * (column.size / _ARCSEC_PER_DEG)
     if not np.ptp(angle):
-        raise table.fault("a constant column", "check the column of the angle", 0, column.index)
+        raise table.fault("the column is constant", "check the column of the angle", 0, column.index)
     guess = _guessed_wrap(angle, abs(column.size) / _ARCSEC_PER_DEG) if wrap is None else None
     try:
         joined = angle if (wrap or guess) is None else _unwrapped(angle, wrap or guess or WHOLE_TURN_DEG, other)
@@ -478,7 +479,7 @@ def _angle(
             return angle
         raise table.fault(wrong.message, wrong.hint, wrong.row, column.index) from None
     if guess:
-        table.notes.append(f'"{table.name(column.index)}" begins again after {guess:g} deg: joined')
+        table.notes.append(f'"{table.name(column.index)}" restarts after {guess:g} deg; joined')
     return joined
 
 
@@ -488,7 +489,7 @@ def _beside(table: NumberTable, role: str, default: str) -> Array | None:
         return None
     values = table.in_unit(table.roles.index(role), role, default)
     if role == "time" and not (np.diff(values) > 0).all():
-        table.notes[-1] += ", does not rise in every row: no time stamps"
+        table.notes[-1] += " does not increase in every row, so it does not contain time stamps"
         return None
     return values
 
@@ -502,9 +503,9 @@ def _second(table: NumberTable, column: int, output: Array, cam: Array, ratio: f
             apart = output - way * cam / ratio
             if (row := _leap_in(apart)) is not None:
                 leap = f"{apart[row] - apart[row - 1]:.4g} deg"
-                words = f"the angles of the two shafts leap apart by {leap}: an encoder was restarted or lost counts"
+                words = f"the angles of the two shafts jump apart by {leap}; an encoder was restarted or lost counts"
                 raise table.fault(words, _RESTART_HINT, row, column)
-        turns = f"the cam turns {1 / abs(slope):.5g} times as far" if slope else "the output does not turn"
+        turns = f"the input rotates {1 / abs(slope):.5g} times as far" if slope else "the output does not rotate"
         raise table.fault(f"{turns}, the ratio is {ratio:g}", "check the units, the ratio and the columns", 0, column)
     sense = 1 if slope > 0 else -1
     table.notes.append(f"error = output - cam/ratio, ratio {sense * ratio:+g}: as the two encoders count")
@@ -533,7 +534,7 @@ def _require_ratio(table: NumberTable, column: int, cam: Array, error: Array, ra
     if not fitting:
         return
     words = " or ".join(f"{fit:.3f}" for fit in fitting)
-    hint = "--ratio, or the preset, with the ratio that fits" + _cause_of_ratio(fitting, ratio)
+    hint = "use --ratio, or a preset, with the ratio that fits" + _cause_of_ratio(fitting, ratio)
     grows = f"the error grows by {ramp:.5g} arcsec over {np.ptp(cam) / WHOLE_TURN_DEG:.3g} input revolutions"
     raise table.fault(f"{grows}: the ratio that fits is {words}, not {ratio:g}", hint, 0, column)
 
@@ -616,7 +617,7 @@ def _columns(table: NumberTable, form: TraceForm) -> tuple[_TraceColumn, _TraceC
     is_time = _is_time(table, angle, kinds[angle], form)
     if form.period is not None and not is_time:
         message = f'--period is for a column of time; "{table.name(angle)}" of {table.file} has angles'
-        raise UsageError(message, "leave out --period, or name the column of time: --angle NAME")
+        raise UsageError(message, "leave out --period, or select the column of time with --angle NAME")
     if is_time:
         kinds[angle] = "output" if form.period is None else "cam"
     shaft: _Shaft = form.angle_of or ("output" if kinds[angle] == "output" else "cam")
@@ -627,7 +628,7 @@ def _columns(table: NumberTable, form: TraceForm) -> tuple[_TraceColumn, _TraceC
     if other == angle:
         raise UsageError(f"one column cannot be both: {table.name(angle)}", f"columns: {table.listed}")
     if by_second and shaft == "output":
-        raise table.fault("no column of cam angles", "name one: --angle NAME --angle-of cam")
+        raise table.fault("no column of input angles", "select one with --angle NAME --angle-of cam")
     first, second = (*form.angle_units, None, None)[:_ENCODERS]
     if is_time:
         return _by_time(table, angle, form), _in_unit(
@@ -658,15 +659,15 @@ def _by_time(table: NumberTable, index: int, form: TraceForm) -> _TraceColumn:
         message = f'"{table.name(index)}" is a time, not an angle'
         hint = (
             "state the speed of the output (--speed ARCSEC/S) or the period of an input revolution (--period S), "
-            "or name a column of angles: --angle NAME"
+            "or select a column of angles with --angle NAME"
         )
         raise table.fault(message, hint)
     shaft: _Shaft = "output" if form.period is None else "cam"
     if form.angle_of not in (None, shaft):
         option, part = ("--speed", "output") if form.period is None else ("--period", "input")
         raise UsageError(
-            f"--angle-of {form.angle_of} does not go with a column of time and {option}",
-            f"{option} is that of the {part}: leave out --angle-of",
+            f"--angle-of {form.angle_of} cannot be combined with a column of time and {option}",
+            f"leave out --angle-of; {option} applies to the {part}",
         )
     unit = table.unit_of(index, "time", "s", TIMES, form.angle_unit, "--angle-unit")
     if form.period is None:
@@ -688,13 +689,13 @@ def _column(table: NumberTable, asked: str | None, kinds: Sequence[str], kind: s
                 return same[0]
         if asked.isascii() and asked.isdecimal() and 0 < int(asked) <= table.values.shape[1]:
             return int(asked) - 1
-        raise table.fault(f"no column {asked}", "give its name or number")
+        raise table.fault(f"no column {asked}", "give the name or number of a column")
     candidates = [index for index, own in enumerate(kinds) if own == kind]
     if len(candidates) == 1:
         return candidates[0]
-    words = {"angle": "cam or output angles", "error": "errors", "second": "output angles"}[option]
+    words = {"angle": "input or output angles", "error": "errors", "second": "output angles"}[option]
     several = ": " + ", ".join(f'"{table.name(i)}"' for i in candidates) if candidates else " by its name"
-    hint = f"name it: --{option} NAME, or its number"
+    hint = f"select the column with --{option} NAME or its number"
     raise table.fault(f"{len(candidates) or 'no'} column{'s' * bool(candidates)} of {words}{several}", hint)
 
 
@@ -706,7 +707,8 @@ def _in_unit(
     is_in_counts = unit.removeprefix("-") not in ANGLES
     if asked is None and is_in_counts:
         raise table.fault(
-            f'"{table.name(index)}": counts of how many in a turn?', f"for example {option} 16384,4194304"
+            f'"{table.name(index)}": the counts per revolution are unknown',
+            f"state them, for example {option} 16384,4194304",
         )
     column = _TraceColumn(index, shaft, unit, angle_size(unit))
     if is_in_counts:

@@ -244,7 +244,10 @@ def angle_size(unit: str) -> float:
     number = number_of(plain.removesuffix("s").removesuffix("bit").strip())
     counts = 2 ** min(number, _MOST_BITS + 1) if "bit" in plain else number
     if not _FEWEST_COUNTS <= counts <= 2**_MOST_BITS:
-        hint = near_miss(text, ANGLES) or f"one of {', '.join(ANGLES)}, or counts in a turn: 16384 or 14bit"
+        hint = (
+            near_miss(text, ANGLES)
+            or f"use one of {', '.join(ANGLES)}, or the counts per revolution, for example 16384 or 14bit"
+        )
         raise UnitError("expected a unit of angle", hint)
     return sense * ANGLES["turn"] / counts
 
@@ -386,16 +389,16 @@ def fault_of(text: str, decimal: str) -> tuple[str, str]:
     if _WRITTEN[decimal].fullmatch(text):
         return "", ""
     if not text:
-        return "a number is missing", "a gap in the measurement cannot be filled here"
+        return "a number is missing", "fill in the number, or leave out the row"
     if _NOT_FINITE.fullmatch(text):
-        return "must be a finite number", "a gap in the measurement cannot be filled here"
+        return "must be a finite number", "fill in the number, or leave out the row"
     if decimal_mark_in(text):
         wrong, usual = ("comma", "point") if decimal == "." else ("point", "comma")
         return f"a decimal {wrong} among decimal {usual}s", f"write every number with a decimal {usual}"
     if _THOUSANDS.fullmatch(text):
-        return "must be a number", "nothing between thousands, and one decimal mark"
+        return "must be a number", "write one decimal mark, and no separator between thousands"
     if "−" in text:
         return "must be a number", "write an ASCII minus sign"
     if re.match(rf"{_LIKE}\s*([^\W\d]|[°′″])", text):
-        return "must be a number", "a unit stands in the line of names, like deviation [um]"
-    return "must be a number", "put # in front of a line that is a remark"
+        return "must be a number", "write the unit in the line of names, for example deviation [um]"
+    return "must be a number", "put # in front of a comment line"

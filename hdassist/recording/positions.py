@@ -65,7 +65,7 @@ class Recording:
         if not all(np.isfinite(column).all() for column in columns):
             raise DataError("the recording contains values that are not finite", "remove these readings")
         if rows < _FEWEST_READINGS:
-            raise DataError(f"{rows} readings", f"a recording has {_FEWEST_READINGS} readings or more")
+            raise DataError(f"{rows} readings", f"a recording needs at least {_FEWEST_READINGS} readings")
         if not np.ptp(self.error_arcsec):
             raise DataError("the error is constant", "check the column of the error")
         if not (np.isfinite(self.ratio) and self.ratio > 1):
@@ -155,7 +155,7 @@ def recording_from_trace(trace: MeasuredTrace, ratio: float) -> Recording:
     Raises DataError for sweeps in both directions, and as Recording does.
     """
     if len({sweep.direction for sweep in trace.sweeps}) > 1:
-        raise DataError("the recording has sweeps in both directions", "take the sweeps of one direction")
+        raise DataError("the recording has sweeps in both directions", "use the sweeps of one direction")
     rows = trace.rows
     numbers = [np.full(len(sweep), number) for number, sweep in enumerate(trace.sweeps)]
     return recording_from_columns(
@@ -178,7 +178,7 @@ def ordered_readings(recording: Recording) -> OrderedReadings:
     sweeps = _sweeps_in_time(recording)
     senses = [_sense(place[rows], length) for rows in sweeps]
     if {1, -1} <= set(senses):
-        raise DataError("the recording has sweeps in both directions", "take the sweeps of one direction")
+        raise DataError("the recording has sweeps in both directions", "use the sweeps of one direction")
     turned = -1 if -1 in senses else 1
     place = np.round(np.round(turned * place, _PLACE_DIGITS) % length, _PLACE_DIGITS) % length  # equal bit by bit
     centred = recording.error_arcsec - recording.error_arcsec.mean()

@@ -321,7 +321,9 @@ class _Sampler:
             precision.flat[:: len(group) + 1] += prior[group]
             factor, is_singular = dpotrf(precision, lower=1, overwrite_a=1)  # scipy's own checks take twice as long
             if is_singular:
-                raise UntrustedError("the readings do not distinguish the waves", "record longer", Fault.ORDERS_UNTOLD)
+                raise UntrustedError(
+                    "the readings do not distinguish the components", "record longer", Fault.ORDERS_UNTOLD
+                )
             half = dtrtrs(factor, moment, lower=1)[0]
             normal = rng.standard_normal(len(group))
             beta[group] = dtrtrs(factor, half + normal, lower=1, trans=1)[0]

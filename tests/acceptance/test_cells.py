@@ -47,8 +47,8 @@ SAID = {
     "i": "lot.csv:10:15: preset: no such preset or file: none",
     "j": "lot.csv:11:23: preset: a row cannot read standard input (got -; name a file)",
     "k": "lot.csv:12:12: pitch_b: no such file: none.csv",
-    "l": "lot.csv:13:12: pitch_b: short.csv:1:1: column 1: the wheel has 62 teeth, the file 2",
-    "m": "lot.csv:14:13: mark_b: --mark-b is the mark of a measured wheel",
+    "l": "lot.csv:13:12: pitch_b: short.csv:1:1: column 1: the wheel has 62 teeth, the file has 2",
+    "m": "lot.csv:14:13: mark_b: --mark-b needs a measured wheel",
     "n": "lot.csv:15:22: mark_b: must be an angle in deg (got left)",
     "o": "lot.csv:16:13: measured: at which torque was it measured? (got ,x:none.csv)",
 }

@@ -241,7 +241,7 @@ def test_an_assumed_unit_and_a_step_that_was_taken_off_are_on_the_page_and_in_js
     error = CURVE(TURNS) + 0.3 * np.random.default_rng(1).standard_normal(len(TURNS))
     (rig / "plain.csv").write_text(text([360 * TURNS, error], "angle,error"))
     (rig / "stepped.csv").write_text(text([360 * TURNS, error + 50 * (TURNS > 12)], "cam_deg,error_arcsec"))
-    for name, words in (("plain", '"error": error, no unit given, arcsec assumed'), ("stepped", "the error steps by")):
+    for name, words in (("plain", '"error": error, no unit stated, arcsec assumed'), ("stepped", "the error steps by")):
         asked = "--limit", "F_ior@4=60", "--measured", f"4={name}.csv"
         page = in_a_line(accepted(rig, *asked).stdout)
         assert f"{name}.csv, 4 N·m: " in page

@@ -112,7 +112,7 @@ def test_what_is_wrong_with_a_row_stays_with_it(tmp_path):
     [
         ("serial,tolerances.F_i3", "did you mean tolerances.F_i"),
         ("seriel,preset", "did you mean serial?"),
-        ("serial,measured@x", "like measured@80"),
+        ("serial,measured@x", "for example measured@80"),
         ("serial,F_ior@x", "did you mean F_ior@80"),
         ("serial,limt F_ior@4", r"did you mean limit F_ior@4\?"),
         ("serial,limit K_1@80", "no such column"),

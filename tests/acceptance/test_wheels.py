@@ -41,7 +41,7 @@ def checks(answer: dict) -> dict[str, float]:
 def test_a_prediction_is_that_of_the_measured_teeth(folder):
     done = run("accept", TINY, *LIMITS, *FILES, "--json", "-o", "a.json", cwd=folder)
     assert done.returncode == 0
-    assert "note: flexspline, g.csv: the mark stands at 0 deg, as phases.xi_g of the preset" in done.stderr
+    assert "note: flexspline, g.csv: the mark is at 0 deg, from phases.xi_g of the preset" in done.stderr
     told = json.loads((folder / "a.json").read_text())
     told_by_check = json.loads(run("check", TINY, "--torque", "4", *FILES, "--json", cwd=folder).stdout)
     (point,) = told_by_check["operating_points"]
@@ -75,8 +75,8 @@ def test_what_is_unknown_beside_measured_teeth_leaves_it_open(folder):
 @pytest.mark.parametrize(
     ("args", "said"),
     [
-        (("--mark-b", "3"), "--mark-b is the mark of a measured wheel"),
-        (("--pitch-sense", "cw"), "say how to read --pitch-b and --pitch-g"),
+        (("--mark-b", "3"), "--mark-b needs a measured wheel"),
+        (("--pitch-sense", "cw"), "need --pitch-b or --pitch-g"),
         ((*FILES, "--measured-only"), "--measured-only makes no prediction, so it cannot use measured teeth"),
         (("--pitch-b", "-", "--measured", "4=-"), "standard input can be read only once"),
         (("--pitch-b", "g.csv", "--mark-b", "0"), "the wheel has 22 teeth, the file 20"),

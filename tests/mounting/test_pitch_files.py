@@ -63,7 +63,7 @@ def test_json_says_what_was_measured(answer, files):
     assert (told["g"]["mark_tooth"], told["g"]["mark_deg"], told["g"]["flank"]) == (1, 0, None)
     (assumed,) = told["g"]["notes"]
     assert answer.stderr == f"note: flexspline, flexspline.csv: {assumed}\n"
-    assert assumed == "the mark stands at 0 deg, as phases.xi_g of the preset; --mark-g says otherwise"
+    assert assumed == "the mark is at 0 deg, from phases.xi_g of the preset; to change it use --mark-g"
 
 
 def test_json_has_the_curve_and_nothing_that_needs_a_search(answer):
@@ -119,7 +119,7 @@ def test_options_say_what_a_file_does_not(files):
     wheel = json.loads(told.stdout)["pitch"]["b"]
     assert (wheel["file"], wheel["flank"]) == ("<stdin>", "left")
     assert wheel["range_um"] == pytest.approx(float(np.ptp(VALUES)), abs=1e-6)
-    assert "numbers turned round" in wheel["notes"]
+    assert "numbers reversed" in wheel["notes"]
     assert "note: circular spline, <stdin>: single pitch deviations summed up" in told.stderr
 
 
@@ -175,7 +175,7 @@ FAULTS = {
         rows().replace("30;", "# 30;"),
         "1:1: column 1: the wheel has 62 teeth, the file 61 (got no row for tooth 30",
     ),
-    "duplicate": (rows().replace("30;", "29;"), "30:1: column 1: a tooth for the second time"),
+    "duplicate": (rows().replace("30;", "29;"), "30:1: column 1: a tooth is given twice"),
     "no number": (rows().replace(f"30;{VALUES[29]}", "30;n/a"), "30:4: column 2: "),
     "unit": ("# unit: in\n" + rows(), "1:9: unit: not a metric unit"),
     "size": ("# unit: mm\n" + rows(), "2:1: column 2: 3.91e+04 µm over the whole wheel"),
@@ -203,10 +203,10 @@ def test_each_fault_ends_with_4_and_its_place(name, tmp_path):
         (["check", "-", "-"], "standard input can be read only once"),
         (["trace", SMALL, "--pitch-b", "-", "--pitch-g", "-"], "standard input can be read only once"),
         (["check", SMALL, SMALL, "--pitch-b", "wheel.csv"], "belong to one drive"),
-        (["mount", SMALL, "--mark-b", "20"], "--mark-b is the mark of a measured wheel"),
-        (["mount", SMALL, "--pitch-b", "wheel.csv", "--mark-g", "20"], "--mark-g is the mark of a measured wheel"),
+        (["mount", SMALL, "--mark-b", "20"], "--mark-b needs a measured wheel"),
+        (["mount", SMALL, "--pitch-b", "wheel.csv", "--mark-g", "20"], "--mark-g needs a measured wheel"),
         (["mount", SMALL, "--pitch-b", "wheel.csv", "--mark-b", "nan"], "nan is out of range"),
-        (["trace", SMALL, "--pitch-sense", "cw"], "say how to read"),
+        (["trace", SMALL, "--pitch-sense", "cw"], "need --pitch-b or --pitch-g"),
     ],
 )
 def test_what_cannot_be_meant(args, words, files):

@@ -21,10 +21,10 @@ from hdassist.readers.words import flank_in, form_in, length_in, micrometres, na
 FOUR = "1; 0\n2; 3\n3; -2\n4; 1\n"
 BARE = np.array([0.0, 3.0, -2.0, 1.0])
 ASSUMED = (
-    "no unit given: um",
-    "no form given: cumulative deviations",
-    "no sense given: numbered counter-clockwise, seen from the cam side",
-    "no mark given: tooth 1 has it",
+    "no unit stated; read as um",
+    "no form stated; read as cumulative deviations",
+    "no sense stated; read as numbered counter-clockwise, seen from the wave generator side",
+    "no mark stated; tooth 1 is the marked tooth",
 )
 
 
@@ -87,9 +87,9 @@ def test_what_was_done_is_noted() -> None:
     result = read(head + "1; 0.003\n2; -0.004\n3; 0.002\n4; -0.0011\n")
     assert result.notes == (
         "mm to um",
-        "single pitch deviations summed up, closing error of -0.1 um shared out",
-        "numbers turned round",
-        "signs turned round",
+        "single pitch deviations summed up, closing error of -0.1 um distributed over all teeth",
+        "numbers reversed",
+        "signs reversed",
     )
     assert (result.mark, result.flank) == (2, "right")
 
@@ -105,15 +105,15 @@ def test_names_in_another_code_page_are_refused() -> None:
 
 
 def test_a_misspelled_key_is_noted() -> None:
-    assert 'line 1: "sens" is passed over; did you mean sense?' in read("# sens: cw\n# operator: Meier\n" + FOUR).notes
+    assert 'line 1: "sens" is ignored; did you mean sense?' in read("# sens: cw\n# operator: Meier\n" + FOUR).notes
 
 
 def test_an_argument_wins_over_the_file_and_is_noted() -> None:
     result = read("# form: single\n# flank: left\n# sense: ??\n" + FOUR, form="cumulative", flank="left", sense="ccw")
     assert result.deviation == free(BARE)
     assert result.flank == "left"
-    assert "form cumulative as asked for; the file says single" in result.notes
-    assert "sense ccw as asked for; the file says ??" in result.notes
+    assert "form cumulative as requested; the file states single" in result.notes
+    assert "sense ccw as requested; the file states ??" in result.notes
     assert not any("flank" in note for note in result.notes)
 
 
@@ -134,7 +134,7 @@ def test_a_closing_error_is_shared_out() -> None:
     single = BARE - np.roll(BARE, 1) + 0.2
     result = read("# form: single\n" + "".join(f"{k};{value:.3f}\n" for k, value in enumerate(single)))
     assert result.deviation == free(BARE)
-    assert "single pitch deviations summed up, closing error of 0.8 um shared out" in result.notes
+    assert "single pitch deviations summed up, closing error of 0.8 um distributed over all teeth" in result.notes
 
 
 def test_a_drift_of_cumulative_deviations_stays() -> None:
@@ -165,37 +165,37 @@ def test_a_flank_is_chosen_among_columns() -> None:
         # what the table refuses stands in test_table; here that it arrives
         ("", "1:1: the file is empty (check that the measurement was saved)"),
         ("1\n2\n", "1:1: 1 column, needs 2: tooth number, deviation "
-         "(got 1; columns stand apart by ; or , or tabs or blanks)"),
+         "(got 1; separate columns by ; or , or tabs or blanks)"),
         (FOUR.replace("-2", "nan"), "3:4: column 2: must be a finite number "
-         "(got nan; a gap in the measurement cannot be filled here)"),
+         "(got nan; fill in the number, or leave out the row)"),
         # tooth numbers
-        (FOUR.replace("3; -2\n", ""), "1:1: column 1: the wheel has 4 teeth, the file 3 "
+        (FOUR.replace("3; -2\n", ""), "1:1: column 1: the wheel has 4 teeth, the file has 3 "
          "(got no row for tooth 3; 4 rows are needed)"),
-        (FOUR.replace("4; 1\n", ""), "1:1: column 1: the wheel has 4 teeth, the file 3 "
+        (FOUR.replace("4; 1\n", ""), "1:1: column 1: the wheel has 4 teeth, the file has 3 "
          "(got no row for tooth 4; 4 rows are needed)"),
-        (FOUR + "5; 0\n", "5:1: column 1: the wheel has 4 teeth, the file 5 "
-         "(got a row for tooth 5; count from 0 or from 1 on, each tooth once)"),
-        (FOUR + "5; 0\n6; 1\n", "5:1: column 1: the wheel has 4 teeth, the file 6 "
-         "(got a row for tooth 5, 6; count from 0 or from 1 on, each tooth once)"),
-        (FOUR + "1; 0\n", "5:1: column 1: a tooth for the second time (got 1; first in line 1; keep one row)"),
+        (FOUR + "5; 0\n", "5:1: column 1: the wheel has 4 teeth, the file has 5 "
+         "(got a row for tooth 5; number the teeth from 0 or 1, each tooth once)"),
+        (FOUR + "5; 0\n6; 1\n", "5:1: column 1: the wheel has 4 teeth, the file has 6 "
+         "(got a row for tooth 5, 6; number the teeth from 0 or 1, each tooth once)"),
+        (FOUR + "1; 0\n", "5:1: column 1: a tooth is given twice (got 1; first in line 1; keep one row)"),
         ("tooth;um\n" + FOUR.replace("3;", "3.5;") + "3; 1\n", "4:1: tooth: must be the whole number of a tooth "
-         "(got 3.5; the first column has the tooth numbers, unless a line of names says otherwise)"),
+         "(got 3.5; put tooth numbers in the first column, or name the columns)"),
         ("0.1;1\n0.2;2\n0.1;3\n0.4;4\n", "1:1: column 1: must be the whole number of a tooth "
-         "(got 0.1; the first column has the tooth numbers, unless a line of names says otherwise)"),
+         "(got 0.1; put tooth numbers in the first column, or name the columns)"),
         # keys
-        ("# sense: up\n" + FOUR, "1:10: sense: must be ccw or cw, seen from the cam side (got up)"),
+        ("# sense: up\n" + FOUR, "1:10: sense: must be ccw or cw, seen from the wave generator side (got up)"),
         ("# sign: minus\n" + FOUR, "1:9: sign: must be along (the numbering), ccw or cw (got minus)"),
         ("# form: odd\n" + FOUR, "1:9: form: must be cumulative or single (got odd)"),
         ("# flank: both\n" + FOUR, "1:10: flank: must be left or right (got both)"),
         ("# mark: top\n" + FOUR, "1:9: mark: must be the number of a tooth (got top)"),
         ("# mark:\n" + FOUR, "1:8: mark: must be the number of a tooth (got nothing)"),
-        ("# mark: 5\n" + FOUR, "1:9: mark: no tooth of the wheel: 1 to 4 "
+        ("# mark: 5\n" + FOUR, "1:9: mark: not a tooth of the wheel, whose teeth are 1 to 4 "
          "(got 5; give the number of the tooth with the mark)"),
-        ("# mark: 2\n# mark: 3\n" + FOUR, "2:9: mark: stated twice, and not the same "
-         "(got 3; line 1 says 2; keep one of them)"),
-        ("# form: single\ntooth;Fp\n" + FOUR, "2:1: form: stated twice, and not the same "
-         "(got Fp; line 1 says single; keep one of them)"),
-        ("tooth;index deviation\n" + FOUR, "1:1: form: single pitch deviations, or cumulative ones? "
+        ("# mark: 2\n# mark: 3\n" + FOUR, "2:9: mark: stated twice with different values "
+         "(got 3; line 1 states 2; keep one of the two)"),
+        ("# form: single\ntooth;Fp\n" + FOUR, "2:1: form: stated twice with different values "
+         "(got Fp; line 1 states single; keep one of the two)"),
+        ("tooth;index deviation\n" + FOUR, "1:1: form: state whether they are single or cumulative pitch deviations "
          '(got index deviation; write a comment line above the rows, like "# form: cumulative" or "# form: single")'),
         # units
         ("# unit: in\n" + FOUR, "1:9: unit: not a metric unit (got in; convert to um or mm; 1 µin is 0.0254 um)"),
@@ -205,18 +205,19 @@ def test_a_flank_is_chosen_among_columns() -> None:
          "(got dev [arcsec]; multiply by the pitch radius: 1 arcsec at 100 mm is 0.485 um)"),
         ("# unit: furlong\n" + FOUR, "1:9: unit: unknown unit furlong "
          "(got furlong; use one of mm, um, nm, cm, inch, in; a number without a unit is in um)"),
-        ("# unit: mm\ntooth;dev [um]\n" + FOUR, "2:1: unit: stated twice, and not the same "
-         "(got dev [um]; line 1 says mm; keep one of them)"),
-        ("1;0\n2;0.03\n3;0.075\n4;0\n", "1:1: column 2: 0.075 um over the whole wheel (got unit um; is it mm?)"),
+        ("# unit: mm\ntooth;dev [um]\n" + FOUR, "2:1: unit: stated twice with different values "
+         "(got dev [um]; line 1 states mm; keep one of the two)"),
+        ("1;0\n2;0.03\n3;0.075\n4;0\n", "1:1: column 2: 0.075 um over the whole wheel "
+         "(got unit um; check whether the unit is mm)"),
         ("# unit: mm\n1;0\n2;0.0001\n3;0\n4;0\n", "2:1: column 2: 0.1 um over the whole wheel "
-         "(got unit mm; is it um? no wheel is that good)"),
+         "(got unit mm; check whether the unit is um; no wheel is so accurate)"),
         ("# unit: mm\n" + FOUR, "2:1: column 2: 5000 um over the whole wheel "
-         "(got unit mm; is the unit right, and are these deviations, not places?)"),
+         "(got unit mm; check the unit, and that the values are deviations, not positions)"),
         # forms and flanks
         ("# form: single\n1;0\n2;5\n3;4\n4;3\n",
          "2:1: column 2: single pitch deviations do not close: their sum is 12 um, "
          "their curve spans 3 um "
-         "(cumulative deviations, values rounded too far, or teeth measured in several passes?)"),
+         "(check whether they are cumulative deviations, rounded too coarsely, or measured in several passes)"),
         (FLANKS, '1:1: 2 columns of deviations (got "left [um]" and "right [um]"; '
          f"{COLUMNS_HINT})"),
         ("tooth;fp;Fp\n1;2;3\n2;4;5\n3;1;1\n4;0;0\n", '1:1: 2 columns of deviations (got "fp" and "Fp"; '
@@ -239,7 +240,7 @@ def test_all_faults_are_found_at_once() -> None:
 def test_long_lists_of_teeth_are_shortened() -> None:
     (fault,) = faults("1;2\n202;3\n", 202)
     assert fault == (
-        "1:1: column 1: the wheel has 202 teeth, the file 2 "
+        "1:1: column 1: the wheel has 202 teeth, the file has 2 "
         "(got no row for tooth 2, 3, 4, 5, 6 ... (200 in all); 202 rows are needed)"
     )
 

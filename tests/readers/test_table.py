@@ -141,42 +141,43 @@ def test_a_remark_may_hold_the_names() -> None:
         ("# a\nDear sir,\nthanks\n",
          "w.csv:2:1: no rows of numbers in the file (got Dear sir,; rows of tooth number, deviation)"),
         ("#\n1\n2\n", "w.csv:2:1: 1 column, needs 2: tooth number, deviation "
-         "(got 1; columns stand apart by ; or , or tabs or blanks)"),
-        ("1;2\n2;x\n", "w.csv:2:3: column 2: must be a number (got x; put # in front of a line that is a remark)"),
+         "(got 1; separate columns by ; or , or tabs or blanks)"),
+        ("1;2\n2;x\n", "w.csv:2:3: column 2: must be a number (got x; put # in front of a comment line)"),
         ("tooth;dev\n1;2\n2;x\n",
-         "w.csv:3:3: dev: must be a number (got x; put # in front of a line that is a remark)"),
+         "w.csv:3:3: dev: must be a number (got x; put # in front of a comment line)"),
         ("1;2\n2;2,5um\n", "w.csv:2:3: column 2: must be a number "
-         "(got 2,5um; a unit stands in the line of names, like deviation [um])"),
+         "(got 2,5um; write the unit in the line of names, for example deviation [um])"),
         ("1;2\n2;−5\n", "w.csv:2:3: column 2: must be a number (got −5; write an ASCII minus sign)"),
         ("1;2\n2;nan\n", "w.csv:2:3: column 2: must be a finite number "
-         "(got nan; a gap in the measurement cannot be filled here)"),
+         "(got nan; fill in the number, or leave out the row)"),
         ("1;2\n2; -Inf\n", "w.csv:2:4: column 2: must be a finite number "
-         "(got -Inf; a gap in the measurement cannot be filled here)"),
+         "(got -Inf; fill in the number, or leave out the row)"),
         ("1;2\n2;-1e31\n", "w.csv:2:3: column 2: must be a number up to 1e+30 (got -1e31; check this cell)"),
         ("1;2\n2;1e999\n", "w.csv:2:3: column 2: must be a finite number (got 1e999; check this cell)"),
         ("1;2;3\n2;;3\n", "w.csv:2:3: column 2: a number is missing "
-         "(got nothing; a gap in the measurement cannot be filled here)"),
-        ("1;2\n2\n3;4\n", "w.csv:2:1: a row of 1, most rows have 2 columns "
-         "(got 2; a cell is missing, or the file breaks off here)"),
-        ("1;2\n2;3;4\n3;4\n", "w.csv:2:1: a row of 3, most rows have 2 columns (got 2 3 4; one cell for each column)"),
-        ("1,2.5\n2,2,5\n3,1.5\n", "w.csv:2:1: a row of 3, most rows have 2 columns "
-         "(got 2 2 5; a decimal comma? separate the columns by ;)"),
-        ("1,2.5\n2,2.5\n3", "w.csv:3:1: a row of 1, most rows have 2 columns "
-         "(got 3; a cell is missing, or the file breaks off here)"),
+         "(got nothing; fill in the number, or leave out the row)"),
+        ("1;2\n2\n3;4\n", "w.csv:2:1: columns in this row: 1; in most rows: 2 "
+         "(got 2; a cell is missing, or the file is cut off here)"),
+        ("1;2\n2;3;4\n3;4\n", "w.csv:2:1: columns in this row: 3; in most rows: 2 "
+         "(got 2 3 4; write one cell for each column)"),
+        ("1,2.5\n2,2,5\n3,1.5\n", "w.csv:2:1: columns in this row: 3; in most rows: 2 "
+         "(got 2 2 5; with decimal commas separate the columns by ;)"),
+        ("1,2.5\n2,2.5\n3", "w.csv:3:1: columns in this row: 1; in most rows: 2 "
+         "(got 3; a cell is missing, or the file is cut off here)"),
         ("1;1.234,5\n2;2,5\n", "w.csv:1:3: column 2: must be a number "
-         "(got 1.234,5; nothing between thousands, and one decimal mark)"),
+         "(got 1.234,5; write one decimal mark, and no separator between thousands)"),
         ("1;1,234,567.5\n2;2.5\n", "w.csv:1:3: column 2: must be a number "
-         "(got 1,234,567.5; nothing between thousands, and one decimal mark)"),
+         "(got 1,234,567.5; write one decimal mark, and no separator between thousands)"),
         ("1;2,5\n2;2.5\n3;1,5\n", "w.csv:2:3: column 2: a decimal point among decimal commas "
          "(got 2.5; write every number with a decimal comma)"),
         ("1 2.5\n2 2,5\n3 1.5\n", "w.csv:2:3: column 2: a decimal comma among decimal points "
          "(got 2,5; write every number with a decimal point)"),
         ("tooth;left;right\n1;2\n", "w.csv:1:1: the line of names does not fit 2 columns "
-         "(got tooth;left;right; one name for each column, separated as the rows are)"),
+         "(got tooth;left;right; write one name for each column, with the separator of the rows)"),
         ("tooth;dev\n;um\n1;2\n", "w.csv:2:1: a line of text among the rows "
-         "(got um; put # in front of it; only one line of names, above the rows)"),
+         "(got um; put # in front of it; only one line of names is allowed, above the rows)"),
         ("1;2\nend\n", "w.csv:2:1: a line of text among the rows "
-         "(got end; put # in front of it; only one line of names, above the rows)"),
+         "(got end; put # in front of it; only one line of names is allowed, above the rows)"),
         (b"\xef\xbb\xbf1;2\n\xff", "w.csv:1:1: not UTF-8 text, which its first bytes say "
          "(got byte 0xff; save the file as UTF-8)"),
         (b"\xff\xfe1\0;", "w.csv:1:1: not UTF-16 text, which its first bytes say "
@@ -247,19 +248,19 @@ def test_streams_of_text_and_of_bytes_are_read_like_files(tmp_path: Path) -> Non
         ("{k};{m}", '"5";"6', "must be a number"),
         ("{k};{m}", '5"6";7', "must be a number"),
         ('"{k}";"{m}"', '"5";6"', "must be a number"),
-        ('"{k}" "{m}"', '"5 6"', "a row of 1, most rows have 2 columns"),
+        ('"{k}" "{m}"', '"5 6"', "columns in this row: 1; in most rows: 2"),
         ('"{k}","{m}"', '"5,6","7"', "a decimal comma among decimal points"),
-        ("{k},{m}", "5,6,7", "a row of 3, most rows have 2 columns"),
-        ("{k} {m}", "5", "a row of 1, most rows have 2 columns"),
+        ("{k},{m}", "5,6,7", "columns in this row: 3; in most rows: 2"),
+        ("{k} {m}", "5", "columns in this row: 1; in most rows: 2"),
         ("{k};{m}", "5;6.", ""),
         ("{k};{m}", "5;_6", "must be a number"),
         ("{k};{m}", "5;0x1", "must be a number"),
         ("{k};{m}", "5;1_0", "must be a number"),
         ("{k};{m}", "5;1e", "must be a number"),
         ("{k};{m}", "5;1 2", "must be a number"),
-        ("{k};{m}", "5;;", "a row of 1, most rows have 2 columns"),
+        ("{k};{m}", "5;;", "columns in this row: 1; in most rows: 2"),
         ("{k};{m}", ";5", "a number is missing"),
-        ("{k},{m}", "5,", "a row of 1, most rows have 2 columns"),
+        ("{k},{m}", "5,", "columns in this row: 1; in most rows: 2"),
     ],
 )
 def test_a_row_is_read_by_the_same_rules_wherever_it_stands(good: str, bad: str, words: str) -> None:

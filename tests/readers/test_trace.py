@@ -68,11 +68,11 @@ def test_columns_by_option():
     data = text([CAM, ERROR, ERROR + 1], "a,b,c")
     assert read(data, angle="a", error="C", angle_unit="deg").error_arcsec == pytest.approx(ERROR + 1, abs=1e-4)
     assert read(data, angle="1", error="2", error_unit="arcmin").error_arcsec == pytest.approx(60 * ERROR, abs=1e-3)
-    assert "no unit given, deg assumed" in " ".join(read(data, angle="1", error="2").notes)
+    assert "no unit stated, deg assumed" in " ".join(read(data, angle="1", error="2").notes)
     assert "no column x" in fault(data, angle="x", error="2")
-    assert "no column of cam or output angles by its name" in fault(data)
+    assert "no column of input or output angles by its name" in fault(data)
     assert "2 columns of errors" in fault(text([CAM, ERROR, ERROR], "cam,err_1,err_2"))
-    assert "2 columns of cam or output angles" in fault(text([CAM, CAM, ERROR], "enc1,enc2,err"))
+    assert "2 columns of input or output angles" in fault(text([CAM, CAM, ERROR], "enc1,enc2,err"))
     with pytest.raises(UsageError, match="cannot be both"):
         read(data, angle="a", error="a")
     with pytest.raises(UsageError, match="not both"):
@@ -83,7 +83,7 @@ def test_columns_by_option():
 
 def test_no_names():
     trace = read(PLAIN.split("\n", 1)[1])
-    assert "columns by their order: cam angle, error" in trace.notes
+    assert "columns by their sequence: input angle, error" in trace.notes
     assert trace.line[0] == 1
 
 
@@ -95,7 +95,9 @@ def test_two_encoders(sense, wrapped):
     trace = read(text(columns, "enc_in_deg,enc_out_deg", digits=9), ratio=100, angle="1", second="2")
     assert trace.error_arcsec - trace.error_arcsec.mean() == pytest.approx(ERROR - ERROR.mean(), abs=1e-4)
     assert any(f"ratio {100 * sense:+g}" in note for note in trace.notes)
-    assert "cam turns 100 times as far, the ratio is 80" in fault(text(columns, "cam_deg,out_deg", digits=9), ratio=80)
+    assert "input rotates 100 times as far, the ratio is 80" in fault(
+        text(columns, "cam_deg,out_deg", digits=9), ratio=80
+    )
     assert "the ratio is needed" in fault(text(columns, "cam_deg,out_deg"))
 
 
@@ -143,10 +145,10 @@ def test_columns_of_other_quantities_are_no_angles(other):
 
 def test_counts_of_an_unknown_encoder_are_asked_for():
     data = text([counted(CAM, 16384), counted(CAM / 100, 4194304)], "cam_counts,output_counts", digits=0)
-    assert '"cam_counts": counts of how many in a turn?' in fault(data, ratio=100)
-    assert '"output_counts": counts of how many in a turn?' in fault(data, ratio=100, angle_unit="16384")
+    assert '"cam_counts": the counts per revolution are unknown' in fault(data, ratio=100)
+    assert '"output_counts": the counts per revolution are unknown' in fault(data, ratio=100, angle_unit="16384")
     bare = text([counted(CAM, 16384), CAM / 100], "cam,output", digits=5)
-    assert '"output": counts of how many in a turn?' in fault(bare, ratio=100, angle_unit="16384")
+    assert '"output": the counts per revolution are unknown' in fault(bare, ratio=100, angle_unit="16384")
     assert read(bare, ratio=100, angle_unit="16384,deg").sense == 1
     assert read(text([CAM, -CAM / 100], "cam,output"), ratio=100, angle_unit="-deg").sense == 1
     columns, coarse = text([CAM, -CAM / 100, CAM / 100], "cam,output,turned", digits=2), []
@@ -206,13 +208,13 @@ LEAP = np.mod(np.arange(40) * 170.0, 360)
         ("cam,err\n1,2\n", "2:1: cam: 1 rows"),
         ("cam,err\n", "no rows of numbers"),
         (text([CAM], "cam_deg"), "1 column, needs 2: angle, error"),
-        (text([CAM, 0 * CAM + 3], "cam,err"), "2:1: err: a constant column"),
-        (text([0 * CAM + 3, ERROR], "cam,err"), "2:1: cam: a constant column"),
+        (text([CAM, 0 * CAM + 3], "cam,err"), "2:1: err: the column is constant"),
+        (text([0 * CAM + 3, ERROR], "cam,err"), "2:1: cam: the column is constant"),
         (text([BACK, ERROR], "cam,err"), "202:1: cam: the angle runs backwards: 100 deg after 716.4 deg"),
         (text([CAM[np.random.default_rng(0).permutation(400)], ERROR], "cam,err"), "the angle runs backwards"),
         (PLAIN.replace("\n36.0", "\nnan,1\n36.0", 1), "12:1: cam_deg: must be a finite number"),
         (text([LEAP, LEAP], "cam,err"), "3:1: cam: a step of 170 of a wrap of 360"),
-        (text([CAM, CAM], "cam_deg,err_deg"), "an error that spans 1.44e+03 deg"),
+        (text([CAM, CAM], "cam_deg,err_deg"), "the error spans 1.44e+03 deg"),
     ],
 )
 def test_faults_have_their_line(data, words):
@@ -224,7 +226,7 @@ def test_rows_in_another_order_are_refused_even_when_faulty_ones_are_left_out():
     angle[[200, 201]] = angle[[201, 200]]
     words = fault(text([angle, ERROR], "cam,err"), robust=True)
     assert words.startswith("203:1: cam: the angle runs backwards")
-    assert "in the order of time, which --robust does not" in words
+    assert "sort the rows by time (--robust does not sort)" in words
 
 
 def test_faulty_rows_are_left_out_and_named_when_asked():
@@ -234,8 +236,8 @@ def test_faulty_rows_are_left_out_and_named_when_asked():
     data = "\n".join(rows)
     assert "11:1: cam_deg: must be a finite number" in fault(data)
     trace = read(data, robust=True)
-    assert "left out, no readings: lines 11, 21, 31, 32, 33" in trace.notes
-    assert 'left out, "cam_deg" leaps there and back: lines 61' in trace.notes
+    assert "left out because they are not readings: lines 11, 21, 31, 32, 33" in trace.notes
+    assert 'left out, "cam_deg" jumps and returns: lines 61' in trace.notes
     kept = np.setdiff1d(np.arange(400), [9, 19, 29, 30, 31, 59])
     assert trace.line.tolist() == (kept + 2).tolist()
     assert trace.error_arcsec == pytest.approx(ERROR[kept], abs=1e-4)
@@ -250,11 +252,11 @@ def test_a_reading_of_an_error_far_off_all_others_is_left_out_when_asked(second)
     cam = np.concatenate([CAM, CAM[-1] + CAM[1] - CAM[0] + CAM])
     head, columns = ("cam_deg,output_deg", [cam, cam / 10 + error / 3600]) if second else ("cam_deg,err", [cam, error])
     data, ratio = text(columns, head), {"ratio": 10.0} if second else {}
-    assert "an error that spans 2.78 deg" in (words := fault(data, **ratio))
-    assert "--robust leaves single ones out" in words
+    assert "the error spans 2.78 deg" in (words := fault(data, **ratio))
+    assert "--robust leaves out single ones" in words
     trace = read(data, robust=True, **ratio)
     assert trace.line.tolist() == np.delete(np.arange(2, 802), 100).tolist()
-    assert any("leaps there and back: lines 102" in note for note in trace.notes)
+    assert any("jumps and returns: lines 102" in note for note in trace.notes)
     rows = data.splitlines()
     without = read("\n".join([*rows[:101], *rows[102:]]), **ratio)
     assert trace.step_arcsec == pytest.approx(without.step_arcsec)  # the spike has no part in the resolution
@@ -264,7 +266,7 @@ def test_a_reading_of_an_error_far_off_all_others_is_left_out_when_asked(second)
 def test_many_readings_far_off_are_no_single_ones():
     error = ERROR.copy()
     error[:40] = 9999.0
-    assert "42:1: err: an error that spans 2.78 deg: here it leaps by -2.78" in fault(
+    assert "42:1: err: the error spans 2.78 deg: here it jumps by -2.78" in fault(
         text([CAM, error], "cam_deg,err"), robust=True
     )
 
@@ -275,7 +277,7 @@ OTHERS = {
     "a record of a laser at targets": "HEADER::\nMachine: a\nTARGET DATA::\nTargets :\n" + "1 2 0.5\n" * 50,
     "a record of a controller's signals": "0 1.5 0.25 TRUE\n" * 9000,
     "a log of events": "2024-01-01 12:00:01,123 INFO motor 5 moved\n" * 9000,
-    "a file of another program?": "a: b\nc: d\ne: f\ng: h\ni: j\n" + "1 2 0.5\n" * 50,
+    "check whether this is a file of another program": "a: b\nc: d\ne: f\ng: h\ni: j\n" + "1 2 0.5\n" * 50,
 }
 
 
@@ -285,7 +287,7 @@ OTHERS = {
 def test_a_file_of_another_program_is_named_in_one_line(program: str, robust: bool):
     words = fault(OTHERS[program], robust=robust)
     assert words.count("\n") == 0
-    assert "no table of numbers" in words
+    assert "not a table of numbers" in words
     assert program in words
 
 
@@ -313,7 +315,7 @@ def test_an_unguided_section_of_a_guide_log_is_an_error_over_the_axis_that_follo
     assert any("lines 28 to 357" in note for note in trace.notes)
     # what the log says of guiding does not count, only whether there are pulses
     assert read(guide_log(between=""), ratio=100).line.tolist() == (trace.line - 1).tolist()
-    assert "without a guide rate" in fault(guide_log(0, 0), ratio=100)
+    assert "without its guide rate" in fault(guide_log(0, 0), ratio=100)
     # nor are rows before and after a line that may have moved the star one section
     moved = read(guide_log(0, 400, "INFO: DITHER by 1.0, 2.0, new lock pos = 300, 200\n"), ratio=100)
     assert (moved.line[0], moved.line[-1]) == (28, 357)
@@ -361,7 +363,9 @@ def test_rows_out_of_order_are_no_counter_that_begins_again():
 
 def test_a_record_that_is_not_filled_in_says_so():
     rows = "".join(f"{9 * k},1,\n" for k in range(40))
-    words = "1:1: nothing is written in actual_deg (got target_deg,side,actual_deg; fill it in, or leave out its name)"
+    words = (
+        "1:1: no value is written in actual_deg (got target_deg,side,actual_deg; fill it in, or leave out the column)"
+    )
     assert words in fault(f"target_deg,side,actual_deg\n{rows}")
 
 
@@ -370,7 +374,7 @@ def test_rows_without_a_reading_name_the_option_that_leaves_them_out():
     rows[10] = "nan,1"
     with pytest.raises(PresetError) as caught:
         read_trace("\n".join(rows).encode())
-    assert caught.value.hint == "--robust leaves out rows that are no readings"
+    assert caught.value.hint == "use --robust to leave out rows that are not readings"
     with pytest.raises(PresetError) as caught:  # where no cell has a fault nothing is to be left out
         read_trace(("target_deg,side,actual_deg\n" + "9,1,\n" * 40).encode())
     assert caught.value.hint == ""

@@ -60,7 +60,7 @@ UNDERSTOOD = {
 def test_a_unit_that_is_understood_is_used(head: str, size: float) -> None:
     found = trace(f'cam_deg;"{head}"', size)
     assert found.error_arcsec == pytest.approx(ERROR, abs=2e-3)
-    assert "no unit given" not in " ".join(found.notes)
+    assert "no unit stated" not in " ".join(found.notes)
 
 
 FOREIGN = (
@@ -197,7 +197,7 @@ def test_options_state_the_units_of_positions_and_loops() -> None:
     actual = bench(f"target,actual\n{rows}", angle_unit="deg,arcmin")
     assert isinstance(actual, PositionRecord)
     assert np.ptp(actual.deviation_arcsec) == pytest.approx(0.66)
-    assert not any("no unit given" in note for note in actual.table.notes)
+    assert not any("no unit stated" in note for note in actual.table.notes)
 
 
 @pytest.mark.parametrize(
