@@ -80,7 +80,7 @@ def wavy(centre: Point, radius: float, wave: float, teeth: int, depth: float, ki
 
 
 def drive() -> Iterator[str]:
-    """A drive from the cam side: fixed wheel with its holes, flexspline in mesh at two places, bearing, cam."""
+    """Yield a drive, seen from the wave generator side: wheel with holes, flexspline in two mesh zones, bearing."""
     centre, teeth = (225.0, 225.0), 60
     yield circle(centre, 205, "body") + wavy(centre, 142, 0, teeth + 2, -10, "hole")
     for hole in range(HOLES):
@@ -101,14 +101,14 @@ def drive() -> Iterator[str]:
         zone = [at(centre, angle, 134) for angle in range(up - 24, up + 25, 2)]
         yield path("zone", *zone)
     words = (
-        (at(centre, 68, 190), 44, "fixed wheel", "circular spline, 202 teeth inside: stands still in the housing"),
+        (at(centre, 68, 190), 44, "fixed wheel", "circular spline, 202 teeth inside, bolted to the housing"),
         (at(centre, 0, 176), 109, "hole 0", "where its marked screw hole is now"),
-        (None, 174, "hole 4", "bolted in here instead, the same parts are more or less"),
-        (None, 192, "", "accurate: hdassist finds the hole with the least error"),
-        (at(centre, -21, 124), 257, "flexspline", "200 teeth outside, thin and elastic: turns the output"),
-        (at(centre, -33, 91), 322, "ball bearing and cam", "the oval cam (wave generator) presses the flexspline"),
-        (None, 340, "", "into the fixed wheel above and below"),
-        (at(centre, -78, 137), 405, "two mesh zones", "only here do teeth touch; they run round with the cam"),
+        (None, 174, "hole 4", "bolted here instead, the same parts are more or less"),
+        (None, 192, "", "accurate: hdassist finds the hole with the smallest error"),
+        (at(centre, -21, 124), 257, "flexspline", "200 teeth outside, thin and elastic, drives the output"),
+        (at(centre, -33, 91), 322, "ball bearing and wave generator", "the oval wave generator presses the flexspline"),
+        (None, 340, "", "into the circular spline above and below"),
+        (at(centre, -78, 137), 405, "two mesh zones", "teeth touch only here; the zones rotate with the input"),
     )
     for start, y, name, role in words:
         if start:
@@ -119,10 +119,10 @@ def drive() -> Iterator[str]:
 
 
 def cam_side() -> Iterator[str]:
-    """A section along the axis with the eye that looks at it, and one turn seen from both sides."""
+    """Yield a section along the axis with the viewer, and one rotation seen from both sides."""
     axis = 165.0
     for up in (-1, 1):  # both halves of the section
-        yield box(150, axis + up * 90 - 16, 46, 32)  # rigid wheel
+        yield box(150, axis + up * 90 - 16, 46, 32)  # circular spline
         yield path("line", (152, axis + up * 70), (330, axis + up * 66), (330, axis + up * 14))  # flexspline
         yield path("line", (152, axis + up * 63), (322, axis + up * 59), (322, axis + up * 14))
         yield box(156, axis + up * 52 - 8, 34, 16, "hole")  # flexible bearing
@@ -132,22 +132,23 @@ def cam_side() -> Iterator[str]:
     yield path("axis", (70, axis), (405, axis))
     yield f'<path class="line" d="M22 {axis}q22 -22 44 0q-22 22 -44 0Z"/>' + circle((46, axis), 7, "solid")
     yield text((58, axis - 34), "you", "gone", size=15)
-    yield text((120, axis + 32), "cam side", "gone")
+    yield text((80, axis + 36), "wave generator side", "gone")
     for place, words, weak in (
-        ((173, 46), "rigid wheel", "(circular spline)"), ((258, 135), "flexspline", ""), ((356, 205), "output", ""),
-        ((120, 128), "cam", ""),
+        ((173, 46), "circular spline", ""), ((258, 135), "flexspline", ""), ((356, 205), "output", ""),
+        ((94, 112), "wave generator", ""),
     ):  # fmt: skip
         yield text((place[0], place[1] - (16 if weak else 0)), words)
         yield text(place, weak, "weak", size=12) if weak else ""
     for left, title, first, last, word in (
-        (500, "from the cam side", 20, 130, "counter-clockwise"), (690, "from the other side", 160, 50, "clockwise"),
+        (500, "from the wave generator side", 20, 130, "counter-clockwise"),
+        (690, "from the other side", 160, 50, "clockwise"),
     ):  # fmt: skip
         centre = (left, 165.0)
         yield circle(centre, 62, "line") + circle(centre, 46, "thin") + circle(centre, 3, "solid")
         yield from turn(centre, 78, first, last)
         yield text((left, 58), title)
         yield text((left, 268), word, "gone")
-    yield text((595, 296), "one and the same turn of the wheel", "weak")
+    yield text((595, 296), "the same rotation of the wheel", "weak")
 
 
 def seat(centre: Point, turned: int) -> Iterator[str]:
@@ -179,7 +180,7 @@ def holes() -> Iterator[str]:
 
 
 def marks() -> Iterator[str]:
-    """Directions of a run-out and of the cam's offset, counted from hole 0."""
+    """Yield the directions of a runout and of the wave generator eccentricity, counted from hole 0."""
     centre, xi, phi = (200.0, 190.0), 60.0, 215.0
     teeth = at(centre, xi, 16)
     yield circle(centre, 140, "thin") + circle(teeth, 112, "line")
@@ -193,9 +194,9 @@ def marks() -> Iterator[str]:
     yield text((at(centre, phi, 78)[0], at(centre, phi, 78)[1] + 5), "C", size=18)
     yield circle(centre, 4, "solid")
     words = (
-        ("M", "marked", "here the teeth of the rigid wheel"), ("", "", "stand furthest from the axis:"),
-        ("", "", "phases.xi_b, mark_kind: runout"), ("C", "", "to here the cam lies off the axis"),
-        ("", "", "of the seat: phases.phi_hb,"), ("", "", "mostly unknown: trials find it"),
+        ("M", "marked", "teeth of the circular spline are"), ("", "", "furthest from the axis here:"),
+        ("", "", "phases.xi_b, mark_kind: runout"), ("C", "", "direction of the eccentricity of the"),
+        ("", "", "wave generator: phases.phi_hb,"), ("", "", "usually unknown: trials find it"),
     )  # fmt: skip
     for line, (letter, kind, told) in enumerate(words):
         y = 96 + 26 * line + (22 if line > 2 else 0)
@@ -208,7 +209,7 @@ def rig() -> Iterator[str]:
     axis = 110.0
     yield path("line", (60, axis), (640, axis))
     parts = (
-        (30, 70, "motor", "slow, one way"), (150, 40, "encoder 1", "cam"), (280, 110, "drive", "as it will be bolted"),
+        (30, 70, "motor", "slow, one way"), (150, 40, "encoder 1", "input"), (280, 110, "drive", "bolted as in use"),
         (470, 40, "encoder 2", "output"), (580, 56, "drum", "constant torque"),
     )  # fmt: skip
     for left, width, name, role in parts:
@@ -221,11 +222,11 @@ def rig() -> Iterator[str]:
 
 
 DRAWINGS = {
-    "drive": (drive, 850, 450, "A harmonic drive from the cam side: fixed wheel with holes, flexspline, bearing, cam"),
-    "bench-cam-side": (cam_side, 790, 312, "Section of a drive with the side of the cam, and a turn from both sides"),
-    "bench-holes": (holes, 720, 400, "Holes of the seat are counted counter-clockwise, seen from the cam side"),
-    "bench-mark": (marks, 770, 360, "Directions of marks are counted counter-clockwise from hole 0"),
-    "bench-rig": (rig, 720, 216, "Rig: motor, encoder of the cam, drive, encoder of the output, drum with a weight"),
+    "drive": (drive, 850, 450, "A harmonic drive, seen from the wave generator side"),
+    "bench-cam-side": (cam_side, 790, 312, "Section of a drive, and a rotation seen from both sides"),
+    "bench-holes": (holes, 720, 400, "Holes count counter-clockwise, seen from the wave generator side"),
+    "bench-mark": (marks, 770, 360, "Directions of marks count counter-clockwise from hole 0"),
+    "bench-rig": (rig, 720, 216, "Test rig: motor, input encoder, drive, output encoder, drum with a weight"),
 }
 
 

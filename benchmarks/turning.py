@@ -35,9 +35,9 @@ STYLE = "<style>svg{fill:#24292e} .paper{fill:#ffffff} @media (prefers-color-sch
 STYLE += ".paper{fill:#16191d} " + "".join(f'[fill="{ink}"]{{fill:{to}}} ' for ink, to in ON_DARK.items())
 STYLE += f'[stroke="{RED}"]{{stroke:{ON_DARK[RED]}}} [stroke="{RULE}"]{{stroke:#3d444d}}}}</style>'
 INK = {
-    ("as given", "as built"): (RED, ""),
-    ("as given", "best hole"): (RED, DASHES),
-    ("one class finer", "as built"): (BLUE, ""),
+    ("nominal", "as assembled"): (RED, ""),
+    ("nominal", "best hole"): (RED, DASHES),
+    ("one class finer", "as assembled"): (BLUE, ""),
     ("one class finer", "best hole"): (BLUE, DASHES),
 }
 
@@ -92,7 +92,7 @@ def figure(M_g: float, curves: Mapping[tuple[str, str], Array]) -> str:
         y = TOP + 60 + 18 * k
         parts.append(f'<path d="M{WIDTH - 220},{y}h30" {style}/>')
         parts.append(f'<text x="{WIDTH - 184}" y="{y + 4}">{key[0]}, {key[1]}</text>')
-    label = f"F'_ior at {M_g:g} N·m, arcsec: how many of the drives stay below"
+    label = f"F'_ior at {M_g:g} N·m, arcsec: share of the drives below this value"
     parts.append(f'<text x="{WIDTH / 2}" y="{HEIGHT - 6}" text-anchor="middle">{label}</text></svg>')
     return "\n".join(parts) + "\n"
 
@@ -158,7 +158,7 @@ def support_figure(lines: Mapping[float, list[float]], dots: Mapping[str, list[t
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" font-family="sans-serif" '
         'font-size="12">',
-        "<title>Worst over best hole by the support of the cam and the standing offset</title>",
+        "<title>Ratio of worst to best hole by the support and the eccentricity of the wave generator</title>",
         STYLE,
         '<rect width="100%" height="100%" class="paper"/>',
     ]
@@ -181,7 +181,7 @@ def support_figure(lines: Mapping[float, list[float]], dots: Mapping[str, list[t
         parts.append(f'<polyline points="{text}" fill="none" stroke="{RED}" stroke-width="{wide}"/>')
         x, y = max(points, key=lambda each: -each[1])
         parts.append(f'<text x="{x:.1f}" y="{y - 4:.1f}" text-anchor="middle" fill="{RED}">{offset:g} µm</text>')
-    label = "support of the cam C_3, N/mm, brought to 160 mm; worst over best hole"
+    label = "support C_3, N/mm, scaled to 160 mm; ratio of worst to best hole"
     parts.append(f'<text x="{WIDTH / 2}" y="{HEIGHT - 6}" text-anchor="middle">{label}</text></svg>')
     return "\n".join(parts) + "\n"
 
@@ -215,9 +215,9 @@ def main() -> None:
     with ProcessPoolExecutor(os.cpu_count()) as executor:
         for preset in PRESETS:
             cases = {}
-            for finer, teeth in ((False, "as given"), (True, "one class finer")):
+            for finer, teeth in ((False, "nominal"), (True, "one class finer")):
                 torques, records = drives(preset, finer, options.n, executor)
-                for way, key in (("as built", "F_ior_arcsec"), ("best hole", "best_F_ior_arcsec")):
+                for way, key in (("as assembled", "F_ior_arcsec"), ("best hole", "best_F_ior_arcsec")):
                     cases[teeth, way] = np.array([getattr(record, key) for record in records])
             for t, M_g in enumerate(torques):
                 curves = {key: values[:, t] for key, values in cases.items()}

@@ -31,8 +31,8 @@ def made() -> dict[Path, str]:
     drawings = {
         "mesh-zones": ("Forces on flanks and balls around the ring", mesh_zones()),
         "ring-harmonics": ("Harmonics of the ring, and their stiffness", ring_harmonics()),
-        "contact-sets": ("Flanks that bear over one turn of the cam", contact_sets()),
-        "torus": ("The error over all positions of both wheels before the cam", torus()),
+        "contact-sets": ("Flanks in contact over one input revolution", contact_sets()),
+        "torus": ("The error over all positions of both splines before the wave generator", torus()),
     }
     return {FIGURES / f"{name}.svg": drawing(title, parts) for name, (title, parts) in drawings.items()}
 
@@ -99,7 +99,7 @@ def ring_harmonics() -> Iterator[str]:
         yield text((centre[0], 250), f"n = {n}")
         yield text((centre[0], 272), f"K_n = {ratio:.3g} K_2", "weak", size=13)
     yield text((320, 40), "w = A_n cos n theta (3), stiffness (4) and (5)", size=15)
-    yield text((320, 312), "n = 0 is a uniform stretch, n = 1 a rigid shift; up to n = 40 are used", "weak", size=12)
+    yield text((320, 312), "n = 0 is a uniform stretch, n = 1 a rigid displacement; n goes up to 40", "weak", size=12)
 
 
 def contact_sets() -> Iterator[str]:
@@ -128,8 +128,8 @@ def contact_sets() -> Iterator[str]:
                 yield path("go" if side[k] > 0 else "mark", (x, y), (x + wide * length / len(states), y))
     for turn in (0, 90, 180, 270, 360):
         yield text((left + wide * turn / 360, 300), f"{turn}°", "weak", size=12)
-    yield text((320, 322), "angle of the cam; flanks towards +theta blue, towards -theta red", "weak", size=12)
-    yield text((320, 24), f"flanks that bear, {LIGHT_LOAD:g} N·m", size=15)
+    yield text((320, 322), "input angle; flanks towards +theta blue, towards -theta red", "weak", size=12)
+    yield text((320, 24), f"flanks in contact, {LIGHT_LOAD:g} N·m", size=15)
 
 
 def runs(bears: Array) -> Iterator[tuple[int, int]]:
@@ -161,7 +161,7 @@ def torus() -> Iterator[str]:
     yield box(left, top, size, size, "thin")
     for shift in (0.0, 2 * size / 200):  # of 200 pitches of the flexspline a turn of 202 ends 2 further on
         yield path("line", (left, top + size - shift), (left + size - shift, top))
-    yield text((left + size / 2, top + size + 20), "rigid wheel, j mod 202", "weak", size=12)
+    yield text((left + size / 2, top + size + 20), "circular spline, j mod 202", "weak", size=12)
     yield f'<g transform="translate({left - 12} {top + size / 2}) rotate(-90)">'
     yield text((0, 0), "flexspline, j mod 200", "weak", size=12) + "</g>"
     yield text((left + size / 2, 26), f"error at {LIGHT_LOAD:g} N·m", size=15)
@@ -180,7 +180,7 @@ def torus() -> Iterator[str]:
     for y, word in (
         (56, f"of half of F'_ior = {high - low:.1f} arcsec"),
         (262, "opposite sides are one: the cycle runs along"),
-        (278, "the diagonal, a turn of the cam beside the last,"),
-        (294, "and after 100 turns has met all 20 200 states"),
+        (278, "the diagonal, revolution by revolution,"),
+        (294, "and meets all 20 200 positions in 100"),
     ):
         yield text((350, y), word, "weak", "start", 12)
