@@ -45,7 +45,7 @@ REPORTED = (
         ("self error", {"check", "quantity or word", "field"}, "without any deviation"),
         ("Генератор волн", {"quantity or word"}, "bends the flexspline"),
         ("жесткое колесо", {"quantity or word"}, "internal teeth"),
-        ("gears", {"section"}, "two wheels"),
+        ("gears", {"section"}, "Teeth"),
         ("N", {"quantity or word", "symbol", "field"}, "balls"),
         ("phasors", {"quantity or word"}, "Amplitude and phase"),
         ("orders", {"check", "quantity or word"}, "per input revolution"),

@@ -336,11 +336,11 @@ Part = Literal["g", "b", "h"]
 
 
 class Tolerances(Section):
-    """Deviations of the parts: first harmonics, as peak-to-peak for teeth and as offset for the cam."""
+    """Deviations of the parts: peak to peak of first harmonics for teeth, eccentricity for the wave generator."""
 
 
 class Phases(Section):
-    """Directions of the deviations at phi_h = phi_g = 0, counter-clockwise seen from the cam side."""
+    """Directions of the deviations at phi_h = phi_g = 0, counter-clockwise, seen from the wave generator side."""
 
 
 class Harmonics(Section):
@@ -403,7 +403,7 @@ IDENTIFIED_WITH: dict[str, str | int] = {"nominal_curve": "linear", "stations": 
 
 
 class Gears(Section):
-    """Teeth of the two wheels."""
+    """Teeth of the two splines."""
 
     z_g: int
     z_b: int
@@ -427,7 +427,7 @@ class Gears(Section):
 
 
 class Material(Section):
-    """Material of the flexspline, of the cam and of its bearing."""
+    """Material of the flexspline, of the wave generator and of its bearing."""
 
     E: float
     nu: float
@@ -435,7 +435,7 @@ class Material(Section):
 
 
 class Flexspline(Section):
-    """Rim under the teeth and the shell behind it."""
+    """Rim under the teeth, and the shell that it continues into."""
 
     h_1: float
     h_3: float
@@ -445,7 +445,7 @@ class Flexspline(Section):
 
 
 class Bearing(Section):
-    """Flexible bearing between flexspline and cam."""
+    """Flexible bearing between flexspline and wave generator."""
 
     N: int
     ring_b: float
@@ -466,7 +466,7 @@ class Cam(Section):
 
 
 class Supports(Section):
-    """Radial stiffness of the supports of the bodies; 0 leaves the body free, anything else is 1 N/mm or more."""
+    """Radial stiffness of the supports of the bodies. 0 leaves the body free, and any other value is 1 N/mm or more."""
 
     C_1: float
     C_2: float
@@ -483,7 +483,7 @@ class Contact(Section):
 
 
 class Mounting(Section):
-    """How the drive is built in."""
+    """Installation of the drive."""
 
     fixed: Literal["rigid", "flexspline"]
     mark_kind: Literal["xi", "runout", "pitch"]
@@ -501,7 +501,7 @@ class Operation(Section):
 
 
 class Catalogue(Section):
-    """Catalogue values of the drive: shown beside the model's figures, and no limit."""
+    """Catalogue values of the drive. They are shown next to the values of the model, and are not limits."""
 
     K_1: float | None
     K_2: float | None
@@ -514,7 +514,7 @@ class Catalogue(Section):
 
 
 class Measured(Section):
-    """Values measured on this drive; +- is its expanded uncertainty (k = 2). It weighs uncertain inputs."""
+    """Values measured on this drive. +- is the expanded uncertainty (k = 2). The values weight uncertain inputs."""
 
     F_ior: _PerPosition
 
@@ -550,7 +550,7 @@ class Source(Section):
 
 
 class CostLaw(Section):
-    """Cost of a tolerance: share at the value that the preset gives, and 1/tolerance^k of it at others."""
+    """Cost of a tolerance: share at the value in the preset, scaled by 1/tolerance^k at other values."""
 
     share: float
     k: float

@@ -55,10 +55,10 @@ def _help(*names: str) -> str:
 def fields() -> Iterator[str]:
     """Lines of the reference of preset fields, in the order in which presets have them."""
     yield from ("# Fields of a preset", "", MADE, "")
-    yield "A bare number is in the unit of its field; `75 um` or `0.8 mm` are converted; `260 ± 10` adds an uncertainty"
-    yield "(k = 2). A field without a default has to be given; a deviation that is left out is `unknown`"
-    yield "([unknown.md](unknown.md)). `uncertainty` has the ± of fields by their path, `fit` what was fitted together"
-    yield "([design.md](design.md#values-fitted-together))."
+    yield "A number without a unit is in the unit of its field. `75 um` and `0.8 mm` are converted. `260 ± 10` adds an"
+    yield "uncertainty (k = 2). A field without a default must be given. A missing deviation is `unknown`"
+    yield "([unknown inputs](unknown.md)). `uncertainty` contains the ± of fields by their path, and `fit` the"
+    yield "values fitted together ([design](design.md#values-fitted-together))."
     for name, model in (*sections(), *BY_PATH.items()):
         head = f"`{name}`, by the path of a field" if name in BY_PATH else f"`{name}`"
         yield from ("", f"## {head}", "", str(model.__doc__), "")
@@ -74,7 +74,7 @@ def fields() -> Iterator[str]:
 def glossary() -> Iterator[str]:
     """Lines of the glossary: words of the trade, then symbols."""
     yield from ("# Glossary", "", MADE, "")
-    yield "`hdassist explain WORD` says the same on a terminal, of a word in either language and of a symbol."
+    yield "`hdassist explain WORD` shows the same on a terminal, for a word in either language and for a symbol."
     for name, group in GROUPS.items():
         yield from ("", f"## {name}", "", "| English | Russian | meaning | unit |", "| --- | --- | --- | --- |")
         for term in group:
