@@ -32,25 +32,27 @@ FREEDOMS = (
     "cam x",
     "cam y",
 )
+# columns of G by body
 _RIGID = slice(0, 2)
 _FLEX = slice(2, 4)
 ROTATION = 4
 _RING = slice(5, 7)
 CAM = slice(7, 9)
-# of the teeth's deviations beyond the first, of which only even ones go on: odd ones nearly cancel on two opposite
-# zones. The mesh averages what is beyond the last one: of a micrometre's effect two thirds are left of order 16, half
-# of 20, a fifth of 32
+# Orders of the teeth's deviations beyond the first. Beyond the fourth only even ones count: odd ones nearly cancel on
+# two opposite zones. The mesh averages higher orders: two thirds of a micrometre's effect remain at order 16, half at
+# order 20, a fifth at order 32.
 TOOTH_ORDERS = (2, 3, 4, 6, 8, 10, 12, 14, 16)
 TO_X1 = np.pi / 2  # directions of deviations count from x1, the minor axis: theta_x1 = theta + pi/2
 
 
 @dataclass(frozen=True)
 class StateGaps:
-    """Gaps without force of states beyond those of a drive without deviations.
+    """Changes of the gaps of states by the deviations of a drive.
 
-    scalars [mm], shape (states, scalars), of the deviations, in the order of the columns of the deviation map, of which
-    the last may be left out where they are 0; at_flanks [mm], shape (states, flank candidates), of measured teeth, the
-    same at all stations of a flank, None without.
+    scalars: deviations [mm], shape (states, scalars), in the order of the columns of the deviation map; last columns
+        that are 0 may be omitted.
+    at_flanks: changes by measured teeth [mm], shape (states, flank candidates), equal at all stations of a flank; None
+        without measured teeth.
     """
 
     scalars: Array
@@ -70,20 +72,17 @@ WITHOUT_DEVIATIONS = StateGaps(np.zeros((1, 0)))  # one state
 class ContactSystem:
     """System (1) of a drive at one tooth phase and one ball phase: M candidates at m places, 9 freedoms.
 
-    compliance of the structure between the places, shape (m, m), and local, that of each candidate by itself, shape
-    (M,) [mm/N]; G, shape (M, 9), its rotation column in mm, the same for all candidates at a place; C [N/mm], shape
-    (9,), 0 where a freedom has no support; delta_p [mm], shape (M,), the gaps of a drive without deviations; face, the
-    stations along each flank, which are rows of flanks of their own.
+    A flank is one place, and each of its stations a candidate: stations are rows of `flanks` of their own.
     """
 
     geometry: Geometry
     flanks: Flanks
-    ball_theta: Array
-    compliance: Array
-    local: Array
-    G: Array
-    C: Array
-    delta_p: Array
+    ball_theta: Array  # angles of the balls [rad], shape (balls,)
+    compliance: Array  # of the structure between the places [mm/N], shape (m, m)
+    local: Array  # compliance of each candidate by itself [mm/N], shape (M,)
+    G: Array  # shape (M, 9), equal for all candidates at a place; the rotation column in mm
+    C: Array  # stiffness of the supports [N/mm], shape (9,); 0 for a freedom without support
+    delta_p: Array  # gaps of a drive without deviations [mm], shape (M,)
     face: Face
 
     @property
@@ -93,7 +92,7 @@ class ContactSystem:
 
     @property
     def pairs(self) -> int:
-        """Number of flanks whatever their stations: their places come first."""
+        """Number of flanks, not counting their stations: their places come first."""
         return self.n_flanks // len(self.face.fall)
 
     @cached_property
@@ -108,7 +107,7 @@ class ContactSystem:
         return np.searchsorted(self.place, np.arange(len(self.compliance)))
 
     def at_places(self, forces: Array) -> Array:
-        """Force at each place [N], all its candidates together, shape (states, m), of forces, shape (states, M)."""
+        """Return the force at each place [N], shape (states, m), from forces of candidates [N], shape (states, M)."""
         return np.asarray(np.add.reduceat(forces, self.first, axis=1))
 
     @property
@@ -123,14 +122,15 @@ class ContactSystem:
 
     @property
     def free_rotation(self) -> int:
-        """Place of the flexspline's rotation among the freedoms without support."""
+        """Number of the flexspline's rotation among the freedoms without support."""
         return int(np.count_nonzero(~self.supported[:ROTATION]))
 
     @cached_property
     def lever(self) -> Array:
-        """Moment [N*mm] that a unit of force at each flank takes off the flexspline in each zone, shape (flanks, 2)."""
-        flanks = self.first[: self.pairs, None]
-        return np.where(self.flanks.zone[flanks] == (0, 1), -self.G[flanks, ROTATION], 0.0)
+        """Moment [N*mm] on the flexspline by a unit of force at each flank, by zone, shape (flanks, 2)."""
+        first_station = self.first[: self.pairs, None]
+        is_in_zone = self.flanks.zone[first_station] == (0, 1)
+        return np.where(is_in_zone, -self.G[first_station, ROTATION], 0.0)
 
     @cached_property
     def deviation_map(self) -> Array:
@@ -148,7 +148,7 @@ class ContactSystem:
         return change
 
     def delta_p_of(self, gaps: StateGaps) -> Array:
-        """Gaps without force delta_p [mm] of states, shape (states, M)."""
+        """Return the gaps without force delta_p [mm] of states, shape (states, M)."""
         if not gaps.scalars.shape[1] and gaps.at_flanks is None:
             return np.broadcast_to(self.delta_p, (len(gaps), len(self.delta_p)))
         delta_p = self.delta_p + gaps.scalars @ self.deviation_map[:, : gaps.scalars.shape[1]].T
@@ -158,97 +158,157 @@ class ContactSystem:
 
 
 def contact_system(drive: Drive, tau: float = 0.0, beta: float | None = None) -> ContactSystem:
-    """Contact system of a drive at tooth phase tau [tooth pitches] and ball phase beta [ball pitches].
+    """Return the contact system of a drive.
 
-    Without beta, that of the preset. Raises UntrustedError where no teeth overlap.
+    Args:
+        drive: its geometry, stiffnesses and supports.
+        tau: tooth phase [tooth pitches].
+        beta: ball phase [ball pitches]; that of the preset by default.
+
+    Raises UntrustedError if no teeth overlap.
     """
     return ContactSystems(drive).at(tau, drive.bearing.beta if beta is None else beta)
 
 
 @dataclass(frozen=True)
 class _Part:
-    """One kind of contact by itself: G, shape (n, 9), delta_p [mm] and local [mm/N], shape (n,)."""
+    """The candidates of one kind: flanks, bore nodes or balls."""
 
-    G: Array
-    delta_p: Array
-    local: Array
+    G: Array  # shape (n, 9)
+    delta_p: Array  # gaps without force [mm], shape (n,)
+    local: Array  # compliance of each candidate by itself [mm/N], shape (n,)
+
+
+@dataclass(frozen=True)
+class _ToothPhase:
+    """What depends on the tooth phase alone."""
+
+    flanks: Flanks
+    compliance: Array  # of the flexspline between flank pairs and bore nodes [mm/N]
+    part: _Part
+
+
+@dataclass(frozen=True)
+class _BallPhase:
+    """What depends on the ball phase alone."""
+
+    theta: Array  # angles of the balls [rad]
+    compliance: Array  # of the outer ring between bore nodes and balls [mm/N]
+    part: _Part
 
 
 class ContactSystems:
-    """Contact systems of a drive at many phases: a part that depends on one phase alone is made once for each."""
+    """Contact systems of a drive at many phases: a part that depends on one phase alone is computed once for each."""
 
     def __init__(self, drive: Drive) -> None:
         self._drive = drive
         self._geometry = Geometry.of(drive)
         self._face = Face.of(drive)
-        self._bore = 2 * np.pi * np.arange(drive.numerics.n_2) / drive.numerics.n_2
-        n = len(self._bore)
-        self._nodes = _Part(_between(_FLEX, _RING, self._bore), np.zeros(n), np.full(n, drive.contact.c_bore))
-        self._flexspline: dict[float, tuple[Flanks, Array, _Part]] = {}
-        self._ring: dict[float, tuple[Array, Array, _Part]] = {}
+        nodes = drive.numerics.n_2
+        self._bore = 2 * np.pi * np.arange(nodes) / nodes  # angles of the bore nodes [rad]
+        self._nodes = _Part(
+            G=_between(_FLEX, _RING, self._bore), delta_p=np.zeros(nodes), local=np.full(nodes, drive.contact.c_bore)
+        )
+        self._supports = _support_stiffness(drive)
+        self._tooth_phase: dict[float, _ToothPhase] = {}  # the last one only: its arrays are large
+        self._ball_phases: dict[float, _BallPhase] = {}
 
     def at(self, tau: float, beta: float) -> ContactSystem:
-        """System at tooth phase tau [tooth pitches] and ball phase beta [ball pitches].
+        """Return the system at tooth phase tau [tooth pitches] and ball phase beta [ball pitches].
 
-        Raises UntrustedError where no teeth overlap.
+        Raises UntrustedError if no teeth overlap.
         """
-        drive = self._drive
-        geometry = self._geometry
-        bore = self._bore
-        if tau not in self._flexspline:
-            pairs = flank_candidates(geometry, tau)
-            flanks = pairs.repeated(len(self._face.fall))
-            compliance = _flexspline_compliance(drive, geometry, pairs, bore)
-            self._flexspline = {tau: (flanks, compliance, _flank_part(geometry, flanks, self._face))}  # the last one
-        if beta not in self._ring:
-            balls = 2 * np.pi * (np.arange(drive.bearing.N) + beta) / drive.bearing.N
-            gaps = drive.bearing.g_b * 1e-3 - geometry.W_0 * np.cos(2 * balls)
-            part = _Part(_between(_RING, CAM, balls), gaps, np.full(len(balls), drive.contact.c_ball))
-            ring = outer_ring(drive, geometry)
-            compliance = _compliance_of(ring, np.vstack([-ring.radial(bore), ring.radial(balls)]))
-            self._ring[beta] = balls, compliance, part
-        flanks, flexspline, at_flanks = self._flexspline[tau]
-        balls, of_ring, at_balls = self._ring[beta]
-        inside = len(flexspline) - len(bore)
-        D = np.zeros((len(flexspline) + len(balls),) * 2)
-        D[: len(flexspline), : len(flexspline)] = flexspline
-        D[inside:, inside:] += of_ring  # both see the bore
-        parts = (at_flanks, self._nodes, at_balls)
-        supports = np.zeros(len(FREEDOMS))
-        supports[_RIGID] = drive.supports.C_1
-        supports[_FLEX] = drive.supports.C_2
-        supports[CAM] = drive.number("supports.C_3")
+        if tau not in self._tooth_phase:
+            self._tooth_phase = {tau: self._new_tooth_phase(tau)}
+        if beta not in self._ball_phases:
+            self._ball_phases[beta] = self._new_ball_phase(beta)
+        teeth = self._tooth_phase[tau]
+        balls = self._ball_phases[beta]
+        parts = (teeth.part, self._nodes, balls.part)
         return ContactSystem(
-            geometry=geometry,
-            flanks=flanks,
-            ball_theta=balls,
-            compliance=D,
+            geometry=self._geometry,
+            flanks=teeth.flanks,
+            ball_theta=balls.theta,
+            compliance=self._structure_compliance(teeth, balls),
             local=np.concatenate([part.local for part in parts]),
             G=np.concatenate([part.G for part in parts]),
-            C=supports,
+            C=self._supports.copy(),
             delta_p=np.concatenate([part.delta_p for part in parts]),
             face=self._face,
         )
 
+    def _new_tooth_phase(self, tau: float) -> _ToothPhase:
+        pairs = flank_candidates(self._geometry, tau)
+        flanks = pairs.repeated(len(self._face.fall))
+        return _ToothPhase(
+            flanks=flanks,
+            compliance=_flexspline_compliance(self._drive, self._geometry, pairs, self._bore),
+            part=_flank_part(self._geometry, flanks, self._face),
+        )
+
+    def _new_ball_phase(self, beta: float) -> _BallPhase:
+        drive = self._drive
+        theta = 2 * np.pi * (np.arange(drive.bearing.N) + beta) / drive.bearing.N
+        ring = outer_ring(drive, self._geometry)
+        part = _Part(
+            G=_between(_RING, CAM, theta),
+            delta_p=drive.bearing.g_b * 1e-3 - self._geometry.W_0 * np.cos(2 * theta),
+            local=np.full(len(theta), drive.contact.c_ball),
+        )
+        compliance = _compliance_of(ring, np.vstack([-ring.radial(self._bore), ring.radial(theta)]))
+        return _BallPhase(theta=theta, compliance=compliance, part=part)
+
+    def _structure_compliance(self, teeth: _ToothPhase, balls: _BallPhase) -> Array:
+        """Return the compliance between all places [mm/N], shape (m, m): flank pairs, bore nodes, balls."""
+        of_flexspline = len(teeth.compliance)  # flank pairs and bore nodes
+        places = of_flexspline + len(balls.theta)
+        first_node = of_flexspline - len(self._bore)
+        D = np.zeros((places, places))
+        D[:of_flexspline, :of_flexspline] = teeth.compliance
+        D[first_node:, first_node:] += balls.compliance  # both bodies yield at the bore nodes
+        return D
+
+
+def _support_stiffness(drive: Drive) -> Array:
+    """Return the stiffness of the support of each freedom [N/mm], shape (9,)."""
+    C = np.zeros(len(FREEDOMS))
+    C[_RIGID] = drive.supports.C_1
+    C[_FLEX] = drive.supports.C_2
+    C[CAM] = drive.number("supports.C_3")
+    return C
+
 
 def _flexspline_compliance(drive: Drive, geometry: Geometry, flanks: Flanks, bore: Array) -> Array:
-    """Compliance of the flexspline between flanks and bore."""
+    """Return the compliance of the flexspline between flanks and bore nodes [mm/N], shape (places, places)."""
     flexspline = flexspline_ring(drive, geometry)
-    push = flanks.side * np.cos(flanks.alpha), np.sin(flanks.alpha)  # outward normal of the tooth
-    at_flank = push[0][:, None] * flexspline.tangential(flanks.theta, flanks.h_c)
-    at_flank += push[1][:, None] * flexspline.radial(flanks.theta)
-    # the rigid wheel pushes the tooth inwards, the outer ring pushes the bore outwards, and so on
-    return _compliance_of(flexspline, np.vstack([-at_flank, flexspline.radial(bore)]))
+    # components of the outward normal of the tooth
+    normal_tangential = flanks.side * np.cos(flanks.alpha)
+    normal_radial = np.sin(flanks.alpha)
+    along_normal = normal_tangential[:, None] * flexspline.tangential(flanks.theta, flanks.h_c)
+    along_normal += normal_radial[:, None] * flexspline.radial(flanks.theta)
+    # the rigid wheel pushes the tooth inwards, the outer ring pushes the bore outwards
+    return _compliance_of(flexspline, np.vstack([-along_normal, flexspline.radial(bore)]))
 
 
 def _compliance_of(ring: Ring, loads: Array) -> Array:
-    """Compliance [mm/N] of a ring between places that load its modes, shape (places, modes)."""
+    """Return the compliance [mm/N] of a ring between places, shape (places, places).
+
+    Args:
+        ring: its modes and their stiffness.
+        loads: of each mode by a unit of force at each place, shape (places, modes).
+    """
     by_mode = loads * np.sqrt(ring.compliance)
-    return np.asarray(by_mode @ by_mode.T)  # symmetric to the last digit
+    return np.asarray(by_mode @ by_mode.T)  # a product with its own transpose is symmetric to the last digit
 
 
 def _between(inner: slice, outer: slice, theta: Array) -> Array:
-    """Rows of G of radial contacts at angles theta [rad], which two bodies that move by these freedoms close."""
+    """Return the rows of G of radial contacts between two bodies at angles theta [rad].
+
+    Args:
+        inner: columns of the freedoms of the inner body.
+        outer: columns of the freedoms of the outer body.
+        theta: shape (contacts,).
+    """
     G = np.zeros((len(theta), len(FREEDOMS)))
     G[:, inner] = _radial(theta)
     G[:, outer] = -_radial(theta)
@@ -256,6 +316,7 @@ def _between(inner: slice, outer: slice, theta: Array) -> Array:
 
 
 def _flank_part(geometry: Geometry, flanks: Flanks, face: Face) -> _Part:
+    """Return the candidates of flanks, a row for each station, equation (6a)."""
     s_cos = flanks.side * np.cos(flanks.alpha)
     pairs = len(flanks.theta) // len(face.fall)
     G = np.zeros((len(flanks.theta), len(FREEDOMS)))
@@ -264,15 +325,16 @@ def _flank_part(geometry: Geometry, flanks: Flanks, face: Face) -> _Part:
     # r_m + h_c, not rho: the flexspline slides through a held shape
     G[:, ROTATION] = -s_cos * (geometry.r_m + flanks.h_c)
     w, v, chi = nominal_shape(flanks.theta, geometry.W_0, geometry.r_m)
-    # the nominal gap was drawn on the nominal shape, which is a displacement of the elastic rim
-    shape = s_cos * (v + flanks.h_c * chi) + np.sin(flanks.alpha) * w
-    # it was drawn at the open edge; beyond it the rim stands back by as much as the wave has fallen
-    gaps = flanks.gap + geometry.j_n + shape * (1 + np.tile(face.fall, pairs))
-    return _Part(G, gaps, np.tile(face.compliance, pairs))
+    # The nominal gap was taken on the nominal shape, which is itself an elastic displacement of the rim: its closing is
+    # added back.
+    closing = s_cos * (v + flanks.h_c * chi) + np.sin(flanks.alpha) * w
+    # It was taken at the open edge. Behind the edge the rim stands back by as much as the wave has fallen.
+    delta_p = flanks.gap + geometry.j_n + closing * (1 + np.tile(face.fall, pairs))
+    return _Part(G=G, delta_p=delta_p, local=np.tile(face.compliance, pairs))
 
 
 def _normal(flanks: Flanks) -> Array:
-    """Normals at the contacts, outward from the flexspline's teeth, shape (flanks, 2), x along the major axis."""
+    """Return normals at the contacts, outward from the flexspline's teeth, shape (flanks, 2); x is the major axis."""
     along = np.stack([-np.sin(flanks.theta), np.cos(flanks.theta)], axis=1)
     s_cos = flanks.side * np.cos(flanks.alpha)
     sin = np.sin(flanks.alpha)
@@ -280,21 +342,22 @@ def _normal(flanks: Flanks) -> Array:
 
 
 def _radial(theta: Array) -> Array:
+    """Return radial unit vectors at angles theta [rad], shape (points, 2)."""
     return np.stack([np.cos(theta), np.sin(theta)], axis=1)
 
 
 # --- rings
 
-_EDGE_ZONE = 2 * 1.285  # the edge of a shell stiffens the hoop over sqrt(r h)/_EDGE_ZONE (nu = 0.3)
+_EDGE_ZONE = 2 * 1.285  # the edge of a shell stiffens the hoop over a length of sqrt(r h)/_EDGE_ZONE (nu = 0.3)
 
 
 @dataclass(frozen=True)
 class Ring:
-    """A ring: mid-line radius [mm], and stiffness K_n [N/mm] of its modes n = 0, 2, ..., n_max."""
+    """An elastic ring with modes n = 0, 2, ..., n_max."""
 
-    radius: float
-    order: NDArray[np.int64]
-    stiffness: Array
+    radius: float  # of the mid-line [mm]
+    order: NDArray[np.int64]  # n of each mode
+    stiffness: Array  # K_n [N/mm]
 
     @property
     def compliance(self) -> Array:
@@ -303,14 +366,20 @@ class Ring:
         return np.concatenate([1 / self.stiffness[:1], bending, bending])
 
     def radial(self, theta: Array) -> Array:
-        """Radial displacement w at angles theta [rad] for a unit of each mode, shape (points, modes)."""
+        """Return the radial displacement w for a unit of each mode, equation (3), shape (points, modes).
+
+        Args:
+            theta: angles of the points [rad], shape (points,).
+        """
         angle = np.outer(theta, self.order[1:])
         return np.hstack([np.ones((len(theta), 1)), np.cos(angle), np.sin(angle)])
 
     def tangential(self, theta: Array, height: Array | float) -> Array:
-        """Tangential displacement v + h chi at angles theta [rad] for a unit of each mode, shape (points, modes).
+        """Return the tangential displacement v + h chi for a unit of each mode, equation (3), shape (points, modes).
 
-        Arguments: height, h [mm] of the points above the mid-line.
+        Args:
+            theta: angles of the points [rad], shape (points,).
+            height: h of the points above the mid-line [mm].
         """
         n = self.order[1:]
         angle = np.outer(theta, n)
@@ -321,25 +390,33 @@ class Ring:
 
 
 def plain_ring(E: float, area: float, inertia: float, radius: float, n_max: int) -> Ring:
-    """A ring of constant section: E [MPa], area [mm2], second moment [mm4], mid-line radius [mm]."""
+    """Return a ring of constant section, equation (4).
+
+    Args:
+        E: Young's modulus [MPa].
+        area: of the section [mm2].
+        inertia: second moment of area for bending in the plane [mm4].
+        radius: of the mid-line [mm].
+        n_max: highest mode.
+    """
     n = np.concatenate([[0], np.arange(2, n_max + 1)])
     stiffness = np.pi * E * inertia * (n**2 - 1.0) ** 2 / radius**3
     stiffness[0] = 2 * np.pi * E * area / radius
-    return Ring(radius, n, stiffness)
+    return Ring(radius=radius, order=n, stiffness=stiffness)
 
 
 def outer_ring(drive: Drive, geometry: Geometry) -> Ring:
-    """The outer ring of the flexible bearing: a rectangle ring_b x ring_h."""
+    """Return the outer ring of the flexible bearing, a rectangle ring_b x ring_h."""
     b = drive.bearing.ring_b
     h = drive.bearing.ring_h
     return plain_ring(drive.material.E, b * h, b * h**3 / 12, geometry.r_ring, drive.numerics.n_max)
 
 
 def flexspline_ring(drive: Drive, geometry: Geometry) -> Ring:
-    """The toothed rim of the flexspline and the shell behind it.
+    """Return the toothed rim of the flexspline with the shell behind it, equation (5).
 
-    The shell's displacement is linear along its axis, its far edge free to warp axially: it adds bending
-    D L/3 and twist 2 pi D (1 - nu) (n^2 - 1)^2/(n^2 r_m L). Only its edge zone helps the hoop.
+    The shell's displacement is linear along its axis and its far edge is free to warp axially: the shell adds bending
+    D L/3 and twist 2 pi D (1 - nu) (n^2 - 1)^2/(n^2 r_m L). Only its edge zone stiffens the hoop.
     """
     E = drive.material.E
     nu = drive.material.nu
@@ -352,10 +429,10 @@ def flexspline_ring(drive: Drive, geometry: Geometry) -> Ring:
     ring = plain_ring(E, area, inertia, r, drive.numerics.n_max)
     n = ring.order[1:]
     twist = 2 * np.pi * D * (1 - nu) * (n**2 - 1.0) ** 2 / (n**2 * r * length)
-    return Ring(r, ring.order, ring.stiffness + np.concatenate([[0.0], twist]))
+    return Ring(radius=r, order=ring.order, stiffness=ring.stiffness + np.concatenate([[0.0], twist]))
 
 
 def shell_twist_stiffness(drive: Drive, geometry: Geometry) -> float:
-    """Torsional stiffness [N*mm/rad] of the shell as a thin tube of length l: 2 pi G r_m^3 h_3/l."""
+    """Return the torsional stiffness [N*mm/rad] of the shell as a thin tube of length l, 2 pi G r_m^3 h_3/l."""
     G = drive.material.E / (2 * (1 + drive.material.nu))
     return 2 * np.pi * G * geometry.r_m**3 * drive.flexspline.h_3 / drive.flexspline.l

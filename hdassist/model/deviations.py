@@ -53,29 +53,34 @@ from hdassist.preset.knowledge import (
 
 _MARK_TO_PHASE = {"xi": 0.0, "runout": 180.0, "pitch": -90.0}  # deg: a mark is not a phase
 
+# Complex amplitudes [mm] of deviations by column of the scalars, part (g, b, h) and order.
 Waves = dict[tuple[int, str, int], Array]
 
 
 def tooth_phases(drive: Drive) -> tuple[float, float]:
-    """Phases xi_g, xi_b [rad] of the teeth's first harmonics, converted from marks where the preset gives marks.
+    """Return the phases xi_g, xi_b [rad] of the teeth's first harmonics, converted from marks if the preset has marks.
 
-    Of a run-out, the phase of its tangential part.
+    For a run-out it is the phase of its tangential part.
     """
-    turn = _MARK_TO_PHASE[drive.mounting.mark_kind]
-    return float(np.radians(drive.number("phases.xi_g") + turn)), float(np.radians(drive.number("phases.xi_b") + turn))
+    mark_to_phase = _MARK_TO_PHASE[drive.mounting.mark_kind]
+    xi_g = drive.number("phases.xi_g") + mark_to_phase
+    xi_b = drive.number("phases.xi_b") + mark_to_phase
+    return float(np.radians(xi_g)), float(np.radians(xi_b))
 
 
-# first columns; those of the orders follow
+# first column of each kind of deviation; those of the higher orders follow
 TEETH = 0
 CAM_COLUMNS = 2
 SHIFT = 4
-SMOOTH_SCALARS = 12  # of teeth that deviate up to their fourth order
+SMOOTH_SCALARS = 12  # number of scalars of teeth that deviate up to the fourth order
+# Numbers of scalars that a drive may have: first harmonics and cam; with a shift; up to the fourth order; all orders.
+_SCALAR_COUNTS = (4, 6, SMOOTH_SCALARS, 6 + 2 * len(TOOTH_ORDERS))
 ODD_COLUMNS = {0, 1, 2, 3, 4, 5, 8, 9}  # columns of deviations of odd order: they change sign over half a turn
 _COLUMN = {order: 6 + 2 * place for place, order in enumerate(TOOTH_ORDERS)}
 
 
 def column_of(deviation: Deviation, mark_kind: str) -> int:
-    """First of the two columns of scalars that a deviation counts in; mark_kind: the meaning of xi_g and xi_b."""
+    """Return the first of the two columns of scalars of a deviation; mark_kind: the meaning of xi_g and xi_b."""
     if deviation.order > 1:
         return _COLUMN[deviation.order]
     if deviation.kind == "cam":
@@ -84,143 +89,174 @@ def column_of(deviation: Deviation, mark_kind: str) -> int:
 
 
 def factor_of(deviation: Deviation, drive: Drive) -> float:
-    """Share of the size of a deviation in its scalars, with the sign in which they count it."""
+    """Return the factor from the size of a deviation to its scalars, with its sign."""
     if deviation.kind in ("cam", "centre"):
         return 1.0
     sign = -1.0 if deviation.part == "b" else 1.0
     if deviation.kind == "pitch":
         return sign * _amplitude_of_pitch(drive.gears.z_b if deviation.part == "b" else drive.gears.z_g)
-    half = -0.5 if drive.mounting.mark_kind == "runout" else 0.5  # of F'_i, peak to peak; a run-out points other way
-    return sign * half if deviation.kind == "composite" else sign
+    if deviation.kind != "composite":
+        return sign
+    # F'_i is peak to peak; a run-out points the other way
+    return sign * (-0.5 if drive.mounting.mark_kind == "runout" else 0.5)
 
 
 def _amplitude_of_pitch(z: int) -> float:
-    """Amplitude of each order of the places of z teeth over their greatest single pitch deviation.
+    """Return the amplitude of each order of the places of z teeth over their largest single pitch deviation f_p.
 
-    Each tooth stands off its place by itself, by s: a pitch between two of them by sqrt(2) s, the greatest of z by a
-    quantile of the normal law more, and each order of the places has a root mean square of 2 s/sqrt(z).
+    Equation (8c). Each tooth stands off its place independently, with standard deviation s: a pitch between two teeth
+    with sqrt(2) s, the largest of z pitches is c_z times that, and each order of the places has an amplitude of
+    2 s/sqrt(z).
     """
-    greatest = ndtri((1 + 0.5 ** (1 / z)) / 2)
-    return float(2 / np.sqrt(2 * z) / greatest)
+    c_z = ndtri((1 + 0.5 ** (1 / z)) / 2)  # median of the largest of z normal numbers
+    return float(2 / np.sqrt(2 * z) / c_z)
 
 
 def standing_offset(drive: Drive) -> tuple[str, str]:
-    """Fields of size and direction of the cam offset that stands with the fixed wheel."""
+    """Return the fields of size and direction of the cam offset that stands with the fixed wheel."""
     offset = CAM_OFFSETS[_fixed_part(drive)]
     return offset.size, offset.direction
 
 
 def _fixed_part(drive: Drive) -> Part:
-    """The wheel that is fixed: the rigid one b, or the flexspline g."""
+    """Return the part that is the fixed wheel: the rigid wheel b, or the flexspline g."""
     return "b" if drive.mounting.fixed == "rigid" else "g"
 
 
 def carried(drive: Drive) -> tuple[str, ...]:
-    """Directions that turn with the fixed wheel where it is turned on its seat."""
-    return tuple(d.direction for d in DEVIATIONS if d.part == _fixed_part(drive) and not d.stays_with_seat)
+    """Return the fields of the directions that turn with the fixed wheel when it is turned on its seat."""
+    fixed_part = _fixed_part(drive)
+    return tuple(
+        deviation.direction
+        for deviation in DEVIATIONS
+        if deviation.part == fixed_part and not deviation.stays_with_seat
+    )
 
 
 def is_half_turn_symmetric(drive: Drive) -> bool:
-    """Whether the rotation stays the same where all deviations of odd order change their sign.
+    """Return whether the rotation stays the same if all deviations of odd order change their sign.
 
-    Half a turn maps teeth, balls and bore nodes onto each other only where the number of each is even.
+    Half a revolution maps teeth, balls and bore nodes onto each other only if the number of each is even.
     """
-    return all(count % 2 == 0 for count in (drive.gears.z_g, drive.bearing.N, drive.numerics.n_2))
+    counts = (drive.gears.z_g, drive.bearing.N, drive.numerics.n_2)
+    return all(count % 2 == 0 for count in counts)
 
 
 def deviation_scalars(drive: Drive, alpha_g: Array, alpha_b: Array) -> Array:
-    """Scalars [mm], shape (states, scalars), of the preset's deviations, as many as it needs.
+    """Return the scalars of the preset's deviations [mm], shape (states, scalars), as many as it needs.
 
-    Arguments: alpha_g = phi_g - phi_h and alpha_b = phi_b - phi_h [rad], how each wheel stands in the
-    cam frame, shape (states,).
+    Args:
+        drive: its deviations.
+        alpha_g: phi_g - phi_h [rad], angle of the flexspline in the frame of the cam, shape (states,).
+        alpha_b: phi_b - phi_h [rad], angle of the rigid wheel in the frame of the cam, shape (states,).
     """
     return scalars_of(waves_of(drive.number, drive), alpha_g, alpha_b)
 
 
 def waves_of(value: Callable[[str], Array | float], drive: Drive) -> Waves:
-    """Amplitudes [mm] of deviations where the wheels have not turned, by column, part and order, as complex numbers.
+    """Return the complex amplitudes [mm] of deviations, equations (7), (8), (8a), before the wheels have turned.
 
-    Arguments: value, sizes [um] and directions [deg] by the path of their field; drive, for all
-    that is no deviation.
+    Args:
+        value: sizes [um] and directions [deg] by the path of their field.
+        drive: everything but the deviations.
     """
     waves = Waves()
     mark_kind = drive.mounting.mark_kind
-    mark = 0.0 if mark_kind == "runout" else _MARK_TO_PHASE[mark_kind]
-    for each in DEVIATIONS:
-        column = column_of(each, mark_kind)
-        size = np.asarray(value(each.size)) * factor_of(each, drive) * 1e-3
-        if size.any() or column in (TEETH, CAM_COLUMNS):
-            direction = value(each.direction) + (mark if each.kind == "composite" else 0.0)
-            key = column, each.part, each.order
-            waves[key] = waves.get(key, 0) + size * np.exp(1j * each.order * np.radians(direction))
+    mark_to_phase = 0.0 if mark_kind == "runout" else _MARK_TO_PHASE[mark_kind]
+    for deviation in DEVIATIONS:
+        column = column_of(deviation, mark_kind)
+        size = np.asarray(value(deviation.size)) * factor_of(deviation, drive) * 1e-3
+        if not size.any() and column not in (TEETH, CAM_COLUMNS):
+            continue  # columns beyond the first four are computed only if a deviation needs them
+        direction = value(deviation.direction) + (mark_to_phase if deviation.kind == "composite" else 0.0)
+        key = column, deviation.part, deviation.order
+        waves[key] = waves.get(key, 0) + size * np.exp(1j * deviation.order * np.radians(direction))
     return waves
 
 
 def scalars_of(waves: Waves, alpha_g: Array, alpha_b: Array) -> Array:
-    """Scalars [mm], shape (..., scalars), of many drives at once: the first 4, 6 or 12, or all of them.
+    """Return the scalars [mm] of many drives at once, shape (..., scalars): the first 4, 6 or 12, or all of them.
 
-    Arguments: waves as those of waves_of; alpha_g, alpha_b [rad], how each wheel stands in the cam frame; all shapes
-    broadcast.
+    Args:
+        waves: as returned by waves_of; all shapes broadcast.
+        alpha_g: angle of the flexspline in the frame of the cam [rad].
+        alpha_b: angle of the rigid wheel in the frame of the cam [rad].
     """
-    once = {"g": np.exp(1j * np.asarray(alpha_g)), "b": np.exp(1j * np.asarray(alpha_b)), "h": np.ones(())}
-    sums: dict[int, Array] = {}
+    turn_of = {"g": np.exp(1j * np.asarray(alpha_g)), "b": np.exp(1j * np.asarray(alpha_b)), "h": np.ones(())}
+    sums: dict[int, Array] = {}  # by column
     for (column, part, order), wave in waves.items():
-        sums[column] = sums.get(column, 0) + wave * once[part] ** order
-    last = max(sums)
-    columns = range(0, next(count for count in (4, 6, SMOOTH_SCALARS, 6 + 2 * len(TOOTH_ORDERS)) if count > last), 2)
-    pairs = np.zeros((*np.broadcast_shapes(*(each.shape for each in sums.values())), 2 * len(columns)))
+        sums[column] = sums.get(column, 0) + wave * turn_of[part] ** order
+    last_column = max(sums)
+    scalar_count = next(count for count in _SCALAR_COUNTS if count > last_column)
+    shape = np.broadcast_shapes(*(wave.shape for wave in sums.values()))
+    scalars = np.zeros((*shape, scalar_count))
     for column, wave in sums.items():
         # a deviation sin(order (theta - direction)) counts by its sine and cosine, an offset by x and y
-        pairs[..., column] = wave.real
-        pairs[..., column + 1] = wave.imag if column in (CAM_COLUMNS, SHIFT) else -wave.imag
-    return pairs
+        is_offset = column in (CAM_COLUMNS, SHIFT)
+        scalars[..., column] = wave.real
+        scalars[..., column + 1] = wave.imag if is_offset else -wave.imag
+    return scalars
 
 
 @dataclass(frozen=True)
 class ToothDeviations:
     """Measured deviations of the teeth along +theta [um], in place of the preset's harmonics.
 
-    g: one value per flexspline tooth, shape (z_g,); b: per space of the rigid wheel, shape (z_b,); None keeps
-    the harmonics of that wheel. Tooth and space 0 stand on the major axis when phi_h = phi_g = 0, and
-    numbers grow along +theta.
+    None keeps the harmonics of a wheel. Tooth and space 0 stand on the major axis when phi_h = phi_g = 0, and numbers
+    grow along +theta.
     """
 
-    g: Array | None = None
-    b: Array | None = None
+    g: Array | None = None  # of each flexspline tooth, shape (z_g,)
+    b: Array | None = None  # of each space of the rigid wheel, shape (z_b,)
 
 
 def state_gaps(drive: Drive, system: ContactSystem, states: States, teeth: ToothDeviations | None = None) -> StateGaps:
-    """Gaps of states by the deviations of a drive.
+    """Return the changes of the gaps of states by the deviations of a drive.
 
-    Arguments: drive, its deviations; system; states; teeth, measured deviations. Raises UsageError where
-    their number is not that of the wheel's teeth.
+    Args:
+        drive: its deviations.
+        system: its flanks.
+        states: positions of cam and wheels.
+        teeth: measured deviations of teeth, in place of the drive's harmonics.
+
+    Raises UsageError if their number is not that of the wheel's teeth.
     """
     if teeth is None or (teeth.g is None and teeth.b is None):
         return StateGaps(deviation_scalars(drive, states.alpha_g, states.alpha_b))
-    measured = {"g": teeth.g, "b": teeth.b}
-    rest = drive.with_values(
-        {size: 0.0 for wheel, values in measured.items() if values is not None for size in IN_TEETH[wheel]}
-    )
+    replaced_sizes = list[str]()
+    if teeth.g is not None:
+        replaced_sizes += IN_TEETH["g"]
+    if teeth.b is not None:
+        replaced_sizes += IN_TEETH["b"]
+    without_measured = drive.with_values(dict.fromkeys(replaced_sizes, 0.0))
     flanks = system.flanks
     deviation = np.zeros((len(states), system.n_flanks))
     if teeth.g is not None:
         deviation += _at_teeth(teeth.g, flanks.tooth, states.alpha_g, drive.gears.z_g)
     if teeth.b is not None:
-        # zone 1 lies half a turn on, where tooth i faces space i + 1: z_b = z_g + 2
+        # zone 1 lies half a revolution further, where tooth i faces space i + 1, since z_b = z_g + 2
         deviation -= _at_teeth(teeth.b, flanks.tooth + flanks.zone, states.alpha_b, drive.gears.z_b)
-    scalars = deviation_scalars(rest, states.alpha_g, states.alpha_b)
+    scalars = deviation_scalars(without_measured, states.alpha_g, states.alpha_b)
     return StateGaps(scalars, -flanks.side * np.cos(flanks.alpha) * deviation)
 
 
 def _at_teeth(deviation: Array, tooth: NDArray[np.int64], turned: Array, z: int) -> Array:
+    """Return the deviations [mm] of the teeth at flanks in states, shape (states, flanks).
+
+    Args:
+        deviation: of each tooth of the wheel [um], shape (z,).
+        tooth: number of the tooth at each flank of an unturned wheel, shape (flanks,).
+        turned: angle of the wheel in the frame of the cam [rad], shape (states,).
+        z: teeth of the wheel.
+    """
     if np.shape(deviation) != (z,):
         raise UsageError(f"a wheel of {z} teeth needs {z} deviations, not {np.size(deviation)}")
-    # the nearest tooth; half a pitch goes one way in every state, whatever the last digits say
+    # the nearest tooth; half a pitch is rounded the same way in every state, whatever its last digits are
     shift = np.floor(-turned * z / (2 * np.pi) + 0.5 + 1e-6).astype(np.int64)
     return np.asarray(np.asarray(deviation)[(tooth + shift[:, None]) % z] * 1e-3)
 
 
-#
+# --- measured wheels
 
 
 _MAJOR = 90.0  # deg from x: the major axis of the cam at phi_h = 0, where tooth 0 stands
@@ -264,40 +300,52 @@ class MeasuredTeeth:
 
     @property
     def by_name(self) -> dict[str, MeasuredWheel]:
-        """The wheels that are measured, by their names."""
-        return {name: wheel for name, wheel in (("b", self.b), ("g", self.g)) if wheel}
+        """The measured wheels by their names."""
+        wheels = {"b": self.b, "g": self.g}
+        return {name: wheel for name, wheel in wheels.items() if wheel}
 
     def fixed(self, drive: Drive) -> MeasuredWheel | None:
-        """The wheel that is fixed in a drive, where it is measured."""
+        """Return the fixed wheel of a drive, None if it is not measured."""
         return self.b if drive.mounting.fixed == "rigid" else self.g
 
     def rotated(self, drive: Drive, rotation_deg: float) -> MeasuredTeeth:
-        """The same with the fixed wheel turned on its seat [deg], counter-clockwise seen from the cam side."""
+        """Return the wheels with the fixed one turned on its seat.
+
+        Args:
+            drive: says which wheel is fixed.
+            rotation_deg: counter-clockwise, seen from the cam side.
+        """
         wheel = self.fixed(drive)
         turned = wheel and replace(wheel, mark_deg=wheel.mark_deg + rotation_deg)
         return replace(self, **{_fixed_part(drive): turned})
 
     def without_harmonics(self, drive: Drive) -> Drive:
-        """The drive with its measured wheels as if they had no deviation: what else it has, and leaves open."""
+        """Return the drive with sizes of 0 for the deviations that the measured wheels replace."""
         return drive.with_values({path: 0.0 for name in self.by_name for path in IN_TEETH[name]})
 
     def in_drive(self, drive: Drive) -> tuple[Drive, ToothDeviations]:
-        """What kinematic_error takes: the drive with its cam offsets turned by the rests, and a deviation per tooth.
+        """Return the arguments of kinematic_error: a drive, and the deviation of each tooth.
 
-        Raises UsageError where a wheel has another number of teeth than the drive's.
+        The pattern of a wheel is turned by whole teeth. The remainder, up to half a pitch, turns the drive's cam offset
+        the other way.
+
+        Raises UsageError if a wheel does not have the number of teeth of the drive's.
         """
-        turned: dict[str, float] = {}
-        found = {}
-        for name, wheel, z in (("g", self.g, drive.gears.z_g), ("b", self.b, drive.gears.z_b)):
+        directions: dict[str, float] = {}  # of the cam offsets [deg]
+        deviations = {}
+        teeth_of = {"g": drive.gears.z_g, "b": drive.gears.z_b}
+        for name, z in teeth_of.items():
+            wheel = self.by_name.get(name)
             if wheel is None:
                 continue
             if len(wheel.pitch.deviation) != z:
                 raise UsageError(f"a wheel of {z} teeth needs {z} deviations, not {len(wheel.pitch.deviation)}")
-            teeth = (wheel.mark_deg - _MAJOR) / 360 * z
-            found[name] = np.roll(wheel.pitch.deviation, round(teeth))
-            angle = f"phases.phi_h{name}"
-            turned[angle] = drive.number(angle) - (teeth - round(teeth)) * 360 / z
-        return drive.with_values(turned), ToothDeviations(**found)
+            mark_in_teeth = (wheel.mark_deg - _MAJOR) / 360 * z
+            whole_teeth = round(mark_in_teeth)
+            deviations[name] = np.roll(wheel.pitch.deviation, whole_teeth)
+            direction = f"phases.phi_h{name}"
+            directions[direction] = drive.number(direction) - (mark_in_teeth - whole_teeth) * 360 / z
+        return drive.with_values(directions), ToothDeviations(**deviations)
 
 
 # --- what may lie elsewhere than a preset has it: assumed values, and deviations not given
@@ -307,34 +355,48 @@ class MeasuredTeeth:
 
 
 def assumptions(drive: Drive) -> tuple[Unknown, ...]:
-    """Fields of a drive that are assumed, or left to a default, and have a plausible range.
+    """Return the fields of a drive that are assumed, or left to a default, and have a plausible range.
 
     A field that the preset's `source` calls assumed has the range that stands there.
     """
-    found = []
-    for path in measures():
-        source = drive.source.get(path)
-        value = drive.value(path)
-        section, name = path.split(".")
-        is_wanted = is_overridden(path, drive.origin.overrides) and not has_own_source(path, drive.origin.overrides)
-        if value is None or path == drive.unused_tooth_field or is_wanted:
-            continue  # not known, without effect, or wanted so
-        if source is not None and source.kind == "assumed" and source.range:
-            found.append(Unknown(path, *source.range, source.ref))
-        elif source is None and name not in getattr(drive, section).model_fields_set and path in LAWS:
-            law = LAWS[path]
-            g = drive.gears
-            if law.assumed and (bounds := law.range_at(g.pitch_diameter, g.m, value)):
-                found.append(Unknown(path, *bounds, law.why))
-    return tuple(a for a in found if a.low < a.high and drive.allows(a.path, a.low) and drive.allows(a.path, a.high))
+    fields = [field for path in measures() if (field := _assumption(drive, path))]
+    return tuple(
+        field
+        for field in fields
+        if field.low < field.high and drive.allows(field.path, field.low) and drive.allows(field.path, field.high)
+    )
 
 
-#
+def _assumption(drive: Drive, path: str) -> Unknown | None:
+    """Return the range of a field, None if its value is not assumed, has no effect, or was set by an override."""
+    overrides = drive.origin.overrides
+    is_overridden_value = is_overridden(path, overrides) and not has_own_source(path, overrides)
+    value = drive.value(path)
+    if value is None or path == drive.unused_tooth_field or is_overridden_value:
+        return None
+    source = drive.source.get(path)
+    if source is not None:
+        if source.kind != "assumed" or not source.range:
+            return None
+        low, high = source.range
+        return Unknown(path=path, low=low, high=high, reason=source.ref)
+    section, name = path.split(".")
+    is_default = name not in getattr(drive, section).model_fields_set
+    if not is_default or path not in LAWS or not LAWS[path].assumed:
+        return None
+    bounds = LAWS[path].range_at(drive.gears.pitch_diameter, drive.gears.m, value)
+    if not bounds:
+        return None
+    low, high = bounds
+    return Unknown(path=path, low=low, high=high, reason=LAWS[path].why)
+
+
+# --- deviations that are not known
 
 
 @dataclass(frozen=True)
 class Unknown:
-    """A field that is assumed or not given, by path: the bounds of its true value, in the field's unit, and why."""
+    """A field that is assumed or not given, with the bounds of its true value in the field's unit."""
 
     path: str
     low: float
@@ -343,34 +405,43 @@ class Unknown:
 
 
 def unknowns(drive: Drive) -> tuple[Unknown, ...]:
-    """Deviations of a drive that are not known, and matter: a direction without a size does not."""
-    found = dict[str, Unknown]()  # by path: all orders of a wheel's pitch share their size
-    for each in DEVIATIONS:
-        high, reason = _largest(drive, each)
-        if high and drive.value(each.size) is None:
-            found[each.size] = Unknown(path=each.size, low=0.0, high=high, reason=reason)
-        if high and drive.value(each.direction) is None:
-            found[each.direction] = Unknown(
-                path=each.direction, low=0.0, high=360.0 / each.order, reason="any direction"
+    """Return the deviations of a drive that are not known. A direction without a size has no effect and is omitted."""
+    unknown_by_path = dict[str, Unknown]()  # all orders of a wheel's pitch share their size
+    for deviation in DEVIATIONS:
+        high, reason = _largest(drive, deviation)
+        if not high:
+            continue
+        size = deviation.size
+        direction = deviation.direction
+        if drive.value(size) is None:
+            unknown_by_path[size] = Unknown(path=size, low=0.0, high=high, reason=reason)
+        if drive.value(direction) is None:
+            unknown_by_path[direction] = Unknown(
+                path=direction, low=0.0, high=360.0 / deviation.order, reason="any direction"
             )
-    return tuple(found.values())
+    return tuple(unknown_by_path.values())
 
 
 def unknown_turn(drive: Drive) -> tuple[str, ...]:
-    """Directions that decide how the fixed wheel's deviations lie to those that stand still with its seat, if unknown.
+    """Return the unknown directions between the fixed wheel's deviations and those that stand still with its seat.
 
-    Where all of the one side are, or all of the other, any hole is as good as any other; else none is returned.
+    If all directions of the fixed wheel are unknown, or all that stand still, any hole is as good as any other;
+    otherwise none is returned.
     """
-    sides = [[each.direction for each in side] for side in reversed(_sides(drive))]
-    open_ = [path for side in sides if all(drive.value(path) is None for path in side) for path in side]
-    return tuple(open_)
+    standing, turning = _sides(drive)
+    unknown_paths = []
+    for side in (turning, standing):
+        directions = [deviation.direction for deviation in side]
+        if all(drive.value(path) is None for path in directions):
+            unknown_paths += directions
+    return tuple(unknown_paths)
 
 
 def no_hole_better(drive: Drive) -> Literal["", "floating", "standing", "turning"]:
-    """Why the fixed wheel of a drive is as good in any hole: its cam floats, or no deviation stands to turn against.
+    """Return the reason why all holes of a drive are equally good, empty if one may be better than another.
 
-    floating: offsets of the cam are not felt; standing: no part that stands still with the seat deviates; turning: the
-    fixed wheel has no deviation. Empty where one hole may be better than another.
+    floating: the cam floats, so its offset has no effect; standing: no part that stands still with the seat deviates;
+    turning: the fixed wheel has no deviation.
     """
     standing, turning = _sides(drive)
     if standing and turning:
@@ -381,22 +452,28 @@ def no_hole_better(drive: Drive) -> Literal["", "floating", "standing", "turning
 
 
 def _sides(drive: Drive) -> tuple[list[Deviation], list[Deviation]]:
-    """Deviations, known or not, of parts that stand still with the seat of the fixed wheel, and of that wheel.
+    """Return the deviations, known or not, that stand still with the fixed wheel's seat, and those of that wheel.
 
-    Offsets of a cam that floats (C_3 = 0) are not felt, and not among them.
+    The offset of a cam that floats (C_3 = 0) has no effect and is not among them.
     """
-    floats = not drive.number("supports.C_3")
-    sides: tuple[list[Deviation], list[Deviation]] = ([], [])
-    for each in DEVIATIONS:
-        if each.part == _fixed_part(drive) and _largest(drive, each)[0] and not (floats and each.kind == "cam"):
-            sides[not each.stays_with_seat].append(each)
-    return sides
+    is_floating = not drive.number("supports.C_3")
+    fixed_part = _fixed_part(drive)
+    standing = list[Deviation]()
+    turning = list[Deviation]()
+    for deviation in DEVIATIONS:
+        largest_um, _ = _largest(drive, deviation)
+        has_effect = largest_um and not (is_floating and deviation.kind == "cam")
+        if deviation.part == fixed_part and has_effect:
+            (standing if deviation.stays_with_seat else turning).append(deviation)
+    return standing, turning
 
 
 def unknown_notes(drive: Drive) -> tuple[str, ...]:
-    """A warning where a deviation is not known and counts as 0; none where all are known."""
-    open_ = unknowns(drive)
-    return (f"unknown, and computed as 0: {unknown_names(open_)}",) if open_ else ()
+    """Return a warning that names the deviations which are not known and count as 0; none if all are known."""
+    unknown_fields = unknowns(drive)
+    if not unknown_fields:
+        return ()
+    return (f"unknown, and computed as 0: {unknown_names(unknown_fields)}",)
 
 
 def unknown_names(fields: Sequence[Unknown], most: int = 4) -> str:
@@ -408,9 +485,10 @@ def unknown_names(fields: Sequence[Unknown], most: int = 4) -> str:
 
 
 def _largest(drive: Drive, deviation: Deviation) -> tuple[float, str]:
-    """Greatest size [um] that a deviation has, or is taken to have, and why."""
-    if (given := drive.value(deviation.size)) is not None:
-        return given, "given"
+    """Return the largest size [um] that a deviation has or is assumed to have, and the reason."""
+    size = drive.value(deviation.size)
+    if size is not None:
+        return size, "given"
     if deviation.kind == "composite":
         grade = F_p(drive.gears.pitch_diameter, drive.gears.m, COARSEST_CLASS)
         return grade, f"F_p of class {COARSEST_CLASS}, ISO 1328-1:2013"

@@ -18,7 +18,7 @@ from dataclasses import dataclass, fields
 from functools import cache, cached_property, lru_cache
 from itertools import pairwise
 from math import lcm
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,15 +26,19 @@ from numpy.typing import NDArray
 from hdassist.errors import Fault, UntrustedError
 from hdassist.preset.fields import Drive
 
-FLANK_SAMPLES = 401  # heights tried on each flank by default; 4001 move no gap of the shipped presets by 1e-9 mm
-_EVERY = (20, 5, 1)  # of them looked at first, then around the least of those, then all around that
-_RADIUS_ROUNDS = 60  # of a search for a radius, which gains a factor of about 50 a round, at most
-_RADIUS_CONVERGED = 1e-15  # of a radius, its last change
+# Heights tried on each flank by default; 4001 heights change no gap of the shipped presets by 1e-9 mm.
+FLANK_SAMPLES = 401
+_SAMPLE_STEPS = (20, 5, 1)  # every 20th height is tried first, then every 5th near the smallest gap, then all near that
+_RADIUS_ROUNDS = 60  # most iterations of the search for a radius; one gains a factor of about 50
+_RADIUS_CONVERGED = 1e-15  # last change of a radius, as a share of it
 _ACTIVE_ROOT = 0.2  # modules above the root where the fillet ends and the active flank begins
+
+Array = NDArray[np.float64]
+_NominalCurve = Literal["linear", "inextensible"]
 
 
 def _involute(alpha: Array | float) -> Array:
-    """Involute function tan(alpha) - alpha [rad] of a pressure angle [rad]."""
+    """Return the involute function tan(alpha) - alpha [rad] of a pressure angle [rad]."""
     return np.asarray(np.tan(alpha) - alpha)
 
 
@@ -53,13 +57,16 @@ class Wheel:
         return self.m * self.z * float(np.cos(self.alpha)) / 2
 
     def pressure_angle(self, radius: Array) -> Array:
-        """Pressure angle [rad] of the flank at radii [mm] outside the base circle."""
+        """Return the pressure angle [rad] of the flank at radii [mm] outside the base circle."""
         return np.asarray(np.arccos(self.base_radius / radius))
 
     def half_angle(self, radius: Array) -> Array:
-        """Half angle psi [rad] of an external tooth, and of an internal wheel's space, at radii [mm]."""
-        at_base = (np.pi / 2 + 2 * self.x * np.tan(self.alpha)) / self.z + _involute(self.alpha)
-        return np.asarray(at_base - _involute(self.pressure_angle(radius)))
+        """Return the half angle psi [rad] of an external tooth, or of an internal wheel's space, at radii [mm].
+
+        Equation (6) of docs/theory.md.
+        """
+        half_angle_at_base = (np.pi / 2 + 2 * self.x * np.tan(self.alpha)) / self.z + _involute(self.alpha)
+        return np.asarray(half_angle_at_base - _involute(self.pressure_angle(radius)))
 
 
 @dataclass(frozen=True)
@@ -81,7 +88,7 @@ class Geometry:
 
     @classmethod
     def of(cls, drive: Drive) -> Geometry:
-        """Radii of a drive; those of flexspline, bearing and cam grown against the rigid wheel by equation (6c)."""
+        """Return the radii of a drive; flexspline, bearing and cam are grown by temperature, equation (6c)."""
         g = drive.gears
         alpha = float(np.radians(g.alpha))
         growth = 1 + drive.material.alpha_T * drive.operation.dT
@@ -120,76 +127,148 @@ class Flanks:
     h_c: Array  # height of the contact above the mid-line [mm]
 
     def repeated(self, times: int) -> Flanks:
-        """Each entry so many times, one after the other."""
+        """Return flanks with every entry repeated, one copy after the other."""
         return Flanks(**{part.name: getattr(self, part.name).repeat(times) for part in fields(self)})
 
 
-@lru_cache(maxsize=64)  # the rules of a drive look at the flanks that its contacts are made of
-def flank_candidates(geometry: Geometry, tau: float = 0.0, samples: int = FLANK_SAMPLES) -> Flanks:
-    """Every flank pair that can touch, with its least gap over the active height.
+class NominalShape(NamedTuple):
+    """Displacement of rim sections by the cam: radial w [mm], tangential v [mm], turn chi [rad], of one shape."""
 
-    Arguments: geometry; tau, the tooth phase in tooth pitches; samples, heights tried on each flank. Pairs whose teeth
-    do not overlap radially cannot touch and are left out.
+    w: Array
+    v: Array
+    chi: Array
+
+
+@dataclass(frozen=True)
+class _FlankPairs:
+    """Pairs of flanks that overlap radially, before their gap is known, shape (n,)."""
+
+    tooth: NDArray[np.int64]
+    zone: NDArray[np.int64]
+    side: Array
+    theta: Array
+    lowest_r_y: Array  # smallest tooth radius of the active flank [mm]
+    shape: NominalShape
+
+
+class _FlankPoints(NamedTuple):
+    """One point of each flank, shape (n,)."""
+
+    sample: NDArray[np.int64]  # its number among the heights that are tried
+    gap: Array  # [mm]
+    rho: Array  # distance from the axis [mm]
+    r_y: Array  # tooth radius [mm]
+
+
+@lru_cache(maxsize=64)  # the rules of a drive ask for the same flanks as its contact systems
+def flank_candidates(geometry: Geometry, tau: float = 0.0, samples: int = FLANK_SAMPLES) -> Flanks:
+    """Return every flank pair that can touch, with its smallest gap over the active height.
+
+    Pairs whose teeth do not overlap radially cannot touch and are omitted.
+
+    Args:
+        geometry: radii and wheels of the drive.
+        tau: tooth phase in tooth pitches.
+        samples: number of heights tried on each flank.
+
+    Raises UntrustedError if no tooth of the flexspline reaches the rigid wheel.
     """
+    pairs = _overlapping_pairs(geometry, tau)
+    points = _nearest_points(geometry, pairs, samples)
+    return Flanks(
+        tooth=pairs.tooth,
+        zone=pairs.zone,
+        side=pairs.side,
+        theta=pairs.theta,
+        gap=points.gap,
+        alpha=geometry.rigid.pressure_angle(points.rho),
+        h_c=points.r_y - geometry.r_m,
+    )
+
+
+def _overlapping_pairs(geometry: Geometry, tau: float) -> _FlankPairs:
+    """Return the flank pairs within a quarter turn of a mesh zone whose teeth overlap radially."""
     z_g = geometry.flexspline.z
     index = np.arange(-z_g, 2 * z_g)
     angle = 2 * np.pi * (index + tau) / z_g
-    near = [index[np.abs(angle - axis) <= np.pi / 2 + 1e-9] for axis in (0.0, np.pi)]
-    tooth = np.repeat(np.concatenate(near), 2)
-    zone = np.repeat([0, 1], [2 * len(teeth) for teeth in near])
+    teeth_by_zone = [index[np.abs(angle - axis) <= np.pi / 2 + 1e-9] for axis in (0.0, np.pi)]
+    tooth = np.repeat(np.concatenate(teeth_by_zone), 2)
+    zone = np.repeat([0, 1], [2 * len(teeth) for teeth in teeth_by_zone])
     side = np.tile([1.0, -1.0], len(tooth) // 2)
     theta = 2 * np.pi * (tooth + tau) / z_g
 
-    of_teeth = nominal_shape(theta[::2], geometry.W_0, geometry.r_m, geometry.curve)  # both flanks of a tooth have one
-    w, v, chi = (part.repeat(2) for part in of_teeth)
-    lowest, reaches = _lowest_active_radius(geometry, theta, side, (w, v, chi))
+    # both flanks of a tooth have one shape
+    shape_of_teeth = nominal_shape(theta[::2], geometry.W_0, geometry.r_m, geometry.curve)
+    shape = NominalShape(*(part.repeat(2) for part in shape_of_teeth))
+    lowest_r_y, reaches = _lowest_active_radius(geometry, theta, side, shape)
     if not reaches.any():
         raise UntrustedError(
             "no tooth of the flexspline reaches the circular spline", "increase cam.W_0 or gears.h_a", Fault.NO_MESH
         )
-    tooth = tooth[reaches]
-    zone = zone[reaches]
-    side = side[reaches]
-    theta = theta[reaches]
-    lowest = lowest[reaches]
-    w, v, chi = (part[reaches][:, None] for part in (w, v, chi))
-    rows = np.arange(len(theta))
-    height = np.linspace(0, 1, samples)
+    return _FlankPairs(
+        tooth=tooth[reaches],
+        zone=zone[reaches],
+        side=side[reaches],
+        theta=theta[reaches],
+        lowest_r_y=lowest_r_y[reaches],
+        shape=NominalShape(*(part[reaches] for part in shape)),
+    )
 
-    def least_at(samples: NDArray[np.int64]) -> tuple[NDArray[np.int64], Array, Array, Array]:
-        """The one of these samples of each flank that has the least gap, the gap, radius rho and height r_y there."""
-        r_y = lowest[:, None] + (geometry.r_ag - lowest[:, None]) * height[samples]
-        gap, rho = flank_gap(geometry, r_y, theta[:, None], zone[:, None], side[:, None], (w, v, chi))
-        least = np.argmin(gap, axis=1)
-        return np.broadcast_to(samples, gap.shape)[rows, least], gap[rows, least], rho[rows, least], r_y[rows, least]
 
-    # the gap has one valley along a flank, or none but its ends: every 20th sample, then nearer and nearer to the least
-    least, *_ = least_at(np.unique(np.append(np.arange(0, samples, _EVERY[0]), samples - 1)))
-    for reach, every in pairwise(_EVERY):
-        around = np.arange(-reach + every, reach, every)
-        least, gap, rho, r_y = least_at(np.clip(least[:, None] + around, 0, samples - 1))
-    return Flanks(
-        tooth=tooth,
-        zone=zone,
-        side=side,
-        theta=theta,
-        gap=gap,
-        alpha=geometry.rigid.pressure_angle(rho),
-        h_c=r_y - geometry.r_m,
+def _nearest_points(geometry: Geometry, pairs: _FlankPairs, samples: int) -> _FlankPoints:
+    """Return the point of each flank with the smallest gap, among so many heights of its active part.
+
+    The gap has one minimum along a flank, or none between its ends, so the search narrows down from a coarse step.
+    """
+    heights = np.linspace(0, 1, samples)
+    tried = np.unique(np.append(np.arange(0, samples, _SAMPLE_STEPS[0]), samples - 1))
+    points = _nearest_of(geometry, pairs, heights, tried)
+    for coarse_step, fine_step in pairwise(_SAMPLE_STEPS):
+        offsets = np.arange(-coarse_step + fine_step, coarse_step, fine_step)
+        tried = np.clip(points.sample[:, None] + offsets, 0, samples - 1)
+        points = _nearest_of(geometry, pairs, heights, tried)
+    return points
+
+
+def _nearest_of(geometry: Geometry, pairs: _FlankPairs, heights: Array, tried: NDArray[np.int64]) -> _FlankPoints:
+    """Return the point of each flank with the smallest gap among the tried ones.
+
+    Args:
+        geometry: radii and wheels of the drive.
+        pairs: the flank pairs, shape (n,).
+        heights: of all samples, 0 at the lowest active point and 1 at the tip, shape (samples,).
+        tried: numbers of the tried samples, shape (tried,) for all flanks, or (n, tried).
+    """
+    lowest = pairs.lowest_r_y[:, None]
+    r_y = lowest + (geometry.r_ag - lowest) * heights[tried]  # shape (n, tried)
+    shape = NominalShape(*(part[:, None] for part in pairs.shape))
+    gap, rho = flank_gap(geometry, r_y, pairs.theta[:, None], pairs.zone[:, None], pairs.side[:, None], shape)
+    rows = np.arange(len(gap))
+    nearest = np.argmin(gap, axis=1)
+    sample = np.broadcast_to(tried, gap.shape)
+    return _FlankPoints(
+        sample=sample[rows, nearest], gap=gap[rows, nearest], rho=rho[rows, nearest], r_y=r_y[rows, nearest]
     )
 
 
 def flank_point(
-    geometry: Geometry, r_y: Array, theta: Array, side: Array, shape: _Shape | None = None
+    geometry: Geometry, r_y: Array, theta: Array, side: Array, shape: NominalShape | None = None
 ) -> tuple[Array, Array]:
-    """Polar place (rho [mm], phi [rad]) of the flank point at tooth radius r_y of the tooth at theta.
+    """Return the polar coordinates (rho [mm], phi [rad]) of points of flanks; all shapes broadcast.
 
-    The section's origin lies at radius r_m + w and angle theta + v/r_m; shape, its (w, v, chi) where they are known.
+    Args:
+        geometry: radii and wheels of the drive.
+        r_y: tooth radius of the point [mm].
+        theta: angle of the tooth [rad].
+        side: +1 for the flank towards +theta, -1 for the other.
+        shape: displacement of the sections; the nominal one at theta by default.
     """
     w, v, chi = shape or nominal_shape(theta, geometry.W_0, geometry.r_m, geometry.curve)
     psi = geometry.flexspline.half_angle(r_y)
+    # from the origin of the section, at radius r_m + w and angle theta + v/r_m, in the axes of the section
     along = side * r_y * np.sin(psi)
     across = r_y * np.cos(psi) - geometry.r_m
+    # the section is turned by chi
     tangential = along * np.cos(chi) + across * np.sin(chi)
     radial = geometry.r_m + w + across * np.cos(chi) - along * np.sin(chi)
     rho = np.hypot(radial, tangential)
@@ -197,123 +276,147 @@ def flank_point(
 
 
 def flank_gap(
-    geometry: Geometry, r_y: Array, theta: Array, zone: NDArray[np.int64], side: Array, shape: _Shape | None = None
+    geometry: Geometry,
+    r_y: Array,
+    theta: Array,
+    zone: NDArray[np.int64],
+    side: Array,
+    shape: NominalShape | None = None,
 ) -> tuple[Array, Array]:
-    """Gap [mm] of flank points to the facing flank of the rigid wheel, and their radius rho [mm].
+    """Return the gap of flank points to the facing flank of the rigid wheel and their radius rho [mm], equation (6).
 
-    Arguments: those of flank_point; zone of each point.
+    Args:
+        geometry: radii and wheels of the drive.
+        r_y: tooth radius of the point [mm].
+        theta: angle of the tooth [rad].
+        zone: 0 for the mesh zone at theta = 0, 1 for the one at pi.
+        side: +1 for the flank towards +theta, -1 for the other.
+        shape: displacement of the sections; the nominal one at theta by default.
     """
     rho, phi = flank_point(geometry, r_y, theta, side, shape)
     axis = zone * np.pi
-    space = axis + (theta - axis) * geometry.flexspline.z / geometry.rigid.z
-    with np.errstate(invalid="ignore"):
-        gap = (side * (space - phi) + geometry.rigid.half_angle(rho)) * geometry.rigid.base_radius
+    theta_space = axis + (theta - axis) * geometry.flexspline.z / geometry.rigid.z
+    with np.errstate(invalid="ignore"):  # points inside the base circle of the rigid wheel have no gap
+        gap = (side * (theta_space - phi) + geometry.rigid.half_angle(rho)) * geometry.rigid.base_radius
     return gap, rho
 
 
 def _lowest_active_radius(
-    geometry: Geometry, theta: Array, side: Array, shape: _Shape
+    geometry: Geometry, theta: Array, side: Array, shape: NominalShape
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """Least r_y of each active flank: above the fillet, and at or above the tip circle of the rigid wheel."""
-    low = np.full_like(theta, max(geometry.r_f + _ACTIVE_ROOT * geometry.flexspline.m, geometry.flexspline.base_radius))
+    """Return the smallest r_y [mm] of each active flank, and which flanks reach the rigid wheel, shape (n,).
+
+    The active flank lies above the fillet, and at or beyond the tip circle of the rigid wheel.
+    """
+    fillet_end = geometry.r_f + _ACTIVE_ROOT * geometry.flexspline.m
+    low = np.full_like(theta, max(fillet_end, geometry.flexspline.base_radius))
     high = np.full_like(theta, geometry.r_ag)
-    reaches = flank_point(geometry, high, theta, side, shape)[0] >= geometry.r_ab
-    inside = flank_point(geometry, low, theta, side, shape)[0] >= geometry.r_ab
+    rho_at_tip, _ = flank_point(geometry, high, theta, side, shape)
+    rho_at_fillet, _ = flank_point(geometry, low, theta, side, shape)
     radius = high
     for _ in range(_RADIUS_ROUNDS):
-        before = radius
-        radius = np.clip(radius + geometry.r_ab - flank_point(geometry, radius, theta, side, shape)[0], low, high)
-        if np.max(np.abs(radius - before)) <= _RADIUS_CONVERGED * geometry.r_ag:
+        previous = radius
+        rho, _ = flank_point(geometry, radius, theta, side, shape)
+        radius = np.clip(radius + geometry.r_ab - rho, low, high)
+        if np.max(np.abs(radius - previous)) <= _RADIUS_CONVERGED * geometry.r_ag:
             break
-    return np.where(inside, low, radius), reaches
+    return np.where(rho_at_fillet >= geometry.r_ab, low, radius), rho_at_tip >= geometry.r_ab
 
 
-#
+# --- the shape that the cam gives the rim
+
+_HARMONICS = 32  # harmonics for which the arc length is sampled
+_HARMONICS_KEPT = 8  # harmonics of the arc length in use: the eighth is below 1e-16 of the first for any realistic wave
+_ANGLE_ROUNDS = 50  # most iterations of a fixed point; one gains a factor W_0/r_m
+_ANGLE_CONVERGED = 1e-15  # last change of an angle [rad]
 
 
-Array = NDArray[np.float64]
-_NominalCurve = Literal["linear", "inextensible"]
-_Shape = tuple[Array, Array, Array]
-
-_HARMONICS = 32  # that the arc length is sampled for
-_KEPT = 8  # of them: the eighth is below 1e-16 of the first for any wave a drive could have
-_ANGLE_ROUNDS = 50  # of a fixed-point iteration that gains a factor W_0/r_m a round, at most
-_ANGLE_CONVERGED = 1e-15  # rad, the last change of an angle
-
-
-def nominal_shape(theta: Array, W_0: float, r_m: float, curve: _NominalCurve = "linear") -> _Shape:
-    """Shape (w, v, chi) of the rim on a cam of wave W_0 [mm], mid-line radius r_m [mm].
+def nominal_shape(theta: Array, W_0: float, r_m: float, curve: _NominalCurve = "linear") -> NominalShape:
+    """Return the shape of the rim on the cam at angles theta.
 
     linear: the bending mode n = 2 of a ring, w = W_0 cos 2 theta. inextensible: the closed curve
     r_0 + A cos 2 phi that has the length of the undeformed mid-line and stands off by W_0 at the major axis;
     sections keep their arc length and stay normal to it.
+
+    Args:
+        theta: angles of sections of the undeformed mid-line, from the major axis [rad].
+        W_0: radial deflection at the major axis [mm].
+        r_m: radius of the undeformed mid-line [mm].
+        curve: the convention, linear or inextensible.
     """
     if curve == "inextensible":
-        return _inextensible(theta, W_0, r_m)
+        return _inextensible_shape(theta, W_0, r_m)
     w = W_0 * np.cos(2 * theta)
     v = -W_0 / 2 * np.sin(2 * theta)
     chi = (v + 2 * W_0 * np.sin(2 * theta)) / r_m
-    return w, v, chi
+    return NominalShape(w, v, chi)
 
 
-def _inextensible(theta: Array, W_0: float, r_m: float) -> _Shape:
-    r_0, wave, ripple = _closed_curve(W_0, r_m)
-    k = 2 * np.arange(1, _KEPT + 1)
+def _inextensible_shape(theta: Array, W_0: float, r_m: float) -> NominalShape:
+    """Return the shape of the rim on the inextensible curve at angles theta [rad]."""
+    curve = _closed_curve(W_0, r_m)
+    k = 2 * np.arange(1, _HARMONICS_KEPT + 1)
     phi = np.asarray(theta, dtype=float)
     for _ in range(_ANGLE_ROUNDS):
-        # arc length r_m theta = r_m phi + sum of ripple sin(k phi)
-        before = phi
-        phi = theta - np.sin(phi[..., None] * k) @ ripple / r_m
-        if np.max(np.abs(phi - before), initial=0) < _ANGLE_CONVERGED:
+        # arc length: r_m theta = r_m phi + sum of a_k sin(k phi)
+        previous = phi
+        phi = theta - np.sin(phi[..., None] * k) @ curve.arc_length / r_m
+        if np.max(np.abs(phi - previous), initial=0) < _ANGLE_CONVERGED:
             break
-    radius = r_0 + wave * np.cos(2 * phi)
-    slope = -2 * wave * np.sin(2 * phi)
-    return radius - r_m, r_m * (phi - theta), -np.arctan2(slope, radius)
+    radius = curve.mean_radius + curve.wave * np.cos(2 * phi)
+    slope = -2 * curve.wave * np.sin(2 * phi)
+    return NominalShape(w=radius - r_m, v=r_m * (phi - theta), chi=-np.arctan2(slope, radius))
+
+
+@dataclass(frozen=True, eq=False)
+class _ClosedCurve:
+    """The inextensible curve r_0 + A cos 2 phi."""
+
+    mean_radius: float  # r_0 [mm]
+    wave: float  # A [mm]
+    arc_length: Array  # amplitudes a_k of its sine series, k = 2, 4, ... [mm]
 
 
 @cache
-def _closed_curve(W_0: float, r_m: float) -> tuple[float, float, Array]:
-    """Mean radius and wave of the inextensible curve [mm], and the sine series of its arc length [mm]."""
-    phi = np.pi * np.arange(2 * _HARMONICS) / (2 * _HARMONICS)  # a half turn, its period
-    shrink = 0.0
+def _closed_curve(W_0: float, r_m: float) -> _ClosedCurve:
+    """Return the inextensible curve of radial deflection W_0 [mm] and mid-line radius r_m [mm]."""
+    phi = np.pi * np.arange(2 * _HARMONICS) / (2 * _HARMONICS)  # half a turn, its period
+    shrinkage = 0.0  # of the mean radius, until the curve has the length of the mid-line
     for _ in range(_ANGLE_ROUNDS):
-        r_0 = r_m - shrink
-        wave = W_0 + shrink
+        r_0 = r_m - shrinkage
+        wave = W_0 + shrinkage
         speed = np.hypot(r_0 + wave * np.cos(2 * phi), 2 * wave * np.sin(2 * phi))
         excess = float(speed.mean()) - r_m
-        shrink += excess
+        shrinkage += excess
         if abs(excess) < _ANGLE_CONVERGED * r_m:
             break
     series = np.fft.rfft(speed).real / _HARMONICS
-    return r_0, wave, series[1 : _KEPT + 1] / (2 * np.arange(1, _KEPT + 1))
+    k = 2 * np.arange(1, _HARMONICS_KEPT + 1)
+    return _ClosedCurve(mean_radius=r_0, wave=wave, arc_length=series[1 : _HARMONICS_KEPT + 1] / k)
 
 
-#
-
+# --- stations along the face
 
 _PER_UM = 1e3  # um in a mm
-# width of the strip at the far edge over that at the open edge, of many strips: with five of them K1 is met to 1 % and
-# F'_ior to 5 %, where strips that widen evenly (edges at b_w (k/n)^2) miss F'_ior by up to 12 %
+# Ratio of the widths of the strips at the far and the open edge, for many strips: with five strips K1 is met to 1 % and
+# F'_ior to 5 %. Strips that widen evenly (edges at b_w (k/n)^2) miss F'_ior by up to 12 %.
 _WIDENING = 14.0
 
 
 @dataclass(frozen=True)
 class Face:
-    """Stations along the face of every flank, from the open edge of the tooth ring, shape (stations,).
+    """Stations along the face of every flank, from the open edge of the tooth ring, shape (stations,)."""
 
-    fall: share of the nominal wave that is missing there; compliance [mm/N] of a tooth pair there.
-    """
-
-    fall: Array
-    compliance: Array
+    fall: Array  # share of the nominal wave that is missing there
+    compliance: Array  # of a tooth pair there [mm/N]
 
     @classmethod
     def of(cls, drive: Drive) -> Face:
-        """Stations of a drive.
+        """Return the stations of a drive, equation (6a).
 
-        One: the flank bears as a whole, with contact.c_t. More: strips, each wider than the one before by the same
-        factor, as teeth bear on a few millimetres beside the open edge; each bears at its middle, with contact.k_face
-        over its width.
+        With one station the flank bears as a whole, with contact.c_t. Several stations are strips; each is wider than
+        the one before by the same factor, since teeth bear on a few millimetres beside the open edge. A strip bears at
+        its middle, with contact.k_face over its width.
         """
         n = drive.numerics.stations
         shell = drive.flexspline
@@ -322,19 +425,19 @@ class Face:
         edges = shell.b_w * (_WIDENING ** (np.arange(n + 1) / n) - 1) / (_WIDENING - 1)
         middle = (edges[1:] + edges[:-1]) / 2
         width = np.diff(edges)
-        # the cam's W_0 acts at mid-face
-        fall = middle / (shell.l - shell.b_w / 2)
-        return cls(fall=fall, compliance=1 / (drive.contact.k_face * _PER_UM * width))
+        cam_to_far_end = shell.l - shell.b_w / 2  # the cam's W_0 acts at mid-face
+        return cls(fall=middle / cam_to_far_end, compliance=1 / (drive.contact.k_face * _PER_UM * width))
 
 
 # --- states: positions of cam and wheels over the full cycle
 
-STRIP = 4  # cam revolutions abreast: 4 x 8 states, about square, are carried along by the engine at once
+# Input revolutions abreast in the order of states: the engine carries 4 x 8 states along at once, about a square.
+STRIP = 4
 
 
 @dataclass(frozen=True)
 class Kinematics:
-    """Ratio and cycle of a drive. u: cam turns per turn of the output wheel, negative where they turn apart."""
+    """Ratio and full cycle of a drive."""
 
     z_g: int
     z_b: int
@@ -342,14 +445,17 @@ class Kinematics:
 
     @classmethod
     def of(cls, drive: Drive) -> Kinematics:
-        """Kinematics of a drive, from its preset."""
-        return cls(drive.gears.z_g, drive.gears.z_b, drive.mounting.fixed)
+        """Return the kinematics of a drive."""
+        return cls(z_g=drive.gears.z_g, z_b=drive.gears.z_b, fixed=drive.mounting.fixed)
 
     @property
     def u(self) -> float:
-        """Transmission ratio: u_hg = z_g/(z_g - z_b) with the rigid wheel fixed, z_b/(z_b - z_g) otherwise."""
-        moving = self.z_g if self.fixed == "rigid" else -self.z_b
-        return moving / (self.z_g - self.z_b)
+        """Input revolutions per output revolution, negative if the two turn in opposite directions, equation (9).
+
+        u_hg = z_g/(z_g - z_b) with the rigid wheel fixed, z_b/(z_b - z_g) with the flexspline fixed.
+        """
+        moving_teeth = self.z_g if self.fixed == "rigid" else -self.z_b
+        return moving_teeth / (self.z_g - self.z_b)
 
     @property
     def error_sign(self) -> int:
@@ -361,17 +467,17 @@ class Kinematics:
 
     @property
     def teeth_fixed(self) -> int:
-        """Teeth of the fixed wheel: states per cam revolution."""
+        """Teeth of the fixed wheel, which is the number of states per input revolution."""
         return self.z_b if self.fixed == "rigid" else self.z_g
 
     @property
     def cycle_states(self) -> int:
-        """States after which every pair of teeth has met: lcm(z_g, z_b)."""
+        """Number of states of the full cycle, after which every pair of teeth has met: lcm(z_g, z_b)."""
         return lcm(self.z_g, self.z_b)
 
     @property
     def cycle_cam_revolutions(self) -> int:
-        """Cam revolutions of the full cycle."""
+        """Input revolutions of the full cycle."""
         return self.cycle_states // self.teeth_fixed
 
 
@@ -398,20 +504,24 @@ class States:
         return len(self.index)
 
     def take(self, rows: NDArray[np.int64]) -> States:
-        """Some of the states, by their place."""
+        """Return some of the states, by their rows."""
         return States(
             index=self.index[rows], phi_h=self.phi_h[rows], alpha_g=self.alpha_g[rows], alpha_b=self.alpha_b[rows]
         )
 
 
 def pitch_locked_states(kinematics: Kinematics, index: NDArray[np.int64] | None = None, start: float = 0.0) -> States:
-    """States j, in which the cam has advanced by j tooth pitches of the fixed wheel.
+    """Return the states j in which the cam has advanced by j tooth pitches of the fixed wheel.
 
-    Arguments: index of the states, by default those of the full cycle; start, the angle [rad] of the
-    moving wheel at phi_h = 0 (phi_g0 with the rigid wheel fixed).
+    Args:
+        kinematics: ratio and cycle of the drive.
+        index: the numbers j, shape (states,); those of the full cycle by default.
+        start: angle [rad] of the moving wheel at phi_h = 0 (phi_g0 with the rigid wheel fixed).
     """
     j = np.arange(kinematics.cycle_states) if index is None else np.asarray(index)
-    start_g, start_b = (start, 0.0) if kinematics.fixed == "rigid" else (0.0, start)
+    is_rigid_fixed = kinematics.fixed == "rigid"
+    start_g = start if is_rigid_fixed else 0.0
+    start_b = 0.0 if is_rigid_fixed else start
     return States(
         index=j,
         phi_h=2 * np.pi * j / kinematics.teeth_fixed,
@@ -421,21 +531,22 @@ def pitch_locked_states(kinematics: Kinematics, index: NDArray[np.int64] | None 
 
 
 def neighbours_together(kinematics: Kinematics, states: States) -> NDArray[np.int64]:
-    """Order of states, shape (states,), in which those that follow each other differ little.
+    """Return an order of states, shape (states,), in which consecutive states differ little.
 
-    A cam revolution later the cam is where it was and the moving wheel has gone on by two teeth: the order goes
-    over STRIP revolutions abreast, there and back.
+    One input revolution later the cam is back and the moving wheel has advanced by two teeth, so the order runs over
+    STRIP revolutions abreast, forwards and backwards in turn.
     """
-    turn, step = np.divmod(states.index, kinematics.teeth_fixed)
-    strip, row = np.divmod(turn, STRIP)
+    revolution, step = np.divmod(states.index, kinematics.teeth_fixed)
+    strip, row = np.divmod(revolution, STRIP)
     step = np.where(strip % 2, -step, step)
     return np.lexsort((np.where(step % 2, -row, row), step, strip))
 
 
 def ball_phase(drive: Drive, phi_h: Array) -> Array:
-    """Ball phase beta [ball pitches, in 0..1) at cam angles [rad]: constant, or that of a rolling cage.
+    """Return the ball phase beta [ball pitches, 0 <= beta < 1] at cam angles phi_h [rad], shape (states,).
 
-    The cage turns by -phi_h r_o/(r_i + r_o) in the cam frame, r_o the raceway of the outer ring.
+    The phase is constant, or that of a rolling cage, which turns by -phi_h r_o/(r_i + r_o) in the frame of the cam;
+    r_o is the radius of the outer ring's raceway.
     """
     beta = np.full_like(phi_h, drive.bearing.beta)
     if drive.bearing.ball_motion == "rolling" and drive.bearing.d_ball is not None:

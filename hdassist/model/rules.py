@@ -38,44 +38,46 @@ BEARING_FIELDS = (*_RIM_FIELDS, "bearing.ring_h", "bearing.d_ball", "bearing.N")
 
 @dataclass(frozen=True)
 class _Conflict:
-    """Fields that do not go together: path of the field to look at first, message, numbers and a hint."""
+    """Fields that do not go together."""
 
-    path: str
+    path: str  # of the field to look at first
     message: str
-    got: str = ""
+    got: str = ""  # the numbers at fault
     hint: str = ""
 
 
 @dataclass(frozen=True)
 class FieldRule:
-    """A rule on fields: path of the field to look at first, message, and a hint at the remedy.
+    """A rule that several fields satisfy together.
 
-    fault: of the fields that its arguments are named after, the numbers at fault, or True; empty or False where the
-    fields go together.
+    The arguments of `fault` have the names of the fields. It returns the numbers at fault, or True, and an
+    empty text or False if the fields go together.
     """
 
-    path: str
+    path: str  # of the field to look at first
     message: str
     fault: Callable[..., str | bool]
     hint: str = ""
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Names of the fields that it looks at."""
+        """Names of the fields that the rule uses."""
         return tuple(inspect.signature(self.fault).parameters)
 
 
 def first_conflict(drive: Drive) -> _Conflict | None:
-    """First conflict between the fields of a drive; None where they go together."""
+    """Return the first conflict between the fields of a drive, None if they go together."""
     values = {path: drive.value(path) for path in field_table()}
     return next((conflict for conflict, _ in conflicts(values)), None)
 
 
 def conflicts(values: Mapping[str, Any]) -> Iterator[tuple[_Conflict, tuple[str, ...]]]:
-    """Conflicts between fields, of the rules whose fields are all there.
+    """Yield the conflicts between fields and in the geometry, of the rules whose fields are all there.
 
-    Arguments: values, the valid fields by their path ("gears.z_g").
-    Result: each conflict with the paths of the fields that its rule has looked at.
+    Args:
+        values: valid fields by their path ("gears.z_g").
+
+    Yields each conflict with the paths of the fields that its rule has used.
     """
     yield from _field_conflicts(values)
     if not {*_MESH_FIELDS, "bearing.ring_h"} <= values.keys():
@@ -96,54 +98,69 @@ def conflicts(values: Mapping[str, Any]) -> Iterator[tuple[_Conflict, tuple[str,
 
 
 def _field_conflicts(values: Mapping[str, Any]) -> Iterator[tuple[_Conflict, tuple[str, ...]]]:
-    """Apply the rules whose fields are all there.
+    """Yield conflicts between fields, of the rules whose fields are all there.
 
-    Arguments: values, the valid fields by their path ("gears.z_g").
-    Result: each conflict with the paths of the fields that its rule has looked at.
+    Args:
+        values: valid fields by their path ("gears.z_g").
+
+    Yields each conflict with the paths of the fields that its rule has used.
     """
-    paths = {path.rpartition(".")[2]: path for path in values}
+    path_of = {path.rpartition(".")[2]: path for path in values}
     for rule in FIELD_RULES:
-        if paths.keys() >= set(rule.names):
-            involved = tuple(paths[name] for name in rule.names)
-            if fault := rule.fault(*(values[path] for path in involved)):
-                yield (
-                    _Conflict(
-                        path=rule.path,
-                        message=rule.message,
-                        got=fault if isinstance(fault, str) else "",
-                        hint=rule.hint,
-                    ),
-                    involved,
-                )
-    greatest = max(map(abs, (values.get("operation.rated") or 0.0, *values.get("operation.M_g", ()))), default=0.0)
-    for key in values.get("measured.F_ior", ()) if "mounting.holes" in values else ():
-        if abs(number_of(key.partition("@")[2])) > _FARTHEST_MEASURED * greatest > 0:
-            words = (
-                f"measured at more than {_FARTHEST_MEASURED:g} times the largest torque of the drive, {greatest:g} N*m"
+        if not path_of.keys() >= set(rule.names):
+            continue
+        paths = tuple(path_of[name] for name in rule.names)
+        fault = rule.fault(*(values[path] for path in paths))
+        if fault:
+            got = fault if isinstance(fault, str) else ""
+            yield _Conflict(path=rule.path, message=rule.message, got=got, hint=rule.hint), paths
+    for conflict in _measured_conflicts(values):
+        yield conflict, ()
+    yield from _lone_phases(values)
+
+
+def _measured_conflicts(values: Mapping[str, Any]) -> Iterator[_Conflict]:
+    """Yield conflicts of values measured in holes with the drive's torques and with its seat."""
+    if "mounting.holes" not in values:
+        return
+    torques = (values.get("operation.rated") or 0.0, *values.get("operation.M_g", ()))
+    largest_torque = max(map(abs, torques))
+    for key in values.get("measured.F_ior", ()):
+        position, _, torque = key.partition("@")
+        if abs(number_of(torque)) > _FARTHEST_MEASURED * largest_torque > 0:
+            limit = f"{_FARTHEST_MEASURED:g} times the largest torque of the drive, {largest_torque:g} N*m"
+            message = f"measured at more than {limit}"
+            yield _Conflict(
+                path=f"measured.F_ior.{key}", message=message, got=key, hint="check that the torque is in N*m"
             )
-            yield (
-                _Conflict(path=f"measured.F_ior.{key}", message=words, got=key, hint="check that the torque is in N*m"),
-                (),
+        if fault := position_fault(position, values["mounting.holes"]):
+            message, hint = fault
+            yield _Conflict(path=f"measured.F_ior.{key}", message=message, got=key, hint=hint)
+
+
+def _lone_phases(values: Mapping[str, Any]) -> Iterator[tuple[_Conflict, tuple[str, ...]]]:
+    """Yield phases of harmonics without an amplitude."""
+    for phase_path, phase in values.items():
+        size_path = phase_path.replace("harmonics.xi_", "harmonics.a_")
+        if size_path == phase_path or phase is None:
+            continue
+        if values.get(size_path, phase) is None:
+            conflict = _Conflict(
+                path=phase_path,
+                message="a phase without an amplitude",
+                got=f"{phase:g} deg",
+                hint=f"give {size_path} in um too; a phase has no meaning without its amplitude",
             )
-        if position := position_fault(key.split("@")[0], values["mounting.holes"]):
-            yield _Conflict(path=f"measured.F_ior.{key}", message=position[0], got=key, hint=position[1]), ()
-    for path, phase in values.items():
-        size = path.replace("harmonics.xi_", "harmonics.a_")
-        if size != path and phase is not None and values.get(size, phase) is None:
-            hint = f"give {size} in um too; a phase has no meaning without its amplitude"
-            yield (
-                _Conflict(path=path, message="a phase without an amplitude", got=f"{phase:g} deg", hint=hint),
-                (path, size),
-            )
+            yield conflict, (phase_path, size_path)
 
 
 def _too_soft(C: float | None) -> str:
-    """A stiffness [N/mm] with which the equations are ill-conditioned."""
+    """Return a stiffness C [N/mm] as text if the equations are ill-conditioned with it, else an empty text."""
     return f"{C:g} N/mm" if C and C < _LEAST_SUPPORT else ""
 
 
 def _too_small(end: float | None, rated: float | None, M_g: Sequence[float]) -> str:
-    """A torque that ends no segment of the stiffness curve, and the least that does."""
+    """Return a torque that cannot end a segment of the stiffness curve with the smallest possible one, else empty."""
     least = _LEAST_END * (rated or max(map(abs, M_g), default=0.0))
     return f"{end:g} N*m; above {least:g} N*m" if end is not None and end <= least else ""
 
@@ -262,14 +279,17 @@ _FARTHEST_TURN = 3600.0  # deg that a wheel can be meant to be turned by
 
 
 def turn_of(where: str, holes: int) -> float:
-    """Turn [deg] of the fixed wheel to a hole of its seat ("h4"), or by an angle ("120"); NaN for any other text."""
+    """Return the turn [deg] of the fixed wheel to a hole of its seat ("h4"), or by an angle ("120"); else NaN."""
     number = number_of(where.removeprefix("h"))
     turn = number * 360 / holes if where.startswith("h") and holes else number
     return turn if where.startswith("h") or abs(turn) <= _FARTHEST_TURN else nan
 
 
 def position_fault(where: str, holes: int) -> tuple[str, str] | None:
-    """Why a position ("h4", "120") is none of a seat with so many holes, 0 for a free angle, and a hint."""
+    """Return why a position ("h4", "120") is not on a seat with so many holes, and a hint; None if it is.
+
+    A seat with 0 holes takes any angle.
+    """
     number = number_of(where.removeprefix("h"))
     if where.startswith("h"):
         if not holes:
@@ -288,72 +308,72 @@ def position_fault(where: str, holes: int) -> tuple[str, str] | None:
 
 
 def _teeth_reach(geometry: Geometry) -> Iterator[_Conflict]:
-    """At the major axis the tips of the flexspline reach behind the tips of the rigid wheel."""
+    """Yield a conflict if the flexspline's tips do not reach behind the rigid wheel's at the major axis."""
     tip = geometry.r_ag
-    other = geometry.r_ab
-    if tip + geometry.W_0 <= other:
+    rigid_tip = geometry.r_ab
+    if tip + geometry.W_0 <= rigid_tip:
         yield _Conflict(
             path="cam.W_0",
             message="the teeth do not reach each other at the major axis",
-            got=f"tip of the flexspline {tip + geometry.W_0:.4g} mm, of the circular spline {other:.4g} mm",
-            hint=f"use more than {other - tip:.4g} mm with these teeth",
+            got=f"tip of the flexspline {tip + geometry.W_0:.4g} mm, of the rigid wheel {rigid_tip:.4g} mm",
+            hint=f"above {rigid_tip - tip:.4g} mm with these teeth",
         )
 
 
 def _tips_come_free(geometry: Geometry) -> Iterator[_Conflict]:
-    """At the minor axis the tips pass each other."""
+    """Yield a conflict if the tips do not pass each other at the minor axis."""
     tip = geometry.r_ag
-    other = geometry.r_ab
-    if tip - geometry.W_0 >= other:
+    rigid_tip = geometry.r_ab
+    if tip - geometry.W_0 >= rigid_tip:
         yield _Conflict(
             path="cam.W_0",
-            message="the tips interfere: they do not come clear of each other at the minor axis",
-            got=f"tip of the flexspline {tip - geometry.W_0:.4g} mm, of the circular spline {other:.4g} mm",
-            hint=f"use more than {tip - other:.4g} mm with these teeth, or a smaller addendum (h_a)",
+            message="the tips interfere: they do not come free at the minor axis",
+            got=f"tip of the flexspline {tip - geometry.W_0:.4g} mm, of the rigid wheel {rigid_tip:.4g} mm",
+            hint=f"above {tip - rigid_tip:.4g} mm with these teeth, or lower teeth (h_a)",
         )
 
 
 def _roots_have_room(geometry: Geometry) -> Iterator[_Conflict]:
-    """At the major axis no tip runs into the root of the other wheel."""
+    """Yield a conflict for each tip that runs into the root of the opposite wheel at the major axis."""
     to_rigid = geometry.r_fb - geometry.r_ag
     to_flexspline = geometry.r_ab - geometry.r_f
-    for wheel, other, room, tip, root in (
-        ("flexspline", "circular spline", to_rigid, geometry.r_ag + geometry.W_0, geometry.r_fb),
-        ("circular spline", "flexspline", to_flexspline, geometry.r_ab, geometry.r_f + geometry.W_0),
+    for wheel, opposite, room, tip, root in (
+        ("flexspline", "rigid wheel", to_rigid, geometry.r_ag + geometry.W_0, geometry.r_fb),
+        ("rigid wheel", "flexspline", to_flexspline, geometry.r_ab, geometry.r_f + geometry.W_0),
     ):
         if room < geometry.W_0:
             yield _Conflict(
                 path="cam.W_0",
-                message=f"beyond the teeth: the {wheel} runs into the root of the {other}",
+                message=f"beyond the teeth: the {wheel} runs into the root of the {opposite}",
                 got=f"tip {tip:.4g} mm, root {root:.4g} mm",
                 hint=f"use at most {room:.4g} mm with these teeth",
             )
 
 
 def _flanks_exist(geometry: Geometry) -> Iterator[_Conflict]:
-    """The tips lie outside the base circles, and no tooth is pointed."""
-    for path, words, wheel, tip, least, most in (
+    """Yield a conflict for each wheel whose tips lie inside the base circle or whose teeth are pointed."""
+    for path, name, wheel, tip, min_angle, max_angle in (
         ("gears.x_g", "flexspline", geometry.flexspline, geometry.r_ag, 0.0, np.inf),
         ("gears.x_b", "circular spline", geometry.rigid, geometry.r_ab, -np.inf, np.pi / geometry.rigid.z),
     ):
         if tip <= wheel.base_radius:
             yield _Conflict(
                 path=path,
-                message=f"the {words} has no involute flank: its tip lies inside the base circle",
+                message=f"the {name} has no involute flank: its tip lies inside the base circle",
                 got=f"tip {tip:.4g} mm, base circle {wheel.base_radius:.4g} mm",
                 hint="use a larger profile shift, or a smaller addendum",
             )
-        elif not least < wheel.half_angle(np.array(tip)) < most:
+        elif not min_angle < wheel.half_angle(np.array(tip)) < max_angle:
             yield _Conflict(
                 path=path,
-                message=f"the teeth of the {words} are pointed",
+                message=f"the teeth of the {name} are pointed",
                 got="",
                 hint="use another profile shift, or a smaller addendum",
             )
 
 
 def _teeth_mesh(geometry: Geometry) -> Iterator[_Conflict]:
-    """Nowhere between the axes do the nominal flanks and tips of the two wheels run through each other."""
+    """Yield a conflict if nominal flanks of the two wheels run through each other anywhere between the axes."""
     wheels = (geometry.flexspline.base_radius, geometry.r_ag), (geometry.rigid.base_radius, geometry.r_ab)
     coarse = (_teeth_reach, _tips_come_free, _roots_have_room, _rim_is_thin)
     if any(base >= tip for base, tip in wheels) or any(any(rule(geometry)) for rule in coarse):
@@ -364,32 +384,32 @@ def _teeth_mesh(geometry: Geometry) -> Iterator[_Conflict]:
         return
     least = int(np.argmin(flanks.gap))
     overlap = -flanks.gap[least] - geometry.j_n
-    most = MAX_OVERLAP * geometry.flexspline.m
-    if overlap > most:
+    allowed_overlap = MAX_OVERLAP * geometry.flexspline.m
+    if overlap > allowed_overlap:
         angle = abs(flanks.theta[least] - flanks.zone[least] * np.pi)
         yield _Conflict(
             path="cam.W_0",
             message="the teeth interfere: they overlap in the shape that the cam gives",
             got=f"an overlap of {overlap * 1e3:.3g} um at {np.degrees(angle):.3g}° from the major axis",
-            hint=f"at most {most * 1e3:.3g} um is allowed; check W_0 with m, x_g, x_b and h_a",
+            hint=f"at most {allowed_overlap * 1e3:.3g} um; check W_0 with m, x_g, x_b and h_a",
         )
 
 
 def _rim_is_thin(geometry: Geometry) -> Iterator[_Conflict]:
-    """The rim is a thin ring."""
+    """Yield a conflict if the rim is too thick for the theory of thin rings."""
     h_1 = 2 * (geometry.r_f - geometry.r_m)
-    most = _MAX_THICKNESS * geometry.r_f
-    if h_1 > most:
+    max_h_1 = _MAX_THICKNESS * geometry.r_f
+    if h_1 > max_h_1:
         yield _Conflict(
             path="flexspline.h_1",
             message=f"too thick for a rim with a root radius of {geometry.r_f:.4g} mm",
             got=f"{h_1:g} mm",
-            hint=f"use at most {most:.3g} mm",
+            hint=f"at most {max_h_1:.3g} mm",
         )
 
 
 def _bearing_fits(geometry: Geometry, d_ball: float | None, N: int) -> Iterator[_Conflict]:
-    """Outer ring and balls have room in the bore."""
+    """Yield a conflict if outer ring and balls do not fit the bore."""
     raceway = geometry.r_raceway
     ring_h = 2 * (geometry.r_ring - geometry.r_raceway)
     bore = raceway + ring_h
