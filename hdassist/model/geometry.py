@@ -131,7 +131,7 @@ class Flanks:
         return Flanks(**{part.name: getattr(self, part.name).repeat(times) for part in fields(self)})
 
 
-class NominalShape(NamedTuple):
+class _NominalShape(NamedTuple):
     """Displacement of rim sections by the cam: radial w [mm], tangential v [mm], turn chi [rad], of one shape."""
 
     w: Array
@@ -148,7 +148,7 @@ class _FlankPairs:
     side: Array
     theta: Array
     lowest_r_y: Array  # smallest tooth radius of the active flank [mm]
-    shape: NominalShape
+    shape: _NominalShape
 
 
 class _FlankPoints(NamedTuple):
@@ -199,7 +199,7 @@ def _overlapping_pairs(geometry: Geometry, tau: float) -> _FlankPairs:
 
     # both flanks of a tooth have one shape
     shape_of_teeth = nominal_shape(theta[::2], geometry.W_0, geometry.r_m, geometry.curve)
-    shape = NominalShape(*(part.repeat(2) for part in shape_of_teeth))
+    shape = _NominalShape(*(part.repeat(2) for part in shape_of_teeth))
     lowest_r_y, reaches = _lowest_active_radius(geometry, theta, side, shape)
     if not reaches.any():
         raise UntrustedError(
@@ -211,7 +211,7 @@ def _overlapping_pairs(geometry: Geometry, tau: float) -> _FlankPairs:
         side=side[reaches],
         theta=theta[reaches],
         lowest_r_y=lowest_r_y[reaches],
-        shape=NominalShape(*(part[reaches] for part in shape)),
+        shape=_NominalShape(*(part[reaches] for part in shape)),
     )
 
 
@@ -241,7 +241,7 @@ def _nearest_of(geometry: Geometry, pairs: _FlankPairs, heights: Array, tried: N
     """
     lowest = pairs.lowest_r_y[:, None]
     r_y = lowest + (geometry.r_ag - lowest) * heights[tried]  # shape (n, tried)
-    shape = NominalShape(*(part[:, None] for part in pairs.shape))
+    shape = _NominalShape(*(part[:, None] for part in pairs.shape))
     gap, rho = flank_gap(geometry, r_y, pairs.theta[:, None], pairs.zone[:, None], pairs.side[:, None], shape)
     rows = np.arange(len(gap))
     nearest = np.argmin(gap, axis=1)
@@ -252,7 +252,7 @@ def _nearest_of(geometry: Geometry, pairs: _FlankPairs, heights: Array, tried: N
 
 
 def flank_point(
-    geometry: Geometry, r_y: Array, theta: Array, side: Array, shape: NominalShape | None = None
+    geometry: Geometry, r_y: Array, theta: Array, side: Array, shape: _NominalShape | None = None
 ) -> tuple[Array, Array]:
     """Return the polar coordinates (rho [mm], phi [rad]) of points of flanks; all shapes broadcast.
 
@@ -281,7 +281,7 @@ def flank_gap(
     theta: Array,
     zone: NDArray[np.int64],
     side: Array,
-    shape: NominalShape | None = None,
+    shape: _NominalShape | None = None,
 ) -> tuple[Array, Array]:
     """Return the gap of flank points to the facing flank of the rigid wheel and their radius rho [mm], equation (6).
 
@@ -302,7 +302,7 @@ def flank_gap(
 
 
 def _lowest_active_radius(
-    geometry: Geometry, theta: Array, side: Array, shape: NominalShape
+    geometry: Geometry, theta: Array, side: Array, shape: _NominalShape
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Return the smallest r_y [mm] of each active flank, and which flanks reach the rigid wheel, shape (n,).
 
@@ -331,7 +331,7 @@ _ANGLE_ROUNDS = 50  # most iterations of a fixed point; one gains a factor W_0/r
 _ANGLE_CONVERGED = 1e-15  # last change of an angle [rad]
 
 
-def nominal_shape(theta: Array, W_0: float, r_m: float, curve: _NominalCurve = "linear") -> NominalShape:
+def nominal_shape(theta: Array, W_0: float, r_m: float, curve: _NominalCurve = "linear") -> _NominalShape:
     """Return the shape of the rim on the cam at angles theta.
 
     linear: the bending mode n = 2 of a ring, w = W_0 cos 2 theta. inextensible: the closed curve
@@ -349,10 +349,10 @@ def nominal_shape(theta: Array, W_0: float, r_m: float, curve: _NominalCurve = "
     w = W_0 * np.cos(2 * theta)
     v = -W_0 / 2 * np.sin(2 * theta)
     chi = (v + 2 * W_0 * np.sin(2 * theta)) / r_m
-    return NominalShape(w, v, chi)
+    return _NominalShape(w, v, chi)
 
 
-def _inextensible_shape(theta: Array, W_0: float, r_m: float) -> NominalShape:
+def _inextensible_shape(theta: Array, W_0: float, r_m: float) -> _NominalShape:
     """Return the shape of the rim on the inextensible curve at angles theta [rad]."""
     curve = _closed_curve(W_0, r_m)
     k = 2 * np.arange(1, _HARMONICS_KEPT + 1)
@@ -365,7 +365,7 @@ def _inextensible_shape(theta: Array, W_0: float, r_m: float) -> NominalShape:
             break
     radius = curve.mean_radius + curve.wave * np.cos(2 * phi)
     slope = -2 * curve.wave * np.sin(2 * phi)
-    return NominalShape(w=radius - r_m, v=r_m * (phi - theta), chi=-np.arctan2(slope, radius))
+    return _NominalShape(w=radius - r_m, v=r_m * (phi - theta), chi=-np.arctan2(slope, radius))
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,12 +11,9 @@ equilibrium are their displacements. Everything that solves it starts from this 
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass, field
-from functools import cache, cached_property
+from functools import cached_property
 from hashlib import sha256
-from importlib import import_module
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -28,87 +25,88 @@ from hdassist.model.geometry import Array
 if TYPE_CHECKING:
     import cvxpy as cp
 
-_INVERSE = 1e-6  # error of a product that should be the identity
-_MICROMETRE = 1e-3  # mm: gaps of the scaled programme are of order one in it
+_INVERSE = 1e-6  # largest error of a product that should be the identity
+_MICROMETRE = 1e-3  # mm; gaps are of order one in this unit
 
 
 @dataclass(frozen=True)
 class _Units:
-    """Units of the scaled programme, chosen so that its numbers are of order one.
+    """Units of the scaled programme, chosen so that its numbers are of order one."""
 
-    gap [mm]; force [N], which closes a gap unit on the stiffest station of a tooth; load, shape (free,): length that
-    scales each equilibrium row (1 for a force, r_m in mm for the moment).
-    """
-
-    gap: float
-    force: float
-    load: Array
+    gap: float  # [mm]
+    force: float  # [N]; closes a unit of gap at the stiffest station of a tooth
+    load: Array  # length that scales each row of equilibrium, 1 for a force, r_m [mm] for the moment, shape (free,)
 
 
 @dataclass(frozen=True)
 class Springs:
-    """Candidates in contact at one place, springs side by side, as one, shape (m,), in units of the programme.
+    """The candidates in contact at one place as one spring, in units of the programme.
 
-    series: compliance, 0 where none is in contact; offset: how far it closes before it pushes, beyond lowest, the gap
-    of the first candidate there; above: the gap of each candidate beyond that, shape (M,).
+    They are springs side by side, each of which begins to push when its own gap is closed.
     """
 
-    series: Array
-    offset: Array
-    lowest: Array
-    above: Array
+    series: Array  # compliance, 0 at a place without contact, shape (m,)
+    offset: Array  # closing beyond `lowest` at which the spring begins to push, shape (m,)
+    lowest: Array  # gap of the first candidate at each place, shape (m,)
+    above: Array  # gap of each candidate minus that of the first one at its place, shape (M,)
 
     @classmethod
     def of(cls, formulation: Formulation, gaps: Array, contact: NDArray[np.bool_]) -> Springs:
-        """Springs of candidates in contact, shape (M,), with gaps without force, shape (M,)."""
+        """Return the springs of a contact set.
+
+        Args:
+            formulation: compliances of the candidates.
+            gaps: without force, in units of the programme, shape (M,).
+            contact: the candidates in contact, shape (M,).
+        """
         place = formulation.system.place
         first = formulation.system.first
         stiffness = contact / formulation.local
         at_places = np.add.reduceat(stiffness, first)
         series = np.divide(1, at_places, out=np.zeros(len(first)), where=at_places > 0)
-        above = gaps - gaps[first][place]  # so that a place with one candidate has 0, not a difference of large numbers
-        return cls(series, np.add.reduceat(stiffness * above, first) * series, gaps[first], above)
+        lowest = gaps[first]
+        above = gaps - lowest[place]  # exactly 0 at a place with one candidate, not a difference of large numbers
+        offset = np.add.reduceat(stiffness * above, first) * series
+        return cls(series=series, offset=offset, lowest=lowest, above=above)
 
 
 @dataclass(frozen=True)
 class _Statement:
     """The programme in cvxpy, DPP in the parameters gaps and load.
 
-    forces: variable, shape (M,), in units.force, whose sums at the places are a variable of their own: the structure
-    knows no others, and M coupled variables take solvers three to five times as long; gaps: parameter delta_p, shape
-    (M,), in units.gap; load: parameter b_f, shape (free,), in units.force * units.load; equilibrium: the constraint
-    whose dual is the displacement of the free freedoms in units.gap / units.load.
+    The sums of the forces at the places are a variable of their own. The structure depends on these sums alone, and
+    with M coupled variables solvers take three to five times as long.
     """
 
     problem: cp.Problem
-    forces: cp.Variable
-    gaps: cp.Parameter
-    load: cp.Parameter
-    equilibrium: cp.Constraint
+    forces: cp.Variable  # in units.force, shape (M,)
+    gaps: cp.Parameter  # delta_p in units.gap, shape (M,)
+    load: cp.Parameter  # b_f in units.force * units.load, shape (free,)
+    equilibrium: cp.Constraint  # its dual is the displacement of the free freedoms, in units.gap / units.load
 
 
 @dataclass(frozen=True)
 class Formulation:
-    """The programme of one contact system: minimise 1/2 x' P x + gaps' x subject to A x + load = 0, x >= 0.
+    """The programme (2) of one contact system: minimise 1/2 x' P x + gaps' x subject to A x + load = 0, x >= 0.
 
-    P is H, compliance between the places of structure and supports together, shape (m, m), and on the diagonal local,
-    that of each candidate by itself, shape (M,); A is given at the places, shape (free, m), of which candidates have
-    copies; all in units. references: solutions of the engines, by the torque [N*mm].
+    P is H between the places of two candidates, plus `local` on its diagonal. Candidates at one place have equal
+    columns of A, which is stored by places.
     """
 
     system: ContactSystem
     units: _Units
-    H: Array
-    local: Array
-    A: Array
+    H: Array  # compliance of structure and supports between the places, in units, shape (m, m)
+    local: Array  # compliance of each candidate by itself, in units, shape (M,)
+    A: Array  # equilibrium of the free freedoms, in units, shape (free, m)
+    # references of the engines by the torque [N*mm], None where the contact set does not hold the parts
     references: dict[float, Reference | None] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @cached_property
     def digest(self) -> bytes:
         """SHA-256 of all numbers of the programme."""
         digest = sha256()
-        units = self.units.load, np.array([self.units.gap, self.units.force])
-        for array in (self.H, self.local, self.A, self.system.place, *units):
+        scalar_units = np.array([self.units.gap, self.units.force])
+        for array in (self.H, self.local, self.A, self.system.place, self.units.load, scalar_units):
             digest.update(f"{array.shape}".encode() + array.tobytes())
         return digest.digest()
 
@@ -120,9 +118,9 @@ class Formulation:
 
     @cached_property
     def structure(self) -> Array:
-        """H and A in one symmetric matrix of forces at the places and displacements, shape (m + free, m + free)."""
+        """H and A as one symmetric matrix over forces at the places and displacements, shape (m + free, m + free)."""
         m = len(self.H)
-        n = len(self.H) + len(self.A)
+        n = m + len(self.A)
         matrix = np.zeros((n, n))
         matrix[:m, :m] = self.H
         matrix[:m, m:] = self.A.T
@@ -131,199 +129,264 @@ class Formulation:
 
     @cached_property
     def statement(self) -> _Statement:
-        """The programme in cvxpy; stated when first asked for, as cvxpy takes a second to import."""
+        """The programme in cvxpy, stated when it is needed first, since cvxpy takes a second to import."""
+        import cvxpy as cp
         from scipy.sparse import csr_array, diags_array
 
-        cp = imported_cvxpy()
         M = len(self.local)
         m = len(self.H)
         forces = cp.Variable(M, name="F", nonneg=True)
-        at_places = cp.Variable(m, name="F_places")
+        place_forces = cp.Variable(m, name="F_places")
         gaps = cp.Parameter(M, name="delta_p")
         load = cp.Parameter(len(self.A), name="b")
-        of_structure = 0.5 * cp.quad_form(at_places, cp.psd_wrap(self.H))
-        of_candidates = 0.5 * cp.quad_form(forces, cp.psd_wrap(diags_array(self.local)))
-        equilibrium = self.A @ at_places + load == 0
+        structure_energy = 0.5 * cp.quad_form(place_forces, cp.psd_wrap(self.H))
+        contact_energy = 0.5 * cp.quad_form(forces, cp.psd_wrap(diags_array(self.local)))
+        equilibrium = self.A @ place_forces + load == 0
         sums = csr_array((np.ones(M), (self.system.place, np.arange(M))), shape=(m, M))
-        constraints = [equilibrium, sums @ forces - at_places == 0]
-        problem = cp.Problem(cp.Minimize(of_candidates + of_structure + gaps @ forces), constraints)
+        constraints = [equilibrium, sums @ forces - place_forces == 0]
+        problem = cp.Problem(cp.Minimize(contact_energy + structure_energy + gaps @ forces), constraints)
         return _Statement(problem=problem, forces=forces, gaps=gaps, load=load, equilibrium=equilibrium)
 
     def gaps(self, delta_p: Array) -> Array:
-        """Gaps without force [mm], shape (..., M), in units of the programme."""
+        """Return gaps without force [mm], shape (..., M), in units of the programme."""
         return delta_p / self.units.gap
 
     def load(self, torque: float) -> Array:
-        """Load of a torque on the flexspline [N*mm], positive counter-clockwise, in units of the programme, (free,)."""
-        turning = np.arange(len(self.A)) == self.system.free_rotation
-        return np.asarray(torque * turning / (self.units.force * self.units.load))
+        """Return the load b_f of a torque on the flexspline, in units of the programme, shape (free,).
+
+        Args:
+            torque: [N*mm], positive counter-clockwise.
+        """
+        is_rotation = np.arange(len(self.A)) == self.system.free_rotation
+        return np.asarray(torque * is_rotation / (self.units.force * self.units.load))
 
     def answer(self, forces: Array, duals: Array) -> tuple[Array, Array]:
-        """Forces [N] and displacements of the free freedoms [mm, rad] of a solution in units of the programme."""
+        """Return forces [N] and displacements of the free freedoms [mm, rad] of a solution in the programme's units."""
         return forces * self.units.force, duals * (self.units.gap / self.units.load)
 
 
-@cache
-def imported_cvxpy() -> Any:
-    """The module cvxpy, imported without scipy.stats, which takes more than half of that time.
-
-    cvxpy has the value of one atom from there, which no programme of ours has: it is imported when that is asked for,
-    and at once where cvxpy asks for more.
-    """
-    name = "scipy.stats"
-    stand_in = ModuleType("scipy.stats")
-
-    def of_stats(wanted: str) -> Any:
-        if wanted.startswith("__"):  # asked for by the import itself
-            raise AttributeError(wanted)
-        if sys.modules.get(name) is stand_in:
-            del sys.modules[name]
-        return getattr(import_module(name), wanted)
-
-    vars(stand_in).update(__getattr__=of_stats, entropy=lambda *values, **more: of_stats("entropy")(*values, **more))
-    sys.modules.setdefault(name, stand_in)
-    try:
-        return import_module("cvxpy")
-    finally:
-        if sys.modules.get(name) is stand_in:
-            del sys.modules[name]
-
-
 def formulate(system: ContactSystem) -> Formulation:
-    """State the programme of a contact system."""
+    """State the programme (2) of a contact system, in units in which its numbers are of order one."""
     supported = system.supported
     free = ~system.supported
-    at_supports = system.G[system.first][:, supported]
+    G = system.G[system.first]  # by places, shape (m, 9)
     load_units = np.where(np.arange(len(free)) == ROTATION, system.geometry.r_m, 1.0)[free]
-    # the softest instead makes Clarabel give up coned flanks at light torques
+    # The unit of force follows the stiffest station: with the softest one Clarabel gives up coned flanks at light
+    # torques.
     stiffest = float(system.face.compliance.min())
     units = _Units(gap=_MICROMETRE, force=_MICROMETRE / stiffest, load=load_units)
-    H = (at_supports / system.C[supported]) @ at_supports.T
+    G_s = G[:, supported]
+    H = (G_s / system.C[supported]) @ G_s.T
     H += system.compliance
     H *= units.force / units.gap
     return Formulation(
-        system,
-        units,
+        system=system,
+        units=units,
         H=H,
         local=system.local * (units.force / units.gap),
-        A=np.ascontiguousarray((system.G[system.first][:, free] / load_units).T),
+        A=np.ascontiguousarray((G[:, free] / load_units).T),
     )
 
 
-class Reference:
-    """The programme solved at one contact set for the coordinates that the walk knows a state by, one for each place.
+# --- the programme solved at one contact set
 
-    The coordinate of a place with a single candidate is its value (its force in contact, its gap else), of one with
-    stations the approach, in units of the programme; those of the free freedoms, their displacements, come last.
-    held: as contact_system of walk.c describes, in its order; sizes: the numbers before them.
-    Arguments: formulation; contact, candidates that carry force in a state near those asked for, shape (M,). Raises
-    ValueError where that set does not hold the parts in place.
+
+@dataclass(frozen=True)
+class _Responses:
+    """Change of the coordinates of a reference, m + free of them, in units of the programme."""
+
+    by_place: Array  # by a unit of the opposite value of a candidate at each place, shape (m + free, m)
+    by_gap: Array  # by a unit of gap at each touching place, shape (touching, m + free)
+    by_load: Array  # by a unit of load in each row of equilibrium, shape (m + free, free)
+
+
+@dataclass(frozen=True)
+class _Pivots:
+    """Value of each candidate from the coordinate of its place, scaled so that the first pivots are one, shape (M,)."""
+
+    gain: Array  # of the coordinate in the value
+    weight: Array  # of the candidate's opposite value in the coordinate of its place
+    own: Array  # of the candidate's opposite value in its own value
+    scale: Array
+
+
+class Reference:
+    """The programme solved at one contact set, in the coordinates by which the walk knows a state.
+
+    There is one coordinate for each place. The coordinate of a place with a single candidate is its value: its force in
+    contact, else its gap. The coordinate of a place with stations is its approach. The displacements of the free
+    freedoms come last. All are in units of the programme.
+
+    Attributes:
+        arrays: as struct contact_system of walk.c declares them, in its order.
+        sizes: the numbers before them.
     """
 
     def __init__(self, formulation: Formulation, contact: NDArray[np.bool_]) -> None:
+        """Solve the programme at a contact set.
+
+        Args:
+            formulation: the programme.
+            contact: candidates that carry force in a state near those to be solved, shape (M,).
+
+        Raises ValueError if the contact set does not hold the parts in place.
+        """
+        system = formulation.system
+        springs = Springs.of(formulation, formulation.gaps(system.delta_p), contact)
+        is_touching = springs.series > 0  # shape (m,)
+        is_single = np.bincount(system.place) == 1  # places with one candidate, shape (m,)
+        responses = _responses(formulation, springs, is_single)
+        pivots = _pivots(formulation, responses, contact, is_single)
+        self._gap_unit = formulation.units.gap
+        self._is_touching = is_touching
+        self._by_gap = responses.by_gap
+        self._flanks = system.first[: system.pairs]
+        arrays = self._walk_arrays(formulation, contact, springs, responses, pivots)
+        self.arrays = {name: np.ascontiguousarray(array) for name, array in arrays.items()}
+        self.sizes = (
+            len(system.place),
+            len(system.first),
+            len(formulation.A),
+            len(self._flanks),
+            system.deviation_map.shape[1],
+            ROTATION,
+        )
+
+    def _walk_arrays(
+        self,
+        formulation: Formulation,
+        contact: NDArray[np.bool_],
+        springs: Springs,
+        responses: _Responses,
+        pivots: _Pivots,
+    ) -> dict[str, NDArray[Any]]:
+        """Return the arrays of struct contact_system of walk.c, in its order."""
         system = formulation.system
         units = formulation.units
-        local = formulation.local
-        place = system.place
-        first = system.first
-        free = len(formulation.A)
-        m = len(system.first)
-        springs = Springs.of(formulation, formulation.gaps(system.delta_p), contact)
-        touching = springs.series > 0
-        alone = np.bincount(place) == 1
-        # in series with the structure: springs in contact; the compliance of a candidate that stands alone and is open
-        series = np.where(touching, springs.series, np.where(alone, local[first], 0))
-        matrix = formulation.structure.copy()
-        matrix[np.arange(m), np.arange(m)] += series
-        exchanged = principal_transform(matrix, np.append(touching, np.ones(free, dtype=bool)))
-        stations = np.flatnonzero(touching & ~alone)  # places whose coordinate is the approach
-        exchanged[stations] *= -series[stations, None]
-        by_places = exchanged[:, :m].copy()
-        by_right = exchanged[:, m:]
-        by_places[:, stations] *= series[stations]
-        by_places[stations, stations] += series[stations]
-        along = ~alone[place]
-        gain = np.where(along & contact, -1 / local, 1)
-        weight = np.abs(gain)
-        own = np.where(along, np.where(contact, 1 / local, local), 0)
-        unscaled = gain * by_places[place, place] * weight + own
-        if not np.all(unscaled > 0):
-            raise ValueError("no pivots to start from")
-        scale = 1 / np.sqrt(unscaled)  # makes the reference's pivots one
-        map_ = system.deviation_map[first].T
-        self._gap_unit = units.gap
-        self._touching = touching
-        self._by_gaps = -exchanged[:, :m][:, touching].T
-        self._flanks = first[: system.pairs]
-        constant = (springs.lowest + springs.offset) * units.gap
-        held = {
-            "by_places": by_places.T,
-            "law": np.vstack(
-                [self._coordinates(constant[None]), -by_right @ formulation.load(1.0), self._coordinates(map_)]
-            ),
-            "place": place.astype(np.int32),
+        gap_by_deviation = system.deviation_map[system.first].T  # by places, shape (scalars, m)
+        constant_gap = (springs.lowest + springs.offset) * units.gap
+        # coordinates of a state: constant row + torque * second row + scalars @ further rows
+        law = [
+            self._coordinates(constant_gap[None]),
+            -responses.by_load @ formulation.load(1.0),
+            self._coordinates(gap_by_deviation),
+        ]
+        return {
+            "by_places": responses.by_place.T,
+            "law": np.vstack(law),
+            "place": system.place.astype(np.int32),
             "contact": contact.astype(np.uint8),
-            "gain": gain * scale,
-            "constant": gain * (springs.above - springs.offset[place]) * scale,
-            "weight": weight * scale,
-            "own": own * scale**2,
-            "value_force": np.where(contact, units.force / scale, 0.0),
-            "other_force": np.where(contact, 0.0, units.force * scale),
+            "gain": pivots.gain * pivots.scale,
+            "constant": pivots.gain * (springs.above - springs.offset[system.place]) * pivots.scale,
+            "weight": pivots.weight * pivots.scale,
+            "own": pivots.own * pivots.scale**2,
+            "value_force": np.where(contact, units.force / pivots.scale, 0.0),
+            "other_force": np.where(contact, 0.0, units.force * pivots.scale),
             "dual_unit": units.gap / units.load,
             "compliance": system.compliance,
             "local": system.local,
-            "G": system.G[first].T,
+            "G": system.G[system.first].T,
             "C": system.C,
             "delta_p": system.delta_p,
-            "map": map_,
+            "map": gap_by_deviation,
             "lever": system.lever.T,
         }
-        self.held = {name: np.ascontiguousarray(array) for name, array in held.items()}
-        self.sizes = (len(place), m, free, len(self._flanks), len(map_), ROTATION)
 
     def values(self, coordinates: Array, candidates: NDArray[np.int64]) -> Array:
-        """Values of some candidates, shape (states, candidates), by coordinates, shape (states, m + free)."""
-        held = self.held
-        at_places = coordinates[:, held["place"][candidates]]
-        return np.asarray(at_places * held["gain"][candidates] + held["constant"][candidates])
+        """Return the values of some candidates, shape (states, candidates).
+
+        Args:
+            coordinates: of the states, shape (states, m + free).
+            candidates: their numbers.
+        """
+        place_coordinates = coordinates[:, self.arrays["place"][candidates]]
+        return np.asarray(place_coordinates * self.arrays["gain"][candidates] + self.arrays["constant"][candidates])
 
     def of_teeth(self, gaps: StateGaps) -> tuple[Array | None, Array | None]:
-        """Gaps [mm] that measured teeth add at the places, shape (states, m), and their effect on the coordinates."""
+        """Return the gaps [mm] that measured teeth add at the places, shape (states, m), and their effect.
+
+        The effect is the change of the coordinates, shape (states, m + free). Both are None without measured teeth.
+        """
         if gaps.at_flanks is None:
             return None, None
-        at_places = np.zeros((len(gaps), len(self._touching)))
-        at_places[:, : len(self._flanks)] = gaps.at_flanks[:, self._flanks]
-        return at_places, self._coordinates(at_places)
+        place_gaps = np.zeros((len(gaps), len(self._is_touching)))
+        place_gaps[:, : len(self._flanks)] = gaps.at_flanks[:, self._flanks]
+        return place_gaps, self._coordinates(place_gaps)
 
     def _coordinates(self, gaps: Array) -> Array:
-        """The effect of gaps at the places [mm], shape (states, m), on the coordinates, shape (states, m + free)."""
-        found = gaps[:, self._touching] @ self._by_gaps
-        found[:, np.flatnonzero(~self._touching)] += gaps[:, ~self._touching]
-        return np.asarray(found / self._gap_unit)
+        """Return the change of the coordinates by gaps at the places [mm], shape (states, m + free)."""
+        coordinates = gaps[:, self._is_touching] @ self._by_gap
+        coordinates[:, np.flatnonzero(~self._is_touching)] += gaps[:, ~self._is_touching]
+        return np.asarray(coordinates / self._gap_unit)
+
+
+def _responses(formulation: Formulation, springs: Springs, is_single: NDArray[np.bool_]) -> _Responses:
+    """Return how the coordinates of a reference respond at the contact set of its springs.
+
+    Raises ValueError if the contact set does not hold the parts in place.
+    """
+    m = len(springs.series)
+    is_touching = springs.series > 0
+    # compliance in series with the structure: of springs in contact, and of a single candidate that is open
+    open_compliance = np.where(is_single, formulation.local[formulation.system.first], 0)
+    series = np.where(is_touching, springs.series, open_compliance)
+    matrix = formulation.structure.copy()
+    matrix[np.arange(m), np.arange(m)] += series
+    is_traded = np.append(is_touching, np.ones(len(formulation.A), dtype=bool))
+    traded = principal_transform(matrix, is_traded)
+    # places with stations in contact: their coordinate is the approach, not the force
+    approached = np.flatnonzero(is_touching & ~is_single)
+    traded[approached] *= -series[approached, None]
+    by_place = traded[:, :m].copy()
+    by_place[:, approached] *= series[approached]
+    by_place[approached, approached] += series[approached]
+    return _Responses(by_place=by_place, by_gap=-traded[:, :m][:, is_touching].T, by_load=traded[:, m:])
+
+
+def _pivots(
+    formulation: Formulation, responses: _Responses, contact: NDArray[np.bool_], is_single: NDArray[np.bool_]
+) -> _Pivots:
+    """Return the values of candidates by the coordinates of their places.
+
+    Raises ValueError if a first pivot is not positive.
+    """
+    place = formulation.system.place
+    local = formulation.local
+    is_station = ~is_single[place]  # shape (M,)
+    gain = np.where(is_station & contact, -1 / local, 1)
+    weight = np.abs(gain)
+    own = np.where(is_station, np.where(contact, 1 / local, local), 0)
+    unscaled = gain * responses.by_place[place, place] * weight + own
+    if not np.all(unscaled > 0):
+        raise ValueError("no pivots to start from")
+    return _Pivots(gain=gain, weight=weight, own=own, scale=1 / np.sqrt(unscaled))
 
 
 def principal_transform(matrix: Array, inside: NDArray[np.bool_]) -> Array:
-    """The matrix, shape (n, n), symmetric, after what it maps and what it maps to traded places inside, shape (n,).
+    """Return a symmetric matrix after arguments and results have traded places inside a set.
 
-    Raises ValueError where it has no inverse inside.
+    Args:
+        matrix: shape (n, n).
+        inside: the set, shape (n,).
+
+    Raises ValueError if the block inside has no inverse.
     """
-    # those inside first
-    order = np.argsort(~inside, kind="stable")
+    order = np.argsort(~inside, kind="stable")  # the set first
     n = int(np.count_nonzero(inside))
     ordered = matrix[order].take(order, axis=1)
     block = ordered[:n, :n]
     coupling = ordered[:n, n:]
     right = ordered[:n].copy()
     right[:, :n] = np.eye(n)
-    both = np.linalg.solve(block, right)
-    inverse = both[:, :n].copy()
-    rest = right - block @ both
-    if not np.abs(rest[:, :n]).max(initial=0) <= _INVERSE:
+    solution = np.linalg.solve(block, right)
+    inverse = solution[:, :n].copy()
+    residual = right - block @ solution
+    if not np.abs(residual[:, :n]).max(initial=0) <= _INVERSE:
         raise ValueError("the contacts do not constrain the parts")
-    both += inverse @ rest  # refined: without it two digits of the rotation are lost
-    across = both[:, n:]
+    solution += inverse @ residual  # one step of refinement: without it two digits of the rotation are lost
+    across = solution[:, n:]
     ordered[n:, n:] -= coupling.T @ across
-    ordered[:n, :n] = both[:, :n]
+    ordered[:n, :n] = solution[:, :n]
     ordered[:n, n:] = -across
     ordered[n:, :n] = across.T
     back = np.argsort(order)

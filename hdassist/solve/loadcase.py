@@ -45,7 +45,7 @@ from hdassist.solve.answers import (
     residuals,
     rotation_slopes,
 )
-from hdassist.solve.formulation import Formulation, Reference, imported_cvxpy
+from hdassist.solve.formulation import Formulation, Reference
 from hdassist.solve.pivoting import Pivoting, solve_near
 from hdassist.solve.walk import Points, Rules, Starts, Torus, Walk, climbed, walk_library, walk_near_state
 
@@ -170,7 +170,9 @@ def require_solver(name: str) -> str:
 
 @cache  # cvxpy looks for every solver anew each time
 def _able() -> list[str]:
-    return sorted(set(imported_cvxpy().installed_solvers()) & _QUADRATIC)
+    import cvxpy as cp
+
+    return sorted(set(cp.installed_solvers()) & _QUADRATIC)
 
 
 @contextmanager
@@ -196,6 +198,8 @@ def solve_through_cvxpy(formulation: Formulation, delta_p: Array, torque: float,
     Arguments: delta_p, gaps without force [mm], shape (M,); torque [N*mm]; solver, a name cvxpy knows.
     Raises UsageError for an unknown solver, UntrustedError where it gives no answer.
     """
+    import cvxpy as cp
+
     name = require_solver(solver)
     stated = formulation.statement
     stated.gaps.value = formulation.gaps(delta_p)
@@ -208,7 +212,7 @@ def solve_through_cvxpy(formulation: Formulation, delta_p: Array, torque: float,
         forces = stated.forces.value
         duals = stated.equilibrium.dual_value
         status = stated.problem.status
-    except imported_cvxpy().SolverError as error:
+    except cp.SolverError as error:
         forces = None
         duals = None
         status = str(error).splitlines()[0]
@@ -507,7 +511,7 @@ class LoadCase:
         """
         known = self.formulation.references
         if self._torque not in known:
-            near = next((each.held["contact"] > 0 for each in known.values() if each), None)  # at another torque
+            near = next((each.arrays["contact"] > 0 for each in known.values() if each), None)  # at another torque
             nominal = OneByOne(self.formulation, near, compiled=self._compiled)
             forces, _, _ = nominal.solve(self.system.delta_p[None], self._torque)
             known[self._torque] = None

@@ -50,7 +50,7 @@ class Pivoting:
 
     def forces(self, gaps: StateGaps, torque: float) -> tuple[Array, Array]:
         """Forces [N], shape (states, M), and free displacements [mm, rad] of states; NaN where one was given up."""
-        law = self._reference.held["law"]
+        law = self._reference.arrays["law"]
         _, of_teeth = self._reference.of_teeth(gaps)
         start = law[0] + torque * law[1] + gaps.scalars @ law[2 : 2 + gaps.scalars.shape[1]]
         start = start if of_teeth is None else start + of_teeth
@@ -61,7 +61,7 @@ class Pivoting:
     def _abreast(self, start: Array) -> tuple[Array, Array]:
         """Forces [N] and free displacements [mm, rad] of states from their coordinates at the reference."""
         reference = self._reference
-        held = self._reference.held
+        held = self._reference.arrays
         place = held["place"]
         m = len(held["by_places"])
         coordinates, others, values = np.empty_like(start), *np.zeros((2, len(start), len(place)))
@@ -87,7 +87,7 @@ class Pivoting:
         """
         from scipy.linalg.blas import dger  # a tenth of a second, which the compiled walk saves
 
-        held = self._reference.held
+        held = self._reference.arrays
         swing = self._swing
         states, n = start.shape
         place = held["place"][swing]

@@ -263,7 +263,7 @@ class Walk:
     def __init__(self, reference: Reference) -> None:
         self._library, _ = walk_library()
         self._reference = reference
-        addresses = [array.ctypes.data for array in reference.held.values()]
+        addresses = [array.ctypes.data for array in reference.arrays.values()]
         sizes = ctypes.c_int32 * len(reference.sizes)
         arrays = ctypes.c_void_p * len(addresses)
         self._walk = self._library.walk_new(sizes(*reference.sizes), arrays(*addresses))

@@ -391,22 +391,3 @@ def test_teeth_far_from_the_major_axis_carry_their_load():
     found = kinematic_error(drive, 4.0)
     assert found.F_ior_arcsec == pytest.approx(22.788205, abs=1e-5)
     assert found.certificate.max_residual < 1e-10
-
-
-STATS = """
-import sys
-from hdassist.solve.formulation import imported_cvxpy
-
-cp = imported_cvxpy()
-print("scipy.stats" in sys.modules)
-p = cp.Constant([0.25, 0.75])
-print(round(float(cp.quantum_rel_entr(cp.diag(p), cp.diag(p[::-1])).value), 6), "scipy.stats" in sys.modules)
-from scipy.stats import norm, qmc
-print(norm.__class__.__name__)
-"""
-
-
-@pytest.mark.thorough
-def test_cvxpy_is_imported_without_scipy_stats_which_is_there_where_it_is_asked_for():
-    told = subprocess.run([sys.executable, "-c", STATS], env=CLEAN, capture_output=True, text=True, check=True)
-    assert told.stdout.splitlines() == ["False", "0.549306 True", "norm_gen"]
