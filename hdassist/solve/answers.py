@@ -28,23 +28,29 @@ Residual = Annotated[float, Field(strict=True, ge=0, le=TOLERANCE)]  # of a prov
 
 @dataclass(frozen=True)
 class Residuals:
-    """Residuals of system (1) of states, each as a share of its scale, shape (states, 4).
+    """Residuals of system (1) of states, as shares of their scales.
 
-    Columns: negative force, of the greatest force; negative gap, of the greatest gap without force; complementarity, of
-    the product of both; equilibrium, of the sum of the forces' (and moments') sizes.
+    Columns: negative force, of the largest force; negative gap, of the largest gap without force; complementarity, of
+    the product of both; equilibrium, of the sum of the absolute forces (and moments).
     """
 
-    shares: Array
+    shares: Array  # shape (states, 4)
 
     @property
     def worst(self) -> Array:
-        """Greatest residual of each state, shape (states,); infinite where one is not a number."""
+        """Largest residual of each state, infinite if one is not a number, shape (states,)."""
         worst = self.shares.max(axis=1)
         return np.where(np.isnan(worst), np.inf, worst)
 
 
 def displacements(system: ContactSystem, forces: Array, free: Array) -> Array:
-    """Displacements a [mm, rad], shape (states, 9): those of supports from their forces, the free as given."""
+    """Return the displacements a [mm, rad], shape (states, 9).
+
+    Args:
+        system: its supports.
+        forces: [N], shape (states, M); they give the displacements of supported freedoms.
+        free: displacements of the freedoms without support [mm, rad], shape (states, free).
+    """
     a = np.empty((len(forces), len(system.C)))
     supported = system.supported
     a[:, supported] = forces @ system.G[:, supported] / system.C[supported]
@@ -53,47 +59,66 @@ def displacements(system: ContactSystem, forces: Array, free: Array) -> Array:
 
 
 def residuals(system: ContactSystem, delta_p: Array, torque: float | Array, forces: Array, free: Array) -> Residuals:
-    """Residuals of answers to system (1).
+    """Return the residuals of answers to system (1).
 
-    Arguments: delta_p, gaps without force [mm], and forces [N], both shape (states, M); torque [N*mm], of all states or
-    of each; free, displacements of the freedoms without support [mm, rad], shape (states, free).
+    Args:
+        system: the contact system.
+        delta_p: gaps without force [mm], shape (states, M).
+        torque: [N*mm], of all states or of each.
+        forces: [N], shape (states, M).
+        free: displacements of the freedoms without support [mm, rad], shape (states, free).
     """
     a = displacements(system, forces, free)
-    moved = system.at_places(forces) @ system.compliance + a @ system.G[system.first].T
-    gaps = delta_p + forces * system.local + moved[:, system.place]
-    balance = forces @ system.G - a * system.C
-    balance[:, ROTATION] += torque
+    place_gaps = system.at_places(forces) @ system.compliance + a @ system.G[system.first].T
+    gaps = delta_p + forces * system.local + place_gaps[:, system.place]  # delta = delta_p + D F + G a
     force_scale = np.maximum(np.abs(forces).max(axis=1), np.finfo(float).tiny)
     gap_scale = np.maximum(np.abs(delta_p).max(axis=1), np.finfo(float).tiny)
-    balance_scale = np.abs(forces) @ np.abs(system.G)
-    balance_scale[:, ROTATION] += np.abs(torque)
+    negative_force = np.maximum(-forces.min(axis=1), 0)
+    negative_gap = np.maximum(-gaps.min(axis=1), 0)
+    shares = [
+        negative_force / force_scale,
+        negative_gap / gap_scale,
+        np.abs(gaps * forces).max(axis=1) / (force_scale * gap_scale),
+        _unbalanced_share(system, torque, forces, a),
+    ]
+    return Residuals(np.stack(shares, axis=1))
+
+
+def _unbalanced_share(system: ContactSystem, torque: float | Array, forces: Array, a: Array) -> Array:
+    """Return the residual of G' F - C a + b = 0 as a share of the sum of the absolute forces, shape (states,).
+
+    Args:
+        system: the contact system.
+        torque: [N*mm], of all states or of each.
+        forces: [N], shape (states, M).
+        a: displacements [mm, rad], shape (states, 9).
+    """
+    balance = forces @ system.G - a * system.C
+    balance[:, ROTATION] += torque
+    scale = np.abs(forces) @ np.abs(system.G)
+    scale[:, ROTATION] += np.abs(torque)
     rounding = np.finfo(float).eps * np.abs(forces).sum(axis=1)[:, None] * np.abs(system.G).max(axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):
-        # a freedom without any force on it is in balance: a ball on one axis pushes along the other by rounding alone
-        unbalanced = np.where(np.abs(balance) <= rounding, 0.0, np.abs(balance) / balance_scale)
-    pulled, closed = (np.maximum(-signed.min(axis=1), 0) for signed in (forces, gaps))
-    product = np.abs(gaps * forces).max(axis=1) / (force_scale * gap_scale)
-    return Residuals(np.stack([pulled / force_scale, closed / gap_scale, product, unbalanced.max(axis=1)], axis=1))
+        # A freedom without force is in balance within rounding: a ball on one axis pushes along the other by rounding.
+        share = np.where(np.abs(balance) <= rounding, 0.0, np.abs(balance) / scale)
+    return np.asarray(share.max(axis=1))
 
 
-#
+# --- sums over the contacts
 
 
 @dataclass(frozen=True)
 class StateSums:
-    """Sums of states, shape (states,) where no other is given; NaN in a state that was given up.
+    """Sums over the contacts of states, NaN in a state that was given up."""
 
-    rotation [rad] of the flexspline; moment [N*mm] of each mesh zone, shape (states, 2); tooth_force [N], greatest on a
-    flank; residuals; slope of the rotation [rad/mm] by the scalars of the deviations while contacts stay as they are,
-    shape (states, scalars), where asked for; given_up, how many states the first way gave up.
-    """
-
-    rotation: Array
-    moment: Array
-    tooth_force: Array
+    rotation: Array  # of the flexspline [rad], shape (states,)
+    moment: Array  # of each mesh zone [N*mm], shape (states, 2)
+    tooth_force: Array  # largest on a flank [N], shape (states,)
     residuals: Residuals
+    # of the rotation by the deviation scalars at constant contacts [rad/mm], shape (states, scalars), None if not
+    # wanted
     slope: Array | None
-    given_up: int
+    given_up: int  # states that the first method gave up
 
     @classmethod
     def of(
@@ -107,32 +132,46 @@ class StateSums:
         *,
         slope: Array | None = None,
     ) -> StateSums:
-        """Sums of states from their forces [N], shape (states, M), and free displacements [mm, rad].
+        """Return the sums of states.
 
-        Arguments: delta_p, gaps without force [mm], shape (states, M); torque [N*mm], of all states or of each.
+        Args:
+            system: the contact system.
+            delta_p: gaps without force [mm], shape (states, M).
+            torque: [N*mm], of all states or of each.
+            forces: [N], shape (states, M).
+            free: displacements of the freedoms without support [mm, rad], shape (states, free).
+            given_up: number of states that the first method gave up.
+            slope: slopes of the rotation by the deviation scalars [rad/mm], shape (states, scalars).
         """
-        flank = system.at_places(forces)[:, : system.pairs]
+        flank_forces = system.at_places(forces)[:, : system.pairs]
         return cls(
             rotation=free[:, system.free_rotation],
-            moment=flank @ system.lever,
-            tooth_force=flank.max(axis=1),
+            moment=flank_forces @ system.lever,
+            tooth_force=flank_forces.max(axis=1),
             residuals=residuals(system, delta_p, torque, forces, free),
             slope=slope,
             given_up=given_up,
         )
 
-    def put(self, rows: NDArray[np.int64], there: StateSums) -> None:
-        """Put the sums of other states into some rows."""
-        self.residuals.shares[rows] = there.residuals.shares
-        for name, values in vars(self).items():
-            if isinstance(values, np.ndarray):
-                values[rows] = getattr(there, name)
+    def put(self, rows: NDArray[np.int64], sums: StateSums) -> None:
+        """Replace the sums in some rows by those of other states."""
+        self.rotation[rows] = sums.rotation
+        self.moment[rows] = sums.moment
+        self.tooth_force[rows] = sums.tooth_force
+        self.residuals.shares[rows] = sums.residuals.shares
+        if self.slope is not None:
+            self.slope[rows] = sums.slope
 
 
 def rotation_slopes(formulation: Formulation, forces: Array, scalars: int) -> Array:
-    """Slope of the rotation by the first scalars of the deviations [rad/mm], shape (states, scalars).
+    """Return the slope of the rotation by deviation scalars at constant contacts [rad/mm], shape (states, scalars).
 
-    Of each state at the contacts that carry force, forces [N], shape (states, M); NaN where none hold the parts.
+    Equation (9a). The slopes are NaN if the contacts do not hold the parts.
+
+    Args:
+        formulation: the programme.
+        forces: [N]; candidates with a force are in contact, shape (states, M).
+        scalars: number of deviation scalars, the first ones.
     """
     system = formulation.system
     units = formulation.units
@@ -151,7 +190,7 @@ def rotation_slopes(formulation: Formulation, forces: Array, scalars: int) -> Ar
     return np.asarray(slopes / units.load[system.free_rotation])
 
 
-#
+# --- proven answers
 
 
 STATES_AT_A_TIME = 1024  # states between two reports of progress
@@ -161,44 +200,42 @@ N_MM = 1e3  # N*mm in a N*m
 
 @dataclass(frozen=True)
 class Certificate(ClosedRecord):
-    """Worst residuals over states, each a share of its scale, and how many states stood behind them.
-
-    fallbacks: states that the warm solver gave up and another way solved.
-    """
+    """Largest residuals over a number of states, as shares of their scales."""
 
     states: Count
     negative_force: Residual
     negative_gap: Residual
     complementarity: Residual
     equilibrium: Residual
-    fallbacks: Count
+    fallbacks: Count  # states that the first method gave up and another one solved
 
     @property
     def max_residual(self) -> float:
-        """Greatest of the four residuals."""
+        """Largest of the four residuals."""
         return max(self.negative_force, self.negative_gap, self.complementarity, self.equilibrium)
 
     def __add__(self, other: Certificate) -> Certificate:
-        worst = {name: max(value, vars(other)[name]) for name, value in vars(self).items()}
-        both = {"states": self.states + other.states, "fallbacks": self.fallbacks + other.fallbacks}
-        return Certificate(**worst | both)
+        return Certificate(
+            states=self.states + other.states,
+            negative_force=max(self.negative_force, other.negative_force),
+            negative_gap=max(self.negative_gap, other.negative_gap),
+            complementarity=max(self.complementarity, other.complementarity),
+            equilibrium=max(self.equilibrium, other.equilibrium),
+            fallbacks=self.fallbacks + other.fallbacks,
+        )
 
 
-EMPTY = Certificate(0, 0.0, 0.0, 0.0, 0.0, 0)
+EMPTY = Certificate(states=0, negative_force=0.0, negative_gap=0.0, complementarity=0.0, equilibrium=0.0, fallbacks=0)
 
 
 @dataclass(frozen=True)
 class Answers:
-    """Results of solved states, shape (states,) where no other is given.
+    """Results of solved states with their certificate."""
 
-    rotation_arcsec: of the flexspline against the rigid wheel; zone_share: share of the torque that each mesh zone
-    takes, shape (states, 2); tooth_force_N: greatest force on a flank; slope_arcsec_per_mm: change of the rotation by
-    the scalars of the deviations while contacts stay as they are, shape (states, scalars), None where not asked for.
-    """
-
-    rotation_arcsec: Array
-    zone_share: Array
-    tooth_force_N: Array
+    rotation_arcsec: Array  # of the flexspline against the rigid wheel, shape (states,)
+    zone_share: Array  # share of the torque on each mesh zone, shape (states, 2)
+    tooth_force_N: Array  # largest force on a flank, shape (states,)
+    # of the rotation by the deviation scalars at constant contacts, shape (states, scalars), None if not wanted
     slope_arcsec_per_mm: Array | None
     certificate: Certificate
 
@@ -210,12 +247,17 @@ def proven_answers(
     place: Callable[[int], str],
     progress: Progress | None = None,
 ) -> Answers:
-    """Answers of states that were solved chunk by chunk, each of which is proven before the next one is asked for.
+    """Return the answers of states that are solved chunk by chunk; each chunk is proven before the next one is solved.
 
-    Arguments: torque [N*mm], of all states or of each; place, words for where state k is, for
-    errors; progress, called with how many states each chunk has.
-    Raises UntrustedError where a state is not solved, its residuals are above TOLERANCE, or the answer is
-    outside the limits of the linear model.
+    Args:
+        system: the contact system.
+        torque: [N*mm], of all states or of each.
+        chunks: sums of the states.
+        place: returns the words that say where state k is, for errors.
+        progress: called with the number of states of each chunk.
+
+    Raises UntrustedError if a state is not solved, its residuals are above TOLERANCE, or the rotation is outside the
+    limits of the linear model.
     """
     parts: list[StateSums] = []
     certificate = EMPTY
@@ -223,7 +265,14 @@ def proven_answers(
         _require_proof(sums.residuals, place, certificate.states)
         _require_linear(system, sums.rotation, place, certificate.states)
         force, gap, product, balance = sums.residuals.shares.max(axis=0).tolist()
-        certificate += Certificate(len(sums.rotation), force, gap, product, balance, sums.given_up)
+        certificate += Certificate(
+            states=len(sums.rotation),
+            negative_force=force,
+            negative_gap=gap,
+            complementarity=product,
+            equilibrium=balance,
+            fallbacks=sums.given_up,
+        )
         parts.append(sums)
         if progress:
             progress(len(sums.rotation))
@@ -238,8 +287,8 @@ def proven_answers(
 
 
 def _joined(parts: Iterable[Array]) -> Array:
-    held = list(parts)
-    return np.concatenate(held) if held else np.empty(0)
+    arrays = list(parts)
+    return np.concatenate(arrays) if arrays else np.empty(0)
 
 
 def _require_proof(proof: Residuals, place: Callable[[int], str], first: int) -> None:

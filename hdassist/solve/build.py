@@ -59,7 +59,7 @@ def compile_walk(folder: Path, more: Sequence[str] = ()) -> list[Path]:
         return []
     folder.mkdir(parents=True, exist_ok=True)
     levels = X86 if wheel_platform().endswith(("x86_64", "amd64")) else {1: []}
-    made = []
+    libraries = []
     for level, flags in levels.items():
         library = folder / library_name(level)
         # replaced as a whole: another process may have the old one open; its name stands in some libraries
@@ -75,5 +75,5 @@ def compile_walk(folder: Path, more: Sequence[str] = ()) -> list[Path]:
             return []
         new.replace(library)
         shutil.rmtree(new.parent)  # with what some linkers leave beside it
-        made.append(library)
-    return made
+        libraries.append(library)
+    return libraries

@@ -23,10 +23,10 @@ class _WalkHook(BuildHookInterface[Any]):
             _BUILD["compile_walk"](_BUILD["development_folder"]())
             return
         self._folder = tempfile.mkdtemp()
-        made = _BUILD["compile_walk"](Path(self._folder))
-        for library in made:
+        libraries = _BUILD["compile_walk"](Path(self._folder))
+        for library in libraries:
             build_data["force_include"][str(library)] = f"hdassist/solve/{library.name}"
-        if made:
+        if libraries:
             build_data["pure_python"] = False
             build_data["tag"] = f"py3-none-{_BUILD['wheel_platform']()}"
 

@@ -48,7 +48,7 @@ class Springs:
     series: Array  # compliance, 0 at a place without contact, shape (m,)
     offset: Array  # closing beyond `lowest` at which the spring begins to push, shape (m,)
     lowest: Array  # gap of the first candidate at each place, shape (m,)
-    above: Array  # gap of each candidate minus that of the first one at its place, shape (M,)
+    excess: Array  # gap of each candidate minus that of the first one at its place, shape (M,)
 
     @classmethod
     def of(cls, formulation: Formulation, gaps: Array, contact: NDArray[np.bool_]) -> Springs:
@@ -65,9 +65,9 @@ class Springs:
         at_places = np.add.reduceat(stiffness, first)
         series = np.divide(1, at_places, out=np.zeros(len(first)), where=at_places > 0)
         lowest = gaps[first]
-        above = gaps - lowest[place]  # exactly 0 at a place with one candidate, not a difference of large numbers
-        offset = np.add.reduceat(stiffness * above, first) * series
-        return cls(series=series, offset=offset, lowest=lowest, above=above)
+        excess = gaps - lowest[place]  # exactly 0 at a place with one candidate, not a difference of large numbers
+        offset = np.add.reduceat(stiffness * excess, first) * series
+        return cls(series=series, offset=offset, lowest=lowest, excess=excess)
 
 
 @dataclass(frozen=True)
@@ -206,7 +206,7 @@ class _Pivots:
 
     gain: Array  # of the coordinate in the value
     weight: Array  # of the candidate's opposite value in the coordinate of its place
-    own: Array  # of the candidate's opposite value in its own value
+    self_response: Array  # of the candidate's opposite value in its own value
     scale: Array
 
 
@@ -277,9 +277,9 @@ class Reference:
             "place": system.place.astype(np.int32),
             "contact": contact.astype(np.uint8),
             "gain": pivots.gain * pivots.scale,
-            "constant": pivots.gain * (springs.above - springs.offset[system.place]) * pivots.scale,
+            "constant": pivots.gain * (springs.excess - springs.offset[system.place]) * pivots.scale,
             "weight": pivots.weight * pivots.scale,
-            "own": pivots.own * pivots.scale**2,
+            "own": pivots.self_response * pivots.scale**2,
             "value_force": np.where(contact, units.force / pivots.scale, 0.0),
             "other_force": np.where(contact, 0.0, units.force * pivots.scale),
             "dual_unit": units.gap / units.load,
@@ -355,11 +355,11 @@ def _pivots(
     is_station = ~is_single[place]  # shape (M,)
     gain = np.where(is_station & contact, -1 / local, 1)
     weight = np.abs(gain)
-    own = np.where(is_station, np.where(contact, 1 / local, local), 0)
-    unscaled = gain * responses.by_place[place, place] * weight + own
+    self_response = np.where(is_station, np.where(contact, 1 / local, local), 0)
+    unscaled = gain * responses.by_place[place, place] * weight + self_response
     if not np.all(unscaled > 0):
         raise ValueError("no pivots to start from")
-    return _Pivots(gain=gain, weight=weight, own=own, scale=1 / np.sqrt(unscaled))
+    return _Pivots(gain=gain, weight=weight, self_response=self_response, scale=1 / np.sqrt(unscaled))
 
 
 def principal_transform(matrix: Array, inside: NDArray[np.bool_]) -> Array:

@@ -54,10 +54,14 @@ _proven: set[tuple[bool, ...]] = set()  # freedoms that were free in the proven 
 
 
 def require_compiled_as_stated(formulation: Formulation, run: Run = Run()) -> None:
-    """Make sure that cvxpy compiles this formulation to the data that the engines run.
+    """Make sure that cvxpy compiles a formulation to the data that the engines run.
 
-    Arguments: formulation; run, whose process for other solvers, if there is one, has a look in place of this one,
-    which need not import cvxpy then. Raises UntrustedError where it compiles to something else.
+    Args:
+        formulation: the programme.
+        run: its process for other solvers, if there is one, compiles in place of this one, which then need not import
+            cvxpy.
+
+    Raises UntrustedError if cvxpy compiles it to other data.
     """
     supported = tuple(formulation.system.supported.tolist())
     if supported in _proven:
@@ -67,9 +71,10 @@ def require_compiled_as_stated(formulation: Formulation, run: Run = Run()) -> No
     if run.executor and not is_kept:
         run.beside(require_compiled_as_stated, formulation).result()
     elif not is_kept:
-        if wrong := list(template_differences(formulation)):
+        differences = list(template_differences(formulation))
+        if differences:
             raise UntrustedError(
-                f"cvxpy compiled the programme to different data: {', '.join(wrong)}",
+                f"cvxpy compiled the programme to different data: {', '.join(differences)}",
                 "install the versions with which hdassist was tested (hdassist doctor)",
             )
         keep(_COMPILED_TEMPLATE, key, b"")
@@ -77,32 +82,52 @@ def require_compiled_as_stated(formulation: Formulation, run: Run = Run()) -> No
 
 
 def template_differences(formulation: Formulation) -> Iterator[str]:
-    """Names of parts that cvxpy compiles to other data than stated, at two torques and gaps."""
+    """Yield the names of parts that cvxpy compiles to other data than stated, at two torques and gaps."""
     stated = formulation.statement
-    place = formulation.system.place
     M = len(formulation.local)
     m = len(formulation.H)
+    P, A = _stated_matrices(formulation)
+    lower_bounds = np.repeat([0.0, -np.inf], [M, m])
+    for torque, gap in ((0.0, 0.0), (1e3, 1.0)):
+        gaps = gap * np.arange(1.0, M + 1)
+        load = formulation.load(torque)
+        stated.gaps.value = gaps
+        stated.load.value = load
+        data, _, _ = stated.problem.get_problem_data("DAQP")
+        if data["F"].shape[0]:
+            yield "further rows"
+        expected: dict[str, Any] = {
+            "P": P,
+            "q": np.pad(gaps, (0, m)),
+            "A": A,
+            "b": np.pad(-load, (0, m)),
+            "lower_bounds": lower_bounds,
+            "upper_bounds": None,
+        }
+        for name, value in expected.items():
+            compiled = data[name]
+            if hasattr(compiled, "toarray"):
+                compiled = compiled.toarray()
+            if not np.array_equal(compiled, value):
+                yield name
+
+
+def _stated_matrices(formulation: Formulation) -> tuple[Array, Array]:
+    """Return P and A of the programme over forces and their sums at the places, M + m variables.
+
+    The rows of A are the equilibrium of the free freedoms, then the sums of the forces at the places.
+    """
+    M = len(formulation.local)
+    m = len(formulation.H)
+    free = len(formulation.A)
     P = np.zeros((M + m, M + m))
     P[:M, :M] = np.diag(formulation.local)
     P[M:, M:] = formulation.H
-    A = np.zeros((len(formulation.A) + m, M + m))
-    A[: len(formulation.A), M:] = formulation.A
-    A[len(formulation.A) + place, np.arange(M)] = 1
-    A[len(formulation.A) + np.arange(m), M + np.arange(m)] = -1
-    lower = np.repeat([0.0, -np.inf], [M, m])
-    for torque, gap in ((0.0, 0.0), (1e3, 1.0)):
-        stated.gaps.value = gaps = gap * np.arange(1.0, M + 1)
-        stated.load.value = load = formulation.load(torque)
-        data, _, _ = stated.problem.get_problem_data("DAQP")
-        expected: dict[str, Any] = {"P": P, "q": np.pad(gaps, (0, m)), "A": A, "b": np.pad(-load, (0, m))}
-        expected |= {"lower_bounds": lower, "upper_bounds": None}
-        if data["F"].shape[0]:
-            yield "further rows"
-        for name, value in expected.items():
-            found = data[name]
-            found = found.toarray() if hasattr(found, "toarray") else found
-            if not np.array_equal(found, value):
-                yield name
+    A = np.zeros((free + m, M + m))
+    A[:free, M:] = formulation.A
+    A[free + formulation.system.place, np.arange(M)] = 1
+    A[free + np.arange(m), M + np.arange(m)] = -1
+    return P, A
 
 
 def _key(formulation: Formulation) -> str:
@@ -111,12 +136,12 @@ def _key(formulation: Formulation) -> str:
     return hashlib.sha256(f"{version('cvxpy')} {free} ".encode() + source).hexdigest()
 
 
-#
+# --- other solvers, called through cvxpy
 
 
-CROSS_TOLERANCE = 0.01  # arcsec between the engine and the other solver
+CROSS_TOLERANCE = 0.01  # largest difference between the engine and another solver [arcsec]
 
-# Solvers that take a quadratic programme, of those cvxpy knows.
+# Solvers that take a quadratic programme, among those that cvxpy knows.
 _QUADRATIC = {
     "CLARABEL",
     "COPT",
@@ -132,17 +157,17 @@ _QUADRATIC = {
     "XPRESS",
 }
 
-# Of those that come with cvxpy the quickest here: 20 ms a state with five stations where CLARABEL takes 70, within 2e-4
-# arcsec of the engine over all presets; where it gives no answer, or another (stiff contacts under little torque: 0.013
-# arcsec), CLARABEL decides.
+# CROSS_SOLVER is the fastest of the solvers that come with cvxpy: 20 ms a state with five stations, CLARABEL takes 70.
+# Its answers are within 2e-4 arcsec of the engine over all presets. If it has no answer, or another one (stiff contacts
+# under a small torque: 0.013 arcsec), CLARABEL decides.
 SECOND_SOLVER = "CLARABEL"
-_SHIPPED = {CROSS_SOLVER: "highspy", SECOND_SOLVER: "clarabel"}  # with cvxpy, by their packages
+_SHIPPED = {CROSS_SOLVER: "highspy", SECOND_SOLVER: "clarabel"}  # packages of the solvers that come with cvxpy
 _SOLVED_AGAIN = "again"
 
-_LONGEST_SOLVE = 120.0  # s for one state: solvers take milliseconds, of the largest drives seconds
+_LONGEST_SOLVE = 120.0  # s for one state; solvers take milliseconds, or seconds for the largest drives
 
-# Tolerances at which each solver's answers earn their certificate, and where it stops without one; a name that is not
-# here runs at its defaults, which bound its iterations.
+# Tolerances with which the answers of each solver earn their certificate, and its limits. A solver that is not listed
+# runs with its defaults, which limit its iterations.
 SOLVER_SETTINGS: dict[str, dict[str, Any]] = {
     "CLARABEL": {
         "tol_gap_abs": 1e-11,
@@ -162,13 +187,16 @@ SOLVER_SETTINGS: dict[str, dict[str, Any]] = {
 
 
 def require_solver(name: str) -> str:
-    """Name of a solver as cvxpy writes it; raises UsageError where it is not there or solves no such programme."""
+    """Return the name of a solver as cvxpy writes it.
+
+    Raises UsageError if it is not installed or solves no quadratic programme.
+    """
     if name.upper() not in (CROSS_SOLVER, SECOND_SOLVER) and name.upper() not in _able():
         raise UsageError(f"no solver {name!r} for the contact problem", f"choose one of {', '.join(_able()).lower()}")
     return name.upper()
 
 
-@cache  # cvxpy looks for every solver anew each time
+@cache  # cvxpy searches for all solvers in each call
 def _able() -> list[str]:
     import cvxpy as cp
 
@@ -177,7 +205,7 @@ def _able() -> list[str]:
 
 @contextmanager
 def muted_output() -> Iterator[None]:
-    """Output of compiled code goes nowhere meanwhile: HiGHS 1.16 has a banner for each solver."""
+    """Discard the output of compiled code in the block: HiGHS 1.16 prints a banner for each solver."""
     try:
         kept = os.dup(1)
     except OSError:  # it is closed
@@ -193,10 +221,15 @@ def muted_output() -> Iterator[None]:
 
 
 def solve_through_cvxpy(formulation: Formulation, delta_p: Array, torque: float, solver: str) -> tuple[Array, Array]:
-    """Forces [N], shape (M,), and free displacements [mm, rad] of one state, by a solver called through cvxpy.
+    """Return forces [N], shape (M,), and free displacements [mm, rad] of one state, by a solver called through cvxpy.
 
-    Arguments: delta_p, gaps without force [mm], shape (M,); torque [N*mm]; solver, a name cvxpy knows.
-    Raises UsageError for an unknown solver, UntrustedError where it gives no answer.
+    Args:
+        formulation: the programme.
+        delta_p: gaps without force [mm], shape (M,).
+        torque: [N*mm].
+        solver: a name that cvxpy knows.
+
+    Raises UsageError for an unknown solver, UntrustedError if it has no answer.
     """
     import cvxpy as cp
 
@@ -223,7 +256,7 @@ def solve_through_cvxpy(formulation: Formulation, delta_p: Array, torque: float,
 
 @dataclass(frozen=True)
 class CrossCheck(ClosedRecord):
-    """States solved again through cvxpy by another solver, and the greatest difference of the error."""
+    """States solved again through cvxpy by another solver, and the largest difference of the error."""
 
     solver: str
     states: Count
@@ -234,9 +267,9 @@ _CROSS_CHECK = TypeAdapter(CrossCheck)
 
 
 def solvers_depend_on(solver: str | None) -> tuple[str, ...] | None:
-    """All that a cross-check by a solver depends on beside its states; None where that is not known, so none is kept.
+    """Return all that a cross-check by a solver depends on except its states; None if that is not known.
 
-    Known are the solvers that come with cvxpy, and that there is no cross-check.
+    It is known for the solvers that come with cvxpy, and without a cross-check (None). Other results are not kept.
     """
     if solver is None:
         return ()
@@ -254,70 +287,89 @@ def solve_again(
 ) -> CrossCheck:
     """Solve states of one system by another solver, called through cvxpy, and compare the rotations.
 
-    Arguments: torques M_g [N*m] and rotation_arcsec, of the engine [arcsec], shape (states,); delta_p, gaps
-    without force [mm], shape (states, M); solver, its name, behind which SECOND_SOLVER stands; place, words for where
-    state k is, for errors. By the solvers that come with cvxpy the outcome is kept in the user's cache, for the same
-    states and rotations to the last digit. Raises UntrustedError where two rotations differ by more than
-    CROSS_TOLERANCE.
+    A result of the solvers that come with cvxpy is kept in the user's cache, for the same states and rotations to the
+    last digit.
+
+    Args:
+        formulation: the programme.
+        torques: M_g [N*m], shape (states,).
+        delta_p: gaps without force [mm], shape (states, M).
+        rotation_arcsec: rotations by the engine, shape (states,).
+        solver: its name; SECOND_SOLVER decides if it has no answer or another one.
+        place: returns the words that say where state k is, for errors.
+
+    Raises UntrustedError if two rotations differ by more than CROSS_TOLERANCE.
     """
-    used = {require_solver(solver): None}
-    worst = 0.0
-    known = solvers_depend_on(solver)
-    key = sha256(f"{known} {operating_system()}".encode() + formulation.digest)
+    name = require_solver(solver)
+    depends_on = solvers_depend_on(solver)
+    keeps_result = keeps_answers() and depends_on is not None
+    hashed = sha256(f"{depends_on} {operating_system()}".encode() + formulation.digest)
     for array in (delta_p, torques, rotation_arcsec):
-        key.update(f"{array.shape}".encode() + array.tobytes())
-    keeps = keeps_answers() and known is not None
-    with suppress(ValueError):
-        kept = _CROSS_CHECK.validate_json((keeps and cached(_SOLVED_AGAIN, key.hexdigest())) or b"")
-        if kept.states == len(torques) and {*kept.solver.split(", ")} <= {*_SHIPPED}:
-            return kept
+        hashed.update(f"{array.shape}".encode() + array.tobytes())
+    key = hashed.hexdigest()
+    kept = _kept_cross_check(key, len(torques)) if keeps_result else None
+    if kept is not None:
+        return kept
+    used_solvers = [name]
+    worst = 0.0
     for k, M_g in enumerate(torques.tolist()):
-        state = formulation, M_g * N_MM, delta_p[k], rotation_arcsec[k]
+        torque = M_g * N_MM
         try:
-            difference = _difference(*state, solver)
+            difference = _difference(formulation, torque, delta_p[k], rotation_arcsec[k], solver)
         except UntrustedError:
             difference = np.inf
         if not difference <= CROSS_TOLERANCE:
-            used[SECOND_SOLVER] = None
-            difference = _difference(*state, SECOND_SOLVER)
+            used_solvers.append(SECOND_SOLVER)
+            difference = _difference(formulation, torque, delta_p[k], rotation_arcsec[k], SECOND_SOLVER)
         if not difference <= CROSS_TOLERANCE:
+            names = " and ".join(dict.fromkeys(used_solvers)).lower()
             raise UntrustedError(
                 f"two solvers disagree at {place(k)}: {difference:.3g}″ between the engine and "
-                f"{' and '.join(used).lower()}, {CROSS_TOLERANCE} allowed",
+                f"{names}, {CROSS_TOLERANCE} allowed",
                 "use another solver for the cross-check (--cross-check osqp)",
                 Fault.SOLVERS_DISAGREE,
             )
         worst = max(worst, difference)
-    found = CrossCheck(", ".join(used), len(torques), worst)
-    if keeps:
-        keep(_SOLVED_AGAIN, key.hexdigest(), _CROSS_CHECK.dump_json(found))
-    return found
+    cross_check = CrossCheck(
+        solver=", ".join(dict.fromkeys(used_solvers)), states=len(torques), max_difference_arcsec=worst
+    )
+    if keeps_result:
+        keep(_SOLVED_AGAIN, key, _CROSS_CHECK.dump_json(cross_check))
+    return cross_check
+
+
+def _kept_cross_check(key: str, states: int) -> CrossCheck | None:
+    """Return a cross-check from the user's cache, None if there is none or it is not one of so many states."""
+    try:
+        kept = _CROSS_CHECK.validate_json(cached(_SOLVED_AGAIN, key) or b"")
+    except ValueError:
+        return None
+    is_valid = kept.states == states and set(kept.solver.split(", ")) <= set(_SHIPPED)
+    return kept if is_valid else None
 
 
 def _difference(formulation: Formulation, torque: float, delta_p: Array, expected: float, solver: str) -> float:
-    """How far a solver's rotation of one state is from the one expected [arcsec]."""
+    """Return the difference between a solver's rotation of one state and the expected one [arcsec]."""
     _, free = solve_through_cvxpy(formulation, delta_p, torque, solver)
     return float(np.abs(free[formulation.system.free_rotation] * ARCSEC - expected))
 
 
-# --- a torque on the contact system
+# --- single states
 
 SOLVED = 1  # exit flag of daqp
 ALWAYS_ACTIVE = 5  # sense of an equality row
-_ACTIVE_LOWER = 3  # sense of a bound thought to hold: no force
+_ACTIVE_LOWER = 3  # sense of a bound expected to hold: no force
 # In the programme's own units forces are of order 0.1 to 100 and gaps of order 1 to 1000.
 DAQP_SETTINGS = {"primal_tol": 1e-10, "dual_tol": 1e-12}
-_HEAVIER = (1e4, 1e2, 1.0)  # times the load of a state: ways down to it
-ITERATIONS = 10  # for each row, after which daqp is stopped: states that it solves take one or two
+_LOAD_STEPS = (1e4, 1e2, 1.0)  # multiples of the load, from which a state is approached
+ITERATIONS = 10  # most iterations of daqp for each row; states that it solves take one or two
+
+_Solution = tuple[Array, Array]  # forces [N] and free displacements [mm, rad] of one state
+_Method = Callable[[Array, float], _Solution | None]  # of gaps delta_p [mm] and torque [N*mm]
 
 
 class OneByOne:
-    """Solves single states of one contact system: near a contact set, else by DAQP, else by an interior-point method.
-
-    Arguments: formulation; contact, candidates thought to carry force, shape (M,), by default all; compiled, whether
-    the way near that set may run in C, as it does where it is there; solver, a name that cvxpy knows, to send each
-    state through cvxpy instead.
-    """
+    """Solves single states of a contact system: near a contact set, else by DAQP, else by an interior-point method."""
 
     def __init__(
         self,
@@ -327,93 +379,116 @@ class OneByOne:
         compiled: bool = True,
         solver: str | None = None,
     ) -> None:
+        """Prepare for the states of one system.
+
+        Args:
+            formulation: the programme.
+            contact: candidates expected to carry force, shape (M,); all by default.
+            compiled: the method near a contact set may run in C, and does if it is compiled.
+            solver: a name that cvxpy knows; every state is then sent through cvxpy to this solver.
+        """
         self._formulation = formulation
         self._solver = solver
         self._solve_near = walk_near_state if compiled and walk_library()[0] else solve_near
         self.contact = np.ones(len(formulation.local), dtype=bool) if contact is None else contact
 
     def solve(self, delta_p: Array, torque: float | Array) -> tuple[Array, Array, int]:
-        """Forces [N], shape (states, M), free displacements [mm, rad], and how many states the first way gave up.
+        """Return forces [N], shape (states, M), free displacements [mm, rad], and the number of states given up first.
 
-        A state that no solver solves has an answer without proof, or NaN. The cause of one hopeless state makes its
-        neighbours so, and each costs all ways: the first one that no solver solves is the last one tried. Arguments:
-        delta_p, gaps without force [mm], shape (states, M); torque [N*mm] on the flexspline, of all states or of each.
-        Raises UntrustedError where the solver asked for fails.
+        That is the number of states that the first method gave up. A state that no method solves has an answer without
+        proof, or NaN. The reason applies to its neighbours as well, and each costs all methods, so no state behind the
+        first hopeless one is tried.
+
+        Args:
+            delta_p: gaps without force [mm], shape (states, M).
+            torque: on the flexspline [N*mm], of all states or of each.
+
+        Raises UntrustedError if the requested solver fails.
         """
         system = self._formulation.system
         forces = np.full(delta_p.shape, np.nan)
         free = np.full((len(delta_p), len(self._formulation.A)), np.nan)
-        ways = [self._near, self._by_daqp, self._through_cvxpy][2 if self._solver else 0 :]
-        given_up = tried = 0
-        for k, (at_state, load) in enumerate(zip(delta_p, np.broadcast_to(torque, len(delta_p)).tolist(), strict=True)):
-            for tried, way in enumerate(ways):
-                given_up += tried == 1  # by the first way
-                if answer := way(at_state, load):
-                    forces[k], free[k] = answer
+        methods: list[_Method] = [self._through_cvxpy]
+        if not self._solver:
+            methods = [self._near, self._by_daqp, self._through_cvxpy]
+        given_up = 0
+        loads = np.broadcast_to(torque, len(delta_p)).tolist()
+        for k, load in enumerate(loads):
+            solution = None
+            method_number = 0
+            for method_number, method in enumerate(methods):
+                if method_number == 1:
+                    given_up += 1
+                solution = method(delta_p[k], load)
+                if solution:
+                    forces[k], free[k] = solution
                     break
-            if tried or self._solver:
-                proof = residuals(system, at_state[None], load, forces[k, None], free[k, None])
+            if method_number or self._solver:
+                proof = residuals(system, delta_p[k, None], load, forces[k, None], free[k, None])
                 if not proof.worst[0] <= TOLERANCE:
                     break
             self.contact = forces[k] > 0
         return forces, free, given_up
 
-    def _near(self, delta_p: Array, torque: float) -> tuple[Array, Array] | None:
+    def _near(self, delta_p: Array, torque: float) -> _Solution | None:
+        """Solve a state from the last contact set, from none, and from that of a heavier load."""
         gaps = self._formulation.gaps(delta_p)
         right = -self._formulation.load(torque)
-        none = np.zeros_like(self.contact)
-        # from none it is half the steps of a start from all, from which some never end
-        for contact in (none,) if self.contact.all() else (self.contact, none):
-            if answer := self._solve_near(self._formulation, gaps, right, contact):
-                return self._formulation.answer(*answer)
-        # teeth that hardly hold the parts come and go: a load that presses them together leads to theirs
-        answer = self._solve_near(self._formulation, gaps, _HEAVIER[0] * right, none)
-        for times in _HEAVIER[1:]:
-            answer = answer and self._solve_near(self._formulation, gaps, times * right, answer[0] > 0)
-        return answer and self._formulation.answer(*answer)
+        no_contact = np.zeros_like(self.contact)
+        # a start without contact takes half the steps of one with all contacts, and some of the latter never end
+        starts = [no_contact] if self.contact.all() else [self.contact, no_contact]
+        for contact in starts:
+            solution = self._solve_near(self._formulation, gaps, right, contact)
+            if solution:
+                return self._formulation.answer(*solution)
+        # Teeth that hardly hold the parts come into contact and leave it again. A heavier load presses them together,
+        # and leads to their contact set.
+        solution = self._solve_near(self._formulation, gaps, _LOAD_STEPS[0] * right, no_contact)
+        for factor in _LOAD_STEPS[1:]:
+            if not solution:
+                return None
+            forces, _ = solution
+            solution = self._solve_near(self._formulation, gaps, factor * right, forces > 0)
+        return self._formulation.answer(*solution) if solution else None
 
-    def _by_daqp(self, delta_p: Array, torque: float) -> tuple[Array, Array] | None:
+    def _by_daqp(self, delta_p: Array, torque: float) -> _Solution | None:
+        """Solve a state by DAQP, from the last contact set and from all contacts."""
         formulation = self._formulation
         right = -self._formulation.load(torque)
         n = len(delta_p)
         upper = np.append(np.full(n, np.inf), right)
         lower = np.append(np.zeros(n), right)
+        A = np.ascontiguousarray(formulation.A[:, formulation.system.place])
         for contact in (self.contact, np.ones(n, dtype=bool)):
-            sense = np.append(np.where(contact, 0, _ACTIVE_LOWER), np.full(len(right), ALWAYS_ACTIVE)).astype(np.int32)
+            senses = np.where(contact, 0, _ACTIVE_LOWER)
+            sense = np.append(senses, np.full(len(right), ALWAYS_ACTIVE)).astype(np.int32)
             model = daqp.Model()
             model.settings = DAQP_SETTINGS | {"iter_limit": ITERATIONS * len(sense)}
-            A = np.ascontiguousarray(formulation.A[:, formulation.system.place])
             flag, _ = model.setup(formulation.P, formulation.gaps(delta_p), A, upper, lower, sense)
-            if flag < 0:  # coefficients too far apart to be factored
+            if flag < 0:  # the coefficients are too far apart to be factored
                 continue
             x, _, flag, info = model.solve()
             if flag == SOLVED:
                 return formulation.answer(x, info["lam"][n:])
         return None
 
-    def _through_cvxpy(self, delta_p: Array, torque: float) -> tuple[Array, Array] | None:
+    def _through_cvxpy(self, delta_p: Array, torque: float) -> _Solution | None:
+        """Solve a state through cvxpy; only a requested solver raises UntrustedError."""
         with nullcontext() if self._solver else suppress(UntrustedError):
             return solve_through_cvxpy(self._formulation, delta_p, torque, self._solver or SECOND_SOLVER)
         return None
 
 
-#
+# --- a torque on the contact system
 
 
-_POOR_PROOF = 1e-9  # residual of a state of the walk from which on it is solved once more, alone
-MANY_STATES = 64  # states from which on a reference pays
-_CARRIES = 1e-9  # of the greatest force: more is contact
+_POOR_PROOF = 1e-9  # a state of the walk with a larger residual is solved once more, alone
+MANY_STATES = 64  # number of states from which a reference pays off
+_CARRIES = 1e-9  # a candidate is in contact if its force is a larger share of the largest one
 
 
 class LoadCase:
-    """A contact system under a torque: many states are solved by the walk, few, and those that it gives up, one by one.
-
-    Arguments: formulation, the programme of the system; M_g, torque on the flexspline [N*m]; like, the load case of a
-    system that is the same or differs a little, whose contact set this one takes over; many, whether many states will
-    come, in batches however small; compiled, whether the walk in C may run, as it does where it is there; solver, a
-    name that cvxpy knows, to send each state through cvxpy instead. Raises UntrustedError where cvxpy compiles the
-    formulation to other data.
-    """
+    """A contact system under a torque. The walk solves many states; few, and those it gives up, are solved singly."""
 
     def __init__(
         self,
@@ -425,6 +500,18 @@ class LoadCase:
         compiled: bool = True,
         solver: str | None = None,
     ) -> None:
+        """Prepare for the states of one system.
+
+        Args:
+            formulation: the programme.
+            M_g: torque on the flexspline [N*m].
+            like: load case of the same or a similar system, whose contact set this one takes over.
+            many: many states will follow, in batches however small.
+            compiled: the walk in C may run, and does if it is compiled.
+            solver: a name that cvxpy knows; every state is then sent through cvxpy to this solver.
+
+        Raises UntrustedError if cvxpy compiles the formulation to other data.
+        """
         if not solver:
             require_compiled_as_stated(formulation)
         contact = None
@@ -435,11 +522,13 @@ class LoadCase:
         self._compiled = compiled and walk_library()[0] is not None
         self._one_by_one: OneByOne = OneByOne(formulation, contact, compiled=self._compiled, solver=solver)
         self._walk: Walk | Pivoting | None = None
-        self._pays = np.inf if solver else 0 if many else MANY_STATES
+        self._walk_pays_from: float = 0 if many else MANY_STATES  # number of states
+        if solver:
+            self._walk_pays_from = np.inf
         self.load(M_g)
 
     def load(self, M_g: float) -> None:
-        """Go on with another torque [N*m]; factors stay."""
+        """Set another torque M_g [N*m]; factors remain valid."""
         self._torque = M_g * N_MM
 
     def solve(
@@ -452,32 +541,44 @@ class LoadCase:
     ) -> Answers:
         """Solve states and prove each answer.
 
-        Arguments: gaps of the states; place, words for where state k is, for errors; progress, called with how many
-        states were solved since the last call; slope, whether that of the rotation by the scalars is asked for. Raises
-        UntrustedError where a state is not solved, or its answer is outside the limits of the linear model.
+        Args:
+            gaps: of the states.
+            place: returns the words that say where state k is, for errors.
+            progress: called with the number of states solved since the last call.
+            slope: also compute the slope of the rotation by the scalars.
+
+        Raises UntrustedError if a state is not solved, or its answer is outside the limits of the linear model.
         """
         firsts = range(0, len(gaps), STATES_AT_A_TIME)
         chunks = (self.sums(gaps[first : first + STATES_AT_A_TIME], slope=slope) for first in firsts)
         return proven_answers(self.system, self._torque, chunks, place, progress)
 
     def over(self, torques: Array, place: Callable[[int], str], progress: Progress | None = None) -> Answers:
-        """Solve the state without deviations at torques M_g [N*m], each from the contacts of the one before.
+        """Solve the state without deviations at torques M_g [N*m], each from the contacts of the previous one.
 
-        Arguments and errors as those of solve.
+        The other arguments and the errors are those of solve.
         """
         loads = torques * N_MM
         delta_p = np.repeat(self.system.delta_p[None], len(torques), axis=0)
-        sums = StateSums.of(self.system, delta_p, loads, *self._one_by_one.solve(delta_p, loads))
+        forces, free, given_up = self._one_by_one.solve(delta_p, loads)
+        sums = StateSums.of(self.system, delta_p, loads, forces, free, given_up)
         return proven_answers(self.system, loads, [sums], place, progress)
 
     def sums(self, gaps: StateGaps, *, slope: bool = False) -> StateSums:
-        """Sums of states without their proof, with slopes by the deviation scalars where asked for.
+        """Return the sums of states without their proof.
 
-        A state that no solver solves has sums without proof, or NaN; states behind it are not tried, and NaN. Raises
-        UntrustedError where a solver that was asked for has no answer.
+        A state that no method solves has sums without proof, or NaN. States behind it are not tried and have NaN.
+
+        Args:
+            gaps: of the states.
+            slope: also compute the slope of the rotation by the scalars.
+
+        Raises UntrustedError if a requested solver has no answer.
         """
-        if self._walk is None and len(gaps) >= self._pays and (reference := self._reference()):
-            self._walk = Walk(reference) if self._compiled else Pivoting(self.formulation, reference)
+        if self._walk is None and len(gaps) >= self._walk_pays_from:
+            reference = self._reference()
+            if reference:
+                self._walk = Walk(reference) if self._compiled else Pivoting(self.formulation, reference)
         if self._walk is None:
             return self._alone(gaps, slope)
         sums = self._walk.solve(gaps, self._torque, slope=slope)
@@ -487,9 +588,9 @@ class LoadCase:
         return replace(sums, given_up=len(given_up))
 
     def climb(self, torus: Torus, hills: Starts, rules: Rules) -> Points:
-        """The highest states around hills, as `climbed` says, shape (groups, 2): they are not proven."""
-        if isinstance(walk := self._walk, Walk):
-            return walk.climb(torus, self._torque, hills, rules)
+        """Return the highest states around hills, as `climbed` does, shape (groups, 2). They are not proven."""
+        if isinstance(self._walk, Walk):
+            return self._walk.climb(torus, self._torque, hills, rules)
 
         def state_at(scalars: Array) -> tuple[float, Array]:
             sums = self.sums(StateGaps(scalars[None]), slope=True)
@@ -498,29 +599,39 @@ class LoadCase:
         return climbed(torus, hills, rules, state_at)
 
     def forces(self, delta_p: Array) -> tuple[Array, Array, int]:
-        """Forces [N], shape (states, M), free displacements [mm, rad], and how many states the first way gave up.
+        """Return what OneByOne.solve returns: each state is solved alone.
 
-        Arguments: delta_p, gaps without force [mm], shape (states, M). Each state is solved alone, as OneByOne says.
+        Args:
+            delta_p: gaps without force [mm], shape (states, M).
         """
         return self._one_by_one.solve(delta_p, self._torque)
 
     def _reference(self) -> Reference | None:
-        """Reference at the contacts of the drive without deviations, which do not depend on the states asked for.
+        """Return the reference at the contacts of the drive without deviations, None if that set does not serve.
 
-        None where that contact set is no use.
+        It does not depend on the states to be solved.
         """
-        known = self.formulation.references
-        if self._torque not in known:
-            near = next((each.arrays["contact"] > 0 for each in known.values() if each), None)  # at another torque
-            nominal = OneByOne(self.formulation, near, compiled=self._compiled)
+        references = self.formulation.references
+        if self._torque not in references:
+            other_contacts = [known.arrays["contact"] > 0 for known in references.values() if known]
+            start = other_contacts[0] if other_contacts else None  # contacts at another torque
+            nominal = OneByOne(self.formulation, start, compiled=self._compiled)
             forces, _, _ = nominal.solve(self.system.delta_p[None], self._torque)
-            known[self._torque] = None
+            references[self._torque] = None
             with suppress(ValueError):
-                known[self._torque] = Reference(self.formulation, forces[0] > _CARRIES * forces[0].max())
-        return known[self._torque]
+                references[self._torque] = Reference(self.formulation, forces[0] > _CARRIES * forces[0].max())
+        return references[self._torque]
 
     def _alone(self, gaps: StateGaps, slope: bool = False) -> StateSums:
         delta_p = self.system.delta_p_of(gaps)
         forces, free, given_up = self.forces(delta_p)
         slopes = rotation_slopes(self.formulation, forces, gaps.scalars.shape[1]) if slope else None
-        return StateSums.of(self.system, delta_p, self._torque, forces, free, given_up, slope=slopes)
+        return StateSums.of(
+            system=self.system,
+            delta_p=delta_p,
+            torque=self._torque,
+            forces=forces,
+            free=free,
+            given_up=given_up,
+            slope=slopes,
+        )

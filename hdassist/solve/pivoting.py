@@ -9,6 +9,8 @@ a solution from one problem to the next.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,20 +19,20 @@ from hdassist.model.geometry import Array
 from hdassist.solve.answers import StateSums, rotation_slopes
 from hdassist.solve.formulation import Formulation, Reference, Springs
 
-_ZERO = 1e-10  # in the programme's units: a value this far below zero counts as zero
-SOFT = 1e-6  # compliance, in the programme's units, that lets parts move by 1 under a millionth of a force unit
-NEAR_STEPS = 100  # after which it is given up; most states take a dozen
-_NEAR_PATIENCE = 10  # steps in which no fewer candidates change sides, after which one at a time does
-_ABREAST = 64  # states that a tableau carries along
-LIMIT = 10  # pivots for each candidate and state of a tableau, after which those that are left are given up
-SMALLEST = 1e-9  # pivot, where those of the reference are one and others were 1e-3 to 1e3
+_ZERO = 1e-10  # a value this far below zero counts as zero, in the programme's units
+SOFT = 1e-6  # stiffness, in the programme's units, of the springs that hold loose parts
+NEAR_STEPS = 100  # most steps of the method for one state; most states take a dozen
+_NEAR_PATIENCE = 10  # steps without fewer candidates that change sides, after which only one at a time does
+_ABREAST = 64  # states in one tableau
+LIMIT = 10  # most pivots for each candidate and state of a tableau
+SMALLEST = 1e-9  # smallest pivot; those of the reference are one, and others were 1e-3 to 1e3
 
 
 class Pivoting:
     """Solves states from one reference, many of them abreast.
 
-    Only candidates that change sides somewhere (the swing) are in the tableau; the others' values follow from theirs,
-    are looked at for every state, and bring a candidate into the swing where one is negative.
+    Only candidates that change sides in some state (the swing) are in the tableau. The values of all other candidates
+    follow from theirs; a candidate whose value is negative in a state joins the swing.
     """
 
     def __init__(self, formulation: Formulation, reference: Reference) -> None:
@@ -39,9 +41,12 @@ class Pivoting:
         self._swing = np.zeros(0, dtype=int)
 
     def solve(self, gaps: StateGaps, torque: float, *, slope: bool = False) -> StateSums:
-        """Sums and residuals of states; NaN where one was given up.
+        """Return sums and residuals of states, NaN for a state that was given up.
 
-        Arguments: gaps; torque [N*mm]; slope, whether the slope of the rotation by the scalars is asked for.
+        Args:
+            gaps: of the states.
+            torque: on the flexspline [N*mm].
+            slope: also compute the slope of the rotation by the scalars.
         """
         system = self._formulation.system
         forces, free = self.forces(gaps, torque)
@@ -49,126 +54,180 @@ class Pivoting:
         return StateSums.of(system, system.delta_p_of(gaps), torque, forces, free, slope=slopes)
 
     def forces(self, gaps: StateGaps, torque: float) -> tuple[Array, Array]:
-        """Forces [N], shape (states, M), and free displacements [mm, rad] of states; NaN where one was given up."""
+        """Return forces [N], shape (states, M), and free displacements [mm, rad], NaN for a state that was given up."""
         law = self._reference.arrays["law"]
-        _, of_teeth = self._reference.of_teeth(gaps)
+        _, teeth_coordinates = self._reference.of_teeth(gaps)
         start = law[0] + torque * law[1] + gaps.scalars @ law[2 : 2 + gaps.scalars.shape[1]]
-        start = start if of_teeth is None else start + of_teeth
-        parts = [self._abreast(start[first : first + _ABREAST]) for first in range(0, max(len(gaps), 1), _ABREAST)]
-        forces, free = (np.concatenate(each) for each in zip(*parts, strict=True))
-        return forces, free
+        if teeth_coordinates is not None:
+            start = start + teeth_coordinates
+        forces = []
+        free = []
+        for first in range(0, max(len(gaps), 1), _ABREAST):
+            batch_forces, batch_free = self._abreast(start[first : first + _ABREAST])
+            forces.append(batch_forces)
+            free.append(batch_free)
+        return np.concatenate(forces), np.concatenate(free)
 
     def _abreast(self, start: Array) -> tuple[Array, Array]:
-        """Forces [N] and free displacements [mm, rad] of states from their coordinates at the reference."""
+        """Return forces [N] and free displacements [mm, rad] of states abreast.
+
+        Args:
+            start: coordinates of the states at the reference, shape (states, m + free).
+        """
         reference = self._reference
-        held = self._reference.arrays
-        place = held["place"]
-        m = len(held["by_places"])
-        coordinates, others, values = np.empty_like(start), *np.zeros((2, len(start), len(place)))
-        rows = np.arange(len(start))
+        arrays = reference.arrays
+        place = arrays["place"]
+        m = len(arrays["by_places"])
+        coordinates = np.empty_like(start)
+        values = np.zeros((len(start), len(place)))
+        opposite_values = np.zeros((len(start), len(place)))  # of candidates that changed sides, else 0
+        rows = np.arange(len(start))  # states to be solved with the present swing
         while len(rows):
             swing = self._swing
-            others[np.ix_(rows, swing)] = found = self._pivoted(reference.values(start[rows], swing))
-            coordinates[rows] = start[rows] + found * held["weight"][swing] @ held["by_places"][place[swing]]
+            swing_values = self._pivoted(reference.values(start[rows], swing))
+            opposite_values[np.ix_(rows, swing)] = swing_values
+            by_swing = swing_values * arrays["weight"][swing] @ arrays["by_places"][place[swing]]
+            coordinates[rows] = start[rows] + by_swing
             values[rows] = reference.values(coordinates[rows], np.arange(len(place)))
-            missing = values[rows] < -_ZERO
-            missing[:, swing] = False
-            rows = rows[missing.any(axis=1)]
-            self._swing = np.union1d(swing, np.flatnonzero(missing.any(axis=0)))
-        changed = others != 0
-        forces = np.maximum(np.where(changed, others, values), 0)
-        forces *= np.where(changed, held["other_force"], held["value_force"])
-        return forces, coordinates[:, m:] * held["dual_unit"]
+            is_missing = values[rows] < -_ZERO  # candidates that have to join the swing
+            is_missing[:, swing] = False
+            rows = rows[is_missing.any(axis=1)]
+            self._swing = np.union1d(swing, np.flatnonzero(is_missing.any(axis=0)))
+        has_changed = opposite_values != 0
+        forces = np.maximum(np.where(has_changed, opposite_values, values), 0)
+        forces *= np.where(has_changed, arrays["other_force"], arrays["value_force"])
+        return forces, coordinates[:, m:] * arrays["dual_unit"]
 
-    def _pivoted(self, start: Array) -> Array:
-        """Others of the swing that solve each state, 0 where a candidate did not change sides; NaN where given up.
+    def _tableau(self, start: Array) -> Array:
+        """Return the tableau of the swing with the values of states as further columns, shape (swing, swing + states).
 
-        Arguments: start, the values at the reference, shape (states, swing).
+        Args:
+            start: values of the swing at the reference, shape (states, swing).
         """
-        from scipy.linalg.blas import dger  # a tenth of a second, which the compiled walk saves
-
-        held = self._reference.arrays
+        arrays = self._reference.arrays
         swing = self._swing
         states, n = start.shape
-        place = held["place"][swing]
-        through = held["by_places"][np.ix_(place, place)].T
+        place = arrays["place"][swing]
+        response = arrays["by_places"][np.ix_(place, place)].T
         tableau = np.empty((n, n + states), order="F")
-        tableau[:, :n] = held["gain"][swing, None] * through * held["weight"][swing] + np.diag(held["own"][swing])
+        tableau[:, :n] = arrays["gain"][swing, None] * response * arrays["weight"][swing] + np.diag(
+            arrays["own"][swing]
+        )
         tableau[:, n:] = start.T
-        values = tableau[:, n:]
-        changed = np.zeros(n, dtype=bool)
-        solved = np.full(start.shape, np.nan)
-        left = np.asarray(np.isfinite(start).all(axis=1))
-        k = np.intp(0)
+        return tableau
+
+    def _pivoted(self, start: Array) -> Array:
+        """Return the opposite values of the swing that solve states, shape (states, swing).
+
+        They are 0 for a candidate that did not change sides, NaN for a state that was given up.
+
+        Args:
+            start: values of the swing at the reference, shape (states, swing).
+        """
+        from scipy.linalg.blas import dger  # its import takes 0.1 s, which the compiled walk does without
+
+        states, n = start.shape
+        tableau = self._tableau(start)
+        values = tableau[:, n:]  # of all states at the present contact set
+        has_changed = np.zeros(n, dtype=bool)
+        solution = np.full(start.shape, np.nan)
+        is_open = np.asarray(np.isfinite(start).all(axis=1))  # states that are not solved yet
+        k = np.intp(0)  # the state that the pivots lead to
         for _ in range(LIMIT * (n + states)):
-            least = values.min(axis=0, initial=0)
-            done = left & (least >= -_ZERO)
-            if done.any():
-                solved[done] = values[:, done].T * changed
-                left &= ~done
-                if not left.any():
+            smallest_value = values.min(axis=0, initial=0)
+            is_solved = is_open & (smallest_value >= -_ZERO)
+            if is_solved.any():
+                solution[is_solved] = values[:, is_solved].T * has_changed
+                is_open &= ~is_solved
+                if not is_open.any():
                     break
-            if not left[k]:
-                k = np.where(left, least, -np.inf).argmax()  # the nearest of those that are left
+            if not is_open[k]:
+                k = np.where(is_open, smallest_value, -np.inf).argmax()  # the open state nearest to its solution
             r = values[:, k].argmin()
             column = tableau[:, r].copy()
             row = tableau[r].copy()
             pivot = column[r]
-            if not pivot > SMALLEST:  # without it no contact would hold the torque: this state is given up
-                left[k] = False
+            if not pivot > SMALLEST:  # after this pivot no contact would hold the torque: the state is given up
+                is_open[k] = False
                 continue
-            # so that the one update serves row and column, too
+            # with these entries one rank-one update serves the pivot's row and column as well
             column[r] = pivot + 1
             row[r] = pivot - 1
             dger(-1 / pivot, column, row, a=tableau, overwrite_x=1, overwrite_y=1, overwrite_a=1)
-            changed[r] = not changed[r]
-        return solved
+            has_changed[r] = not has_changed[r]
+        return solution
+
+
+@dataclass(frozen=True)
+class _NearStep:
+    """One state at a trial contact set."""
+
+    forces: Array  # of candidates, not yet checked for their sign, shape (M,)
+    open_gaps: Array  # shape (M,)
+    duals: Array  # shape (free,)
+    is_loose: bool  # no contact holds the parts: soft springs hold them
+
+    def violations(self, contact: NDArray[np.bool_]) -> NDArray[np.int64]:
+        """Return the candidates with a negative force in contact or a negative gap."""
+        return np.flatnonzero(np.where(contact, self.forces, self.open_gaps) < -_ZERO)
 
 
 def solve_near(
     formulation: Formulation, gaps: Array, right: Array, contact: NDArray[np.bool_]
 ) -> tuple[Array, Array] | None:
-    """Forces, shape (M,), and duals, shape (free,), of one state; None where the method gives up.
+    """Return forces, shape (M,), and duals, shape (free,), of one state; None if the method gives up.
 
     Sets of candidates change sides until none has to: a primal-dual active-set method (Hintermueller, Ito, Kunisch
-    2003, doi 10.1137/S1052623401383558); where they do not become fewer, one at a time, which cannot cycle (Judice and
-    Pires 1994, doi 10.1016/0305-0548(94)90106-6). It needs no set-up and so serves where every state has matrices of
-    its own.
-    Arguments: formulation; gaps, shape (M,); right side of the equilibrium A x = right, shape (free,);
-    contact, candidates thought to carry force, shape (M,). All in the programme's units.
+    2003, doi 10.1137/S1052623401383558). If their number does not fall, one at a time changes, which cannot cycle
+    (Judice and Pires 1994, doi 10.1016/0305-0548(94)90106-6). The method needs no set-up, so it serves if every state
+    has matrices of its own. All numbers are in the programme's units.
+
+    Args:
+        formulation: the programme.
+        gaps: without force, shape (M,).
+        right: right side of the equilibrium A x = right, shape (free,).
+        contact: candidates expected to carry force, shape (M,).
     """
-    structure = formulation.structure
-    place = formulation.system.place
-    m = len(formulation.H)
     patience = _NEAR_PATIENCE
     fewest = len(gaps) + 1
     for _ in range(NEAR_STEPS):
-        springs = Springs.of(formulation, gaps, contact)
-        inside = np.append(np.flatnonzero(springs.series), np.arange(m, len(structure)))  # places in contact, and duals
-        series = np.append(springs.series, np.zeros(len(right)))
-        system = structure[np.ix_(inside, inside)] + np.diag(series[inside])
-        wanted = np.append(-springs.lowest - springs.offset, right)
-        solution = np.zeros(len(structure))
-        loose = False
-        try:
-            solution[inside] = np.linalg.solve(system, wanted[inside])
-        except np.linalg.LinAlgError:  # no contact holds the parts: a soft spring lets them move on until some does
-            loose = True
-            system -= SOFT * np.diag(inside >= m)
-            solution[inside] = np.linalg.lstsq(system, wanted[inside])[0]
-        if not np.all(np.isfinite(solution)):
+        step = _solved_at(formulation, gaps, right, contact)
+        if step is None:
             return None
-        open_gaps = gaps + (structure[:m, inside] @ solution[inside])[place]
-        approach = series[:m] * solution[:m] + springs.offset
-        forces = np.where(contact, (approach[place] - springs.above) / formulation.local, 0.0)
-        moved = np.flatnonzero(np.where(contact, forces, open_gaps) < -_ZERO)
-        if not (loose or len(moved)):
-            return np.maximum(forces, 0), solution[m:]
-        fewer = loose or len(moved) < fewest
-        patience, fewest = (_NEAR_PATIENCE, len(moved)) if fewer else (patience - 1, fewest)
+        violations = step.violations(contact)
+        if not (step.is_loose or len(violations)):
+            return np.maximum(step.forces, 0), step.duals
+        if step.is_loose or len(violations) < fewest:
+            patience = _NEAR_PATIENCE
+            fewest = len(violations)
+        else:
+            patience -= 1
         contact = contact.copy()
-        contact[moved if patience >= 0 else moved[-1:]] ^= True
+        contact[violations if patience >= 0 else violations[-1:]] ^= True
     return None
 
 
-#
+def _solved_at(formulation: Formulation, gaps: Array, right: Array, contact: NDArray[np.bool_]) -> _NearStep | None:
+    """Solve one state at a contact set, with the arguments of solve_near; None if the numbers overflow."""
+    structure = formulation.structure
+    place = formulation.system.place
+    m = len(formulation.H)
+    springs = Springs.of(formulation, gaps, contact)
+    inside = np.append(np.flatnonzero(springs.series), np.arange(m, len(structure)))  # places in contact, and duals
+    series = np.append(springs.series, np.zeros(len(right)))
+    matrix = structure[np.ix_(inside, inside)] + np.diag(series[inside])
+    right_side = np.append(-springs.lowest - springs.offset, right)
+    solution = np.zeros(len(structure))
+    is_loose = False
+    try:
+        solution[inside] = np.linalg.solve(matrix, right_side[inside])
+    except np.linalg.LinAlgError:  # no contact holds the parts: soft springs let them move until some contact does
+        is_loose = True
+        matrix -= SOFT * np.diag(inside >= m)
+        solution[inside] = np.linalg.lstsq(matrix, right_side[inside])[0]
+    if not np.all(np.isfinite(solution)):
+        return None
+    open_gaps = gaps + (structure[:m, inside] @ solution[inside])[place]
+    approach = series[:m] * solution[:m] + springs.offset
+    forces = np.where(contact, (approach[place] - springs.excess) / formulation.local, 0.0)
+    return _NearStep(forces=forces, open_gaps=open_gaps, duals=solution[m:], is_loose=is_loose)

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from hdassist.model.contacts import StateGaps
 from hdassist.model.geometry import Array
@@ -29,89 +29,93 @@ from hdassist.solve.pivoting import NEAR_STEPS, SOFT
 Points = NDArray[np.int64]
 _StateAt = Callable[[Array], tuple[float, Array]]  # rotation [rad] and slopes [rad/mm] of a state by its scalars [mm]
 
-_WAYS = np.array([(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)])  # of a ring, side by side
-_LOOKS = 3  # around the highest state of a climb, by each ring
-_WIDEST_LOOK = 24  # steps along each wheel that a climb looks around, at most
+_DIRECTIONS = np.array([(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)])  # of a ring, in order
+_RING_ROUNDS = 3  # most rounds with each ring around the highest state
+_MAX_RADIUS = 24  # largest radius in which a climb looks for its next state, in steps along each wheel
 _MOST_STATES = 256  # of one climb; two dozen are usual
 
 
 @dataclass(frozen=True, eq=False)
 class Torus:
-    """Scalars [mm] of states of drives, as sums of parts by the places of both wheels, shape (drives, z, scalars).
+    """Deviation scalars of the states of drives, as sums of parts that the positions of both wheels give.
 
-    finest: steps along each wheel from one state to the next.
+    States lie on a torus, the positions of the two wheels.
     """
 
-    by_b: Array
-    by_g: Array
-    finest: int
+    by_b: Array  # part of the rigid wheel [mm], shape (drives, z_b, scalars)
+    by_g: Array  # part of the flexspline [mm], shape (drives, z_g, scalars)
+    finest: int  # steps along each wheel from one state to the next
 
     def scalars(self, row: Points, point: Points) -> Array:
-        """Scalars [mm] of drives by their row at points, shape (states, 2): shape (states, scalars)."""
+        """Return the scalars of states [mm], shape (states, scalars).
+
+        Args:
+            row: of the drive of each state.
+            point: of each state, shape (states, 2).
+        """
         k, l = point.T % np.array([[self.by_b.shape[1]], [self.by_g.shape[1]]])
         return np.asarray(self.by_b[row, k] + self.by_g[row, l])
 
     def changes(self, row: Points, point: Points) -> list[Array]:
-        """Change of the scalars there by a step [mm] along each wheel, shape (states, scalars) both."""
-        found = []
-        for wheel, part in enumerate((self.by_b, self.by_g)):
-            at = point[:, wheel]
-            z = part.shape[1]
-            found.append((part[row, (at + 1) % z] - part[row, (at - 1) % z]) / 2)
-        return found
+        """Return the changes of the scalars by a step along each wheel [mm], both of shape (states, scalars).
+
+        Args:
+            row: of the drive of each state.
+            point: of each state, shape (states, 2).
+        """
+        return [_central_difference(self.by_b, row, point[:, 0]), _central_difference(self.by_g, row, point[:, 1])]
+
+
+def _central_difference(part: Array, row: Points, position: Points) -> Array:
+    z = part.shape[1]
+    return np.asarray((part[row, (position + 1) % z] - part[row, (position - 1) % z]) / 2)
 
 
 @dataclass(frozen=True, eq=False)
 class Starts:
-    """Where climbs begin: groups of a drive and sign, by the place of their first hill, and a state on each hill.
+    """States on hills, at which climbs begin, in groups of one drive and one sign."""
 
-    row, sign: of each group; sign -1 climbs the rotation upside down. Of the states: point, shape (hills, 2), rotation
-    [rad], shape (hills,), and its slope [rad/mm], shape (hills, scalars).
-    """
-
-    first: Points
-    row: Points
-    sign: Points
-    point: Points
-    rotation: Array
-    slope: Array
+    first: Points  # number of the first hill of each group
+    row: Points  # of the drive of each group
+    sign: Points  # of each group; -1 climbs the rotation upside down
+    point: Points  # of each state, shape (hills, 2)
+    rotation: Array  # of each state [rad]
+    slope: Array  # of the rotation by the scalars [rad/mm], shape (hills, scalars)
 
 
 @dataclass(frozen=True)
 class Rules:
-    """Steps of a climb at most; gain [rad] that a state has to promise; radius of a look around, then of rings."""
+    """Limits of a climb."""
 
-    steps: int
-    gain: float
-    radius: tuple[int, ...]
+    steps: int  # most steps
+    gain: float  # smallest gain that the next state has to promise [rad]
+    radius: tuple[int, ...]  # in which a climb looks for its next state, then the radii of rings around its top
 
 
 def climbed(torus: Torus, hills: Starts, rules: Rules, state_at: _StateAt) -> Points:
-    """The highest states that climbs from the hills of each group, and rings around, come to, shape (groups, 2)."""
+    """Return the highest states that climbs from the hills of each group reach, shape (groups, 2).
+
+    Args:
+        torus: scalars of all states.
+        hills: states at which climbs begin.
+        rules: limits of the climbs.
+        state_at: solves a state.
+    """
     radius, *rings = rules.radius
     tops = []
     ends = np.append(hills.first[1:], len(hills.point))
     for first, end, row, sign in zip(hills.first, ends, hills.row, hills.sign, strict=True):
-        highest = -np.inf
+        max_height = -np.inf
         for hill in range(first, end):
             climb = _Climb(torus=torus, rules=rules, state_at=state_at, row=int(row), sign=int(sign))
             climb.add(hills.point[hill], hills.rotation[hill], hills.slope[hill])
-            climb.go_up(radius, highest)
-            if climb.height > highest:
-                best = climb
-                highest = climb.height
+            climb.go_up(radius, max_height)
+            if climb.height > max_height:
+                highest_climb = climb
+                max_height = climb.height
         for ring in rings:
-            for _ in range(_LOOKS):
-                known = np.array(best.points)
-                for point in best.top + ring * _WAYS:
-                    if (2 * np.abs(known - point) > ring).any(axis=1).all():
-                        best.visit(point)
-                        known = np.array(best.points)
-                best.go_up(1.5 * ring, -np.inf)
-                if not best.height > highest + rules.gain:
-                    break
-                highest = best.height
-        tops.append(best.top)
+            max_height = highest_climb.look_around(ring, max_height)
+        tops.append(highest_climb.top)
     return np.array(tops)
 
 
@@ -128,9 +132,8 @@ class _Climb:
         self._heights = list[float]()
         self._slopes = list[Array]()
         self._scalars = list[Array]()
-        # at no deviations; whether no state is higher
-        self._tangents = list[float]()
-        self._is_bound = list[bool]()
+        self._tangents = list[float]()  # value of each state's tangent without deviations [rad]
+        self._is_bound = list[bool]()  # whether the tangent of each state lies above all other states
 
     @property
     def height(self) -> float:
@@ -143,7 +146,7 @@ class _Climb:
         return self.points[int(np.argmax(self._heights))]
 
     def visit(self, point: Points) -> bool:
-        """Solve the state at a point; whether it has an answer, and there was room."""
+        """Solve the state at a point; return whether it has an answer and there was room for it."""
         if len(self.points) == _MOST_STATES:
             return False
         rotation, slope = self._state_at(self._torus.scalars(np.array([self._row]), point[None])[0])
@@ -152,16 +155,22 @@ class _Climb:
         return bool(np.isfinite(rotation))
 
     def add(self, point: Points, rotation: float, slope: Array) -> None:
-        """Add the state at a point by its rotation [rad] and slope [rad/mm]."""
+        """Add a solved state.
+
+        Args:
+            point: positions of both wheels.
+            rotation: [rad].
+            slope: of the rotation by the scalars [rad/mm].
+        """
         scalars = self._torus.scalars(np.array([self._row]), point[None])[0]
         height = self._sign * rotation
         slope = self._sign * slope
         gain = self._rules.gain
         tangent = height - slope @ scalars
         is_bound = True
-        for i, other in enumerate(self._scalars):
+        for i, other_scalars in enumerate(self._scalars):
             self._is_bound[i] &= bool(self._tangents[i] + self._slopes[i] @ scalars >= height - gain)
-            is_bound &= bool(tangent + slope @ other >= self._heights[i] - gain)
+            is_bound &= bool(tangent + slope @ other_scalars >= self._heights[i] - gain)
         self.points.append(point)
         self._heights.append(height)
         self._slopes.append(slope)
@@ -169,27 +178,65 @@ class _Climb:
         self._tangents.append(tangent)
         self._is_bound.append(is_bound)
 
-    def go_up(self, radius: float, highest: float) -> None:
-        """Go on to the state that all bounds let be the highest, so many steps around the top, until they let none."""
-        torus = self._torus
+    def go_up(self, radius: float, target: float) -> None:
+        """Visit the state with the highest bound near the top, again and again, until no bound promises a gain.
+
+        Args:
+            radius: in which the next state is looked for, in steps along each wheel.
+            target: height that a state has to promise to exceed [rad].
+        """
         for _ in range(self._rules.steps):
-            reach = min(int(radius + 0.5), _WIDEST_LOOK)
+            reach = min(int(radius + 0.5), _MAX_RADIUS)
             top = self.top
-            before = self.height
-            bounds = np.flatnonzero(self._is_bound | (np.arange(len(self.points)) == np.argmax(self._heights)))
-            steps = np.arange(-reach, reach + 1)
-            slopes = np.array(self._slopes)[bounds]
-            by_b = torus.by_b[self._row, (top[0] + steps) % torus.by_b.shape[1]] @ slopes.T
-            by_g = torus.by_g[self._row, (top[1] + steps) % torus.by_g.shape[1]] @ slopes.T
-            model = (np.array(self._tangents)[bounds] + by_b[:, None] + by_g).min(axis=2)
-            model[(steps[:, None] + steps) % torus.finest != 0] = -np.inf
-            for at in np.array(self.points) - top + reach:
-                if (at >= 0).all() and (at <= 2 * reach).all():
-                    model[tuple(at)] = -np.inf
-            best = np.unravel_index(model.argmax(), model.shape)
-            if not model[best] > max(before, highest) + self._rules.gain or not self.visit(top + best - reach):
+            height = self.height
+            bounds = self._upper_bounds(top, reach)
+            best = np.unravel_index(bounds.argmax(), bounds.shape)
+            if not bounds[best] > max(height, target) + self._rules.gain or not self.visit(top + best - reach):
                 return
-            radius = radius if self.height > before else radius / 2
+            if not self.height > height:
+                radius = radius / 2
+
+    def look_around(self, ring: int, height: float) -> float:
+        """Visit states on a ring around the top and climb from them, until that no longer raises the top.
+
+        Args:
+            ring: radius, in steps along each wheel.
+            height: that a round has to exceed by the gain [rad].
+
+        Returns the height that the next ring has to exceed.
+        """
+        for _ in range(_RING_ROUNDS):
+            known_points = np.array(self.points)
+            for point in self.top + ring * _DIRECTIONS:
+                is_far = (2 * np.abs(known_points - point) > ring).any(axis=1)
+                if is_far.all():
+                    self.visit(point)
+                    known_points = np.array(self.points)
+            self.go_up(1.5 * ring, -np.inf)
+            if not self.height > height + self._rules.gain:
+                break
+            height = self.height
+        return height
+
+    def _upper_bounds(self, top: Points, reach: int) -> Array:
+        """Return upper bounds of the heights near the top [rad], shape (2 reach + 1, 2 reach + 1).
+
+        They are the lowest of the tangents that lie above all known states. Points that are no states, and states that
+        were visited, have -inf.
+        """
+        torus = self._torus
+        is_top = np.arange(len(self.points)) == np.argmax(self._heights)
+        rows = np.flatnonzero(self._is_bound | is_top)
+        steps = np.arange(-reach, reach + 1)
+        slopes = np.array(self._slopes)[rows]
+        by_b = torus.by_b[self._row, (top[0] + steps) % torus.by_b.shape[1]] @ slopes.T
+        by_g = torus.by_g[self._row, (top[1] + steps) % torus.by_g.shape[1]] @ slopes.T
+        bounds = (np.array(self._tangents)[rows] + by_b[:, None] + by_g).min(axis=2)
+        bounds[(steps[:, None] + steps) % torus.finest != 0] = -np.inf
+        for offset in np.array(self.points) - top + reach:
+            if (offset >= 0).all() and (offset <= 2 * reach).all():
+                bounds[tuple(offset)] = -np.inf
+        return np.asarray(bounds)
 
 
 # --- the compiled walk
@@ -199,7 +246,7 @@ INSTRUCTIONS = {4: "AVX-512", 3: "AVX2", 1: "any machine"}
 
 @cache
 def walk_library() -> tuple[Any, str]:
-    """The compiled walk for this machine, None where there is none, and words for which one it is or why not."""
+    """Return the compiled walk for this machine, None if there is none, and which one it is or why there is none."""
     for folder in (Path(__file__).parent, development_folder()):
         if not (folder / library_name(1)).exists():
             continue
@@ -216,23 +263,23 @@ def walk_library() -> tuple[Any, str]:
 
 
 def installation() -> tuple[str, ...]:
-    """All that an answer depends on in this process, but for the machine: source, versions, engine."""
+    """Return all that an answer depends on in this process except the machine: source, versions, engine."""
     return (*program("cvxpy", "daqp"), "compiled" if walk_library()[0] else "numpy")
 
 
 def digits_depend_on() -> tuple[str, ...]:
-    """All that the last digits of an answer depend on, beside the question."""
+    """Return all that the last digits of an answer depend on except the question."""
     return (*program("daqp", "pydantic"), walk_library()[1], operating_system())
 
 
 def _opened(path: Path) -> Any:
-    """A library that says which source it is of: one of another source may lack functions."""
-    opened: Any = ctypes.CDLL(str(path))
-    opened.walk_source.restype = ctypes.c_char_p
-    return opened
+    """Load a library of any source: one of another source may lack functions, but names its source."""
+    library: Any = ctypes.CDLL(str(path))
+    library.walk_source.restype = ctypes.c_char_p
+    return library
 
 
-# of each function what it returns and takes: p pointer, i int, l long, d double, - nothing
+# Result and arguments of each function: p pointer, i int, l long, d double, - nothing.
 _FUNCTIONS = {
     "walk_new": "ppp",
     "walk_free": "-p",
@@ -244,21 +291,21 @@ _FUNCTIONS = {
 
 
 def _load(path: Path) -> Any:
-    """A library of this source, with the types of its functions."""
-    loaded = _opened(path)
+    """Load a library of the present source, with the types of its functions."""
+    library = _opened(path)
     kinds = {"p": ctypes.c_void_p, "i": ctypes.c_int, "l": ctypes.c_long, "d": ctypes.c_double, "-": None}
     for name, letters in _FUNCTIONS.items():
-        function = getattr(loaded, name)
+        function = getattr(library, name)
         result, *arguments = (kinds[letter] for letter in letters)
         function.argtypes = arguments
         function.restype = result
-    return loaded
+    return library
 
 
 class Walk:
     """The compiled walk of one contact system."""
 
-    climbed = 0  # states that climbs of all solved, and none proved: for studies
+    climbed = 0  # number of states that all climbs have solved without proof, for studies
 
     def __init__(self, reference: Reference) -> None:
         self._library, _ = walk_library()
@@ -275,18 +322,23 @@ class Walk:
             self._library.walk_free(self._walk)
 
     def solve(self, gaps: StateGaps, torque: float, *, slope: bool = False) -> StateSums:
-        """Sums and residuals of states; NaN where one was given up.
+        """Return sums and residuals of states, NaN for a state that was given up.
 
-        Arguments: gaps; torque [N*mm]; slope, whether the slope of the rotation by the scalars is asked for.
+        Args:
+            gaps: of the states.
+            torque: on the flexspline [N*mm].
+            slope: also compute the slope of the rotation by the scalars.
         """
         scalars = np.ascontiguousarray(gaps.scalars, dtype=float)
         count, p = scalars.shape
-        rotation, tooth_force = np.empty((2, count))
+        rotation = np.empty(count)
+        tooth_force = np.empty(count)
         moment = np.empty((count, 2))
         residual = np.empty((count, 4))
         slopes = np.empty((count, p)) if slope else None
-        sums = rotation, moment, tooth_force, residual, slopes
-        arrays = (scalars, *self._reference.of_teeth(gaps), *sums)  # held until the call has ended
+        place_gaps, teeth_coordinates = self._reference.of_teeth(gaps)
+        # a variable holds the arrays until the call has ended: addresses alone would not
+        arrays = (scalars, place_gaps, teeth_coordinates, rotation, moment, tooth_force, residual, slopes)
         given_up = self._library.walk_solve(self._walk, count, torque, p, *map(_address, arrays))
         return StateSums(
             rotation=rotation,
@@ -298,20 +350,39 @@ class Walk:
         )
 
     def climb(self, torus: Torus, torque: float, hills: Starts, rules: Rules) -> Points:
-        """`climbed`, compiled; a state that is given up counts as none."""
-        _, z_b, p = torus.by_b.shape
-        z_g = torus.by_g.shape[1]
+        """Return what `climbed` returns, compiled; a state that is given up counts as none.
+
+        Args:
+            torus: scalars of all states.
+            torque: on the flexspline [N*mm].
+            hills: states at which climbs begin.
+            rules: limits of the climbs.
+        """
+        _, z_b, scalars = torus.by_b.shape
+        _, z_g, _ = torus.by_g.shape
         groups = len(hills.row)
-        sizes = [z_b, z_g, torus.finest, rules.steps, len(rules.radius) - 1]
-        radius = rules.radius
-        first = np.append(hills.first, len(hills.point))
+        # variables hold the arrays until the call has ended: addresses alone would not
+        sizes = _int32([z_b, z_g, torus.finest, rules.steps, len(rules.radius) - 1])
+        radius = _int32(rules.radius)
+        by_b = np.ascontiguousarray(torus.by_b)
+        by_g = np.ascontiguousarray(torus.by_g)
+        group_arrays = [_int32(np.append(hills.first, len(hills.point))), _int32(hills.row), _int32(hills.sign)]
+        state_arrays = [_int32(hills.point), np.ascontiguousarray(hills.rotation), np.ascontiguousarray(hills.slope)]
         top = np.empty((groups, 2), dtype=np.int32)
-        of_hills = first, hills.row, hills.sign, hills.point
-        whole = [np.ascontiguousarray(each, np.int32) for each in (sizes, radius, *of_hills)]
-        parts = [np.ascontiguousarray(part) for part in (torus.by_b, torus.by_g, hills.rotation, hills.slope)]
-        begun = torque, p, _address(whole[0]), *map(_address, parts[:2]), rules.gain, _address(whole[1])
-        states = map(_address, (*whole[2:], *parts[2:], top))
-        solved = self._library.walk_climb(self._walk, *begun, groups, *states)
+        solved = self._library.walk_climb(
+            self._walk,
+            torque,
+            scalars,
+            _address(sizes),
+            _address(by_b),
+            _address(by_g),
+            rules.gain,
+            _address(radius),
+            groups,
+            *map(_address, group_arrays),
+            *map(_address, state_arrays),
+            _address(top),
+        )
         if solved < 0:
             raise MemoryError
         Walk.climbed += solved
@@ -321,35 +392,58 @@ class Walk:
 def walk_near_state(
     formulation: Formulation, gaps: Array, right: Array, contact: NDArray[np.bool_]
 ) -> tuple[Array, Array] | None:
-    """`pivoting.solve_near`, compiled."""
+    """Return what `pivoting.solve_near` returns for the same arguments, compiled."""
     system = formulation.system
-    ends = np.append(system.first, len(gaps)).astype(np.int32)
-    held = contact.astype(np.uint8)
+    place_ends = np.append(system.first, len(gaps)).astype(np.int32)
+    contiguous_gaps = np.ascontiguousarray(gaps)
+    contact_flags = contact.astype(np.uint8)
     forces = np.empty(len(gaps))
     duals = np.empty(len(right))
-    data = (formulation.H, formulation.local, ends, formulation.A, np.ascontiguousarray(gaps), right)
-    sizes = len(gaps), len(system.first), len(right)
-    made = map(_address, (held, forces, duals))
-    found = walk_library()[0].walk_near(*sizes, *map(_address, data), SOFT, NEAR_STEPS, *made)
-    return (forces, duals) if found else None
+    is_solved = walk_library()[0].walk_near(
+        len(gaps),
+        len(system.first),
+        len(right),
+        _address(formulation.H),
+        _address(formulation.local),
+        _address(place_ends),
+        _address(formulation.A),
+        _address(contiguous_gaps),
+        _address(right),
+        SOFT,
+        NEAR_STEPS,
+        _address(contact_flags),
+        _address(forces),
+        _address(duals),
+    )
+    return (forces, duals) if is_solved else None
 
 
 def read_table(table: Array, places: Array, factors: Array) -> Array:
-    """Values of a table between its points, shape (points,), interpolated linearly over its axes; NaN beyond its ends.
+    """Return values of a table of four axes, interpolated linearly, NaN beyond its ends, shape (points,).
 
-    Arguments: table, at each point a value and its slopes by factors, shape (*axes, 1 + factors), of four axes;
-    places along these, shape (points, 4); factors, shape (points, factors).
+    Args:
+        table: a value and its slopes by factors at each point, shape (*axes, 1 + factors).
+        places: of the points along the axes, shape (points, 4).
+        factors: of the slopes, shape (points, factors).
     """
-    table, places, factors = map(np.ascontiguousarray, (table, places, factors))
-    if library := walk_library()[0]:
+    table = np.ascontiguousarray(table)
+    places = np.ascontiguousarray(places)
+    factors = np.ascontiguousarray(factors)
+    library, _ = walk_library()
+    if library:
         shape = np.array(table.shape[:-1], dtype=np.int32)
         values = np.empty(len(places))
-        library.walk_read(len(places), table.shape[-1], *map(_address, (shape, table, places, factors, values)))
+        arrays = (shape, table, places, factors, values)
+        library.walk_read(len(places), table.shape[-1], *map(_address, arrays))
         return values
-    from scipy.ndimage import map_coordinates  # imported in as much time as a check takes
+    from scipy.ndimage import map_coordinates  # its import takes as much time as a check
 
     value, *slopes = (map_coordinates(part, places.T, order=1, cval=np.nan) for part in np.moveaxis(table, -1, 0))
     return np.asarray(value + (np.transpose(slopes) * factors).sum(axis=1))
+
+
+def _int32(values: ArrayLike) -> NDArray[np.int32]:
+    return np.ascontiguousarray(values, np.int32)
 
 
 def _address(array: Any) -> int | None:
