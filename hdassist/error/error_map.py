@@ -44,44 +44,51 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Batch:
-    """Drives that differ in their deviations alone: a drive, and values of its fields by path, shape (drives,) each."""
+    """Drives that differ only in their deviations."""
 
     drive: Drive
-    columns: Mapping[str, Array]
+    columns: Mapping[str, Array]  # values of its fields by path, shape (drives,) each
 
     @classmethod
     def of(cls, drive: Drive, count: int = 1) -> Batch:
-        """A drive alone, or so many times."""
+        """Return a batch of one drive, repeated `count` times."""
         return cls(drive, {"tolerances.F_i1": np.full(count, drive.number("tolerances.F_i1"))})
 
     @classmethod
     def turned(cls, drive: Drive, rotations_deg: Sequence[float] | Array) -> Batch:
-        """A drive with its fixed wheel turned on its seat [deg], counter-clockwise seen from the cam side."""
+        """Return a drive with its fixed wheel turned on its seat [deg], counter-clockwise seen from the cam side."""
         return cls(drive, {path: drive.number(path) + np.array(rotations_deg) for path in carried(drive)})
 
     def __len__(self) -> int:
         return len(next(iter(self.columns.values())))
 
     def take(self, rows: Indices) -> Batch:
-        """The drives in some rows."""
+        """Return the drives in some rows."""
         return Batch(self.drive, {path: column[rows] for path, column in self.columns.items()})
 
     def scalars(self, row: Indices, alpha_g: Array, alpha_b: Array) -> Array:
-        """Scalars [mm] of the drives in some rows, where their wheels stand so [rad]; shapes broadcast."""
+        """Return the scalars [mm] of the drives in some rows at angles of their wheels [rad]; shapes broadcast."""
         return scalars_of({key: wave[row] for key, wave in self._waves.items()}, alpha_g, alpha_b)
 
     def by_wheel(self, alpha_b: Array, alpha_g: Array) -> tuple[Array, Array]:
-        """Parts of the scalars [mm] of states by the angle [rad] of each wheel, shape (drives, angles, scalars) both.
+        """Return the parts of the scalars [mm] by the angle of each wheel, shape (drives, angles, scalars) each.
 
-        What turns with neither wheel is part of the first.
+        The first part includes what turns with neither wheel.
+
+        Args:
+            alpha_b: angles of the rigid wheel [rad], shape (angles,).
+            alpha_g: angles of the flexspline [rad], shape (angles,).
         """
         row = np.arange(len(self))[:, None]
-        parts = []
-        for part, alpha in (("b", alpha_b), ("g", alpha_g)):
-            is_own = {key: (key[1] == "g") == (part == "g") for key in self._waves}
-            own = {key: wave[row] if is_own[key] else np.zeros(1) for key, wave in self._waves.items()}
-            parts.append(scalars_of(own, alpha[None], alpha[None]))
-        return parts[0], parts[1]
+        waves_b = {}
+        waves_g = {}
+        for key, wave in self._waves.items():
+            _, part, _ = key
+            waves_b[key] = np.zeros(1) if part == "g" else wave[row]
+            waves_g[key] = wave[row] if part == "g" else np.zeros(1)
+        by_b = scalars_of(waves_b, alpha_b[None], alpha_b[None])
+        by_g = scalars_of(waves_g, alpha_g[None], alpha_g[None])
+        return by_b, by_g
 
     @cached_property
     def _waves(self) -> Waves:
@@ -93,11 +100,11 @@ class Batch:
 
 @dataclass(frozen=True)
 class Extremes:
-    """F'_ior of drives [arcsec], and the states j of the greatest and of the least error, shape (drives,) each."""
+    """F'_ior of drives, shape (drives,)."""
 
     F_ior_arcsec: Array
-    at_max: Indices
-    at_min: Indices
+    at_max: Indices  # number j of the state with the largest error
+    at_min: Indices  # number j of the state with the smallest error
     certificate: Certificate
 
     @property
@@ -107,20 +114,26 @@ class Extremes:
 
 
 def searchable(drive: Drive) -> bool:
-    """Whether the error is continuous on the torus: rolling balls do not come back with the wheels."""
+    """Return whether the error is continuous on the torus: rolling balls do not return with the wheels."""
     return drive.bearing.ball_motion == "locked"
 
 
 class ErrorMap:
-    """The error of drives that share a contact system, at one torque, over all tooth positions.
-
-    Arguments: drive, all that they have in common; M_g, the torque [N*m]; formulation of the contact system, where it
-    is there already; like, a load case to start from. Raises UsageError for a drive with rolling balls.
-    """
+    """The error of drives that share a contact system, at one torque, over all tooth positions."""
 
     def __init__(
         self, drive: Drive, M_g: float, formulation: Formulation | None = None, like: LoadCase | None = None
     ) -> None:
+        """Prepare the load case and the states of the full cycle.
+
+        Args:
+            drive: all that the drives have in common.
+            M_g: torque [N*m].
+            formulation: of the contact system, if it exists already.
+            like: load case whose contact set this one takes over.
+
+        Raises UsageError for a drive with rolling balls.
+        """
         if not searchable(drive):
             raise UsageError(
                 "this needs bearing.ball_motion: locked; with rolling balls every mesh position has to be solved",
@@ -128,90 +141,100 @@ class ErrorMap:
             )
         self.drive = drive
         self.M_g = M_g
-        # never solves a state: every answer starts from it alike and so gives the same digits
+        # It never solves a state, so every answer starts from the same contact set and has the same digits.
         self.fresh = LoadCase(formulation or formulate(contact_system(drive)), M_g, like=like)
         kinematics = Kinematics.of(drive)
         self.sign = kinematics.error_sign
         self.states, self.board, self.finest = _lattice(kinematics)
 
     def load_case(self) -> LoadCase:
-        """The load case of the map's states, to solve some of them, in batches however small."""
+        """Return a load case that solves states of the map, in batches however small."""
         return LoadCase(self.fresh.formulation, self.M_g, like=self.fresh, many=True)
 
     def extremes(self, drive: Drive | None = None) -> Extremes:
-        """Extremes of a drive, by default the map's own, from every state of its cycle.
+        """Return the extremes of a drive, the map's by default, from every state of its cycle.
 
-        Raises UntrustedError where an answer cannot be trusted.
+        Raises UntrustedError if an answer cannot be trusted.
         """
         return every_state(drive or self.drive, self.M_g)
 
     def to_lattice(self, point: Array) -> Indices:
-        """The nearest points at which there is a state, shape (..., 2)."""
-        near = np.rint(point).astype(np.int64)
-        near[..., 1] += (self.finest - 1) * (near.sum(axis=-1) % 2)
-        return np.asarray(near)
+        """Return the nearest points at which there is a state, shape (..., 2)."""
+        nearest = np.rint(point).astype(np.int64)
+        nearest[..., 1] += (self.finest - 1) * (nearest.sum(axis=-1) % 2)
+        return np.asarray(nearest)
 
     def state(self, point: Indices) -> Indices:
-        """States j at points, shape (..., 2)."""
+        """Return the numbers j of the states at points, shape (..., 2)."""
         return np.asarray(self.board[tuple(np.moveaxis(point % self.board.shape, -1, 0))])
 
 
 def every_state(drive: Drive, M_g: float) -> Extremes:
-    """Extremes of a drive at a torque [N*m] from every state of its cycle.
+    """Return the extremes of a drive at a torque M_g [N*m] from every state of its cycle.
 
-    Raises UntrustedError where an answer cannot be trusted.
+    Raises UntrustedError if an answer cannot be trusted.
     """
     error = kinematic_error(drive, M_g, run=UNCHECKED)
-    F_ior, at_max, at_min = (np.array([each]) for each in (error.F_ior_arcsec, error.at_max, error.at_min))
-    return Extremes(F_ior_arcsec=F_ior, at_max=at_max, at_min=at_min, certificate=error.certificate)
+    return Extremes(
+        F_ior_arcsec=np.array([error.F_ior_arcsec]),
+        at_max=np.array([error.at_max]),
+        at_min=np.array([error.at_min]),
+        certificate=error.certificate,
+    )
 
 
 def error_maps(drive: Drive, torques: Sequence[float], formulation: Formulation | None = None) -> list[ErrorMap]:
-    """Maps of the error of a drive at torques [N*m], which share one contact system.
+    """Return maps of the error of a drive at torques [N*m], which share one contact system.
 
-    Argument: formulation of that system, where it is there already.
+    Args:
+        drive: the drive.
+        torques: M_g [N*m].
+        formulation: of the contact system, if it exists already.
     """
     formulation = formulation or formulate(contact_system(drive))
     maps = list[ErrorMap]()
     for M_g in torques:
-        maps.append(ErrorMap(drive=drive, M_g=M_g, formulation=formulation, like=maps[-1].fresh if maps else None))
+        previous_case = maps[-1].fresh if maps else None
+        maps.append(ErrorMap(drive=drive, M_g=M_g, formulation=formulation, like=previous_case))
     return maps
 
 
-@lru_cache(maxsize=4)  # of drives that differ in their deviations alone it is the same
+@lru_cache(maxsize=4)  # equal for drives that differ only in their deviations
 def _lattice(kinematics: Kinematics) -> tuple[States, Indices, int]:
-    """States of the cycle; states j by their coordinates, shape (z_b, z_g), -1 where there is none; steps along each.
+    """Return the states of the cycle, their numbers by coordinates, and the steps from one to the next.
 
-    Where both numbers of teeth are even, k and l of every state are both even or both odd: steps of two.
+    The numbers have shape (z_b, z_g), -1 where there is no state. If both numbers of teeth are even, both coordinates
+    of a state are even or both are odd, and a step is two.
     """
     j = np.arange(kinematics.cycle_states)
     board = np.full((kinematics.z_b, kinematics.z_g), -1, dtype=np.int64)
     board[j % kinematics.z_b, j % kinematics.z_g] = j
-    return pitch_locked_states(kinematics, j), board, 2 if board[0, 1] < 0 else 1
+    finest = 2 if board[0, 1] < 0 else 1
+    return pitch_locked_states(kinematics, j), board, finest
 
 
 def there_and_back(shape: tuple[int, ...]) -> Indices:
-    """Flat places of a grid in an order in which each is next to the one before."""
+    """Return the flat indices of a grid in an order in which each point is next to the previous one."""
     index = np.indices(shape).reshape(len(shape), -1)
     path = index.copy()
     for axis in range(1, len(shape)):
-        back = path[:axis].sum(axis=0) % 2 == 1
-        path[axis] = np.where(back, shape[axis] - 1 - index[axis], index[axis])
+        is_backwards = path[:axis].sum(axis=0) % 2 == 1
+        path[axis] = np.where(is_backwards, shape[axis] - 1 - index[axis], index[axis])
     return np.asarray(np.ravel_multi_index(tuple(path), shape))
 
 
 # --- the error as a table over the deviations
 #
-# At one torque the error of a state depends on the scalars of its deviations (deviations.py). A table of it over the
-# four that matter most, the vector of the teeth and that of the cam, with its slopes by all of them, gives F'_ior in
-# some 0.05 ms: enough for thousands of drives. Others, harmonics or a run-out, count by their slopes. F'_ior read off
-# it is somewhat too small, because peaks are cut off, by nearly the same share for all drives. Orders beyond the fourth
-# are laid on top by their mean slopes, at more positions.
+# At one torque the error of a state depends on the scalars of its deviations (deviations.py). A table of the error over
+# the four scalars that matter most, the vector of the teeth and that of the cam, with its slopes by all scalars, gives
+# F'_ior in 0.05 ms: fast enough for thousands of drives. The remaining scalars, harmonics or a run-out, count by their
+# slopes. F'_ior read from the table is slightly too small, because peaks are cut off, by nearly the same share for all
+# drives. Orders beyond the fourth are added by their mean slopes, at more positions.
 
-_READ_AT_ONCE = 16  # drives, so that arrays stay in the processor's cache
-_WIDER_SPAN = 1.001  # so that rounding leaves the outermost drive inside
-_ROUGH_TURNS = 48  # positions of each wheel where orders beyond the fourth are added, by their mean slopes
-_LEAST_REACH = 1e-3  # mm: a table needs some width
+_READ_AT_ONCE = 16  # drives whose arrays fit into the processor's cache
+_WIDER_SPAN = 1.001  # keeps the outermost drive inside in spite of rounding
+_ROUGH_TURNS = 48  # positions of each wheel at which orders beyond the fourth are added
+_MIN_REACH = 1e-3  # mm; smallest half width of a table
 DEVIATION_SCALARS = 6 + 2 * len(TOOTH_ORDERS)
 
 _UNSPANNED = "the deviations exceed the range of the table of the error", "report this bug in hdassist"
@@ -221,70 +244,67 @@ TABLE_SECTIONS = ("tolerances.", "phases.", "harmonics.")  # sections of a prese
 
 @dataclass(frozen=True)
 class Mesh:
-    """How fine a table is.
+    """Resolution of a table."""
 
-    shape: points over a, b, e_x, e_y; a, about along the motion, weighs most; turns: positions of each wheel that stand
-    for the cycle where F'_ior is read.
-    """
-
+    # points over a, b, e_x, e_y; a, roughly along the motion, has the largest effect
     shape: tuple[int, int, int, int] = (25, 9, 13, 13)
-    turns: int = 24
+    turns: int = 24  # positions of each wheel that represent the cycle
 
     def states(self, drive: Drive) -> int:
-        """States that a table of a drive takes, about, without slopes."""
-        solved = 0.403 if is_half_turn_symmetric(drive) else 0.806
-        return round(solved * float(np.prod(self.shape)))
+        """Return the approximate number of states of a table of a drive, without slopes."""
+        solved_share = 0.403 if is_half_turn_symmetric(drive) else 0.806
+        return round(solved_share * float(np.prod(self.shape)))
 
 
 @dataclass(frozen=True)
 class Reach:
-    """The part of the deviation scalars that a table spans.
+    """The part of the deviation scalars that a table spans."""
 
-    axes: columns of its four axes, and sizes [mm] as far as they go, shape (4,); others: columns of those that it has
-    slopes over.
-    """
-
-    axes: tuple[int, ...]
-    sizes: Array
-    others: tuple[int, ...]
+    axes: tuple[int, ...]  # columns of the four axes
+    sizes: Array  # half width of each axis [mm], shape (4,)
+    others: tuple[int, ...]  # columns that count by their slopes
 
     @classmethod
     def of(cls, drive: Drive) -> Reach:
-        """F'_ior of a drive in any direction of its deviations."""
+        """Return the reach of a drive whose deviations may have any direction."""
         mark_kind = drive.mounting.mark_kind
         teeth = SHIFT if mark_kind == "runout" else TEETH
-        sizes = dict.fromkeys((teeth, CAM_COLUMNS), 0.0)
-        for each in DEVIATIONS:
-            if size := abs(factor_of(each, drive)) * drive.number(each.size) * 1e-3:
-                column = column_of(each, mark_kind)
-                sizes[column] = sizes.get(column, 0.0) + size
-        spans = [_WIDER_SPAN * max(sizes.pop(column), _LEAST_REACH) for column in (teeth, CAM_COLUMNS)]
-        axes = (teeth, teeth + 1, CAM_COLUMNS, CAM_COLUMNS + 1)
-        return cls(axes, np.repeat(spans, 2), tuple(column + k for column in sorted(sizes) for k in (0, 1)))
+        size_of = dict.fromkeys((teeth, CAM_COLUMNS), 0.0)  # by first column [mm]
+        for deviation in DEVIATIONS:
+            size = abs(factor_of(deviation, drive)) * drive.number(deviation.size) * 1e-3
+            if size:
+                column = column_of(deviation, mark_kind)
+                size_of[column] = size_of.get(column, 0.0) + size
+        teeth_size = _WIDER_SPAN * max(size_of.pop(teeth), _MIN_REACH)
+        cam_size = _WIDER_SPAN * max(size_of.pop(CAM_COLUMNS), _MIN_REACH)
+        others = []
+        for column in sorted(size_of):
+            others += [column, column + 1]
+        return cls(
+            axes=(teeth, teeth + 1, CAM_COLUMNS, CAM_COLUMNS + 1),
+            sizes=np.array([teeth_size, teeth_size, cam_size, cam_size]),
+            others=tuple(others),
+        )
 
 
 @dataclass(frozen=True)
 class ErrorTable:
-    """Error of drives that share a contact system, at a torque, over their deviations, interpolated.
+    """Error of drives that share a contact system, at one torque, interpolated over their deviations."""
 
-    drive, all that they have in common; error [arcsec], shape of the mesh, NaN outside of the reach; slopes of it
-    [arcsec/mm] by the scalars of the axes, then by the others, shape (4 + others, *shape); turns, positions of each
-    wheel that stand for the cycle.
-    """
-
-    drive: Drive
-    error: Array
+    drive: Drive  # all that the drives have in common
+    error: Array  # [arcsec], shape of the mesh, NaN outside the reach
+    # of the error by the scalars of the axes, then by the others [arcsec/mm], shape (4 + others, *mesh)
     slopes: Array
     reach: Reach
-    turns: int
+    turns: int  # positions of each wheel that represent the cycle
     certificate: Certificate
 
     @cached_property
     def _rows(self) -> Array:
-        """Value and slopes that rotation weighs, shape (*mesh, 5 + others).
+        """Value and slopes that `rotation` interpolates, shape (*mesh, 5 + others).
 
-        Between two points of the mesh lies the mean of the line through both and of their tangents, which is exact for
-        a parabola: (x - x_i) g_i/2 at each point i beside its error.
+        Between two points of the mesh the error is the mean of the line through both and of their tangents, which is
+        exact for a parabola: (x - x_i) g_i/2 is added to the error of each point i.
         """
         axes = (np.linspace(-size, size, n) for size, n in zip(self.reach.sizes, self.error.shape, strict=True))
         points = np.array(np.meshgrid(*axes, indexing="ij"))
@@ -292,7 +312,10 @@ class ErrorTable:
         return np.stack([self.error - (points * halves).sum(axis=0), *halves, *self.slopes[4:]], axis=-1)
 
     def rotation(self, scalars: Array) -> Array:
-        """Rotation [arcsec], shape (...), from the scalars of states [mm], shape (..., scalars).
+        """Return the rotation of states [arcsec], shape (...).
+
+        Args:
+            scalars: of the states [mm], shape (..., scalars).
 
         Raises UntrustedError for deviations that the table does not span.
         """
@@ -306,77 +329,102 @@ class ErrorTable:
         return values.reshape(scalars.shape[:-1])
 
     def F_ior(self, values: Mapping[str, Array]) -> Array:
-        """F'_ior [arcsec] of drives, shape (drives,).
+        """Return F'_ior of drives [arcsec], shape (drives,).
 
-        Arguments: values of their deviations by path, shape (drives,) each. Raises UntrustedError for
-        deviations that the table does not span.
+        Args:
+            values: of their deviations by path, shape (drives,) each.
+
+        Raises UntrustedError for deviations that the table does not span.
         """
         batch = Batch(self.drive, values)
-        found = list[Array]()
-        alpha, fine = (np.linspace(0, 2 * np.pi, n, endpoint=False) for n in (self.turns, _ROUGH_TURNS))
-        b, g = batch.by_wheel(alpha, alpha)
-        if is_rough := b.shape[-1] > SMOOTH_SCALARS:
-            reached = self.reach.axes + self.reach.others
-            teeth = [k for k, column in enumerate(reached) if column >= SMOOTH_SCALARS]
-            if not teeth:
-                raise UntrustedError(*_UNSPANNED)
-            slopes = np.nanmean(self.slopes[teeth], axis=(1, 2, 3, 4))
-            finer = _finer(self.turns)
-            rough_b, rough_g = (part[..., SMOOTH_SCALARS:] @ slopes for part in batch.by_wheel(fine, fine))
-            b = b[..., :SMOOTH_SCALARS]
-            g = g[..., :SMOOTH_SCALARS]
-        for row in np.array_split(np.arange(len(batch)), -(-len(batch) // _READ_AT_ONCE)):
-            error = self.rotation(g[row, :, None] + b[row, None])
-            if is_rough:
-                error = finer @ error @ finer.T + rough_g[row, :, None] + rough_b[row, None]
-            found.append(np.ptp(error, axis=(1, 2)))
-        return np.concatenate(found)
+        alpha = np.linspace(0, 2 * np.pi, self.turns, endpoint=False)
+        by_b, by_g = batch.by_wheel(alpha, alpha)
+        rough = self._rough_errors(batch) if by_b.shape[-1] > SMOOTH_SCALARS else None
+        by_b = by_b[..., :SMOOTH_SCALARS]
+        by_g = by_g[..., :SMOOTH_SCALARS]
+        F_ior = []
+        for rows in np.array_split(np.arange(len(batch)), -(-len(batch) // _READ_AT_ONCE)):
+            error = self.rotation(by_g[rows, :, None] + by_b[rows, None])  # shape (rows, turns, turns)
+            if rough is not None:
+                rough_b, rough_g = rough
+                finer = _finer(self.turns)
+                error = finer @ error @ finer.T + rough_g[rows, :, None] + rough_b[rows, None]
+            F_ior.append(np.ptp(error, axis=(1, 2)))
+        return np.concatenate(F_ior)
+
+    def _rough_errors(self, batch: Batch) -> tuple[Array, Array]:
+        """Return what orders beyond the fourth of each wheel add [arcsec], shape (drives, _ROUGH_TURNS) each.
+
+        Raises UntrustedError if the table has no slopes by these orders.
+        """
+        columns = self.reach.axes + self.reach.others
+        rough_rows = [k for k, column in enumerate(columns) if column >= SMOOTH_SCALARS]
+        if not rough_rows:
+            raise UntrustedError(*_UNSPANNED)
+        slopes = np.nanmean(self.slopes[rough_rows], axis=(1, 2, 3, 4))
+        alpha = np.linspace(0, 2 * np.pi, _ROUGH_TURNS, endpoint=False)
+        by_b, by_g = batch.by_wheel(alpha, alpha)
+        return by_b[..., SMOOTH_SCALARS:] @ slopes, by_g[..., SMOOTH_SCALARS:] @ slopes
 
 
 @cache
 def _finer(n: int) -> Array:
-    """Values at ROUGH_TURNS positions around a wheel of those at n, by their waves, shape (ROUGH_TURNS, n)."""
+    """Return the weights of n values around a wheel in the _ROUGH_TURNS values that their waves give."""
     waves = np.fft.rfft(np.eye(n), axis=0)
     if n % 2 == 0:
-        waves[-1] /= 2  # the other half of the highest one is its mirror image
+        waves[-1] /= 2  # half of the highest wave is its mirror image
     return np.fft.irfft(waves, _ROUGH_TURNS, axis=0) * _ROUGH_TURNS / n
 
 
 def error_table(error_map: ErrorMap, reach: Reach, mesh: Mesh) -> ErrorTable:
-    """Table of the error of drives that share a contact system, at the torque of their map.
+    """Return the table of the error of drives that share a contact system, at the torque of their map.
 
-    Raises UntrustedError where an answer cannot be trusted.
+    Raises UntrustedError if an answer cannot be trusted.
     """
     drive = error_map.drive
-    M_g = error_map.M_g
     count = int(np.prod(mesh.shape))
-    half = (np.array(mesh.shape) - 1) / 2
-    order = there_and_back(mesh.shape)
-    share = np.stack(np.unravel_index(order, mesh.shape), axis=1) / half - 1  # of the reach, -1 to 1
-    # the corners of every cell that the discs of both vectors touch; of a symmetric drive the rest is their image
-    corner = np.hypot(1 / half[::2], 1 / half[1::2])
-    wanted = np.all(np.hypot(share[:, ::2], share[:, 1::2]) <= 1 + corner, axis=1)
-    if symmetric := is_half_turn_symmetric(drive):
-        wanted &= order <= count // 2
-    order = order[wanted]
-    case = error_map.load_case()
-    points = np.zeros((len(order), DEVIATION_SCALARS))
-    points[:, reach.axes] = share[wanted] * reach.sizes
+    is_symmetric = is_half_turn_symmetric(drive)
+    order, share = _solved_points(mesh, is_symmetric)
+    scalars = np.zeros((len(order), DEVIATION_SCALARS))
+    scalars[:, reach.axes] = share * reach.sizes
 
-    def where(k: int) -> str:
-        (a, b), (e_x, e_y) = points[k, list(reach.axes)].reshape(2, 2) * 1e3
-        return f"tooth vector ({a:.0f}, {b:.0f}) um, cam vector ({e_x:.0f}, {e_y:.0f}) um, M_g = {M_g:g} N*m"
+    def place(k: int) -> str:
+        (a, b), (e_x, e_y) = scalars[k, list(reach.axes)].reshape(2, 2) * 1e3
+        vectors = f"tooth vector ({a:.0f}, {b:.0f}) um, cam vector ({e_x:.0f}, {e_y:.0f}) um"
+        return f"{vectors}, M_g = {error_map.M_g:g} N*m"
 
-    solved = case.solve(StateGaps(points), where, slope=True)
+    answers = error_map.load_case().solve(StateGaps(scalars), place, slope=True)
     columns = reach.axes + reach.others
-    assert solved.slope_arcsec_per_mm is not None
-    values = np.full((1 + len(columns), count), np.nan)
-    values[0, order] = solved.rotation_arcsec
-    values[1:, order] = solved.slope_arcsec_per_mm[:, columns].T
-    if symmetric:
+    assert answers.slope_arcsec_per_mm is not None
+    values = np.full((1 + len(columns), count), np.nan)  # error, then its slopes
+    values[0, order] = answers.rotation_arcsec
+    values[1:, order] = answers.slope_arcsec_per_mm[:, columns].T
+    if is_symmetric:
+        # the image of a point has the same error, and slopes by deviations of odd order of the opposite sign
         signs = np.array([1, *(-1 if column in ODD_COLUMNS else 1 for column in columns)])
         values[:, count - 1 - order] = values[:, order] * signs[:, None]
     error, *slopes = values.reshape(-1, *mesh.shape)
     return ErrorTable(
-        drive=drive, error=error, slopes=np.array(slopes), reach=reach, turns=mesh.turns, certificate=solved.certificate
+        drive=drive,
+        error=error,
+        slopes=np.array(slopes),
+        reach=reach,
+        turns=mesh.turns,
+        certificate=answers.certificate,
     )
+
+
+def _solved_points(mesh: Mesh, is_symmetric: bool) -> tuple[Indices, Array]:
+    """Return the flat indices of the points of a mesh that are solved, and their place from -1 to 1 along each axis.
+
+    They are the corners of all cells that the discs of both vectors touch. Half of them are solved for a symmetric
+    drive.
+    """
+    half = (np.array(mesh.shape) - 1) / 2
+    order = there_and_back(mesh.shape)
+    share = np.stack(np.unravel_index(order, mesh.shape), axis=1) / half - 1
+    corner = np.hypot(1 / half[::2], 1 / half[1::2])
+    is_solved = np.all(np.hypot(share[:, ::2], share[:, 1::2]) <= 1 + corner, axis=1)
+    if is_symmetric:
+        is_solved &= order <= int(np.prod(mesh.shape)) // 2
+    return order[is_solved], share[is_solved]

@@ -36,170 +36,226 @@ from hdassist.preset.fields import Drive
 from hdassist.solve.answers import ARCSEC, EMPTY
 from hdassist.solve.walk import Rules, Starts, Torus
 
-# positions of each wheel in a grid: of draws odd, so that half a turn on, where the error is much alike, lies between
-# them; islands of the error that one grid overlooks another one shows
+# Positions of each wheel in a grid. One grid shows islands of the error that another one misses. The number is odd for
+# samples: half a revolution further the error is similar, and those places then lie between the positions.
 DRAWN_GRIDS = (7,)
 FINE_GRIDS = (9, 14, 19)
-SHORT_CYCLE = 4000  # states of a cycle below which all are solved of one drive
-_LEAST_F_IOR = 4.0  # arcsec: F'_ior of which shares are taken, at least
-# times as many at which a spline is read; where orders beyond the fourth are added
-SPLINE_POINTS = 4
-_ROUGH_POINTS = 6
-_STEEPEST = 1.5  # slope of a spline over that to the next state, at most: a crease would make it swing
-_BEYOND = 0.25  # of what tangents reach beyond the spline, that a hill may have
-_TRIED = 0.06  # of F'_ior: a hill is tried that may be no further below the highest state of the grid
-_CLIMBED = 0.08  # of F'_ior: it is climbed where its first state is no further below the highest
-_RADIUS = 0.5  # of a step of the grid: how far a climb looks around
-# steps from the highest state found, where others look for another slope up
+SHORT_CYCLE = 4000  # all states of a cycle with fewer states are solved for a single drive
+_MIN_F_IOR = 4.0  # arcsec; smallest F'_ior of which the shares below are taken
+SPLINE_POINTS = 4  # points of a spline for each position of the grid
+_ROUGH_POINTS = 6  # the same if orders beyond the fourth are added
+_MAX_SLOPE = 1.5  # largest slope of a spline over that to the next state: a crease would make the spline overshoot
+_TANGENT_SHARE = 0.25  # share of the difference between tangents and spline that a hill may have
+_TRIED = 0.06  # share of F'_ior below the highest state of the grid within which the state on a hill is solved
+_CLIMBED = 0.08  # share of F'_ior below the highest state within which a hill is climbed
+_RADIUS = 0.5  # radius in which a climb looks for its next state, in steps of the grid
+# radii of rings around the highest state on which another slope upwards is looked for, in steps between states
 _DRAWN_RINGS = (8,)
 _FINE_RINGS = (8, 4)
-_BACK = 0.15  # of a step of the grid: so far before a crest a climb begins
-_STEPS = 10  # of a climb at most
-# that a drive takes at a torque, about, beside those of climbs
+_BEFORE_CREST = 0.15  # distance before a crest at which a climb begins, in steps of the grid
+_MAX_STEPS = 10  # of a climb
+# approximate number of states of a drive at one torque, without those of climbs
 DRAWN_STATES = 70
 FINE_STATES = 700
-# arcsec that a state has to promise beyond the highest
+# arcsec; smallest gain that the next state of a climb has to promise
 _DRAWN_GAIN = 0.002
 _FINE_GAIN = 0.0002
 
 
 @dataclass(frozen=True)
 class _Hills:
-    """Points that may be an extreme: row of the drive, sign of the extreme, point, shape (hills, 2), height [arcsec].
+    """Points that may be an extreme of the error, shape (hills,)."""
 
-    Height is that of the error upside down where the sign is negative. slope [arcsec/mm] of the rotation, shape (hills,
-    scalars), where a state was solved there.
-    """
-
-    row: Indices
-    sign: Indices
-    point: Indices
-    height: Array
-    slope: Array
+    row: Indices  # of the drive
+    sign: Indices  # 1 for a maximum, -1 for a minimum
+    point: Indices  # positions of both wheels, shape (hills, 2)
+    height: Array  # error times sign [arcsec]
+    slope: Array  # of the rotation [arcsec/mm], shape (hills, scalars), (hills, 0) before a state was solved there
 
     def __len__(self) -> int:
         return len(self.row)
 
     def __getitem__(self, chosen: NDArray[np.bool_] | Indices) -> _Hills:
-        return _Hills(*(each[chosen] for each in vars(self).values()))
+        return _Hills(
+            row=self.row[chosen],
+            sign=self.sign[chosen],
+            point=self.point[chosen],
+            height=self.height[chosen],
+            slope=self.slope[chosen],
+        )
 
-    def and_these(self, others: _Hills) -> _Hills:
-        """These and others."""
-        return _Hills(*(np.concatenate(both) for both in zip(vars(self).values(), vars(others).values(), strict=True)))
+    def and_these(self, further: _Hills) -> _Hills:
+        """Return these hills and further ones."""
+        return _Hills(
+            row=np.concatenate([self.row, further.row]),
+            sign=np.concatenate([self.sign, further.sign]),
+            point=np.concatenate([self.point, further.point]),
+            height=np.concatenate([self.height, further.height]),
+            slope=np.concatenate([self.slope, further.slope]),
+        )
 
     @property
     def tops(self) -> Array:
-        """Greatest height of each drive as it is, and of it upside down [arcsec], shape (drives, 2)."""
-        best = np.full((self.row.max(initial=0) + 1, 2), -np.inf)
-        np.maximum.at(best, (self.row, self.sign // 2), self.height)  # column 0, or -1 upside down
-        return best
+        """Largest height of maxima and of minima of each drive [arcsec], shape (drives, 2)."""
+        tops = np.full((self.row.max(initial=0) + 1, 2), -np.inf)
+        np.maximum.at(tops, (self.row, self.sign // 2), self.height)  # column 0, or -1 for minima
+        return tops
 
     def near_top(self, share: float) -> _Hills:
-        """Those that are no more than a share of F'_ior below the highest one of their drive and sign."""
+        """Return the hills at most a share of F'_ior below the highest one of their drive and sign."""
         tops = self.tops
-        F_ior = np.maximum(tops.sum(axis=1), _LEAST_F_IOR)
-        return self[tops[self.row, self.sign // 2] - self.height <= share * F_ior[self.row]]
+        F_ior = np.maximum(tops.sum(axis=1), _MIN_F_IOR)
+        depth = tops[self.row, self.sign // 2] - self.height
+        return self[depth <= share * F_ior[self.row]]
+
+
+@dataclass(frozen=True)
+class _GridStates:
+    """Solved states of a grid of n positions of each wheel, shape (drives, n, n), without what rough orders add.
+
+    Rough orders are those beyond the fourth.
+    """
+
+    error: Array  # [arcsec]
+    by_b: Array  # slope of the error by a step of the grid along the rigid wheel [arcsec]
+    by_g: Array  # slope of the error by a step of the grid along the flexspline [arcsec]
+    zone_share: Array  # share of the torque on the first mesh zone
+    rough: Array  # error that rough orders add [arcsec]
+    rough_slopes: Array  # mean slope of the error by the scalars of rough orders, shape (drives, scalars) [arcsec/mm]
+
+    @property
+    def n(self) -> int:
+        """Positions of each wheel."""
+        return len(self.error[0])
+
+    @property
+    def tops(self) -> Array:
+        """Largest error and largest negative error of each drive on the grid [arcsec], shape (drives, 2)."""
+        total = self.error + self.rough
+        return np.stack([total.max(axis=(1, 2)), -total.min(axis=(1, 2))], axis=1)
 
 
 def _hills_of(up: Array, down: Array, to_points: Callable[[Array], Indices]) -> _Hills:
-    """Points of maps of the torus, shape (drives, k, l), with no higher one beside them, of those upside down no lower.
+    """Return the local maxima of an upper map and the local minima of a lower map.
 
-    Between the points of a map they lie where a parabola through their neighbours has its top. Arguments: up, down,
-    maps of what the error is at most and at least; to_points, from places in a map, shape (hills, 2), to points at
-    which there is a state.
+    Each is moved to the top of the parabola through its neighbours.
+
+    Args:
+        up: upper bound of the error over the torus [arcsec], shape (drives, k, l).
+        down: lower bound of the error over the torus [arcsec], shape (drives, k, l).
+        to_points: converts places in a map, shape (hills, 2), to points at which there is a state.
     """
     drives = len(up)
-    up = np.concatenate([up, -down])
-    highest = up
+    maps = np.concatenate([up, -down])
+    neighbourhood = maps  # largest value among a point and its eight neighbours
     for axis in (1, 2):
-        beside = np.maximum(np.roll(highest, 1, axis), np.roll(highest, -1, axis))
-        highest = np.maximum(highest, beside)
-    side, *at = np.nonzero(up >= highest)
-    steps, k, l = np.arange(-1, 2), *(each[:, None] for each in at)
-    patch = up[side[:, None, None], ((k + steps) % up.shape[1])[:, :, None], ((l + steps) % up.shape[2])[:, None]]
+        neighbours = np.maximum(np.roll(neighbourhood, 1, axis), np.roll(neighbourhood, -1, axis))
+        neighbourhood = np.maximum(neighbourhood, neighbours)
+    map_number, k, l = np.nonzero(maps >= neighbourhood)
+    steps = np.arange(-1, 2)
+    rows_k = (k[:, None] + steps) % maps.shape[1]
+    rows_l = (l[:, None] + steps) % maps.shape[2]
+    patch = maps[map_number[:, None, None], rows_k[:, :, None], rows_l[:, None]]  # shape (hills, 3, 3)
     height = patch[:, 1, 1].copy()
-    place = np.stack(at, axis=1).astype(float)
-    for axis, (before, here, behind) in enumerate((patch[:, :, 1].T, patch[:, 1, :].T)):
-        bend = np.minimum(before + behind - 2 * here, -1e-12)
+    place = np.stack([k, l], axis=1).astype(float)
+    lines = (patch[:, :, 1].T, patch[:, 1, :].T)  # three values along either axis
+    for axis, (before, centre, behind) in enumerate(lines):
+        bend = np.minimum(before + behind - 2 * centre, -1e-12)
         shift = np.clip((before - behind) / (2 * bend), -0.5, 0.5)
         place[:, axis] += shift
         height -= bend * shift**2 / 2
-    upside_down, row = np.divmod(side, drives)
+    is_minimum, row = np.divmod(map_number, drives)
     return _Hills(
-        row=row, sign=1 - 2 * upside_down, point=to_points(place), height=height, slope=np.empty((len(row), 0))
+        row=row, sign=1 - 2 * is_minimum, point=to_points(place), height=height, slope=np.empty((len(row), 0))
     )
 
 
 def many_extremes(error_map: ErrorMap, batch: Batch, grids: tuple[int, ...] = FINE_GRIDS) -> Extremes:
-    """Extremes of drives, few states of each; of a short cycle every state.
+    """Return the extremes of drives from few states of each, or from every state of a short cycle.
 
-    Argument: grids that propose hills, of so many positions of each wheel. Raises UntrustedError where an answer cannot
-    be trusted.
+    Args:
+        error_map: map of the drives' common contact system and torque.
+        batch: the drives.
+        grids: number of positions of each wheel in the grids that propose hills.
+
+    Raises UntrustedError if an answer cannot be trusted.
     """
     search = _Search(error_map, batch)
     return search.every() if len(error_map.states) < SHORT_CYCLE else search.extremes(grids)
 
 
 def extremes_of(drive: Drive, torques: Sequence[float]) -> list[Extremes]:
-    """Extremes of one drive of many at torques [N*m], by few states.
+    """Return the extremes of a drive at torques [N*m] from few states, or from every state if the balls roll.
 
-    Every state is solved where the balls roll. Raises UntrustedError where an answer cannot be trusted.
+    Raises UntrustedError if an answer cannot be trusted.
     """
     if not searchable(drive):
         return [every_state(drive, M_g) for M_g in torques]
-    return [many_extremes(each, Batch.of(drive)) for each in error_maps(drive, torques)]
+    return [many_extremes(error_map, Batch.of(drive)) for error_map in error_maps(drive, torques)]
 
 
 class _Search:
-    """States of drives on the torus of the wheels' places, solved with slopes."""
+    """States of drives on the torus of the wheels' positions, solved with slopes."""
 
     def __init__(self, error_map: ErrorMap, batch: Batch) -> None:
         self._map = error_map
         self._drives = len(batch)
         self._case = error_map.load_case()
-        self._size = np.array(error_map.board.shape)
+        self._size = np.array(error_map.board.shape)  # positions of both wheels
         states = error_map.states
         z_b, z_g = error_map.board.shape
-        self._torus = Torus(*batch.by_wheel(states.alpha_b[:z_b], states.alpha_g[:z_g]), error_map.finest)
+        by_b, by_g = batch.by_wheel(states.alpha_b[:z_b], states.alpha_g[:z_g])
+        self._torus = Torus(by_b=by_b, by_g=by_g, finest=error_map.finest)
         self._certificate = EMPTY
 
     def every(self) -> Extremes:
-        """Extremes of all drives from every state."""
+        """Return the extremes of all drives from every state."""
         states = len(self._map.states)
         point = np.tile(np.argwhere(self._map.board >= 0), (self._drives, 1))
-        rotation = self._at(np.repeat(np.arange(self._drives), states), point)[0].reshape(-1, states)
-        ends = np.stack([rotation.argmax(axis=1), rotation.argmin(axis=1)], axis=1)
-        return self._found(point[ends].reshape(-1, 2), np.take_along_axis(rotation, ends, axis=1))
+        row = np.repeat(np.arange(self._drives), states)
+        rotation, _, _ = self._solve(row, point)
+        by_drive = rotation.reshape(-1, states)
+        ends = np.stack([by_drive.argmax(axis=1), by_drive.argmin(axis=1)], axis=1)
+        return self._extremes_at(point[ends].reshape(-1, 2), np.take_along_axis(by_drive, ends, axis=1))
 
     def extremes(self, grids: tuple[int, ...]) -> Extremes:
-        """Extremes of all drives, proposed by grids of so many positions of each wheel."""
-        proposed = [self._proposed(n) for n in grids]
-        hills = reduce(_Hills.and_these, (found for found, _ in proposed))
-        hills = self._first_states(hills, np.max([known for _, known in proposed], axis=0))
-        groups = hills.row * 2 + (hills.sign < 0)  # of a drive first the hills, then those upside down
-        order = np.lexsort((-hills.height, groups))
-        hills = hills[order]
-        _, first = np.unique(groups[order], return_index=True)
-        rotation = hills.sign * hills.height / ARCSEC
-        slope = hills.slope / ARCSEC
-        starts = Starts(
-            first=first, row=hills.row[first], sign=hills.sign[first], point=hills.point, rotation=rotation, slope=slope
-        )
+        """Return the extremes of all drives, proposed by grids of so many positions of each wheel."""
+        hills_by_grid = []
+        tops_by_grid = []
+        for n in grids:
+            hills, tops = self._proposed(n)
+            hills_by_grid.append(hills)
+            tops_by_grid.append(tops)
+        hills = self._first_states(reduce(_Hills.and_these, hills_by_grid), np.max(tops_by_grid, axis=0))
+        starts = _starts_of(hills)
         radius = round(_RADIUS * float(self._size.mean()) / min(grids))
-        gain, rings = (_DRAWN_GAIN, _DRAWN_RINGS) if grids == DRAWN_GRIDS else (_FINE_GAIN, _FINE_RINGS)
-        tops = self._case.climb(self._torus, starts, Rules(_STEPS, gain / ARCSEC, (radius, *rings)))
-        rotation, *_ = self._at(np.repeat(np.arange(self._drives), 2), tops)
-        return self._found(tops, rotation.reshape(-1, 2))
+        is_drawn = grids == DRAWN_GRIDS
+        gain = _DRAWN_GAIN if is_drawn else _FINE_GAIN
+        rings = _DRAWN_RINGS if is_drawn else _FINE_RINGS
+        rules = Rules(steps=_MAX_STEPS, gain=gain / ARCSEC, radius=(radius, *rings))
+        points = self._case.climb(self._torus, starts, rules)
+        rotation, _, _ = self._solve(np.repeat(np.arange(self._drives), 2), points)
+        return self._extremes_at(points, rotation.reshape(-1, 2))
 
-    def _found(self, tops: Indices, rotation: Array) -> Extremes:
-        """Extremes by the points of the greatest and the least rotation, and these [arcsec], shape (drives, 2)."""
-        at_max, at_min = self._map.state(tops).reshape(-1, 2)[:, :: self._map.sign].T
+    def _extremes_at(self, points: Indices, rotation: Array) -> Extremes:
+        """Return extremes by the points of the largest and the smallest rotation.
+
+        Args:
+            points: a pair for each drive, shape (2 drives, 2).
+            rotation: [arcsec], shape (drives, 2).
+        """
+        at_max, at_min = self._map.state(points).reshape(-1, 2)[:, :: self._map.sign].T
         return Extremes(
             F_ior_arcsec=rotation[:, 0] - rotation[:, 1], at_max=at_max, at_min=at_min, certificate=self._certificate
         )
 
-    def _at(self, row: Indices, point: Indices) -> tuple[Array, Array, Array]:
-        """Rotation [arcsec] of drives at points, shape (states, 2), its slopes [arcsec/mm], and share of a zone."""
+    def _solve(self, row: Indices, point: Indices) -> tuple[Array, Array, Array]:
+        """Return rotation [arcsec], its slopes [arcsec/mm] and the share of the first mesh zone of states.
+
+        Args:
+            row: of the drive of each state.
+            point: of each state, shape (states, 2).
+        """
         states = self._map.states.take(self._map.state(point))
         place = partial(state_place, states, self._map.M_g)
         answers = self._case.solve(StateGaps(self._torus.scalars(row, point)), place, slope=True)
@@ -208,131 +264,218 @@ class _Search:
         return answers.rotation_arcsec, answers.slope_arcsec_per_mm, answers.zone_share[:, 0]
 
     def _proposed(self, n: int) -> tuple[_Hills, Array]:
-        """Hills that splines and tangents of a grid of states propose; greatest height there, shape (drives, 2)."""
+        """Return the hills that a grid of n positions of each wheel proposes, and the largest heights on it.
+
+        The heights have shape (drives, 2), of the error and of the error upside down [arcsec].
+        """
+        grid = self._grid_states(n)
+        crests = self._crests(grid)
+        rough = self._rough(grid.rough_slopes, crests.row, crests.point)
+        crests = replace(crests, height=crests.height + crests.sign * rough)
+        points = _ROUGH_POINTS if grid.rough_slopes.size else SPLINE_POINTS
+        fine = n * points
+        step = self._size / fine
+        rough_b = self._rough_of_wheel(self._torus.by_b, grid.rough_slopes, fine)
+        rough_g = self._rough_of_wheel(self._torus.by_g, grid.rough_slopes, fine)
+        up, down = between_states(grid.error, grid.by_b, grid.by_g, points)
+        hills = _hills_of(
+            up + rough_b[:, :, None] + rough_g[:, None],
+            down + rough_b[:, :, None] + rough_g[:, None],
+            lambda place: self._map.to_lattice(place * step),
+        )
+        return hills.and_these(crests), grid.tops
+
+    def _grid_states(self, n: int) -> _GridStates:
+        """Solve the states nearest to a grid of n positions of each wheel."""
         drives = self._drives
         index = np.stack(np.unravel_index(there_and_back((n, n)), (n, n)), axis=1)
-        exact = index * (self._size / n)
+        grid_point = index * (self._size / n)
         row = np.tile(np.arange(drives), n * n)
-        points = np.repeat(self._map.to_lattice(exact), drives, axis=0)
-        rotation, slopes, share = self._at(row, points)
-        steps = self._torus.changes(row, points)
+        point = np.repeat(self._map.to_lattice(grid_point), drives, axis=0)
+        rotation, slopes, zone_share = self._solve(row, point)
         smooth = slice(SMOOTH_SCALARS)
-        by_b, by_g = ((slopes[:, smooth] * each[:, smooth]).sum(axis=1) for each in steps)  # arcsec a step
-        teeth = slopes[:, SMOOTH_SCALARS:].reshape(n * n, drives, -1).mean(axis=0)
-        added = self._added(teeth, row, points)
-        rotation -= added
-        off = np.repeat(exact, drives, axis=0) - points
-        flat = np.empty((5, drives, n, n))
-        places = (row, *np.repeat(index, drives, axis=0).T)
-        flat[0][places] = rotation + by_b * off[:, 0] + by_g * off[:, 1]
-        flat[1][places] = by_b * self._size[0] / n
-        flat[2][places] = by_g * self._size[1] / n
-        flat[3][places] = share
-        flat[4][places] = added
-        whole = flat[0] + flat[4]
-        crests = self._crests(*flat[:4])
-        known = np.stack([whole.max(axis=(1, 2)), -whole.min(axis=(1, 2))], axis=1)
-        crests = replace(crests, height=crests.height + crests.sign * self._added(teeth, crests.row, crests.point))
-        fine = n * (_ROUGH_POINTS if teeth.size else SPLINE_POINTS)
-        step = self._size / fine
-        parts = (self._torus.by_b, self._torus.by_g)
-        # of the nearest tooth: a whole tooth off is a sixth of a wave of order 16 on 100 teeth
-        near = [np.rint(np.arange(fine) * part.shape[1] / fine).astype(int) % part.shape[1] for part in parts]
-        b, g = (part[:, at, SMOOTH_SCALARS:] @ teeth[:, :, None] for part, at in zip(parts, near, strict=True))
-        up, down = (each + b + g[:, None, :, 0] for each in between_states(flat[0], flat[1], flat[2], fine // n))
-        return _hills_of(up, down, lambda place: self._map.to_lattice(place * step)).and_these(crests), known
+        change_b, change_g = self._torus.changes(row, point)
+        by_b = (slopes[:, smooth] * change_b[:, smooth]).sum(axis=1)  # by a step between states
+        by_g = (slopes[:, smooth] * change_g[:, smooth]).sum(axis=1)
+        rough_slopes = slopes[:, SMOOTH_SCALARS:].reshape(n * n, drives, -1).mean(axis=0)
+        rough = self._rough(rough_slopes, row, point)
+        # from the state to the point of the grid
+        offset = np.repeat(grid_point, drives, axis=0) - point
+        error = rotation - rough + by_b * offset[:, 0] + by_g * offset[:, 1]
+        place = (row, *np.repeat(index, drives, axis=0).T)
 
-    def _added(self, slopes: Array, row: Indices, point: Indices) -> Array:
-        """What orders beyond the fourth add at points [arcsec], by slopes of drives, shape (drives, their scalars)."""
-        return np.asarray((self._torus.scalars(row, point)[:, SMOOTH_SCALARS:] * slopes[row]).sum(axis=1))
+        def on_grid(values: Array) -> Array:
+            gridded = np.empty((drives, n, n))
+            gridded[place] = values
+            return gridded
 
-    def _crests(self, value: Array, by_b: Array, by_g: Array, share: Array) -> _Hills:
-        """Places between states of the grid where a mesh zone lets go, and the height of the upper tangent.
+        return _GridStates(
+            error=on_grid(error),
+            by_b=on_grid(by_b * self._size[0] / n),
+            by_g=on_grid(by_g * self._size[1] / n),
+            zone_share=on_grid(zone_share),
+            rough=on_grid(rough),
+            rough_slopes=rough_slopes,
+        )
 
-        Arguments: those of between_states; share of the torque that one zone takes, shape (drives, n, n).
+    def _rough(self, rough_slopes: Array, row: Indices, point: Indices) -> Array:
+        """Return the error that orders beyond the fourth add at points [arcsec].
+
+        Args:
+            rough_slopes: of each drive by the scalars of these orders [arcsec/mm], shape (drives, scalars).
+            row: of the drive of each point.
+            point: shape (points, 2).
         """
-        n = len(value[0])
-        found = list[_Hills]()
-        for axis, slope in ((1, by_b), (2, by_g)):
-            ahead = np.roll(value, -1, axis)
-            slope_ahead = np.roll(slope, -1, axis)
-            for zone in (share, 1 - share):
-                beyond = np.roll(zone, -1, axis)
-                at = np.nonzero(zone * beyond < 0)
-                t = zone[at] / (zone[at] - beyond[at])
-                near = value[at] + slope[at] * t
-                far = ahead[at] - slope_ahead[at] * (1 - t)
-                for sign in (1, -1):
-                    first = sign * (near - far) > 0
-                    place = np.stack(at[1:], axis=1).astype(float)
-                    place[:, axis - 1] += np.where(first, np.maximum(t - _BACK, 0), np.minimum(t + _BACK, 1))
-                    point = self._map.to_lattice(place * self._size / n)
-                    found.append(
-                        _Hills(
-                            row=at[0],
-                            sign=np.full(len(t), sign),
-                            point=point,
-                            height=np.maximum(sign * near, sign * far),
-                            slope=np.empty((len(t), 0)),
-                        )
-                    )
-        return reduce(_Hills.and_these, found)
+        scalars = self._torus.scalars(row, point)[:, SMOOTH_SCALARS:]
+        return np.asarray((scalars * rough_slopes[row]).sum(axis=1))
 
-    def _first_states(self, hills: _Hills, known: Array) -> _Hills:
-        """Hills that are to be climbed: one state solved on each that may be the highest, and half a turn on."""
-        F_ior = np.maximum(known.sum(axis=1), _LEAST_F_IOR)
-        known = np.minimum(known, hills.tops)  # a state of the grid may be higher than all that splines propose
-        hills = hills[known[hills.row, (hills.sign < 0).astype(int)] - hills.height <= _TRIED * F_ior[hills.row]]
-        hills = self._solved(hills).near_top(_CLIMBED)
-        twins = self._solved(replace(hills, point=self._map.to_lattice(hills.point + self._size / 2)))
+    def _rough_of_wheel(self, part: Array, rough_slopes: Array, fine: int) -> Array:
+        """Return the error that orders beyond the fourth of one wheel add, shape (drives, fine) [arcsec].
+
+        The nearest tooth counts at each of the fine positions: a whole tooth is a sixth of a wave of order 16 on 100
+        teeth.
+        """
+        z = part.shape[1]
+        nearest = np.rint(np.arange(fine) * z / fine).astype(int) % z
+        return np.asarray((part[:, nearest, SMOOTH_SCALARS:] @ rough_slopes[:, :, None])[:, :, 0])
+
+    def _crests(self, grid: _GridStates) -> _Hills:
+        """Return the places between states of a grid where a mesh zone lets go, at the height of the upper tangent."""
+        crests = []
+        for axis, slope in ((1, grid.by_b), (2, grid.by_g)):
+            for zone_share in (grid.zone_share, 1 - grid.zone_share):
+                crests += self._crests_along(axis, grid.error, slope, zone_share)
+        return reduce(_Hills.and_these, crests)
+
+    def _crests_along(self, axis: int, error: Array, slope: Array, zone_share: Array) -> list[_Hills]:
+        """Return the crests between neighbours along one axis of a grid where one mesh zone lets go.
+
+        Args:
+            axis: 1 along the rigid wheel, 2 along the flexspline.
+            error: [arcsec], shape (drives, n, n).
+            slope: of the error by a step of the grid along the axis [arcsec], shape (drives, n, n).
+            zone_share: share of the torque on the zone, shape (drives, n, n).
+        """
+        n = len(error[0])
+        next_error = np.roll(error, -1, axis)
+        next_slope = np.roll(slope, -1, axis)
+        next_share = np.roll(zone_share, -1, axis)
+        cell = np.nonzero(zone_share * next_share < 0)
+        row, *position = cell
+        t = zone_share[cell] / (zone_share[cell] - next_share[cell])  # place of the crest within its cell
+        tangent = error[cell] + slope[cell] * t
+        next_tangent = next_error[cell] - next_slope[cell] * (1 - t)
+        crests = []
+        for sign in (1, -1):
+            is_first_higher = sign * (tangent - next_tangent) > 0
+            before = np.maximum(t - _BEFORE_CREST, 0)
+            behind = np.minimum(t + _BEFORE_CREST, 1)
+            place = np.stack(position, axis=1).astype(float)
+            place[:, axis - 1] += np.where(is_first_higher, before, behind)
+            crests.append(
+                _Hills(
+                    row=row,
+                    sign=np.full(len(t), sign),
+                    point=self._map.to_lattice(place * self._size / n),
+                    height=np.maximum(sign * tangent, sign * next_tangent),
+                    slope=np.empty((len(t), 0)),
+                )
+            )
+        return crests
+
+    def _first_states(self, hills: _Hills, grid_tops: Array) -> _Hills:
+        """Return the hills to be climbed, with a solved state on each and on its twin half a revolution further.
+
+        Args:
+            hills: all that the grids propose.
+            grid_tops: largest heights on the grids [arcsec], shape (drives, 2).
+        """
+        F_ior = np.maximum(grid_tops.sum(axis=1), _MIN_F_IOR)
+        tops = np.minimum(grid_tops, hills.tops)  # a state of the grid may be higher than all that splines propose
+        depth = tops[hills.row, (hills.sign < 0).astype(int)] - hills.height
+        hills = self._with_states(hills[depth <= _TRIED * F_ior[hills.row]]).near_top(_CLIMBED)
+        twins = self._with_states(replace(hills, point=self._map.to_lattice(hills.point + self._size / 2)))
         return hills.and_these(twins).near_top(_CLIMBED)
 
-    def _solved(self, hills: _Hills) -> _Hills:
-        """Hills with the states there."""
-        rotation, slope, _ = self._at(hills.row, hills.point)
+    def _with_states(self, hills: _Hills) -> _Hills:
+        """Return hills with the height and slope of the states at their points."""
+        rotation, slope, _ = self._solve(hills.row, hills.point)
         return replace(hills, height=hills.sign * rotation, slope=slope)
 
 
-def between_states(value: Array, by_b: Array, by_g: Array, times: int = SPLINE_POINTS) -> tuple[Array, Array]:
-    """Bounds of the error between states of a grid, upper and lower, shape (drives, k, l), k = n times.
+def _starts_of(hills: _Hills) -> Starts:
+    """Return the states at which climbs begin, the highest first in each group of a drive and sign."""
+    groups = hills.row * 2 + (hills.sign < 0)  # the maxima of a drive, then its minima
+    order = np.lexsort((-hills.height, groups))
+    ordered = hills[order]
+    _, first = np.unique(groups[order], return_index=True)
+    return Starts(
+        first=first,
+        row=ordered.row[first],
+        sign=ordered.sign[first],
+        point=ordered.point,
+        rotation=ordered.sign * ordered.height / ARCSEC,
+        slope=ordered.slope / ARCSEC,
+    )
 
-    Cubic splines; where the tangents of all four states around a place reach beyond them, those, and a share of what
-    any of them reaches. Arguments: value of the states and its slopes by a step of the grid along either wheel, shape
-    (drives, n, n).
+
+def between_states(value: Array, by_b: Array, by_g: Array, times: int = SPLINE_POINTS) -> tuple[Array, Array]:
+    """Return an upper and a lower bound of the error between the states of a grid, shape (drives, n times, n times).
+
+    They are cubic splines. If the tangents of all four states around a place lie beyond the spline, they bound the
+    error there; otherwise a share of the difference of the outermost tangent is added.
+
+    Args:
+        value: error of the states, shape (drives, n, n).
+        by_b: its slope by a step of the grid along the rigid wheel, shape (drives, n, n).
+        by_g: its slope by a step of the grid along the flexspline, shape (drives, n, n).
+        times: points for each position of the grid.
     """
-    n = value.shape[1]
-    slopes = []
-    for slope, axis in ((by_b, 1), (by_g, 2)):
-        ahead = np.abs(np.roll(value, -1, axis) - value)
-        most = _STEEPEST * np.maximum(ahead, np.roll(ahead, 1, axis))
-        slopes.append(np.clip(slope, -most, most))
-    b, g = slopes
-    twist = (np.roll(b, -1, 2) - np.roll(b, 1, 2) + np.roll(g, -1, 1) - np.roll(g, 1, 1)) / 4
-    A, B = _spline(n, times)
-    spline = (A @ value + B @ b) @ A.T + (A @ g + B @ twist) @ B.T
+    spline = _spline_between(value, by_b, by_g, times)
     t = np.arange(times) / times
     tangents = []
     for i in (0, 1):
         for j in (0, 1):
-            f, p, q = (np.roll(each, (-i, -j), (1, 2))[:, :, None, :, None] for each in (value, by_b, by_g))
-            tangents.append((f + p * (t - i)[:, None, None] + q * (t - j)).reshape(spline.shape))
+            # states at one corner of each cell, and the tangents from them over the cell
+            corner_value, slope_b, slope_g = (
+                np.roll(values, (-i, -j), (1, 2))[:, :, None, :, None] for values in (value, by_b, by_g)
+            )
+            tangent = corner_value + slope_b * (t - i)[:, None, None] + slope_g * (t - j)
+            tangents.append(tangent.reshape(spline.shape))
     low = np.minimum.reduce(tangents)
     high = np.maximum.reduce(tangents)
-    up = np.maximum(low, spline + _BEYOND * np.maximum(high - spline, 0))
-    down = np.minimum(high, spline + _BEYOND * np.minimum(low - spline, 0))
+    up = np.maximum(low, spline + _TANGENT_SHARE * np.maximum(high - spline, 0))
+    down = np.minimum(high, spline + _TANGENT_SHARE * np.minimum(low - spline, 0))
     return up, down
+
+
+def _spline_between(value: Array, by_b: Array, by_g: Array, times: int) -> Array:
+    """Return the cubic spline through the states of a grid, with the arguments of between_states."""
+    b = _limited_slope(value, by_b, 1)
+    g = _limited_slope(value, by_g, 2)
+    twist = (np.roll(b, -1, 2) - np.roll(b, 1, 2) + np.roll(g, -1, 1) - np.roll(g, 1, 1)) / 4
+    A, B = _spline(value.shape[1], times)
+    return np.asarray((A @ value + B @ b) @ A.T + (A @ g + B @ twist) @ B.T)
+
+
+def _limited_slope(value: Array, slope: Array, axis: int) -> Array:
+    """Return slopes along an axis limited by the differences to both neighbours."""
+    difference = np.abs(np.roll(value, -1, axis) - value)
+    limit = _MAX_SLOPE * np.maximum(difference, np.roll(difference, 1, axis))
+    return np.clip(slope, -limit, limit)
 
 
 @lru_cache(maxsize=4)
 def _spline(n: int, times: int) -> tuple[Array, Array]:
-    """Weights of values and of slopes in a periodic cubic spline through n of them, shape (n times, n)."""
+    """Return the weights of n values and of their slopes in a periodic cubic spline, shape (n times, n) each."""
     cell, part = np.divmod(np.arange(n * times), times)
     t = part / times
     rows = np.arange(n * times)
-    of_values, of_slopes = np.zeros((2, n * times, n))
-    ahead = (cell + 1) % n
-    of_values[rows, ahead] = (3 - 2 * t) * t**2
-    of_values[rows, cell] = 1 - of_values[rows, ahead]
-    of_slopes[rows, cell] = t * (1 - t) ** 2
-    of_slopes[rows, ahead] = t**2 * (t - 1)
-    return of_values, of_slopes
+    next_cell = (cell + 1) % n
+    value_weights = np.zeros((n * times, n))
+    value_weights[rows, next_cell] = (3 - 2 * t) * t**2
+    value_weights[rows, cell] = 1 - value_weights[rows, next_cell]
+    slope_weights = np.zeros((n * times, n))
+    slope_weights[rows, cell] = t * (1 - t) ** 2
+    slope_weights[rows, next_cell] = t**2 * (t - 1)
+    return value_weights, slope_weights
