@@ -315,8 +315,8 @@ def _teeth_reach(geometry: Geometry) -> Iterator[_Conflict]:
         yield _Conflict(
             path="cam.W_0",
             message="the teeth do not reach each other at the major axis",
-            got=f"tip of the flexspline {tip + geometry.W_0:.4g} mm, of the rigid wheel {rigid_tip:.4g} mm",
-            hint=f"above {rigid_tip - tip:.4g} mm with these teeth",
+            got=f"tip of the flexspline {tip + geometry.W_0:.4g} mm, of the circular spline {rigid_tip:.4g} mm",
+            hint=f"use more than {rigid_tip - tip:.4g} mm with these teeth",
         )
 
 
@@ -327,9 +327,9 @@ def _tips_come_free(geometry: Geometry) -> Iterator[_Conflict]:
     if tip - geometry.W_0 >= rigid_tip:
         yield _Conflict(
             path="cam.W_0",
-            message="the tips interfere: they do not come free at the minor axis",
-            got=f"tip of the flexspline {tip - geometry.W_0:.4g} mm, of the rigid wheel {rigid_tip:.4g} mm",
-            hint=f"above {tip - rigid_tip:.4g} mm with these teeth, or lower teeth (h_a)",
+            message="the tips interfere: they do not come clear of each other at the minor axis",
+            got=f"tip of the flexspline {tip - geometry.W_0:.4g} mm, of the circular spline {rigid_tip:.4g} mm",
+            hint=f"use more than {tip - rigid_tip:.4g} mm with these teeth, or a smaller addendum (h_a)",
         )
 
 
@@ -338,8 +338,8 @@ def _roots_have_room(geometry: Geometry) -> Iterator[_Conflict]:
     to_rigid = geometry.r_fb - geometry.r_ag
     to_flexspline = geometry.r_ab - geometry.r_f
     for wheel, opposite, room, tip, root in (
-        ("flexspline", "rigid wheel", to_rigid, geometry.r_ag + geometry.W_0, geometry.r_fb),
-        ("rigid wheel", "flexspline", to_flexspline, geometry.r_ab, geometry.r_f + geometry.W_0),
+        ("flexspline", "circular spline", to_rigid, geometry.r_ag + geometry.W_0, geometry.r_fb),
+        ("circular spline", "flexspline", to_flexspline, geometry.r_ab, geometry.r_f + geometry.W_0),
     ):
         if room < geometry.W_0:
             yield _Conflict(
@@ -391,7 +391,7 @@ def _teeth_mesh(geometry: Geometry) -> Iterator[_Conflict]:
             path="cam.W_0",
             message="the teeth interfere: they overlap in the shape that the cam gives",
             got=f"an overlap of {overlap * 1e3:.3g} um at {np.degrees(angle):.3g}° from the major axis",
-            hint=f"at most {allowed_overlap * 1e3:.3g} um; check W_0 with m, x_g, x_b and h_a",
+            hint=f"at most {allowed_overlap * 1e3:.3g} um is allowed; check W_0 with m, x_g, x_b and h_a",
         )
 
 
@@ -404,7 +404,7 @@ def _rim_is_thin(geometry: Geometry) -> Iterator[_Conflict]:
             path="flexspline.h_1",
             message=f"too thick for a rim with a root radius of {geometry.r_f:.4g} mm",
             got=f"{h_1:g} mm",
-            hint=f"at most {max_h_1:.3g} mm",
+            hint=f"use at most {max_h_1:.3g} mm",
         )
 
 
