@@ -30,7 +30,7 @@ from io import BytesIO
 import numpy as np
 
 from benchmarks.sizes import solved_cycle
-from hdassist.acceptance.decision import AcceptedValue, RecordedPart, decide
+from hdassist.acceptance.decision import AcceptedValue, CoveredCycle, decide
 from hdassist.acceptance.limits import F_IOR, Limit
 from hdassist.errors import SURE, HdassistError, Verdict
 from hdassist.measuring.full_cycle import full_cycle
@@ -179,18 +179,18 @@ class MeasuredFigure:
 
     interval_arcsec: 95 % interval, of a part its two ends.
     direction: of the greatest F'_ior.
-    part: of the cycle that it covers, None for all of it.
+    cycle: what it covers of the full cycle, None if the model does not hold there.
     """
 
     interval_arcsec: tuple[float, float]
     direction: SweepResult
-    part: RecordedPart | None
+    cycle: CoveredCycle | None
     has_few_samples: bool = False
 
     def verdict(self, limit_arcsec: float) -> Verdict:
         """The verdict of `accept` on a limit."""
         limit = Limit(F_IOR.code, limit_arcsec, 1.0)
-        return decide(limit, AcceptedValue.measured(limit, self.direction, self.part), "guard", SURE).verdict
+        return decide(limit, AcceptedValue.measured(limit, self.direction, self.cycle), "guard", SURE).verdict
 
 
 def measured_figure(rng: np.random.Generator, recording: Recording, kind: str) -> MeasuredFigure | None:
@@ -199,19 +199,20 @@ def measured_figure(rng: np.random.Generator, recording: Recording, kind: str) -
     turns, error = recording.input_rev[in_time], recording.error_arcsec[in_time]
     if kind != "split":
         turns, error = soiled(rng, recording)
-    trace = read_trace(BytesIO(file_of(turns, error)), TraceForm(robust=True))
     try:
+        trace = read_trace(BytesIO(file_of(turns, error)), TraceForm(robust=True))
         result = measure(trace, ratio=recording.ratio, stated=dict.fromkeys(STATED, 0.0), may_be_noise=True)
     except HdassistError:
         return None
     direction = result.greatest
-    if not direction.is_bound:
-        return MeasuredFigure(interval_arcsec=direction.interval_arcsec, direction=direction, part=None)
     found = full_cycle(result, direction)
     if isinstance(found, str):
-        return None
-    part = RecordedPart.of(direction, found, recording.ratio)
-    return MeasuredFigure(interval_arcsec=found.interval_arcsec, direction=direction, part=part)
+        if direction.is_bound:
+            return None
+        return MeasuredFigure(interval_arcsec=direction.interval_arcsec, direction=direction, cycle=None)
+    interval = found.interval_arcsec if direction.is_bound else direction.interval_arcsec
+    cycle = CoveredCycle.of(direction, found, recording.ratio)
+    return MeasuredFigure(interval_arcsec=interval, direction=direction, cycle=cycle)
 
 
 @dataclass

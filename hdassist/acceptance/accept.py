@@ -23,7 +23,7 @@ from hdassist.acceptance.answer import (
     now,
     of_predictions,
 )
-from hdassist.acceptance.decision import AcceptedValue, DecidedCheck, Predictions, RecordedPart, decide
+from hdassist.acceptance.decision import AcceptedValue, CoveredCycle, DecidedCheck, Predictions, decide
 from hdassist.acceptance.limits import F_IOR, Limit, limits_of
 from hdassist.acceptance.request import Inputs, LotRow, Request
 from hdassist.errors import GUARD, SEVERITY, DataError, HdassistError, UsageError, Verdict, worst
@@ -66,7 +66,7 @@ def accept(
         elif limit not in left:
             measurement = measured[limit.M_g_Nm or 0.0]
             by_direction = [
-                AcceptedValue.measured(limit, direction, _recorded_part(limit, measurement, direction))
+                AcceptedValue.measured(limit, direction, _covered_cycle(limit, measurement, direction))
                 for direction in measurement.directions
             ]
             values = sorted(
@@ -121,11 +121,17 @@ def accept(
     })  # fmt: skip
 
 
-def _recorded_part(limit: Limit, measurement: Measurement, direction: SweepResult) -> RecordedPart | None:
-    """Return the part of the cycle that a direction covers, for a limit of F'_ior; None if it covers all of it."""
-    if limit.check is not F_IOR or not direction.is_bound or measurement.gearing is None:
+def _covered_cycle(limit: Limit, measurement: Measurement, direction: SweepResult) -> CoveredCycle | None:
+    """Return what a direction covers of the full cycle, for a limit of F'_ior.
+
+    None if the cycle is not known, or if a direction covers all of it and its model does not hold.
+    """
+    if limit.check is not F_IOR or measurement.gearing is None:
         return None
-    return RecordedPart.of(direction, full_cycle(measurement, direction), measurement.gearing.ratio)
+    cycle = full_cycle(measurement, direction)
+    if isinstance(cycle, str) and not direction.is_bound:
+        return None
+    return CoveredCycle.of(direction, cycle, measurement.gearing.ratio)
 
 
 def _open_by_sharing(decision: DecidedCheck, others: Sequence[str]) -> DecidedCheck:
@@ -142,7 +148,7 @@ def _decisive(decisions: Sequence[DecidedCheck]) -> DecidedCheck:
     Beside a direction that visited the whole cycle, one of a part counts only where it is not clear of the limit.
     """
     if any(d.extent == "whole" for d in decisions):
-        close = [d for d in decisions if d.extent == "at least" and (d.margin or 0.0) < d.guard]
+        close = [d for d in decisions if d.extent == "at least" and d.room(d.value or 0.0) < d.guard]
         decisions = [d for d in decisions if d.extent == "whole" or d in close]
     return min(decisions, key=lambda decision: SEVERITY.index(decision.verdict))
 

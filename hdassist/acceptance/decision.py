@@ -6,6 +6,7 @@ of `hdassist check`, so F'_ior has the same probability of keeping a limit on bo
 Measured values, guard rule (JCGM 106, ISO 14253-1): accepted within the limit by GUARD standard uncertainties or
 more, which conforms with 95 % probability, rejected beyond it by as much, inconclusive between; what lines off
 the orders may add in another cycle has to find room too, and an uncertainty that nobody has stated leaves it open.
+F'_ior by a recording is accepted by the upper end of its model instead, which holds with 95 % probability as well.
 Simple rule: accepted up to the limit. Predicted values follow the rule of `hdassist check` under both: the probability
 of keeping the limit over all that is not known exactly. That is no decision on conformity.
 """
@@ -46,6 +47,7 @@ from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.loadcase import CrossCheck
 
+_MAY_BE = "F'_ior of the full cycle may be up to {:.4g}"
 OF_TRAVEL = "predicted over the full cycle: less may come in acceptance.travel, which a record shows"
 _Basis = Literal["measured", "stated", "predicted"]
 Rule = Literal["guard", "simple"]
@@ -262,12 +264,12 @@ def order_place(kinematics: Kinematics, order: float) -> int:
 
 
 @dataclass(frozen=True)
-class RecordedPart(ClosedRecord):
-    """The part of the full cycle that a recording covers, and what its model says about the full cycle.
+class CoveredCycle(ClosedRecord):
+    """The share of the full cycle that a recording covers, and what its model says about the full cycle.
 
     share: of the cycle, 0 to 1.
-    at_most: smallest limit that F'_ior of the full cycle meets with a probability of 95 % [arcsec]; None if the part is
-        too small to pass a drive, or if the model does not hold.
+    at_most: smallest limit that F'_ior of the full cycle meets with a probability of 95 % [arcsec]; None if the share
+        is too small to pass a drive, or if the model does not hold.
     record_next_deg: angles of the output between which a recording would narrow F'_ior most; None if not known.
     why_open: why there is no at_most; empty if there is one.
     """
@@ -278,8 +280,8 @@ class RecordedPart(ClosedRecord):
     why_open: str = ""
 
     @classmethod
-    def of(cls, sweep: SweepResult, cycle: FullCycle | str, ratio: float) -> RecordedPart:
-        """Return the part that a direction of a measurement covers.
+    def of(cls, sweep: SweepResult, cycle: FullCycle | str, ratio: float) -> CoveredCycle:
+        """Return what a direction of a measurement covers.
 
         sweep: the direction.
         cycle: F'_ior of its full cycle, or why there is none.
@@ -313,7 +315,7 @@ class AcceptedValue(ClosedRecord):
     none at a torque between those that were recorded; rise, by how much it may be greater in another cycle; at_most, of
     a lower bound: value that 95 of 100 drives with it stay below, by a plan of positions or by the model of a
     recording; unstated, sources of its uncertainty that nobody has stated; belief, of a prediction over the uncertain
-    inputs; part, of F'_ior by a recording of a part of the cycle.
+    inputs; full_cycle, of F'_ior by a recording: what its model says.
     """
 
     value: float | None = None
@@ -324,7 +326,7 @@ class AcceptedValue(ClosedRecord):
     unstated: tuple[str, ...] = ()
     belief: Belief | None = None
     at_most: float | None = None
-    part: RecordedPart | None = None
+    full_cycle: CoveredCycle | None = None
 
     @classmethod
     def predicted(cls, limit: Limit, predictions: Predictions) -> AcceptedValue:
@@ -373,10 +375,10 @@ class AcceptedValue(ClosedRecord):
         return cls(extent="between torques")
 
     @classmethod
-    def measured(cls, limit: Limit, sweep: SweepResult, part: RecordedPart | None = None) -> AcceptedValue:
+    def measured(cls, limit: Limit, sweep: SweepResult, cycle: CoveredCycle | None = None) -> AcceptedValue:
         """The value by one direction of a trace, with the expanded uncertainty; none where that does not tell it.
 
-        part: of the cycle that the direction covers, None for all of it.
+        cycle: what the direction covers of it and its model says about it; None if the model does not hold.
         """
         read = MEASURED[limit.code](sweep, limit.per_cam_rev or 0.0) if limit.check.of_trace else None
         if read is None:
@@ -385,9 +387,10 @@ class AcceptedValue(ClosedRecord):
         unstated = tuple(source.name for source in sweep.sources if source.arcsec is None)
         extent = limit.check.of_part if sweep.is_bound else "whole"
         expanded = COVERAGE_FACTOR * uncertainty
-        if part is None or limit.check is not F_IOR:
+        if cycle is None or limit.check is not F_IOR:
             return cls(value, expanded, "measured", extent, rise, unstated)
-        return cls(value, expanded, "measured", extent, rise, unstated, at_most=part.at_most, part=part)
+        at_most = cycle.at_most if sweep.is_bound else None
+        return cls(value, expanded, "measured", extent, rise, unstated, at_most=at_most, full_cycle=cycle)
 
 
 def _amplitude(sweep: SweepResult, order: float) -> tuple[float, float, float] | None:
@@ -468,14 +471,31 @@ def _verdict(known: AcceptedValue, room: float | None, guard: float, rule: Rule,
     if known.extent == "at least":
         if why := _why_bound_is_open(known, room, guard):
             return Verdict.INCONCLUSIVE, why
-    elif room - (known.rise if strict else 0.0) < guard:
-        lines = f", with {known.rise:.3g} that spectral lines may add in another cycle" if strict and known.rise else ""
-        return Verdict.INCONCLUSIVE, f"within the guard band{lines}"
+    elif why := _why_within_guard(known, room, guard, strict=strict):
+        return Verdict.INCONCLUSIVE, why
     if strict and known.unstated:
         names, options = ", ".join(known.unstated), ",".join(f"{name}=U" for name in known.unstated)
         words = f"no uncertainty is stated for {names}: --budget {options}, U in ″, 0 if a source adds nothing"
         return Verdict.INCONCLUSIVE, words
     return Verdict.PASS, ""
+
+
+def _why_within_guard(known: AcceptedValue, room: float, guard: float, *, strict: bool) -> str:
+    """Return why a value that is not beyond its limit does not pass; empty if it does.
+
+    The upper end of the model of a recording takes the place of the guard band, where there is one: it contains what
+    the orders of the fit leave out.
+
+    room: that the value leaves to the limit.
+    guard: guard band of the value.
+    strict: whether the guard rule decides.
+    """
+    at_most = known.full_cycle.at_most if known.full_cycle else None
+    if strict and at_most is not None:
+        return _MAY_BE.format(at_most) if room < at_most - (known.value or 0.0) else ""
+    rise = known.rise if strict else 0.0
+    lines = f", with {rise:.3g} that spectral lines may add in another cycle" if rise else ""
+    return f"within the guard band{lines}" if room - rise < guard else ""
 
 
 def _why_bound_is_open(known: AcceptedValue, room: float, guard: float) -> str:
@@ -484,12 +504,12 @@ def _why_bound_is_open(known: AcceptedValue, room: float, guard: float) -> str:
     room: that the value leaves to the limit.
     guard: guard band of the value.
     """
-    part, at_most, value = known.part, known.at_most, known.value or 0.0
+    cycle, at_most, value = known.full_cycle, known.at_most, known.value or 0.0
     if at_most is None:
-        return f"a lower bound: {part.why_open + part.advice if part else 'only a part of the cycle was recorded'}"
+        return f"a lower bound: {cycle.why_open + cycle.advice if cycle else 'only a part of the cycle was recorded'}"
     room_of_end = room - (at_most - value)
-    if part is not None:  # its upper end contains the uncertainty
-        return f"F'_ior of the full cycle may be up to {at_most:.4g}{part.advice}" if room_of_end < 0 else ""
+    if cycle is not None:  # its upper end contains the uncertainty
+        return _MAY_BE.format(at_most) + cycle.advice if room_of_end < 0 else ""
     if room_of_end < guard * at_most / max(value, 1e-9):
         return f"a lower bound: the value may be up to {at_most:.4g}"
     return ""

@@ -8,7 +8,8 @@ of the rules, so every command gives the same lower bound.
 
 For a verdict one number counts: `at_most_arcsec`, the smallest limit that F'_ior of the full cycle meets with a
 probability of 95 %. It is given from a third of the cycle on (`LEAST_SHARE_OF_PASS`). Over less of it, the prior alone
-decides whether the remainder is like the recorded part.
+decides whether the remainder is like the recorded part. Lines off the orders that the fit of `measure` names have to
+find room in it too, since in another cycle their peaks may meet those of the curve.
 
 The model holds only in its domain, and `reason_outside` is the one place that states it: the cycle and the size of the
 error are known, F'_ior counts over all of the cycle, one direction, one torque, a recording of 12 % of the cycle or
@@ -29,11 +30,13 @@ from hdassist.measuring.measure import Measurement, SweepResult
 from hdassist.recording.figures import part_to_record, range_figure
 from hdassist.recording.positions import Recording, recording_from_columns
 from hdassist.recording.posterior import posterior_of_recording
+from hdassist.recording.waves import BLOCKS_PER_REV
 
 _LEAST_SHARE = 0.12  # of the cycle: less was not judged (benchmarks/recordings.py)
 LEAST_SHARE_OF_PASS = 1 / 3  # of the cycle, from which the upper end may pass a drive
 _LARGEST_SLOW = 10.0  # times the range of the orders: larger slow terms may come from a wrong ratio
 _FEWEST_EFFECTIVE = 40.0  # samples: with fewer an upper end is not known
+_MOST_BLOCKS = 30_000  # of readings: three cycles of ratio 100; the design of more takes too much memory
 _PAUSE = 1e6  # rows between two levels, so that each is a run of its own
 
 
@@ -69,6 +72,8 @@ def reason_outside(result: Measurement, sweep: SweepResult) -> str:
         return "the torque changes"
     if sweep.coverage.share < _LEAST_SHARE:
         return f"less than {100 * _LEAST_SHARE:.0f} % of the cycle was recorded"
+    if _blocks(sweep) > _MOST_BLOCKS:
+        return "more revolutions were recorded than the model takes: record one full cycle"
     if sweep.slow_arcsec > _LARGEST_SLOW * sweep.cam.value:
         return "slow terms are much larger than the error of the orders: check the ratio and the drift"
     return ""
@@ -100,7 +105,7 @@ def full_cycle(result: Measurement, sweep: SweepResult) -> FullCycle | str:
         interval_arcsec=(sweep.interval_arcsec[0], upper),
         record_next_rev=part_to_record(posterior),
         effective_samples=figure.whole_effective,
-        at_most_arcsec=max(at_most, sweep.range.value) if is_enough else None,
+        at_most_arcsec=max(at_most, sweep.range.value + sweep.range.rise) if is_enough else None,
     )
 
 
@@ -123,6 +128,15 @@ def cleaned_recording(sweep: SweepResult, ratio: float) -> Recording:
         sweep=bins.level,
         time=rows + _PAUSE * bins.level,
     )
+
+
+def _blocks(sweep: SweepResult) -> float:
+    """Return the largest number of blocks of readings that the model makes of a direction."""
+    bins = sweep.bins
+    revolutions = 0.0
+    for level in range(bins.levels):
+        revolutions += float(np.ptp(bins.turns[bins.level == level]))
+    return min(len(bins), BLOCKS_PER_REV * revolutions)
 
 
 def _is_torque_changing(result: Measurement, sweep: SweepResult) -> bool:

@@ -39,7 +39,7 @@ _RULE_WORDS = {
 _CHECK_FIGURES: Quantities[DecidedCheck | None] = tuple(  # of CSV
     Quantity(name)
     for name in (
-        *(each.name for each in fields(DecidedCheck) if each.name not in ("unstated", "belief", "part")),
+        *(each.name for each in fields(DecidedCheck) if each.name not in ("unstated", "belief", "full_cycle")),
         *(f"belief.{each.name}" for each in fields(Belief)),
     )
 )

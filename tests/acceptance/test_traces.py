@@ -70,8 +70,8 @@ def test_half_of_the_cycle_passes_by_the_upper_end_of_its_model():
     assert list(checks) == ["FAIL", "INCONCLUSIVE", "PASS"]
     passed = checks["PASS"]
     assert (passed.extent, passed.at_most, passed.margin) == ("at least", at_most, pytest.approx(0.1))
-    assert passed.part.share == pytest.approx(0.5, abs=0.02)
-    first, last = passed.part.record_next_deg
+    assert passed.full_cycle.share == pytest.approx(0.5, abs=0.02)
+    first, last = passed.full_cycle.record_next_deg
     assert 170 < first < last < 361
     unstated = {4.0: measure(rig(CYCLE // 2), drive=small())}
     assert accept(small("F_ior@4=1000"), unstated, measured_only=True).verdict == "INCONCLUSIVE"
@@ -83,8 +83,8 @@ def test_less_than_a_third_of_the_cycle_never_passes():
     measured = {4.0: measure(rig(CYCLE // 4), drive=small(), stated=NOTHING)}
     (check,) = accept(small("F_ior@4=1000"), measured, measured_only=True).checks
     assert (check.verdict, check.at_most) == ("INCONCLUSIVE", None)
-    assert check.part.why_open
-    assert check.part.record_next_deg
+    assert check.full_cycle.why_open
+    assert check.full_cycle.record_next_deg
 
 
 def test_an_order_of_a_trace_is_the_one_that_was_asked_for():
@@ -134,6 +134,32 @@ def test_what_lines_may_add_in_another_cycle_has_to_find_room():
         (check,) = answer_json(told)["checks"]
         assert (check["rise"], check["unstated"]) == (found.range.rise, [])
     assert verdicts == ["INCONCLUSIVE", "PASS"]
+
+
+def test_a_whole_cycle_passes_by_the_upper_end_of_its_model():
+    measured = {4.0: measure(rig(CYCLE), drive=small(), stated=NOTHING)}
+    at_most = full_cycle(measured[4.0], measured[4.0].greatest).at_most_arcsec
+    assert whole_range(CURVE, CYCLE) < at_most
+    verdicts = []
+    for limit in (at_most - 0.01, at_most + 0.01):
+        (check,) = accept(small(f"F_ior@4={limit!r}"), measured, measured_only=True).checks
+        verdicts.append(check.verdict)
+        assert (check.extent, check.margin) == ("whole", pytest.approx(limit - check.value))
+        assert check.full_cycle.at_most == at_most
+    assert verdicts == ["INCONCLUSIVE", "PASS"]
+    simple = small(f"F_ior@4={measured[4.0].F_ior_arcsec + 0.001!r}", overrides=("acceptance.rule=simple",))
+    assert accept(simple, measured, measured_only=True).verdict == "PASS"  # up to the limit, as its name says
+
+
+def test_a_part_in_one_direction_does_not_stop_the_whole_cycle_in_the_other():
+    x = np.concatenate([np.arange(CYCLE * RATE), np.arange(CYCLE * RATE, 18 * RATE, -1)]) / RATE
+    both = recorded(x, 0.2 * np.random.default_rng(8).standard_normal(len(x)) + CURVE(x))
+    measured = measure(both, drive=small(), stated=NOTHING)
+    whole, part = sorted(measured.directions, key=lambda each: each.is_bound)
+    ends = [full_cycle(measured, each).at_most_arcsec for each in (whole, part)]
+    assert ends[0] < ends[1]
+    found = accept(small(f"F_ior@4={0.5 * sum(ends)!r}"), {4.0: measured}, measured_only=True)
+    assert (found.verdict, found.checks[0].extent) == ("PASS", "whole")
 
 
 def test_the_worse_verdict_of_two_directions_counts():

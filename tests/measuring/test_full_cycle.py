@@ -108,6 +108,14 @@ def test_outside_its_domain_it_says_why():
 
 
 @pytest.mark.thorough
+def test_more_readings_than_the_model_takes_are_refused_by_name(monkeypatch):
+    result = measured(turns_of(0.6))
+    monkeypatch.setattr("hdassist.measuring.full_cycle._MOST_BLOCKS", 0.5 * RATIO * PER_TURN)
+    assert "record one full cycle" in full_cycle(result, result.greatest)
+    monkeypatch.setattr("hdassist.measuring.full_cycle._MOST_BLOCKS", 0.7 * RATIO * PER_TURN)
+    assert isinstance(full_cycle(result, result.greatest), FullCycle)
+
+
 def test_json_has_the_interval_or_the_reason(tmp_path):
     for name, share in (("part", 0.6), ("whole", 1.0), ("short", 0.1)):
         (tmp_path / f"{name}.csv").write_bytes(file_of(turns_of(share)))
