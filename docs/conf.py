@@ -11,7 +11,7 @@ import hdassist
 project, version = "hdassist", hdassist.__version__
 extensions = ["myst_parser"]
 myst_enable_extensions = ["dollarmath"]
-myst_heading_anchors = 2  # as code-hosting sites have them
+myst_heading_anchors = 3  # as code-hosting sites have them
 smartquotes = False  # F'_ior and --json are written so
 
 html_math_renderer = "mathml"  # which browsers draw by themselves: no script, nothing fetched
