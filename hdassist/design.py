@@ -15,6 +15,7 @@ from pydantic import TypeAdapter
 
 from hdassist.belief.evidence import evidence_of
 from hdassist.belief.options import Step, steps_of
+from hdassist.belief.predicted import MeasuredBeside, beside_prediction, beyond_words
 from hdassist.belief.prior import DrivePrior, beside_measured_teeth, prior_of
 from hdassist.belief.samples import EFFECTIVE_SAMPLES, ErrorBelief, Samples, drive_samples
 from hdassist.belief.statistics import Probability
@@ -126,7 +127,8 @@ class DesignCheck:
 
     measured: wheels in place of first harmonics; unknown: deviations that are not known; prior: all that is not known
     exactly; samples of it, None where none were drawn; steps: what it would take at the torque that is least sure, none
-    where all limits are kept; steps_proof: of the states behind these.
+    where all limits are kept; steps_proof: of the states behind these; predicted: values of
+    F'_ior as measured beside what the preset predicts without them.
     """
 
     drive: Drive
@@ -137,6 +139,7 @@ class DesignCheck:
     samples: Samples | None = None
     steps: tuple[Step, ...] = ()
     steps_proof: Certificate = EMPTY
+    predicted: tuple[MeasuredBeside, ...] = ()
 
     def with_samples(self, samples: Samples) -> Self:
         """The same with samples of all that is not known exactly."""
@@ -220,6 +223,7 @@ class DesignCheck:
         measured = any(figure.path.startswith("measured.") for figure in evidence_of(self.drive))
         if measured and self.prior and not self.prior.fields:
             remarks.append("the preset has no uncertain input, so the measured values have no effect")
+        remarks += beyond_words(self.predicted)
         return (*self.drive.origin.warnings, *remarks, *(self.samples.remarks if self.samples else ()))
 
 
@@ -274,6 +278,7 @@ def check(
     if sampled and draws and not samples:
         so_far = None if seen is None else lambda samples: seen(checked.with_samples(samples))
         samples = drive_samples(prior, left, draws=draws, sure=sure, run=run, seen=so_far)
+        checked = replace(checked, predicted=beside_prediction(prior, draws=draws, run=run))
     checked = checked.with_samples(samples) if samples else checked
     shown = [_middle(there, samples, k) if samples else there for k in range(len(torques))]
     errors = list[KinematicError]()

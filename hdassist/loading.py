@@ -98,6 +98,13 @@ def load_preset(name_or_path: str, overrides: Sequence[str] = (), asked: Asked =
     return load_text(text, file, overrides, asked)
 
 
+def with_warning(drive: Drive, text: str) -> Drive:
+    """Return the same drive with one more warning in its origin."""
+    changed = drive.model_copy()
+    changed._origin = replace(drive.origin, warnings=(*drive.origin.warnings, text))
+    return changed
+
+
 def load_text(text: bytes | str, file: str, overrides: Sequence[str] = (), asked: Asked = ()) -> Drive:
     """Read and validate a preset.
 

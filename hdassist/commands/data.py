@@ -236,6 +236,7 @@ class WishOptions(o.OptionGroup):
     holes: str | None = None
     allowed_holes: str | None = None
     quality: str | None = None
+    flexspline: str | None = None
 
 
 class PresetsSchemaCommand(o.OptionGroup):

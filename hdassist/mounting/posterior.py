@@ -36,6 +36,7 @@ from hdassist.belief.evidence import (
     log_likelihoods,
     smooth_misfits,
 )
+from hdassist.belief.predicted import MeasuredBeside, measured_beside
 from hdassist.belief.prior import DrivePrior, FieldPrior, owner_of, prior_of
 from hdassist.belief.proposals import (
     TabledErrors,
@@ -249,6 +250,18 @@ class HoleSamples:
         """
         shown = (turned_errors(self.F_ior_by_torque[M_g], [turn], places) for turn, M_g in points)
         return np.hstack([np.empty((len(places), 0)), *shown])
+
+    def predicted(self, trial: Trial) -> MeasuredBeside:
+        """Return a measured value beside the range that the preset predicts there without measured values."""
+        rotation_deg, M_g = self.setup.point(trial)
+        is_drive = ~np.isnan(self.values[standing_offset(self.drive)[0]].ravel()[self.possible])
+        places = self.possible[is_drive]
+        return measured_beside(
+            trial.F_ior_arcsec,
+            float(self.noise([trial])[0]),
+            self.at([(rotation_deg, M_g)], places)[:, 0],
+            self.weight.ravel()[places],
+        )
 
     def correlation(self, points: Sequence[Point]) -> Array:
         """Covariance of the misfit between points over its variance at the torque of the setup, shape (points, points).

@@ -159,6 +159,12 @@ def _warnings_of_values(advice: Advice, say: Texts) -> Iterator[str]:
         odds = float(after.misread[advice.trials.index(trial)])
         name = "warning.misread" if odds > 0.5 else "warning.misread_of_several"
         yield say(name, value=_measured(advice, trial, say), share=say.percent(odds))
+    for trial in advice.trials:
+        predicted = after.samples.predicted(trial)
+        if predicted.is_above or predicted.is_below:
+            ends = (say.number(predicted.low_arcsec, ".3g"), say.number(predicted.high_arcsec, ".3g"))
+            name = "warning.above_range" if predicted.is_above else "warning.below_range"
+            yield say(name, value=_measured(advice, trial, say), low=ends[0], high=ends[1])
     if after.by_values > UNSHOWN_VALUES:
         yield say("warning.by_values", share=say.percent(after.by_values))
     elif advice.contradicted:

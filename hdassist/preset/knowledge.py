@@ -143,6 +143,9 @@ def implausible(drive: Drive) -> Iterator[tuple[str, str, str]]:
         yield "operation.M_g", words, f"operation.rated: {rated:g} N*m"
     if rated is not None and rated > limit * 1.01:
         yield "operation.rated", f"{rated:g} N*m is {rated / limit:.3g} {beyond}", usual
+    if drive.material.E < _LEAST_STEEL_E:
+        message = f"{drive.material.E:g} MPa is no steel: contact.* are those of steel, and creep is not in the model"
+        yield "material.E", message, "usual: 200000 to 212000 MPa; results for a drive of plastic are not validated"
     yield from _implausible_stiffnesses(drive)
 
 
@@ -195,8 +198,13 @@ _SEGMENTS = (1, 2, 3)  # of the stiffness curve of a catalogue
 # By the quality of a drive: classes of ISO 1328-1 of the value of F'_i, and of both ends of its range; None for 0. For
 # an unknown quality they are assumed: from better teeth than those of catalogues to the coarsest class of the standard
 QUALITIES: dict[str, tuple[int, int | None, int]] = {"catalogue": (7, None, 8), "unknown": (8, 5, 11)}
+_LEAST_STEEL_E = 1e5  # MPa, Young's modulus: below, the flexspline is of another material
 _FARTHEST_TORQUE = 3.0  # times beyond the densities of catalogues: no such drive
 _FARTHEST_STIFFNESS = 4.0  # times stiffer or softer than catalogues have it at a diameter: no such drive
+NOT_MODELLED = {  # kinds of flexsplines, and why there is no result for a drive with them
+    "ring": "a ring between two circular splines meshes with both, and the model has one mesh and a shell",
+    "plastic": "it creeps and expands, and stiffnesses of contacts and tolerances are known for steel only",
+}
 _QUALITY = "quality"  # of the requirements, beside fields
 # only where the drive to be like gives them, and not as 0; else left to their defaults
 _WHERE_GIVEN = ("material.alpha_T", "operation.dT", *COUPLING_FIELDS)
@@ -434,6 +442,7 @@ def read_requirements(like: Drive, *, ratio: float | None = None, **given: str |
     Raises UsageError: an option that cannot be read, or two that contradict each other.
     """
     required: dict[str, SimilarValue] = {}
+    _require_steel_cup(given.get("flexspline"))
     if (quality := given.get("quality")) is not None:
         if quality not in QUALITIES:
             message = f"invalid --quality {shown(quality)}: expected one of {', '.join(QUALITIES)}"
@@ -471,6 +480,17 @@ def read_requirements(like: Drive, *, ratio: float | None = None, **given: str |
         raise UsageError(f"--T1 {plain(T_1)} N*m must be below --T2 {plain(T_2)} N*m", "--T1 14 --T2 48")
     seat = _seat(like, given.get("holes"), given.get("allowed_holes"))
     return required | seat | _coupling(given.get("coupling"), given.get("shaft"))
+
+
+def _require_steel_cup(flexspline: str | None) -> None:
+    """Raise UsageError for a kind of flexspline that the model does not describe, with the reason."""
+    if flexspline is None or flexspline == "cup":
+        return
+    if reason := NOT_MODELLED.get(flexspline):
+        raise UsageError(f"--flexspline {flexspline} is not in the model: {reason}", "the model is that of a steel cup")
+    kinds = ("cup", *NOT_MODELLED)
+    message = f"invalid --flexspline {shown(flexspline)}: expected one of {', '.join(kinds)}"
+    raise UsageError(message, near_miss(flexspline, kinds))
 
 
 def _seat(like: Drive, holes: str | None, allowed: str | None) -> dict[str, SimilarValue]:

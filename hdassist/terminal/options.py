@@ -225,7 +225,7 @@ class DriveOptions(OptionGroup):
 
 
 class LoadedDriveOptions(DriveOptions):
-    """Changes of a preset, its torques among them."""
+    """Changes of a preset, its torques among them; a torque of 0 is no load."""
 
     torque: list[str]
 
@@ -233,6 +233,18 @@ class LoadedDriveOptions(DriveOptions):
     def changes(self) -> list[str]:
         """All that the options change of a preset, its torques too."""
         return [*super().changes, *torque_overrides(self.torque)]
+
+    def load(self, preset: str) -> Drive:
+        """Load the drive of a preset with the changes. Raises DataError, PresetError or UsageError."""
+        if not any(map(is_no_load, self.torque)):
+            return self.load_at_torques(preset)
+        no_load_Nm = no_load_of(preset, self.overrides)
+        torques = [f"{no_load_Nm:.6g}" if is_no_load(text) else text for text in self.torque]
+        return with_no_load_warning(replace(self, torque=torques).load_at_torques(preset), no_load_Nm)
+
+    def load_at_torques(self, preset: str) -> Drive:
+        """Load the drive of a preset with the changes, none of which is no load; the errors are those of load."""
+        return DriveOptions.load(self, preset)
 
 
 class OneTorqueOptions(DriveOptions):
@@ -245,6 +257,14 @@ class OneTorqueOptions(DriveOptions):
         """All that the options change of a preset, its torque too."""
         return [*super().changes, *torque_overrides([self.torque])]
 
+    def load(self, preset: str) -> Drive:
+        """Load the drive of a preset with the changes. Raises DataError, PresetError or UsageError."""
+        if self.torque is None or not is_no_load(self.torque):
+            return DriveOptions.load(self, preset)
+        no_load_Nm = no_load_of(preset, self.overrides)
+        loaded = replace(self, torque=f"{no_load_Nm:.6g}")
+        return with_no_load_warning(DriveOptions.load(loaded, preset), no_load_Nm)
+
 
 class LimitedDriveOptions(LoadedDriveOptions):
     """Changes of a preset, its limits of F'_ior among them."""
@@ -256,8 +276,8 @@ class LimitedDriveOptions(LoadedDriveOptions):
         """Limits of F'_ior, those of all torques first. Raises UsageError for any other limit."""
         return limits_of_options(self.limit, only="F_ior")
 
-    def load(self, preset: str) -> Drive:
-        """The drive of a preset with the changes.
+    def load_at_torques(self, preset: str) -> Drive:
+        """Load the drive of a preset with the changes, none of which is no load.
 
         Raises DataError, PresetError or UsageError, the last also for a limit at a torque that the drive does not have.
         """
@@ -390,6 +410,38 @@ def limits_of_options(texts: Sequence[str], only: str = "") -> tuple[LimitText, 
     return tuple(sorted(found, key=lambda limit: limit.torque is not None))
 
 
+def is_no_load(text: str) -> bool:
+    """Return whether a torque of the command line is 0, in any unit. Raises UsageError for a text that is no torque."""
+    from hdassist.preset.knowledge import option_value
+
+    return option_value("--torque", text, "N*m") == 0
+
+
+def no_load_of(preset: str, overrides: Sequence[str]) -> float:
+    """Return the torque [N*m] at which a drive without load is computed.
+
+    Raises UsageError for a preset from standard input, which can be read once only.
+    """
+    from hdassist.belief.evidence import ACCURACY_LOAD
+    from hdassist.loading import load_preset
+
+    if preset == "-":
+        hint = "save the preset in a file, or state a small torque"
+        raise UsageError("--torque 0 reads the preset twice, and standard input can be read once only", hint)
+    return ACCURACY_LOAD * load_preset(preset, overrides).rated_torque
+
+
+def with_no_load_warning(drive: Drive, no_load_Nm: float) -> Drive:
+    """Return a drive whose warnings state at which torque [N*m] it is computed without load."""
+    from hdassist.loading import with_warning
+
+    text = (
+        f"no load (--torque 0): computed at {no_load_Nm:.4g} N*m, 2 % of the rated torque, at which the accuracy of "
+        "catalogues is compared; without any torque, backlash leaves the output undetermined"
+    )
+    return with_warning(drive, text)
+
+
 def torque_overrides(texts: Sequence[str | None]) -> list[str]:
     """Torques of the command line, where given, as 80 or '80 N·m', as an override of the preset.
 
@@ -401,7 +453,8 @@ def torque_overrides(texts: Sequence[str | None]) -> list[str]:
     torques = [option_value("--torque", text, "N*m") for text in given]
     for text, torque in zip(given, torques, strict=True):
         if not 0 < abs(torque) <= 1e7:
-            raise UsageError(f"invalid --torque {text}: expected a torque in N*m up to 1e7, other than 0")
+            hint = "check, trace, mount and others take 0 as no load" if not torque else ""
+            raise UsageError(f"invalid --torque {text}: expected a torque in N*m up to 1e7, other than 0", hint)
     return [f"operation.M_g={torques!r}"] if torques else []
 
 

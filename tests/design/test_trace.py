@@ -64,7 +64,7 @@ def test_quiet_prints_the_range():
     [
         (["-n", "0"], 2),
         (["-n", "31"], 2),
-        (["--torque", "0"], 2),
+        (["--torque", "nan"], 2),
         (["--torque", "1e6"], 5),
         (["--phi-g0", "nan"], 2),
     ],

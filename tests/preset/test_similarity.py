@@ -171,6 +171,19 @@ def test_a_known_quality_is_as_before() -> None:
         read_requirements(LIKE, quality="good")
 
 
+@pytest.mark.parametrize("kind", ["ring", "plastic"])
+def test_a_flexspline_that_the_model_does_not_describe_is_refused_with_the_reason(kind: str) -> None:
+    with pytest.raises(UsageError, match=f"--flexspline {kind} is not in the model: .{{20}}"):
+        read_requirements(LIKE, flexspline=kind)
+    assert read_requirements(LIKE, flexspline="cup") == read_requirements(LIKE)
+
+
+def test_a_modulus_that_is_not_that_of_steel_is_warned_of() -> None:
+    for E, count in ((2500, 1), (205000, 0)):
+        drive = load_preset("vzp160", [f"material.E={E}"])
+        assert sum("material.E" in text for text in drive.origin.warnings) == count
+
+
 def test_measured_drives_without_a_brand_lie_within_their_predicted_range(tmp_path: Path) -> None:
     made_by = ("presets", "new", "own", "--ratio", "100", "--pitch-diameter", "50.8", "-o", "own.yaml")
     ranges = {}

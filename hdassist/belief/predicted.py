@@ -1,0 +1,113 @@
+"""F'_ior as measured on a drive beside the range that its preset predicts without measured values."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from hdassist.belief.evidence import evidence_of, measured_errors
+from hdassist.belief.prior import DrivePrior
+from hdassist.belief.samples import EFFECTIVE_SAMPLES, SamplingEffort, draw_samples
+from hdassist.belief.statistics import weighted_quantile
+from hdassist.model.geometry import Array
+from hdassist.run.run import Run
+
+_PREDICTED_SHARES = (0.05, 0.95)  # percentiles at the ends of a predicted range
+_COVERAGE_FACTOR = 2.0  # of the standard uncertainty of a measured value
+
+
+@dataclass(frozen=True)
+class MeasuredBeside:
+    """A measured F'_ior beside its predicted range.
+
+    place: hole or turn and torque of the value, as the preset has it.
+    value_arcsec, uncertainty_arcsec: the value and its standard uncertainty.
+    low_arcsec, high_arcsec: 5th and 95th percentile of the prediction without measured values.
+    """
+
+    place: str
+    value_arcsec: float
+    uncertainty_arcsec: float
+    low_arcsec: float
+    high_arcsec: float
+
+    @property
+    def is_above(self) -> bool:
+        """Whether the value less its expanded uncertainty lies above the range."""
+        return self.value_arcsec - _COVERAGE_FACTOR * self.uncertainty_arcsec > self.high_arcsec
+
+    @property
+    def is_below(self) -> bool:
+        """Whether the value plus its expanded uncertainty lies below the range."""
+        return self.value_arcsec + _COVERAGE_FACTOR * self.uncertainty_arcsec < self.low_arcsec
+
+
+def measured_beside(
+    value_arcsec: float, uncertainty_arcsec: float, predicted_arcsec: Array, weights: Array, place: str = ""
+) -> MeasuredBeside:
+    """Return a measured value beside its range.
+
+    value_arcsec, uncertainty_arcsec: the value and its standard uncertainty.
+    predicted_arcsec: F'_ior of samples there, shape (samples,).
+    weights: of the samples without measured values, shape (samples,).
+    place: hole or turn and torque of the value.
+    """
+    low, high = (weighted_quantile(predicted_arcsec, weights, share) for share in _PREDICTED_SHARES)
+    return MeasuredBeside(
+        place=place,
+        value_arcsec=value_arcsec,
+        uncertainty_arcsec=uncertainty_arcsec,
+        low_arcsec=low,
+        high_arcsec=high,
+    )
+
+
+def beside_prediction(
+    prior: DrivePrior, *, draws: int = EFFECTIVE_SAMPLES, run: Run = Run()
+) -> tuple[MeasuredBeside, ...]:
+    """Return the values of F'_ior that were measured on a drive beside the ranges predicted without them.
+
+    The samples are those of `check` for the preset without measured values, so that they are often kept already.
+
+    prior: of the drive, with its measured values.
+    draws: effective samples at least.
+    run: the run.
+    Raises UntrustedError if too few draws are drives.
+    """
+    drive = prior.drive
+    figures = measured_errors(drive)
+    if not figures:
+        return ()
+    torques = tuple(dict.fromkeys((*drive.operation.M_g, *(figure.M_g for figure in figures))))
+    turns = tuple(dict.fromkeys(figure.rotation_deg for figure in figures if figure.rotation_deg))
+    bare = drive.model_copy(update={"measured": drive.measured.model_copy(update={"F_ior": {}})})
+    evidence = evidence_of(bare)
+    effort = SamplingEffort.of(draws)
+    samples = draw_samples(
+        replace(prior, drive=bare), torques, rotations_deg=turns, evidence=evidence, effort=effort, run=run
+    )
+    compared = []
+    for figure in figures:
+        torque = torques.index(figure.M_g)
+        predicted_arcsec = samples.F_ior_arcsec[:, torque]
+        if figure.rotation_deg:
+            predicted_arcsec = samples.turned_arcsec[:, torque, turns.index(figure.rotation_deg)]
+        place = figure.path.removeprefix("measured.F_ior.")
+        compared.append(measured_beside(figure.value, figure.spread, predicted_arcsec, samples.weights, place))
+    return tuple(compared)
+
+
+def beyond_words(compared: Sequence[MeasuredBeside]) -> list[str]:
+    """Return a sentence for each value that lies beyond its range."""
+    sentences = []
+    for value in compared:
+        if not (value.is_above or value.is_below):
+            continue
+        side = "above" if value.is_above else "below"
+        predicted = f"{value.low_arcsec:.3g} to {value.high_arcsec:.3g}″ (5 to 95 %)"
+        sentences.append(
+            f"the measured F'_ior of {value.value_arcsec:g}″ ({value.place}) is {side} the range that the preset alone "
+            f"predicts, {predicted}: check the value, its torque and the tolerances; "
+            "presets new --quality unknown assumes wider ones"
+        )
+    return sentences
