@@ -197,11 +197,11 @@ STIFFNESS = "catalogue.K"
 _SEGMENTS = (1, 2, 3)  # of the stiffness curve of a catalogue
 # By the quality of a drive: classes of ISO 1328-1 of the value of F'_i, and of both ends of its range; None for 0. For
 # an unknown quality they are assumed: from better teeth than those of catalogues to the coarsest class of the standard
-QUALITIES: dict[str, tuple[int, int | None, int]] = {"catalogue": (7, None, 8), "unknown": (8, 5, 11)}
+_QUALITIES: dict[str, tuple[int, int | None, int]] = {"catalogue": (7, None, 8), "unknown": (8, 5, 11)}
 _LEAST_STEEL_E = 1e5  # MPa, Young's modulus: below, the flexspline is of another material
 _FARTHEST_TORQUE = 3.0  # times beyond the densities of catalogues: no such drive
 _FARTHEST_STIFFNESS = 4.0  # times stiffer or softer than catalogues have it at a diameter: no such drive
-NOT_MODELLED = {  # kinds of flexsplines, and why there is no result for a drive with them
+_NOT_MODELLED = {  # kinds of flexsplines, and why there is no result for a drive with them
     "ring": "a ring between two circular splines meshes with both, and the model has one mesh and a shell",
     "plastic": "it creeps and expands, and stiffnesses of contacts and tolerances are known for steel only",
 }
@@ -372,7 +372,7 @@ def _shifts(like: Drive, entries: Mapping[str, SimilarValue], d: float) -> dict[
 
 def _tolerances(d: float, m: float, quality: str) -> dict[str, SimilarValue]:
     """Return F'_i of both wheels of a drive of a quality, by path; d: pitch diameter [mm]; m: module [mm]."""
-    usual_class, finest, coarsest = QUALITIES[quality]
+    usual_class, finest, coarsest = _QUALITIES[quality]
     usual = _rounded(F_p(d, m, usual_class), 2)
     coarse = _rounded(F_p(d, m, coarsest), 2)
     fine = 0.0 if finest is None else _rounded(F_p(d, m, finest), 2)
@@ -438,15 +438,15 @@ def read_requirements(like: Drive, *, ratio: float | None = None, **given: str |
     has it; shaft, diameter and overhang [mm] of one that it is overhung on, like 14x30; pitch_diameter [mm] and torque
     [N*m]; teeth, like 160/162; holes of the seat, and the allowed_holes; of a catalogue the stiffness [N*m/rad], K1,
     K2, K3 or one number, T1 and T2, the ends of its segments [N*m], lost_motion and accuracy [arcsec]: texts, which may
-    have a unit; quality, one of QUALITIES, which decides what is assumed of tolerances and backlash.
+    have a unit; quality, one of _QUALITIES, which decides what is assumed of tolerances and backlash.
     Raises UsageError: an option that cannot be read, or two that contradict each other.
     """
     required: dict[str, SimilarValue] = {}
     _require_steel_cup(given.get("flexspline"))
     if (quality := given.get("quality")) is not None:
-        if quality not in QUALITIES:
-            message = f"invalid --quality {shown(quality)}: expected one of {', '.join(QUALITIES)}"
-            raise UsageError(message, near_miss(quality, QUALITIES))
+        if quality not in _QUALITIES:
+            message = f"invalid --quality {shown(quality)}: expected one of {', '.join(_QUALITIES)}"
+            raise UsageError(message, near_miss(quality, _QUALITIES))
         required[_QUALITY] = SimilarValue(quality, "given", f"--quality {quality}")
     for name, (path, unit) in _MEASURES.items():
         if (text := given.get(name)) is not None:
@@ -486,9 +486,9 @@ def _require_steel_cup(flexspline: str | None) -> None:
     """Raise UsageError for a kind of flexspline that the model does not describe, with the reason."""
     if flexspline is None or flexspline == "cup":
         return
-    if reason := NOT_MODELLED.get(flexspline):
+    if reason := _NOT_MODELLED.get(flexspline):
         raise UsageError(f"--flexspline {flexspline} is not in the model: {reason}", "the model is that of a steel cup")
-    kinds = ("cup", *NOT_MODELLED)
+    kinds = ("cup", *_NOT_MODELLED)
     message = f"invalid --flexspline {shown(flexspline)}: expected one of {', '.join(kinds)}"
     raise UsageError(message, near_miss(flexspline, kinds))
 
