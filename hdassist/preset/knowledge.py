@@ -438,7 +438,7 @@ def read_requirements(like: Drive, *, ratio: float | None = None, **given: str |
     has it; shaft, diameter and overhang [mm] of one that it is overhung on, like 14x30; pitch_diameter [mm] and torque
     [N*m]; teeth, like 160/162; holes of the seat, and the allowed_holes; of a catalogue the stiffness [N*m/rad], K1,
     K2, K3 or one number, T1 and T2, the ends of its segments [N*m], lost_motion and accuracy [arcsec]: texts, which may
-    have a unit; quality, one of _QUALITIES, which decides what is assumed of tolerances and backlash.
+    have a unit; quality, catalogue or unknown, which decides what is assumed of tolerances and backlash.
     Raises UsageError: an option that cannot be read, or two that contradict each other.
     """
     required: dict[str, SimilarValue] = {}

@@ -236,11 +236,11 @@ class LoadedDriveOptions(DriveOptions):
 
     def load(self, preset: str) -> Drive:
         """Load the drive of a preset with the changes. Raises DataError, PresetError or UsageError."""
-        if not any(map(is_no_load, self.torque)):
+        if not any(map(_is_no_load, self.torque)):
             return self.load_at_torques(preset)
-        no_load_Nm = no_load_of(preset, self.overrides)
-        torques = [f"{no_load_Nm:.6g}" if is_no_load(text) else text for text in self.torque]
-        return with_no_load_warning(replace(self, torque=torques).load_at_torques(preset), no_load_Nm)
+        no_load_Nm = _no_load_of(preset, self.overrides)
+        torques = [f"{no_load_Nm:.6g}" if _is_no_load(text) else text for text in self.torque]
+        return _with_no_load_warning(replace(self, torque=torques).load_at_torques(preset), no_load_Nm)
 
     def load_at_torques(self, preset: str) -> Drive:
         """Load the drive of a preset with the changes, none of which is no load; the errors are those of load."""
@@ -259,11 +259,11 @@ class OneTorqueOptions(DriveOptions):
 
     def load(self, preset: str) -> Drive:
         """Load the drive of a preset with the changes. Raises DataError, PresetError or UsageError."""
-        if self.torque is None or not is_no_load(self.torque):
+        if self.torque is None or not _is_no_load(self.torque):
             return DriveOptions.load(self, preset)
-        no_load_Nm = no_load_of(preset, self.overrides)
+        no_load_Nm = _no_load_of(preset, self.overrides)
         loaded = replace(self, torque=f"{no_load_Nm:.6g}")
-        return with_no_load_warning(DriveOptions.load(loaded, preset), no_load_Nm)
+        return _with_no_load_warning(DriveOptions.load(loaded, preset), no_load_Nm)
 
 
 class LimitedDriveOptions(LoadedDriveOptions):
@@ -410,14 +410,14 @@ def limits_of_options(texts: Sequence[str], only: str = "") -> tuple[LimitText, 
     return tuple(sorted(found, key=lambda limit: limit.torque is not None))
 
 
-def is_no_load(text: str) -> bool:
+def _is_no_load(text: str) -> bool:
     """Return whether a torque of the command line is 0, in any unit. Raises UsageError for a text that is no torque."""
     from hdassist.preset.knowledge import option_value
 
     return option_value("--torque", text, "N*m") == 0
 
 
-def no_load_of(preset: str, overrides: Sequence[str]) -> float:
+def _no_load_of(preset: str, overrides: Sequence[str]) -> float:
     """Return the torque [N*m] at which a drive without load is computed.
 
     Raises UsageError for a preset from standard input, which can be read once only.
@@ -431,7 +431,7 @@ def no_load_of(preset: str, overrides: Sequence[str]) -> float:
     return ACCURACY_LOAD * load_preset(preset, overrides).rated_torque
 
 
-def with_no_load_warning(drive: Drive, no_load_Nm: float) -> Drive:
+def _with_no_load_warning(drive: Drive, no_load_Nm: float) -> Drive:
     """Return a drive whose warnings state at which torque [N*m] it is computed without load."""
     from hdassist.loading import with_warning
 
