@@ -115,7 +115,7 @@ def test_the_page_says_at_which_share_drives_without_a_common_torque_stand(bette
     half = load_preset(SMALL, [*FAST, *BETTER, "operation.M_g=2"])
     sheets = (better.sheets[0], replace(better.sheets[1], check=check(half)))
     page = on_paper(drives_report(replace(better, sheets=sheets), 0))
-    assert "torques none in common: each drive at 100 % of rated" in in_a_line(page)
+    assert "each drive is computed at 100 % of rated" in in_a_line(page)
     assert re.search(r"^B +2 N·m", page, re.MULTILINE)
 
 
@@ -157,10 +157,10 @@ def test_the_probability_of_being_better_is_the_weight_of_pairs_that_are(better)
     alike = replace(better, sheets=(better.sheets[0],) * 2)
     assert (alike.best, alike.word, better.word) == (0, "ANY", "TAKE")
     assert [replace(back, changes=(one_torque_less,) * 2).word, back.word] == ["KEEP", "ANY"]  # 75 and 30 % sure
-    assert drives_report(alike, 0).line.startswith("any, all alike: B ")
+    assert drives_report(alike, 0).line.startswith("any, all are equal: B ")
     coin = replace(better, changes=(replace(changes, probability_better=(probability(0.48),)),))
     assert (coin.word, coin.best) == ("ANY", 1)
-    assert drives_report(coin, 0).line.startswith("any, no sure difference (B better")
+    assert drives_report(coin, 0).line.startswith("any, the difference is not significant: B ")
 
 
 def test_the_next_command_reports_the_drive_that_is_taken_or_kept(better):
@@ -180,10 +180,10 @@ def test_a_change_that_unknown_inputs_could_reverse_is_open(better):
     assert ": take B: B open F'_ior" in page(probability_better=(None,))
     likely = page(probability_better=(probability(0.8),))
     assert re.search(r": take B: B -\d+ % F'_ior", likely)
-    assert re.search(r" -\d+ % 80 % .*B most by .*\(tolerances.F_i2\)", likely)
-    assert "open unknown inputs could reverse this change" in likely
+    assert re.search(r" -\d+ % 80 % .*B main cause .*\(tolerances.F_i2\)", likely)
+    assert "open unknown inputs may reverse this change" in likely
     few = page(probability_better=(probability(0.01, 0.0, 0.07),))
-    assert "could reverse this change: 99 % (93 to 100); a decision needs 95 % over the whole interval" in few
+    assert "probability of its sign: 99 % (93 to 100); a decision needs 95 % over the whole interval" in few
 
 
 @pytest.mark.thorough
@@ -192,7 +192,7 @@ def test_how_sure_the_better_drive_is_has_its_interval():
     odds = drawn.probability_best
     assert odds.low < SURE < odds.value  # of 8 samples
     report = drives_report(drawn, 0)
-    assert f" B, 100 % ({100 * odds.low:.0f} to 100) sure: " in report.line
+    assert f"Probability that B is better than A, as assembled: 100 % ({100 * odds.low:.0f} to 100)" in report.line
     assert report_object(report)["best"]["probability_better"] == odds.value
     assert report_object(report)["changes"][0]["probability_better"] == [odds.value]
 

@@ -44,7 +44,7 @@ _TABLED_ORDERS = 12  # the greatest
 _SHORT_PAGE = 5  # numbers on a short page
 _VERDICT_WORDS = {
     "agrees": "agrees, no change of the preset is needed",
-    "mirrored": "mirrored, the file fits clearly better read the other way round",
+    "mirrored": "mirrored, the file agrees clearly better with the opposite sign or sense",
     "one": "explained by one deviation",
     "several": "explained by several deviations together",
     "unexplained": "unexplained",
@@ -61,7 +61,7 @@ _COMPARED_NUMBERS = quantity_table(
 
 
 def _plus_minus(value: float | None, uncertainty: float | None, digits: int = 1) -> str:
-    """A value with its standard uncertainty, as far as there are such."""
+    """Return a value with its standard uncertainty (k = 1), as far as they are known."""
     spread = "" if uncertainty is None else f" ± {uncertainty:.{digits}f}"
     return NO_VALUE if value is None else f"{value:z.{digits}f}{spread}"
 
@@ -75,14 +75,14 @@ _FILE: Quantity[Comparison] = Quantity("file", value="measurement.trace.file")
 
 
 def comparison_report(result: Comparison) -> Report:
-    """A measured trace over the predicted one."""
+    """Return the comparison of a recording with its prediction as a report."""
     trace, bins = result.measurement.trace, result.sweep.bins
     measured, *others = _COMPARED_NUMBERS[:_SHORT_PAGE]
     uncertainty, *numbers = [replace(quantity, unit="") for quantity in others]  # that of the first is theirs
     return Report(
         command="compare",
         drive=result.drive,
-        head=f"{trace.file} over {result.drive.name} at {result.M_g:g} N·m",
+        head=f"{trace.file} compared with {result.drive.name} at {result.M_g:g} N·m",
         verdict=_VERDICT_WORDS[result.conclusion.kind],
         why=(_why(result),),
         blocks=(
@@ -115,12 +115,12 @@ def comparison_report(result: Comparison) -> Report:
 
 
 def _conventions(alignment: Alignment) -> Json:
-    """How error and cam angle of a file count, by the names of the options without dashes."""
+    """Return the sign of the error and the sense of the input angle of a file, by the names of the options."""
     return {"error_is": ERROR_SIGNS[alignment.sign], "cam_sense": SENSES[alignment.sense]}
 
 
 def _options(result: Comparison) -> list[str]:
-    """Options that follow from the conclusion: how else to read the file, or the new values of deviations."""
+    """Return the options that follow from the conclusion: another reading of the file, or new values of deviations."""
     best = result.conclusion.best
     if result.mirror:
         changed = _conventions(result.mirror.asked).items() - _conventions(result.asked).items()
@@ -130,7 +130,7 @@ def _options(result: Comparison) -> list[str]:
 
 
 def _angles(result: Comparison) -> Iterator[tuple[str, float, float | None]]:
-    """Start and zero of a record: name, angle from -180 to 180 deg, standard uncertainty [deg], None where given."""
+    """Yield start and zero of a recording: name, angle from -180 to 180 deg, standard uncertainty [deg] if fitted."""
     alignment = result.unchanged.alignment
     start = "phi_g0" if Kinematics.of(result.drive).fixed == "rigid" else "phi_b0"
     angles = alignment.start_deg, alignment.zero_deg
@@ -139,43 +139,44 @@ def _angles(result: Comparison) -> Iterator[tuple[str, float, float | None]]:
 
 
 def _why(result: Comparison) -> str:
-    """The grounds of the conclusion, in a sentence."""
+    """Return the reason for the conclusion in a sentence."""
     best, kind = result.conclusion.best, result.conclusion.kind
     if kind == "agrees":
         rough = any(each.path in ("harmonics.xi_g6", "harmonics.xi_b6") for each in unknowns(result.drive))
-        return f"noise{', single teeth' * rough} and stiffnesses that are a little off explain the difference"
+        return f"Noise{', single teeth' * rough} and small errors of the stiffnesses explain the difference."
     if mirror := result.mirror:
         now = result.difference_rms_arcsec
-        return f"difference {now:.2f}″ rms, {mirror.rms_arcsec:.2f} with {' '.join(_options(result))}"
+        return f"Difference {now:.2f}″ rms, {mirror.rms_arcsec:.2f}″ with {' '.join(_options(result))}"
     if best is None:
-        return "no deviation explains the difference"
+        return "No deviation explains the difference."
     explained = best.explained_share
     share = "a clear part of the difference" if explained is None else f"{100 * explained:.1f} % of the difference"
     if kind == "several":
-        return f"{len(best.deviations)} deviations explain {share}, no single one does; no more than noise is left"
+        return f"{len(best.deviations)} deviations together explain {share}, no single one does. The residual is noise."
     fitted = named(best.deviations[0])
     if best.changes:
         size, direction = _size_and_direction(best.changes[0])
         fitted += f", {size} um" + f" at {direction}°" * (direction != NO_VALUE)
     if kind == "unexplained":
-        return f"{fitted}, the best single one, explains {share}; the rest is clear of noise"
-    return f"{fitted}: {share}; no more than noise is left"
+        return f"The best single deviation, {fitted}, explains {share}. The residual exceeds the noise."
+    return f"{fitted}, explains {share}. The residual is noise."
 
 
 def _facts(result: Comparison) -> Iterator[Fact]:
-    """Where the record begins, other explanations, the residual and the next command, a label and a text each."""
+    """Yield start of the recording, other explanations, residual and the next command, a label and a text each."""
     best, joint = result.conclusion.best, result.joint
     yield from (row for row in _starts(result) if not row[1].endswith("given"))
     if best and result.conclusion.kind == "one":
         others = [other.deviations[0] for other in equally_good(best, result.singles)]
-        yield "or", f"{', '.join(others)} alone: the record does not decide between them" if others else ""
+        yield "or", f"{', '.join(others)}; the recording does not distinguish these deviations" if others else ""
     if joint and joint.not_told_apart:
-        yield "together", f"the record cannot tell apart: {'; '.join(map(', '.join, joint.not_told_apart))}"
+        yield "together", f"the recording does not resolve {'; '.join(map(', '.join, joint.not_told_apart))}"
     if rest := joint if joint and joint.orders_left else best:
         left = [f"order {p.per_cam_rev:.2f}: {p.difference.amplitude_arcsec:.2f}″" for p in rest.orders_left]
-        yield "left", "; ".join(left)
+        yield "residual", "; ".join(left)
     cycle, turns = Kinematics.of(result.drive).cycle_cam_revolutions, result.sweep.bins.span
-    yield "measure", f"the full cycle, {cycle} cam turns: the record has {turns:.2f}" if result.sweep.is_bound else ""
+    advice = f"the full mesh cycle of {cycle} input revolutions; the recording has {turns:.2f}"
+    yield "measure", advice if result.sweep.is_bound else ""
     yield "assumed", on_what(result.drive)
     yield "unknown", not_known(result.drive)
     file = result.measurement.trace.file
@@ -184,43 +185,44 @@ def _facts(result: Comparison) -> Iterator[Fact]:
 
 
 def _starts(result: Comparison) -> Iterator[Fact]:
-    """Angles where the record begins, a name and a text each."""
+    """Yield the angles at the start of the recording, a name and a text each."""
     for name, angle, u in _angles(result):
-        sure = "given" if u is None else f"fitted, u = {u:.1f}°"
+        origin = "given" if u is None else f"fitted, u = {u:.1f}°"
         is_known = u is None or u < UNIDENTIFIABLE_ANGLE
-        yield name, f"{angle:.4g}°, {sure}" if is_known else "the record does not determine it"
+        yield name, f"{angle:.4g}°, {origin}" if is_known else "not determined by the recording"
 
 
 def _curves(result: Comparison) -> Curve:
-    """Both curves around the largest difference."""
+    """Return both curves around the largest difference."""
     bins, worst = result.sweep.bins, result.largest[1]
     sweep = bins.sweep == bins.sweep[abs(bins.turns - worst).argmin()]
     shown = sweep & (abs(bins.turns - worst) <= _PLOTTED_TURNS)
     predicted = result.predicted_arcsec[shown]
     return Curve(
         bins.turns[shown], predicted + result.residual_arcsec[shown],
-        x_label="cam angle, turns: around the largest difference", y_label="error, ″",
+        x_label="input angle around the largest difference, revolutions", y_label="kinematic error, ″",
         second=predicted, names=("measured", "predicted"), rows=_PLOTTED_ROWS,
     )  # fmt: skip
 
 
 def _tables(result: Comparison) -> Iterator[Table]:
-    """The greatest orders, and all fits."""
+    """Yield the largest orders, and all fits."""
     by_size = sorted(result.orders, key=lambda p: -max(p.measured.amplitude_arcsec, p.predicted.amplitude_arcsec))
     shown = sorted(by_size[:_TABLED_ORDERS], key=lambda pair: pair.per_cam_rev)
-    title = f"amplitude·cos(order·angle + phase), ″ and deg: the {_TABLED_ORDERS} greatest of {len(result.orders)}"
+    title = f"amplitude·cos(order·angle + phase), ″ and deg: the {_TABLED_ORDERS} largest of {len(result.orders)}"
     yield Table.by_row(title, _COMPARED_ORDERS, shown)
     if result.singles:
         title = (
-            "deviations fitted alone, the best first, and together; ±: standard; left: chi-square per degree of freedom"
+            "deviations fitted one at a time, the best first, and together; ± k = 1; residual: chi-square per degree "
+            "of freedom"
         )
-        columns = ("deviation", "size, um", "direction, °", "explains", "left", "F'_ior, ″")
+        columns = ("deviation", "size, um", "direction, °", "explains", "residual", "F'_ior, ″")
         fits = [result.unchanged, *sorted(result.singles, key=lambda single: single.chi_square)]
         yield Table(title, columns, tuple(row for found in (*fits, result.joint) if found for row in _rows(found)))
 
 
 def _size_and_direction(change: VectorChange | None) -> tuple[str, str]:
-    """Cells of size [um] and direction [deg]; dashes without a change."""
+    """Return the cells of size [um] and direction [deg]; dashes without a change."""
     if change is None:
         return NO_VALUE, NO_VALUE
     size = _plus_minus(change.size_um, change.size_uncertainty_um)
@@ -228,12 +230,12 @@ def _size_and_direction(change: VectorChange | None) -> tuple[str, str]:
 
 
 def _rows(found: Explanation) -> Iterator[tuple[str, ...]]:
-    """Rows of a fit: a line of its own where it has not just one deviation, and each of its deviations."""
+    """Yield the rows of a fit: one for the whole unless it has one deviation, and one for each deviation."""
     left, F_ior = f"{found.chi_square / found.degrees_of_freedom:.2f}", _plus_minus(found.F_ior_arcsec, None, 2)
     share = NO_VALUE if found.explained_share is None else f"{100 * max(found.explained_share, 0):.1f} %"
     numbers: tuple[str, ...] = (share, left, F_ior)
     if len(found.deviations) != 1:
-        yield "all together" if found.deviations else "none: as the preset", "", "", *numbers
+        yield "all together" if found.deviations else "none (the preset)", "", "", *numbers
         numbers = ("", "", "")
     changes = {change.size: change for change in found.changes if found.clear}
     for path in found.deviations:
@@ -267,23 +269,25 @@ def _values(result: Comparison) -> Json:
 
 _NAMED_PATHS = 6  # in a line
 _NO_ERROR = 1e-9  # arcsec
-_LARGEST_SHARE = 100.0  # of F'_ior of A: a greater one says that A has hardly any error
-_DRIVE_HEADS = ("", "torque", "as built", "mounted best", "against A", "better")
+_LARGEST_SHARE = 100.0  # of F'_ior of A: above it, A has almost no error
+_DRIVE_HEADS = ("", "torque", "as assembled", "best hole", "change from A", "P(better)")
 
 
 def drives_report(result: DrivesComparison, seed: int) -> Report:
-    """Drives beside each other, the first as the measure of the others; seed, of draws and samples."""
+    """Return drives in comparison as a report; the first is the reference. seed: that of the samples."""
     names = ", ".join(f"{letter} {sheet.drive.origin.file}" for letter, sheet in _lettered(result).items())
     verdict = _verdict(result)
+    probability = _probability_words(result)
     differing = ((f"{row[0].path}, {row[0].unit}".removesuffix(", "), *map(_cell, row)) for row in result.differing)
     return Report(
         command="compare-presets",
         drive=result.sheets[0].drive,
         head=names,
         verdict=verdict,
+        why=(probability,) if probability else (),
         blocks=(
             Table(
-                "F'_ior, ″: median (5 to 95 %); against A: of the medians; better: probability of less",
+                "F'_ior, ″: median (5 to 95 %); change from A: of the medians, as assembled; P: probability",
                 _DRIVE_HEADS,
                 tuple(_drive_rows(result)),
             ),
@@ -296,29 +300,29 @@ def drives_report(result: DrivesComparison, seed: int) -> Report:
         certificate=result.certificate,
         cross_checks=tuple(cross for sheet in result.sheets for cross in sheet.cross_checks),
         values=_drives_values(result, seed),
-        line=verdict,
+        line="; ".join(filter(None, (verdict, probability))),
         about=", ".join(sheet.drive.name for sheet in result.sheets),
     )
 
 
 def comparison_warnings(result: DrivesComparison) -> tuple[str, ...]:
-    """Warnings of all drives, each once."""
+    """Return the warnings of all drives without repetition."""
     return tuple(dict.fromkeys(f"{each.drive.name}: {text}" for each in result.sheets for text in sheet_warnings(each)))
 
 
 def sheet_warnings(sheet: DriveSheet) -> tuple[str, ...]:
-    """Warnings of a drive's check, mounting and stiffness, each once."""
+    """Return the warnings of a drive's check, mounting and stiffness without repetition."""
     stiff = stiffness_warnings(sheet.drive, sheet.stiffness)
     return tuple(dict.fromkeys((*sheet.check.warnings, *mount_warnings(sheet.advice), *stiff)))
 
 
 def _lettered(result: DrivesComparison) -> dict[str, DriveSheet]:
-    """The sheets by letters that stand for the drives: A, B, and so on."""
+    """Return the sheets by the letters of the drives: A, B, and so on."""
     return {ascii_uppercase[k] if k < 26 else f"#{k + 1}": sheet for k, sheet in enumerate(result.sheets)}
 
 
 def _drive_rows(result: DrivesComparison) -> Iterator[tuple[str, ...]]:
-    """A cell for each of DRIVE_HEADS of each drive at each torque."""
+    """Yield the cells of a row for each drive and torque, one for each of DRIVE_HEADS."""
     for k in range(len(result.torques)):
         for (letter, sheet), changes in zip(_lettered(result).items(), (None, *result.changes), strict=True):
             odds = changes.probability_better[k] if changes else None
@@ -332,14 +336,14 @@ def _drive_rows(result: DrivesComparison) -> Iterator[tuple[str, ...]]:
 
 
 def _most_by(result: DrivesComparison, changes: DriveChanges) -> str:
-    """The field that alone changes F'_ior most, at each torque; empty where none can be changed alone."""
+    """Return the field that alone changes F'_ior most, at each torque; empty if no field can be changed alone."""
     greatest = (max(changes.single, key=lambda c: abs(c.change_arcsec[k])) for k in range(len(result.torques)))
     places = zip(greatest, _loads(result), strict=True) if changes.single else ()
     return "; ".join(f"{named(change.field or '')} at {load}" for change, load in places)
 
 
 def _change(result: DrivesComparison, sheet: DriveSheet, changes: DriveChanges, k: int) -> str:
-    """The change from A in per cent, of the medians of F'_ior; in a word where that says more."""
+    """Return the change from A in per cent, of the medians of F'_ior, or a word for it."""
     sense, before = changes.F_ior_is[k], result.sheets[0].check.points[k].F_ior_or_error
     share = sheet.check.points[k].F_ior_or_error / max(before, _NO_ERROR) - 1
     if sense == NOT_KNOWN and changes.probability_better[k] is None:
@@ -348,62 +352,70 @@ def _change(result: DrivesComparison, sheet: DriveSheet, changes: DriveChanges, 
 
 
 def _loads(result: DrivesComparison) -> list[str]:
-    """Torques at which the drives are compared, or shares of the rated torque, in words."""
+    """Return the torques at which the drives are compared, or shares of the rated torque, in words."""
     if shares := result.rated_shares:
         return [f"{100 * share:.3g} % of rated" for share in shares]
     return [f"{M_g:g} N·m" for M_g in result.torques]
 
 
 def _verdict(result: DrivesComparison) -> str:
-    """The drive to take, how sure that is, and the change of each but A, at each of several torques."""
+    """Return the recommended drive, and the change of each drive from A at each torque."""
     letters, verdicts = [*_lettered(result)], []
     loads = [f" at {load}" * (len(result.torques) > 1) for load in _loads(result)]
     for letter, sheet, changes in zip(letters[1:], result.sheets[1:], result.changes, strict=True):
         words = (_change(result, sheet, changes, k) + load for k, load in enumerate(loads))
         verdicts.append(f"{letter} {', '.join(words)}")
-    odds = result.probability_best
-    drawn = any(sheet.check.samples for sheet in result.sheets)
-    sure = f", {odds.text()} sure" if odds and drawn else ""
-    best = letters[result.best]
-    answer = f"{result.word.lower()} {best}{sure}"
+    choice = f"{result.word.lower()} {letters[result.best]}"
     if result.word == "ANY":
-        answer = "any, all alike" if result.all_alike else f"any, no sure difference ({best} better{sure})"
-    return f"{answer}: {'; '.join(verdicts)}"
+        choice = "any, all are equal" if result.all_alike else "any, the difference is not significant"
+    return f"{choice}: {'; '.join(verdicts)}"
+
+
+def _probability_words(result: DrivesComparison) -> str:
+    """Return the probability that the best drive is better than the first, or the first than all others, in words."""
+    odds = result.probability_best
+    is_sampled = any(sheet.check.samples for sheet in result.sheets)
+    if odds is None or not is_sampled or result.all_alike:
+        return ""
+    event = (
+        f"{[*_lettered(result)][result.best]} is better than A" if result.best else "no other drive is better than A"
+    )
+    return f"Probability that {event}, as assembled: {odds.text()}"
 
 
 def _changes(result: DrivesComparison) -> Iterator[Table]:
-    """The change that each field that differs makes alone, by drive."""
+    """Yield the change of F'_ior by each differing field alone, a table for each drive."""
     torques = [f"{M_g:g} N·m" for M_g in result.torques]  # of A
     for letter, changes in zip([*_lettered(result)][1:], result.changes, strict=True):
         title = f"each field alone from A to {letter}, change of F'_ior, ″"
         rows = [(each.field or "all together", *_change_cells(each)) for each in (*changes.single, changes.together)]
-        notes = [f"median (5 to 95 %) of {changes.pairs} pairs drawn from unknown inputs"] * (changes.pairs > 1)
+        notes = [f"median (5 to 95 %) over {changes.pairs} pairs of sampled drives"] * (changes.pairs > 1)
         paths = _some(changes.not_alone)
-        notes += [f"no drive that can be computed, or one that leaves more unknown: {paths}"] * bool(paths)
+        notes += [f"cannot be changed alone, as the drive is impossible or less known: {paths}"] * bool(paths)
         yield Table(title, ("", *torques), tuple(rows), notes=tuple(notes))
 
 
 def _cell(field: ResolvedField) -> str:
-    """A value, its origin and its range."""
+    """Return a value with its origin and its range."""
     bounds = f" {' to '.join(map(value_text, field.range))}" if field.range and field.kind == "assumed" else ""
     return NOT_KNOWN if field.kind == NOT_KNOWN else f"{value_text(field.value)} ({field.kind}{bounds})"
 
 
 def _change_cells(change: ErrorChange) -> Iterator[str]:
-    """The change at each torque: its median, with 5th and 95th percentile over drawn pairs."""
+    """Yield the change at each torque: its median, with 5th and 95th percentile over sampled pairs."""
     for median, low, high in zip(change.change_arcsec, change.p5_arcsec, change.p95_arcsec, strict=True):
         yield f"{median:+.2f}" + (f" ({low:+.2f} to {high:+.2f})" if low < high else "")
 
 
 def _drives_facts(result: DrivesComparison) -> Iterator[Fact]:
-    """Unknown inputs, influences, differences and the next command, a label and a text each."""
+    """Yield unknown inputs, contributions, differences and the next command, a label and a text each."""
     for letter, sheet in _lettered(result).items():
         yield f"{letter} unknown", unknown_names(sheet.check.unknown)
-        yield f"{letter} influence", influence_at(sheet.check)
+        yield f"{letter} contributions", influence_at(sheet.check)
     for letter, changes in zip([*_lettered(result)][1:], result.changes, strict=True):
-        yield f"{letter} most by", _most_by(result, changes)
+        yield f"{letter} main cause", _most_by(result, changes)
     if result.rated_shares:
-        yield "torques", f"none in common: each drive at {' and '.join(_loads(result))}"
+        yield "torques", f"the presets have none in common; each drive is computed at {' and '.join(_loads(result))}"
     yield "differs", _some([row[0].path for row in result.differing])
     cells = [
         (each.F_ior_is[k], each.probability_better[k], f" at {M_g:g} N·m" * (len(result.torques) > 1))
@@ -413,13 +425,13 @@ def _drives_facts(result: DrivesComparison) -> Iterator[Fact]:
     if open_ := [(odds, at) for sense, odds, at in cells if sense == NOT_KNOWN]:
         likelier = [(max(odds, odds.complement, key=attrgetter("value")), at) for odds, at in open_ if odds]
         least, at = min(likelier, key=lambda each: each[0].low, default=(None, ""))
-        sure = f": {least.text(SURE, outcome='a decision')}" if least else ""
-        yield "open", f"unknown inputs could reverse this change{at}{sure}"
+        sure = f"; probability of its sign: {least.text(SURE, outcome='a decision')}" if least else ""
+        yield "open", f"unknown inputs may reverse this change{at}{sure}"
     yield "next", again("report", result.sheets[result.best].drive, "-o", "report.html")
 
 
 def _some(paths: Sequence[str]) -> str:
-    """The first of some paths, and how many more there are."""
+    """Return the first of some paths, and the number of further ones."""
     more = f" and {len(paths) - _NAMED_PATHS} more" if len(paths) > _NAMED_PATHS else ""
     return ", ".join(dict.fromkeys(paths[:_NAMED_PATHS])) + more
 

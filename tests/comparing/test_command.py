@@ -75,7 +75,7 @@ def test_people_see_both_curves_and_what_would_explain_them(rig):
     assert max(map(len, page.stdout.splitlines())) <= 80
     told = in_a_line(page.stdout)
     assert told.startswith(
-        "changed.csv over small at 4 N*m: explained by one deviation wave generator eccentricity, "
+        "changed.csv compared with small at 4 N*m: explained by one deviation wave generator eccentricity, "
         "fixed to the circular spline (tolerances.e_hb), 4"
     )
     for words in ("* measured, o predicted", "next hdassist mount ", "--set tolerances.e_hb=4", "verified"):
@@ -84,7 +84,7 @@ def test_people_see_both_curves_and_what_would_explain_them(rig):
     whole = run(
         "compare", SMALL, "changed.csv", "--torque", "4", "--phi-g0", "20", "--details", "--no-plot", cwd=rig
     ).stdout
-    for words in ("phi_g0    20°, given", "deviations fitted alone"):
+    for words in ("phi_g0    20°, given", "deviations fitted one at a time"):
         assert words in whole
 
 

@@ -104,7 +104,7 @@ def test_what_may_make_a_drive_worse_is_refused_and_not_written(tmp_path: Path):
 
 def test_details_have_parts_forms_and_lines_before_and_after():
     page = run("compensate", TINY, "--details", "--no-plot", "--ascii").stdout
-    for words in ("per half", "before, arcsec"):
+    for words in ("half input", "before, arcsec"):
         assert words in page
 
 
