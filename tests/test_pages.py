@@ -129,7 +129,7 @@ def test_controllers(tmp_path: Path):
 
 def test_plan(tmp_path: Path):
     output = output_of("plan.md", tmp_path)
-    assert "12 positions see" in output
+    assert "12 positions capture" in output
     assert json.loads((tmp_path / "plan.json").read_text())["schema"] == "hdassist.plan/1"
 
 

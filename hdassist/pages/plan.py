@@ -34,8 +34,17 @@ def _percent(share: float) -> str:
     return f"{100 * share:.0f}" if share >= 0.1 else f"{100 * share:.1f}"
 
 
+def _test_words(name: str) -> str:
+    """Return the name of a test for pages, from its name in JSON ("record of 10 cam turns")."""
+    words_of_json = {"record of": "recording of", "cam turn": "input revolution", "output turn": "output revolution"}
+    for json_word, page_word in words_of_json.items():
+        name = name.replace(json_word, page_word)
+    return name
+
+
 _PLAN_QUANTITIES = quantity_table(
     "plan.tests",
+    test_words=_test_words,
     percent_seen=_percent,
     enough=lambda judged: _ENOUGH_WORDS[judged.verdict],
     step_deg=lambda judged: 360 * judged.plan.step_turns,
@@ -46,25 +55,26 @@ _LISTED_READINGS = 96  # on a sheet: of more the file has the list
 
 
 def plan_report(choice: PlanChoice, record: str) -> Report:
-    """Which test of F'_ior of a drive is enough, how much the first of the plans sees, and what reads its record."""
+    """Return the sufficient tests of F'_ior of a drive, and the share that the first of the plans captures."""
     drive, drives, first = choice.drive, choice.drives, choice.judged[0].plan
     limit, F_ior = drive.limit(choice.M_g), drives.percentiles(drives.F_ior_arcsec)
     if choice.samples and not drives.travel:  # the range that every page has
         belief = ErrorBelief.of(choice.samples, drive.operation.M_g.index(choice.M_g))
         F_ior = belief.p5, belief.p50, belief.p95
-    names = " or a ".join(each.plan.name for each in choice.enough)
-    how = {Verdict.PASS: "will do", Verdict.FAIL: "will not do"}.get(choice.verdict, "may do")
-    unsure = [each.plan.name for each in choice.judged if each.verdict is Verdict.INCONCLUSIVE]
-    answer = f"{first.name if choice.asked else names or ' or a '.join(unsure)} {how}"
+    sufficient = " or ".join(_test_words(judged.plan.name) for judged in choice.enough)
+    unsure = [_test_words(judged.plan.name) for judged in choice.judged if judged.verdict is Verdict.INCONCLUSIVE]
+    word = {Verdict.PASS: "sufficient", Verdict.FAIL: "not sufficient"}.get(choice.verdict, "possibly sufficient")
+    answer = f"{word}: {_test_words(first.name) if choice.asked else sufficient or ' or '.join(unsure)}"
     if not choice.asked and choice.verdict is Verdict.FAIL:
-        answer = "none of these tests will do"
+        answer = "none of these tests is sufficient"
     lines = [line for line in choice.lines if not line.seen_as and line.variance_share >= _LARGE_LINE]
     often = ", ".join(f"{line.per_output_turn:g} ({_percent(line.variance_share)} %)" for line in lines)
+    blind = f"to components that repeat {often} times per output revolution (share of the mean square of the error)"
     travel = ["--travel", f"{360 * drives.travel:.6g}"] if drives.travel else []
     facts = (
-        ("blind", f"to lines that come so many times an output turn: {often} of its mean square" if lines else ""),
-        ("enough", names if choice.asked else ""),
-        ("takes", _takes(choice.test) if choice.asked or limit else ""),
+        ("blind", blind if lines else ""),
+        ("sufficient", sufficient if choice.asked else ""),
+        ("duration", _duration(choice.test) if choice.asked or limit else ""),
         ("verdict", _verdicts(choice.test)),
         ("open", more_draws(choice.samples) if choice.samples and unsure else ""),
         ("next", command_line(["hdassist", "measure", record, "--drive", preset_argument(drive), *travel])),
@@ -72,7 +82,7 @@ def plan_report(choice: PlanChoice, record: str) -> Report:
     return Report(
         command="plan",
         drive=drive,
-        head=f"{drive.name}, test at {choice.M_g:g} N·m" + (f" against {limit:g}″" if limit else ""),
+        head=f"{drive.name}, test at {choice.M_g:g} N·m" + (f", limit {limit:g}″" if limit else ""),
         verdict=answer,
         why=tuple(_why(choice, F_ior)),
         blocks=(
@@ -82,7 +92,7 @@ def plan_report(choice: PlanChoice, record: str) -> Report:
         ),
         details=(
             Table.by_row(
-                f"lines of the error as {first.name} show them; share: of its mean square",
+                f"spectral lines of the error in {_test_words(first.name)}; share: of the mean square",
                 _LINE_QUANTITIES,
                 choice.lines,
             ),
@@ -114,50 +124,61 @@ def _why(choice: PlanChoice, F_ior_arcsec: tuple[float, float, float]) -> Iterat
     low, _, high = map(_percent, first.seen)
     F_ior = ("{0:.1f} to {2:.1f}" if choice.samples or drives.travel else "{0:.1f}").format(*F_ior_arcsec)
     of_travel = f" over {360 * drives.travel:.4g}° of travel" if drives.travel else ""
-    yield f"{first.plan.name} see {low} to {high} % of F'_ior ({F_ior}″){of_travel}"
+    verb = "captures" if first.plan.is_record else "capture"
+    yield f"{_test_words(first.plan.name)} {verb} {low} to {high} % of F'_ior ({F_ior}″){of_travel}"
     risk, beyond = first.false_pass, drives.beyond
     if not risk or not beyond:
-        yield f"enough without a --limit: to see {100 * SEEN_SHARE:g} % of F'_ior in {100 * (1 - wrong):g} % of cases"
-    elif not wrong < beyond.value < 1 - wrong and all(each.verdict is Verdict.PASS for each in choice.judged):
-        yield f"{_percent(beyond.value)} % of drives are beyond the limit: any test is enough to know that"
+        share = f"{100 * SEEN_SHARE:g} % of F'_ior in {100 * (1 - wrong):g} % of cases"
+        yield f"Without --limit, a test is sufficient if it captures {share}."
+        return
+    exceeding = f"{_percent(beyond.value)} % of drives exceed the limit"
+    if not wrong < beyond.value < 1 - wrong and all(judged.verdict is Verdict.PASS for judged in choice.judged):
+        yield f"{exceeding}, so any test is sufficient to decide."
     else:
-        sure = f"{_percent(risk.value)} % ({_percent(risk.low)} to {_percent(risk.high)})"
-        yield f"{_percent(beyond.value)} % of drives are beyond the limit; {sure} are and pass, {100 * wrong:g} % may"
+        interval = f"{_percent(risk.value)} % ({_percent(risk.low)} to {_percent(risk.high)})"
+        yield f"{exceeding}; false PASS: {interval}, at most {100 * wrong:g} % allowed."
 
 
 def seen_curve(choice: PlanChoice) -> Curve:
-    """Share of F'_ior that is seen in 95 of 100 cases over the number of positions, the worst of some neighbours."""
+    """Return the share of F'_ior captured in 95 of 100 cases over the number of positions as a curve.
+
+    A point is the lowest share of some adjacent numbers.
+    """
     points = {each.plan.readings: 100 * each.seen[0] for each in choice.over_positions}
     groups = np.array_split([*points], min(_DRAWN_GROUPS, len(points)))
-    alike = f"; the worst of {len(groups[0])} neighbours" * (len(groups[0]) > 1)
+    alike = f"; lowest of each {len(groups[0])} adjacent numbers" if len(groups[0]) > 1 else ""
     found = [each.plan.readings for each in choice.enough if not each.plan.is_record]
     return Curve(
         np.array([group.mean() for group in groups]),
         np.array([min(points[N] for N in group) for group in groups]),
-        x_label="positions in an output turn",
-        y_label=f"% of F'_ior seen in 95 of 100 cases{alike}",
+        x_label="positions per output revolution",
+        y_label=f"share of F'_ior captured in 95 of 100 cases, %{alike}",
         marks=tuple(CurveMark(N, points[N], "enough", "target") for N in found),
         rows=6,
     )
 
 
-def _takes(test: PlannedTest) -> str:
-    """Readings and duration of a test in words, and their uncertainty."""
+def _duration(test: PlannedTest) -> str:
+    """Return readings and duration of a test in words, and its standard uncertainty."""
     unsure = f", u = {test.uncertainty_arcsec:.2g}″" if test.uncertainty_arcsec else ""
-    return f"{test.judged.plan.name}: {test.readings} readings, {test.minutes:.0f} min with warm-up{unsure}"
+    return (
+        f"{_test_words(test.judged.plan.name)}: {test.readings} readings, {test.minutes:.0f} min with warm-up{unsure}"
+    )
 
 
 def _verdicts(test: PlannedTest) -> str:
-    """Verdicts that a test can give at its limit, in words; empty without one."""
+    """Return the verdicts of accept on a test at its limit in words; empty without a limit."""
     if test.passing is None or test.failing is None:
         return ""
     passing, failing = test.passing.value, test.failing.value
-    shares = f"PASS {_percent(passing)} %, FAIL {_percent(failing)} %, open {_percent(1 - passing - failing)} %"
-    return f"reading up to {test.passes_up_to:.1f}″ passes, beyond {test.fails_beyond:.1f}″ fails: {shares}"
+    undecided = _percent(1 - passing - failing)
+    shares = f"PASS {_percent(passing)} %, FAIL {_percent(failing)} %, INCONCLUSIVE {undecided} % of drives"
+    rule = f"PASS up to {test.passes_up_to:.1f}″, FAIL beyond {test.fails_beyond:.1f}″"
+    return f"accept, by its rule, gives {rule}: {shares}"
 
 
 def approach_csv(choice: PlanChoice) -> str:
-    """The file of a test to fill in: a row for each reading; shares that the test sees as remarks."""
+    """Return the file of a test to fill in: a row for each reading; the shares that the test captures as comments."""
     test = choice.test
     shares = " ".join(f"{share:.3f}" for share in test.judged.seen)
     rows = [f"{minute:.1f},{target:.6g},{side:g}," for minute, target, side in zip(*test.approaches, strict=True)]
@@ -166,30 +187,32 @@ def approach_csv(choice: PlanChoice) -> str:
         f"# torque: {choice.M_g:.15g}",
         f"# sees: {shares}",
         f"# uncertainty: {test.uncertainty_arcsec:.4g}",
-        "# write behind each last comma the angle of the output that was read, in deg; or name that column",
-        "# deviation_arcsec and write actual less target, counter-clockwise positive",
+        "# write the output angle of each reading after the last comma of its row, in deg; or name that column",
+        "# deviation_arcsec and write actual minus target angle, counter-clockwise positive",
         "minute,target_deg,side,actual_deg",
         *rows,
     ]) + "\n"  # fmt: skip
 
 
 def sheet_report(choice: PlanChoice, serial: str = "", file: str = "") -> Report:
-    """The sheet of a test for the bench; serial of the drive; file with its positions, where one is written."""
+    """Return the sheet of a test for the test rig; serial: of the drive; file: with its positions, if written."""
     test, drive, run = choice.test, choice.drive, choice.test.run
     minutes, targets, sides = test.approaches
     low, middle, high = map(_percent, test.judged.seen)
     lead = f"{360 * run.lead_turns / test.ratio:.3g}°"
-    ways = "from below in growing order, then from above in falling order" if test.judged.plan.both else "from below"
+    ways = "from below"
+    if test.judged.plan.both:
+        ways = "from below in increasing order, then from above in decreasing order"
     steps = (
-        f"load the output with {choice.M_g:g} N·m, constant, as in use; positive pulls counter-clockwise",
-        f"warm up for {run.warm_up_min:g} min with the cam at {run.cam_rpm:g} rpm; write down the temperature",
-        f"begin anywhere: that angle of the output is 0; go back by {lead} first, as much before turning round",
-        f"approach each position {ways}, {run.repeats} time{'s' * (run.repeats != 1)}; never go past one and back",
-        f"wait {run.dwell_s:g} s, read the output; write down the temperature again at the end",
+        f"Load the output with a constant torque of {choice.M_g:g} N·m, as in use (positive: counter-clockwise).",
+        f"Warm up for {run.warm_up_min:g} min at an input speed of {run.cam_rpm:g} rpm. Write down the temperature.",
+        f"Start at any output angle, which is 0. Move back by {lead} first, and by as much before each reversal.",
+        f"Approach each position {ways}, {run.repeats} time{'s' * (run.repeats != 1)}. Never overshoot a position.",
+        f"Wait {run.dwell_s:g} s, then read the output. Write down the temperature again at the end.",
     )
     given = (
-        "the greatest less the least deviation from one side counts, of repeats their mean",
-        f"it sees {low} to {high} % of F'_ior, {middle} % in the median",
+        "The range from one side counts: the largest minus the smallest deviation, of repeats their mean.",
+        f"The test captures {low} to {high} % of F'_ior (median {middle} %).",
         _verdicts(test),
         again(
             "accept", drive, "--measured", f"{choice.M_g:.15g}={file}", "--measured-only",
@@ -205,13 +228,13 @@ def sheet_report(choice: PlanChoice, serial: str = "", file: str = "") -> Report
     return Report(
         command="plan",
         drive=drive,
-        head=f"{drive.name}: test of F'_ior at {choice.M_g:g} N·m, {_takes(test)}",
+        head=f"{drive.name}: test of F'_ior at {choice.M_g:g} N·m, {_duration(test)}",
         verdict="",
         blocks=(
             Facts((("drive", drive.name), ("serial", serial), ("date, name", ""), ("rig, encoders", ""))),
-            Lines("do", steps, "[ ]"),
+            Lines("procedure", steps, "[ ]"),
             Facts((("temperature at begin, °C", ""), ("temperature at end, °C", ""))),
-            Lines("means", tuple(filter(None, given))),
+            Lines("evaluation", tuple(filter(None, given))),
             readings if rows else Facts((("readings", f"the list is in {file or 'the file of --approach'}"),)),
         ),
         certificate=choice.certificate,

@@ -23,13 +23,13 @@ def test_a_screen_says_what_twelve_positions_see_and_what_is_enough():
     page = run("plan", "tiny.yaml", cwd=Path(TINY).parent)  # a long path takes lines of its own
     lines = page.stdout.splitlines()
     assert page.returncode == 0
-    assert lines[0] == "tiny, test at 1 N·m: record of 10 cam turns will do"
-    assert lines[1].startswith("12 positions see ")
+    assert lines[0] == "tiny, test at 1 N·m: sufficient: recording of 10 input revolutions"
+    assert lines[1].startswith("12 positions capture ")
     assert any(line.startswith("next ") and "hdassist measure record.csv --drive" in line for line in lines)
-    assert any("positions in an output turn" in line for line in lines)
+    assert any("positions per output revolution" in line for line in lines)
     assert len(lines) <= 24
     assert max(map(len, lines)) <= 80
-    assert "looks like (0: blind)" in run("plan", TINY, "--no-plot", "--details").stdout
+    assert "appears as (0: blind)" in run("plan", TINY, "--no-plot", "--details").stdout
 
 
 def test_the_picture_has_the_least_share_of_neighbouring_numbers_of_positions():
@@ -43,11 +43,11 @@ def test_the_picture_has_the_least_share_of_neighbouring_numbers_of_positions():
 
 def test_with_a_limit_the_page_has_wrong_verdicts_and_fits_a_screen():
     page = run("plan", TINY, *OPEN, "--torque", "4", "--limit", "2040", "--ascii", "--no-plot")
-    assert "% of drives are beyond the limit; " in page.stdout
+    assert "% of drives exceed the limit; " in page.stdout
     assert "false PASS   false FAIL" in page.stdout
     assert page.returncode == 0
     assert (
-        "2040 arcsec: record of 10 cam turns will do\n" in page.stdout
+        "2040 arcsec: sufficient: recording of 10 input revolutions\n" in page.stdout
     )  # the whole cycle; eight samples leave all others open
     assert page.stdout.isascii()
     assert max(map(len, page.stdout.splitlines())) <= 80
@@ -57,10 +57,10 @@ def test_with_a_limit_the_page_has_wrong_verdicts_and_fits_a_screen():
 @pytest.mark.parametrize(("options", "is_any"), [(OPEN, False), ((*OPEN, "--noise", "30"), False), ((), True)])
 def test_any_test_is_enough_only_where_each_of_the_table_is(options, is_any):
     page = run("plan", TINY, *options, "--torque", "4", "--limit", "2400", "--no-plot").stdout
-    enough = re.findall(r"^(?:\d+ positions|record of .*?)  .* (yes|open|no) ", page, re.M)
+    enough = re.findall(r"^(?:\d+ positions|recording of .*?)  .* (yes|open|no) ", page, re.M)
     assert set(enough) == {"yes"} if is_any else "open" in enough
-    assert ("any test is enough" in page) is is_any
-    assert re.search(r"^0\.0 % of drives are beyond the limit", page, re.M)
+    assert ("any test is sufficient" in page) is is_any
+    assert re.search(r"^0\.0 % of drives exceed the limit", page, re.M)
 
 
 @pytest.mark.thorough
@@ -72,15 +72,19 @@ def test_what_chance_leaves_open_asks_for_more_samples():
 @pytest.mark.parametrize(
     ("limit", "noise", "last", "answer"),
     [
-        ("2060", "30", "open", "record of 10 cam turns may do"),
-        ("2040", "80", "no", "none of these tests will do"),
+        ("2060", "30", "open", "possibly sufficient: recording of 10 input revolutions"),
+        ("2040", "80", "no", "none of these tests is sufficient"),
     ],
 )
 def test_the_first_line_names_no_test_whose_row_says_no(limit, noise, last, answer):
     page = run("plan", TINY, *OPEN, "--torque", "4", "--limit", limit, "--noise", noise, "--no-plot")
-    assert page.stdout.splitlines()[0] == f"tiny, test at 4 N·m against {limit}″: {answer}"
-    rows = re.findall(r"^(12 positions|record of .*?)  .* (yes|open|no) ", page.stdout, re.M)
-    assert dict(rows) == {"12 positions": "no", "record of 1 cam turn": "no", "record of 10 cam turns": last}
+    assert page.stdout.splitlines()[0] == f"tiny, test at 4 N·m, limit {limit}″: {answer}"
+    rows = re.findall(r"^(12 positions|recording of .*?)  .* (yes|open|no) ", page.stdout, re.M)
+    assert dict(rows) == {
+        "12 positions": "no",
+        "recording of 1 input revolution": "no",
+        "recording of 10 input revolutions": last,
+    }
 
 
 def test_of_a_drive_without_error_all_is_seen():
@@ -97,14 +101,14 @@ def test_a_preset_from_standard_input_is_named_so_in_the_next_command():
 
 def test_a_verdict_that_is_known_without_a_test_is_named():
     page = run("plan", TINY, "--limit", "40", "--no-plot").stdout
-    assert "100 % of drives are beyond the limit: any test is enough to know that" in page
+    assert "100 % of drives exceed the limit, so any test is sufficient to decide." in page
     assert "of F'_ior (35." in page
 
 
 def test_a_test_asked_about_is_the_first_and_decides():
     asked = run("plan", TINY, "--positions", "10", "-q")
-    assert (asked.returncode, asked.stdout) == (3, "10 positions will not do\n")
-    assert run("plan", TINY, "--positions", "1000", "-q").stdout == "1000 positions will do\n"
+    assert (asked.returncode, asked.stdout) == (3, "not sufficient: 10 positions\n")
+    assert run("plan", TINY, "--positions", "1000", "-q").stdout == "sufficient: 1000 positions\n"
     steps = json.loads(run("plan", TINY, "--positions", "8", "--turns", "2", "--both", "--json").stdout)
     assert steps["plans"][0]["test"] == "8 positions over 2 output turns both ways"
     assert steps["plans"][0]["step_output_deg"] == pytest.approx(90)
