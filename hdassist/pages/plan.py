@@ -129,7 +129,7 @@ def _why(choice: PlanChoice, F_ior_arcsec: tuple[float, float, float]) -> Iterat
     risk, beyond = first.false_pass, drives.beyond
     if not risk or not beyond:
         share = f"{100 * SEEN_SHARE:g} % of F'_ior in {100 * (1 - wrong):g} % of cases"
-        yield f"Without --limit, a test is sufficient if it captures {share}."
+        yield f"Sufficient (without --limit): captures {share}."
         return
     exceeding = f"{_percent(beyond.value)} % of drives exceed the limit"
     if not wrong < beyond.value < 1 - wrong and all(judged.verdict is Verdict.PASS for judged in choice.judged):
@@ -152,7 +152,7 @@ def seen_curve(choice: PlanChoice) -> Curve:
         np.array([group.mean() for group in groups]),
         np.array([min(points[N] for N in group) for group in groups]),
         x_label="positions per output revolution",
-        y_label=f"share of F'_ior captured in 95 of 100 cases, %{alike}",
+        y_label=f"F'_ior captured in 95 of 100 cases, %{alike}",
         marks=tuple(CurveMark(N, points[N], "enough", "target") for N in found),
         rows=6,
     )
