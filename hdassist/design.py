@@ -183,24 +183,22 @@ class DesignCheck:
 
     @property
     def least_sure(self) -> int:
-        """Place of the torque that decides: of those with the worst verdict that where the limit is kept least.
+        """Index of the governing torque: among those with the worst verdict, the one that is nearest its limit.
 
-        Without a limit, and where all are kept, that where F'_ior is least known.
+        Without a limit it is the torque at which F'_ior is known least.
         """
-        by_limit = self.verdict in (Verdict.FAIL, Verdict.INCONCLUSIVE)
 
-        def doubt(k: int) -> float:
-            """How far the limit is from being kept for sure; else the ratio of the ends of the range of F'_ior."""
+        def nearness(k: int) -> tuple[float, float]:
+            """Return the probability of missing the limit and the upper end over the limit, or the ratio of the ends."""
             point = self.points[k]
-            if by_limit and point.probability:
-                return 1 - point.probability.value
-            if by_limit and point.limit_arcsec and point.F_ior_upper_arcsec:
-                return point.F_ior_upper_arcsec / point.limit_arcsec
+            if point.limit_arcsec and point.F_ior_upper_arcsec:
+                probability_of_missing = 1 - point.probability.value if point.probability else 0.0
+                return probability_of_missing, point.F_ior_upper_arcsec / point.limit_arcsec
             low, high = point.range_arcsec or (1.0, 1.0)
-            return high / max(low, 1e-9)
+            return 0.0, high / max(low, 1e-9)
 
         worst_ones = [k for k, point in enumerate(self.points) if point.verdict is self.verdict]
-        return max(worst_ones, key=doubt, default=0)
+        return max(worst_ones, key=nearness, default=0)
 
     @cached_property
     def influences(self) -> tuple[Influence, ...]:

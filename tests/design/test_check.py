@@ -147,6 +147,16 @@ def test_verdict_and_exit_code(limit, torques, verdict, code):
     assert json.loads(result.stdout)["exit_code"] == code
 
 
+@pytest.mark.parametrize(("limits", "governing"), [("{1: 9000, 4: 5000}", 4.0), ("{1: 3000, 4: 9000}", 1.0)])
+def test_the_governing_torque_is_nearest_its_limit_though_all_limits_are_met(limits, governing):
+    result = run("check", TINY, "--json", "--torque", "1", "--torque", "4", "--set", f"acceptance.F_ior={limits}")
+    answer = json.loads(result.stdout)
+    shares = {p["M_g_Nm"]: p["F_ior_upper_arcsec"] / p["limit_arcsec"] for p in answer["operating_points"]}
+    assert answer["verdict"] == "PASS"
+    assert max(shares, key=shares.__getitem__) == governing
+    assert answer["least_sure_M_g_Nm"] == governing
+
+
 def test_verdict_holds_the_upper_value(answer):
     point = json.loads(answer.stdout)["operating_points"][0]
     between = (point["F_ior_arcsec"] + point["F_ior_upper_arcsec"]) / 2
