@@ -189,7 +189,7 @@ class DesignCheck:
         """
 
         def nearness(k: int) -> tuple[float, float]:
-            """Return the probability of missing the limit and the upper end over the limit, or the ratio of the ends."""
+            """Return the probability of missing the limit and the upper end over it, else the ratio of the ends."""
             point = self.points[k]
             if point.limit_arcsec and point.F_ior_upper_arcsec:
                 probability_of_missing = 1 - point.probability.value if point.probability else 0.0
