@@ -213,7 +213,9 @@ def answer_row(row: LotRow, *, debug: bool = False) -> AcceptAnswer:
             raise
         where = traceback.extract_tb(bug.__traceback__)[-1]
         words = f"internal error: {type(bug).__name__}: {bug} ({where.name})"
-        return failure_of(row, HdassistError(words, "this is a bug in hdassist; --debug shows where"))
+        return failure_of(
+            row, HdassistError(words, "report this bug in hdassist, with the traceback that --debug shows")
+        )
 
 
 @lru_cache(maxsize=2)

@@ -289,7 +289,7 @@ def read_answers(path: str) -> list[AcceptAnswer]:
 
     A last line that breaks off is left out. Raises DataError: a file that cannot be read, or says something else.
     """
-    data, file, hint = bytearray(), STDIN if path == "-" else path, "a file of --json or --jsonl"
+    data, file, hint = bytearray(), STDIN if path == "-" else path, "use a file written by --json or --jsonl"
     with opened(path) as stream:
         while part := stream.read(PART):
             data += part
@@ -298,7 +298,8 @@ def read_answers(path: str) -> list[AcceptAnswer]:
     if (kept := read_kept(bytes(data), file, ANSWERS)) is not None:
         if not kept:
             raise DataError(
-                f"{file}: no answers in the file", "its first line alone is there: hdassist accept LOT.csv --jsonl FILE"
+                f"{file}: the file contains no results",
+                "only its first line is present; compute the results with hdassist accept LOT.csv --jsonl FILE",
             )
         return kept
     try:
@@ -308,7 +309,7 @@ def read_answers(path: str) -> list[AcceptAnswer]:
         raise DataError(f"{file}: no JSON: {fault}", hint) from None
     content = content.get("results", [content]) if isinstance(content, dict) else []
     if not (content and isinstance(content, list)):
-        raise DataError(f"{file}: no answers in the file", hint)
+        raise DataError(f"{file}: the file contains no results", hint)
     return [_read(one, f"{file}:{number}") for number, one in enumerate(content, 1)]
 
 
@@ -317,8 +318,8 @@ def _read(fields: Any, place: str) -> AcceptAnswer:
     try:
         return ANSWER.validate_python(fields)
     except ValidationError as error:
-        words = f"{place}: an answer is not whole: {why_invalid(error)}"
-        raise DataError(words, "it was changed, or another version wrote it") from None
+        words = f"{place}: a result is incomplete: {why_invalid(error)}"
+        raise DataError(words, "the file was changed, or written by another version") from None
 
 
 def changed_file(answer: AcceptAnswer) -> DataError | None:
@@ -333,18 +334,18 @@ def changed_file(answer: AcceptAnswer) -> DataError | None:
     recorded[answer.request.preset] = answer.preset.sha256
     for file in answer.request.files():
         if file == "-":
-            words = "the preset or a file was read from standard input, which is gone"
-            return DataError(words, "save it, and accept it as a file")
+            words = "the preset or a file was read from standard input and is not available any more"
+            return DataError(words, "save it as a file, and run accept with the file")
         if answer.error:
             continue
         try:
             data = read_preset(file)[0] if file == answer.request.preset else read_bytes(file, MAX_TRACE_BYTES + 1)[0]
         except DataError:
-            words = "paths count from the folder in which the answer was made"
+            words = "run the command in the folder in which the result was computed"
             return DataError(f"{file} cannot be read", words)
         if (now := hashlib.sha256(data).hexdigest()) != recorded.get(file):
-            then = f"sha256 {str(recorded.get(file))[:12]}... when the answer was made, {now[:12]}... now"
-            return DataError(f"{file} has changed: {then}", "hdassist accept makes a new answer")
+            then = f"sha256 {str(recorded.get(file))[:12]}... when the result was computed, {now[:12]}... now"
+            return DataError(f"{file} has changed: {then}", "compute a new result with hdassist accept")
     return None
 
 

@@ -258,7 +258,8 @@ def order_place(kinematics: Kinematics, order: float) -> int:
     place = round(order * turns)
     if not 0 < place < kinematics.cycle_states / 2 or abs(place / turns - order) > 1e-6:
         raise UsageError(
-            f"order {order:g} is none of the full cycle of {turns} cam turns", f"a multiple of 1/{turns}, such as 2"
+            f"order {order:g} does not exist in the full mesh cycle of {turns} input revolutions",
+            f"use a multiple of 1/{turns}, for example 2",
         )
     return place
 
@@ -352,7 +353,9 @@ class AcceptedValue(ClosedRecord):
         except UnitError as error:
             raise UsageError(f"--value {given}: {error.message}", error.hint) from None
         if value < 0:
-            raise UsageError(f"--value {given}: {limit.label} cannot be below zero", "its size, without a sign")
+            raise UsageError(
+                f"--value {given}: {limit.label} cannot be below zero", "give its magnitude, without a sign"
+            )
         if value == 0 and (limit.check is F_IOR or not expanded):
             words = f"--value {given}: {limit.label} must be above 0"
             raise UsageError(words, "leave it out if it was not measured")

@@ -72,7 +72,7 @@ F_IOR, ORDER_CHECK = (next(check for check in CHECKS if check.code == code) for 
 
 _ORDER_PREFIX = "order_"
 _LIMIT_KINDS = {check.field: check.kind for check in CHECKS if check != ORDER_CHECK}
-_HINT = f"NAME one of {', '.join(_LIMIT_KINDS)}, or order_2 and so on"
+_HINT = f"use NAME=VALUE with NAME one of {', '.join(_LIMIT_KINDS)}, or order_2, order_4 ..."
 _USE: dict[Option, str] = {"--limit": "[NAME[@TORQUE]=]VALUE", "--value": "NAME[@TORQUE]=VALUE±U"}
 _PER_TORQUE = "|".join(name for name, kind in _LIMIT_KINDS.items() if kind == "limits")
 _OF_DRIVE = "|".join(name for name, kind in _LIMIT_KINDS.items() if kind == "number")
@@ -94,7 +94,7 @@ class Limit(ClosedRecord):
         """The check of the limit. Raises DataError: none has the code."""
         entry = CODES.get(self.code)
         if not isinstance(entry, Check):
-            raise DataError(f"no check has the code {self.code}")
+            raise DataError(f"unknown code of a check: {self.code}")
         return entry
 
     @property
@@ -126,8 +126,8 @@ def limits_of(drive: Drive) -> tuple[Limit, ...]:
     limits = tuple(limit for check in CHECKS for limit in _limits_of(check, drive))
     if not limits:
         raise DataError(
-            f"{drive.name}: no limit to accept it by",
-            "acceptance: {F_ior: {80: 30}} in the preset, or --limit F_ior=30",
+            f"{drive.name} has no acceptance limit",
+            "add acceptance: {F_ior: {80: 30}} to the preset, or use --limit F_ior=30",
         )
     return limits
 
@@ -206,10 +206,10 @@ class LimitText:
             and self.torque in (None, limit.M_g_Nm)
         ]
         if not fitting:
-            raise UsageError(f"--value {self}: the drive has no such limit", f"--limit {self.name}=...")
+            raise UsageError(f"--value {self}: the drive has no limit of this name", f"--limit {self.name}=...")
         if len(fitting) > 1:
             torques = ", ".join(f"@{limit.M_g_Nm:.15g}" for limit in fitting)
-            raise UsageError(f"--value {self}: at which torque?", f"one of {torques}")
+            raise UsageError(f"--value {self}: the torque is missing", f"add one of {torques}")
         return fitting[0]
 
 

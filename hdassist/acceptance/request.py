@@ -91,7 +91,7 @@ class Inputs:
                 raise DataError(f"{drive.name}: acceptance.order_amplitude: {error.message}", error.hint) from None
         by_trace = [limit for limit in limits if limit.check.of_trace and limit.M_g_Nm in self.measurements]
         if without := set(self.measurements) - {limit.M_g_Nm for limit in by_trace}:
-            words = f"{drive.name}: measured at {min(without):g} N*m, where it has no limit"
+            words = f"{drive.name}: measured at {min(without):g} N*m, for which there is no limit"
             raise DataError(words, f"--limit F_ior@{min(without):.15g}=30")
         return tuple(limit for limit in limits if limit not in by_trace and limit not in self.stated)
 
@@ -153,10 +153,10 @@ class Request(ClosedRecord):
             torques = [float(torque)] if torque else list(held or drive.operation.M_g[:1])
             if len(torques) > 1:
                 named = ", ".join(f"{M_g:g}={text}" for M_g in torques)
-                raise UsageError(f"--measured {text}: at which torque was it measured?", f"one of {named}")
+                raise UsageError(f"--measured {text}: the torque is missing", f"write one of {named}")
             if torques[0] in files:
-                words = f"two traces at {torques[0]:g} N*m"
-                raise UsageError(words, "one trace a torque: join repeated runs in one file")
+                words = f"two recordings at {torques[0]:g} N*m"
+                raise UsageError(words, "give one recording for each torque; join repeated runs in one file")
             files[torques[0]] = file
         return files
 
@@ -184,19 +184,23 @@ class Request(ClosedRecord):
                 quantities = position_quantities(found, seed=self.seed)
                 if (plan := found.plan) and plan.drive != drive.name:
                     words = f"{found.table.file}: the positions were planned for {plan.drive}, not for {drive.name}"
-                    raise DataError(words, f"plan the test of {drive.name}: hdassist plan {drive.name} --approach FILE")
+                    raise DataError(
+                        words, f"plan the test of {drive.name} with hdassist plan {drive.name} --approach FILE"
+                    )
                 seen = seen_range(found, quantities)
                 if seen is None:
-                    hint = "approach two and more positions, 12 or better 211"
-                    raise DataError(f"{found.table.file}: one position, which has no F'_ior", hint)
+                    hint = "approach at least two positions, better 12 or 211"
+                    raise DataError(f"{found.table.file}: one position, from which F'_ior cannot be computed", hint)
                 positions[M_g] = found.table, seen
                 recorded |= self._at_positions(*positions[M_g], quantities, M_g, drive)
             else:
-                words = f"{found.table.file}: a torque loop, which has no F'_ior"
-                raise DataError(words, "hdassist measure has its figures; accept takes them as --value NAME=VALUE±U")
+                words = f"{found.table.file}: a torque loop, from which F'_ior cannot be computed"
+                raise DataError(
+                    words, "compute its figures with hdassist measure; pass them to accept with --value NAME=VALUE±U"
+                )
         for limit in given:
             if limit in recorded and recorded[limit].value is not None:
-                raise UsageError(f"both a value and a record for {limit.label}", "leave out one of them")
+                raise UsageError(f"both a value and a recording for {limit.label}", "leave out one of the two")
         return Inputs(drive, measurements, recorded | given, self.read_wheels(drive), positions)
 
     def _at_positions(
@@ -223,7 +227,7 @@ class Request(ClosedRecord):
                 values[limit] = AcceptedValue(own.arcsec, COVERAGE_FACTOR * (unsure or 0.0), "measured", extent)
         if not values:
             raise DataError(
-                f"{drive.name}: positions at {M_g:g} N*m, where it has no limit", f"--limit F_ior@{M_g:.15g}=30"
+                f"{drive.name}: positions at {M_g:g} N*m, for which there is no limit", f"--limit F_ior@{M_g:.15g}=30"
             )
         return values
 
@@ -369,15 +373,15 @@ def _columns(table: CellTable) -> list[_Column | None]:
         try:
             column = _column(name.text) if name.text and not _UNUSED.match(name.text) else None
             if column and column in columns:
-                raise InvalidValueError(f"column {columns.index(column) + 1} is the same")
+                raise InvalidValueError(f"column {columns.index(column) + 1} has the same name")
         except InvalidValueError as fault:
             column = None
             place = table.file, table.names_line, name.column, name.text
             findings.append(Finding(*place, fault.message, hint=fault.hint))
         columns.append(column)
     if len(findings) == len(table.names) > 1:
-        remedy = f"a record is measured: hdassist measure {table.file}, or accept PRESET --measured TORQUE={table.file}"
-        raise DataError(f"{table.file}: none of its columns is one of a lot", remedy, Fault.FILE_INVALID)
+        remedy = f"for a recording use hdassist measure {table.file}, or accept PRESET --measured TORQUE={table.file}"
+        raise DataError(f"{table.file}: no column of a lot", remedy, Fault.FILE_INVALID)
     if findings:
         raise PresetError(findings)
     return columns
@@ -389,7 +393,7 @@ def _column(name: str) -> _Column:
         return name.lower(), ""
     if at := _MEASURED.fullmatch(name):
         if at[1] and not is_number(at[1]):
-            raise InvalidValueError("no such column", "for example measured@80")
+            raise InvalidValueError("not a column of a lot", "for example measured@80")
         return "measured", f"{float(at[1]):g}=" if at[1] else ""
     limit = _LIMIT.fullmatch(name)
     for gives, text in (("limits", limit[1] if limit else ""), ("values", name)):
@@ -404,9 +408,9 @@ def _column(name: str) -> _Column:
     hint = (
         REMOVED.get(name)
         or near_miss(name, known)
-        or "F_ior@80, limit F_ior@80, section.key, or note for what is not used"
+        or "use F_ior@80, limit F_ior@80, section.key, or note for a column to ignore"
     )
-    raise InvalidValueError("no such column", hint)
+    raise InvalidValueError("not a column of a lot", hint)
 
 
 def _row(
@@ -423,11 +427,17 @@ def _row(
         faults.append(Finding(table.file, line, column, path, message, shown(got), hint))
 
     if opened := table.unclosed.get(line):
-        wrong(opened, "", "quotes are not closed", hint="end the cell with quotes too")
+        wrong(opened, "", "quotes are not closed", hint="close the quotes at the end of the cell")
     for index, cell in enumerate(cells):
         name, column = (table.names[index].text, columns[index]) if index < len(columns) else ("", None)
         if cell.text and not name:
-            wrong(cell.column, "", "a cell in a column without a name", cell.text, "quotes around a comma?")
+            wrong(
+                cell.column,
+                "",
+                "a cell in a column without a name",
+                cell.text,
+                "put a cell that contains a comma in quotes",
+            )
         if not cell.text or column is None:
             continue
         gives, start = column
@@ -447,14 +457,14 @@ def _row(
         called = text if gives in _FILE_COLUMNS else f"--{gives.replace('_', '-')}" if not start else start + text
         named.setdefault(called, (f"{table.file}:{line}:{cell.column}: {shown(name)}", cell.text))
     if not given["serial"]:
-        wrong(1, "serial", "missing", hint="each drive needs its serial; without the column its line is its name")
+        wrong(1, "serial", "missing", hint="give each drive a serial, or leave out the column")
         given["serial"] = f"line {line}"
     elif others := [other for other in lines.get(given["serial"], ()) if other != line]:
-        words = f"stands in line {shortened(others)} too"
-        wrong(1, "serial", words, given["serial"], "one row for each drive")
+        words = f"is also in line {shortened(others)}"
+        wrong(1, "serial", words, given["serial"], "write one row for each drive")
     given |= {mark: float(given[mark]) for mark in _MARK_COLUMNS if mark in given}
     wheels = {option.name: given.pop(option.name) for option in fields(WheelFiles) if option.name in given}
     request = replace(base, **given, wheels=replace(base.wheels, **wheels))
     if not request.preset:
-        wrong(1, "preset", "missing", hint="a column preset, or --preset NAME for all rows")
+        wrong(1, "preset", "missing", hint="add a column preset, or use --preset NAME for all rows")
     return LotRow(request, f"{table.file}:{line}", PresetError(faults) if faults else None, named)

@@ -286,5 +286,5 @@ def require_shown(names: Sequence[str], f: Array, y: Array, spreads: Array, corr
     without = [[k for k in every if k != left] for left in every] if len(y) > _ANY_TWO else [list(every)]
     if min(map(nearest, without)) > _UNSHOWN:
         rows = zip(names, y, f.min(axis=0), f.max(axis=0), strict=True)
-        words = "; ".join(f"{name} = {value:g}, drawn {low:.4g} to {high:.4g}" for name, value, low, high in rows)
-        raise UntrustedError(f"no draw shows F'_ior as measured, ″: {words}", hint)
+        words = "; ".join(f"{name} = {value:g}, samples {low:.4g} to {high:.4g}" for name, value, low, high in rows)
+        raise UntrustedError(f"no sampled drive reproduces the measured F'_ior, ″: {words}", hint)

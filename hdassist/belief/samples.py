@@ -100,7 +100,9 @@ class Samples:
     @property
     def remarks(self) -> tuple[str, ...]:
         """A remark on numbers that few samples stand for."""
-        return (f"{self.few}: numbers are rough; check the preset's figures, then its assumed ranges",) * bool(self.few)
+        return (
+            f"{self.few}, so the numbers are approximate; check the values of the preset, then its assumed ranges",
+        ) * bool(self.few)
 
     @property
     def of_ranges(self) -> Samples:
@@ -342,7 +344,7 @@ def _require_shown(sampling: Sampling, draws: Sequence[Draw]) -> None:
     if errors := sampling.measured:
         kept = [each.figures for each in draws if each.F_ior_arcsec is not None]
         f = np.array([[figures[each.figure] for each in errors] for figures in kept])
-        hint = "check values, torque and holes, then the ranges of what is assumed"
+        hint = "check the values, torque and holes first, then the assumed ranges"
         require_shown([each.path for each in errors], f, *values_of_errors(errors), hint)
 
 
@@ -352,25 +354,30 @@ def _few(samples: Samples, draws: Sequence[Draw], evidence: tuple[Evidence, ...]
     Raises UntrustedError where that allows no answer, with the evidence without which most would agree.
     """
     needed, is_answer = effort.effective, samples.effective >= (effort.least or effort.effective)
-    answer = replace(samples, few=f"{samples.effective:.3g} of {len(draws)} draws agree, {needed} are wanted")
+    answer = replace(
+        samples, few=f"effective sample size {samples.effective:.3g} of {len(draws)} draws, {needed} required"
+    )
     if is_answer and effort.for_action:
         return answer
-    found = f"{samples.effective:.0f} of {len(draws)} draws are effective, {needed} are needed"
+    found = f"effective sample size {samples.effective:.0f} of {len(draws)} draws, {needed} required"
     if (count := sum(samples.refused.values())) > len(draws) / 2 or not evidence:
-        reason = max(samples.refused, key=lambda each: samples.refused[each], default="no answer")
-        raise UntrustedError(f"{found}: {count} are no drive (most: {reason})", "narrow the assumed ranges")
+        reason = max(samples.refused, key=lambda each: samples.refused[each], default="no result")
+        raise UntrustedError(
+            f"{found}: {count} samples are not valid drives (mostly: {reason})", "narrow the assumed ranges"
+        )
     without = {each: _mean_likelihood(draws, tuple(e for e in evidence if e is not each)) for each in evidence}
     doubted = max(without, key=lambda each: without[each])
     if without[doubted] < _CONTRADICTION * _mean_likelihood(draws, evidence):
         if is_answer:
             return answer
         raise UntrustedError(
-            f"{found}: too few draws agree with all evidence at once, though no figure contradicts the others",
+            f"{found}: too few samples agree with all reference data together, "
+            "although no single value contradicts the rest",
             "narrow the assumed ranges",
         )
     raise UntrustedError(
-        f"{found}: {doubted.path} = {doubted.value:g} contradicts the other evidence or the assumed ranges",
-        "check that value and its unit, then the ranges of what is assumed",
+        f"{found}: {doubted.path} = {doubted.value:g} contradicts the other reference data or the assumed ranges",
+        "check that value and its unit, then the assumed ranges",
     )
 
 

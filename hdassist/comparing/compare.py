@@ -307,7 +307,9 @@ def torque_of(drive: Drive) -> float:
     """Torque [N*m] of a comparison: the preset's only one. Raises UsageError where it has several."""
     if len(drive.operation.M_g) > 1:
         several = ", ".join(f"{M_g:g}" for M_g in drive.operation.M_g)
-        raise UsageError(f"{drive.name} has several torques: {several}", "say which was on the rig: --torque")
+        raise UsageError(
+            f"{drive.name} has several torques: {several}", "give the torque of the recording with --torque"
+        )
     return drive.operation.M_g[0]
 
 

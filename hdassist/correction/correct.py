@@ -205,7 +205,9 @@ def correct(
     records, prior = records or {}, prior_of(drive)
     if any(record.is_part for record in records.values()):
         if any(record.scale_uncertainty for record in records.values()):
-            words = "a recording of part of the cycle whose guide rate, and with it the size of the error, is not known"
+            words = (
+                "a recording of part of the cycle with an unknown guide rate, which determines the size of the error"
+            )
             raise UntrustedError(words, "state the guide rate: --guide-rate ARCSEC/S")
         agreeing, misfit = agreeing_drives(drive, records, draws // 2 * 2 or RECORDED_DRAWS, run)
         return correction_of(drive, agreeing, records, form, run, misfit=misfit)
@@ -483,16 +485,16 @@ def correction_alone(
         way = "with"  # the input angle is then counted in the sense of the output
     if gearing is None or (not is_over_input and (is_by_output or (form.turn == "output" and not way))):
         raise UsageError(
-            "a record alone does not tell whether cam and output turn the same way",
-            "say it: --output-turns against (a fixed rigid wheel) or with, beside cam angles; or take a preset",
+            "the recording does not show whether input and output turn the same way",
+            "for input angles, use --output-turns against (circular spline fixed) or with; or give a preset",
         )
     is_drawn = is_over_input and (sweep.is_bound or found.is_of_travel)
     if sweep.is_bound and not is_drawn:
         share = f"{100 * sweep.coverage.share:.0f} % of the full cycle" if sweep.coverage else "no full cycle"
-        words = f"{trace.file}: {share}, in which lines that lie close together are not told apart"
+        words = f"{trace.file}: {share}, in which closely spaced components are not resolved"
         hint = (
-            "record the full cycle, take a table over the input (--form cam), state the travel (--travel DEG), "
-            "or take a preset: hdassist compensate PRESET FILE"
+            "record the full mesh cycle, use a table over the input (--form cam), state the travel (--travel DEG), "
+            "or use a preset: hdassist compensate PRESET FILE"
         )
         raise UntrustedError(words, hint)
     moving = round(2 * gearing.ratio)

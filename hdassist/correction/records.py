@@ -203,7 +203,7 @@ def require_sense(measurement: Measurement, drive: Drive, M_g: float, asked: Ali
     sweep = measurement.directions[0]
     asked = replace(asked, fitted=(not sweep.is_bound,) * 2)
     if mirror := mirrored_reading(measurement, drive, M_g, asked):
-        words = f"{measurement.trace.file}: mirrored, it fits {drive.name} clearly better the other way round"
+        words = f"{measurement.trace.file}: the mirrored recording fits {drive.name} clearly better"
         raise UntrustedError(f"{words}, {mirror.rms_arcsec:.2f}″ rms off", mirror.options)
 
 
@@ -218,7 +218,7 @@ def require_fine_counts(measurement: Measurement) -> None:
         return
     u = next((source.arcsec for source in sweep.sources if source.name == "resolution"), None) or 0.0
     if COVERAGE_FACTOR * u > _MOST_ROUNDED * sweep.range.value:
-        counts = f"counts of up to {trace.step_arcsec:.3g}″ at the output, read at even angles"
+        counts = f"steps of up to {trace.step_arcsec:.3g}″ at the output, read at even angles"
         rounding = f"a correction would store their rounding, u = {u:.2g}″ of {sweep.range.value:.4g}″"
         raise UntrustedError(
             f"{trace.file}: {counts}: {rounding}",
@@ -271,7 +271,7 @@ def drawn_errors(measurement: Measurement, kinematics: Kinematics, asked: Alignm
     turns = sweep.bins.span
     if turns < _FEWEST_TURNS:
         words = f"{trace.file}: {turns:.2g} input revolutions in the longest sweep"
-        raise UntrustedError(words, f"a table over the input needs {_FEWEST_TURNS:g} revolutions and more")
+        raise UntrustedError(words, f"record at least {_FEWEST_TURNS:g} input revolutions for a table over the input")
     alignment, ratio = asked.of_file(trace, kinematics), abs(kinematics.u)
     cleaned = cleaned_recording(sweep, ratio)
     along = np.lexsort((cleaned.input_rev, cleaned.sweep))  # each sweep in the sense of growing angles
@@ -488,8 +488,8 @@ def agreeing_drives(
     if excess > _MOST_MISFIT**2 * np.var(read):
         share = 100 * np.sqrt(excess / np.var(read))
         raise UntrustedError(
-            f"no drive that {drive.name} allows shows the record: {share:.0f} % of the error are off",
-            "record the full cycle, or see what explains the difference: hdassist compare",
+            f"no drive within the ranges of {drive.name} reproduces the recording: {share:.0f} % of the error remain",
+            "record the full mesh cycle, or find the cause with hdassist compare",
         )
     *_, sizes, directions = np.linalg.svd(fit.jac, full_matrices=False)
     rng = np.random.default_rng([run.seed, 2])

@@ -70,7 +70,7 @@ class ArchiveEntry:
 
 
 _ENTRY = TypeAdapter(ArchiveEntry)
-_ENTRIES = RecordKind(_ENTRY, hint="it was changed or damaged: restore the archive from a copy")
+_ENTRIES = RecordKind(_ENTRY, hint="the archive was changed or damaged; restore it from a copy")
 OWNER = KeptOwner(command="archive", version="", inputs={})
 
 
@@ -93,7 +93,7 @@ def read_conditions(serial: str, texts: Sequence[str]) -> Json:
     for text in (part for each in texts for part in each.split(",")):
         name, _, value = text.partition("=")
         if name not in _CONDITIONS or not value:
-            hint = f"NAME one of {', '.join(_CONDITIONS)}, like hole=h4,torque=80,date=2026-03-01"
+            hint = f"use NAME one of {', '.join(_CONDITIONS)}, for example hole=h4,torque=80,date=2026-03-01"
             raise UsageError(f"invalid --conditions {text}: expected NAME=VALUE", hint)
         found[_CONDITIONS[name]] = value
     return found
@@ -150,13 +150,13 @@ def read_archive(folder: str, serial: str) -> list[ArchiveEntry]:
     """
     data, name = read_bytes(Path(folder) / ARCHIVE_FILE, _MAX_ARCHIVE_BYTES + 1)
     if len(data) > _MAX_ARCHIVE_BYTES:
-        raise DataError(f"{name} is larger than {_MAX_ARCHIVE_BYTES / 1e6:g} MB", "begin another archive")
+        raise DataError(f"{name} is larger than {_MAX_ARCHIVE_BYTES / 1e6:g} MB", "start another archive")
     entries = read_kept(data, name, _ENTRIES) or []
     last = {(each.sha256, each.direction): each for each in entries if each.serial == serial}.values()
     own = sorted(last, key=lambda each: each.date)
     if not own:
         serials = ", ".join(sorted({each.serial for each in entries})[:10])
-        raise DataError(f"{name} has no measurement of {serial}", f"it has {serials or 'none at all'}")
+        raise DataError(f"{name} has no measurement of {serial}", f"it contains {serials or 'no drive'}")
     return own
 
 

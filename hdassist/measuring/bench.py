@@ -32,7 +32,7 @@ from hdassist.readers.words import TURN_ARCSEC, run_side_in
 _LOOP_SHARE = 0.04  # of the rated torque, to each side: between them lies the lost motion
 _AROUND = 5  # readings, at least, through which a parabola is laid
 TINY = 1e-30  # N*m
-_LOOP_HINT = "go from -T_0 to T_0 and back, T_0 the rated torque"
+_LOOP_HINT = "load from -T_0 to T_0 and back, with T_0 the rated torque"
 _LEAST_CHANCE = 0.975  # that a range is at least its lower confidence limit
 _PLAN = re.compile(  # as hdassist plan names it
     r"(?P<drive>.*), (?P<count>[0-9]{1,9}) positions(?: over (?P<turns>[0-9.e+-]+) output turns)?(?P<both> both ways)?"
@@ -122,7 +122,7 @@ class PositionRecord:
         """Return the fault of a remark, with its line."""
         entries = ((line.number, line.entry) for line in self.table.remarks)
         number, (_, text, column) = next((line, entry) for line, entry in entries if entry and entry[0] == key)
-        self.table.add(number, column, key, message, text, "write the remark as hdassist plan wrote it")
+        self.table.add(number, column, key, message, text, "keep the comment as hdassist plan wrote it")
         return PresetError(self.table.findings)
 
 
@@ -218,7 +218,7 @@ def bench_record(table: NumberTable, form: TraceForm | None = None) -> PositionR
         else:
             if form.error_unit is not None:
                 words = f"--error-unit {form.error_unit}: the positions have no column of deviations"
-                raise UsageError(words, "--angle-unit has the unit of their angles")
+                raise UsageError(words, "state the unit of their angles with --angle-unit")
             asked = angles[-1] if angles else None
             deviation = _from_any_zero(table.in_unit(columns[angle], angle, "deg", asked, "--angle-unit") - target)
         _require_deviations(table, deviation)
@@ -226,7 +226,7 @@ def bench_record(table: NumberTable, form: TraceForm | None = None) -> PositionR
     if "torque" in columns and angle and "error" not in columns:
         given = [*form.angle_units, *([] if form.error_unit is None else [form.error_unit])]
         if len(given) > 1:
-            raise UsageError("a torque loop has one column of angles, and several units are given for it")
+            raise UsageError("a torque loop has one column of angles, but several units are given")
         torque = table.in_unit(columns["torque"], "torque", "N·m")
         twist = table.in_unit(columns[angle], angle, "arcsec", given[0] if given else None, "--angle-unit")
         return LoopRecord(table, torque, twist, marks("place"))
@@ -259,12 +259,12 @@ def _positions_of_runs(table: NumberTable, target_column: int, runs: dict[int, i
     roles = table.roles
     are_angles = [roles[column] in _ANGLE_ROLES for column in runs]
     if any(are_angles) and not all(are_angles):
-        raise table.fault("some runs have deviations, others angles", "write all runs in the same way")
+        raise table.fault("some runs contain deviations, others contain angles", "write all runs in the same way")
     if len(angles) > 1 and not any(are_angles):
         raise UsageError(f"--angle-unit {form.angle_unit}: positions with deviations have one column of angles")
     if form.error_unit is not None and any(are_angles):
         words = f"--error-unit {form.error_unit}: the positions have no column of deviations"
-        raise UsageError(words, "--angle-unit has the unit of their angles")
+        raise UsageError(words, "state the unit of their angles with --angle-unit")
     target = table.in_unit(target_column, "target", "deg", asked, "--angle-unit")
     readings, sides = [], []
     for column, side in runs.items():
@@ -293,8 +293,8 @@ def _from_any_zero(off_arcsec: Array) -> Array:
 def _require_deviations(table: NumberTable, deviation_arcsec: Array) -> None:
     """Raise DataError for readings that are too far apart to be deviations [arcsec], shape (rows,)."""
     if (extent := float(np.ptp(deviation_arcsec))) > LARGEST_ERROR:
-        hint = "angles of the output belong there, in deg; deviations in a column deviation_arcsec"
-        raise DataError(f"{table.file}: readings are {extent:.3g}″ apart beside their targets", hint)
+        hint = "write output angles in deg there, and deviations in a column deviation_arcsec"
+        raise DataError(f"{table.file}: readings differ from their targets by up to {extent:.3g}″", hint)
 
 
 def position_quantities(record: PositionRecord, *, seed: int = 0, draws: int = 2000) -> tuple[StatedQuantity, ...]:
@@ -307,8 +307,8 @@ def position_quantities(record: PositionRecord, *, seed: int = 0, draws: int = 2
     target, side, deviation = target[order], record.side[order], record.deviation_arcsec[order]
     positions = [np.flatnonzero(target == each) for each in np.unique(target)]
     if len(target) < 2:
-        hint = "approach two and more positions, 12 or better 211, or one position from both sides"
-        raise DataError(f"{record.table.file}: one approach of one position", hint)
+        hint = "approach at least two positions, better 12 or 211, or one position from both sides"
+        raise DataError(f"{record.table.file}: only one approach of one position", hint)
     groups = [rows[side[rows] == way] for rows in positions for way in np.unique(side[rows])]
 
     def figures(values: Array) -> dict[str, Array]:
@@ -381,7 +381,9 @@ def place_loops(record: LoopRecord, rated: float) -> tuple[PlaceLoop, ...]:
         try:
             branches = sweeps(points[0] * WHOLE_TURN_DEG / max(np.ptp(points[0]), TINY))
         except AngleError:
-            raise DataError(f"{where}: the torque does not rise and fall in whole branches", _LOOP_HINT) from None
+            raise DataError(
+                f"{where}: the torque does not increase and decrease in complete branches", _LOOP_HINT
+            ) from None
         sides = []
         for way, words in ((1, "rising"), (-1, "falling")):
             parts = [points[:, branch.rows] for branch in branches if branch.direction == way]

@@ -235,7 +235,7 @@ def measure(
     together, both directions as one, which is then 0; may_be_noise, whether F'_ior need not be clear of its noise;
     travel_deg, of the output: F'_ior is the range of the error there, and slow terms are part of it; M_g, torque [N*m]
     that is asked for, where the trace has a column of it; shafts, beside the drive, whose components are wanted.
-    Raises UsageError: a wrong argument; DataError: less than one cam turn in one direction, or another torque;
+    Raises UsageError: a wrong argument; DataError: less than one input revolution in one direction, or another torque;
     UntrustedError: orders that the record does not resolve, or an F'_ior that is not clear of its noise.
     """
     _require_drift(drift)
@@ -317,8 +317,8 @@ class _RecordUnderway:
         """Results of each direction, that of the greatest F'_ior first. Raises what `measure` does."""
         found = [each for sign in ((0,) if self.together else (1, -1)) if (each := self._result(sign))]
         if not found:
-            hint = "F'_ior is looked for over whole turns; check that the angle is that of the cam, and its unit"
-            raise DataError(f"{self.trace.file}: less than one cam turn in one direction", hint)
+            hint = "F'_ior needs at least one input revolution; check that the angle is the input angle, and its unit"
+            raise DataError(f"{self.trace.file}: less than one input revolution in one direction", hint)
         return sorted(found, key=lambda each: -each.range.value)
 
     def _result(self, sign: int) -> SweepResult | None:
@@ -371,8 +371,8 @@ class _RecordUnderway:
         other = other_ratio(shown, _declared(self.trace, self.orders, []), gearing.ratio)
         if other is None:
             return
-        words = f"{self.trace.file}: the error beats once in about {other:.3g} cam turns, not in {gearing.ratio:g}"
-        hint = f"check the file and the ratio: a drive of ratio {other:.0f} or so has such beats"
+        words = f"{self.trace.file}: the error repeats every {other:.3g} input revolutions, not every {gearing.ratio:g}"
+        hint = f"check the file and the ratio; sidebands of such a spacing indicate a ratio of about {other:.0f}"
         raise DataError(words, hint, Fault.FILE_INVALID)
 
     def _fitted(self, sign: int) -> TraceFit:
@@ -479,8 +479,12 @@ class _RecordUnderway:
             raise UntrustedError(f"{trace.file}: {message}", "read both encoders by the clock", Fault.ORDERS_UNTOLD)
         alone = combined([source for source in sources if source.name not in {*STATED, WIND_UP}])
         if not (self.may_be_noise or (fit.clear_of_noise and extent.value > COVERAGE_FACTOR * alone)):
-            message = f"F'_ior of {max(extent.value, 0.0):.3g}″ is not clear of its noise, u = {alone:.3g}″"
-            hint = "it drifts: --drift linear" if drift_left else "record longer or with less noise; check the column"
+            message = f"F'_ior of {max(extent.value, 0.0):.3g}″ is not above its noise, u = {alone:.3g}″"
+            hint = (
+                "the recording drifts; use --drift linear"
+                if drift_left
+                else "record longer or with less noise, and check the column"
+            )
             if BY_ORDER in trace.notes:
                 hint = f"{BY_ORDER} in arcsec; of a second encoder at the output: --second 2"
             raise UntrustedError(f"{trace.file}: {message}", hint, Fault.ORDERS_UNTOLD)
@@ -523,7 +527,9 @@ def _declared(trace: MeasuredTrace, orders: Sequence[float] | None, notes: list[
     if orders is not None or not kept:
         message = f"steps of {360 / (_STEPS_PER_PERIOD * highest):.3g}° are too long for order {declared[-1]:g}"
         raise UntrustedError(
-            f"{trace.file}: {message}", f"up to {highest:.2g} can be declared: --orders", Fault.ORDERS_UNTOLD
+            f"{trace.file}: {message}",
+            f"use smaller steps, or declare orders up to {highest:.2g} with --orders",
+            Fault.ORDERS_UNTOLD,
         )
     notes.append(
         f"orders up to {kept[-1]:g} only: the steps of the angle resolve no higher ones, which may appear as these"
@@ -564,7 +570,7 @@ class LoggedJoint:
         name, _, columns = text.partition("=")
         parts = columns.rsplit(",", 2)
         if not name or len(parts) != 3 or not all(parts) or not isfinite(number_of(parts[-1])):
-            hint = "columns of the cam's and the output's encoder, and the ratio: J1=cam1,out1,100"
+            hint = "give the columns of input and output encoder, and the ratio: J1=cam1,out1,100"
             raise UsageError(f"invalid --joint {text}: expected NAME=ANGLE,SECOND,RATIO", hint)
         gearing_of(None, number_of(parts[-1]))
         return cls(name, parts[0], parts[1], number_of(parts[-1]))
@@ -597,8 +603,10 @@ class Reading(ClosedRecord, TraceForm):
                 words = "the declination of the guide star is unknown, and with it the size of the error"
                 raise DataError(f"{found.trace.file}: {words}", "--declination DEG")
             return found
-        words = f"{found.table.file}: approached positions or a torque loop, which is no trace"
-        raise DataError(words, "hdassist measure has its figures; accept takes them as --value NAME=VALUE±U")
+        words = f"{found.table.file}: approached positions or a torque loop, not a recording of angles and errors"
+        raise DataError(
+            words, "compute its figures with hdassist measure; pass them to accept with --value NAME=VALUE±U"
+        )
 
     def measured_or_bench(
         self, file: str, drive: Drive | None, ratio: float | None = None, **how: Any
@@ -607,7 +615,9 @@ class Reading(ClosedRecord, TraceForm):
         table, gearing = read_record(file, self), gearing_of(drive, ratio)
         if record := bench_record(table, self):
             if self.has_pace or how.get("shafts"):
-                message = f"{table.file} has positions or torque loops, which have no component of a shaft or time"
+                message = (
+                    f"{table.file} contains positions or torque loops, which have no components of shafts and no times"
+                )
                 raise UsageError(message, "leave out --speed, --period and --shafts")
             return record
         trace = trace_of(table, self, gearing.ratio if gearing else None)

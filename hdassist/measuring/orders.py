@@ -133,7 +133,7 @@ def gearing_of(drive: Drive | None, ratio: float | None) -> Gearing | None:
     """
     if drive is not None:
         if ratio is not None:
-            raise UsageError("invalid --ratio: expected none with --drive, which has the ratio", "leave out --ratio")
+            raise UsageError("--ratio cannot be combined with --drive, which states the ratio", "leave out --ratio")
         kinematics = Kinematics.of(drive)
         return Gearing(abs(kinematics.u), kinematics.cycle_cam_revolutions)
     if ratio is None:
@@ -141,7 +141,7 @@ def gearing_of(drive: Drive | None, ratio: float | None) -> Gearing | None:
     ratio = abs(ratio)
     doubled = round(2 * ratio) if ratio <= _GREATEST_RATIO else 0
     if not _LEAST_RATIO <= ratio <= _GREATEST_RATIO or abs(2 * ratio - doubled) > _RATIO_ROUNDING:
-        hint = "half the number of teeth of the wheel that turns, such as 100 or 99.5"
+        hint = "give half the number of teeth of the moving wheel, for example 100 or 99.5"
         span = f"from {_LEAST_RATIO:g} to {_GREATEST_RATIO:g}"
         raise UsageError(f"invalid --ratio {ratio:g}: expected a multiple of 0.5 {span}", hint)
     return Gearing(ratio, doubled // 2 if doubled % 2 == 0 else doubled)
@@ -361,7 +361,9 @@ def parse_stated(texts: Sequence[str]) -> dict[str, float]:
         name, _, number = text.partition("=")
         value = number_of(number)
         if name not in STATED or name in stated or not 0 <= value <= LARGEST_UNCERTAINTY:
-            expected = "each source once" if name in stated else f"NAME=ARCSEC, from 0 to {LARGEST_UNCERTAINTY:g}"
+            expected = (
+                "state each source only once" if name in stated else f"NAME=ARCSEC, from 0 to {LARGEST_UNCERTAINTY:g}"
+            )
             hint = f"a standard uncertainty of F'_ior, NAME one of {', '.join(STATED)}"
             raise UsageError(f"invalid --budget {text}: expected {expected}", hint)
         stated[name] = value

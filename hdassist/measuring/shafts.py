@@ -29,7 +29,7 @@ _UNEVEN_REVOLUTION = 0.1  # of a shaft: how far its angle may be off that at a c
 _SAME_LINE = 1e-6  # of an order: rounding
 _LARGEST = 1e6  # revolutions of a shaft in one of the input or output, seconds of a revolution
 _SHAFT_HINT = (
-    "a period, or revolutions per revolution of the input or output: belt=288s, motor=12/input, pulley=5/output"
+    "give a period, or revolutions per revolution of the input or output: belt=288s, motor=12/input, pulley=5/output"
 )
 
 

@@ -241,8 +241,8 @@ def at_torque(trace: MeasuredTrace, M_g: float, rated: float = 0.0) -> MeasuredT
     kept = recorded if recorded.any() else around
     if not kept.any():
         has = dict.fromkeys(_torque_text(load, *ends) for load, *ends in zip(loads, low, high, strict=True))
-        words = f"{trace.file}: its column of torque has {', '.join(has)} N·m, not {M_g:g}"
-        hint = f"name a torque that it has, or record at {M_g:g} N·m; a column of another torque needs another name"
+        words = f"{trace.file}: its column of torque contains {', '.join(has)} N·m, not {M_g:g}"
+        hint = f"select a torque of the recording, or record at {M_g:g} N·m; rename a column of another torque"
         raise DataError(words, hint, Fault.FILE_INVALID)
     if not recorded.any():
         trace = replace(trace, is_between_torques=True)
@@ -271,8 +271,10 @@ def _has_torque(load: Array, torque: float, room: float) -> bool:
 def require_recorded(trace: MeasuredTrace, M_g: float | None) -> None:
     """Raise DataError if a torque M_g [N*m] that is asked of a trace lies between those that were recorded."""
     if trace.is_between_torques and M_g is not None:
-        words = f"{trace.file}: nothing was recorded at {M_g:g} N·m, only at torques below and above it"
-        raise DataError(words, f"record a sweep at {M_g:g} N·m: the error may bend in between", Fault.FILE_INVALID)
+        words = f"{trace.file}: no recording at {M_g:g} N·m, only below and above it"
+        raise DataError(
+            words, f"record a sweep at {M_g:g} N·m; between torques the error may not be linear", Fault.FILE_INVALID
+        )
 
 
 def _torque_text(load: Array, low: float, high: float) -> str:

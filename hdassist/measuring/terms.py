@@ -204,10 +204,8 @@ class TraceDesign:
         values += slow.ridge
         self.condition = float(values[-1] / values[0]) if values[0] > 0 else float("inf")
         if self.condition > _WORST_CONDITION:
-            hint = "record one cam turn or more, evenly; or declare fewer orders: --orders 1,2,4"
-            raise UntrustedError(
-                "the angles that were recorded do not tell the declared orders apart", hint, Fault.ORDERS_UNTOLD
-            )
+            hint = "record at least one input revolution at even steps, or declare fewer orders: --orders 1,2,4"
+            raise UntrustedError("the recorded angles do not resolve the declared orders", hint, Fault.ORDERS_UNTOLD)
         # the symmetric root: vectors of values that are nearly alike are a matter of rounding, and draws with them
         self.root: Array = scale[:, None] * ((vectors / np.sqrt(values)) @ vectors.T)
 

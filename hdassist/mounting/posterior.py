@@ -63,7 +63,7 @@ from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
 
 _LEAST_NOISE = 1e-3  # arcsec
-TRIAL_HINT = "like 120=17.3 (deg) or h4=17.3 (hole): F'_ior in arcsec, with a point; or h4=run.csv, a record"
+TRIAL_HINT = "use h4=17.3 (hole) or 120=17.3 (degrees), F'_ior in arcsec, or h4=run.csv for a recording"
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ def read_trial(text: str, holes: int, allowed: Sequence[int] | str = "all") -> T
     rotation, M_g = _read_trial_position(where, text, holes, allowed)
     F_ior = number_of(with_decimal_points(value))
     if not 0 < F_ior <= LARGEST_ERROR:
-        wanted = f"expected F'_ior in arcsec, as {where}=17.3, or the file of a record, as {where}=run.csv"
+        wanted = f"expected F'_ior in arcsec, as in {where}=17.3, or the file of a recording, as in {where}=run.csv"
         raise UsageError(f"invalid trial {shown(text)!r}: {wanted}", TRIAL_HINT)
     return Trial(rotation, F_ior, M_g=M_g)
 
@@ -117,8 +117,8 @@ def _read_trial_position(
     hole = hole_of(rotation, holes)
     if hole is not None and allowed != "all" and hole % holes not in allowed:
         raise UsageError(
-            f"{text!r}: hole {hole % holes} is not one of mounting.allowed",
-            "an advice never chooses it: give it as one more trial",
+            f"hole {hole % holes} of trial {text!r} is not in mounting.allowed",
+            "add it as a further trial; it is never recommended",
         )
     return (360 * (hole % holes) / holes if hole is not None else rotation % 360), M_g
 
@@ -142,8 +142,9 @@ def read_trial_or_record(
         turns = covered.cam_turns
         cycle = covered.cam_turns / covered.share
         raise UntrustedError(
-            f"{file}: {turns:.3g} of the {cycle:g} cam turns of the full cycle: F'_ior is a lower bound, and no trial",
-            "record the full cycle in one sweep",
+            f"{file}: {turns:.3g} of the {cycle:g} input revolutions of the full mesh cycle, "
+            "so F'_ior is a lower bound and cannot be a trial",
+            "record the full mesh cycle in one sweep",
         )
     noise_arcsec = max(greatest.uncertainty_arcsec, _LEAST_NOISE)
     return Trial(rotation, greatest.range.value, M_g=own, noise_arcsec=noise_arcsec, file=file)
@@ -185,7 +186,7 @@ class TrialSetup:
     def __post_init__(self) -> None:
         if not (_is_torque(self.M_g) and 1e-6 <= self.noise_arcsec <= 1e6):
             stated = f"{self.M_g:g} N·m, noise {self.noise_arcsec:g}″"
-            wanted = "expected a torque up to 1e7 N*m but 0, and a noise above 0"
+            wanted = "expected a torque up to 1e7 N*m other than 0, and a noise above 0"
             raise UsageError(f"invalid trials: {stated}: {wanted}", "--trial-torque 80")
 
     def point(self, trial: Trial) -> Point:
@@ -504,7 +505,7 @@ def hole_samples(
     UntrustedError where too few draws are drives that agree with the evidence.
     """
     if not searchable(drive):
-        raise UsageError("trials need locked balls", "bearing.ball_motion: locked")
+        raise UsageError("trials need bearing.ball_motion: locked", "bearing.ball_motion: locked")
     prior = open_prior(drive)
     stated = prior_of(drive)
     believed = stated if len(stated.fields) < len(prior.fields) else None
@@ -539,7 +540,9 @@ def hole_samples(
             tables.append(errors)
             run.solved(errors.certificate.states)
     if not tables:
-        raise UntrustedError("no draw has an answer at the torque of the trials", "hdassist check says why")
+        raise UntrustedError(
+            "no sampled drive has a result at the torque of the trials", "find the reason with hdassist check"
+        )
     log_missed = np.concatenate([each.log_missed for each in tables], axis=1)  # (torques, compared)
     F_ior = np.concatenate([each.F_ior_arcsec for each in tables], axis=1)  # (torques, samples, directions)
     draws_each = tables[0].F_ior_arcsec.shape[1]
@@ -600,8 +603,8 @@ def open_prior(drive: Drive) -> DrivePrior:
     known = {each.path: each for each in belief.fields}
     if size not in known and not drive.number(size) > 0:
         raise UsageError(
-            f"unknown size of the cam offset: {size}",
-            f"--set {size}=80 says that up to {_WIDEST_SIZE:g} times 80 um are likely",
+            f"the size of the wave generator eccentricity is unknown: {size}",
+            f"state its size, for example --set {size}=80, which makes up to {_WIDEST_SIZE:g} times 80 um likely",
         )
     pairs = [(size, direction)]
     if drive.number(own) or any(path not in (size, direction) for path in drive.uncertainty):

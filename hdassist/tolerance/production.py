@@ -132,7 +132,7 @@ def production_law(
     if none := {*known} - {
         deviation.direction for deviation in DEVIATIONS if drive.value(deviation.direction) is not None
     }:
-        raise UsageError(f"{min(none)} cannot be known: it is no direction that the preset gives")
+        raise UsageError(f"invalid --known {min(none)}: not a direction given in the preset")
     priors = {field.path: field for field in prior_of(drive).fields}
     assumed = {assumption.path for assumption in assumptions(drive)} if chosen else set()
     own: list[FieldPrior] = []
@@ -214,7 +214,7 @@ class Production:
 
     def __post_init__(self) -> None:
         if not searchable(self.law.drive):
-            raise UsageError("with rolling balls the cycle cannot be searched", "set bearing.ball_motion=locked")
+            raise UsageError("the cycle cannot be searched with rolling balls", "set bearing.ball_motion=locked")
 
     @property
     def rotations(self) -> tuple[float, ...]:
@@ -254,8 +254,10 @@ class Production:
             run=replace(run, seed=self.seed),
         )
         if len(samples.weights) < count:
-            words = f"{len(samples.weights)} of {samples.draws} draws are designs that agree with the evidence"
-            raise UntrustedError(f"{words}, {count} are needed", "narrow the assumed ranges, or ask for fewer drives")
+            words = f"{len(samples.weights)} of {samples.draws} sampled designs agree with the reference data"
+            raise UntrustedError(
+                f"{words}, {count} are required", "narrow the assumed ranges, or reduce the number of drives"
+            )
         paths = [field.path for field in self.law.shared]
         drawn = samples.values()
         designs = tuple(

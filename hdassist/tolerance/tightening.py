@@ -161,7 +161,7 @@ def to_measure(law: ProductionLaw, samples: Samples, torque: int) -> tuple[Measu
 def _sound(records: list[RandomDrive]) -> list[RandomDrive]:
     for record in records:
         if record.refused is not None:
-            raise UntrustedError(f"a random drive has no answer: {record.refused}", "narrow what scatters")
+            raise UntrustedError(f"a random drive has no result: {record.refused}", "reduce the tolerances and ranges")
     return records
 
 
@@ -349,7 +349,7 @@ class Allocator:
         solved = np.array([record.refused is None and record.tighter is not None for record in records])
         some = [record for record, is_solved in zip(records, solved, strict=True) if is_solved]
         if not some:
-            raise UntrustedError(f"none of {len(records)} drives has an answer: {records[0].refused}")
+            raise UntrustedError(f"none of {len(records)} drives has a result: {records[0].refused}")
         F_ior = np.array([record.best_F_ior_arcsec for record in some])
         law = self.production.law
         tighter = {path: np.array([(record.tighter or {})[path] for record in some]) for path in law.sizes}

@@ -38,7 +38,7 @@ SAID = {
     "a": "lot.csv:2:3: F_ior@4: the uncertainty is missing (got 28,1)",
     "b": "lot.csv:3:3: F_ior@4: must be a number (got 28±x)",
     "c": "lot.csv:4:8: limit F_ior@4: must be a number (got abc; write a number in arcsec)",
-    "d": "lot.csv:5:11: lost_motion: the drive has no such limit (got 41)",
+    "d": "lot.csv:5:11: lost_motion: the drive has no limit of this name (got 41)",
     "e": "lot.csv:6:12: limit order_2@4: must be a number (got x; write a number in arcsec)",
     "f": "lot.csv:7:14: phases.xi_b: must be a number (got here; write a number in deg)",
     "g": "lot.csv:8:14: phases.xi_b: out of range: -3600 to 3600 deg (got 1e9)\n"
@@ -50,7 +50,7 @@ SAID = {
     "l": "lot.csv:13:12: pitch_b: short.csv:1:1: column 1: the wheel has 62 teeth, the file has 2",
     "m": "lot.csv:14:13: mark_b: --mark-b needs a measured wheel",
     "n": "lot.csv:15:22: mark_b: must be an angle in deg (got left)",
-    "o": "lot.csv:16:13: measured: at which torque was it measured? (got ,x:none.csv)",
+    "o": "lot.csv:16:13: measured: the torque is missing (got ,x:none.csv)",
 }
 
 

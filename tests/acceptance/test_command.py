@@ -83,11 +83,11 @@ def test_verdicts_and_exit_codes(rig, args, code, words):
 @pytest.mark.parametrize(
     ("args", "code", "words"),
     [
-        ([], 4, "no limit to accept it by"),
+        ([], 4, "has no acceptance limit"),
         (["--limit", "F_ior=3"], 4, "nothing was measured"),
         (["--limit", "F_ior=3", "--measured", "4=bad.csv"], 4, "bad.csv:2"),
         (["--limit", "F_ior=3", "--measured", "4=none.csv"], 4, "no such file: none.csv"),
-        (["--limit", "F_ior=3", "--measured", "run.csv"], 2, "at which torque"),
+        (["--limit", "F_ior=3", "--measured", "run.csv"], 2, "the torque is missing"),
         (["--limit", "F_iro=3"], 2, "invalid --limit F_iro=3: expected"),
         (["--limit", "F_ior=-3"], 2, "--limit F_ior=-3: out of range"),
         (["--limit", "F_ior=3", "--sure", "2"], 2, "'--sure'"),
@@ -199,7 +199,7 @@ def test_positions_of_no_plan_are_a_lower_bound(tmp_path):
     (tmp_path / "loop.csv").write_text(f"torque_Nm,twist_arcsec\n{loop}")
     done = run("accept", TINY, "--limit", "F_ior@4=60", "--measured", "4=loop.csv", "--measured-only", cwd=tmp_path)
     assert done.returncode == 4
-    assert "loop.csv: a torque loop, which has no F'_ior" in done.stderr
+    assert "loop.csv: a torque loop, from which F'_ior cannot be computed" in done.stderr
     assert "--value NAME=VALUE±U" in done.stderr
 
 
@@ -207,15 +207,15 @@ def test_a_value_beside_a_record_of_the_same_is_refused(rig, tmp_path):
     limits = "--limit", "F_ior@4=60", "--limit", "lost_motion=60"
     both = accepted(rig, *limits, "--measured", "4=run.csv", "--value", "F_ior@4=8±1")
     assert both.returncode == 2
-    assert "both a value and a record for F'_ior at 4 N·m" in both.stderr
-    assert "leave out one of them" in both.stderr
+    assert "both a value and a recording for F'_ior at 4 N·m" in both.stderr
+    assert "leave out one of the two" in both.stderr
     other = accepted(rig, *limits, "--measured", "4=run.csv", "--value", "lost_motion=8±1", "-q")
     assert (other.returncode, other.stdout) == (0, "PASS\n")
     lot = tmp_path / "lot.csv"
     lot.write_text(f"serial;measured@4;F_ior@4;limit F_ior@4\n1;{rig / 'run.csv'};8±1;60\n")
     row = run("accept", str(lot), "--preset", SMALL, "--measured-only", cwd=rig)
     assert row.returncode == 4
-    assert "both a value and a record for F'_ior at 4 N·m" in in_a_line(row.stdout)
+    assert "both a value and a recording for F'_ior at 4 N·m" in in_a_line(row.stdout)
 
 
 def test_the_guard_is_in_the_unit_of_its_row(rig):

@@ -88,8 +88,9 @@ def test_words_of_stated_values():
     assert stated_values(["F_ior@4=8,1±0,4", "lost_motion=1±6,0"], drive) == told
     assert next(iter(stated_values(["order_2@1=3±1"], drive))).per_cam_rev == 2
     for bad, why in (
-        ("F_ior=8±1", "at which torque"), ("lost_motion=3", "the uncertainty is missing"), ("K_1=3±1", "no such limit"),
-        ("F_ior@5=8±1", "no such limit"), ("lost_motion=x±1", "must be a number"),
+        ("F_ior=8±1", "the torque is missing"), ("lost_motion=3", "the uncertainty is missing"),
+        ("K_1=3±1", "no limit of this name"),
+        ("F_ior@5=8±1", "no limit of this name"), ("lost_motion=x±1", "must be a number"),
         ("lost_motion=1,234±1", "number"), ("lost_motion=1.5±0,5", "number"),
         ("F_ior@4=-8±1", "cannot be below zero"),
     ):  # fmt: skip

@@ -241,20 +241,20 @@ def test_an_answer_with_a_field_without_a_name_is_refused(folder, here):
     (folder / "a.json").write_text(json.dumps({**json.loads(answer)["results"][0], "": 1}))
     code, out, said = here("accept", "--replay", "a.json")
     assert (code, out) == (4, "")
-    assert "a.json:1: an answer is not whole: '': " in said
+    assert "a.json:1: a result is incomplete: '': " in said
 
 
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda told: {"results": True}, "a.json: no answers in the file"),
-        (lambda told: told | {"measured": [{}]}, "a.json:1: an answer is not whole: measured.0.file"),
-        (lambda told: told | {"rule": {}}, "a.json:1: an answer is not whole: rule.measured"),
-        (lambda told: told | {"certificate": {"engine": 1}}, "a.json:1: an answer is not whole: certificate"),
-        (lambda told: told | {"exit_code": 7}, "a.json:1: an answer is not whole: exit_code: expected 3, got 7"),
-        (lambda told: told | {"verdict": None}, "a.json:1: an answer is not whole: expected either"),
-        (lambda told: told | {"checks": []}, "a.json:1: an answer is not whole: checks: expected one at least"),
-        (lambda told: told | {"pitch": [{"file": "x"}]}, "a.json:1: an answer is not whole: pitch.0."),
+        (lambda told: {"results": True}, "a.json: the file contains no results"),
+        (lambda told: told | {"measured": [{}]}, "a.json:1: a result is incomplete: measured.0.file"),
+        (lambda told: told | {"rule": {}}, "a.json:1: a result is incomplete: rule.measured"),
+        (lambda told: told | {"certificate": {"engine": 1}}, "a.json:1: a result is incomplete: certificate"),
+        (lambda told: told | {"exit_code": 7}, "a.json:1: a result is incomplete: exit_code: expected 3, got 7"),
+        (lambda told: told | {"verdict": None}, "a.json:1: a result is incomplete: expected either"),
+        (lambda told: told | {"checks": []}, "a.json:1: a result is incomplete: checks: expected one at least"),
+        (lambda told: told | {"pitch": [{"file": "x"}]}, "a.json:1: a result is incomplete: pitch.0."),
     ],
 )
 def test_an_answer_that_is_none_is_refused_by_its_first_field(folder, here, change, words):
@@ -442,7 +442,7 @@ def test_a_fault_that_many_rows_share_is_named_once(folder, here):
     (folder / "lot.csv").write_text("serial;F_ior@1\n" + "".join(f"{k};28\n" for k in range(4)))
     code, page, said = here("accept", "lot.csv", "--preset", SMALL, "--measured-only")
     assert code == 4
-    assert page.count("no limit to accept it by") == said.count("no limit to accept it by") == 1
+    assert page.count("has no acceptance limit") == said.count("has no acceptance limit") == 1
     assert page.count("as 0") == 3
     assert said.rstrip().endswith("note: the same for 3 further rows")
 
@@ -474,7 +474,7 @@ def test_a_record_in_place_of_a_lot_points_to_measure(folder, here):
     (folder / "run.csv").write_text("phi_h_deg,error_arcsec\n0,1\n1,2\n")
     code, _, err = here("accept", "run.csv")
     assert code == 4
-    assert "none of its columns is one of a lot" in err
+    assert "no column of a lot" in err
     assert "hdassist measure run.csv, or accept PRESET --measured TORQUE=run.csv" in err
 
 

@@ -115,8 +115,8 @@ def test_what_is_wrong_with_a_row_stays_with_it(tmp_path):
         ("serial,measured@x", "for example measured@80"),
         ("serial,F_ior@x", "did you mean F_ior@80"),
         ("serial,limt F_ior@4", r"did you mean limit F_ior@4\?"),
-        ("serial,limit K_1@80", "no such column"),
-        ("serial,F_ior@80,F_ior@80", "column 2 is the same"),
+        ("serial,limit K_1@80", "not a column of a lot"),
+        ("serial,F_ior@80,F_ior@80", "column 2 has the same name"),
     ],
 )
 def test_names_that_cannot_be_meant_are_refused(tmp_path, head, words):
@@ -185,7 +185,7 @@ def test_a_fault_of_a_row_comes_through_to_another_process(tmp_path):
     (answer,) = pickle.loads(pickle.dumps(partial(answer_rows, rows, False)))(0, 1)
     assert answer.error.message == rows[0].fault.message
     assert answer.error.message.endswith(
-        "lot.csv:2:1: preset: missing (a column preset, or --preset NAME for all rows)"
+        "lot.csv:2:1: preset: missing (add a column preset, or use --preset NAME for all rows)"
     )
     assert (answer.exit_code, answer.request) == (4, None)
 
@@ -266,10 +266,10 @@ def test_requests_come_back_out_of_a_file(tmp_path, asked):
 def test_requests_that_cannot_be_are_refused(tmp_path, change):
     told = answer_json(failure_of(LotRow(Request("a")), DataError("no")))
     for wrong in ({**told, "request": {**told["request"], **change}}, {**told, "request": 3}):
-        with pytest.raises(DataError, match=r"a\.json:1: an answer is not whole: request"):
+        with pytest.raises(DataError, match=r"a\.json:1: a result is incomplete: request"):
             read_answers(table(tmp_path, json.dumps(wrong), "a.json"))
     del told["request"]
-    with pytest.raises(DataError, match="is not whole: request"):
+    with pytest.raises(DataError, match="is incomplete: request"):
         read_answers(table(tmp_path, json.dumps(told), "a.json"))
 
 
@@ -285,7 +285,7 @@ def test_requests_that_cannot_be_are_refused(tmp_path, change):
     ],
 )
 def test_answers_that_cannot_be_are_refused(tmp_path, told, path, value):
-    with pytest.raises(DataError, match=rf"a\.json:1: an answer is not whole: {path[0]}"):
+    with pytest.raises(DataError, match=rf"a\.json:1: a result is incomplete: {path[0]}"):
         read_answers(changed(tmp_path, told, path, value))
 
 

@@ -95,7 +95,7 @@ def test_orders_that_the_cycle_does_not_have_are_refused(predicted):
     wave = np.exp(-1j * 1.1 * error.states.phi_h)
     assert predictions.amplitude(1.0, 1.1) == pytest.approx(2 * abs(np.mean(error.error_arcsec * wave)), abs=1e-9)
     for order in (0.01, 2.01, 11.0):
-        with pytest.raises(UsageError, match="none of the full cycle"):
+        with pytest.raises(UsageError, match="does not exist in the full mesh cycle"):
             predictions.amplitude(1.0, order)
     assert turn_range_arcsec(predictions.errors[1.0]) <= predictions.errors[1.0].F_ior_arcsec
 

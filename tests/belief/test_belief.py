@@ -230,7 +230,8 @@ def test_ranges_without_a_drive_are_named():
     prior = prior_of(tiny("source.cam.W_0={kind: assumed, range: [1.7, 3], ref: judged}"))
     beyond = replace(prior, fields=(replace(prior.fields[0], low=2.6),))
     with pytest.raises(
-        UntrustedError, match=r"0 of 8 draws are effective, 8 are needed: 8 are no drive \(most: cam\.W_0"
+        UntrustedError,
+        match=r"effective sample size 0 of 8 draws, 8 required: 8 samples are not valid drives \(mostly: cam\.W_0",
     ):
         draw_samples(beyond, (4.0,), effort=replace(FEW, most_draws=8))
 

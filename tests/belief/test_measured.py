@@ -132,13 +132,13 @@ def test_a_measured_figure_that_contradicts_is_named(hidden):
         f"measured.F_ior={{{readings}}}",
         "measured.play=5 ± 5",
     )
-    with pytest.raises(UntrustedError, match=r"measured\.F_ior\.h2@4 = .* contradicts the other evidence"):
+    with pytest.raises(UntrustedError, match=r"measured\.F_ior\.h2@4 = .* contradicts the other reference data"):
         believed(drive, (4.0,), SamplingEffort(48, 48, 48, 48))
 
 
 def test_errors_that_no_draw_shows_are_refused():
     drive = tiny("phases.phi_hb=unknown", "mounting.holes=6", "measured.F_ior={h0@4: 5 ± 1, h2@4: 4 ± 1}")
-    words = r"no draw shows F'_ior as measured, ″: measured\.F_ior\.h0@4 = 5, drawn \d+.* to \d+.*h2@4 = 4, drawn"
+    words = r"no sampled drive reproduces .*: measured\.F_ior\.h0@4 = 5, samples \d+.* to \d+.*h2@4 = 4, samples"
     with pytest.raises(UntrustedError, match=words):
         believed(drive, (4.0,), SamplingEffort(4, 4, 16, 4))
 
@@ -148,7 +148,9 @@ def test_evidence_that_is_only_narrow_contradicts_nothing(hidden):
     readings = ", ".join(f"h{hole}@4: {value} ± 0.5" for hole, value in hidden.items())
     drive = tiny(*UNKNOWN, f"measured.F_ior={{{readings}}}", "catalogue.accuracy=1000")
     few = SamplingEffort(64, 64, 64, 64)
-    with pytest.raises(UntrustedError, match=r"all evidence at once, though no figure contradicts the others"):
+    with pytest.raises(
+        UntrustedError, match=r"all reference data together, although no single value contradicts the rest"
+    ):
         believed(drive, (4.0,), few)
     # eight effective ones are an answer that says how few they are; no verdict rests on the point
     samples = believed(drive, (4.0,), replace(few, least=8))

@@ -263,7 +263,7 @@ def by_rows(folder: Path, reading):
 @pytest.mark.thorough
 @pytest.mark.parametrize(("travel_deg", "ratio"), [(300.0, 100.0), (120.0, 99.5)])
 def test_a_joint_s_record_gives_a_table_over_its_travel(tmp_path, travel_deg, ratio):
-    # refused before: 83 and 33 % of a cycle, in which lines that lie close together are not told apart
+    # refused before: 83 and 33 % of a cycle, in which closely spaced components are not resolved
     rng = np.random.default_rng(round(travel_deg))
     start, count = 20.0, round(travel_deg / 360 * ratio * 120)
 

@@ -138,7 +138,9 @@ def test_three_of_ten_turns_are_enough_where_the_model_can_be_the_drive(hidden: 
 @pytest.mark.thorough
 def test_a_part_of_the_cycle_of_a_drive_that_the_preset_does_not_allow_is_refused():
     oval = {1.0: record(1.0, turns=3, hidden=("phases.xi_b=290", "harmonics.a_b2=3"))}
-    with pytest.raises(UntrustedError, match=r"no drive that tiny allows shows the record: \d+ % of the error are off"):
+    with pytest.raises(
+        UntrustedError, match=r"no drive within the ranges of tiny reproduces the recording: \d+ % of the error remain"
+    ):
         correct(load_preset(TINY, OPEN), records=oval, draws=16)
 
 
@@ -168,7 +170,7 @@ def test_a_mirrored_record_is_refused_with_the_options_that_read_it(tmp_path: Pa
     asked = ("compensate", TINY, "run.csv", "--torque", "1", "--no-plot", "--csv", "table.csv", "--draws", "4")
     refused = run(*asked, cwd=tmp_path)
     assert (refused.returncode, refused.stdout) == (5, "")
-    assert "run.csv: mirrored, it fits tiny clearly better the other way round" in refused.stderr
+    assert "run.csv: the mirrored recording fits tiny clearly better" in refused.stderr
     assert not (tmp_path / "table.csv").exists()
     assert "--error-is output-cam --cam-sense cw" in refused.stderr
     read = (*asked, "--cam-sense", "cw", "--error-is", "output-cam", "--force")

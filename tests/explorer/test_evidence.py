@@ -88,7 +88,7 @@ def test_from_a_limit_to_what_it_would_take_every_number_is_that_of_check(tmp_pa
 def test_evidence_that_contradicts_is_shown_whole_on_the_smallest_screen() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         failed = app.known.failed
-        assert failed is not None and "contradicts the other evidence" in failed.message
+        assert failed is not None and "contradicts the other reference data" in failed.message
         assert f"{failed.message} {failed.hint}" in " ".join(screen(app).split())
 
     open_ = ("phases.phi_hb=unknown", "source.gears.j_n={kind: assumed, range: [12, 18], ref: judged}")

@@ -116,7 +116,7 @@ def test_entries_of_other_versions_are_read_and_those_of_another_schema_are_name
         path.write_bytes(before)
     with open_kept(str(path), OWNER, ANYTHING) as kept:
         kept.append([{**later, "schema": "hdassist.archive/2"}])
-    with pytest.raises(DataError, match=r"archive\.jsonl:4: invalid record: schema: hdassist\.archive/2, where this"):
+    with pytest.raises(DataError, match=r"archive\.jsonl:4: invalid record: schema: hdassist\.archive/2; this"):
         read_archive(folder, "17-1")
 
 

@@ -93,7 +93,7 @@ def test_loops_have_hysteresis_and_lost_motion_at_each_place():
         place_loops(rising, rated=40.0)
     still = record(text([np.full(30, 4.0), np.arange(30.0)], "torque_Nm;twist_arcsec", ";"))
     assert isinstance(still, LoopRecord)
-    with pytest.raises(DataError, match="place 1: the torque does not rise and fall"):
+    with pytest.raises(DataError, match="place 1: the torque does not increase and decrease"):
         place_loops(still, rated=40.0)
 
 

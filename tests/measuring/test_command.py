@@ -226,7 +226,7 @@ def test_csv_of_the_curve(rig):
         (["none.csv"], 4, "no such file: none.csv"),
         (["."], 4, "is a directory"),
         (["run.csv", "--ratio", "99.7"], 2, "multiple of 0.5"),
-        (["run.csv", "--ratio", "30", "--drive", SMALL], 2, "which has the ratio"),
+        (["run.csv", "--ratio", "30", "--drive", SMALL], 2, "which states the ratio"),
         (["run.csv", "--drive", "nothing"], 4, "no such preset"),
         (["run.csv", "--orders", "a"], 2, "invalid --orders a"),
         (["run.csv", "--orders", "1-100"], 5, "too long for order 100"),
@@ -239,8 +239,8 @@ def test_csv_of_the_curve(rig):
         (["-", "-"], 2, "read only once"),
         (["nan.csv"], 4, "nan.csv:3:3: err: must be a finite number"),
         (["empty.csv"], 4, "the file is empty"),
-        (["noise.csv"], 5, "not clear of its noise"),
-        (["short.csv"], 4, "less than one cam turn"),
+        (["noise.csv"], 5, "not above its noise"),
+        (["short.csv"], 4, "less than one input revolution"),
     ],
 )
 def test_faults_end_clearly_and_write_nothing(rig, args, code, words):

@@ -130,7 +130,7 @@ def test_beats_of_another_ratio_are_refused(together):
     output = 2 * np.pi * turns / 100
     error = (10 + 2 * np.cos(output)) * np.cos(4 * np.pi * turns) + 2 * np.cos(2 * np.pi * turns + output)
     error += 6 * np.cos(output + 1) + 0.2 * np.random.default_rng(1).standard_normal(len(turns))
-    with pytest.raises(DataError, match=r"beats once in about (99|100)"):
+    with pytest.raises(DataError, match=r"repeats every (99|100)"):
         measure(recorded(turns, error), ratio=RATIO, together=together)
     assert not measure(recorded(turns, error), ratio=100, together=together).directions[0].is_bound
 

@@ -161,5 +161,5 @@ def test_runs_of_angles_give_the_figures_of_their_deviations():
     found = figures_of(positioning_test(positions_of("\n".join(rows) + "\n")))
     expected = figures_of(positioning_test(positions_of(long_table(forward, backward))))
     assert found == pytest.approx(expected, abs=1e-5)
-    with pytest.raises(PresetError, match="some runs have deviations"):
+    with pytest.raises(PresetError, match="some runs contain deviations"):
         positions_of("target_deg;run 1 measured fwd [deg];run 1 bwd [arcsec]\n0;0;1\n90;90;2\n")

@@ -46,9 +46,9 @@ def test_known_ranges_lie_within_the_stated_uncertainty():
 @pytest.mark.parametrize(
     ("turns", "error", "words"),
     [
-        (EVEN, np.random.default_rng(0).standard_normal(600), "not clear of its noise"),
-        (EVEN[:190], even_wave(EVEN[:190]), "less than one cam turn"),
-        (EVEN, even_wave(EVEN) + 60 * EVEN, "not clear"),
+        (EVEN, np.random.default_rng(0).standard_normal(600), "not above its noise"),
+        (EVEN[:190], even_wave(EVEN[:190]), "less than one input revolution"),
+        (EVEN, even_wave(EVEN) + 60 * EVEN, "not above its noise"),
     ],
 )
 def test_what_cannot_be_trusted_is_not_given(turns, error, words):

@@ -24,7 +24,7 @@ def test_gearings():
     for ratio in (99.7, 3.0, float("nan")):
         with pytest.raises(UsageError, match="expected a multiple"):
             gearing_of(None, ratio)
-    with pytest.raises(UsageError, match="which has the ratio"):
+    with pytest.raises(UsageError, match="which states the ratio"):
         gearing_of(load_preset("vzp160"), 100)
 
 

@@ -46,7 +46,9 @@ def test_a_record_gives_the_value_and_the_uncertainty_that_measure_gives(record)
 
 
 def test_a_record_of_less_than_the_cycle_is_no_trial(record):
-    with pytest.raises(UntrustedError, match=r"3 of the 30 cam turns of the full cycle: F'_ior is a lower bound"):
+    with pytest.raises(
+        UntrustedError, match=r"3 of the 30 input revolutions of the full mesh cycle, so F'_ior is a lower bound"
+    ):
         read_trial_or_record(f"h4={record(3)}", load_preset(SMALL), Reading(), 10.0)
 
 
@@ -55,8 +57,8 @@ def test_a_record_of_less_than_the_cycle_is_no_trial(record):
     [
         ("h4={missing}", 4, "no such file"),
         ("h4={empty}", 4, "the file is empty"),
-        ("h4={short}", 4, "less than one cam turn in one direction"),
-        ("h4=1,234", 2, "expected F'_ior in arcsec, as h4=17.3"),  # or are these thousands?
+        ("h4={short}", 4, "less than one input revolution in one direction"),
+        ("h4=1,234", 2, "expected F'_ior in arcsec, as in h4=17.3"),  # or are these thousands?
         ("h12={short}", 2, "the seat's holes are h0 to h11"),
         ("x={short}", 2, "expected HOLE=VALUE"),
     ],

@@ -138,7 +138,7 @@ def test_a_free_angle_and_many_holes() -> None:
     ("overrides", "words"),
     [
         (["bearing.ball_motion=rolling", "bearing.d_ball=2"], "locked balls"),
-        (["tolerances.e_hb=0"], "unknown size of the cam offset"),
+        (["tolerances.e_hb=0"], "the size of the wave generator eccentricity is unknown"),
     ],
 )
 def test_drives_that_trials_cannot_take(overrides: list[str], words: str) -> None:

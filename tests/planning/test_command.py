@@ -220,7 +220,7 @@ def test_a_test_is_carried_out_and_decides(tmp_path):
     typed = "\n".join([*remarks, *(",".join([*row.split(",")[:3], f"{k % 7}"]) for k, row in enumerate(rows))])
     (tmp_path / "typed.csv").write_text(typed + "\n")
     refused = run(*answer, "--measured", "4=typed.csv", cwd=tmp_path)
-    assert (refused.returncode, "beside their targets" in refused.stderr) == (4, True)
+    assert (refused.returncode, "differ from their targets" in refused.stderr) == (4, True)
     (tmp_path / "bare.csv").write_text("".join(line for line in text.splitlines(True) if "# sees" not in line))
     bare = run("accept", SMALL, "--limit", "F_ior@4=4000", "--measured", "4=bare.csv", *budget, "-q", cwd=tmp_path)
     assert (bare.returncode, bare.stdout) == (6, "INCONCLUSIVE\n")  # positions of no plan never pass

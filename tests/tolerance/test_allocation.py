@@ -124,7 +124,7 @@ def test_where_no_drive_can_be_solved_there_is_no_answer(production: Production,
     def refused(tried: Production, count: int) -> list[RandomDrive]:
         return [RandomDrive(design=0, weight=1.0, refused="no contact", values={}) for _ in range(count)]
 
-    with pytest.raises(UntrustedError, match="none of 40 drives has an answer: no contact"):
+    with pytest.raises(UntrustedError, match="none of 40 drives has a result: no contact"):
         Allocator(production, (here,), 0.9, 0.95, refused, 40, 2).cheapest(turned=False)
 
 

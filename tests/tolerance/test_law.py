@@ -111,5 +111,5 @@ def test_other_fields_are_refused(tiny: Drive, arguments: dict, words: str) -> N
 
 
 def test_a_direction_that_the_preset_does_not_give_cannot_be_known() -> None:
-    with pytest.raises(UsageError, match="no direction that the preset gives"):
+    with pytest.raises(UsageError, match="not a direction given in the preset"):
         production_law(load_preset(TINY, ["phases.xi_b=unknown"]), known=["phases.xi_b"])
