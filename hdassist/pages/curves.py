@@ -1,4 +1,4 @@
-"""Answers that are a curve as reports: the error over cam turns, the twist over torque, F'_ior over a varied field."""
+"""Curves as reports: the error over input revolutions, the twist over torque, F'_ior over a varied field."""
 
 from collections.abc import Iterable, Iterator
 from math import pi
@@ -41,7 +41,8 @@ _LISTED_ORDERS, _NAMED_ORDERS = 12, 2  # with --details and without, the greates
 _LEAST_SHOWN = 0.005  # arcsec: a smaller amplitude is shown as 0.00
 _MANY_TURNS = 8  # cam turns from which on a curve is a block, and its envelope is drawn
 
-_UNKNOWN_AS_ZERO = "unknown inputs are taken as 0 here; hdassist check gives F'_ior with its range over them"
+_END_WORDS = {"least": "smallest", "greatest": "largest"}  # ends of a sweep, by their keys in JSON
+_UNKNOWN_AS_ZERO = "Unknown inputs are taken as 0; hdassist check gives F'_ior with its range over them."
 
 ORDER_QUANTITIES = quantity_table("trace.orders")
 
@@ -58,9 +59,12 @@ def slope_words(slope: float, uncertainty: float, speed: float | None, *, is_lea
 
 
 def trace_report(drive: Drive, trace: Trace, seed: int, speed: float | None = None) -> Report:
-    """The error of a drive over cam turns.
+    """Return the error of a drive over input revolutions as a report.
 
-    Arguments: seed, of its sample that was solved again; speed of the output [arcsec/s], for the slope.
+    drive: the drive.
+    trace: its error.
+    seed: that of the mesh positions solved again.
+    speed: that of the output [arcsec/s], for the slope.
     """
     error = trace.error
     cycle = error.kinematics.cycle_cam_revolutions
@@ -68,23 +72,23 @@ def trace_report(drive: Drive, trace: Trace, seed: int, speed: float | None = No
     is_measured = drive.measured != Measured.of_defaults()
     whole = ("-n", str(cycle), "--phi-g0", f"{trace.start_deg:g}")
     next_ = again("trace", drive, *whole) if is_part else again("mount", drive)
-    turns = f"{error.M_g:g} N·m, {trace.revolutions} cam turn{'s' * (trace.revolutions != 1)}"
+    turns = f"{error.M_g:g} N·m, {trace.revolutions} input revolution{'s' * (trace.revolutions != 1)}"
     moving = "phi_g0" if error.kinematics.fixed == "rigid" else "phi_b0"
     start = f"{turns} from {moving} = {trace.start_deg:g}°"
     title = "orders: amplitude·cos(order·phi_h + phase)"
     shown = [order for order in trace.orders if order.amplitude_arcsec >= _LEAST_SHOWN]
     orders = sorted(shown, key=lambda o: -o.amplitude_arcsec)
     listed = sorted(orders[:_LISTED_ORDERS], key=lambda o: o.per_cam_rev)
-    words = f"error F_kpp, ″, at {error.M_g:g} N·m"
+    words = f"kinematic error F_kpp at {error.M_g:g} N·m, ″"
     angles = {f"{name}_deg": np.degrees(getattr(error.states, name)) for name in ("phi_h", "phi_g", "phi_b")}
     return Report(
         command="trace",
         drive=drive,
-        head=f"{drive.name} at nominal values, {start}{heading(trace.measured)}",
+        head=f"{drive.name} (nominal), {start}{heading(trace.measured)}",
         verdict=f"range {error.range_arcsec:.2f}″",
         why=(
-            *("values of the preset: what was measured on the drive is not weighed here",) * is_measured,
-            *(f"{trace.revolutions} of the {cycle} cam turns of the full cycle: F'_ior is at least as large",)
+            *("Values of the preset: measurements of the drive are not taken into account.",) * is_measured,
+            *(f"{trace.revolutions} of the {cycle} input revolutions of the full cycle: F'_ior is at least as large.",)
             * is_part,
             *(_UNKNOWN_AS_ZERO,) * bool(unknowns(drive)),
         ),
@@ -101,7 +105,7 @@ def trace_report(drive: Drive, trace: Trace, seed: int, speed: float | None = No
             curve_of_turns(error.states.phi_h / (2 * np.pi), error.error_arcsec, words),
         ),
         details=(
-            Table.by_row(f"{title}, the {_LISTED_ORDERS} greatest", ORDER_QUANTITIES, listed),
+            Table.by_row(f"{title}, the {_LISTED_ORDERS} largest", ORDER_QUANTITIES, listed),
             Paragraph(order_legend(drive)),
             Facts.of([("slope", slope_words(trace.slope_arcsec_per_deg, 0.0, speed))]),
         ),
@@ -129,13 +133,14 @@ def trace_report(drive: Drive, trace: Trace, seed: int, speed: float | None = No
 
 
 def _along_words(along: ErrorAlong | None) -> str:
-    """The torque along a trace, the bound of the interpolation, and ranges at the ends; empty for an even torque."""
+    """Return the torque along a trace, the error of the interpolation, and ranges; empty for a constant torque."""
     if along is None:
         return ""
     ends = f"{along.least_Nm:.4g} to {along.greatest_Nm:.4g} N·m"
-    solved = f"{len(along.torques_Nm)} torques solved, lines between miss at most {along.bound_arcsec:.2g}″"
-    even = f"at even torque {along.ranges_arcsec[0]:.2f}″ and {along.ranges_arcsec[-1]:.2f}″ at the ends"
-    return f"{ends}, {solved}; {even}; wind-up of {along.wind_up_arcsec:.4g}″ left out"
+    solved = f"{len(along.torques_Nm)} torques solved, error of the interpolation at most {along.bound_arcsec:.2g}″"
+    ranges = f"{along.ranges_arcsec[0]:.2f}″ and {along.ranges_arcsec[-1]:.2f}″"
+    constant = f"range at constant torque of the smallest and of the largest value: {ranges}"
+    return f"{ends}, {solved}. {constant.capitalize()}. Wind-up of {along.wind_up_arcsec:.4g}″ not included"
 
 
 def curve_of_turns(turns: Series, error: Series, words: str) -> Curve:
@@ -153,7 +158,7 @@ def _scaled(stiffness: float) -> str:
 
 
 def _percent_off(percent: float) -> str:
-    """How far a value is off another one, in per cent of that."""
+    """Return the difference of a value from another one, in per cent of that."""
     return f"{percent:+z.0f} %"
 
 
@@ -169,7 +174,7 @@ _SEGMENT_COLUMNS = quantity_table(
 
 
 def stiffness_report(drive: Drive, found: Stiffness) -> Report:
-    """The stiffness of a drive: twist over torque, K1, K2, K3, lost motion."""
+    """Return the stiffness of a drive as a report: twist over torque, K1, K2, K3, lost motion."""
     curve = {"torque_Nm": found.torque, **attributes(found, "twist_arcsec", "contact_arcsec", "tube_arcsec")}
     sides = {"positive": found.positive, "negative": found.negative}
     rows = [each for side in sides.values() for each in segments_beside(drive.catalogue, side)]
@@ -177,7 +182,7 @@ def stiffness_report(drive: Drive, found: Stiffness) -> Report:
     return Report(
         command="stiffness",
         drive=drive,
-        head=f"{drive.name}: torsional stiffness without deviations, the cam held",
+        head=f"{drive.name}: torsional stiffness without deviations, wave generator locked",
         blocks=(
             Table.by_row("torsional stiffness in both directions", _SEGMENT_COLUMNS, rows),
             Facts.of(_facts(drive, found)),
@@ -198,19 +203,20 @@ def stiffness_report(drive: Drive, found: Stiffness) -> Report:
 
 
 def stiffness_warnings(drive: Drive, result: Stiffness) -> tuple[str, ...]:
-    """Warnings beside the numbers."""
+    """Return the warnings about a stiffness."""
     if drive.operation.rated is not None:
         return drive.origin.warnings
-    stands = f"no operation.rated in the preset: {result.rated:g} N*m, the largest of its operation.M_g, stands for it"
-    return (*drive.origin.warnings, f"{stands} in lost motion; --set operation.rated=T gives it")
+    torque = f"the lost motion refers to {result.rated:g} N*m, the largest of its operation.M_g"
+    advice = "--set operation.rated=T states the rated torque"
+    return (*drive.origin.warnings, f"no operation.rated in the preset: {torque}; {advice}")
 
 
 def _facts(drive: Drive, found: Stiffness) -> Iterator[Fact]:
-    """Facts beside the segments, a label and a text each."""
+    """Yield facts about the segments, a label and a text each."""
     elsewhere = ends_elsewhere(drive.catalogue, found.positive)
-    yield "segments", "end at other torques than the catalogue's, so K is not compared" * elsewhere
+    yield "segments", "the segments end at other torques than those of the catalogue, so K is not compared" * elsewhere
     ends = f"±{100 * LOST_MOTION_SHARE:.0f} % of {found.rated:g} N·m"
-    yield "lost motion", f"{found.lost_motion_arcsec:.2f}″ between {ends}; play {found.play_arcsec:.2f}″"
+    yield "lost motion", f"{found.lost_motion_arcsec:.2f}″ between {ends}; backlash {found.play_arcsec:.2f}″"
     yield "  catalogue", _lost_motion_limit(drive, found.lost_motion_arcsec)
     yield "assumed", on_what(drive)
     yield "next", again("check", drive)
@@ -232,26 +238,26 @@ _ROW_COLUMNS = ("M_g_Nm", "F_ior_arcsec", "max_residual", "reason")
 
 
 def columns(sweep: Sweep) -> list[str]:
-    """Names of the columns of the rows: a field in its own unit, then the result."""
+    """Return the names of the columns of the rows: a field in its own unit, then the result."""
     return [*(axis.path for axis in sweep.varied), *_ROW_COLUMNS]
 
 
 def cells(record: SweepRow) -> list[Any]:
-    """A record as a row of those columns."""
+    """Return a record as a row of those columns."""
     return [*record.values.values(), *attributes(record, *_ROW_COLUMNS).values()]
 
 
 def sweep_report(swept: Swept, records: Iterable[SweepRow]) -> Report:
-    """A sweep; records of its rows, where they are wanted."""
+    """Return a sweep as a report; records: those of its rows, if they are wanted."""
     sweep, drive, ends, figures = swept.sweep, swept.drive, swept.ends, list(_figures(swept))
-    line = " to ".join(f"{F_ior:.2f}" for _, F_ior in ends.values()) + " arcsec" if ends else "no answer"
+    line = " to ".join(f"{F_ior:.2f}" for _, F_ior in ends.values()) + " arcsec" if ends else "no result"
     values = ((axis, min(axis.values), max(axis.values)) for axis in sweep.varied)
     spans = (_of(axis, f"{low:g}" if low == high else f"{low:g} to {high:g}", " (") + ")" for axis, low, high in values)
     found = {end: {"row": row, "F_ior_arcsec": F_ior} for end, (row, F_ior) in ends.items()}
     return Report(
         command="sweep",
         drive=drive,
-        head=f"{drive.name} at nominal values, F'_ior over {' and '.join(spans)}, {sweep.rows} rows",
+        head=f"{drive.name} (nominal), F'_ior over {' and '.join(spans)}, {sweep.rows} rows",
         verdict=line.replace(" arcsec", "″"),
         why=(_UNKNOWN_AS_ZERO,) if unknowns(swept.largest) else (),
         blocks=(Facts.of(_sweep_facts(swept)), *figures[:1]),
@@ -272,13 +278,16 @@ def sweep_report(swept: Swept, records: Iterable[SweepRow]) -> Report:
 
 
 def _sweep_facts(swept: Swept) -> Iterator[Fact]:
-    """Least and greatest F'_ior, rows without an answer, and the next command."""
+    """Yield smallest and largest F'_ior, rows without a result, and the next command."""
     sweep, ends = swept.sweep, swept.ends
     for end, (row, F_ior) in ends.items():
         values = sweep.values(row)
-        yield end, f"{F_ior:.2f}″ at " + ", ".join(_of(axis, f"{values[axis.path]:g}", " = ") for axis in sweep.axes)
+        yield (
+            _END_WORDS[end],
+            f"{F_ior:.2f}″ at " + ", ".join(_of(axis, f"{values[axis.path]:g}", " = ") for axis in sweep.axes),
+        )
     if swept.failed:
-        yield "no answer", f"{swept.failed} of {sweep.rows} rows; the first: {swept.reason}"
+        yield "no result", f"{swept.failed} of {sweep.rows} rows; the first: {swept.reason}"
     if ends:
         values = sweep.values(ends["least"][0])
         sets = [f"{axis.path}={values[axis.path]!r}".removesuffix(".0") for axis in sweep.varied]
@@ -286,12 +295,12 @@ def _sweep_facts(swept: Swept) -> Iterator[Fact]:
 
 
 def _of(axis: Axis, values: str, sign: str) -> str:
-    """Values along an axis, in its unit."""
+    """Return values along an axis, in its unit."""
     return f"{axis.path}{sign}{values} {axis.unit.replace('*', '·')}".rstrip()
 
 
 def _figures(swept: Swept) -> Iterator[Curve]:
-    """F'_ior over one field at each torque; none of more fields, or of fewer than two rows with an answer."""
+    """Yield F'_ior over one field at each torque; nothing for several fields, or fewer than two rows with a result."""
     axis, *others = swept.sweep.varied
     torques = [f" at {M_g:g} N·m" for further in swept.sweep.further for M_g in further.values] or [""]
     order = np.argsort(axis.values)
@@ -301,7 +310,7 @@ def _figures(swept: Swept) -> Iterator[Curve]:
     curves = swept.F_ior_arcsec.reshape(len(values), -1)[order].T
     for torque, F_ior in zip(torques, curves, strict=True):
         solved = np.isfinite(F_ior)
-        gaps = "" if solved.all() else f", {np.sum(~solved)} points without an answer left out"
+        gaps = "" if solved.all() else f", {np.sum(~solved)} points without a result omitted"
         if solved.sum() > 1:
             label = _of(axis, "", ",").rstrip(",")
             yield Curve(values[solved], F_ior[solved], label, f"F'_ior{torque}, ″{gaps}")

@@ -126,9 +126,9 @@ def test_rows_of_two_fields(tmp_path):
     assert [bool(row["F_ior_arcsec"]) for row in in_csv] == [True, False] * 2  # there are no such drives
     words = in_a_line(done.stdout)
     assert words.startswith(
-        "small at nominal values, F'_ior over tolerances.e_hb (30 to 60 µm) and gears.x_b (1.6 to 4), 4 rows: 22.10 to "
+        "small (nominal), F'_ior over tolerances.e_hb (30 to 60 µm) and gears.x_b (1.6 to 4), 4 rows: 22.10 to "
     )
-    assert "no answer 2 of 4 rows; the first: gears.x_b:" in words
+    assert "no result 2 of 4 rows; the first: gears.x_b:" in words
     assert f"next hdassist check {SMALL} --torque=4 --set tolerances.e_hb=30 --set gears.x_b=1.6 " in words
     assert [row["gears.x_b"] for row in in_csv] == ["1.6", "4.0"] * 2
 
@@ -189,7 +189,7 @@ def test_without_its_package_parquet_is_refused_with_the_command_that_installs_i
 
 def test_without_any_answer_the_exit_code_is_that_of_the_rows():
     done = run("sweep", SMALL, "--vary", "gears.x_b=4,5", "--torque", "4", "--jobs", "1", "-q")
-    assert (done.returncode, done.stdout) == (4, "no answer\n")
+    assert (done.returncode, done.stdout) == (4, "no result\n")
 
 
 @pytest.fixture(scope="module")

@@ -39,8 +39,8 @@ def test_a_screen_holds_the_range_the_orders_and_the_curve():
     lines = page.stdout.splitlines()
     told = json.loads(run("trace", SMALL, "--json").stdout)
     assert page.returncode == 0
-    assert lines[0] == f"small at nominal values, 1 N·m, 1 cam turn from phi_g0 = 0°: range {told['range_arcsec']:.2f}″"
-    assert lines[1] == "1 of the 30 cam turns of the full cycle: F'_ior is at least as large"
+    assert lines[0] == f"small (nominal), 1 N·m, 1 input revolution from phi_g0 = 0°: range {told['range_arcsec']:.2f}″"
+    assert lines[1] == "1 of the 30 input revolutions of the full cycle: F'_ior is at least as large."
     greatest = max(told["orders"], key=lambda order: order["amplitude_arcsec"])
     row = rf" *{greatest['per_cam_rev']:.2f} +{greatest['amplitude_arcsec']:.2f} +{greatest['cause'][:20]}"
     assert any(re.match(row, line) for line in lines)
@@ -99,8 +99,8 @@ def test_what_is_not_known_is_said_where_it_counts_as_nothing():
 def test_a_trace_is_of_nominal_values_and_says_when_measured_ones_are_left_out():
     measured = run("trace", TINY, "--set", "measured.lost_motion=50", "--no-plot").stdout
     plain = run("trace", TINY, "--no-plot").stdout
-    assert all(page.startswith("tiny at nominal values, 1 N·m, ") for page in (measured, plain))
-    assert "what was measured on the drive is not weighed here" in measured
+    assert all(page.startswith("tiny (nominal), 1 N·m, ") for page in (measured, plain))
+    assert "measurements of the drive are not taken into account" in measured
     assert "what was measured" not in plain
     assert json.loads(run("trace", TINY, "--json").stdout)["statistic"] == "nominal"
 
@@ -108,5 +108,5 @@ def test_a_trace_is_of_nominal_values_and_says_when_measured_ones_are_left_out()
 def test_a_trace_with_nothing_known_says_so_and_lists_no_order_of_0():
     unknown = [word for size in ("F_i1", "F_i2", "e_hb", "e_hh") for word in ("--set", f"tolerances.{size}=unknown")]
     page = run("trace", TINY, "--torque", "4", *unknown).stdout
-    assert "unknown inputs are taken as 0 here" in in_a_line(page)
+    assert "Unknown inputs are taken as 0" in in_a_line(page)
     assert not re.search(r"^ *\d+\.\d\d +0\.00 ", page, re.MULTILINE)
