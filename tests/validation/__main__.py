@@ -31,25 +31,26 @@ SOURCES = (
 HEAD = """\
 # Validation
 
-What the model is compared with, what comes out, and what that is worth. Made by `python -m tests.validation` from the
-cases that the tests run; CI fails when the two differ, and where a row that is said to miss ceases to. *note*: reason
-of a tolerance, and of a miss. An empty source is that of the row above; *got* is in the unit of *expected*, in
-brackets 5 to 95 % over parameter sets.
+This page compares the model with sources outside of it, and states how much each comparison shows. `python -m
+tests.validation` makes it from the cases that the tests run. CI fails if the page and the cases differ, and if a row
+that is marked as missed agrees. *note* is the reason of a tolerance or of a miss. An empty source is that of the row
+above. *got* is in the unit of *expected*, with 5 to 95 % over parameter sets in brackets.
 
 |worth|meaning|
 |---|---|
-|fitted|used to find others: agreement proves nothing|
+|fitted|used to find other values, so agreement verifies nothing|
 |bound|kept the fit within a range|
-|predicted|held back, nothing was tuned towards it: by this the model can be judged|
-|prior|what is assumed must not be surprised by it: a miss refutes, an agreement proves nothing|
-|reading|what a record says, before any model|
-|exact, convergence|the equations were written down and solved right|
-|model|nobody has measured it|
+|predicted|held back, without any tuning towards it; this is the test of the model|
+|prior|must lie within the assumed range; a miss refutes, and an agreement verifies nothing|
+|reading|a value read from a recording, before any model|
+|exact, convergence|the equations were stated and solved correctly|
+|model|has not been measured|
 
-No measurement of F'_ior hole by hole is known to us ([experiment.md](experiment.md)). What turning a wheel brings
-depends on the cam's support, otherwise it is robust across parameter sets of this model; it has not been measured.
-Absolute values hinge on single micrometres and need one measurement. The equations are held by reference numbers of two
-implementations (`tests/validation/test_model_reference.py`) and by identities (`tests/property`).
+No measurement of F'_ior hole by hole is known to us ([the experiment](experiment.md)). The gain from moving a wheel
+depends on the support of the wave generator. Otherwise it is robust across parameter sets of this model. It has not
+been measured. Absolute values depend on single micrometres and need one measurement. The equations are checked by
+reference numbers of two implementations (`tests/validation/test_model_reference.py`) and by identities
+(`tests/property`).
 """
 
 

@@ -12,14 +12,15 @@ from tests.validation.parameter_sets import COUNT, F_ior_over_sets, scatter, spa
 
 TITLE = "How far to trust it"
 ABOUT = (
-    "F'_ior of `vzp160` in arcsec, one thing changed at a time, then over sets drawn within the bounds of "
-    "`docs/vzp160.targets.yaml`, fitted to nothing. Micrometres decide, and so do conventions of second order, most of "
-    "which a refitted clearance takes back: absolute values need one measurement. 180° is better than 0° in all rows "
-    "of the first table. Most of the spread over the sets is that of C_3 (1e3 to 1e5 N/mm): with it as in the preset "
-    "the standard deviations at 80 N·m are 0.21 (0°) and 0.49 (180°).\n\n"
-    "With rolling balls (second table) `mount --draws 0` solves every state; where the cage begins hardly matters. "
-    "Else they are held, and the gain is a range over their phase where a preset leaves it open. That of hole 8 stays, "
-    "that of hole 9 shrinks."
+    "The table gives F'_ior of `vzp160` in arcsec with one change at a time. The last rows are for sets sampled "
+    "within the bounds of `docs/vzp160.targets.yaml`, which were not fitted to any data. Micrometres decide, and "
+    "so do conventions of second order, most of which a refitted clearance compensates. Absolute values therefore "
+    "need one measurement. 180° is better than 0° in all rows of the first table. Most of the spread over the "
+    "sets comes from C_3 (1e3 to 1e5 N/mm). With C_3 as in the preset, the standard deviations at 80 N·m are 0.21 "
+    "(0°) and 0.49 (180°).\n\n"
+    "With rolling balls (second table) `mount --draws 0` solves every mesh position, and the start of the cage "
+    "hardly matters. Otherwise the balls are locked, and the gain is a range over their phase if the preset does "
+    "not specify it. The gain of hole 8 stays the same, and that of hole 9 decreases."
 )
 STARTS = (0.0, 0.5)  # of the cage, ball pitches
 ADVISED = (8, 9)  # holes of twelve, by the values as given and over all that is assumed
@@ -70,7 +71,7 @@ def table() -> str:
 def rolling() -> list[str]:
     """Lines of a table: what a turn to the advised holes takes off with balls that are held, and with rolling ones."""
     rolls = [load_preset("vzp160", ["bearing.ball_motion=rolling", f"bearing.beta={beta}"]) for beta in STARTS]
-    lines = ["|taken off by a turn to|balls held|rolling, the cage beginning at 0, 1/2 pitch|", "|---|---|---|"]
+    lines = ["|reduction in|balls locked|rolling, the cage starting at 0, 1/2 pitch|", "|---|---|---|"]
     for M_g in (80.0, 800.0):
         found = [by_hole(drive, M_g) for drive in (load_preset("vzp160"), *rolls)]
         for k, hole in enumerate(ADVISED):

@@ -17,8 +17,8 @@ from tests.validation.case import Case, Kind, about, parameters
 
 TITLE = "Rolling bearings"
 ABOUT = (
-    "A ball between two grooves (the law of ISO/TS 16281), and the load over the balls of a rigid bearing, solved by "
-    "the drive's programme and engine."
+    "The rows compare a ball between two grooves (the law of ISO/TS 16281), and the load over the balls of a "
+    "rigid bearing. The programme and the engine of the drive solve both cases."
 )
 GROOVE = (0.515, 0.53)  # groove radius over ball diameter: usual for deep-groove bearings; assumed
 
@@ -86,7 +86,7 @@ CASES = [
         kind=Kind.BOUND, value=lambda: load_preset("vzp160").contact.c_ball * 1e5,
     ),
     Case(
-        "greatest ball load over 4 F/N", "", "Stribeck",
+        "largest ball load over 4 F/N", "", "Stribeck",
         **about(1, 1e-9), why="exact for N divisible by 4",
         kind=Kind.CLOSED_FORM, value=lambda: stribeck()[0], digits=".6f",
     ),

@@ -12,16 +12,17 @@ from tests.support import changed
 from tests.validation.case import Case, Kind, about, parameters
 from tests.validation.whole_flanks import whole_flanks
 
-TITLE = "The cam's support and the standing offset"
+TITLE = "Support and eccentricity of the wave generator"
 PAPERS = (
     "Yao, Chen, Xing (Computer Integrated Manufacturing Systems, 2022, no. 8) and Jia et al. (Mechanism and Machine "
     "Theory 155 (2021) 104122)"
 )
 ABOUT = (
-    "Rows are at 80 N·m. A cam that aligns itself (C_3 = 0, an Oldham coupling without friction) feels nothing that "
-    "stands still: every hole is as good, the error at its floor. Turning pays most on a ridge from a soft support "
-    "with a large offset to a stiff one with a small offset (third table). Plausible C_3: 1e3 to 1e5 N/mm; Fig. 3 asks "
-    f"for 9e3. Held back: {PAPERS}, read second-hand, without figures."
+    "Rows are at 80 N·m. A self-aligning wave generator (C_3 = 0, an Oldham coupling without friction) does not "
+    "respond to housing-fixed deviations. Every hole is then equally good, and the error is at its minimum. "
+    "Moving the wheel pays off most along a ridge, from a soft support with a large eccentricity to a stiff "
+    "support with a small one (third table). Plausible values of C_3 are 1e3 to 1e5 N/mm, and Fig. 3 requires "
+    f"9e3. Held back are {PAPERS}, read second-hand, without figures."
 )
 HOLES, SUPPORT = 12, 2.3e4  # C_2 [N/mm] of the tables by C_3
 STIFFNESSES = (0, 500, 1000, 2000, 4000, 8400, 16000, 30000, 60000, 100000)
@@ -46,7 +47,7 @@ def table() -> str:
     """By C_3, by e_hb, and greatest over least by both, in Markdown."""
     heads = ("|{}|80 N·m|800 N·m|", "|---|---|---|")
     lines = [
-        "F'_ior of `vzp160` with whole flanks over twelve holes: least and greatest in arcsec, and their ratio.",
+        "F'_ior of `vzp160` with whole flanks over twelve holes: smallest and largest in arcsec, and their ratio.",
         "",
     ]
     lines += [heads[0].format("C_3, N/mm"), heads[1]]
@@ -54,7 +55,7 @@ def table() -> str:
     lines += ["", heads[0].format("e_h^b, µm"), heads[1]]
     lines += [f"|{e:g}|{cell(by_hole(80.0, None, None, e))}|{cell(by_hole(800.0, None, None, e))}|" for e in OFFSETS]
     some, offsets = (0, 1000, 4000, 8400, 30000, 100000), (0, 15, 30, 60, 100)
-    lines += ["", f"|greatest over least, 80 N·m: C_3, N/mm|{'|'.join(f'e_h^b {e} µm' for e in offsets)}|"]
+    lines += ["", f"|largest over smallest, 80 N·m: C_3, N/mm|{'|'.join(f'e_h^b {e} µm' for e in offsets)}|"]
     lines += [f"|---|{'---|' * len(offsets)}"]
     for C in some:
         found = [by_hole(80.0, SUPPORT, C, e) for e in offsets]
@@ -81,12 +82,12 @@ CASES = [
     for C, value in {0: 12.2, 1000: 16.3, 8400: 31.5, 30000: 83, 100000: 155}.items()
 ] + [
     Case(
-        "greatest over least, C_3 0", "", "nothing that stands still is felt", **about(1, 2e-3),
+        "largest over smallest, C_3 0", "", "housing-fixed deviations have no effect", **about(1, 2e-3),
         why="exact but for the search", kind=Kind.CLOSED_FORM, digits=".4f",
         value=lambda: ratio(0),
     ),
     Case(
-        "greatest over least, e_h^b 0", "", "nothing stands still", **about(1, 2e-3),
+        "largest over smallest, e_h^b 0", "", "no housing-fixed deviation", **about(1, 2e-3),
         why="exact but for the search", kind=Kind.CLOSED_FORM, digits=".4f", slow=True,
         value=lambda: max(by_hole(80.0, None, None, 0)) / min(by_hole(80.0, None, None, 0)),
     ),
@@ -96,8 +97,8 @@ CASES = [
         digits=".2f", value=lambda: mean(by_hole(80.0, SUPPORT, 0)) / mean(by_hole(80.0, SUPPORT, 8400)),
     ),
     Case(
-        "greatest over least, C_3 1e5 over 8400", "", "the model alone", low=0.5, high=0.75,
-        why="a stiff cam leaves less to turning", kind=Kind.MODEL, digits=".2f",
+        "largest over smallest, C_3 1e5 over 8400", "", "the model alone", low=0.5, high=0.75,
+        why="a stiff support leaves a smaller gain", kind=Kind.MODEL, digits=".2f",
         value=lambda: ratio(100000) / ratio(8400),
     ),
 ]  # fmt: skip

@@ -15,10 +15,10 @@ from tests.support import changed, solve_state
 from tests.validation.case import Case, Kind, about, parameters
 from tests.validation.whole_flanks import whole_flanks
 
-TITLE = "Torque on the cam"
+TITLE = "Torque on the wave generator"
 ABOUT = (
-    "Sum of Q_k 2 W_0 sin 2 theta_k over the balls, over M_g/u: checks geometry, lever and signs. Drives like `vzp160` "
-    "without deviations, 80 N·m, mean over 4 tooth and 4 ball phases."
+    "The sum of Q_k 2 W_0 sin 2 theta_k over the balls, divided by M_g/u, checks geometry, moment arm and signs. "
+    "The drives are like `vzp160` without deviations, at 80 N·m, mean over 4 tooth phases and 4 ball phases."
 )
 WAVE = 2.4  # W_0 over the pitch radius, times z_g: a wave of 1.2 modules
 PHASES = (0.0, 0.25, 0.5, 0.75)  # of the teeth and of the balls
@@ -43,7 +43,7 @@ def share(z_g: int, stations: int) -> float:
 
 CASES = [
     Case(
-        f"{z_g} teeth, {words} flanks", "", f"1 less {law}",
+        f"{z_g} teeth, {words} flanks", "", f"1 minus {law}",
         **about(1 - WAVE * part / z_g, 0.005), why="found, not derived",
         kind=Kind.MODEL, digits=".3f", value=lambda z_g=z_g, n=n: share(z_g, n), slow=z_g == 96 or n > 1,
     )

@@ -14,11 +14,12 @@ from tests.validation.case import Case, Information, Kind, about, parameters
 
 TITLE = "Catalogue stiffness"
 ABOUT = (
-    "Held back: all but the rows called fitted. `vzp160` is compared with sizes 58 and 65 (40, 61, 71 and 54, 88, "
-    "98·10⁴ N·m/rad) by the cube of the diameter; all other rows are of sizes 17 to 65, as the catalogue of 14 falls "
-    "off from that cube. K1 of the sizes is fitted by one number, the clearance of their flexible bearings: 0.085 µm "
-    "for each mm of diameter, 3.7 µm at size 17, 14 µm at 65. It adds no play. A thinner shell, a smaller wave, softer "
-    "flanks or Hertz balls each spoil K2 or K3. Lost motion: makers promise 60″, by rule of thumb."
+    "All rows except the fitted ones are held back. `vzp160` is compared with sizes 58 and 65 (40, 61, 71 and 54, "
+    "88, 98·10⁴ N·m/rad) by the cube of the diameter. The other rows use sizes 17 to 65, because the catalogue of "
+    "size 14 deviates from that cube. K1 of the sizes is fitted by one number, the clearance of their flexible "
+    "bearings: 0.085 µm per mm of diameter, 3.7 µm at size 17, 14 µm at 65. This clearance adds no backlash. A "
+    "thinner shell, a smaller radial deflection, softer flanks or Hertzian balls each make K2 or K3 wrong. For "
+    "lost motion, manufacturers promise 60″, by rule of thumb."
 )
 SIZES = {58: (40, 61, 71), 65: (54, 88, 98)}
 SIMILAR = (17, 20, 25, 32, 40, 45, 50, 58, 65)
@@ -59,7 +60,7 @@ def segment(k: int, miss: str = "") -> Case:
         f"K{k} of vzp160", "10⁴N·m/rad",
         "Harmonic Drive CSF/CSG catalogue",
         **about(scaled(k), 0.1 * scaled(k)),
-        why="another maker's means: 10 % assumed",
+        why="another manufacturer's means: 10 % assumed",
         kind=Kind.PREDICTED, value=lambda: K(k), digits=".1f", miss=miss,
     )  # fmt: skip
 
@@ -96,7 +97,7 @@ def over_sizes(k: int, words: str, get: Callable[[Array], float]) -> Case:
     )  # fmt: skip
 
 
-SOFT_START = "the first load bears too stiffly: this drive's bearing has no clearance"
+SOFT_START = "the model is too stiff at the first load, because this drive's bearing has no clearance"
 CASES = [
     segment(1, SOFT_START),
     segment(2),

@@ -85,7 +85,7 @@ CASES = [
         )
     ),
     Case(
-        "F'_ior, 800 N·m, all of these, greatest over the phase", "arcsec",
+        "F'_ior, 800 N·m, all of these, largest over the phase", "arcsec",
         "default resolution", **about(0, 0.2), why=CERTAIN, kind=Kind.CONVERGENCE, value=lambda: worst_change(800.0),
         digits="+z.3f", slow=True,
     ),

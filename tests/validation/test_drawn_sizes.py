@@ -18,13 +18,13 @@ SIZES = (14, 17, 20, 25, 32, 40, 45, 50, 58, 65)
 EFFORT = SamplingEffort(64, 64)
 SOURCE = "zero backlash, as sold"
 
-TITLE = "Catalogue sizes as they are drawn"
+TITLE = "Catalogue sizes as sampled"
 ABOUT = (
-    "Draws of `check` of each size before anything is measured, of all that a catalogue leaves open of design and "
-    "deviations; F'_ior at the lighter torque of the preset, 5/50/95 %. Play follows from how the teeth mesh. The cam "
-    "floats on an Oldham coupling, as the standard version is sold; the last column is the option without "
-    "(`cam.coupling=solid`, its evidence the same). Medians of 64 effective draws are known to some 7 %, the 95th "
-    "percentile to 15."
+    "The samples are those of `check` for each size before any measurement, over all design values and deviations "
+    "that a catalogue does not specify. F'_ior is at the lighter torque of the preset, 5/50/95 %. The backlash "
+    "follows from the mesh of the teeth. The wave generator has an Oldham coupling, as in the standard version. "
+    "The last column is the option with a solid hub (`cam.coupling=solid`, with the same reference data). Medians "
+    "of 64 effective samples are known to some 7 %, and the 95th percentile to 15."
 )
 
 
@@ -74,16 +74,16 @@ def table() -> str:
     return "\n".join(lines)
 
 
-MISSES = {"solid hub, by the accuracy too": "sizes to 58 keep 4; how stiff a solid hub is is a guess"}
+MISSES = {"solid hub, by the accuracy too": "sizes up to 58 meet 4; the stiffness of a solid hub is assumed"}
 CASES = [
     Case(
-        "median of the play, greatest of all sizes", "arcsec", SOURCE, 0, 5,
-        why="less than shows on a bench", kind=Kind.CHECK, digits=".1f",
+        "median of the backlash, largest of all sizes", "arcsec", SOURCE, 0, 5,
+        why="too small for a test rig to show", kind=Kind.CHECK, digits=".1f",
         value=lambda: max(map(play, SIZES)), slow=True,
     ),
     *(Case(
-        f"95 over 5 %, greatest of all sizes, {words}", "", "a page that says something", 1, 4,
-        why="asked for, not known", kind=Kind.CHECK, digits=".1f",
+        f"95 over 5 %, largest of all sizes, {words}", "", "a page that says something", 1, 4,
+        why="required, not known", kind=Kind.CHECK, digits=".1f",
         value=lambda way=way: widest(way), slow=True, miss=MISSES.get(words, ""),
     ) for words, way in WAYS.items()),
 ]  # fmt: skip

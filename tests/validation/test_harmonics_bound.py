@@ -17,16 +17,17 @@ IN_ANGLE = 3.25 * 32.4 / 39.95  # factor on size 65 that makes F_p of class 7 as
 
 TITLE = "The bounds of the harmonics and the catalogues' accuracy"
 ABOUT = (
-    f"Harmonics that a preset leaves open go up to {100 * SECOND_ORDER:g} % (order 2) and "
-    f"{100 * HIGHER_ORDERS:g} % (3 and 4) of half of "
-    "F'_i: they set the level of every catalogue preset, and no source prints them. Every drive sold keeps its "
-    "catalogue's accuracy (it names no load; here a tenth of the rated torque): with twice as much most of size 20 do "
-    "not, with half as much the record above would lie beyond all drawn drives. So they stay; what teeth are off one "
-    "by one comes on top, by the class that F'_i has, and agrees with half of them (theory.md).\n\n"
-    "The accuracy is one angle for sizes 20 to 65; the presets fall with the diameter. That is the class of the teeth, "
-    "not the model: F_p of class 7 (ISO 1328-1) is 32 µm at size 20, 40 µm at 65, on 3.25 times the diameter. As large "
-    "in angle (class 9 to 10) size 65 keeps the limit too (last row). A limit does not say how far below it drives "
-    "lie: the presets may be too good by up to 1.9 (size 40) and 2.9 (65)."
+    f"Harmonics that a preset does not specify range up to {100 * SECOND_ORDER:g} % (order 2) and "
+    f"{100 * HIGHER_ORDERS:g} % (3 and 4) of half of F'_i. They determine the level of every catalogue preset, and "
+    "no source prints them. Every drive sold meets the accuracy of its catalogue, which names no load (here a "
+    "tenth of the rated torque). With twice these bounds most drives of size 20 do not meet it. With half of them "
+    "the recording above would lie beyond all sampled drives. The bounds therefore stay. Deviations of single "
+    "teeth are added by the class of F'_i, and agree with half of these bounds (theory.md).\n\n"
+    "The accuracy is one angle for sizes 20 to 65, while the presets decrease with the diameter. This comes from "
+    "the class of the teeth, not from the model. F_p of class 7 (ISO 1328-1) is 32 µm at size 20 and 40 µm at "
+    "size 65, on 3.25 times the diameter. With the same angle (class 9 to 10) size 65 also meets the limit (last "
+    "row). A limit does not state how far below it the drives are. The presets may be too good by up to 1.9 (size "
+    "40) and 2.9 (65)."
 )
 SOURCE = "Harmonic Drive CSF/CSG catalogue, table 40"
 
@@ -50,7 +51,7 @@ def moved(size: int, harmonics: float, share: float) -> float:
 def table() -> str:
     """F'_ior of drawn drives of each size beside the catalogue's accuracy, and by the bounds of the harmonics."""
     lines = [
-        "|size|accuracy|drawn: 5/50/95 %|keep it|keep what is sold on request|",
+        "|size|accuracy|sampled: 5/50/95 %|meet it|meet the accuracy sold on request|",
         "|---|---|---|---|---|",
     ]
     for size in SIZES:
@@ -59,7 +60,7 @@ def table() -> str:
         lines.append(f"|{size}|{limit(size):g}″|{percentiles(F_ior)}″|{kept(size):.0f}%|{special}″: {share:.0f}%|")
     lines += [
         "",
-        "|harmonics|size|drawn: 5/50/95 %|keep the accuracy|median|95 %|",
+        "|harmonics|size|sampled: 5/50/95 %|meet the accuracy|median|95 %|",
         "|---|---|---|---|---|---|",
     ]
     for factor in (0.5, 2.0):
@@ -74,18 +75,18 @@ def table() -> str:
 
 CASES = [
     Case(
-        "within the accuracy, least of all sizes", "%", SOURCE, 90, 100,
-        why="95 %, less what 64 drives leave open", kind=Kind.CHECK, digits=".0f",
+        "within the accuracy, smallest of all sizes", "%", SOURCE, 90, 100,
+        why="95 %, minus the uncertainty of 64 drives", kind=Kind.CHECK, digits=".0f",
         value=lambda: min(kept(size) for size in SIZES), slow=True,
     ),
     Case(
         "size 20, harmonics×2", "%", SOURCE, 0, 50,
-        why="most of what is sold would not keep it",
+        why="most drives sold would not meet it",
         kind=Kind.CHECK, digits=".0f", value=lambda: kept(20, 2.0), slow=True,
     ),
     Case(
         "size 65, teeth as in size 20 by angle, 95 %", "arcsec", SOURCE, 30, 60,
-        why="from what is sold on request to what all keep", kind=Kind.CHECK, digits=".0f",
+        why="from the accuracy sold on request to that of all drives", kind=Kind.CHECK, digits=".0f",
         value=lambda: float(np.percentile(F_ior_drawn(65, COUNT, IN_ANGLE, IN_ANGLE), 95)), slow=True,
     ),
 ]  # fmt: skip

@@ -25,15 +25,17 @@ NAMES = (*(f"order {k}" for k in ORDERS), WHOLE)
 SCALE = 0.03  # of the picture
 FACTORS = (0.5, 1.0, 2.0)  # on the bounds of the harmonics
 
-TITLE = "A real drive among drawn ones"
+TITLE = "A real drive among sampled ones"
 ABOUT = (
-    f"A CSF-17-100-2UH under an unknown, light load, two and a half turns of the cam, beside {COUNT} drives drawn "
-    "from what `size-17-100` leaves open of its deviations (2.4 N·m), read alike: amplitudes per turn of the cam. A "
-    "10:1 gearhead with 30' of backlash drove the cam, without encoder; an arcsec at the output is 100 there. So "
-    "only order 2 and the whole say anything of the gear. Order 6 lies among the draws since single teeth are "
-    "drawn, before above all; order 1 above them, as the cam of the size floats now. The bounds were chosen with "
-    "this record known, not fitted. Nothing else of plausible size gives so much of order 2 as an oval rigid wheel "
-    "or seat."
+    "The recording is of a CSF-17-100-2UH under an unknown, light load, over two and a half input revolutions. It "
+    "is compared with 128 drives sampled over the unspecified deviations of `size-17-100` (2.4 N·m), evaluated in "
+    "the same way. The values are amplitudes per input revolution. A 10:1 gearhead with 30' of backlash drove the "
+    "input, without an encoder. An arcsec at the output is 100 there, so only order 2 and the whole range say "
+    "anything about the gear.\n\n"
+    "Order 6 lies within the samples since single teeth are sampled, and was above all of them before. Order 1 "
+    "lies above the samples since the wave generator of this size has an Oldham coupling. The bounds were chosen "
+    "with this recording known, but not fitted. No other deviation of plausible size gives this amount of order "
+    "2, only an oval circular spline or seat."
 )
 GEARHEAD = "may be the gearhead's"
 GUESS = "± 2 at the edges; the load is a guess"
@@ -98,7 +100,7 @@ def percentile(name: str, harmonics: float = 1.0) -> float:
 def table() -> str:
     """The record, what was drawn, and the record's percentile with other bounds of the harmonics, in Markdown."""
     heads = "|".join(f"percentile, harmonics×{factor:g}" for factor in FACTORS)
-    lines = [f"|arcsec|record|drawn: 5/50/95 %|{heads}|", f"|{'---|' * 6}"]
+    lines = [f"|arcsec|recording|sampled: 5/50/95 %|{heads}|", f"|{'---|' * 6}"]
     for k, name in enumerate(NAMES):
         places = "|".join(f"{percentile(name, factor):.0f}" for factor in FACTORS)
         lines.append(f"|{name}|{measured()[k]:.1f}±{reading_errors()[k]:.1f}|{percentiles(drawn()[:, k])}|{places}|")
@@ -124,7 +126,7 @@ def among(name: str, miss: str = "") -> Case:
 
 CASES = [
     Case(
-        "order 2 of the record", "arcsec", SOURCE, **about(21.6, 0.9), digits=".1f",
+        "order 2 of the recording", "arcsec", SOURCE, **about(21.6, 0.9), digits=".1f",
         why="two star trails; scale of the picture", kind=Kind.READING, value=lambda: measured()[1],
     ),
     among("order 2"),

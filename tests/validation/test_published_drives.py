@@ -25,17 +25,19 @@ EFFECTIVE = 48
 ASSUMED_TURNS = 2.5  # of the cam, where a record does not tell how many it has
 STARTS = 4  # places of the cycle from which each drawn drive is recorded
 
-TITLE = "Published drives among drawn ones"
+TITLE = "Published drives among sampled ones"
 ABOUT = (
-    "All published figures that were found, and the share [%] of drives drawn from `size-17-100`, as `check` draws "
-    "them with the catalogue's evidence, that have less, at 0.5 and at 2.4 N·m: over as many turns of the cam as the "
-    f"record has, from anywhere, {ASSUMED_TURNS:g} where it is not told; in brackets by F'_ior, of the full cycle. "
-    "Most are telescope mounts: their size is 14 or 17 where it is told, taken as 17 where it is not, and their load "
-    "is not known. Limits, words on a class, and what was recalled and not read again are not compared. Were the "
-    "drawn drives like the sold ones, shares would be spread evenly: Kolmogorov and Smirnov's test, of so few that it "
-    "could hardly refute. The standard error of a share is up to 7 %. The two least lie at 5 to 12 %, the greatest, "
-    "an owner's word on a drive whose coupling is not known, beyond all; order 6 of the record above lies at 14 %: "
-    "teeth one by one may be better than the class of their wheel."
+    "The table lists all published values that were found. The share [%] is that of drives sampled from "
+    "`size-17-100`, as `check` samples them with the catalogue's data, with a smaller value at 0.5 and at 2.4 "
+    "N·m. It uses the same number of input revolutions as the recording from any start, or 2.5 if the number is "
+    "not given. The share by F'_ior of the full mesh cycle is in brackets. Most drives are telescope mounts. "
+    "Their size is 14 or 17 if it is given, and taken as 17 otherwise, and their load is unknown. Limits, "
+    "statements about a class, and values from memory that were not read again are not compared.\n\n"
+    "If the sampled drives were like the sold ones, the shares would be spread evenly. Kolmogorov and Smirnov's "
+    "test with this number of values could hardly refute it. The standard error of a share is up to 7 %. The two "
+    "smallest values lie at 5 to 12 %. The largest, an owner's statement about a drive with unknown coupling, "
+    "lies beyond all samples. Order 6 of the recording above lies at 14 %, so single teeth may be better than the "
+    "class of their wheel."
 )
 
 
@@ -90,7 +92,7 @@ def p_value(torque: int) -> float:
 
 def table() -> str:
     """The records with their places among the drawn drives, in Markdown."""
-    heads = "drive|size, ratio|load|turns|peak to peak, ″|share with less, 0.5 and 2.4 N·m|not known|source"
+    heads = "drive|size, ratio|load|turns|peak to peak, ″|share below, 0.5 and 2.4 N·m|unknown|source"
     lines = [f"|{heads}|", f"|{'---|' * 8}"]
     for row in records():
         both = range(len(TORQUES)) if row["compared_arcsec"] else ()
@@ -109,20 +111,20 @@ def table() -> str:
         )
         lines.append(f"|{'|'.join(cells)}|")
     ends = (", ".join(f"{samples().percentile(q, k):.0f}" for q in (0.05, 0.5, 0.95)) for k in range(len(TORQUES)))
-    return "\n".join([*lines, "", "Drawn, 5, 50, 95 %: " + "; ".join(
+    return "\n".join([*lines, "", "Sampled, 5, 50, 95 %: " + "; ".join(
         f"{M_g:g} N·m {words}″" for M_g, words in zip(TORQUES, ends, strict=True)
     ) + "."])  # fmt: skip
 
 
 CASES = [
     Case(
-        "least share at 2.4 N·m", "%", "table above", 2.5, 50,
-        why="of five records the least has less than 2.5 % in one case of nine", kind=Kind.CHECK,
+        "smallest share at 2.4 N·m", "%", "table above", 2.5, 50,
+        why="the smallest of five shares is below 2.5 % in one case of nine", kind=Kind.CHECK,
         value=lambda: min(share(row, 1) for row in compared()), digits=".0f", slow=True,
     ),
     *(Case(
             f"evenness of the shares at {M_g:g} N·m, p", "", "table above", 0.05, 1,
-            why="of five records: one or two more may turn it", kind=Kind.CHECK,
+            why="five recordings only, and one or two more may change it", kind=Kind.CHECK,
             value=lambda k=k: p_value(k), digits=".2f", slow=True,
         ) for k, M_g in enumerate(TORQUES)),
 ]  # fmt: skip

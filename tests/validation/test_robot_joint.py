@@ -16,11 +16,13 @@ RATIO, SWEPT = 101.0, 69.84  # turns of the cam: per turn of the output, in the 
 
 TITLE = "A robot joint"
 ABOUT = (
-    "Joint 3 of an arm, two 24-bit encoders, a sweep of 298° under gravity, a reading every 20.5° of the cam (`measure "
-    "--ratio 101`). Slow terms of the output span 1 070″ (graduation, coupling, wind-up by gravity, lag, drift): less "
-    "than an output turn does not tell them apart, nor from the drive's own, and they are taken off. What is left, the "
-    "orders of the cam up to 6, is a lower bound of F'_ior: two thirds of the cycle, each order together with its "
-    "beats. The lines at 4.86 and 5.22 are of no deviation that the model has. No load is known, and no sign of it."
+    "The recording is of joint 3 of an arm with two 24-bit encoders. It is a sweep of 298° under gravity, with a "
+    "reading every 20.5° of the input (`measure --ratio 101`). Slow terms of the output span 1 070″ (graduation, "
+    "coupling, wind-up by gravity, lag, drift). Less than one output revolution does not separate these terms "
+    "from each other, nor from those of the drive, so they are subtracted. The remaining orders of the input up "
+    "to 6 give a lower bound of F'_ior, with two thirds of the mesh cycle and each order together with its "
+    "sidebands. The lines at 4.86 and 5.22 belong to no deviation of the model. The load and its sign are "
+    "unknown."
 )
 SOURCE = "allwinlucious/MasterThesis"
 
@@ -38,7 +40,7 @@ def amplitude(order: float) -> float:
 
 
 def of_cam(order: float) -> float:
-    """Amplitude [arcsec] of an order of the cam with its beats."""
+    """Amplitude [arcsec] of an order of the cam with its sidebands."""
     return next(found.amplitude_arcsec for found in sweep().orders_of_cam if found.per_cam_rev == order)
 
 
@@ -51,7 +53,7 @@ def turns() -> float:
 
 CASES = [
     Case(
-        "cam turns visited, of 101", "", SOURCE, SWEPT - 2, SWEPT, why="69.84 swept; gaps above 30°",
+        "input revolutions covered, of 101", "", SOURCE, SWEPT - 2, SWEPT, why="69.84 swept; gaps above 30°",
         kind=Kind.READING, value=turns, digits=".2f",
     ),
     Case(
@@ -60,12 +62,13 @@ CASES = [
         kind=Kind.READING, value=lambda: sweep().range.fitted, digits=".1f",
     ),
     Case(
-        "slow terms taken off", "arcsec", SOURCE, **about(1063, 20), why="output orders 0 to 12 by plain least squares",
-        kind=Kind.READING, value=lambda: sweep().slow_arcsec, digits=".0f",
+        "slow terms subtracted", "arcsec", SOURCE, **about(1063, 20),
+        why="output orders 0 to 12 by plain least squares", kind=Kind.READING,
+        value=lambda: sweep().slow_arcsec, digits=".0f",
     ),
     *(
         Case(
-            f"order {order:g} with its beats", "arcsec", SOURCE, **about(value, 0.4),
+            f"order {order:g} with its sidebands", "arcsec", SOURCE, **about(value, 0.4),
             why="by plain least squares, noise and all", kind=Kind.READING,
             value=lambda order=order: of_cam(order), digits=".1f",
         )
@@ -81,7 +84,7 @@ CASES = [
 ]  # fmt: skip
 INFORMATION = [
     Information(
-        "order 1 with its beats", "arcsec", "known to 1.6 only: most of the noise is slow; or the encoder of the cam",
+        "order 1 with its sidebands", "arcsec", "known to 1.6 only: most of the noise is slow; or the input encoder",
         value=lambda: of_cam(1.0), digits=".1f",
     ),
 ]  # fmt: skip

@@ -7,8 +7,9 @@ from tests.validation.whole_flanks import F_ior
 
 TITLE = "Temperature"
 ABOUT = (
-    "`vzp160` with whole flanks, flexspline and cam warmer than the rigid wheel by `operation.dT`. Nobody has measured "
-    "it. The second implementation shifts gaps by (6c) of [theory.md](theory.md), this one draws the flanks anew."
+    "The drive is `vzp160` with whole flanks, and with flexspline and wave generator warmer than the circular "
+    "spline by `operation.dT`. It has not been measured. The second implementation shifts gaps by (6c) of "
+    "[theory.md](theory.md), and this one computes the flanks again."
 )
 FOUND = {80.0: {-20: 26.9, 0: 28.9, 10: 23.5, 20: 15.9}, 800.0: {-20: 6.2, 0: 8.6, 10: 10.8, 20: 13.1}}
 CASES = [
