@@ -87,9 +87,8 @@ class ControllerFormat:
     def require(self, turn: RepeatTurn | None, points: int) -> None:
         """Raise UsageError unless it keeps a table of so many points over such a turn, None for phasors."""
         if turn not in self.turns:
-            form = f"table over the {turn} turn" if turn else "form phasors"
-            wanted = " or ".join(f"{each} turn" for each in self.turns)
-            raise UsageError(f"invalid {form} for {self.name}: expected a table over the {wanted}")
+            wanted = " or ".join(self.turns)
+            raise UsageError(f"invalid --form {turn or 'phasors'} for {self.name}: expected --form {wanted}")
         if self.most_points and points > self.most_points:
             raise UsageError(f"invalid number of points {points} for {self.name}: expected at most {self.most_points}")
 
@@ -165,14 +164,14 @@ def poor_table(result: Correction, controller: ControllerFormat) -> str:
     words = f"{form.name} leave {100 * left:.0f} % of the error"
     points = result.fewest_points
     if not points:
-        return f"{words}: no table over the output turn halves it, --form phasors does more"
+        return f"{words}; no table over the output revolution halves the error, use correction terms"
     able = [
         name
         for name, each in CONTROLLER_FORMATS.items()
         if "output" in each.turns and (each.most_points or points) >= points
     ]
-    here = "" if controller in map(CONTROLLER_FORMATS.get, able) else f", which {controller.name} does not keep"
-    return f"{words}; --form output --points {points} halves it{here} ({', '.join(able)} do)"
+    here = "" if controller in map(CONTROLLER_FORMATS.get, able) else f", which {controller.name} cannot store"
+    return f"{words}; --form output --points {points} halves the error{here} (possible with {', '.join(able)})"
 
 
 def controller_file(
@@ -184,22 +183,24 @@ def controller_file(
     """
     way = "counter-clockwise" if axis.sense == 1 else "clockwise"
     steps = axis.steps_per_degree
-    worm = [f"{table.period_deg / abs(table.u) * steps:.2f} motor steps in its turn"] if steps else []
+    worm = [f"{table.period_deg / abs(table.u) * steps:.2f} motor steps in its revolution"] if steps else []
     for_torque = f"for {table.M_g:g} N*m"
     if table.other_M_g is not None:
         for_torque += f" counting up, {table.other_M_g:g} N*m counting down"
     travel = []
     if table.recorded_deg:
         low, high = sorted(axis.zero_deg + axis.sense * each for each in table.recorded_deg)
-        travel = [f"recorded from {low:.6g} to {high:.6g} deg of the output: beyond, continued without a promise"]
+        travel = [
+            f"recorded from {low:.6g} to {high:.6g} deg of the output; beyond, continued without a predicted residual"
+        ]
     about = [
         f"hdassist {__version__}: correction of the kinematic error, {controller.name}, axis {axis.name}",
         source,
-        f"{for_torque}; {table.turn} turn, {table.points} points, straight lines between",
+        f"{for_torque}; table of the form {table.turn}, {table.points} points, linear interpolation",
         *worm,
         *travel,
-        f"zero: the axis reads {axis.zero_deg:.6g} deg where cam and output stand at zero (phi_h = 0)",
-        f"counts up {way} seen from the cam side; error = actual less ideal angle of the output, taken off",
+        f"zero: the axis reads {axis.zero_deg:.6g} deg when input and output are at zero (phi_h = 0)",
+        f"counts up {way}, seen from the wave generator side; subtract the error (actual minus ideal output angle)",
         *(
             f"at {each.M_g:g} N*m{'' if each.case == 'in place' else ', ' + each.case}: expected range "
             f"{each.p50:.2f} arcsec ({each.p5:.2f} to {each.p95:.2f}), without correction {each.uncorrected_p50:.2f}"
@@ -339,7 +340,7 @@ def _onstepx_played(table: CorrectionTable, axis: ControllerAxis) -> _PlayedCorr
     seconds = round(worm_deg * 240)
     if not _PEC_SECONDS[0] <= seconds <= _PEC_SECONDS[1]:
         range_s = f"{_PEC_SECONDS[0]} to {_PEC_SECONDS[1]} s"
-        hint = "a table over half a turn of the cam takes half as long"
+        hint = "use a table over half an input revolution, which takes half as long"
         raise UsageError(f"invalid table of {seconds} sidereal seconds for OnStepX: expected {range_s}", hint)
     setpoint = np.arange(seconds + 1, dtype=float) / 240
     error = _error_at_setpoint(table, axis, setpoint, from_first=True)
@@ -410,7 +411,7 @@ def _c_array(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
         f"static const double hdassist_error_arcsec[{len(errors)}][HDASSIST_POINTS] = {{",
         *rows,
         "};",
-        "/* error [arcsec] at a reading [deg]: take it off the set-point */",
+        "/* error [arcsec] at a reading [deg]: subtract it from the set-point */",
         "static double hdassist_error(double reading_deg, int counts_down) {",
         f"    const double *values = hdassist_error_arcsec[{way}];",
         f"    double turns = (reading_deg - ({axis.zero_deg:.9g})) / {table.period_deg:g};",
@@ -426,16 +427,16 @@ def _c_array(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
 CONTROLLER_FORMATS = {
     "csv": ControllerFormat(
         "plain CSV", ("output", "cam", "half-cam"), _plain_csv,
-        "straight between rows; behind the last one the first comes again", by_direction=True, step_arcsec=1e-5,
+        "linear interpolation between rows; the first row follows the last", by_direction=True, step_arcsec=1e-5,
         comment="#",
     ),
     "c": ControllerFormat(
-        "C", ("output", "cam", "half-cam"), _c_array, "include it, and take hdassist_error(reading, down) off",
+        "C", ("output", "cam", "half-cam"), _c_array, "include it, and subtract hdassist_error(reading, down)",
         by_direction=True, step_arcsec=1e-5, comment="//",
     ),
     "linuxcnc-1": ControllerFormat(
         "LinuxCNC, type 1", ("output",), _linuxcnc,
-        "[JOINT_n] COMP_FILE and COMP_FILE_TYPE = 1; outside of its rows the nearest one holds",
+        "[JOINT_n] COMP_FILE and COMP_FILE_TYPE = 1; outside its rows the nearest row is used",
         most_points=254, by_direction=True, comment="#", comments_at=None,
     ),
     "twincat-cnc": ControllerFormat(
@@ -453,7 +454,8 @@ CONTROLLER_FORMATS = {
     ),
     "moteus": ControllerFormat(
         "moteus", ("cam", "half-cam"), _moteus,
-        "moteus_tool --write-config, firmware with compensation_scale; the source reads the cam", played=_moteus_played,
+        "moteus_tool --write-config, firmware with compensation_scale; the source reads the input angle",
+        played=_moteus_played,
     ),
     "eqmod": ControllerFormat(
         "EQMOD", ("cam", "half-cam"), _eqmod,

@@ -127,6 +127,6 @@ def test_a_table_that_leaves_most_is_written_with_a_word_on_the_form_that_does_m
     assert done.returncode == 0
     before, _, after = done.stderr.partition("wrote t.comp")
     assert "warning: output turn, 30 points leave " in before
-    assert " halves it (csv, c, linuxcnc-1, twincat-cnc, twincat-nc, siemens-840d do)" in before
+    assert " halves the error (possible with csv, c, linuxcnc-1, twincat-cnc, twincat-nc, siemens-840d)" in before
     assert not after.strip()
     assert "warning" not in run(*poor, "c=t.h", "--points", "720", cwd=tmp_path).stderr

@@ -168,8 +168,8 @@ def test_a_row_that_eqmod_leaves_out_costs_little_where_the_turn_is_no_whole_num
         ("linuxcnc-1", {"points": 255}, "number of points 255 for LinuxCNC, type 1: expected at most 254"),
         ("twincat-cnc", {"points": 1500}, "expected at most 1497"),
         ("siemens-840d", {"by_direction": True}, "expected one for both directions"),
-        ("moteus", {}, "table over the output turn for moteus: expected a table over the cam turn or half-cam turn"),
-        ("linuxcnc-1", {"turn": "cam"}, "expected a table over the output turn"),
+        ("moteus", {}, "--form output for moteus: expected --form cam or half-cam"),
+        ("linuxcnc-1", {"turn": "cam"}, "expected --form output"),
         ("onstepx", {"turn": "cam"}, "864 sidereal seconds for OnStepX: expected 61 to 720 s"),
     ],
 )  # fmt: skip
@@ -200,9 +200,10 @@ def test_a_file_says_what_it_is_for(kind):
     assert (text + about).isascii()
     for words in (
         "axis A1", "preset d\\nr\\u0436, sha256 5ha", "for 80 N*m",
-        f"{turn} turn, 100 points",
-        "the axis reads 12.5 deg where cam and output stand at zero", "counts up clockwise seen from the cam side",
-        "error = actual less ideal",
+        f"table of the form {turn}, 100 points",
+        "the axis reads 12.5 deg when input and output are at zero",
+        "counts up clockwise, seen from the wave generator side",
+        "subtract the error (actual minus ideal output angle)",
         "at 80 N*m: expected range 2.20 arcsec (1.10 to 3.30)",
         "at -80 N*m, turn lost: expected range 6.00 arcsec (5.00 to 7.00), without correction 28.00",
     ):  # fmt: skip
@@ -230,7 +231,7 @@ def test_a_controllers_file_is_written_with_what_it_leaves(tmp_path):
         ("galil=FILE", (), "expected CONTROLLER=FILE"),
         ("moteus", ("--form", "cam"), "expected CONTROLLER=FILE"),
         ("moteus=-", ("--form", "cam"), "expected CONTROLLER=FILE"),
-        ("moteus=FILE", (), "invalid form phasors for moteus"),
+        ("moteus=FILE", (), "invalid --form phasors for moteus"),
         ("linuxcnc-1=FILE", ("--form", "output", "--points", "255"), "expected at most 254"),
         ("moteus=FILE", ("--form", "cam", "--zero", "nan"), "expected a number up to"),
         ("siemens-840d=FILE", ("--form", "output", "--axis", "A]=0"), "expected letters and digits"),
