@@ -208,7 +208,7 @@ def answer_row(row: LotRow, *, debug: bool = False) -> AcceptAnswer:
         return failure_of(row, error)
     except (MemoryError, OSError, BrokenExecutor):  # a refusal of the system, or a lost process, is no row's
         raise
-    except Exception as bug:  # that row's answer, with the exit code of a bug: the others go on
+    except Exception as bug:  # the result of this row, with the exit code of a bug; the other rows continue
         if debug:
             raise
         where = traceback.extract_tb(bug.__traceback__)[-1]

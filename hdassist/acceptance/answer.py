@@ -40,7 +40,7 @@ _ERROR_CODES = tuple(kind.exit_code for kind in (HdassistError, DataError, Untru
 LOT_VERDICTS = ("PASS", "FAIL", "INCONCLUSIVE", _NO_VERDICT)
 RELATIVE = 1e-6  # of the greatest number of its object: how far a number may lie off that agrees
 _ROUNDING = 1e-12  # how far in any case: residuals of another processor
-# of the run and not of the drive; residuals are proven anew, each engine has its own
+# properties of the run, not of the drive; residuals are computed again, and differ between engines
 _NOT_COMPARED = (
     "version", "time", "request", "place", "message", "hint", "max_difference_arcsec", "engine", "max_residual",
     "residuals", "fallbacks",
@@ -120,7 +120,7 @@ class CrossCheckRecord(ClosedRecord):
 
 @dataclass(frozen=True)
 class ProofRecord(ClosedRecord):
-    """The proof of solved states: the worst residuals, the engine, and the cross-check by another solver."""
+    """Verification of solved states: the largest residuals, the engine, and the cross-check by another solver."""
 
     states: Count
     max_residual: Magnitude
@@ -182,12 +182,12 @@ class SamplesRecord(ClosedRecord):
 
 @dataclass(frozen=True, kw_only=True)
 class AcceptAnswer(ClosedRecord):
-    """The answer about a drive: verdict, decisions, and all that it takes to do it again; or its error.
+    """The result for a drive: verdict, decisions, and all inputs needed to compute it again; or its error.
 
-    request: None for a row of a lot that is wrong in itself; status: the verdict, or DATA_ERROR in its place, whatever
-    is given; place: of the row, None without one; certificate, unknown, influence, steps, samples and pitch (wheels
-    with measured teeth): of its predictions, as `hdassist check` has them. Raises ValueError for a verdict without a
-    check, and an exit code that is not that of its verdict or error.
+    request: None for a row of a lot that is itself invalid. status: the verdict, or DATA_ERROR instead, independent
+    of the other fields. place: place of the row; None without one. certificate, unknown, influence, steps, samples
+    and pitch (wheels with measured teeth): of the predictions, as in `hdassist check`. Raises ValueError for a
+    verdict without a check, and for an exit code that does not match the verdict or the error.
     """
 
     schema: Annotated[str, own_schema(_ACCEPT_SCHEMA)] = _ACCEPT_SCHEMA

@@ -1,14 +1,18 @@
 """The value of a limit, predicted or measured, and the decision on it.
 
-Predictions are made at the preset's own numbers, and over the inputs that are not known exactly: the samples are those
-of `hdassist check`, so F'_ior has the same probability of keeping a limit on both pages.
+Predictions are made at the preset's nominal values, and over its uncertain inputs with the samples of `hdassist
+check`, so that both pages give the same probability that F'_ior meets a limit.
 
-Measured values, guard rule (JCGM 106, ISO 14253-1): accepted within the limit by GUARD standard uncertainties or
-more, which conforms with 95 % probability, rejected beyond it by as much, inconclusive between; what lines off
-the orders may add in another cycle has to find room too, and an uncertainty that nobody has stated leaves it open.
-F'_ior by a recording is accepted by the upper end of its model instead, which holds with 95 % probability as well.
-Simple rule: accepted up to the limit. Predicted values follow the rule of `hdassist check` under both: the probability
-of keeping the limit over all that is not known exactly. That is no decision on conformity.
+Measured values, guard rule (JCGM 106, ISO 14253-1): a value is accepted if it is within the limit by at least GUARD
+standard uncertainties, which corresponds to a probability of conformity of 95 %. It is rejected if it is beyond the
+limit by as much, and inconclusive between. The guard band also allows for spectral lines outside the orders, which
+may add to the value in another cycle. An uncertainty that is not stated leaves the decision open. F'_ior of a
+recording is accepted by the upper end of its model instead, which also holds with a probability of 95 %.
+
+Simple rule: a value is accepted up to the limit.
+
+Predicted values follow the rule of `hdassist check` under both rules: the probability of meeting the limit over all
+uncertain inputs. A prediction is not a decision on conformity.
 """
 
 from __future__ import annotations
@@ -84,7 +88,7 @@ class _PredictedQuantities:
         return float(2 * np.abs(np.fft.rfft(values)[place]) / len(values))
 
     def value(self, limit: Limit) -> float:
-        """Value that a limit is held against, in its unit; NaN of one that is not predicted."""
+        """Return the value that a limit is compared with, in its unit; NaN if it is not predicted."""
         predicted = PREDICTED.get(limit.code)
         return predicted(self, limit.M_g_Nm or 0.0, limit.per_cam_rev or 0.0) if predicted else float("nan")
 
@@ -102,9 +106,11 @@ PREDICTED: dict[str, Callable[[_PredictedQuantities, float, float], float]] = {
 
 @dataclass(frozen=True)
 class Belief(ClosedRecord):
-    """A value over all that is not known exactly, in its unit: percentiles, and the probability of keeping its limit.
+    """Distribution of a value over all uncertain inputs, in its unit.
 
-    probability_low, probability_high: its Monte Carlo interval; few: it is of fewer samples than an answer takes.
+    The fields give percentiles and the probability that the value meets its limit.
+    probability_low, probability_high: Monte Carlo interval of this probability.
+    few: whether there are fewer samples than a result needs.
     """
 
     p5: float
@@ -117,16 +123,16 @@ class Belief(ClosedRecord):
 
     @property
     def kept(self) -> Probability:
-        """Probability of keeping the limit, with its interval."""
+        """Probability of meeting the limit, with its interval."""
         return Probability(self.probability, self.probability_low, self.probability_high, few=self.few)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Predictions(DesignCheck):
-    """Predicted values of a drive for its limits: a check at the torques of limits of F'_ior, and what others need.
+    """Predicted values of a drive for its limits: a check at the torques of limits of F'_ior, and further quantities.
 
-    quantities: at the preset's own numbers, unknown deviations as 0; sure, probability of keeping a limit that PASS
-    needs.
+    quantities: at the preset's nominal values, with unknown deviations as 0.
+    sure: probability of meeting a limit that PASS needs.
     """
 
     limits: tuple[Limit, ...]
@@ -145,7 +151,7 @@ class Predictions(DesignCheck):
         return tuple(filter(None, checks))
 
     def is_open(self, limit: Limit) -> bool:
-        """Whether anything that is not known exactly moves the value of a limit: deviations move the cycle alone."""
+        """Return whether an uncertain input moves the value of a limit. Deviations move the cycle only."""
         moves_cycle = "cycle" in limit.check.needs
         fields = self.prior.fields if self.prior else ()
         return any(moves_cycle or not field.path.startswith(TABLE_SECTIONS) for field in fields)
@@ -157,7 +163,7 @@ class Predictions(DesignCheck):
         return self.drive.acceptance.travel < 360 * kinematics.cycle_cam_revolutions / abs(kinematics.u)
 
     def belief(self, limit: Limit) -> Belief | None:
-        """The value of a limit over all that is not known exactly; None where nothing moves it, or was not drawn."""
+        """Return the distribution of the value of a limit; None if nothing moves it, or without samples."""
         if self.samples is None or not self.is_open(limit):
             return None
 
@@ -205,10 +211,11 @@ def predict(
 ) -> Predictions:
     """Predict the quantities that limits need.
 
-    Arguments: limits; wheels, with measured teeth in place of first harmonics, for which there are no samples;
-    draws, effective samples of the unknown inputs at least, 0 for none; sure, probability of keeping a limit that PASS
-    needs. Raises UntrustedError where an answer cannot be trusted, or the preset's catalogue contradicts its other
-    values.
+    limits: limits to predict values for.
+    wheels: wheels with measured teeth instead of first harmonics; there are no samples for them.
+    draws: minimum effective sample size of the uncertain inputs; 0 for none.
+    sure: probability of meeting a limit that PASS needs.
+    Raises UntrustedError if a result cannot be trusted, or the preset's catalogue contradicts its other values.
     """
     there, teeth = wheels.in_drive(drive) if wheels else (drive, None)
     known = quantities(drive, limits, partial(kinematic_error, there, teeth=teeth, run=run.of_task), run=run)
@@ -247,7 +254,7 @@ def predict(
 
 
 def _figures(limits: tuple[Limit, ...], drive: Drive) -> tuple[dict[str, float], Certificate]:
-    """Values of a drive, by the label of the limit that they are for, with their proof."""
+    """Return values of a drive by the label of their limit, with the certificate of the solved states."""
     known = quantities(drive, limits, partial(estimated_cycle, drive), run=UNCHECKED)
     return {limit.label: known.value(limit) for limit in limits}, known.certificate
 
@@ -308,15 +315,16 @@ class CoveredCycle(ClosedRecord):
 
 @dataclass(frozen=True)
 class AcceptedValue(ClosedRecord):
-    """A measured or predicted value with its uncertainty; unknown without arguments.
+    """A measured or predicted value with its uncertainty; unknown if made without arguments.
 
-    value, in the unit of its check, the median where there is a belief; expanded_uncertainty, k = 2, None where it is
-    predicted; basis, how it is known; extent: the value of the whole cycle, a lower bound of it, that of a part which
-    does not hold for the whole, a prediction at the preset's own numbers where others are as possible (not known), or
-    none at a torque between those that were recorded; rise, by how much it may be greater in another cycle; at_most, of
-    a lower bound: value that 95 of 100 drives with it stay below, by a plan of positions or by the model of a
-    recording; unstated, sources of its uncertainty that nobody has stated; belief, of a prediction over the uncertain
-    inputs; full_cycle, of F'_ior by a recording: what its model says.
+    value: in the unit of its check; the median if there is a distribution. expanded_uncertainty: with k = 2; None if
+    the value is predicted. basis: how the value was obtained. extent: part of the cycle that the value stands for. It
+    is the value of the whole cycle, a lower bound of it, the value of a part that does not hold for the whole, a
+    prediction at the preset's nominal values although others are equally possible ("not known"), or no value at a
+    torque between the recorded torques. rise: amount by which the value may be larger in another cycle. at_most: for
+    a lower bound, the value that 95 of 100 drives with it do not exceed, by a plan of positions or by the model of a
+    recording. unstated: sources of uncertainty without a statement. belief: distribution of a predicted value over
+    the uncertain inputs. full_cycle: for F'_ior of a recording, the result of its model.
     """
 
     value: float | None = None
@@ -379,9 +387,10 @@ class AcceptedValue(ClosedRecord):
 
     @classmethod
     def measured(cls, limit: Limit, sweep: SweepResult, cycle: CoveredCycle | None = None) -> AcceptedValue:
-        """The value by one direction of a trace, with the expanded uncertainty; none where that does not tell it.
+        """Return the value of one direction of a recording with its expanded uncertainty.
 
-        cycle: what the direction covers of it and its model says about it; None if the model does not hold.
+        The value is unknown if the direction does not determine it. cycle: coverage of the direction and the result
+        of its model; None if the model does not hold.
         """
         read = MEASURED[limit.code](sweep, limit.per_cam_rev or 0.0) if limit.check.of_trace else None
         if read is None:
@@ -412,10 +421,12 @@ MEASURED: dict[str, Callable[[SweepResult, float], tuple[float, float, float] | 
 
 @dataclass(frozen=True, kw_only=True)
 class DecidedCheck(AcceptedValue, Limit):
-    """A value and the limit that it is held against, as the files of `hdassist accept` have them.
+    """A value and the limit with which it is compared, as the files of `hdassist accept` give them.
 
-    guard: band on each side of the limit; limit_is: "greatest" or "least" value allowed; margin: room that the value
-    leaves to it, or at_most where a lower bound is not beyond it; reason: None where the verdict is plain.
+    guard: band on each side of the limit.
+    limit_is: whether the limit is the largest or the smallest value allowed ("greatest", "least").
+    margin: distance of the value from the limit, or of at_most if a lower bound is within it.
+    reason: None if the verdict needs no explanation.
     """
 
     guard: float
@@ -427,7 +438,7 @@ class DecidedCheck(AcceptedValue, Limit):
 
 
 def decide(limit: Limit, held: AcceptedValue, rule: Rule, sure: float) -> DecidedCheck:
-    """Decide on a value by a rule; sure: probability of keeping a limit that PASS of a prediction needs."""
+    """Decide on a value by a rule; sure: probability of meeting a limit that PASS of a prediction needs."""
     known = held.value is not None and held.basis != "predicted"
     held = replace(held, expanded_uncertainty=(held.expanded_uncertainty or 0.0) if known else None)
     guard = GUARD * (held.expanded_uncertainty or 0.0) / COVERAGE_FACTOR if rule == "guard" else 0.0

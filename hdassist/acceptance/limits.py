@@ -38,12 +38,13 @@ class _Explained:
 
 @dataclass(frozen=True, kw_only=True)
 class Check(_Explained):
-    """A value held against a limit of the preset.
+    """A value compared with a limit of the preset.
 
-    field: of the preset's section acceptance, which has the limit; its kind says whom the limit is for. needs: figures
-    of the drive that the value is predicted from (decision.PREDICTED); without any only a stated value counts.
-    of_trace: whether a trace has the value (decision.MEASURED). of_part: what such a value is where the record visited
-    a part of the cycle. upper: whether the limit is the greatest value allowed, not the least.
+    field: field of the preset's section acceptance with the limit; its kind states to which values the limit applies.
+    needs: figures of the drive from which the value is predicted (decision.PREDICTED); if empty, only a reported
+    value counts. of_trace: whether a recording gives the value (decision.MEASURED). of_part: meaning of such a value
+    if the recording covers a part of the cycle. upper: whether the limit is the largest value allowed, not the
+    smallest.
     """
 
     field: str

@@ -98,14 +98,24 @@ class Inputs:
 
 @dataclass(frozen=True)
 class Request(ClosedRecord):
-    """One drive to accept, each part as the options of the command line have it.
+    """One drive to accept, with each part as the options of the command line give it.
 
-    preset, a name, path or -; serial, of the drive, for reports; overrides of the preset; limits, instead of the
-    preset's; measured, traces; values, measured otherwise; reading, how traces are read; measured_only, predict
-    nothing; cross_check, solver of some predicted states again; draws, effective samples of what is not known at least;
-    sure, probability of keeping a limit that PASS of a prediction needs; seed; wheels, with measured teeth, for
-    predictions; strict, whether every limit has to be decided by a measurement; shared, serials of other drives of the
-    lot that have one of the same recordings; shared_records, whether these decide all the same.
+    preset: a name, a path or -.
+    serial: serial number of the drive, for reports.
+    overrides: overrides of the preset.
+    limits: limits instead of those of the preset.
+    measured: recordings.
+    values: values measured otherwise.
+    reading: how recordings are read.
+    measured_only: whether to make no prediction.
+    cross_check: solver that solves some predicted states again.
+    draws: minimum effective sample size of the uncertain inputs.
+    sure: probability of meeting a limit that PASS of a prediction needs.
+    seed: seed of the samples.
+    wheels: wheels with measured teeth, for predictions.
+    strict: whether every limit has to be decided by a measurement.
+    shared: serial numbers of other drives of the lot with one of the same recordings.
+    shared_records: whether such recordings decide nevertheless.
     """
 
     preset: OneLine
@@ -126,7 +136,7 @@ class Request(ClosedRecord):
     shared_records: bool = False
 
     def files(self) -> list[str]:
-        """Paths of all that is read for it; its preset, the first one, may be one of the library."""
+        """Return the paths of all files read for the request; the preset, the first one, may be one of the library."""
         wheels = [] if self.measured_only else self.wheels.files.values()
         return [self.preset, *(torque_and_file(text)[1] for text in self.measured), *wheels]
 

@@ -1,1 +1,1 @@
-"""Correction of the kinematic error by a controller: tables and phasors, and the residual that they leave."""
+"""Correction of the kinematic error by a controller: tables and correction terms, and their residual."""

@@ -1,4 +1,4 @@
-"""Error of a drive that a correction takes off, over all that is not known of it, and whether a record keeps that."""
+"""Residual error of a drive with a correction, over its uncertain inputs, and its verification by a recording."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ _REPORTED_SHARES = (0.05, 0.5, 0.95)
 _SOLVED_DRIVES = 8  # whose whole cycle is solved, for the part that lines leave out
 _SOLVED_A_POSITION = 2  # of these in each position of the fixed wheel
 PHASORS = CorrectionForm(None)  # as many as are enough
-_ENOUGH = 1.1  # times the least that phasors leave: fewer of them are enough up to that
+_ENOUGH = 1.1  # times the smallest residual of correction terms: fewer terms are sufficient up to this residual
 IN_PLACE, TURN_LOST = "in place", "turn lost"
 _ZERO_OFF_DEG = (1.0, 10.0)  # of the cam
 _LOST_TURNS = 9  # counts of lost turns that are looked at, at most
@@ -66,11 +66,12 @@ _IN_ZERO_DEG = 3.0  # of the cam, as far as a zero counts as right
 
 @dataclass(frozen=True, eq=False)
 class _LoadedError:
-    """Error of drives as one may be, at a torque, by its lines.
+    """Error of sampled drives at a torque, by its lines.
 
-    beyond: range of all that the lines do not have, over that of the error, shape (drives,), or a number for all of
-    them; F_ior_arcsec: of a record of the full cycle, None without one; visited: points that count, shape (points,),
-    None if all do; stated_arcsec: median of F'_ior over the samples, as `check` states it; None without samples.
+    beyond: range of the part that the lines do not contain, relative to that of the error, shape (drives,), or one
+    number. F_ior_arcsec: F'_ior of a recording of the full mesh cycle; None without one. visited: points that count,
+    shape (points,); None if all do. stated_arcsec: median of F'_ior over the samples, as `check` gives it; None
+    without samples.
     """
 
     lines: ErrorLines
@@ -138,14 +139,15 @@ class FormResiduals:
 class Correction:
     """Corrections of a drive for the first of its torques.
 
-    drive: None where there is a record alone; errors: of drives as this one may be, by torque; parts of that; chosen:
-    residuals of the form asked for, fitted to all these drives together, and corrections, those themselves, by torque:
-    of other loads than the first where each has its own, and may make at most one drive in twenty worse there; forms:
-    residuals of each form, fitted to each drive by itself where the chosen is refused without a record of the full
-    cycle: as if there were one; fewest_points: of a table over the output turn that halves the error, None where none
-    of those tried does; phasors: median of the range [arcsec] that numbers of them leave; records, by torque [N*m];
-    misfit: of the drives that agree with records of part of the cycle, over the error, else None; samples: None where
-    all is known.
+    drive: None for a correction from a recording alone. errors: errors of the sampled drives, by torque. parts: parts
+    of these errors. chosen: residuals of the requested form, fitted to all these drives together. corrections:
+    corrections of that form, by torque. With a table for each load, other torques than the first have their own. Such
+    a table may make at most one drive in twenty worse. forms: residuals of each form. If the chosen form is refused
+    without a recording of the full mesh cycle, they are fitted to each drive by itself, as if there were such a
+    recording. fewest_points: points of a table over the output revolution that halves the error; None if no tried
+    number does. phasors: median of the residual range [arcsec] by number of correction terms. records: recordings by
+    torque [N*m]. misfit: relative misfit of the drives that agree with recordings of part of the cycle, else None.
+    samples: None if the drive has no uncertain inputs.
     """
 
     drive: Drive | None
@@ -182,7 +184,7 @@ class Correction:
 
     @property
     def strong_lines(self) -> tuple[float, ...]:
-        """The strongest lines, the strongest first: times a turn of the output."""
+        """Return the strongest lines in descending sequence, in periods per output revolution."""
         lines = self.errors[self.M_g].lines
         strongest = np.argsort(-(np.abs(lines.amplitude) ** 2).mean(axis=0))[:_STRONG_LINES]
         return tuple(line_orders(lines)[0][strongest].tolist())
@@ -360,9 +362,9 @@ def _loaded_error(
 
 
 def _enough_phasors(left_arcsec: Mapping[int, float]) -> int:
-    """Return the smallest number of phasors that leaves hardly more than the best number.
+    """Return the smallest number of correction terms whose residual is close to that of the best number.
 
-    left_arcsec: median of the range [arcsec] that numbers of phasors leave.
+    left_arcsec: median of the residual range [arcsec] by number of correction terms.
     """
     least = min(left_arcsec.values())
     return next(number for number, left in left_arcsec.items() if left <= _ENOUGH * least)
@@ -534,9 +536,10 @@ class VerifiedCorrection:
 
 
 def verify(result: Correction, record: RecordedError, run: Run) -> VerifiedCorrection:
-    """A record with the correction on, held against the promise.
+    """Compare a recording with the correction on with the predicted residual.
 
-    Its interval is all that noise leaves open. PASS where that is within the promise at 95 %, FAIL where none of it is.
+    The interval of the measured residual covers the uncertainty from noise. The verdict is PASS if the interval is
+    within the predicted residual at 95 %, and FAIL if no part of the interval is.
     """
     promised, error = result.chosen.residuals[0], result.errors[result.M_g]
     lines = recorded_lines(error.lines, record, run)

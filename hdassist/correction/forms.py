@@ -1,8 +1,10 @@
-"""Stored corrections as a controller evaluates them, tables and phasors, each fitted to an error by least squares.
+"""Stored corrections as a controller evaluates them, tables and correction terms, fitted by least squares.
 
-Signs: the error is the actual less the ideal angle of the output [arcsec], counted counter-clockwise seen from the cam
-side as every angle; a controller takes it off its set-point. F_kpp, which is the ideal less the actual angle, is its
-opposite. Zero: cam and output stand where phi_h = 0 and the output's angle is 0 in the preset.
+Signs: the error is the actual minus the ideal angle of the output [arcsec]. It is counted counter-clockwise, seen
+from the wave generator side, as every angle. A controller subtracts it from its set-point. F_kpp, the ideal minus the
+actual angle, has the opposite sign.
+
+Zero: the position of wave generator and output at phi_h = 0 with the output angle 0 of the preset.
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ from hdassist.errors import UsageError
 from hdassist.model.geometry import Array
 
 RepeatTurn = Literal["output", "cam", "half-cam"]
-TRIED_POINTS: Mapping[RepeatTurn | None, Sequence[int]] = {  # of tables, and numbers of phasors
+TRIED_POINTS: Mapping[RepeatTurn | None, Sequence[int]] = {  # of tables, and numbers of correction terms
     None: (20, 80, 320, 1280),
     "output": (32, 64, 100, 128, 180, 256, 360, 512, 720, 1024, 1500, 2048, 4096),
 }
@@ -28,10 +30,10 @@ CAM_POINTS = 256  # of a table over a turn of the cam, or half of one
 
 @dataclass(frozen=True)
 class ExpectedResidual:
-    """Range [arcsec] of the error over the full cycle at a torque M_g [N*m], without a correction and with it.
+    """Range [arcsec] of the error over the full mesh cycle at a torque M_g [N*m], without a correction and with it.
 
-    Percentiles over all that is not known of the drive: uncorrected_p50, p5, p50, p95. case: in place, or with the zero
-    of the correction off, or a turn of the cam lost.
+    uncorrected_p50, p5, p50, p95: percentiles over all uncertain inputs of the drive.
+    case: "in place", or with the zero of the correction off, or with a lost input revolution.
     """
 
     M_g: float
@@ -145,9 +147,11 @@ def correction_columns(correction: CorrectionTable | Phasors) -> dict[str, Array
 
 @dataclass(frozen=True)
 class CorrectionForm:
-    """A form of a correction: turn after which it repeats, None for phasors; points of a table, or number of phasors.
+    """Form of a correction.
 
-    each_load: whether each torque has a table of its own.
+    turn: revolution after which it repeats; None for correction terms.
+    points: points of a table, or number of correction terms.
+    each_load: whether each torque has its own table.
     """
 
     turn: RepeatTurn | None
@@ -177,7 +181,7 @@ USUAL_TABLES = (
 
 
 def form_of_text(text: str) -> CorrectionForm:
-    """A form like phasors, phasors:80, output:720, cam or half-cam. Raises UsageError for any other text."""
+    """Read a form such as phasors, phasors:80, output:720, cam or half-cam. Raises UsageError for any other text."""
     name, _, points = text.partition(":")
     usual = {"phasors": TRIED_POINTS[None][-1], "output": USUAL_POINTS, "cam": CAM_POINTS, "half-cam": CAM_POINTS}
     number = int(points) if points.isdecimal() else usual.get(name, 0) if not points else 0

@@ -42,7 +42,7 @@ _IMAGE = 0.5  # of a wave: a share that readings see of it in another one, from 
 _EVEN = 0.999  # the same of readings at even angles
 _ROUNDS = 4  # of least squares, at most: readings that are not quite even mix lines
 _SOLVED = 1e-5  # of the slope of least squares, that is left
-_FINER = 32  # times the points of curves, at which places are told apart
+_FINER = 32  # times the points of curves: resolution of places
 _WIDEST_GAP = 2  # steps between readings: in the middle of a wider gap the error counts as not read, and as 0
 _MOST_ROUNDED = 0.1  # of the range of a record: expanded uncertainty by counts that are read at even angles
 _LEAST_REPEATS = 20  # readings beyond those that lines can follow, from which noise is known
@@ -111,7 +111,7 @@ class RecordedError:
         return RecordedError((turns + again).ravel(), np.tile(error, repeats), recorded_turns=(first, first + span))
 
     def points(self, lines: ErrorLines, finer: int = 1) -> NDArray[np.int64]:
-        """The nearest points of the curves of lines, or of so many times as many."""
+        """Return the nearest points of the curves of lines, or of a grid finer by an integer factor."""
         cycle = lines.kinematics.cycle_cam_revolutions
         count, places = finer * POINTS_A_TURN * cycle, np.mod(self.cam_turns / cycle, 1)
         return np.asarray(np.rint(places * count).astype(np.int64) % count)
@@ -146,11 +146,12 @@ class RecordedError:
         return (np.fft.irfft(spectrum, points) * (points / 2))[self.points(lines, _FINER)]
 
     def lines(self, kinematics: Kinematics) -> ErrorLines:
-        """Its lines by least squares, as many as it tells apart and curves have: those of one drive.
+        """Fit as many lines as the readings resolve and curves have, by least squares: those of one drive.
 
-        Those are as many as the usual gap between readings resolves, and as have no image among each other: readings
-        of two sweeps in pairs close together see the waves of one sweep. Conjugate gradients, as uneven readings mix
-        lines; few rounds, so that the error stays small where none was read.
+        The readings resolve as many lines as the usual gap between them allows, without lines that are images of each
+        other: readings of two sweeps in closely spaced pairs resolve the components of one sweep. The fit uses
+        conjugate gradients, because uneven readings mix lines, and few iterations, so that the error stays small
+        where there are no readings.
         """
         cycle = kinematics.cycle_cam_revolutions
         gaps, weights = np.sort(self._gaps(kinematics)[1]), self.weights(kinematics)
@@ -246,10 +247,10 @@ def recorded_error(measurement: Measurement, kinematics: Kinematics, asked: Alig
 
 @dataclass(frozen=True, eq=False)
 class _DrawnErrors:
-    """Errors that agree with a recording, as of so many drives.
+    """Errors of sampled drives that agree with a recording.
 
-    lines: waves of the input and the output of each. beyond_arcsec: range that components off these waves can add,
-    shape (drives,): their phases differ from cycle to cycle.
+    lines: components of the input and the output of each. beyond_arcsec: range that components off these lines can
+    add, shape (drives,); their phases differ from cycle to cycle.
     """
 
     lines: ErrorLines
@@ -294,11 +295,11 @@ def drawn_errors(measurement: Measurement, kinematics: Kinematics, asked: Alignm
 
 
 def with_scale_spread(lines: ErrorLines, scale_uncertainty: float, seed: int) -> ErrorLines:
-    """Return lines of drives whose errors differ by a factor, normal around 1, that a recording leaves open.
+    """Return lines of drives whose errors differ by a normal factor around 1, which a recording leaves open.
 
-    lines: of so many drives.
+    lines: lines of the drives.
     scale_uncertainty: relative standard uncertainty of the factor.
-    seed: of the order of the factors.
+    seed: seed of the sequence of the factors.
     """
     if not scale_uncertainty:
         return lines
@@ -309,7 +310,7 @@ def with_scale_spread(lines: ErrorLines, scale_uncertainty: float, seed: int) ->
 
 
 def _whole_turns(turns: float, kinematics: Kinematics) -> float:
-    """Turns of the cam in as many whole turns of the output as have so many."""
+    """Return the smallest number of input revolutions that are whole output revolutions and at least as many."""
     period = abs(kinematics.u)
     return float(period * np.ceil(turns / period - 1e-9))
 
@@ -479,7 +480,7 @@ def agreeing_drives(
         best, starts = fit.x, fit.x[None]
         beyond = beyond_lines(values_of(best[None])[0])
         left = off(best[None])[0] - beyond
-        noise = float(np.var(np.diff(left))) / 2  # of a reading: a misfit goes on from one to the next
+        noise = float(np.var(np.diff(left))) / 2  # of a reading: a misfit continues from one to the next
         excess, independent = max(float(np.var(left)) - noise, 0.0), _MISFITS_A_TURN * cam_turns
         # its bound by chi square of independent numbers, and by what noise and a fit to it may hide of it
         bound = excess * independent / chdtri(max(independent - len(best), 2.0), 1 - _MISFIT_CHANCE)

@@ -1,7 +1,8 @@
-"""Files with which controllers take a correction in: columns, signs, units and steps as each of them reads its own.
+"""Files of corrections for controllers: columns, signs, units and steps in the convention of each controller.
 
-Each follows the controller's source or manual, and is proven by a second implementation of that in the tests.
-Positions are the controller's own, which may count the other way and from elsewhere; `ControllerAxis` says how.
+Each writer follows the controller's source or manual. The tests verify it with a second implementation of the
+controller's reading. Positions are those of the controller, which may count in the other sense and from another zero;
+see `ControllerAxis`.
 """
 
 from __future__ import annotations
@@ -31,12 +32,14 @@ _RESAMPLED_POINTS = 8192  # played by a controller that has its own points
 
 @dataclass(frozen=True)
 class ControllerAxis:
-    """An axis as its controller counts it.
+    """An axis in the convention of its controller. The first values of a table are for counting up.
 
-    name: of the axis, joint or source; sense: 1 where it counts up as the output turns counter-clockwise seen from the
-    cam side, else -1 (for moteus, as the cam does); zero_deg: its reading [deg] where cam and output stand at zero;
-    from_deg: start of the turn that rows cover; steps_per_degree: of the axis's motor, for mounts. A table's first
-    values are for counting up.
+    name: name of the axis, joint or source.
+    sense: 1 if it counts up as the output rotates counter-clockwise, seen from the wave generator side, else -1 (for
+    moteus: as the wave generator rotates).
+    zero_deg: its reading [deg] when input and output are at zero.
+    from_deg: start of the revolution that rows cover.
+    steps_per_degree: motor steps per degree of the axis, for telescope mounts.
     """
 
     name: str
@@ -85,7 +88,7 @@ class ControllerFormat:
     comments_at: int | None = 0
 
     def require(self, turn: RepeatTurn | None, points: int) -> None:
-        """Raise UsageError unless it keeps a table of so many points over such a turn, None for phasors."""
+        """Raise UsageError unless it stores a table of this form and number of points; None: correction terms."""
         if turn not in self.turns:
             wanted = " or ".join(self.turns)
             raise UsageError(f"invalid --form {turn or 'phasors'} for {self.name}: expected --form {wanted}")
