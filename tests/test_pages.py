@@ -110,7 +110,7 @@ def test_measure(tmp_path: Path):
 
 def test_files(tmp_path: Path):
     output = output_of("files.md", tmp_path)
-    for recording in ("guided.txt", "counts.csv"):
+    for recording in ("guided.txt", "counts.csv", "moteus.csv"):
         assert recording in output
 
 

@@ -27,6 +27,7 @@ from hdassist.preset.text import MAX_FINDINGS, ordered_findings, shown
 from hdassist.readers.guiding import SIDEREAL_ARCSEC_S, GuideForm, guide_rows
 from hdassist.readers.words import (
     ANGLES,
+    COUNTS,
     DEFINITIONS,
     PITCH_KEYS,
     TIMES,
@@ -39,6 +40,9 @@ from hdassist.readers.words import (
     fault_of,
     foreign_unit_in,
     has_numbers,
+    is_in_counts,
+    is_of_moteus,
+    moteus_unit_of,
     names_in,
     plain_unit,
     quantity_of,
@@ -125,7 +129,7 @@ class NumberTable:
         Raises PresetError if the name or a remark states another unit and no option states one.
         """
         name = self.name(column)
-        named = unit_in(name, units)
+        named = unit_in(name, units) or self._unit_of_program(name, units)
         if column in self.sexagesimal:
             self._require_degrees(column, words, units, named, asked)
             self.notes.append(f'"{name}": {words}, degrees, minutes and seconds')
@@ -141,6 +145,16 @@ class NumberTable:
         definition = f" ({DEFINITIONS[unit]})" if unit in DEFINITIONS else ""
         self.notes.append(f'"{name}": {words}, {assumed if is_assumed else unit + definition}')
         return unit
+
+    def _unit_of_program(self, name: str, units: Iterable[str]) -> str:
+        """Return the unit that the program has which named a column, if it is one of some units; empty for none."""
+        if is_in_counts(name):
+            unit = COUNTS
+        elif is_of_moteus(self.names):
+            unit = moteus_unit_of(name)
+        else:
+            unit = ""
+        return unit if unit in units else ""
 
     def _require_degrees(self, column: int, words: str, units: Iterable[str], named: str, asked: str | None) -> None:
         """Raise PresetError if a column in degrees, minutes and seconds has other cells, or another unit is stated."""

@@ -31,6 +31,11 @@ DEFINITIONS: dict[str, str] = _TABLE["definitions"]
 _FOREIGN: dict[str, list[str]] = _TABLE["foreign"]
 _LETTERS: dict[str, list[str]] = _TABLE["letters"]
 _RUNS: dict[str, str] = _TABLE["runs"]
+_EPICS_ROLES: dict[str, str] = _TABLE["epics_fields"]["roles"]
+_EPICS_COUNTS: list[str] = _TABLE["epics_fields"]["counts"]
+_EPICS_FIELD = re.compile(rf"[\w:{{}}-]+\.({'|'.join(_EPICS_ROLES)})(?![^\W_])")
+_MOTEUS: dict[str, str] = _TABLE["moteus"]
+_FEWEST_REGISTERS = 2  # of moteus, by which a table without telemetry is known
 _NO_UNIT = re.compile(_TABLE["no_units"]["words"], re.IGNORECASE)
 _GERMAN = re.compile(_TABLE["no_units"]["german"], re.IGNORECASE)
 _JOINED = [
@@ -82,8 +87,36 @@ def role_in(name: str) -> str:
     """Content of a column by its name: a key of _ROLES, as error, cam, output or angle; empty for an unknown one."""
     if _names_temperature(name):
         return "temperature"
+    if field := epics_field_in(name):
+        return _EPICS_ROLES[field]
     spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name).lower()
     return next((role for role, words in _ROLES.items() if re.search(_WORD.format(words), spaced)), "")
+
+
+def epics_field_in(name: str) -> str:
+    """Return the field of a motor record of EPICS that a name is of, as RBV of "BL1:rot:m1.RBV"; empty for none."""
+    match = _EPICS_FIELD.match(name.strip())
+    return match[1] if match else ""
+
+
+def is_in_counts(name: str) -> bool:
+    """Return whether a name is that of a field of EPICS which has pulses of a motor or counts of an encoder."""
+    return epics_field_in(name) in _EPICS_COUNTS
+
+
+def is_of_moteus(names: Sequence[str]) -> bool:
+    """Return whether the names of a table are those of the telemetry or the registers of a moteus controller."""
+    if any(re.match(_MOTEUS["telemetry"], name) for name in names):
+        return True
+    registers = [name for name in names if re.fullmatch(_MOTEUS["registers"], name)]
+    return "POSITION" in registers and len(registers) >= _FEWEST_REGISTERS
+
+
+def moteus_unit_of(name: str) -> str:
+    """Return the unit of a column of moteus by its name: revolutions or counts, empty for any other column."""
+    if re.fullmatch(_MOTEUS["positions"], name):
+        return "turn"
+    return COUNTS if re.fullmatch(_MOTEUS["values"], name) else ""
 
 
 def run_side_in(name: str) -> int:
