@@ -87,13 +87,13 @@ def role_in(name: str) -> str:
     """Content of a column by its name: a key of _ROLES, as error, cam, output or angle; empty for an unknown one."""
     if _names_temperature(name):
         return "temperature"
-    if field := epics_field_in(name):
+    if field := _epics_field_in(name):
         return _EPICS_ROLES[field]
     spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name).lower()
     return next((role for role, words in _ROLES.items() if re.search(_WORD.format(words), spaced)), "")
 
 
-def epics_field_in(name: str) -> str:
+def _epics_field_in(name: str) -> str:
     """Return the field of a motor record of EPICS that a name is of, as RBV of "BL1:rot:m1.RBV"; empty for none."""
     match = _EPICS_FIELD.match(name.strip())
     return match[1] if match else ""
@@ -101,7 +101,7 @@ def epics_field_in(name: str) -> str:
 
 def is_in_counts(name: str) -> bool:
     """Return whether a name is that of a field of EPICS which has pulses of a motor or counts of an encoder."""
-    return epics_field_in(name) in _EPICS_COUNTS
+    return _epics_field_in(name) in _EPICS_COUNTS
 
 
 def is_of_moteus(names: Sequence[str]) -> bool:
