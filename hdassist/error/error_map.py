@@ -277,13 +277,13 @@ class Reach:
                 size_of[column] = size_of.get(column, 0.0) + size
         teeth_size = _WIDER_SPAN * max(size_of.pop(teeth), _MIN_REACH)
         cam_size = _WIDER_SPAN * max(size_of.pop(CAM_COLUMNS), _MIN_REACH)
-        others = []
+        further_columns = []
         for column in sorted(size_of):
-            others += [column, column + 1]
+            further_columns += [column, column + 1]
         return cls(
             axes=(teeth, teeth + 1, CAM_COLUMNS, CAM_COLUMNS + 1),
             sizes=np.array([teeth_size, teeth_size, cam_size, cam_size]),
-            others=tuple(others),
+            others=tuple(further_columns),
         )
 
 

@@ -6,7 +6,7 @@ the curve is the same on the way up and on the way down: there is no hysteresis 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
@@ -94,10 +94,10 @@ def catalogue_torques(drive: Drive) -> tuple[float, float]:
     Where the preset gives one of them, the other is in the proportion that catalogues have; where it gives none, both
     are those of catalogues at the drive's pitch diameter, by the cube law.
     """
-    given = drive.catalogue.T_1, drive.catalogue.T_2
-    scales = [T / T_size for T, T_size in zip(given, _T_58, strict=True) if T is not None]
+    torques = drive.catalogue.T_1, drive.catalogue.T_2
+    scales = [T / T_size for T, T_size in zip(torques, _T_58, strict=True) if T is not None]
     scale = scales[0] if scales else (drive.gears.pitch_diameter / _D_58) ** 3
-    T_1, T_2 = (scale * T_size if T is None else T for T, T_size in zip(given, _T_58, strict=True))
+    T_1, T_2 = (scale * T_size if T is None else T for T, T_size in zip(torques, _T_58, strict=True))
     return T_1, T_2
 
 
@@ -116,71 +116,117 @@ def stiffness(
     formulation: Formulation | None = None,
     run: Run = Run(),
 ) -> Stiffness:
-    """Twist of a drive without deviations over torques to both sides, at tooth phase 0 and its ball phase.
+    """Return the twist of a drive without deviations over torques to both sides, at tooth phase 0 and its ball phase.
 
-    Arguments: T_1, T_2, ends of the first two segments, by default as catalogues have them for the size;
-    T_max, end of the curve, by default 1.5 T_2 [N*m]; points, torques to each side, besides those that have a name;
-    formulation of the drive's contact system, where it is there already; run, whose other solver solves the least and
-    the greatest torque to both sides again.
-    Raises UsageError for torques that cannot be meant, UntrustedError where an answer cannot be trusted.
+    Args:
+        drive: the drive.
+        T_1: end of the first segment [N*m]; as in catalogues for the size by default.
+        T_2: end of the second segment [N*m]; as in catalogues for the size by default.
+        T_max: end of the curve [N*m]; 1.5 T_2 by default.
+        points: number of torques to each side, besides the ends of segments.
+        formulation: of the drive's contact system, if it exists already.
+        run: its solver for the cross-check solves the smallest and the largest torque to both sides again.
+
+    Raises UsageError for torques that are too small, not finite or in the wrong order, UntrustedError if an answer
+    cannot be trusted.
     """
     rated = drive.rated_torque
-    defaults = catalogue_torques(drive)
-    T_1 = defaults[0] if T_1 is None else T_1
-    T_2 = defaults[1] if T_2 is None else T_2
+    ends = _segment_ends(drive, T_1, T_2, T_max)
+    side = np.unique([*ends.torques, LOST_MOTION_SHARE * rated, *np.linspace(0, ends.T_max, points + 1)[1:]])
+    torque = np.concatenate([-side[::-1], side])
+    contact, tube, certificate, cross_check = _kept_twists(drive, torque, ends, formulation, run)
+    contact_arcsec = np.array(contact)
+    tube_arcsec = np.array(tube)
+    twist_of = dict(zip(torque.tolist(), (contact_arcsec + tube_arcsec).tolist(), strict=True))
+    return Stiffness(
+        torque=torque,
+        contact_arcsec=contact_arcsec,
+        tube_arcsec=tube_arcsec,
+        rated=rated,
+        positive=_segments(ends, twist_of, +1),
+        negative=_segments(ends, twist_of, -1),
+        certificate=certificate,
+        cross_check=cross_check,
+    )
+
+
+@dataclass(frozen=True)
+class _SegmentEnds:
+    """Torques that end the segments of a curve, to one side [N*m]."""
+
+    torques: tuple[float, ...]  # the smallest one that closes the play, then the ends of the segments that are reached
+    T_max: float  # end of the curve
+
+    @property
+    def smallest(self) -> float:
+        """Smallest torque [N*m]."""
+        return self.torques[0]
+
+
+def _segment_ends(drive: Drive, T_1: float | None, T_2: float | None, T_max: float | None) -> _SegmentEnds:
+    """Return the ends of the segments of a curve, with the arguments of `stiffness`.
+
+    Raises UsageError for torques that are too small, not finite or in the wrong order.
+    """
+    default_1, default_2 = catalogue_torques(drive)
+    T_1 = default_1 if T_1 is None else T_1
+    T_2 = default_2 if T_2 is None else T_2
     T_max = _CURVE_BEYOND * T_2 if T_max is None else T_max
-    least = NEAR_ZERO * rated
-    hint = f"use a finite torque above {least:g} N*m, 1e-5 of the rated torque"
+    smallest = NEAR_ZERO * drive.rated_torque
+    hint = f"use a finite torque above {smallest:g} N*m, 1e-5 of the rated torque"
     for name, value in (("T_1", T_1), ("T_2", T_2), ("the end of the curve", T_max)):
-        if not least < value < np.inf:
+        if not smallest < value < np.inf:
             raise UsageError(f"invalid {name}: {value:g} N*m", hint)
     if not T_1 < T_2:
         raise UsageError(
             f"T_1, {T_1:g} N*m, must be below T_2, {T_2:g} N*m",
-            f"give both --t1 and --t2; their defaults are {defaults[0]:.4g} and {defaults[1]:.4g} N*m",
+            f"give both --t1 and --t2; their defaults are {default_1:.4g} and {default_2:.4g} N*m",
         )
-    # a segment that the curve ends in is none
-    ends = [least, *(T for T in (T_1, T_2) if T_max >= T), *([T_max] if T_max > T_2 else [])]
-    side = np.unique([*ends, LOST_MOTION_SHARE * rated, *np.linspace(0, T_max, points + 1)[1:]])
-    torque = np.concatenate([-side[::-1], side])
+    torques = [smallest]
+    torques += [T for T in (T_1, T_2) if T_max >= T]  # a segment that the curve ends in does not count
+    if T_max > T_2:
+        torques.append(T_max)
+    return _SegmentEnds(torques=tuple(torques), T_max=T_max)
+
+
+def _segments(ends: _SegmentEnds, twist_of: Mapping[float, float], sign: int) -> tuple[Segment, ...]:
+    """Return the segments of one side.
+
+    Args:
+        ends: of the segments.
+        twist_of: twist by torque [arcsec].
+        sign: of the torques on this side.
+    """
+    # the first segment begins in the middle of the play, where a loop has its centre
+    centre = (twist_of[ends.smallest] + twist_of[-ends.smallest]) / 2
+    segments = []
+    for start, end in pairwise([0.0, *(sign * T for T in ends.torques[1:])]):
+        twist = twist_of[end] - twist_of.get(start, centre)
+        segments.append(Segment(start=start, end=end, stiffness=(end - start) / twist * ARCSEC))
+    return tuple(segments)
+
+
+def _kept_twists(drive: Drive, torque: Array, ends: _SegmentEnds, formulation: Formulation | None, run: Run) -> _Twists:
+    """Return the twists of a drive at torques [N*m], from the user's cache if they are there.
+
+    Without a cross-check by a solver that comes with cvxpy they are not kept: such a drive is one of many.
+    """
 
     def twists() -> _Twists:
-        contact, tube, proof = Twist(drive, formulation).at(torque, run.solved)
-        check = None
+        contact, tube, certificate = Twist(drive, formulation).at(torque, run.solved)
+        cross_check = None
         if run.cross_check:
-            again = np.isin(np.abs(torque), (ends[0], ends[-1]))
-            check = run.beside(_again, drive, torque[again], contact[again], run.cross_check).result()
-        return contact.tolist(), tube.tolist(), proof, check
+            is_checked = np.isin(np.abs(torque), (ends.torques[0], ends.torques[-1]))
+            arguments = (drive, torque[is_checked], contact[is_checked], run.cross_check)
+            cross_check = run.beside(_again, *arguments).result()
+        return contact.tolist(), tube.tolist(), certificate, cross_check
 
-    known = solvers_depend_on(run.cross_check)
-    if not known:  # one drive of many is not solved again, nor kept
-        found = twists()
-    else:
-        parts = drive.model_dump(mode="json", exclude=WITHOUT_EFFECT)
-        depends = [parts, torque.tolist(), known, digits_depend_on()]
-        found = kept_answer("twists", depends, _twists_of(len(torque)), twists)
-    contact = np.array(found[0])
-    tube = np.array(found[1])
-    proof, check = found[2:]
-    of_torque = dict(zip(torque.tolist(), (contact + tube).tolist(), strict=True))
-    centre = (of_torque[least] + of_torque[-least]) / 2  # of the play, where a loop has its centre
-    positive, negative = (
-        tuple(
-            Segment(T, T_next, (T_next - T) / (of_torque[T_next] - of_torque.get(T, centre)) * ARCSEC)
-            for T, T_next in pairwise([0.0, *(sign * T for T in ends[1:])])
-        )
-        for sign in (1, -1)
-    )
-    return Stiffness(
-        torque=torque,
-        contact_arcsec=contact,
-        tube_arcsec=tube,
-        rated=rated,
-        positive=positive,
-        negative=negative,
-        certificate=proof,
-        cross_check=check,
-    )
+    solver_versions = solvers_depend_on(run.cross_check)
+    if not solver_versions:
+        return twists()
+    sections = drive.model_dump(mode="json", exclude=WITHOUT_EFFECT)
+    depends = [sections, torque.tolist(), solver_versions, digits_depend_on()]
+    return kept_answer("twists", depends, _twists_of(len(torque)), twists)
 
 
 _Twists = tuple[list[float], list[float], Certificate, CrossCheck | None]  # of mesh and rings, and of the tube
@@ -188,8 +234,8 @@ _Twists = tuple[list[float], list[float], Certificate, CrossCheck | None]  # of 
 
 def _twists_of(torques: int) -> TypeAdapter[_Twists]:
     """Type of kept twists at so many torques."""
-    every = Annotated[list[Number], Field(min_length=torques, max_length=torques)]
-    return TypeAdapter(tuple[every, every, Certificate, CrossCheck | None], config=ConfigDict(allow_inf_nan=False))
+    twists = Annotated[list[Number], Field(min_length=torques, max_length=torques)]
+    return TypeAdapter(tuple[twists, twists, Certificate, CrossCheck | None], config=ConfigDict(allow_inf_nan=False))
 
 
 def _again(drive: Drive, torque: Array, contact: Array, solver: str) -> CrossCheck:
@@ -253,8 +299,8 @@ def segments_beside(catalogue: Catalogue, side: Sequence[Segment]) -> list[_Segm
 
 def ends_elsewhere(catalogue: Catalogue, side: Sequence[Segment]) -> bool:
     """Whether segments end at other torques than the catalogue's: chords between them are other stiffnesses."""
-    given = zip(side, (catalogue.T_1, catalogue.T_2), strict=False)
-    return any(T is not None and abs(segment.end) != T for segment, T in given)
+    ends = zip(side, (catalogue.T_1, catalogue.T_2), strict=False)
+    return any(T is not None and abs(segment.end) != T for segment, T in ends)
 
 
 def off(ours: float, theirs: float | None) -> float | None:
@@ -264,9 +310,9 @@ def off(ours: float, theirs: float | None) -> float | None:
 
 def stiffness_object(catalogue: Catalogue, result: Stiffness) -> dict[str, Any] | None:
     """Figures of a catalogue and how far the model is off, for JSON; None where it gives none."""
-    given = {f"{name}_{unit}": getattr(catalogue, name) for name, unit in _CATALOGUE_UNITS.items()}
+    figures = {f"{name}_{unit}": getattr(catalogue, name) for name, unit in _CATALOGUE_UNITS.items()}
     percents = dict.fromkeys(_STIFFNESSES) | {
-        each.name: each.off_percent for each in segments_beside(catalogue, result.positive)
+        row.name: row.off_percent for row in segments_beside(catalogue, result.positive)
     }
     percents["lost_motion"] = off(result.lost_motion_arcsec, catalogue.lost_motion)
-    return {**given, "off_percent": percents} if any(given.values()) else None
+    return {**figures, "off_percent": percents} if any(figures.values()) else None

@@ -29,17 +29,16 @@ from hdassist.preset.fields import DEVIATIONS, Drive
 from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.answers import EMPTY, Certificate
 
-_DEGREE = 4  # products of up to so many deviations are named
-_UNEXPLAINED_ORDERS = 12  # orders without a known cause that are kept all the same
+_DEGREE = 4  # products of at most so many deviations are named
+_UNEXPLAINED_ORDERS = 12  # orders without a known cause that are listed as well
 NO_CAUSE = "no single cause known"
-_FLOOR = 1e-9  # arcsec: a smaller value is rounding
-# of the range, and arcsec: error of interpolation that is aimed at
-_INTERPOLATED = 0.02
-_LEAST_INTERPOLATED = 0.02
-# that are solved; states that are solved at their own torque
-_MOST_TORQUES = 33
-_PROVEN_STATES = 24
-_LEAST_APART = 1e-6  # of the greatest torque: between two that are solved
+_FLOOR = 1e-9  # arcsec; smaller values are rounding
+# target for the error of interpolation between torques: share of the range, and arcsec
+_INTERPOLATION_SHARE = 0.02
+_MIN_INTERPOLATION = 0.02
+_MOST_TORQUES = 33  # torques that are solved
+_PROVEN_STATES = 24  # states that are solved at their own torque
+_MIN_SPACING = 1e-6  # smallest distance of two solved torques, as a share of the largest one
 
 
 @dataclass(frozen=True)
@@ -54,7 +53,7 @@ class _Order:
 
 def order_legend(drive: Drive) -> str:
     """Return the explanation of the causes of a drive's orders."""
-    even = ", an even number of them in all, as z_g, N and n_2 are even" * is_half_turn_symmetric(drive)
+    even = ", an even number of them in all, as z_g, N and n_2 are even" if is_half_turn_symmetric(drive) else ""
     return (
         "circular spline: its teeth and the eccentricity fixed to it; flexspline: its teeth and the eccentricity fixed "
         "to it; wave generator: the eccentricity that rotates with it. The error follows sums and differences of "
@@ -63,26 +62,27 @@ def order_legend(drive: Drive) -> str:
 
 
 def known_causes(drive: Drive) -> dict[tuple[int, int], tuple[float, str]]:
-    """Order per cam revolution, and cause, of each product of a drive's deviations up to DEGREE.
+    """Return the order per input revolution and the cause of each product of a drive's deviations up to _DEGREE.
 
-    Keys (k_g, k_b): how often deviations that turn with the flexspline and with the rigid wheel, as seen
-    from the cam, enter. Where half a turn maps teeth and balls onto each other the error is even in all deviations
+    The keys (k_g, k_b) are the powers of deviations that turn with the flexspline and with the rigid wheel, as seen
+    from the cam. If half a revolution maps teeth and balls onto each other, the error is even in all deviations
     together, and an odd product needs the offset that turns with the cam, e_hh, as well.
     """
-    even = is_half_turn_symmetric(drive)
+    is_symmetric = is_half_turn_symmetric(drive)
     kinematics = Kinematics.of(drive)
     rate_g = kinematics.teeth_fixed / kinematics.z_g
     rate_b = kinematics.teeth_fixed / kinematics.z_b
-    deviating = {each.part for each in DEVIATIONS if drive.number(each.size)}
-    most_g = _DEGREE * ("g" in deviating)
-    most_b = _DEGREE * ("b" in deviating)
-    found = {}
-    for k_g, k_b in product(range(most_g + 1), range(-most_b, most_b + 1)):
+    parts = {deviation.part for deviation in DEVIATIONS if drive.number(deviation.size)}
+    max_g = _DEGREE if "g" in parts else 0
+    max_b = _DEGREE if "b" in parts else 0
+    causes = {}
+    for k_g, k_b in product(range(max_g + 1), range(-max_b, max_b + 1)):
         degree = k_g + abs(k_b)
-        needs_cam = even and degree % 2 == 1
-        if 0 < degree <= _DEGREE and (k_g > 0 or k_b > 0) and ("h" in deviating or not needs_cam):
-            found[k_g, k_b] = (abs(k_g * rate_g + k_b * rate_b), _words(k_g, k_b, needs_cam))
-    return found
+        needs_cam = is_symmetric and degree % 2 == 1
+        is_own_image = k_g == 0 and k_b <= 0  # listed with the opposite sign
+        if 0 < degree <= _DEGREE and not is_own_image and ("h" in parts or not needs_cam):
+            causes[k_g, k_b] = (abs(k_g * rate_g + k_b * rate_b), _words(k_g, k_b, needs_cam))
+    return causes
 
 
 def _words(k_g: int, k_b: int, needs_cam: bool) -> str:
@@ -93,41 +93,52 @@ def _words(k_g: int, k_b: int, needs_cam: bool) -> str:
 
 
 def orders(drive: Drive, error_arcsec: Array, revolutions: int) -> list[_Order]:
-    """Orders of a drive's error sampled at even steps over whole cam revolutions, by rising order.
+    """Return the orders of an error over whole input revolutions, by rising order.
 
-    Arguments: drive, whose deviations name the causes; error_arcsec, shape (states,); revolutions, cam
-    revolutions that they span. Known orders are always there, others where they are among the largest. Where
-    several causes fall within the resolution (1/revolutions), the simplest stand together.
+    Known orders are always listed, others if they are among the largest. If several causes lie within the resolution
+    (1/revolutions), the simplest ones are listed together.
+
+    Args:
+        drive: its deviations name the causes.
+        error_arcsec: at even steps, shape (states,).
+        revolutions: number of input revolutions.
     """
     count = len(error_arcsec)
     spectrum = np.fft.rfft(error_arcsec - np.mean(error_arcsec))
     amplitude = 2 * np.abs(spectrum) / count
     if count % 2 == 0:
         amplitude[-1] /= 2  # the last bin has no mirror image
-    causes: dict[int, list[tuple[int, str]]] = {}
-    for (k_g, k_b), (order, words) in known_causes(drive).items():
-        place = round(order * revolutions)
-        if 0 < place < len(amplitude):
-            causes.setdefault(place, []).append((abs(k_g) + abs(k_b), words))
-    largest = np.argsort(amplitude)[::-1][:_UNEXPLAINED_ORDERS].tolist()
     phase = np.degrees(np.angle(spectrum))
-    found = []
-    for place in sorted({*causes, *largest} - {0}):
-        if place in causes or amplitude[place] > _FLOOR:
-            least = min(causes.get(place, []), default=(0, ""))[0]
-            words = "; ".join(words for degree, words in causes.get(place, []) if degree == least)
-            found.append(
-                _Order(
-                    per_cam_rev=place / revolutions,
-                    amplitude_arcsec=float(amplitude[place]),
-                    phase_deg=float(phase[place]),
-                    cause=words or NO_CAUSE,
-                )
+    cause_by_bin = _causes_by_bin(drive, revolutions, len(amplitude))
+    largest = np.argsort(amplitude)[::-1][:_UNEXPLAINED_ORDERS].tolist()
+    listed = []
+    for k in sorted({*cause_by_bin, *largest} - {0}):
+        if k in cause_by_bin or amplitude[k] > _FLOOR:
+            order = _Order(
+                per_cam_rev=k / revolutions,
+                amplitude_arcsec=float(amplitude[k]),
+                phase_deg=float(phase[k]),
+                cause=cause_by_bin.get(k, NO_CAUSE),
             )
-    return found
+            listed.append(order)
+    return listed
 
 
-#
+def _causes_by_bin(drive: Drive, revolutions: int, bins: int) -> dict[int, str]:
+    """Return the simplest causes in each bin of the spectrum over whole input revolutions."""
+    causes: dict[int, list[tuple[int, str]]] = {}  # degree and cause
+    for (k_g, k_b), (order, cause) in known_causes(drive).items():
+        k = round(order * revolutions)
+        if 0 < k < bins:
+            causes.setdefault(k, []).append((abs(k_g) + abs(k_b), cause))
+    simplest = {}
+    for k, causes_of_bin in causes.items():
+        lowest_degree = min(degree for degree, _ in causes_of_bin)
+        simplest[k] = "; ".join(cause for degree, cause in causes_of_bin if degree == lowest_degree)
+    return simplest
+
+
+# --- the error over input revolutions
 
 
 @dataclass(frozen=True)
@@ -216,81 +227,134 @@ def trace(
     states = pitch_locked_states(
         kinematics, np.arange(revolutions * kinematics.teeth_fixed), float(np.radians(start_deg))
     )
-    there, teeth = measured.in_drive(drive) if measured else (drive, None)
-    error = kinematic_error(there, M_g, states=states, teeth=teeth, solver=solver, run=run)
+    solved_drive, teeth = measured.in_drive(drive) if measured else (drive, None)
+    error = kinematic_error(solved_drive, M_g, states=states, teeth=teeth, solver=solver, run=run)
     along = None
     if gravity:
-        more = partial(kinematic_error, there, teeth=teeth, solver=solver, run=UNCHECKED)
-        error, along = _error_along(error, gravity, more)
-    found = orders(drive, error.error_arcsec, revolutions)
+        solve = partial(kinematic_error, solved_drive, teeth=teeth, solver=solver, run=UNCHECKED)
+        error, along = _error_along(error, gravity, solve)
     return Trace(
-        error=error, start_deg=start_deg, revolutions=revolutions, orders=tuple(found), measured=measured, along=along
+        error=error,
+        start_deg=start_deg,
+        revolutions=revolutions,
+        orders=tuple(orders(drive, error.error_arcsec, revolutions)),
+        measured=measured,
+        along=along,
     )
 
 
 def _error_along(
     mean: KinematicError, gravity: Gravity, solve: Callable[..., KinematicError]
 ) -> tuple[KinematicError, ErrorAlong]:
-    """Error with gravity on top of a mean torque, whose error is there, straight between torques that are solved.
+    """Return the error with gravity on top of a mean torque, interpolated between solved torques.
 
-    Torques halfway are solved until lines miss them by no more than INTERPOLATED of the range. Argument: solve, gives
-    the error at a torque [N*m] in some states.
+    Args:
+        mean: error at the mean torque.
+        gravity: torque of the weight.
+        solve: returns the error at a torque [N*m] in some states.
     """
     states = mean.states
-    moving = states.phi_g if mean.kinematics.fixed == "rigid" else states.phi_b
-    torque = mean.M_g + gravity.amplitude_Nm * np.cos(moving - np.radians(gravity.direction_deg))
-    low = float(torque.min())
-    high = float(torque.max())
-    solved = {M_g: solve(M_g, states=states) for M_g in (low, high)}
-    solved[mean.M_g] = mean
-
-    def rest(M_g: float) -> Array:
-        """Rotation in each state at a torque less its mean, shape (states,) [arcsec]."""
-        return solved[M_g].rotation_arcsec - solved[M_g].wind_up_arcsec
-
-    missed: dict[tuple[float, float], float] = {}  # by lines between two torques, halfway, in the states between them
-    open_ = list(pairwise(sorted(solved)))
-    while open_:
-        for below, above in open_:
-            share = 0.5 if below + above else 0.4  # no error at no torque at all
-            between = below + share * (above - below)
-            own = (torque >= below) & (torque <= above)
-            missed[below, above] = 0.0
-            if own.any() and above - below > _LEAST_APART * max(abs(low), abs(high)):
-                solved[between] = solve(between, states=states)
-                line = (1 - share) * rest(below) + share * rest(above)
-                missed[below, above] = float(np.abs(rest(between) - line)[own].max())
-        worst = max(missed, key=missed.__getitem__)
-        aim = max(_INTERPOLATED * mean.range_arcsec, _LEAST_INTERPOLATED)
-        open_ = []
-        if missed[worst] > aim and len(solved) < _MOST_TORQUES:
-            between = next(M_g for M_g in solved if worst[0] < M_g < worst[1])
-            open_ = [(worst[0], between), (between, worst[1])]
-            del missed[worst]
-    bound = max(missed.values())
-    nodes = np.array(sorted(solved))
-    place = np.clip(np.searchsorted(nodes, torque) - 1, 0, len(nodes) - 2)
-    shares = (torque - nodes[place]) / np.diff(nodes)[place]
-    every = np.array([rest(M_g) for M_g in nodes.tolist()])
-    each = np.arange(len(states))
-    rotation = every[place, each] * (1 - shares) + every[place + 1, each] * shares
-    twist = [solved[M_g].wind_up_arcsec for M_g in nodes.tolist()]
-    for k in np.linspace(0, len(states) - 1, _PROVEN_STATES).astype(np.int64).tolist():
-        own = solve(float(torque[k]), states=states.take(np.array([k]))).rotation_arcsec[0]
-        bound = max(bound, abs(float(own - np.interp(torque[k], nodes, twist) - rotation[k])))
-    certificate = sum((one.certificate for one in solved.values()), EMPTY)
-    ranges = tuple(solved[M_g].range_arcsec for M_g in nodes.tolist())
-    wind_up = float(np.ptp(np.interp(torque, nodes, twist)))
+    moving_angle = states.phi_g if mean.kinematics.fixed == "rigid" else states.phi_b
+    torque = mean.M_g + gravity.amplitude_Nm * np.cos(moving_angle - np.radians(gravity.direction_deg))
+    torques = _SolvedTorques(mean, torque, solve)
+    torques.refine()
+    rotation = torques.interpolated()
+    bound = max(torques.largest_miss, torques.proven_miss(rotation))
     along = ErrorAlong(
         gravity=gravity,
-        least_Nm=low,
-        greatest_Nm=high,
-        torques_Nm=tuple(nodes.tolist()),
-        ranges_arcsec=ranges,
-        wind_up_arcsec=wind_up,
+        least_Nm=float(torque.min()),
+        greatest_Nm=float(torque.max()),
+        torques_Nm=tuple(torques.nodes.tolist()),
+        ranges_arcsec=tuple(torques.errors[M_g].range_arcsec for M_g in torques.nodes.tolist()),
+        wind_up_arcsec=float(np.ptp(torques.wind_up(torque))),
         bound_arcsec=bound,
     )
+    certificate = sum((error.certificate for error in torques.errors.values()), EMPTY)
     return replace(mean, rotation_arcsec=rotation, certificate=certificate), along
+
+
+class _SolvedTorques:
+    """Errors of the same states at several torques, between which the error is interpolated linearly."""
+
+    def __init__(self, mean: KinematicError, torque: Array, solve: Callable[..., KinematicError]) -> None:
+        """Solve the smallest and the largest torque.
+
+        Args:
+            mean: error at the mean torque.
+            torque: in each state [N*m], shape (states,).
+            solve: returns the error at a torque [N*m] in some states.
+        """
+        self._mean = mean
+        self._states = mean.states
+        self._torque = torque
+        self._solve = solve
+        low = float(torque.min())
+        high = float(torque.max())
+        self.errors = {M_g: solve(M_g, states=self._states) for M_g in (low, high)}
+        self.errors[mean.M_g] = mean
+        self._min_spacing = _MIN_SPACING * max(abs(low), abs(high))
+        self._misses: dict[tuple[float, float], float] = {}  # by interval of torques [arcsec]
+
+    @property
+    def nodes(self) -> Array:
+        """Solved torques in rising order [N*m]."""
+        return np.array(sorted(self.errors))
+
+    @property
+    def largest_miss(self) -> float:
+        """Largest miss of the interpolation in the middle of an interval [arcsec]."""
+        return max(self._misses.values())
+
+    def refine(self) -> None:
+        """Halve the worst interval until the interpolation is close enough, or enough torques are solved."""
+        target = max(_INTERPOLATION_SHARE * self._mean.range_arcsec, _MIN_INTERPOLATION)
+        for low, high in pairwise(sorted(self.errors)):
+            self._measure_miss(low, high)
+        while self.largest_miss > target and len(self.errors) < _MOST_TORQUES:
+            low, high = max(self._misses, key=self._misses.__getitem__)
+            middle = next(M_g for M_g in self.errors if low < M_g < high)
+            self._measure_miss(low, middle)
+            self._measure_miss(middle, high)
+            del self._misses[low, high]
+
+    def _measure_miss(self, low: float, high: float) -> None:
+        """Solve the middle of an interval, and note the miss of the interpolation in the states of the interval."""
+        share = 0.5 if low + high else 0.4  # at a torque of 0 there is no error
+        middle = low + share * (high - low)
+        is_inside = (self._torque >= low) & (self._torque <= high)
+        self._misses[low, high] = 0.0
+        if is_inside.any() and high - low > self._min_spacing:
+            self.errors[middle] = self._solve(middle, states=self._states)
+            line = (1 - share) * self._without_wind_up(low) + share * self._without_wind_up(high)
+            miss = np.abs(self._without_wind_up(middle) - line)[is_inside].max()
+            self._misses[low, high] = float(miss)
+
+    def _without_wind_up(self, M_g: float) -> Array:
+        """Return the rotation at a torque minus its mean [arcsec], shape (states,)."""
+        return self.errors[M_g].rotation_arcsec - self.errors[M_g].wind_up_arcsec
+
+    def interpolated(self) -> Array:
+        """Return the rotation of each state at its own torque, without wind-up [arcsec], shape (states,)."""
+        nodes = self.nodes
+        interval = np.clip(np.searchsorted(nodes, self._torque) - 1, 0, len(nodes) - 2)
+        share = (self._torque - nodes[interval]) / np.diff(nodes)[interval]
+        rotations = np.array([self._without_wind_up(M_g) for M_g in nodes.tolist()])
+        rows = np.arange(len(self._states))
+        return np.asarray(rotations[interval, rows] * (1 - share) + rotations[interval + 1, rows] * share)
+
+    def wind_up(self, torque: Array | float) -> Array:
+        """Return the interpolated wind-up at torques [N*m], [arcsec]."""
+        nodes = self.nodes
+        return np.asarray(np.interp(torque, nodes, [self.errors[M_g].wind_up_arcsec for M_g in nodes.tolist()]))
+
+    def proven_miss(self, rotation: Array) -> float:
+        """Return the largest miss of an interpolated rotation [arcsec], in states that are solved at their torque."""
+        largest = 0.0
+        for k in np.linspace(0, len(self._states) - 1, _PROVEN_STATES).astype(np.int64).tolist():
+            M_g = float(self._torque[k])
+            solved = self._solve(M_g, states=self._states.take(np.array([k]))).rotation_arcsec[0]
+            largest = max(largest, abs(float(solved - self.wind_up(M_g) - rotation[k])))
+        return largest
 
 
 # --- over both wheels' angles
@@ -335,16 +399,16 @@ class ErrorWaves:
             g, b = (float(np.degrees(angle[k])) for angle in (alpha_g, alpha_b))
             return f"alpha_g = {g:.2f}°, alpha_b = {b:.2f}°, M_g = {self._map.M_g:g} N*m"
 
-        held = np.maximum(np.abs(self.k_g), np.abs(self.k_b)) < points / 2
+        is_resolved = np.maximum(np.abs(self.k_g), np.abs(self.k_b)) < points / 2
         error = np.empty(points**2)
-        found = []
+        waves = []
         for drive in drives:
             answers = self._case.solve(StateGaps(deviation_scalars(drive, alpha_g, alpha_b)), where, self._run.solved)
             self.certificate += answers.certificate
             error[path] = self._map.sign * answers.rotation_arcsec
             spectrum = np.fft.fft2(error.reshape(points, points)) / points**2
-            found.append(np.where(held, 2 * spectrum[self.k_g % points, self.k_b % points], 0))
-        return np.array(found)
+            waves.append(np.where(is_resolved, 2 * spectrum[self.k_g % points, self.k_b % points], 0))
+        return np.array(waves)
 
 
 @dataclass(frozen=True)
@@ -433,8 +497,8 @@ def error_lines(drive: Drive, M_g: float, changes: Sequence[Mapping[str, float]]
     """
     waves = []
     certificate = EMPTY
-    for found, proof in run.map(partial(_waves_of, drive, M_g), changes):
-        waves.append(found)
+    for drive_waves, proof in run.map(partial(_waves_of, drive, M_g), changes):
+        waves.append(drive_waves)
         certificate += proof
         run.finished(proof.states)
     kinematics = Kinematics.of(drive)
@@ -447,6 +511,6 @@ def error_lines(drive: Drive, M_g: float, changes: Sequence[Mapping[str, float]]
 
 
 def _waves_of(drive: Drive, M_g: float, change: Mapping[str, float]) -> tuple[Complex, Certificate]:
-    there = drive.with_values(change)
-    waves = ErrorWaves(there, M_g)
-    return waves.waves([there])[0], waves.certificate
+    changed_drive = drive.with_values(change)
+    waves = ErrorWaves(changed_drive, M_g)
+    return waves.waves([changed_drive])[0], waves.certificate
