@@ -148,7 +148,10 @@ class Decision:
 
     def place(self, rotation_deg: float) -> int | None:
         """Which of the holes a rotation is, None where it is none."""
-        return next((place for place, at in enumerate(self.rotations_deg) if abs(at - rotation_deg) < 1e-6), None)
+        for place, hole_deg in enumerate(self.rotations_deg):
+            if abs(hole_deg - rotation_deg) < 1e-6:
+                return place
+        return None
 
     @property
     def stay(self) -> int | None:
@@ -219,8 +222,8 @@ class Decision:
         places = [place]
         if self.all_alike and place != self.stay:
             places = [other for other in range(len(self.rotations_deg)) if other != self.stay]
-        found = [float(np.average(self.is_better(other), weights=self.sample_weights)) for other in places]
-        return sum(found) / len(found)
+        probabilities = [float(np.average(self.is_better(hole), weights=self.sample_weights)) for hole in places]
+        return sum(probabilities) / len(probabilities)
 
     @cached_property
     def probability_kept(self) -> Array | None:
@@ -284,8 +287,8 @@ class Decision:
             return np.asarray(self.losses[:, self.best] < GOOD)
         if self.best != self.stay:
             return self.is_better(self.best)
-        other = self.challenger
-        return np.ones(len(self.sample_weights), bool) if other is None else ~self.is_better(other)
+        challenger = self.challenger
+        return np.ones(len(self.sample_weights), bool) if challenger is None else ~self.is_better(challenger)
 
     @property
     def probability(self) -> Probability:
@@ -294,8 +297,8 @@ class Decision:
             return Probability(*[float(self.outcome[0])] * 3)
         if self.worth is None:
             return probability_of(self.outcome, self.sample_weights)
-        found = probability_by_share(float(self.outcome.mean()), self.worth)
-        return replace(found, few=self.worth < FEWEST_SURE)
+        probability = probability_by_share(float(self.outcome.mean()), self.worth)
+        return replace(probability, few=self.worth < FEWEST_SURE)
 
     def is_sure(self, sure: float = SURE) -> bool:
         """Whether the choice is right with at least such a probability; of few samples with all of its interval."""
@@ -373,65 +376,159 @@ def value_of_measurement(
     first: Sequence[float] = (),
     seed: int = 0,
 ) -> MeasurementValue:
-    """The hole and torque whose value is expected to bring most, and its gain and that of further values.
+    """Return where to measure F'_ior next, and the F'_ior to expect after that value and after further ones.
 
-    No nested solving: for each of them OUTCOMES values that may be measured there reweigh the samples, and the hole of
-    least loss is chosen anew. One value is played through with each of LOOKED_AT samples as the true drive, further
-    ones with FUTURES of them, each taken where it is expected to bring most. Arguments: measured_arcsec, F'_ior in the
-    holes by the torque that values may have, that of most values first, shape (samples, holes) each; noise_arcsec,
-    standard deviation of a value, shape (samples,); steps, further values; first, rotations [deg] that are measured in
-    any case before others.
+    Each value is taken in the hole and at the torque whose outcome is expected to reduce the loss of the hole chosen
+    afterwards most (knowledge gradient). There is no nested solving: samples are the true drive in turn, and the values
+    reweigh the others. One value is simulated with _LOOKED_AT samples as the true drive, further ones with _FUTURES.
+
+    Args:
+        decision: the choice among holes, over weighted samples.
+        measured_arcsec: F'_ior of each sample in each hole, shape (samples, holes), by the torque [N*m] at which values
+            may be measured, the torque of most values first.
+        noise_arcsec: standard deviation of a value, shape (samples,).
+        steps: number of further values.
+        first: rotations [deg] that are measured in any case, before others.
+        seed: of the simulation.
     """
-    rng = np.random.default_rng(seed)
-    rows = even_rows(decision.sample_weights, _LOOKED_AT)
-    losses = decision.losses[rows]
-    noise = noise_arcsec[rows]
-    count = len(decision.rotations_deg)
-    F_ior = np.hstack([each[rows] for each in measured_arcsec.values()])  # (samples, torques x holes)
-    several = len(decision.F_ior_arcsec) > 1
-    level = F_ior[:, :count] if several else decision.F_ior_arcsec[0, rows]
-    served_arcsec = decision.served[rows] * level.mean(axis=1, keepdims=True)  # of one torque F'_ior itself
-    holes = np.linspace(0, count, min(count, _MOST_CANDIDATES), endpoint=False).astype(int)
-    candidates = np.add.outer(np.arange(0, F_ior.shape[1], count), holes).ravel()
-    off = rng.permutation(ndtri((np.arange(_LOOKED_AT) + 0.5) / _LOOKED_AT))
-    true = F_ior[:, candidates].T  # (candidates, samples)
-    values = true + noise * off
-    order = np.argsort(values, axis=1)
-
-    def gains(weights: Array) -> Array:
-        """Expected gain of a value in each candidate [share of F'_ior], shape (candidates,)."""
-        below = weights[order].cumsum(axis=1)
-        levels = (np.arange(_OUTCOMES) + 0.5) / _OUTCOMES
-        picked = [row[np.searchsorted(w, levels * w[-1])] for row, w in zip(order, below, strict=True)]
-        outcomes = np.take_along_axis(values, np.array(picked), axis=1)[..., None]
-        density = np.exp(-0.5 * ((outcomes - true[:, None]) / noise) ** 2) / noise * weights
-        after = density @ losses / np.maximum(density.sum(axis=2, keepdims=True), 1e-300)
-        return np.asarray((after[..., np.argmin(weights @ losses)] - after.min(axis=2)).mean(axis=1))
-
-    even = np.full(_LOOKED_AT, 1 / _LOOKED_AT)
-    forced = [int(np.argmin(abs((np.array(decision.rotations_deg) - r + 180) % 360 - 180))) for r in first]
-    following = [*forced, int(candidates[np.argmax(gains(even))])][:1] + forced[1:]
-    every = list[list[float]]()
-    further = even_rows(even, _FUTURES)
+    simulation = _Simulation.of(decision, measured_arcsec, noise_arcsec, np.random.default_rng(seed))
+    planned = [simulation.nearest_hole(rotation) for rotation in first]
+    if not planned:
+        planned = [simulation.best_candidate(simulation.prior)]
+    repeated = even_rows(simulation.prior, _FUTURES)  # true drives with which all steps are simulated
+    one_step = []  # F'_ior now and after one value, for every true drive
+    further = []  # excess over the best hole after two values and more, for the repeated ones
     for truth in range(_LOOKED_AT):
-        weights = even.copy()
-        weights[truth] = 0  # the drive is none of its samples
-        expected = [served_arcsec[truth, np.argmin(weights @ losses)]]
-        for step in range(steps if truth in further else 1):
-            place = following[step] if step < len(following) else int(candidates[np.argmax(gains(weights))])
-            off_by = (F_ior[truth, place] + noise[truth] * rng.standard_normal() - F_ior[:, place]) / noise
-            log = np.where(weights > 0, -0.5 * off_by**2 - np.log(noise), -np.inf)
-            weights *= np.exp(log - log.max())
-            weights /= weights.sum()
-            expected.append(served_arcsec[truth, np.argmin(weights @ losses)])
-        every.append(expected)
-    now, after_one = np.mean([expected[:2] for expected in every], axis=0)
-    least = served_arcsec.min(axis=1)  # of the best hole: what remains above it is small, and varies little
-    more = np.mean([np.array(every[truth][2:]) - least[truth] for truth in further], axis=0)
-    expected = [now, after_one, *(least.mean() + more)]
-    torque, hole = divmod(following[0], count)
-    expected = np.minimum.accumulate(expected).tolist()  # a value cannot harm
-    return MeasurementValue(decision.rotations_deg[hole], list(measured_arcsec)[torque], tuple(expected))
+        is_repeated = truth in repeated
+        expected = simulation.played(truth, planned, steps if is_repeated else 1)
+        one_step.append(expected[:2])
+        if is_repeated:
+            further.append(np.array(expected[2:]) - simulation.least_arcsec[truth])
+    # control variate: the excess over the best hole varies little, so few true drives suffice for it
+    now, after_one = np.mean(one_step, axis=0)
+    after_more = simulation.least_arcsec.mean() + np.mean(further, axis=0)
+    expected_arcsec = np.minimum.accumulate([now, after_one, *after_more])  # a value cannot harm
+    torque_index, hole = divmod(planned[0], len(decision.rotations_deg))
+    return MeasurementValue(
+        rotation_deg=decision.rotations_deg[hole],
+        M_g=list(measured_arcsec)[torque_index],
+        F_ior_arcsec=tuple(expected_arcsec.tolist()),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Simulation:
+    """Samples of equal weight with which further values are simulated.
+
+    A place is a hole at a torque; places are numbered torque by torque.
+    """
+
+    rotations_deg: Array
+    losses: Array  # of each hole, shape (samples, holes)
+    F_ior_arcsec: Array  # in each place, shape (samples, places)
+    governing_arcsec: Array  # F'_ior in each hole at the governing torque, shape (samples, holes)
+    noise_arcsec: Array  # standard deviation of a value, shape (samples,)
+    candidates: NDArray[np.int64]  # places in which a value may be taken
+    readings: Array  # a value of each sample in each candidate, with its noise, shape (candidates, samples)
+    order: NDArray[np.int64]  # sorts the readings of each candidate
+    rng: np.random.Generator
+
+    @classmethod
+    def of(
+        cls, decision: Decision, measured_arcsec: Mapping[float, Array], noise_arcsec: Array, rng: np.random.Generator
+    ) -> _Simulation:
+        """Return the simulation of a decision, with the arguments of value_of_measurement."""
+        rows = even_rows(decision.sample_weights, _LOOKED_AT)
+        holes = len(decision.rotations_deg)
+        F_ior = np.hstack([by_hole[rows] for by_hole in measured_arcsec.values()])
+        tried_holes = np.linspace(0, holes, min(holes, _MOST_CANDIDATES), endpoint=False).astype(int)
+        candidates = np.add.outer(np.arange(0, F_ior.shape[1], holes), tried_holes).ravel()
+        errors = rng.permutation(ndtri((np.arange(_LOOKED_AT) + 0.5) / _LOOKED_AT))  # stratified normal numbers
+        noise = noise_arcsec[rows]
+        readings = F_ior[:, candidates].T + noise * errors
+        # with one torque the governing F'_ior is F'_ior itself
+        has_several_torques = len(decision.F_ior_arcsec) > 1
+        level = F_ior[:, :holes] if has_several_torques else decision.F_ior_arcsec[0, rows]
+        return cls(
+            rotations_deg=np.array(decision.rotations_deg),
+            losses=decision.losses[rows],
+            F_ior_arcsec=F_ior,
+            governing_arcsec=decision.served[rows] * level.mean(axis=1, keepdims=True),
+            noise_arcsec=noise,
+            candidates=candidates,
+            readings=readings,
+            order=np.argsort(readings, axis=1),
+            rng=rng,
+        )
+
+    @property
+    def prior(self) -> Array:
+        """Weights before any value, shape (samples,)."""
+        return np.full(_LOOKED_AT, 1 / _LOOKED_AT)
+
+    @cached_property
+    def least_arcsec(self) -> Array:
+        """F'_ior in the best hole of each sample, shape (samples,)."""
+        return np.asarray(self.governing_arcsec.min(axis=1))
+
+    def nearest_hole(self, rotation_deg: float) -> int:
+        """Return the place of the hole nearest to a rotation, at the first torque."""
+        turn = (self.rotations_deg - rotation_deg + 180) % 360 - 180
+        return int(np.argmin(abs(turn)))
+
+    def chosen_hole(self, weights: Array) -> int:
+        """Return the hole with the smallest expected loss."""
+        return int(np.argmin(weights @ self.losses))
+
+    def best_candidate(self, weights: Array) -> int:
+        """Return the place whose value is expected to reduce the loss of the chosen hole most."""
+        return int(self.candidates[np.argmax(self.expected_gains(weights))])
+
+    def expected_gains(self, weights: Array) -> Array:
+        """Return the expected gain of a value in each candidate, as a share of F'_ior, shape (candidates,).
+
+        It is E[loss of the hole chosen now - loss of the hole chosen after the value], over _OUTCOMES quantiles of the
+        value.
+        """
+        quantiles = (np.arange(_OUTCOMES) + 0.5) / _OUTCOMES
+        cumulative = weights[self.order].cumsum(axis=1)
+        picked = [
+            row[np.searchsorted(total, quantiles * total[-1])]
+            for row, total in zip(self.order, cumulative, strict=True)
+        ]
+        outcomes = np.take_along_axis(self.readings, np.array(picked), axis=1)
+        true = self.F_ior_arcsec[:, self.candidates].T
+        residual = (outcomes[..., None] - true[:, None]) / self.noise_arcsec
+        density = np.exp(-0.5 * residual**2) / self.noise_arcsec * weights  # (candidates, outcomes, samples)
+        posterior_loss = density @ self.losses / np.maximum(density.sum(axis=2, keepdims=True), 1e-300)
+        loss_of_chosen = posterior_loss[..., self.chosen_hole(weights)]
+        return np.asarray((loss_of_chosen - posterior_loss.min(axis=2)).mean(axis=1))
+
+    def played(self, truth: int, planned: Sequence[int], steps: int) -> list[float]:
+        """Return F'_ior of a true drive [arcsec] in the hole chosen before any value, after one, and so on.
+
+        Args:
+            truth: number of the sample that is the true drive.
+            planned: places of the first values; later ones are taken where they are expected to gain most.
+            steps: number of values.
+        """
+        weights = self.prior
+        weights[truth] = 0  # the true drive is not among its samples
+        expected = [self.governing_arcsec[truth, self.chosen_hole(weights)]]
+        for step in range(steps):
+            place = planned[step] if step < len(planned) else self.best_candidate(weights)
+            reading = self.F_ior_arcsec[truth, place] + self.noise_arcsec[truth] * self.rng.standard_normal()
+            weights = self.reweighed(weights, place, reading)
+            expected.append(self.governing_arcsec[truth, self.chosen_hole(weights)])
+        return expected
+
+    def reweighed(self, weights: Array, place: int, reading: float) -> Array:
+        """Return the weights after a value [arcsec] in a place, by its normal likelihood."""
+        residual = (reading - self.F_ior_arcsec[:, place]) / self.noise_arcsec
+        log_likelihood = -0.5 * residual**2 - np.log(self.noise_arcsec)
+        log_likelihood = np.where(weights > 0, log_likelihood, -np.inf)
+        weights = weights * np.exp(log_likelihood - log_likelihood.max())
+        return np.asarray(weights / weights.sum())
 
 
 def as_measured(decision: Decision, number: int = _LOOKED_AT, seed: int = 0) -> Decision:

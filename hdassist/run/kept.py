@@ -196,7 +196,9 @@ class Kept(Generic[_RecordT]):
             fresh.begin()
             fresh.append(records)
         os.close(self._descriptor)
-        vars(self).update(vars(fresh), _path=path)
+        self._descriptor = descriptor
+        self._lock = lock
+        self._take_content(fresh)
 
     def _rewrite_closed(self, path: str, records: Iterable[_RecordT]) -> None:
         """Rewrite a file whose lock is another one beside it: both are closed when the new one gets the name."""
@@ -219,7 +221,13 @@ class Kept(Generic[_RecordT]):
             if self._descriptor == _CLOSED:
                 with _writing(path):
                     self._descriptor = _opened(path)
-        vars(self).update(vars(fresh), _path=path, _descriptor=self._descriptor)
+        self._take_content(fresh)
+
+    def _take_content(self, rewritten: Kept[_RecordT]) -> None:
+        """Take over what the rewritten file has: it has the name of this one now."""
+        self.done = rewritten.done
+        self._size = rewritten._size
+        self._checksum = rewritten._checksum
 
     def require_there(self) -> None:
         """Raise DataError unless the file of this name is still the one that this run writes, and no line is cut."""
