@@ -230,47 +230,70 @@ def _unknown(document: Document, key: str, value: Any, drive: Drive) -> Iterator
 
 
 def _target(document: Document, number: int, item: Any) -> Iterator[CalibrationTarget]:
+    """Yield a target, or nothing after its faults were added to the findings of the document."""
     path: Path = ("targets", number)
     quantity = item.get("quantity") if isinstance(item, dict) else None
     if not isinstance(quantity, str) or quantity not in _TARGET_KINDS:
         hint = near_miss(str(quantity), _TARGET_KINDS) or f"known: {', '.join(_TARGET_KINDS)}"
         document.add((*path, "quantity"), "is not a quantity", hint)
         return
-    unit, needs, takes = _TARGET_KINDS[quantity]
-    units = {"quantity": _TEXT, **{key: _KEY_UNITS[key] for key in (*needs, *takes)}, "tolerance": None}
-    faults = len(document.findings)
-    given = _numbers(document, path, item, units | dict.fromkeys(("value", "low", "high"), unit), needs)
-    for key in ("M_g", "T_1", "T_2"):
-        if given.get(key) == 0:
-            document.add((*path, key), "the rotation is undetermined at a torque of 0")
-    if len(document.findings) > faults:
+    numbers = _target_numbers(document, path, item, quantity)
+    if numbers is None:
         return
-    value = given.get("value")
-    low = given.get("low", -inf)
-    high = given.get("high", inf)
-    if (value is None) == given.keys().isdisjoint(("low", "high")) or not low < high:
+    value = numbers.get("value")
+    low = numbers.get("low", -inf)
+    high = numbers.get("high", inf)
+    has_range = "low" in numbers or "high" in numbers
+    if (value is None) != has_range or not low < high:
         document.add(path, "needs either a value with its tolerance, or low, high or both, low below high", got="")
         return
     ends = (low, high) if value is None else (value, value)
-    whole = max(abs(end) for end in ends if isfinite(end))  # the base of a share
-    stated = given.get("tolerance", _RANGE_TOLERANCE if value is None else None)
-    is_share = isinstance(stated, str) and stated.strip().endswith("%")
-    try:
-        tolerance = read_number(stated, "%" if is_share else unit) * (whole / 100 if is_share else 1)
-    except InvalidValueError:
-        tolerance = 0.0
+    unit, _, _ = _TARGET_KINDS[quantity]
+    tolerance = _tolerance(numbers.get("tolerance", _RANGE_TOLERANCE if value is None else None), unit, ends)
     if not 0 < tolerance < inf:
         document.add((*path, "tolerance"), "must be above 0: a number, or a share, for example 5 %")
         return
-    low, high = ends if value is None else (value - tolerance, value + tolerance)
+    if value is not None:
+        low = value - tolerance
+        high = value + tolerance
     yield CalibrationTarget(
         quantity=quantity,
-        asked={key: given[key] for key in _KEY_UNITS if key in given},
+        asked={key: numbers[key] for key in _KEY_UNITS if key in numbers},
         value=value,
         low=low,
         high=high,
         tolerance=tolerance,
     )
+
+
+def _target_numbers(document: Document, path: Path, item: Any, quantity: str) -> dict[str, Any] | None:
+    """Return the numbers of a target by key, None after their faults were added to the findings."""
+    unit, needs, takes = _TARGET_KINDS[quantity]
+    units = {"quantity": _TEXT, **{key: _KEY_UNITS[key] for key in (*needs, *takes)}, "tolerance": None}
+    faults = len(document.findings)
+    numbers = _numbers(document, path, item, units | dict.fromkeys(("value", "low", "high"), unit), needs)
+    for key in ("M_g", "T_1", "T_2"):
+        if numbers.get(key) == 0:
+            document.add((*path, key), "the rotation is undetermined at a torque of 0")
+    return numbers if len(document.findings) == faults else None
+
+
+def _tolerance(stated: Any, unit: str, ends: tuple[float, float]) -> float:
+    """Return a tolerance in the unit of its target, 0 if it cannot be read.
+
+    Args:
+        stated: a number, or a share in percent of the larger end.
+        unit: of the target.
+        ends: of the target's range, of which one may be infinite.
+    """
+    is_share = isinstance(stated, str) and stated.strip().endswith("%")
+    try:
+        if not is_share:
+            return read_number(stated, unit)
+        largest = max(abs(end) for end in ends if isfinite(end))
+        return read_number(stated, "%") * (largest / 100)
+    except InvalidValueError:
+        return 0.0
 
 
 @dataclass(frozen=True)
@@ -394,16 +417,54 @@ def estimate_drives(targets: Targets, points: int, starts: int = 4, iterations: 
 def calibrate(
     drive: Drive, targets: Targets, *, points: int = 64, starts: int = 4, iterations: int = 12, run: Run = Run()
 ) -> Calibration:
-    """Find the unknowns of a drive from its targets.
+    """Find the unknowns of a drive from its targets, equations (11) and (12).
 
-    Arguments: points of the Sobol set; starts, its best points, far from each other, that least squares starts from;
-    iterations of a least-squares run at most. Raises UntrustedError where no drive could be computed or least squares
-    did not come to rest.
+    Args:
+        drive: the drive with the start values of the unknowns.
+        targets: unknowns with their bounds, and targets.
+        points: number of points of the Sobol set.
+        starts: number of its best points, far from each other, from which least squares starts.
+        iterations: most iterations of a least-squares run.
+        run: processes and seed.
+
+    Raises UntrustedError if no drive could be computed or least squares did not converge.
     """
     unknowns = targets.unknowns
     search = _Search(drive, targets, run)
-    sobol = sobol_points(points, len(unknowns), run.seed)
-    sobol[0] = _places_of(unknowns, {u.path: drive.number(u.path) for u in unknowns})
+    first, *other_runs = _least_squares_runs(drive, search, points=points, starts=starts, iterations=iterations)
+    valid_runs = [other for other in other_runs if all(targets.met(search.fits([other.x])[0].predictions))]
+    places = [first.x, *(other.x for other in valid_runs)]
+    fits = search.fits(places[k] for k in _distant(places))
+    # half the bounds' width is the half-width of a value that no target determines
+    covariance = np.linalg.inv(first.jac.T @ first.jac + 4 * np.eye(len(unknowns)))
+    deviation = np.sqrt(np.diag(covariance))
+    values = _fitted_values(drive, unknowns, fits[0], first, deviation)
+    shortfall = _shortfall(targets, fits[0], values)
+    if first.status <= 0 and np.abs(first.fun).max() > 1:
+        words = shortfall or "its nearest set still meets the targets"
+        raise UntrustedError(f"the fit did not converge: {words}", "more --evaluations", Fault.FIT_UNSETTLED)
+    return Calibration(
+        drive=drive,
+        targets=targets,
+        fits=tuple(fits),
+        values=tuple(values),
+        shortfall=shortfall,
+        indistinct=_indistinct_pairs(unknowns, covariance / np.outer(deviation, deviation)),
+        evaluations=len(search.known),
+        seed=run.seed,
+    )
+
+
+def _least_squares_runs(
+    drive: Drive, search: _Search, *, points: int, starts: int, iterations: int
+) -> list[OptimizeResult]:
+    """Return the results of least squares from the best points of a Sobol set, the lowest cost first.
+
+    Raises UntrustedError if no drive could be computed.
+    """
+    unknowns = search.targets.unknowns
+    sobol = sobol_points(points, len(unknowns), search.run.seed)
+    sobol[0] = _places_of(unknowns, {unknown.path: drive.number(unknown.path) for unknown in unknowns})
     costs = (search.residuals(sobol) ** 2).sum(axis=1)
     order = [k for k in np.argsort(costs, kind="stable") if costs[k] < _IMPOSSIBLE**2]
     if not order:
@@ -412,43 +473,48 @@ def calibrate(
         )
         raise UntrustedError(words, "check the bounds and the preset", Fault.FIT_UNSETTLED)
     runs = [search.settled(sobol[order[k]], iterations) for k in _distant(sobol[order])[:starts]]
-    first, *others = sorted(runs, key=lambda fit: fit.cost)
-    places = [first.x, *(other.x for other in others if all(targets.met(search.fits([other.x])[0].predictions)))]
-    fits = search.fits(places[k] for k in _distant(places))
-    # equation (12) of docs/theory.md; half the bounds' width is the half-width of a value that no target sees
-    covariance = np.linalg.inv(first.jac.T @ first.jac + 4 * np.eye(len(unknowns)))
-    deviation = np.sqrt(np.diag(covariance))
-    values = [
-        _FoundValue(
-            path=u.path,
-            unit=field_table()[u.path].unit,
-            start=drive.value(u.path),
-            found=found,
-            half_width=float(u.value(x + d) - u.value(x - d)) / 2,
-            low=u.low,
-            high=u.high,
-            determined=1 - 2 * float(d),
-            held_at=None if not side else u.low if side < 0 else u.high,
+    return sorted(runs, key=lambda fit: fit.cost)
+
+
+def _fitted_values(
+    drive: Drive, unknowns: Sequence[FieldPrior], fit: Fit, first: OptimizeResult, deviation: Array
+) -> list[_FoundValue]:
+    """Return the fitted value of each unknown with its half-width.
+
+    Args:
+        drive: the drive with the start values.
+        unknowns: with their bounds.
+        fit: the values of the best fit.
+        first: result of least squares of that fit.
+        deviation: standard deviation of each unknown in the unit cube.
+    """
+    values = []
+    for unknown, fitted, x, dx, active_bound in zip(
+        unknowns, fit.values, first.x, deviation, first.active_mask, strict=True
+    ):
+        held_at = None
+        if active_bound:
+            held_at = unknown.low if active_bound < 0 else unknown.high
+        values.append(
+            _FoundValue(
+                path=unknown.path,
+                unit=field_table()[unknown.path].unit,
+                start=drive.value(unknown.path),
+                found=fitted,
+                half_width=float(unknown.value(x + dx) - unknown.value(x - dx)) / 2,
+                low=unknown.low,
+                high=unknown.high,
+                determined=1 - 2 * float(dx),
+                held_at=held_at,
+            )
         )
-        for u, found, x, d, side in zip(unknowns, fits[0].values, first.x, deviation, first.active_mask, strict=True)
-    ]
-    missed = _shortfall(targets, fits[0], values)
-    if first.status <= 0 and np.abs(first.fun).max() > 1:
-        words = missed or "its nearest set still meets the targets"
-        raise UntrustedError(f"the fit did not converge: {words}", "more --evaluations", Fault.FIT_UNSETTLED)
-    correlation = covariance / np.outer(deviation, deviation)
-    alike = np.argwhere(np.triu(np.abs(correlation), 1) > _INDISTINCT).tolist()
-    indistinct = tuple((unknowns[i].path, unknowns[k].path, float(correlation[i, k])) for i, k in alike)
-    return Calibration(
-        drive=drive,
-        targets=targets,
-        fits=tuple(fits),
-        values=tuple(values),
-        shortfall=missed,
-        indistinct=indistinct,
-        evaluations=len(search.known),
-        seed=run.seed,
-    )
+    return values
+
+
+def _indistinct_pairs(unknowns: Sequence[FieldPrior], correlation: Array) -> tuple[tuple[str, str, float], ...]:
+    """Return the pairs of unknowns that the targets cannot tell apart, with their correlation."""
+    pairs = np.argwhere(np.triu(np.abs(correlation), 1) > _INDISTINCT).tolist()
+    return tuple((unknowns[i].path, unknowns[k].path, float(correlation[i, k])) for i, k in pairs)
 
 
 class _Search:
