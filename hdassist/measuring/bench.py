@@ -361,7 +361,7 @@ def seen_range(record: PositionRecord, quantities: Sequence[StatedQuantity]) -> 
     is_cut = bool(seen) and (plan is None or not record.is_carried_out(plan))
     if is_cut:
         seen = ()
-    if own is None:  # what the plan expects of the readings is all that is known of their scatter
+    if own is None:  # the scatter of the readings is known only from the plan
         return SeenRange(found.arcsec, None, COVERAGE_FACTOR * hypot(*unsure), seen, M_g, is_cut)
     by_scatter = max(COVERAGE_FACTOR * own, found.noise_arcsec)
     expanded = hypot(by_scatter, COVERAGE_FACTOR * hypot(*unsure))

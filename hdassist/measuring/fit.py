@@ -1,9 +1,9 @@
-"""Least squares of a measured trace at given orders, on the angles as they were recorded, and how sure it is.
+"""Least-squares fit of a recording at given orders, on the recorded angles, with its uncertainty.
 
-The coefficients are as uncertain as those of independent residuals, widened by the noise floor of the residuals at each
-order, or, in records too short for that, by the number of neighbours that err together: the integrated autocorrelation.
-The part of the residuals that is correlated from one bin to the next is no noise of reading but error beyond the given
-orders, or slow: its size is `unmodelled`.
+The uncertainty of the coefficients is that of independent residuals, widened by the noise floor of the residuals at
+each order. In recordings too short for a noise floor it is widened by the number of correlated neighbours, from the
+integrated autocorrelation. The part of the residuals that is correlated from one bin to the next is not reading
+noise. It is error outside the given orders, or slow; its size is `unmodelled`.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ class TraceFit:
         """Power of the noise at each order over that of independent residuals; factor of an interval of the order."""
         ones = np.ones(len(self.orders))
         power, student = noise_floor(self.design, self.residual, self.variance) or (self.correlated * ones, ones)
-        if self.design.slow.ridge:  # large errors of orders that are not told apart cancel
+        if self.design.slow.ridge:  # large errors of unresolved orders cancel
             _, cluster = np.unique(np.rint(self.orders), return_inverse=True)
             power = (np.bincount(cluster, power) / np.bincount(cluster))[cluster]
         return power, student

@@ -1,15 +1,16 @@
-"""Full cycle of a measured drive, orders of its trace, and F'_ior of the fitted curve with its uncertainty.
+"""Full mesh cycle of a measured drive, orders of its recording, and F'_ior of the fitted curve with its uncertainty.
 
-Deviations of the wheel that turns with the output beat with those that stand still, so around each declared order n the
-error has orders n + k/ratio. BEATS of them to either side hold a model's error over the full cycle to about 1 % of its
-range. A record of T cam turns resolves orders 1/T apart: of closer ones, fewer stand for all.
+Deviations of the wheel that rotates with the output beat with deviations that are fixed. The error therefore has
+orders n + k/ratio around each declared order n. BEATS such orders on either side reproduce a model's error over the
+full mesh cycle within about 1 % of its range. A recording of T input revolutions resolves orders 1/T apart; of closer
+orders, fewer represent all of them. F'_ior is the maximum minus the minimum of the curve over the covered angles,
+corrected for noise.
 
-F'_ior is the greatest less the least of the curve over the angles visited, without the part of noise.
-Noise makes the range of a curve too large: the greatest value is looked for among values that err. The bias is
-estimated by a parametric bootstrap: coefficients shrunk towards 0 by their share of noise stand for the true ones, and
-get noise by the covariance of the fit; the mean increase of the range of their curves is taken off.
-The standard uncertainty is the spread of those ranges, SPREAD_FACTOR because the correction repeats the noise of the
-estimate, and a BIAS_SHARE of the correction. Both numbers were found by simulation (tests/measuring/test_measure.py).
+Noise makes the range of a curve too large, because the maximum is taken over values with errors. The bias is
+estimated by a parametric bootstrap. Coefficients shrunk towards 0 by their share of noise represent the true ones,
+and receive noise by the covariance of the fit. The mean increase of the range of their curves is subtracted. The
+standard uncertainty is the spread of those ranges, times SPREAD_FACTOR because the correction repeats the noise of
+the estimate, and a BIAS_SHARE of the correction. Both numbers come from simulation (tests/measuring/test_measure.py).
 """
 
 from __future__ import annotations
@@ -103,7 +104,7 @@ class Gearing:
         return self.travel and 360 * self.travel / self.ratio
 
     def within(self, travel_deg: float | None) -> Gearing:
-        """The same of a drive whose output turns through so many degrees; None for the full cycle."""
+        """Return the gearing of a drive with an output travel [deg]; None for the full mesh cycle."""
         travel = (travel_deg or _FULL_CYCLE_DEG) / 360 * self.ratio
         return replace(self, travel=travel if travel < self.cycle else None)
 
@@ -149,11 +150,11 @@ def gearing_of(drive: Drive | None, ratio: float | None) -> Gearing | None:
 
 @dataclass(frozen=True)
 class MeasuredOrder:
-    """amplitude cos(per_cam_rev phi + phase), with the standard uncertainty of the amplitude and the cause in words.
+    """One order: amplitude cos(per_cam_rev phi + phase), with its standard uncertainty and the cause in words.
 
-    cause: empty where no drive is known; is_line: whether it is none of the declared orders, or has such a line in it;
-    is_of_record: whether amplitude and uncertainty are those in the record alone, which does not tell them over whole
-    turns of the output.
+    cause: empty if no drive is given. is_line: whether it is outside the declared orders, or contains a spectral
+    line. is_of_record: whether amplitude and uncertainty are those in the recording alone, which does not determine
+    them over whole output revolutions.
     """
 
     per_cam_rev: float
@@ -306,12 +307,12 @@ def other_ratio(fit: TraceFit, declared: Sequence[float], ratio: float) -> float
 def _over_whole_turns(
     fit: TraceFit, own: OrderIndices, joint: MeasuredOrder, ratio: float
 ) -> Callable[[MeasuredOrder, int], MeasuredOrder]:
-    """Orders of a part of an output turn with the uncertainty of their amplitude over whole turns, with so many beats.
+    """Return orders of a part of an output revolution with the uncertainty of their amplitude over whole revolutions.
 
-    Arguments: places of an order and its beats in a fit, which are a joint wave over the record.
-    Cosine and sine of each beat c are drawn from a normal distribution, those next to the order as large as the
-    order itself and those further off smaller by half from one to the next; the coefficients of the record are B c
-    and noise. Their common size is found by expectation and maximisation.
+    Arguments: positions of an order and its sidebands in a fit, which form a joint component over the recording.
+    Cosine and sine of each sideband c are drawn from a normal distribution. The sidebands next to the order are as
+    large as the order itself, and each further one is half as large as the one before. The coefficients of the
+    recording are B c and noise. Their common size is found by expectation and maximisation.
     """
     away = np.tile(np.arange(-BEATS, BEATS + 1), 2)
     pair = fit.pair(own)
@@ -344,7 +345,7 @@ def _over_whole_turns(
 
 @dataclass(frozen=True)
 class UncertaintySource:
-    """One source: its name, standard uncertainty [arcsec] (None: nobody has stated it), and where that comes from."""
+    """One source: its name, its standard uncertainty [arcsec] (None if not stated), and its origin."""
 
     name: str
     arcsec: float | None
@@ -404,10 +405,10 @@ def combined(sources: Sequence[UncertaintySource]) -> float:
 
 @dataclass(frozen=True)
 class Range:
-    """Range of a curve [arcsec]: as fitted, its bias by noise, and the standard uncertainty of the range by noise.
+    """Range of a fitted curve [arcsec], its bias by noise, and the standard uncertainty of the range by noise.
 
-    rise: possible increase by lines where their phases to the orders differ, as in another cycle; others: standard
-    uncertainty by all sources but noise.
+    rise: possible increase by spectral lines if their phases relative to the orders differ, as in another cycle.
+    others: standard uncertainty by all sources except noise.
     """
 
     fitted: float
@@ -437,7 +438,7 @@ class Range:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """The range less and plus its expanded uncertainty, and above that the rise."""
+        """Return the range minus and plus its expanded uncertainty; the rise is added to the upper end."""
         reach = COVERAGE_FACTOR * self.uncertainty
         return max(0.0, self.value - reach), self.value + self.rise + reach
 

@@ -1,16 +1,16 @@
-"""Residuals of a fit beside its orders: lines of other orders, single readings far off, steps of the level.
+"""Residuals of a fit outside its orders: spectral lines, outliers, and steps of the level.
 
-Lines are ball passes, cages, vibration of the rig. A line that is left out makes the range too small, never too large.
-So the residuals are searched for lines, the strongest first, and each is taken into the fit with an order of its own,
-until none is significant: its power over the mean of its neighbours has to be one that noise alone brings once in
-1/LINE_FALSE_ALARM records. For a noise power even over the neighbourhood that ratio has an F distribution with 2 and
-2 m degrees of freedom, m resolved places. Slow noise is not even but falls with the order: the side of the neighbours
-counts that makes the line less significant.
+Lines are ball passes, cages, vibration of the test rig. A line that is left out makes the range too small, never too
+large. The residuals are therefore searched for lines, the strongest first, and each is included in the fit with its
+own order, until no line is significant. A line is significant if noise alone reaches its power over the mean of its
+neighbours only once in 1/LINE_FALSE_ALARM recordings. For a noise power that is even over the neighbourhood this
+ratio has an F distribution with 2 and 2 m degrees of freedom, m resolved places. Slow noise is not even but decreases
+with the order; the side of the neighbours that makes the line less significant counts.
 
-Single readings and steps are faults of the reading, none of the drive: a shaft does not leap there and back between two
-readings. Such readings are refused, or left out where that is asked or where the shaft turns back, and named; many of
-them are a fault of the rig that an answer must not hide. A step stays: a coupling has slipped, an encoder has lost
-counts. Behind it the level of the error is another one, which is fitted; the orders go on.
+Outliers and steps are faults of the reading, not of the drive: a shaft does not jump and return between two readings.
+Such readings are refused. They are left out and named if that is requested, or where the shaft reverses; a large
+number of them is a fault of the test rig that a result must not hide. A step remains in the recording: a coupling has
+slipped, or an encoder has lost counts. After it the error has another level, which is fitted; the orders continue.
 """
 
 from __future__ import annotations
@@ -65,10 +65,11 @@ class _Peak:
 
 
 def with_lines(fit: TraceFit) -> TraceFit:
-    """A fit with the significant lines of its residuals, as far as the readings resolve them.
+    """Return a fit with the significant lines of its residuals, as far as the readings resolve them.
 
-    Above half the readings a turn even readings have images of lower orders alone. Uneven ones tell them apart, but for
-    beats that a part of an output turn leaves in the residuals, whose images look like lines.
+    Even readings show only images of lower orders above half the readings per revolution. Uneven readings distinguish
+    them, except for sidebands that a part of an output revolution leaves in the residuals, whose images look like
+    lines.
     """
     bins, orders = fit.bins, fit.orders
     rate, _, evenness = even_readings(bins)
@@ -135,11 +136,11 @@ def _least_likely(probes: Array, power: Array, others: Array, resolution: float,
 
 
 def _settled(fit: TraceFit, orders: Array, order: float) -> TraceFit:
-    """A fit with one line more, the orders of the lines moved to where they fit best.
+    """Return a fit with one further line, with the orders of the lines moved to the best fit.
 
-    Where a line comes so near to a fitted order that the record does not resolve them, it is put halfway between two of
-    them, or half the resolution beside one, where it takes most of the residuals: together they fit the error there.
-    Raises UntrustedError where there is no room.
+    If a line is so close to a fitted order that the recording does not resolve them, it is put halfway between two
+    orders, or half the resolution from one, where it reduces the residuals most: together they fit the error there.
+    Raises UntrustedError if there is no room.
     """
     bins, slow, resolution = fit.bins, fit.design.slow, 1 / fit.bins.span
     held = fit.unresolved[fit.is_line]

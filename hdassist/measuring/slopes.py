@@ -129,10 +129,10 @@ def without_lag(trace: MeasuredTrace, lag_s: float) -> MeasuredTrace:
 
 
 def _lost_by_sweeps(fits: Sequence[TraceFit]) -> tuple[_ValueAndSpread, _ValueAndSpread] | None:
-    """Parts of the levels of sweeps: lost at the reversal [arcsec], and over the speed [arcsec s/turn].
+    """Return parts of the levels of sweeps: lost at the reversal [arcsec], and over the speed [arcsec s/turn].
 
-    Each with its standard uncertainty. None where the sweeps of both directions do not tell them apart, or slopes over
-    the speed are fitted within them.
+    Each has its standard uncertainty. The result is None if the sweeps of both directions do not determine the parts,
+    or if slopes over the speed are fitted within the sweeps.
     """
     if any("speed" in fit.slopes or fit.bins.levels != fit.bins.sweeps for fit in fits):
         return None

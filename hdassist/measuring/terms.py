@@ -152,12 +152,13 @@ def curve_of(coefficients: Array, orders: Array, turns: Array) -> Array:
 
 @dataclass(frozen=True)
 class SlowTerms:
-    """Terms beside the orders: a drift, powers of the travel up to a degree, and slopes over columns of the bins.
+    """Terms besides the orders: a drift, powers of the travel up to a degree, and slopes over columns of the bins.
 
-    by_angle: Legendre polynomials of the cam angle instead, for all that is slow in a part of an output turn; over:
-    names of the columns, speed for a lag between the encoders, load for the wind-up. ridge: added to the normal
-    equations of unit diagonal, so that orders which the record does not tell apart stay small, but not their sum.
-    order_changes: of the orders with the torque, none, 1 along a straight line, 2 with a bend at the mean torque.
+    by_angle: whether Legendre polynomials of the input angle are used instead, for slow terms in a part of an output
+    revolution. over: names of the columns: speed for a lag between the encoders, load for the wind-up. ridge: added
+    to the normal equations of unit diagonal, so that orders that the recording does not resolve stay small, although
+    their sum does not. order_changes: change of the orders with the torque: 0 none, 1 along a straight line, 2 with a
+    bend at the mean torque.
     """
 
     degree: int = 0

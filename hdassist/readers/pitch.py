@@ -1,28 +1,28 @@
 """Pitch deviations of a wheel, measured on a gear checker, from a file with a row for each tooth.
 
-The deviation of a tooth is where its flank lies against the place it should have, along the pitch circle, up to a
-constant for the whole wheel. A file has two columns, tooth number and deviation, and may say in remarks:
+The deviation of a tooth is the distance of its flank from its ideal position along the pitch circle, up to a constant
+for the whole wheel. A file has two columns, tooth number and deviation, and may state in comments:
 
     # form: cumulative | single   cumulative deviations F_p (default), or single pitch deviations f_pt, that of tooth
                                   k between the teeth k - 1 and k
-    # unit: um | mm               or in the name of the column; um by default
-    # sense: ccw | cw             in which sense the numbers grow, seen from the cam side; ccw by default
-    # sign: along | ccw | cw      to where a positive deviation points: along the growing numbers (default), or
-                                  to one side whatever the numbering
+    # unit: um | mm               also in the name of the column; um by default
+    # sense: ccw | cw             sense in which the numbers increase, seen from the wave generator side; ccw by default
+    # sign: along | ccw | cw      direction of a positive deviation: along increasing numbers (default), or to one
+                                  side for any numbering
     # mark: 17                    the tooth that bears the mark; the first one by default
     # flank: left | right
 
-The deviations read always count counter-clockwise from the mark, positive ones counter-clockwise. A wheel of four
+The result always counts counter-clockwise from the mark, with positive deviations counter-clockwise. A wheel of four
 teeth, numbered clockwise, mark on tooth 2:
 
     # sense: cw
-    # mark: 2              read: tooth 2, 1, 4, 3, with the signs turned round: -3, 0, -1, +2
+    # mark: 2              read: tooth 2, 1, 4, 3, with reversed signs: -3, 0, -1, +2
     1; 0                   with "# sign: ccw" the order is the same and the signs stay: +3, 0, +1, -2
     2; 3
     3; -2
     4; 1
 
-(here less the mean). The mean of the deviations has no effect and is taken off.
+(here minus the mean). The mean of the deviations has no effect and is subtracted.
 """
 
 from __future__ import annotations
@@ -287,7 +287,7 @@ def _cumulative(
 
 @dataclass(frozen=True)
 class WheelFiles:
-    """Pitch files of the rigid wheel (b) and the flexspline (g), directions [deg] of their marks, and their form."""
+    """Pitch files of the circular spline (b) and flexspline (g), directions [deg] of their marks, and their form."""
 
     pitch_b: str | None = None
     pitch_g: str | None = None

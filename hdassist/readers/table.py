@@ -523,9 +523,10 @@ def _lines(first: int, part: str, table: NumberTable) -> Iterator[TableLine]:
 
 
 def _preamble(cells: Sequence[Sequence[Cell]]) -> int:
-    """Number of lines above the names that an instrument writes; 0 where the line of names is not sure.
+    """Return the number of lines that an instrument writes above the names; 0 if the line of names is uncertain.
 
-    It is sure where numbers alone follow, in as many columns, and a name in it is known, as that of no line above it.
+    It is certain if only numbers follow, in the same number of columns, and it contains a known name, unlike all
+    lines above it.
     """
     rows = next((k for k, row in enumerate(reversed(cells)) if not _is_row(row, len(cells[-1]))), len(cells))
     names = len(cells) - rows - 1
@@ -542,7 +543,7 @@ def _is_row(row: Sequence[Cell], width: int) -> bool:
 
 
 def shortened(numbers: Sequence[int], most: int = 5) -> str:
-    """Numbers for a message, at most so many of them: 3, 4, 5, 6, 7 ... (12 in all)."""
+    """Return numbers for a message, at most the given number of them: 3, 4, 5, 6, 7 ... (12 in all)."""
     text = ", ".join(map(str, numbers[:most]))
     return text if len(numbers) <= most else f"{text} ... ({len(numbers)} in all)"
 

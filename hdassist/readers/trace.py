@@ -38,7 +38,7 @@ _COUNTER_BITS = (16, 24, 32)  # of counters that begin again where they are full
 _WRAP_STEPS, _LEAST_WRAP_REST = 20.0, 1.0  # median steps, and deg, that a step over a wrap may go, at most
 _LEAP = 0.4  # of the wrap: the direction of a longer step is ambiguous
 _JITTER = 0.5  # deg: moves back that are noise of a shaft that stands or creeps
-_TURNING_STEPS, _WIDEST_TURNING = 4.0, 5.0  # the same in median steps, at most so many deg, of coarse readings
+_TURNING_STEPS, _WIDEST_TURNING = 4.0, 5.0  # the same in median steps, at most this many deg, for coarse readings
 _WIDEST_TURN_BACK = 2.5  # median steps: how far a reading may lie off those around it where the shaft turns back
 _FEW_ROWS = 5  # fewer rows are no move
 _SPIKE = 10.0  # median steps: longest first step after a restart
@@ -53,8 +53,8 @@ LARGEST_ERROR = 7200.0  # arcsec, range of an error
 _RESTART_HINT = "check whether an encoder was restarted; use only the rows above or below this line"
 _LEAP_REST = 0.5  # of a leap: range of the rest, at most, where an encoder was restarted
 _SLIP = 0.02  # of the ratio: greatest disagreement of the two encoders with it
-# A ramp of the error over the angle is a wrong ratio where it is so many times as long as all else in the record, and
-# so much of the ratio: 1300 arcsec an output revolution at ratio 100, which no drive, rig or drift has
+# A ramp of the error over the angle is a wrong ratio if it exceeds the rest of the recording by this factor, and the
+# ratio by this share: 1300 arcsec per output revolution at ratio 100, more than any drive, test rig or drift
 _RAMP_OVER_REST = 5.0
 _RAMP_OF_RATIO = 1e-3
 _NEAR_ONE = 0.05  # of a ratio: how near to 1 its difference is that has the other wheel fixed
@@ -93,10 +93,11 @@ class AngleError(ValueError):
 
 
 def _guessed_wrap(angle: _Angles, count: float) -> float | None:
-    """Angle [deg] after which an encoder begins again: a turn, or the range of its counter; None if it does not.
+    """Return the angle [deg] at which an encoder restarts, or None without a restart.
 
-    All angles lie within it, with steps of more than half of it, over which the shaft goes on as far as over others: a
-    run that begins anew is none. Argument: count, size of a count [deg].
+    It is a revolution, or the range of the counter. All angles lie within it, with steps of more than half of it,
+    over which the shaft continues as far as over other steps; a restarted run is not a wrap. count: size of a count
+    [deg].
     """
     steps = np.abs(np.diff(angle))
     span, longest = float(np.ptp(angle)), float(steps.max(initial=0.0))
@@ -332,7 +333,7 @@ class MeasuredTrace:
         return [values[sweep.rows] for sweep in self.sweeps]
 
     def require_known_scale(self) -> None:
-        """Raise UntrustedError if the size of the errors depends on a guide rate that is not known exactly."""
+        """Raise UntrustedError if the size of the errors depends on an uncertain guide rate."""
         if self.scale_uncertainty:
             share = f"{100 * self.scale_uncertainty:.0f} %"
             words = (
