@@ -192,6 +192,18 @@ def form_of_text(text: str) -> CorrectionForm:
     return CorrectionForm(turn, number)  # type: ignore[arg-type]  # one of the names above, which a text cannot show
 
 
+_TURN_WORDS = {"output": "output revolution", "cam": "input revolution", "half-cam": "half input revolution"}
+
+
+def form_words(name: str) -> str:
+    """Return the name of the form of a correction for pages, from that in JSON ("output turn, 36 points")."""
+    turn, is_table, points = name.partition(" turn, ")
+    if is_table:
+        number, _, each_load = points.partition(", ")
+        return ", ".join(filter(None, (f"{number} per {_TURN_WORDS[turn]}", each_load)))
+    return name.replace("phasors", "correction terms")
+
+
 def table_values(lines: ErrorLines, turn: RepeatTurn, points: int) -> Array:
     """Values [arcsec] of tables, straight from point to point, that fit drives' errors best, shape (drives, points).
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from hdassist import __version__
 from hdassist.correction.correct import Correction, percentiles, ranges_left
-from hdassist.correction.forms import CorrectionTable, ExpectedResidual, RepeatTurn
+from hdassist.correction.forms import CorrectionTable, ExpectedResidual, RepeatTurn, form_words
 from hdassist.errors import UsageError
 from hdassist.model.geometry import Array
 
@@ -160,11 +160,11 @@ def correction_file(result: Correction, controller: ControllerFormat, axis: Cont
 
 
 def poor_table(result: Correction, controller: ControllerFormat) -> str:
-    """Words on a table that leaves more than half of the error, and a form that takes off more; empty of others."""
+    """Return a warning about a table that leaves more than half of the error, with a better form; empty for others."""
     form, (_, left, _) = result.chosen.form, result.chosen.left
     if left <= _POOR_SHARE:
         return ""
-    words = f"{form.name} leave {100 * left:.0f} % of the error"
+    words = f"{form_words(form.name)} leave {100 * left:.0f} % of the error"
     points = result.fewest_points
     if not points:
         return f"{words}; no table over the output revolution halves the error, use correction terms"
@@ -180,9 +180,9 @@ def poor_table(result: Correction, controller: ControllerFormat) -> str:
 def controller_file(
     table: CorrectionTable, controller: ControllerFormat, axis: ControllerAxis, source: str
 ) -> tuple[str, str]:
-    """The controller's file, and its companions: comments of the file too, where the format has any.
+    """Return the controller's file and a description, which the file contains as comments if its format has them.
 
-    They state its kind, its reader and its state, in 7-bit lines; source: the preset or the record that it comes from.
+    The description states kind, controller and drive in 7-bit lines; source: the preset or the recording.
     """
     way = "counter-clockwise" if axis.sense == 1 else "clockwise"
     steps = axis.steps_per_degree

@@ -17,13 +17,13 @@ from hdassist.correction.correct import (
     VerifiedCorrection,
     correction_curve,
 )
-from hdassist.correction.forms import ExpectedResidual, correction_columns, line_orders
+from hdassist.correction.forms import ExpectedResidual, correction_columns, form_words, line_orders
 from hdassist.error.waves import POINTS_A_TURN
 from hdassist.errors import Verdict
 from hdassist.model.deviations import unknown_notes, unknowns
 from hdassist.model.geometry import Array
 from hdassist.report import Curve, Fact, Facts, Report, Table, csv_columns, samples_object
-from hdassist.terminal.words import ENVELOPE, again, form_words
+from hdassist.terminal.words import ENVELOPE, again
 
 UNPROVEN = "Not yet tried on a real drive: record the first one with the correction on."
 _TOLD_NOISE_CYCLES = 1.5  # full cycles in a recording that shows its noise

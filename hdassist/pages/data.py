@@ -34,15 +34,15 @@ _FOUND_VALUES = quantity_table(
     two_digits=lambda half_width: short(float(f"{half_width:.2g}")),
     percent=lambda share: f"{100 * share:.0f}",
 )
-_NOTE = "fitted targets are no evidence for the model: targets that were not fitted are"
+_NOTE = "agreement with fitted targets does not validate the model; agreement with other targets does"
 
 
 def calibrate_report(result: Calibration, written: str | None = None) -> Report:
-    """A calibration; written, the file of the preset with its values, None where none is written."""
+    """Return a calibration as a report; written: the file of the preset with its values, None without one."""
     wanted = result.targets
     next_ = again("calibrate", result.drive, "--write", "found.yaml")
     if result.drive.origin.overrides:
-        next_ = "with the values of --set in the file of the preset, --write FILE writes a preset with these values"
+        next_ = "write the values of --set into the file of the preset; then --write FILE writes a preset"
     if result.shortfall:
         next_ = "check the measured values; if they are right, widen bounds or add unknowns"
     elif written:
@@ -64,10 +64,10 @@ def calibrate_report(result: Calibration, written: str | None = None) -> Report:
         why=(result.shortfall or f"sets of values that meet all targets: {len(result.fits)}",),
         blocks=(
             Table.by_row("values, half width of their interval, bounds", _FOUND_VALUES, result.values),
-            Table("targets", ("target", "unit", "wanted", "found", "off by, tolerances", ""), tuple(rows)),
+            Table("targets", ("quantity", "unit", "target", "fitted", "off, tolerances", ""), tuple(rows)),
             Facts((("note", _NOTE), ("next", next_))),
         ),
-        details=(Table("sets of values that were kept", heads, tuple(kept)),),
+        details=(Table("sets of values that meet the targets", heads, tuple(kept)),),
         values={
             "targets_file": attributes(wanted, "name", "sha256"),
             "targets": [
@@ -94,11 +94,11 @@ def _warnings(result: Calibration) -> Iterator[str]:
     if any(target.quantity.startswith("F_ior") for target in result.targets.targets):  # deviations move it
         yield from unknown_notes(result.drive)
     if result.shortfall:
-        yield f"targets are missed: {result.shortfall}; the values come nearest, and --write writes no preset"
+        yield f"targets are missed: {result.shortfall}; the values are the nearest ones, and --write writes no preset"
     if open_ := [each.path for each in result.values if each.determined < _UNDETERMINED]:
         yield f"the targets do not determine {', '.join(open_)}"
     for a, b, correlation in result.indistinct:
-        yield f"the targets cannot tell {a} and {b} apart (correlation {correlation:+.2f})"
+        yield f"the targets do not distinguish {a} and {b} (correlation {correlation:+.2f})"
 
 
 def _set_object(targets: Targets, fit: Fit) -> Json:
@@ -121,7 +121,7 @@ _KIND_TITLES = {
 
 
 def explain_report(found: Sequence[Entry]) -> Report:
-    """What each name stands for; all names, by kind, where none is asked for."""
+    """Return the meaning of names as a report; without a name, all names by kind."""
     first, *others = found or [Entry("section", ("hdassist explain NAME",), "any of these, English or Russian")]
     listed = [ReportSection(f"{each.names[0]}: {each.words}", (_entry_facts(each),)) for each in others]
     return Report(
@@ -143,8 +143,8 @@ def _entry_facts(entry: Entry) -> Facts:
 
 
 def _all_names() -> Iterator[ReportSection]:
-    """The names of all there is, by kind."""
-    yield ReportSection("checks and remarks", (Facts.of((item.code, item.words) for item in CODES.values()),))
+    """Yield all names, by kind."""
+    yield ReportSection("checks and notes", (Facts.of((item.code, item.words) for item in CODES.values()),))
     for kind, title in _KIND_TITLES.items():
         names = ", ".join(dict.fromkeys(entry.names[0] for entry in entries() if entry.kind == kind))
         yield ReportSection(title, (Paragraph(names),))

@@ -7,6 +7,7 @@ from dataclasses import asdict
 
 import numpy as np
 
+from hdassist.correction.forms import form_words
 from hdassist.errors import Verdict
 from hdassist.model.deviations import unknown_names
 from hdassist.mounting.advice import UNSHOWN_VALUES, Advice, Verification
@@ -45,7 +46,7 @@ from hdassist.report import (
     samples_object,
     unknown_objects,
 )
-from hdassist.terminal.words import Texts, again, form_words, heading, influence_words, samples_words
+from hdassist.terminal.words import Texts, again, heading, influence_words, samples_words
 
 WORDS = {"TURN": "TURN", "LEAVE": "LEAVE", "BEST_BET": "BEST BET", "ANY_HOLE": "ANY HOLE"}
 _VERIFICATION_WORDS = {"KEEP": "KEEP", "GO_BACK": "GO BACK", "MEASURE_AGAIN": "MEASURE AGAIN"}

@@ -52,17 +52,17 @@ from hdassist.terminal.streams import Style
 from hdassist.terminal.words import named, proof, samples_words
 from hdassist.variants import DriveSheet
 
-_INPUT_HEADS = ("input", "share, %", "preset", "drawn from", "unit", "where from")
+_INPUT_HEADS = ("input", "contribution, %", "preset", "sampled from", "unit", "source")
 _VERDICT_WORDS = {
     Verdict.PASS: "PASS: within its limits",
     Verdict.FAIL: "FAIL: beyond its limits",
-    Verdict.INCONCLUSIVE: "INCONCLUSIVE: unknown inputs could change it",
+    Verdict.INCONCLUSIVE: "INCONCLUSIVE: unknown inputs may change the verdict",
     Verdict.NO_LIMIT: "no limit set",
 }
 
 
 def drive_report(sheet: DriveSheet, *, draws: int, seed: int) -> Report:
-    """The report of a drive, two pages of paper; draws, seed: of the unknown inputs."""
+    """Return the report of a drive, two pages of paper; draws, seed: those of the uncertain inputs."""
     drive, verdict = sheet.drive, sheet.check.verdict
     check = check_report(sheet.check, seed)
     mount = mount_report(sheet.advice, seed)
@@ -111,7 +111,7 @@ def drive_report(sheet: DriveSheet, *, draws: int, seed: int) -> Report:
 
 
 def _without_next(blocks: Iterable[Block]) -> Iterator[Block]:
-    """Blocks without the command to type next."""
+    """Yield blocks without the next command."""
     for block in blocks:
         yield Facts(tuple(row for row in block.rows if row[0] != "next")) if isinstance(block, Facts) else block
 
@@ -119,20 +119,20 @@ def _without_next(blocks: Iterable[Block]) -> Iterator[Block]:
 def _tiles(sheet: DriveSheet, values: Mapping[str, int]) -> Iterator[tuple[str, str, str]]:
     for point in sheet.check.points:
         found = point.belief
-        below = f"{found.p5:.1f} to {found.p95:.1f}″ in 90 % of cases" if found else "over the full cycle"
+        below = f"{found.p5:.1f} to {found.p95:.1f}″ (5 to 95 %)" if found else "over the full mesh cycle"
         statistic = "median" if found else "nominal"
         yield f"F'_ior at {point.M_g:g} N·m, {statistic}", f"{point.F_ior_or_error:.1f}″", below
     advice = sheet.advice
     if advice.names_hole:
-        gain = f"{-100 * advice.gain_range[1]:+.0f} % error" if advice.turn else "leave it as it is"
-        yield "position of the wheel", hole_place(advice.chosen), f"{WORDS[advice.word]}: {gain}"
+        gain = f"{-100 * advice.gain_range[1]:+.0f} % F'_ior" if advice.turn else "leave it in this hole"
+        yield "position of the fixed wheel", hole_place(advice.chosen), f"{WORDS[advice.word]}: {gain}"
     else:
-        yield "position of the wheel", "any", "no hole is expected to be better"
+        yield "position of the fixed wheel", "any", "no hole is expected to be better"
     yield "values assumed", str(values["assumed"]), f"{values['given']} given, {values['identified']} identified"
 
 
 def _basis(sheet: DriveSheet, values: Mapping[str, int]) -> Iterator[Block]:
-    """The inputs that decide F'_ior, with their range and source, and a summary of all values."""
+    """Yield the inputs with the largest contributions, their range and source, and a summary of all values."""
     drive, check = sheet.drive, sheet.check
     given, drawn = {row.path: row for row in resolved_fields(drive)}, check.prior.fields if check.prior else ()
     ranges = {each.path: f"{four_digits(each.low)} to {four_digits(each.high)}" for each in drawn}
@@ -141,18 +141,18 @@ def _basis(sheet: DriveSheet, values: Mapping[str, int]) -> Iterator[Block]:
         (named(row.path), f"{100 * share:.0f}", value_text(row.value), ranges[row.path], row.unit, row.ref)
         for row, share in ((given[groups[each.group]], each.share) for each in check.influences)
     )
-    title = f"inputs by their share of the spread of F'_ior at {check.points[check.least_sure].M_g:g} N·m"
+    title = f"inputs by their contribution to the variance of F'_ior at {check.points[check.least_sure].M_g:g} N·m"
     yield Table(title, _INPUT_HEADS, rows)
     names = unknown_names(check.unknown)
     sampled = ""
     if check.samples:
         sampled = f"Inputs: {uncertain_inputs_words(check.samples.prior)}. Samples: {samples_words(check.samples)}. "
     yield Paragraph(
-        f"{sampled}{f'Deviations that are not known: {names}. ' if names else ''}"
+        f"{sampled}{f'Unknown deviations: {names}. ' if names else ''}"
         f"The preset gives {sum(values.values())} values: {values['given']} given, {values['identified']} identified, "
         f"{values['assumed']} assumed (hdassist presets show --resolved lists each with its range and source). Values "
-        "identified from measurements agree with the model by themselves, which proves nothing of it; "
-        "docs/validation.md has the measurements that the model was compared with."
+        "identified from measurements agree with the model by construction, which does not validate it; "
+        "docs/validation.md lists the measurements with which the model was compared."
     )
 
 
@@ -162,7 +162,7 @@ def _provenance(drive: Drive, draws: int, seed: int) -> Facts:
         ("preset", f"{origin.file or drive.name}, SHA-256 {origin.sha256}"),
         ("set on top", "; ".join(origin.overrides) or "none"),
         ("description", " ".join(drive.description.split()) or "none"),
-        ("made by", f"hdassist {__version__}, seed {seed}, at least {draws} effective samples of uncertain inputs"),
+        ("made by", f"hdassist {__version__}, seed {seed}, effective sample size at least {draws}"),
     )
     return Facts(rows)
 
@@ -174,7 +174,7 @@ _UNICODE = Style(ascii=False, codes=False, width=80)
 
 
 def report_html(report: Report) -> str:
-    """A report as one HTML file: everything inside it, no scripts."""
+    """Return a report as one HTML file without scripts or further files."""
     return _html("report.html", report=report, proof=proof(report.certificate, report.cross_checks))
 
 
@@ -192,12 +192,12 @@ def report_markdown(report: Report, style: Style) -> str:
 
 
 def card_html(card: Card) -> str:
-    """The card as one HTML file that prints on an A4 page: everything inside it, no scripts."""
+    """Return the card as one HTML file for an A4 page, without scripts or further files."""
     return _html("card.html", card=card, lines=lines_on_paper(card))
 
 
 def card_text(card: Card, *, ascii: bool = False) -> str:
-    """The card as text; ascii: with 7-bit characters only, but for Cyrillic letters."""
+    """Return the card as text; ascii: with 7-bit characters only, except Cyrillic letters."""
     return blocks_text(card.title, card.blocks, ascii=ascii)
 
 

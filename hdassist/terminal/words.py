@@ -139,18 +139,6 @@ def measure_words(found: Sequence[MeasurementGain], M_g: float) -> str:
     return "; ".join(words)
 
 
-_TURN_WORDS = {"output": "output revolution", "cam": "input revolution", "half-cam": "half input revolution"}
-
-
-def form_words(name: str) -> str:
-    """Return the name of the form of a correction for pages, from that in JSON ("output turn, 36 points")."""
-    turn, is_table, points = name.partition(" turn, ")
-    if is_table:
-        number, _, each_load = points.partition(", ")
-        return ", ".join(filter(None, (f"{number} per {_TURN_WORDS[turn]}", each_load)))
-    return name.replace("phasors", "correction terms")
-
-
 def more_draws(samples: Samples) -> str:
     """Return the remedy for a verdict left open by its Monte Carlo interval alone, which so many samples halve."""
     return f"more samples settle it, without a measurement: --draws {MORE_DRAWS * round(samples.effective)}"

@@ -50,7 +50,7 @@ def test_values_are_found_written_and_used(folder):
         assert words in again.stdout
     assert again.stdout.startswith("small, calibration (rig 3): 1 of 1 targets met\n")
     written = run(*args, "--details", "--ascii", "--write", "other.yaml", cwd=folder).stdout
-    assert "sets of values that were kept" in written
+    assert "sets of values that meet the targets" in written
     assert "next  hdassist check other.yaml\n" in written
     quiet = run(*args, "-q", cwd=folder)
     assert quiet.stdout == f"gears.j_n={found.gears.j_n!r}\n"

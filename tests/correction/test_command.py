@@ -126,7 +126,7 @@ def test_a_table_that_leaves_most_is_written_with_a_word_on_the_form_that_does_m
     done = run(*poor, "linuxcnc-1=t.comp", "--points", "30", cwd=tmp_path)
     assert done.returncode == 0
     before, _, after = done.stderr.partition("wrote t.comp")
-    assert "warning: output turn, 30 points leave " in before
+    assert "warning: 30 points per output revolution leave " in before
     assert " halves the error (possible with csv, c, linuxcnc-1, twincat-cnc, twincat-nc, siemens-840d)" in before
     assert not after.strip()
     assert "warning" not in run(*poor, "c=t.h", "--points", "720", cwd=tmp_path).stderr

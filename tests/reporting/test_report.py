@@ -219,7 +219,7 @@ def test_where_no_hole_is_better_by_what_is_known_it_says_so():
     assert (told["mount"]["word"], told["mount"]["hole"]) == ("ANY_HOLE", None)
     assert any("no hole is expected to be better than another" in reason for reason in report.why)
     [tiles] = [block for block in report.blocks if isinstance(block, Tiles)]
-    assert next(value for label, value, _ in tiles.rows if label == "position of the wheel") == "any"
+    assert next(value for label, value, _ in tiles.rows if label == "position of the fixed wheel") == "any"
     ranges, *errors = [block for block in sections(report)[0].blocks if isinstance(block, Curve)]
     assert ranges.x_label == "percentile of the sampled drives"
     (shown,) = (f"{point['F_ior_shown_arcsec']:.1f}″" for point in told["check"]["operating_points"])
