@@ -117,7 +117,7 @@ class DrivesUnderTest:
 
     cycle_output: output turns of the cycle; left_arcsec: the room that the limit leaves F'_ior, None without one;
     demands; seed of the starts and of the noise; travel: output turns in use, from where the test starts, whose range
-    is F'_ior.
+    is F'_ior; stated_beyond: probability of being beyond the limit as check states it, None where it states none.
     """
 
     curves: Array
@@ -127,6 +127,7 @@ class DrivesUnderTest:
     demands: PlanDemands = PlanDemands()
     seed: int = 0
     travel: float | None = None
+    stated_beyond: Probability | None = None
 
     @cached_property
     def starts(self) -> Array:
@@ -160,6 +161,8 @@ class DrivesUnderTest:
     @property
     def beyond(self) -> Probability | None:
         """Probability that a drive is beyond the limit; None without one."""
+        if self.stated_beyond is not None:
+            return self.stated_beyond
         return None if self.left_arcsec is None else self.probability(self.F_ior_arcsec > self.left_arcsec)
 
     def seen_shares(self, plan: ReadingPlan, starts: Array) -> Array:
@@ -377,8 +380,18 @@ def choose_plan(
     curves *= F_ior / np.maximum(np.ptp(curves, axis=1, keepdims=True), _LEAST_ARCSEC)
     cycle, ratio = lines.kinematics.cycle_cam_revolutions, abs(lines.kinematics.u)
     output, used = round(cycle / ratio), (travel_deg or drive.acceptance.travel) / 360
+    travel = used if used < output - 1e-9 else None
+    room = left[place]
+    stated = samples.probability_within(room, place).complement if samples and room is not None and not travel else None
     drives = DrivesUnderTest(
-        curves, weights, output, left[place], demands, run.seed, used if used < output - 1e-9 else None
+        curves,
+        weights,
+        output,
+        left_arcsec=room,
+        demands=demands,
+        seed=run.seed,
+        travel=travel,
+        stated_beyond=stated,
     )
     turns = drives.travel or 1.0
     counts = range(_FEWEST_POSITIONS, round(_MOST_A_CAM_TURN * ratio) + 1)

@@ -28,7 +28,7 @@ import numpy as np
 from hdassist.acceptance.limits import F_IOR, Extent, Limit, LimitText, torques_of
 from hdassist.belief.evidence import evidence_of
 from hdassist.belief.prior import beside_measured_teeth
-from hdassist.belief.samples import EFFECTIVE_SAMPLES, Samples, SamplingEffort, draw_samples
+from hdassist.belief.samples import EFFECTIVE_SAMPLES, Samples, SamplingEffort, deviation_sets, draw_samples
 from hdassist.belief.statistics import Probability, weighted_quantile
 from hdassist.design import DesignCheck, OperatingPoint
 from hdassist.error.cycle import KinematicError, SelfError, kinematic_error, self_error
@@ -168,15 +168,22 @@ class Predictions(DesignCheck):
             return None
 
         def values(samples: Samples) -> Array:
-            if limit.check is not F_IOR:
-                return samples.figures[limit.label]
-            M_g = limit.M_g_Nm or 0.0
-            own = self.quantities.self_errors[M_g].range_arcsec  # on top of F'_ior
-            return np.asarray(samples.F_ior_arcsec[:, samples.torques.index(M_g)] + own)
+            return samples.figures[limit.label]
 
         first = self.samples.of_ranges
+        if limit.check is F_IOR:
+            return self._error_belief(limit, self.samples)
         p5, p50, p95 = (weighted_quantile(values(first), first.weights, share) for share in (0.05, 0.5, 0.95))
         kept = self.samples.probability(lambda samples: limit.room(values(samples)) >= 0, self.sure)
+        return Belief(p5, p50, p95, kept.value, kept.low, kept.high, kept.few)
+
+    def _error_belief(self, limit: Limit, samples: Samples) -> Belief:
+        """Return F'_ior with the self error on top over all that is not known exactly, as check states it."""
+        M_g = limit.M_g_Nm or 0.0
+        own = self.quantities.self_errors[M_g].range_arcsec
+        torque = samples.torques.index(M_g)
+        p5, p50, p95 = (samples.of_ranges.percentile(share, torque) + own for share in (0.05, 0.5, 0.95))
+        kept = samples.probability_of_sets(lambda F_ior: limit.room(F_ior[:, :, torque] + own) >= 0, self.sure)
         return Belief(p5, p50, p95, kept.value, kept.low, kept.high, kept.few)
 
 
@@ -249,6 +256,7 @@ def predict(
         enough=enough,
         effort=SamplingEffort.of(draws),
         run=run,
+        sets=deviation_sets(drive),
     )
     return predictions.with_samples(samples)
 

@@ -55,7 +55,7 @@ from hdassist.error.extremes import DRAWN_GRIDS, many_extremes
 from hdassist.error.stiffness import NEAR_ZERO, Twist
 from hdassist.errors import HdassistError
 from hdassist.model.contacts import contact_system
-from hdassist.model.deviations import no_hole_better
+from hdassist.model.deviations import carried, no_hole_better
 from hdassist.model.geometry import Array, Geometry, flank_candidates
 from hdassist.model.rules import first_conflict
 from hdassist.preset.fields import Drive
@@ -73,7 +73,8 @@ _MOST_WEIGHT = 1e100  # of a draw that is believed: squares of weights are added
 class Draw(ClosedRecord):
     """One draw: why it is no drive, or its predictions, F'_ior [arcsec] (None where weeded), weight and proof.
 
-    F_ior_arcsec, at each torque; turned_arcsec, at each torque with each turn; shares: of each field's probability;
+    F_ior_arcsec, at each torque; turned_arcsec, at each torque with each turn; sets_arcsec, at each torque with each
+    further set of deviations on the same contact system, and set_weights; shares: of each field's probability;
     proof of its states, and turned_proof, of those with the wheel turned; follows: values of fields that follow from
     others, by path.
     """
@@ -87,6 +88,8 @@ class Draw(ClosedRecord):
     proof: Certificate = EMPTY
     follows: Mapping[str, Number] = field(default_factory=dict)
     turned_proof: Certificate = EMPTY
+    sets_arcsec: tuple[tuple[Magnitude, ...], ...] = ()
+    set_weights: tuple[Annotated[Magnitude, Field(le=_MOST_WEIGHT)], ...] = ()
 
     @property
     def certificate(self) -> Certificate:
@@ -117,7 +120,8 @@ class Sampling:
 
     prior of the drive; torques [N*m]; rotations_deg, turns of the fixed wheel at which F'_ior is wanted too; evidence
     on the drive; further, figures that each draw has beside F'_ior, and further_name, all that they depend on beside
-    the drive, in words, without which draws with them are not kept; seed of the draws.
+    the drive, in words, without which draws with them are not kept; seed of the draws; sets of deviations that a draw
+    has F'_ior of, as mounted, where deviations are open and no F'_ior was measured.
     """
 
     prior: DrivePrior
@@ -127,6 +131,7 @@ class Sampling:
     further: FiguresOf | None = None
     further_name: str = ""
     seed: int = 0
+    sets: int = 1
 
     @cached_property
     def measured(self) -> tuple[Evidence, ...]:
@@ -174,6 +179,7 @@ class Sampling:
             "evidence": [astuple(each) for each in self.evidence],
             "further": self.further_name,
             "seed": self.seed,
+            "sets": self.sets,
             "program": digits_depend_on(),
         }
         return KeptAnswer("samples", depends, _DRAWS)
@@ -307,11 +313,64 @@ class Sampling:
             if self.measured:
                 seed = [self.seed, number * self.alike + len(solved)]
                 F_ior, turned = self._shown(there[: len(self.measured)], F_ior, turned, seed)
-            at_turns, proof = tuple(map(tuple, turned.tolist())), proof + of_errors + of_further
-            answer = "", now, tuple(F_ior.tolist()), at_turns, weight, tuple(own), proof, follows, of_turned
-            solved.append(Draw(*answer))
+            sets_arcsec, tested, of_sets = self._further_sets(maps, moved, number, own)
+            figures_of_sets = [{**figures, **({} if test is None else {ACCURACY: test})} for test in tested]
+            likelihoods = [np.exp(log_likelihood(self.evidence, of_set)) for of_set in figures_of_sets]
+            solved.append(
+                Draw(
+                    figures=now,
+                    F_ior_arcsec=tuple(F_ior.tolist()),
+                    turned_arcsec=tuple(map(tuple, turned.tolist())),
+                    weight=weight,
+                    shares=tuple(own),
+                    proof=proof + of_errors + of_further + of_sets,
+                    follows=follows,
+                    turned_proof=of_turned,
+                    sets_arcsec=tuple(map(tuple, sets_arcsec.T.tolist())),
+                    set_weights=tuple(float(each) / density / going_on for each in likelihoods),
+                )
+            )
             proof = EMPTY
         return solved
+
+    @cached_property
+    def _set_places(self) -> list[int]:
+        """Places of the deviations that differ from set to set: those that are open, and not fitted with others."""
+        if self.measured or self.sets < 2:
+            return []
+        fields = open_deviations(self.prior)
+        return [
+            place
+            for place, field_prior in enumerate(self.prior.fields)
+            if field_prior in fields and not field_prior.draws
+        ]
+
+    def _further_sets(
+        self, maps: Sequence[ErrorMap], drive: Drive, number: int, shares: Sequence[float]
+    ) -> tuple[Array, list[float | None], Certificate]:
+        """Return F'_ior [arcsec] of further sets of deviations, shape (torques, sets), that as tested, and the proof.
+
+        maps: of the error of the drive at all torques; number of the draw; shares of the fields of the draw.
+        """
+        if not self._set_places:
+            return np.empty((len(self.torques), 0)), [], EMPTY
+        rng = np.random.default_rng([self.seed, number, _SETS])
+        random = np.tile(shares, (self.sets - 1, 1))
+        random[:, self._set_places] = rng.random((self.sets - 1, len(self._set_places)))
+        values = self.prior.values(random)
+        paths = [self.prior.fields[place].path for place in self._set_places]
+        columns = {path: np.array([of_set[path] for of_set in values]) for path in paths}
+        of_torque = {error_map.M_g: error_map for error_map in maps}
+        batch = Batch(drive, columns)
+        as_mounted = [many_extremes(of_torque[M_g], batch, DRAWN_GRIDS) for M_g in self.torques]
+        proof = sum((extremes.certificate for extremes in as_mounted), EMPTY)
+        F_ior = np.array([extremes.F_ior_arcsec for extremes in as_mounted])
+        if not any(datum.figure == ACCURACY for datum in self.evidence):
+            return F_ior, [None] * (self.sets - 1), proof
+        turns = [turn_of_test_deg(drive, [self.seed, number, place]) for place in range(1, self.sets)]
+        turned = {path: columns.get(path, drive.number(path)) + np.array(turns) for path in carried(drive)}
+        test = many_extremes(of_torque[ACCURACY_LOAD * drive.rated_torque], Batch(drive, columns | turned), DRAWN_GRIDS)
+        return F_ior, test.F_ior_arcsec.tolist(), proof + test.certificate
 
     def _shown(self, there: Array, F_ior: Array, turned: Array, seed: list[int]) -> tuple[Array, Array]:
         """F'_ior [arcsec] of the drive, where the model of a draw has F_ior and turned, by F'_ior as measured on it.
@@ -337,6 +396,7 @@ class Sampling:
         return shown[:, 0], shown[:, 1:]
 
 
+_SETS = 11  # of the seeds of a draw: that of its further sets of deviations
 _TESTED_TURN = 7  # of the seeds of a draw: that of the turn in which its accuracy was tested
 
 

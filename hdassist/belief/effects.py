@@ -98,6 +98,11 @@ class OptionSamples:
         """F'_ior of the samples as all pages state it [arcsec], shape (rows,); None where all is known."""
         return None if self.samples is None else self.samples.F_ior_arcsec[self.rows, self.torque]
 
+    @property
+    def has_sets(self) -> bool:
+        """Whether F'_ior as mounted is stated over several sets of deviations of each sample."""
+        return self.samples is not None and self.samples.set_weights.shape[1] > 1
+
     @cached_property
     def first_rows(self) -> NDArray[np.int64]:
         """Places among the rows of the first samples that are solved, evenly over F'_ior."""

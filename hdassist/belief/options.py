@@ -164,7 +164,7 @@ def steps_of(
     hole, of_hole = _hole_step(effects, usable, samples, torques, left_arcsec, run)
     corrected, of_correction = _corrected_step(effects, middle, torques[torque], now, run)
     found = [*_edited_steps(effects, edits, now, is_measured), *_tried_step(effects, now), *hole, *corrected]
-    found += _questions(basis, found)
+    found += _questions(basis, found, now)
     gained = [replace(each, gain=_gain(now, each.outcomes)) for each in found]
     kept = [each for each in gained if each.gain >= LEAST_STEP_GAIN]
     proof = effects.proof + of_hole + of_correction
@@ -179,7 +179,13 @@ def _outcome_now(effects: Effects, samples: Samples | None) -> Outcome:
     kept = (
         None if basis.room_arcsec is None else samples.probability_within(basis.room_arcsec, basis.torque, basis.sure)
     )
-    return _outcome(basis.samples.F_ior_arcsec[:, basis.torque], basis.samples.weights, basis.room_arcsec, kept)
+    F_ior, weights = _all_sets(basis.samples, basis.torque)
+    return _outcome(F_ior, weights, basis.room_arcsec, kept)
+
+
+def _all_sets(samples: Samples, torque: int) -> tuple[Array, Array]:
+    """Return F'_ior [arcsec] at a torque, by its place, of all sets of deviations, and the weights of these."""
+    return samples.sets_arcsec[:, :, torque].ravel(), samples.set_weights.ravel()
 
 
 def _gain(now: Outcome, outcomes: Sequence[Outcome]) -> float:
@@ -212,6 +218,21 @@ def _outcome(F_ior: Array, weights: Array, left: float | None, kept: Probability
     if len(F_ior) == 1:
         kept = Probability(*[float(left >= F_ior[0])] * 3)
     return Outcome("", 1.0, p5, p50, p95, kept.value, kept.low, kept.high)
+
+
+def _scaled(outcome: Outcome, now: Outcome, before: Outcome) -> Outcome:
+    """Return an outcome over one set of deviations of each sample, with percentiles by those of all sets.
+
+    outcome: after a step, over one set.
+    now: without the step, over all sets.
+    before: without the step, over one set.
+    """
+    return replace(
+        outcome,
+        p5=outcome.p5 * now.p5 / before.p5,
+        p50=outcome.p50 * now.p50 / before.p50,
+        p95=outcome.p95 * now.p95 / before.p95,
+    )
 
 
 def _moved(kept: Probability, by: float) -> Probability:
@@ -249,6 +270,8 @@ def _changed_outcome(effects: Effects, effect: Effect, now: Outcome) -> Outcome:
     """Return the outcome of an effect by equation (1)."""
     basis = effects.samples
     outcome = _outcome(*effect.values(), basis.room_arcsec, None)
+    if basis.has_sets:
+        outcome = _scaled(outcome, now, _outcome(effects.stated_arcsec, basis.weights, basis.room_arcsec, None))
     if basis.room_arcsec is None or now.probability is None or basis.samples is None:
         return outcome
     kept = probability_of(effect.met(basis.room_arcsec), effect.weights.sum(axis=1))
@@ -430,11 +453,13 @@ def _corrected_step(
     proof = sum((each.proof for each in found), EMPTY)
     F_ior, weights = np.array([now.p50]), np.ones(1)
     if basis.samples:
-        F_ior, weights = basis.samples.F_ior_arcsec[:, basis.torque], basis.samples.weights
+        F_ior, weights = _all_sets(basis.samples, basis.torque)
     left = np.multiply.outer(F_ior, shares)
     kept = None
     if basis.room_arcsec is not None and basis.samples:  # a sample is one case, however many cycles are tried on it
-        kept = probability_of((left <= basis.room_arcsec).mean(axis=1), weights)
+        met = (left <= basis.room_arcsec).mean(axis=1).reshape(basis.samples.set_weights.shape)
+        of_sample = basis.samples.set_weights.sum(axis=1)
+        kept = probability_of((basis.samples.set_weights * met).sum(axis=1) / np.maximum(of_sample, 1e-300), of_sample)
     outcome = _outcome(left.ravel(), np.repeat(weights, len(shares)), basis.room_arcsec, kept)
     return [Step("correction", str(_PHASORS_OFF), (outcome,), 0.0, needs="recording")], proof
 
@@ -454,7 +479,7 @@ def _share_left(error: KinematicError) -> float:
     return float(np.ptp(np.fft.irfft(spectrum, len(curve)))) / whole
 
 
-def _questions(basis: OptionSamples, found: Sequence[Step]) -> Iterator[Step]:
+def _questions(basis: OptionSamples, found: Sequence[Step], now: Outcome) -> Iterator[Step]:
     """Yield questions after the inputs of most influence: the samples on either side of the median of each."""
     samples = basis.samples
     if samples is None:
@@ -462,6 +487,7 @@ def _questions(basis: OptionSamples, found: Sequence[Step]) -> Iterator[Step]:
     fields = {each.path: (k, each) for k, each in enumerate(samples.prior.fields)}
     asked = {each.of for each in found if each.is_question}
     F_ior = samples.F_ior_arcsec[:, basis.torque]
+    before = _outcome(F_ior, samples.weights, basis.room_arcsec, None)
     for each in influences(samples, basis.torque):
         if each.group not in fields or (each.group == SUPPORT_FIELD and COUPLING in asked):
             continue
@@ -477,10 +503,28 @@ def _questions(basis: OptionSamples, found: Sequence[Step]) -> Iterator[Step]:
             if weights.any():
                 chance = float(weights.sum() / samples.weights.sum())
                 some = inside & (samples.weights > 0)
-                outcome = _outcome(F_ior[some], samples.weights[some], basis.room_arcsec, None)
+                outcome = _answered(F_ior[some], samples.weights[some], basis, now, before)
                 answers.append(replace(outcome, answer=answer, chance=chance, edit=_range_texts(prior.path, *ends)))
         if len(answers) == 2:
             yield Step("question", each.group, tuple(answers), 0.0, needs="answer", reference_data="applied again")
+
+
+def _answered(F_ior: Array, weights: Array, basis: OptionSamples, now: Outcome, before: Outcome) -> Outcome:
+    """Return the outcome of an answer, over the samples that have it.
+
+    F_ior: F'_ior of these samples [arcsec], shape (samples,).
+    weights: their weights, shape (samples,).
+    basis: all samples.
+    now, before: the outcome without an answer, over all sets of deviations and over one set of each sample.
+    """
+    outcome = _outcome(F_ior, weights, basis.room_arcsec, None)
+    if not basis.has_sets:
+        return outcome
+    outcome = _scaled(outcome, now, before)
+    if basis.room_arcsec is None or now.probability is None or before.probability is None:
+        return outcome
+    moved = _moved(probability_of(basis.room_arcsec >= F_ior, weights), now.probability - before.probability)
+    return replace(outcome, probability=moved.value, probability_low=moved.low, probability_high=moved.high)
 
 
 def _range_texts(path: str, low: float, high: float) -> tuple[str, ...]:

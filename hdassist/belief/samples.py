@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain
 
@@ -32,17 +32,21 @@ from hdassist.belief.statistics import (
     effective_number,
     even_rows,
     probability_of,
+    probability_of_systems,
     weighted_quantile,
 )
 from hdassist.error.cycle import require_programme
 from hdassist.errors import SURE, UntrustedError
+from hdassist.model.deviations import no_hole_better, unknown_turn
 from hdassist.model.geometry import Array
+from hdassist.preset.fields import Drive
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
 
 EFFECTIVE_SAMPLES = 64  # at least, where no number is asked for
 FEWEST_SAMPLES = 8  # effective ones, of which there is an answer where all draws leave no more
 _FEWEST_AT_ONCE = 4  # draws
+_SETS = 4  # of deviations on each contact system where no hole can be told from another
 _HOPELESS = 256  # draws of which none has an answer: no more are made
 _CONTRADICTION = 300.0  # times that the mean likelihood grows without a figure which contradicts the others
 
@@ -78,7 +82,9 @@ class Samples:
     made; refused: draws that are no drive, or have no trustworthy answer, by the reason; seed of the draws;
     turned_arcsec: F'_ior with the fixed wheel turned by rotations_deg, shape (samples, torques, rotations); made: each
     draw, also those without an answer; stages: these samples as they grew, from the fewest that are enough for a range;
-    few: words where fewer are effective than were asked for.
+    few: words where fewer are effective than were asked for; further_arcsec: F'_ior of further sets of deviations on
+    the contact system of each sample, shape (samples, sets, torques), and further_weights, shape (samples, sets):
+    F'_ior as mounted is stated over all sets.
     """
 
     prior: DrivePrior
@@ -96,6 +102,20 @@ class Samples:
     made: tuple[Draw, ...]
     stages: tuple[Samples, ...] = ()
     few: str = ""
+    further_arcsec: Array = field(kw_only=True)
+    further_weights: Array = field(kw_only=True)
+
+    @property
+    def sets_arcsec(self) -> Array:
+        """F'_ior of all sets of deviations [arcsec], that of the sample first, shape (samples, sets, torques)."""
+        own = self.F_ior_arcsec[:, None]
+        return np.concatenate([own, self.further_arcsec], axis=1) if self.further_arcsec.shape[1] else own
+
+    @property
+    def set_weights(self) -> Array:
+        """Weights of all sets of deviations, shape (samples, sets)."""
+        own = self.weights[:, None]
+        return np.concatenate([own, self.further_weights], axis=1) if self.further_weights.shape[1] else own
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -132,13 +152,15 @@ class Samples:
 
     def percentile(self, share: float, torque: int) -> float:
         """Percentile [arcsec] of F'_ior, by its share (0.95), at a torque by its place."""
-        return weighted_quantile(self.F_ior_arcsec[:, torque], self.weights, share)
+        return weighted_quantile(self.sets_arcsec[:, :, torque].ravel(), self.set_weights.ravel(), share)
 
     def keeping(self, accuracy_arcsec: float, torque: int) -> Samples:
         """The same samples weighed by an accuracy [arcsec] as well that F'_ior at a torque, by its place, keeps."""
         kept = Evidence("catalogue.accuracy", ACCURACY, accuracy_arcsec, SOFT_EDGE, "limit")
         likelihood = np.exp(kept.log_likelihood(self.F_ior_arcsec[:, torque]))
-        return replace(self, weights=self.weights * likelihood, stages=())
+        of_further = np.exp(kept.log_likelihood(self.further_arcsec[:, :, torque]))
+        further = self.further_weights * of_further
+        return replace(self, weights=self.weights * likelihood, further_weights=further, stages=())
 
     def percentile_error(self, share: float, torque: int) -> float:
         """Monte Carlo standard error [arcsec] of a percentile, from those one standard error off."""
@@ -152,12 +174,32 @@ class Samples:
         So samples that were drawn further for another question do not move it. Arguments: outcome, which of some
         samples have it, shape (samples,); sure, probability that PASS needs.
         """
-        found = [probability_of(outcome(stage), stage.weights) for stage in self.stages or (self,)]
+        return self._settled([probability_of(outcome(stage), stage.weights) for stage in self.stages or (self,)], sure)
+
+    def probability_of_sets(self, outcome: Callable[[Array], Array | NDArray[np.bool_]], sure: float) -> Probability:
+        """Return the probability of an outcome of F'_ior as mounted, over all sets of deviations, as probability does.
+
+        outcome: which sets have it, shape (samples, sets), by their F'_ior [arcsec], shape (samples, sets, torques).
+        sure: probability that PASS needs.
+        """
+        found = []
+        for stage in self.stages or (self,):
+            inside = outcome(stage.sets_arcsec)
+            if stage.set_weights.shape[1] == 1:
+                found.append(probability_of(inside[:, 0], stage.weights))
+                continue
+            of_system = stage.set_weights.sum(axis=1)
+            shares = (stage.set_weights * inside).sum(axis=1) / np.where(of_system > 0, of_system, 1)
+            found.append(probability_of_systems(shares, of_system))
+        return self._settled(found, sure)
+
+    def _settled(self, found: Sequence[Probability], sure: float) -> Probability:
+        """Return the probability of the first stage of which as many samples again would hardly change a verdict."""
         return replace(next((each for each in found if each.is_stable(sure)), found[-1]), few=bool(self.few))
 
     def probability_within(self, limit_arcsec: float, torque: int, sure: float = SURE) -> Probability:
         """Probability that F'_ior at a torque, by its place, is at most a limit [arcsec]; sure as in probability."""
-        return self.probability(lambda samples: samples.F_ior_arcsec[:, torque] <= limit_arcsec, sure)
+        return self.probability_of_sets(lambda F_ior: F_ior[:, :, torque] <= limit_arcsec, sure)
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,17 +233,28 @@ def draw_samples(
     effort: SamplingEffort = SamplingEffort(),
     run: Run = Run(),
     seen: Callable[[Samples], None] | None = None,
+    sets: int = 1,
 ) -> Samples:
     """Samples of a drive at torques [N*m]: at least effort.effective of them, then more until they are enough.
 
     Arguments: prior of the drive; rotations_deg, turns of the fixed wheel at which F'_ior is wanted too; evidence on
     the drive; further, figures that each sample has beside F'_ior, and further_name, all that they depend on beside the
     drive, in words, without which draws with them are not kept; enough, whether samples suffice for their purpose;
-    effort, limits of sampling; seen, called with the samples so far once evidence allows one.
+    effort, limits of sampling; seen, called with the samples so far once evidence allows one; sets of
+    deviations on each contact system.
     Raises UsageError for a drive with rolling balls, UntrustedError where a figure contradicts the others, hardly any
     sample agrees with all of them, or too few draws are drives.
     """
-    sampling = Sampling(prior, tuple(torques), tuple(rotations_deg), tuple(evidence), further, further_name, run.seed)
+    sampling = Sampling(
+        prior=prior,
+        torques=tuple(torques),
+        rotations_deg=tuple(rotations_deg),
+        evidence=tuple(evidence),
+        further=further,
+        further_name=further_name,
+        seed=run.seed,
+        sets=sets,
+    )
     require_programme(prior.drive, run)
     kept, draws = sampling.kept(), list[Draw]()
     try:
@@ -241,7 +294,16 @@ def drive_samples(
     return draw_samples(
         prior, torques, rotations_deg=rotations_deg, evidence=evidence_of(drive),
         enough=partial(limits_settled, held_arcsec, sure=sure), effort=SamplingEffort.of(draws), run=run, seen=seen,
+        sets=deviation_sets(drive),
     )  # fmt: skip
+
+
+def deviation_sets(drive: Drive) -> int:
+    """Return how many sets of deviations share the contact system of a sample.
+
+    One where the holes of the seat differ: they are compared by samples, each with its own set in all of them.
+    """
+    return _SETS if unknown_turn(drive) or no_hole_better(drive) else 1
 
 
 def turned_samples(
@@ -255,7 +317,14 @@ def turned_samples(
     run: the run.
     Raises UntrustedError where a state cannot be trusted.
     """
-    sampling = Sampling(samples.prior, samples.torques, tuple(rotations_deg), tuple(evidence), seed=samples.seed)
+    sampling = Sampling(
+        prior=samples.prior,
+        torques=samples.torques,
+        rotations_deg=tuple(rotations_deg),
+        evidence=tuple(evidence),
+        seed=samples.seed,
+        sets=samples.set_weights.shape[1],
+    )
     if {*rotations_deg} <= {*samples.rotations_deg}:
         return samples
     kept = sampling.kept()
@@ -322,6 +391,7 @@ def _collected(sampling: Sampling, draws: Sequence[Draw]) -> Samples:
     given = {ACCURACY, *(each.figure for each in sampling.measured)}  # F'_ior, and no figures beside it
     names = [name for name in (kept[0].figures if kept else {}) if name not in given]
     turned = np.array([each.turned_arcsec for each in kept])
+    sets = len(kept[0].set_weights) if kept else 0
     return Samples(
         prior,
         torques,
@@ -336,6 +406,8 @@ def _collected(sampling: Sampling, draws: Sequence[Draw]) -> Samples:
         sampling.rotations_deg,
         turned.reshape(len(kept), len(torques), len(sampling.rotations_deg)),
         tuple(draws),
+        further_arcsec=np.array([each.sets_arcsec for each in kept]).reshape(len(kept), sets, len(torques)),
+        further_weights=np.array([each.set_weights for each in kept]).reshape(len(kept), sets),
     )
 
 

@@ -109,6 +109,24 @@ def probability_of(inside: NDArray[np.bool_] | Array, weights: Array) -> Probabi
     return _with_interval(value, mean * count, (1 - mean) * count)
 
 
+def probability_of_systems(shares: Array, weights: Array) -> Probability:
+    """Return the probability of an outcome from weighted systems, with its interval.
+
+    The shares of the systems are what varies between independent cases, as sets of deviations on one contact system
+    are alike. The interval is that of probability_of, of which this is the general form.
+
+    shares: of the sets of each system that have the outcome, shape (systems,).
+    weights: of the systems, shape (systems,).
+    """
+    value = float(np.average(shares, weights=weights))
+    sizes = weights / weights.max()
+    total = sizes.sum() + 1  # a further system, as heavy as the heaviest one, of which half has the outcome
+    mean = float((sizes @ shares + 0.5) / total)
+    square = float(sizes**2 @ (shares - mean) ** 2 + ((1 - mean) ** 2 + mean**2) / 2)
+    count = mean * (1 - mean) * total**2 / square
+    return _with_interval(value, mean * count, (1 - mean) * count)
+
+
 def probability_by_share(value: float, count: float) -> Probability:
     """Probability of an outcome that a share of so many effective samples has, with its Jeffreys interval."""
     return _with_interval(value, value * count + 0.5, (1 - value) * count + 0.5)

@@ -167,6 +167,8 @@ class Decision:
 
         If no hole can be told from another, it is that of the present hole: their samples differ by chance alone.
         """
+        if self.all_alike and self.samples:  # as check states it
+            return tuple(self.samples.of_ranges.percentile(share, torque) for torque in self.torque_places)
         F_ior = self.now_arcsec if self.all_alike else self.at(place)
         return tuple(weighted_quantile(at_torque, self.sample_weights, share) for at_torque in F_ior)
 
@@ -241,15 +243,16 @@ class Decision:
     def _probability_in(self, place: int) -> float:
         """Return the probability to meet all limits in a hole, from as many samples as settle it."""
         assert self.samples
-        column = None if self.all_alike else self.samples.rotations_deg.index(self.rotations_deg[place])
 
-        def met(samples: Samples) -> Array:
-            F_ior = samples.F_ior_arcsec if column is None else samples.turned_arcsec[..., column]
-            found = limits_met(F_ior.T[list(self.torque_places)], self.room_arcsec)
+        def met(F_ior_arcsec: Array) -> Array:
+            found = limits_met(np.moveaxis(F_ior_arcsec, -1, 0)[list(self.torque_places)], self.room_arcsec)
             assert found is not None
             return found
 
-        return self.samples.probability(met, self.sure).value
+        if self.all_alike:
+            return self.samples.probability_of_sets(met, self.sure).value
+        column = self.samples.rotations_deg.index(self.rotations_deg[place])
+        return self.samples.probability(lambda samples: met(samples.turned_arcsec[..., column]), self.sure).value
 
     # The choice
 

@@ -229,7 +229,7 @@ def _spread_curve(check: DesignCheck, samples: Samples) -> Curve:
     if point.left_arcsec is not None:
         limit = f"; line: {point.left_arcsec:.4g} (limit {point.limit_arcsec:g} minus self error)"
     return Curve(
-        *shares_below(samples.F_ior_arcsec[:, check.least_sure], samples.weights),
+        *shares_below(samples.sets_arcsec[:, :, check.least_sure].ravel(), samples.set_weights.ravel()),
         x_label="percentile of the sampled drives",
         y_label=f"F'_ior at {point.M_g:g} N·m, ″{limit}",
         limit=point.left_arcsec,

@@ -1,0 +1,162 @@
+"""Options of check against the edited preset: `python -m benchmarks.options [--seeds 0,1] [--drives csf25,open]`.
+
+Each option and each answer to a question that is an edit of the preset is carried out: a second `hdassist check` has
+the edit as --set and the same seed. Printed are the probability before, that of the option with its interval and that
+of the edited preset, then bias and root mean square of the difference by kind, in points.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+# the probability of the edited preset takes no options of its own, which are most of the time of a check
+WITHOUT_OPTIONS = """
+from hdassist.design import DesignCheck
+DesignCheck.with_steps = lambda self, run: self
+from hdassist.cli import run_command_line
+run_command_line()
+"""
+ANSWERED = (0, 3, 6)  # exit codes of a check with an answer
+SHEET = ("--ratio", "100", "--pitch-diameter", "63.5", "--torque", "67", "--stiffness", "3.1e4,5.0e4,5.7e4")
+ACCURATE = (*SHEET, "--lost-motion", "60", "--accuracy", "60")
+
+
+@dataclass(frozen=True)
+class Case:
+    """A drive: its preset, or the arguments of `presets new` that make it, and limits of F'_ior [arcsec]."""
+
+    name: str
+    limits: tuple[float, ...]
+    made_by: tuple[str, ...] = ()
+
+
+CASES = (
+    Case("csf25", (36, 45), (*ACCURATE, "--coupling", "oldham")),
+    Case("csf25-solid", (45, 60), (*ACCURATE, "--coupling", "solid")),
+    Case("open", (36, 48), SHEET),
+    Case("size-17-100", (42, 50)),
+    Case("size-40-100", (25, 31)),
+    Case("vzp160", (26, 28)),
+)
+
+
+@dataclass(frozen=True)
+class Compared:
+    """An option beside the edited preset: kind, what it is of, and the probability of meeting the limit.
+
+    before: without the option; option, low, high: as check states it with its interval; edited: that of the edited
+    preset.
+    """
+
+    kind: str
+    of: str
+    before: float
+    option: float
+    low: float
+    high: float
+    edited: float
+
+
+def checked(preset: str, options: Sequence[str], folder: str, *, with_options: bool) -> dict[str, Any] | None:
+    """Return the JSON of a check; None if it has no answer."""
+    program = ["-m", "hdassist"] if with_options else ["-c", WITHOUT_OPTIONS]
+    command = [sys.executable, *program, "check", preset, *options, "--json"]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    if done.returncode not in ANSWERED:
+        return None
+    answer: dict[str, Any] = json.loads(done.stdout)
+    return answer
+
+
+def compared(preset: str, limit: float, seed: int, folder: str) -> Iterator[Compared]:
+    """Yield the options of a check beside the edited presets."""
+    options = ["--limit", f"{limit:g}", "--seed", str(seed)]
+    answer = checked(preset, options, folder, with_options=True)
+    if answer is None:
+        return
+    governing = answer["least_sure_M_g_Nm"]
+    before = probability(answer, governing)
+    for step in answer["steps"]:
+        for outcome in step["outcomes"]:
+            edit = outcome["edit"] or step["edit"]
+            if not edit or before is None or (step["kind"] == "question" and step["of"] != "cam.coupling"):
+                continue
+            words = [word for text in edit for word in ("--set", text)]
+            after = checked(preset, [*options, *words], folder, with_options=False)
+            edited = None if after is None else probability(after, governing)
+            if edited is not None:
+                yield Compared(
+                    kind=step["kind"],
+                    of=outcome["answer"] or step["of"],
+                    before=before,
+                    option=outcome["probability"],
+                    low=outcome["probability_low"],
+                    high=outcome["probability_high"],
+                    edited=edited,
+                )
+
+
+def probability(answer: dict[str, Any], M_g: float) -> float | None:
+    """Return the probability that the limit is met at a torque [N*m]; None without one."""
+    [point] = [point for point in answer["operating_points"] if point["M_g_Nm"] == M_g]
+    found = point["belief"] and point["belief"]["probability"]
+    return None if found is None else float(found)
+
+
+def summary(rows: Sequence[Compared]) -> str:
+    """Return number, bias, root mean square and share within the interval, in points, by kind and of all options."""
+    by_kind = defaultdict(list)
+    for row in rows:
+        by_kind[row.kind].append(row)
+        by_kind["all"].append(row)
+    lines = ["| kind | number | bias | rms | within the interval |", "| --- | --- | --- | --- | --- |"]
+    for kind, some in by_kind.items():
+        errors = [100 * (row.option - row.edited) for row in some]
+        bias = sum(errors) / len(errors)
+        rms = (sum(error**2 for error in errors) / len(errors)) ** 0.5
+        within = sum(row.low <= row.edited <= row.high for row in some) / len(some)
+        lines.append(f"| {kind} | {len(some)} | {bias:+.1f} | {rms:.1f} | {100 * within:.0f} % |")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Compare, print each option as it is known, and the summary."""
+    reader = argparse.ArgumentParser(
+        prog="python -m benchmarks.options", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    reader.add_argument("--seeds", default="0,1", help="seeds of the samples")
+    reader.add_argument("--drives", default=",".join(case.name for case in CASES), help="names of the drives")
+    arguments = reader.parse_args()
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    rows = []
+    with tempfile.TemporaryDirectory() as folder:
+        for case in CASES:
+            if case.name not in arguments.drives.split(","):
+                continue
+            preset = case.name
+            if case.made_by:
+                preset = f"{case.name}.yaml"
+                made = [sys.executable, "-m", "hdassist", "presets", "new", case.name, *case.made_by, "-o", preset]
+                subprocess.run(made, cwd=folder, check=True, capture_output=True)
+            for limit in case.limits:
+                for seed in map(int, arguments.seeds.split(",")):
+                    for row in compared(preset, limit, seed, folder):
+                        rows.append(row)
+                        stated = f"{row.option:.3f} ({row.low:.3f} to {row.high:.3f})"
+                        words = f"{case.name} {limit:g} seed {seed} {row.kind} {row.of}: {row.before:.3f}"
+                        sys.stdout.write(f"{words} option {stated} edited {row.edited:.3f}\n")
+                        sys.stdout.flush()
+    sys.stdout.write(summary(rows) + "\n")
+
+
+if __name__ == "__main__":
+    main()
