@@ -180,11 +180,19 @@ class Predictions(DesignCheck):
     def _error_belief(self, limit: Limit, samples: Samples) -> Belief:
         """Return F'_ior with the self error on top over all that is not known exactly, as check states it."""
         M_g = limit.M_g_Nm or 0.0
-        own = self.quantities.self_errors[M_g].range_arcsec
+        self_error = self.quantities.self_errors[M_g].range_arcsec
         torque = samples.torques.index(M_g)
-        p5, p50, p95 = (samples.of_ranges.percentile(share, torque) + own for share in (0.05, 0.5, 0.95))
-        kept = samples.probability_of_sets(lambda F_ior: limit.room(F_ior[:, :, torque] + own) >= 0, self.sure)
-        return Belief(p5, p50, p95, kept.value, kept.low, kept.high, kept.few)
+        p5, p50, p95 = (samples.of_ranges.percentile(share, torque) + self_error for share in (0.05, 0.5, 0.95))
+        met = samples.probability_of_sets(lambda F_ior: limit.room(F_ior[:, :, torque] + self_error) >= 0, self.sure)
+        return Belief(
+            p5,
+            p50,
+            p95,
+            probability=met.value,
+            probability_low=met.low,
+            probability_high=met.high,
+            few=met.few,
+        )
 
 
 def quantities(

@@ -327,7 +327,7 @@ class Sampling:
                     follows=follows,
                     turned_proof=of_turned,
                     sets_arcsec=tuple(map(tuple, sets_arcsec.T.tolist())),
-                    set_weights=tuple(float(each) / density / going_on for each in likelihoods),
+                    set_weights=tuple(float(likelihood) / density / going_on for likelihood in likelihoods),
                 )
             )
             proof = EMPTY
@@ -354,23 +354,39 @@ class Sampling:
         """
         if not self._set_places:
             return np.empty((len(self.torques), 0)), [], EMPTY
+        columns = self._set_columns(number, shares)
+        of_torque = {error_map.M_g: error_map for error_map in maps}
+        as_mounted = [many_extremes(of_torque[M_g], Batch(drive, columns), DRAWN_GRIDS) for M_g in self.torques]
+        F_ior = np.array([extremes.F_ior_arcsec for extremes in as_mounted])
+        proof = sum((extremes.certificate for extremes in as_mounted), EMPTY)
+        if not any(datum.figure == ACCURACY for datum in self.evidence):
+            return F_ior, [None for _ in range(1, self.sets)], proof
+        tested, of_test = self._tested_sets(of_torque[ACCURACY_LOAD * drive.rated_torque], drive, number, columns)
+        return F_ior, tested, proof + of_test
+
+    def _set_columns(self, number: int, shares: Sequence[float]) -> dict[str, Array]:
+        """Return values of the deviations of further sets, by path, shape (sets,) each.
+
+        number of the draw; shares of the fields of the draw, which all else keeps.
+        """
         rng = np.random.default_rng([self.seed, number, _SETS])
         random = np.tile(shares, (self.sets - 1, 1))
         random[:, self._set_places] = rng.random((self.sets - 1, len(self._set_places)))
         values = self.prior.values(random)
         paths = [self.prior.fields[place].path for place in self._set_places]
-        columns = {path: np.array([of_set[path] for of_set in values]) for path in paths}
-        of_torque = {error_map.M_g: error_map for error_map in maps}
-        batch = Batch(drive, columns)
-        as_mounted = [many_extremes(of_torque[M_g], batch, DRAWN_GRIDS) for M_g in self.torques]
-        proof = sum((extremes.certificate for extremes in as_mounted), EMPTY)
-        F_ior = np.array([extremes.F_ior_arcsec for extremes in as_mounted])
-        if not any(datum.figure == ACCURACY for datum in self.evidence):
-            return F_ior, [None] * (self.sets - 1), proof
-        turns = [turn_of_test_deg(drive, [self.seed, number, place]) for place in range(1, self.sets)]
-        turned = {path: columns.get(path, drive.number(path)) + np.array(turns) for path in carried(drive)}
-        test = many_extremes(of_torque[ACCURACY_LOAD * drive.rated_torque], Batch(drive, columns | turned), DRAWN_GRIDS)
-        return F_ior, test.F_ior_arcsec.tolist(), proof + test.certificate
+        return {path: np.array([of_set[path] for of_set in values]) for path in paths}
+
+    def _tested_sets(
+        self, error_map: ErrorMap, drive: Drive, number: int, columns: Mapping[str, Array]
+    ) -> tuple[list[float | None], Certificate]:
+        """Return F'_ior [arcsec] of further sets of deviations as the manufacturer tests it, and the proof.
+
+        error_map: at the load of the test; number of the draw; columns: values of the sets by path, shape (sets,) each.
+        """
+        turns_deg = [turn_of_test_deg(drive, [self.seed, number, place]) for place in range(1, self.sets)]
+        turned = {path: columns.get(path, drive.number(path)) + np.array(turns_deg) for path in carried(drive)}
+        extremes = many_extremes(error_map, Batch(drive, {**columns, **turned}), DRAWN_GRIDS)
+        return extremes.F_ior_arcsec.tolist(), extremes.certificate
 
     def _shown(self, there: Array, F_ior: Array, turned: Array, seed: list[int]) -> tuple[Array, Array]:
         """F'_ior [arcsec] of the drive, where the model of a draw has F_ior and turned, by F'_ior as measured on it.

@@ -158,9 +158,10 @@ class Samples:
         """The same samples weighed by an accuracy [arcsec] as well that F'_ior at a torque, by its place, keeps."""
         kept = Evidence("catalogue.accuracy", ACCURACY, accuracy_arcsec, SOFT_EDGE, "limit")
         likelihood = np.exp(kept.log_likelihood(self.F_ior_arcsec[:, torque]))
-        of_further = np.exp(kept.log_likelihood(self.further_arcsec[:, :, torque]))
-        further = self.further_weights * of_further
-        return replace(self, weights=self.weights * likelihood, further_weights=further, stages=())
+        of_sets = np.exp(kept.log_likelihood(self.further_arcsec[:, :, torque]))
+        return replace(
+            self, weights=self.weights * likelihood, further_weights=self.further_weights * of_sets, stages=()
+        )
 
     def percentile_error(self, share: float, torque: int) -> float:
         """Monte Carlo standard error [arcsec] of a percentile, from those one standard error off."""
@@ -182,16 +183,16 @@ class Samples:
         outcome: which sets have it, shape (samples, sets), by their F'_ior [arcsec], shape (samples, sets, torques).
         sure: probability that PASS needs.
         """
-        found = []
+        probabilities = []
         for stage in self.stages or (self,):
             inside = outcome(stage.sets_arcsec)
             if stage.set_weights.shape[1] == 1:
-                found.append(probability_of(inside[:, 0], stage.weights))
+                probabilities.append(probability_of(inside[:, 0], stage.weights))
                 continue
             of_system = stage.set_weights.sum(axis=1)
             shares = (stage.set_weights * inside).sum(axis=1) / np.where(of_system > 0, of_system, 1)
-            found.append(probability_of_systems(shares, of_system))
-        return self._settled(found, sure)
+            probabilities.append(probability_of_systems(shares, of_system))
+        return self._settled(probabilities, sure)
 
     def _settled(self, found: Sequence[Probability], sure: float) -> Probability:
         """Return the probability of the first stage of which as many samples again would hardly change a verdict."""
@@ -387,28 +388,40 @@ def limits_settled(left_arcsec: Sequence[float | None], samples: Samples, sure: 
 
 
 def _collected(sampling: Sampling, draws: Sequence[Draw]) -> Samples:
-    kept, prior, torques = [each for each in draws if each.F_ior_arcsec is not None], sampling.prior, sampling.torques
-    given = {ACCURACY, *(each.figure for each in sampling.measured)}  # F'_ior, and no figures beside it
-    names = [name for name in (kept[0].figures if kept else {}) if name not in given]
-    turned = np.array([each.turned_arcsec for each in kept])
-    sets = len(kept[0].set_weights) if kept else 0
+    """Return draws as samples: those that have F'_ior, and what is known of all."""
+    solved = [draw for draw in draws if draw.F_ior_arcsec is not None]
+    count = len(solved)
+    torques = sampling.torques
+    sets = len(solved[0].set_weights) if solved else 0
+
+    def stacked(values: Iterable[object], *shape: int) -> Array:
+        """Return values of the solved draws as an array, shape (draws, *shape)."""
+        return np.array([*values], dtype=float).reshape(count, *shape)
+
     return Samples(
-        prior,
-        torques,
-        np.array([each.shares for each in kept]).reshape(len(kept), len(prior.fields)),
-        np.array([each.F_ior_arcsec for each in kept]).reshape(len(kept), len(torques)),
-        {name: np.array([each.figures[name] for each in kept]) for name in names},
-        np.array([each.weight for each in kept]),
-        len(draws),
-        dict(sorted(Counter(each.refused for each in draws if each.refused).items())),
-        sampling.seed,
-        sum((each.certificate for each in draws), EMPTY),
-        sampling.rotations_deg,
-        turned.reshape(len(kept), len(torques), len(sampling.rotations_deg)),
-        tuple(draws),
-        further_arcsec=np.array([each.sets_arcsec for each in kept]).reshape(len(kept), sets, len(torques)),
-        further_weights=np.array([each.set_weights for each in kept]).reshape(len(kept), sets),
+        prior=sampling.prior,
+        torques=torques,
+        shares=stacked((draw.shares for draw in solved), len(sampling.prior.fields)),
+        F_ior_arcsec=stacked((draw.F_ior_arcsec for draw in solved), len(torques)),
+        figures=_figures_beside_error(sampling, solved),
+        weights=stacked(draw.weight for draw in solved),
+        draws=len(draws),
+        refused=dict(sorted(Counter(draw.refused for draw in draws if draw.refused).items())),
+        seed=sampling.seed,
+        certificate=sum((draw.certificate for draw in draws), EMPTY),
+        rotations_deg=sampling.rotations_deg,
+        turned_arcsec=stacked((draw.turned_arcsec for draw in solved), len(torques), len(sampling.rotations_deg)),
+        made=tuple(draws),
+        further_arcsec=stacked((draw.sets_arcsec for draw in solved), sets, len(torques)),
+        further_weights=stacked((draw.set_weights for draw in solved), sets),
     )
+
+
+def _figures_beside_error(sampling: Sampling, solved: Sequence[Draw]) -> dict[str, Array]:
+    """Return the figures of draws beside F'_ior, by name, shape (draws,) each."""
+    of_error = {ACCURACY, *(datum.figure for datum in sampling.measured)}
+    names = [name for name in (solved[0].figures if solved else {}) if name not in of_error]
+    return {name: np.array([draw.figures[name] for draw in solved]) for name in names}
 
 
 def _require_shown(sampling: Sampling, draws: Sequence[Draw]) -> None:
