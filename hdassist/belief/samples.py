@@ -394,27 +394,30 @@ def _collected(sampling: Sampling, draws: Sequence[Draw]) -> Samples:
     torques = sampling.torques
     sets = len(solved[0].set_weights) if solved else 0
 
-    def stacked(values: Iterable[object], *shape: int) -> Array:
-        """Return values of the solved draws as an array, shape (draws, *shape)."""
-        return np.array([*values], dtype=float).reshape(count, *shape)
-
     return Samples(
         prior=sampling.prior,
         torques=torques,
-        shares=stacked((draw.shares for draw in solved), len(sampling.prior.fields)),
-        F_ior_arcsec=stacked((draw.F_ior_arcsec for draw in solved), len(torques)),
+        shares=_stacked((draw.shares for draw in solved), count, len(sampling.prior.fields)),
+        F_ior_arcsec=_stacked((draw.F_ior_arcsec for draw in solved), count, len(torques)),
         figures=_figures_beside_error(sampling, solved),
-        weights=stacked(draw.weight for draw in solved),
+        weights=_stacked((draw.weight for draw in solved), count),
         draws=len(draws),
         refused=dict(sorted(Counter(draw.refused for draw in draws if draw.refused).items())),
         seed=sampling.seed,
         certificate=sum((draw.certificate for draw in draws), EMPTY),
         rotations_deg=sampling.rotations_deg,
-        turned_arcsec=stacked((draw.turned_arcsec for draw in solved), len(torques), len(sampling.rotations_deg)),
+        turned_arcsec=_stacked(
+            (draw.turned_arcsec for draw in solved), count, len(torques), len(sampling.rotations_deg)
+        ),
         made=tuple(draws),
-        further_arcsec=stacked((draw.sets_arcsec for draw in solved), sets, len(torques)),
-        further_weights=stacked((draw.set_weights for draw in solved), sets),
+        further_arcsec=_stacked((draw.sets_arcsec for draw in solved), count, sets, len(torques)),
+        further_weights=_stacked((draw.set_weights for draw in solved), count, sets),
     )
+
+
+def _stacked(values: Iterable[object], *shape: int) -> Array:
+    """Return values as an array of a shape, also if there are none."""
+    return np.array([*values], dtype=float).reshape(shape)
 
 
 def _figures_beside_error(sampling: Sampling, solved: Sequence[Draw]) -> dict[str, Array]:
