@@ -46,12 +46,12 @@ from hdassist.solve.loadcase import CrossCheck, require_solver
 
 @dataclass(frozen=True)
 class OperatingPoint:
-    """The error of a drive at one torque M_g [N*m], and the limit [arcsec] it is held against, if any.
+    """The error of a drive at one torque M_g [N*m], and the limit [arcsec] with which it is compared, if any.
 
-    open_: whether something is not known exactly; belief: F'_ior over all of that, None where it was not computed;
-    error over the full cycle: of the drive, or where it is open of the sample whose F'_ior is nearest to the median (of
-    the preset's own numbers with the unknown as 0, where no samples were drawn); None before it is computed; sure:
-    probability of keeping the limit that PASS needs.
+    open_: whether the drive has uncertain inputs. belief: distribution of F'_ior over these inputs; None if it was
+    not computed. error: error over the full mesh cycle. It is that of the drive, or, with uncertain inputs, of the
+    sample whose F'_ior is nearest to the median. Without samples it is that of the preset's nominal values with
+    unknown deviations as 0. None before it is computed. sure: probability of meeting the limit that PASS needs.
     """
 
     M_g: float
@@ -103,7 +103,7 @@ class OperatingPoint:
 
     @property
     def probability(self) -> Probability | None:
-        """Probability that F'_ior with the self error on top keeps the limit; None without a limit or samples."""
+        """Return the probability that F'_ior plus self error meets the limit; None without a limit or samples."""
         left = self.left_arcsec
         if left is None or self.belief is None:
             return None
@@ -111,7 +111,10 @@ class OperatingPoint:
 
     @property
     def verdict(self) -> Verdict:
-        """Verdict on the probability of keeping the limit; where all is known, on the value; NO_LIMIT without one."""
+        """Return the verdict on the probability of meeting the limit.
+
+        Without uncertain inputs it is the verdict on the value; NO_LIMIT without a limit.
+        """
         if self.limit_arcsec is None:
             return Verdict.NO_LIMIT
         if kept := self.probability:
@@ -123,12 +126,15 @@ class OperatingPoint:
 
 @dataclass(frozen=True)
 class DesignCheck:
-    """Design check of a drive: one operating point per torque, in the order of the preset.
+    """Design check of a drive: one operating point for each torque, in the sequence of the preset.
 
-    measured: wheels in place of first harmonics; unknown: deviations that are not known; prior: all that is not known
-    exactly; samples of it, None where none were drawn; steps: what it would take at the torque that is least sure, none
-    where all limits are kept; steps_proof: of the states behind these; predicted: values of
-    F'_ior as measured beside what the preset predicts without them.
+    measured: wheels with measured teeth instead of first harmonics.
+    unknown: unknown deviations.
+    prior: uncertain inputs.
+    samples: samples of these inputs; None without samples.
+    steps: options to meet the limit at the torque with the least certain verdict; none if all limits are met.
+    steps_proof: certificate of the states behind these options.
+    predicted: measured values of F'_ior and the preset's predictions without them.
     """
 
     drive: Drive
@@ -142,7 +148,7 @@ class DesignCheck:
     predicted: tuple[MeasuredBeside, ...] = ()
 
     def with_samples(self, samples: Samples) -> Self:
-        """The same with samples of all that is not known exactly."""
+        """Return the check with samples of the uncertain inputs."""
         beliefs = (ErrorBelief.of(samples, samples.torques.index(point.M_g)) for point in self.points)
         points = (replace(point, belief=belief) for point, belief in zip(self.points, beliefs, strict=True))
         return replace(self, points=tuple(points), samples=samples)
@@ -153,7 +159,7 @@ class DesignCheck:
         return replace(self, points=tuple(points))
 
     def with_steps(self, run: Run) -> Self:
-        """The same with what it would take at the torque that decides, where not all limits are surely kept."""
+        """Return the check with options at the governing torque, unless PASS is certain for all limits."""
         known = self.samples or not (self.prior and self.prior.fields)
         if self.verdict is Verdict.PASS or self.measured or not (self.points and self.prior and known):
             return self
@@ -202,7 +208,7 @@ class DesignCheck:
 
     @cached_property
     def influences(self) -> tuple[Influence, ...]:
-        """Shares of the variance of ln F'_ior at the torque that is least sure, by field, the largest first."""
+        """Return the contributions to the variance of ln F'_ior at the least certain torque, the largest first."""
         if not (self.samples and self.points):
             return ()
         return influences(self.samples.of_ranges, self.samples.torques.index(self.points[self.least_sure].M_g))
@@ -256,12 +262,12 @@ def check(
 ) -> DesignCheck:
     """Check a drive at the torques of its preset.
 
-    Arguments: measured, wheels in place of first harmonics, for which there are no samples;
-    solver, a name that cvxpy knows, to send each state through cvxpy instead of the engine; draws, effective samples of
-    what is not known at least, 0 for none; samples of the same drive, where they were drawn before; sure, probability
-    of keeping a limit that PASS needs, and FAIL of not keeping it; seen, called with the check by the samples so far.
-    Raises UsageError for an unknown solver, UntrustedError where an answer cannot be trusted, or the preset's catalogue
-    contradicts its other values.
+    measured: wheels with measured teeth instead of first harmonics; there are no samples for them. solver: name of a
+    solver known to cvxpy, which then solves each state instead of the engine. draws: minimum effective sample size of
+    the uncertain inputs; 0 for none. samples: samples of the same drive, if they exist already. sure: probability of
+    meeting a limit that PASS needs, and of not meeting it that FAIL needs. seen: function called with the check by
+    the samples so far. Raises UsageError for an unknown solver; UntrustedError if a result cannot be trusted, or if
+    the preset's catalogue contradicts its other values.
     """
     torques = drive.operation.M_g
     there, teeth = measured.in_drive(drive) if measured else (drive, None)
@@ -389,10 +395,12 @@ def _grid(start: Fraction, stop: Fraction, steps: str, is_count: bool) -> list[f
 
 @dataclass(frozen=True, kw_only=True)
 class SweepRow(ClosedRecord):
-    """F'_ior [arcsec] of a row at its torque M_g [N*m], in the flank window [deg] that it was computed in.
+    """F'_ior [arcsec] of a row at its torque M_g [N*m], in the flank window [deg] of the computation.
 
-    values: of the fields that are varied; states and max_residual: of the proof; reason: why the row has no answer, and
-    the exit code that this is elsewhere, 0 with an answer. Raises ValueError for another one.
+    values: values of the varied fields.
+    states, max_residual: of the certificate.
+    reason: why the row has no result.
+    exit_code: exit code of that error; 0 with a result. Raises ValueError for another one.
     """
 
     values: Mapping[str, Number]

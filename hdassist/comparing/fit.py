@@ -249,7 +249,9 @@ class VectorFitter:
         held = np.array([bool(pinned[wheel == _WHEEL].any()) for wheel in range(2)])
         turns = self.record.turns[:, list(self.angles)]  # (2 wheels, angles)
         gauges = null_space(turns * held[:, None])  # (angles, gauges)
-        back = np.radians(np.vstack([-turns @ gauges, np.zeros(gauges.shape[1])]))  # of flexspline, rigid wheel and cam
+        back = np.radians(
+            np.vstack([-turns @ gauges, np.zeros(gauges.shape[1])])
+        )  # of flexspline, circular spline and wave generator
         moved = (1j * VECTOR_ORDERS * vectors)[:, None] * back[_WHEEL]  # (vectors, gauges)
         components = np.stack([moved.real, moved.imag], axis=1).reshape(2 * COUNT, -1)
         directions = np.concatenate([components[free[: 2 * len(fitted)]], gauges])

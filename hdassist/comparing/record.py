@@ -43,8 +43,8 @@ EXACT = 2e-4  # of F'_ior, in each coefficient: as far as a predicted curve coun
 _MODEL_ERROR = 0.03  # of each order: standard deviation of all else that a model may have wrong
 CHI_SQUARE_CLEAR = 4.0  # standard deviations of a chi-square
 ERROR_SIGNS = {1.0: "cam-output", -1.0: "output-cam"}  # of the error of a file, as F_kpp or against it
-SENSES = {1.0: "ccw", -1.0: "cw"}  # of its cam angle, seen from the cam side
-_SCANNED = {1: 72, 2: 48}  # places of each angle of the alignment that is scanned, where so many are
+SENSES = {1.0: "ccw", -1.0: "cw"}  # of its input angle, seen from the wave generator side
+_SCANNED = {1: 72, 2: 48}  # places of each scanned angle of the alignment, by number of scanned angles
 
 
 def vectors_of(drive: Drive) -> Complex:
@@ -124,11 +124,13 @@ def _single_tooth_waves(drive: Drive, torus: ErrorWaves) -> list[Complex]:
 
 @dataclass(frozen=True)
 class Alignment:
-    """Where a record stands in the drive's cycle, and how it counts.
+    """Alignment of a recording with the cycle of the drive, and its sign conventions.
 
-    start_deg: angle of the moving wheel at phi_h = 0 (phi_g0 with the rigid wheel fixed); zero_deg: phi_h where the
-    rig's cam angle is 0; sign: F_kpp over the error of the file, 1 or -1; sense: of the rig's cam angle, 1
-    counter-clockwise seen from the cam side, or -1; fitted: whether start and zero are.
+    start_deg: angle of the moving wheel at phi_h = 0 (phi_g0 with the circular spline fixed).
+    zero_deg: phi_h at which the input angle of the test rig is 0.
+    sign: F_kpp divided by the error of the file, 1 or -1.
+    sense: sense of the input angle of the test rig, 1 counter-clockwise, seen from the wave generator side, or -1.
+    fitted: whether start and zero are fitted.
     """
 
     start_deg: float = 0.0
@@ -176,12 +178,12 @@ class OrderPair:
 
 
 class RecordedOrders:
-    """Coefficients of one direction of a measured trace, and of a model's waves at its angles.
+    """Coefficients of one direction of a recording, and of a model's components at its angles.
 
-    sweep: the measured direction; alignment: how the record counts, and its angles as far as they are given; measured:
-    cosines, then sines, of the error as the file has it [arcsec], shape (2 orders,); covariance S of (14): of the
-    difference to a model's, shape (2 orders, 2 orders); turns: of flexspline and rigid wheel before the cam with start
-    and zero of the record, shape (2 wheels, 2 angles).
+    sweep: the measured direction. alignment: sign conventions of the recording, and its angles as far as they are
+    given. measured: cosines, then sines, of the error as in the file [arcsec], shape (2 orders,). covariance: S of
+    (14), of the difference to a model's coefficients, shape (2 orders, 2 orders). turns: revolutions of flexspline
+    and circular spline before the input, with start and zero of the recording, shape (2 wheels, 2 angles).
     """
 
     def __init__(self, sweep: SweepResult, torus: ErrorWaves, kinematics: Kinematics, alignment: Alignment) -> None:
@@ -277,7 +279,7 @@ class RecordedOrders:
         return chi_square <= freedom + CHI_SQUARE_CLEAR * float(np.sqrt(2 * freedom))
 
     def freedom(self, unknowns: int) -> int:
-        """Degrees of freedom that so many unknowns leave."""
+        """Return the degrees of freedom that a number of unknowns leaves."""
         return max(1, len(self.measured) - unknowns)
 
 

@@ -35,10 +35,10 @@ LEAST_STEP = 0.01  # deg between positions: 36 000 of them
 
 @dataclass(frozen=True)
 class Position:
-    """The fixed wheel turned by rotation_deg from where it stands, and F'_ior [arcsec] there at each torque.
+    """The fixed wheel turned by rotation_deg from its present position, and F'_ior [arcsec] there at each torque.
 
-    phase_deg: direction of the fixed wheel's deviation from the cam offset that stands with it, in 0..360;
-    hole: seat holes that it is turned by, None where that is no whole number of them.
+    phase_deg: direction of the fixed wheel's deviation relative to the wave generator eccentricity that is fixed to
+    the housing, 0 to 360. hole: number of seat holes by which it is turned; None if that is not a whole number.
     """
 
     rotation_deg: float
@@ -56,10 +56,10 @@ class Position:
 class MountingCurve:
     """F'_ior over rotations of the fixed wheel.
 
-    torques [N*m]; rotation_deg, shape (rotations,), counter-clockwise seen from the cam side, the present
-    position first; phase_deg, the same positions as phases; F_ior_arcsec, shape (torques, rotations);
-    every_state, same shape: where all states were solved, not searched; holes of the seat, 0 for a free angle;
-    allowed: hole numbers that may be used, None for all.
+    torques: torques [N*m]. rotation_deg: shape (rotations,), counter-clockwise, seen from the wave generator side,
+    with the present position first. phase_deg: the same positions as phases. F_ior_arcsec: shape (torques,
+    rotations). every_state: same shape; whether all states were solved, not searched. holes: number of holes of the
+    seat; 0 for a free angle. allowed: allowed hole numbers; None for all.
     """
 
     torques: tuple[float, ...]
@@ -151,14 +151,18 @@ def seat_positions(drive: Drive, free_step: float = _FREE_STEP) -> list[float]:
 
 
 def rotated(drive: Drive, rotation_deg: float) -> Drive:
-    """The drive with its fixed wheel turned on its seat [deg], counter-clockwise seen from the cam side."""
+    """Return the drive with its fixed wheel turned on its seat.
+
+    rotation_deg: counter-clockwise [deg], seen from the wave generator side.
+    """
     return drive.with_values({path: drive.number(path) + rotation_deg for path in carried(drive)})
 
 
 def phase_deg(drive: Drive, measured: MeasuredTeeth | None = None, rotation_deg: float = 0.0) -> float:
-    """Direction of the fixed wheel's deviation from the cam offset that stands with it [deg], in 0..360.
+    """Return the direction of the fixed wheel's deviation relative to the housing-fixed eccentricity [deg], 0 to 360.
 
-    Where the fixed wheel is measured, it is the direction of its mark that counts. Turning the wheel turns it as much.
+    For a measured fixed wheel, the direction of its mark counts. Turning the wheel turns this direction by the same
+    angle.
     """
     xi_g, xi_b = np.degrees(tooth_phases(drive))
     rigid = drive.mounting.fixed == "rigid"
@@ -175,9 +179,10 @@ HOLES = 24  # positions of which every state is solved
 
 
 def is_searched(drive: Drive, positions: int, *, drawn: bool, measured: MeasuredTeeth | None) -> bool:
-    """Whether extremes at so many positions are searched: of few every state is solved, unless samples are drawn too.
+    """Return whether extremes at a number of positions are searched.
 
-    The error of measured teeth is not continuous, and so cannot be searched.
+    For few positions every state is solved, unless inputs are sampled too. The error of measured teeth is not
+    continuous, so it cannot be searched.
     """
     return (drawn or positions > HOLES) and not measured and searchable(drive)
 
@@ -189,7 +194,7 @@ _KeptCurve = tuple[
 
 
 def _kept_curve_type(torques: int, rotations: int) -> TypeAdapter[_KeptCurve]:
-    """Type of a kept curve of so many torques and rotations."""
+    """Return the type of a stored curve for a number of torques and rotations."""
 
     def require_all(kept: _KeptCurve) -> _KeptCurve:
         if any([len(row) for row in rows] != [rotations] * torques for rows in kept[:2]):
@@ -336,12 +341,12 @@ def _solved(
 
 
 def _searched(drive: Drive, torques: Sequence[float], rotations: Sequence[float]) -> tuple[Array, Certificate]:
-    """F'_ior [arcsec] of extremes that were proposed and proven, shape (torques, rotations)."""
+    """Return F'_ior [arcsec] of extremes that were searched and verified, shape (torques, rotations)."""
     found = [many_extremes(each, Batch.turned(drive, rotations)) for each in error_maps(drive, torques)]
     return np.array([each.F_ior_arcsec for each in found]), sum((each.certificate for each in found), EMPTY)
 
 
 def _error(drive: Drive, teeth: ToothDeviations | None, M_g: float, run: Run) -> tuple[float, KinematicError]:
-    """F'_ior [arcsec], and the error at the states that another solver is to solve again, with the proof of all."""
+    """Return F'_ior [arcsec], and the error at the states for another solver, with the certificate of all states."""
     error = kinematic_error(drive, M_g, teeth=teeth, run=replace(run, progress=None, cross_check=None))
     return error.F_ior_arcsec, error.sampled(_SAMPLED_STATES, run.seed)

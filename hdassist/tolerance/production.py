@@ -1,13 +1,12 @@
-"""Random drives of random designs: their distributions, and F'_ior as built and with the fixed wheel where it is best.
+"""Random drives of random designs: their distributions, and F'_ior as assembled and in the best hole.
 
-A size of a deviation that the preset gives is a tolerance here: parts lie between zero and it, by a law. A size that it
-does not give, or only assumes, is drawn as `check` draws it. Directions are any: parts are put together as they come.
-All else that is not known exactly is the same in all drives of a design, but for clearances that have a tolerance:
-designs are drawn from the prior of these inputs, weighted by the preset's evidence; drives of a design, in groups of
-the same number, by the law of the production.
-
-A coarse grid of states tells which positions of the wheel may be the best; there, and where it stands, the extremes are
-searched on a finer one, solved and proven (error/error_map.py).
+A size of a deviation given by the preset is a tolerance here: parts lie between zero and the tolerance, by a law. A
+size that the preset does not give, or only assumes, is sampled as in `check`. Directions are random, because parts
+are assembled in any orientation. All other uncertain inputs are the same in all drives of a design, except clearances
+with a tolerance. Designs are sampled from the prior of these inputs, weighted by the preset's reference data; drives
+of a design, in groups of equal number, by the law of the production. A coarse grid of states determines which
+positions of the wheel may be the best. There, and at the present position, the extremes are searched on a finer grid,
+solved and verified (error/error_map.py).
 """
 
 from __future__ import annotations
@@ -44,8 +43,8 @@ RAYLEIGH_TAIL = (
 )
 _PRODUCTION_FREE_STEP = 30.0  # deg between positions where the seat has no holes
 TIGHTER_STEP = 0.8  # of a tolerance: one step tighter
-_MOST_WEIGHT = 1e9  # of a design, far beyond what evidence gives it
-_DRAWS_PER_DESIGN = 64  # draws of a design, at most, for each that agrees with the evidence
+_MOST_WEIGHT = 1e9  # of a design, far beyond the weights from reference data
+_DRAWS_PER_DESIGN = 64  # maximum draws for each design that agrees with the reference data
 _MapsOf = Callable[[Drive], list[ErrorMap]]  # of a drive, one a torque
 
 
@@ -173,11 +172,15 @@ def production_law(
 
 @dataclass(frozen=True, kw_only=True)
 class RandomDrive(ClosedRecord):
-    """F'_ior [arcsec] of a random drive at each torque, as built and in its best position.
+    """F'_ior [arcsec] of a random drive at each torque, as assembled and in its best position.
 
-    design: its number, weight: of it by the evidence; best_rotation_deg: the best position, as a rotation from the
-    present one; tighter: F'_ior there with a size one STEP less, by its path, at most as great as it is; states and
-    max_residual: of the proof; refused: why it has no F'_ior; values that were drawn, by field.
+    design: number of its design.
+    weight: weight of the design by the reference data.
+    best_rotation_deg: the best position, as a rotation from the present one.
+    tighter: lower bound of F'_ior there with a size one STEP smaller, by path of the size.
+    states, max_residual: of the certificate.
+    refused: why there is no F'_ior.
+    values: sampled values by field.
     """
 
     design: Count
@@ -231,13 +234,13 @@ class Production:
         return drive // self.per_design if self.law.shared else 0
 
     def design_states(self, drives: int) -> int:
-        """States that the designs of so many drives take, about, for a progress bar."""
+        """Return the approximate number of states that the designs of a number of drives need, for a progress bar."""
         return (self.design_of(drives - 1) + 1) * len(self.torques) * DRAWN_STATES if self.law.shared else 1
 
     def with_designs(self, drives: int, *, run: Run = Run()) -> tuple[Production, Samples | None]:
-        """The same with the designs of so many drives, and the samples that they are of, if they differ.
+        """Return the production with the designs of a number of drives, and their samples if designs differ.
 
-        Raises UntrustedError where too few designs agree with the preset's evidence.
+        Raises UntrustedError if too few designs agree with the preset's reference data.
         """
         if not self.law.shared:
             return replace(self, designs=(({}, 1.0),)), None
@@ -312,7 +315,7 @@ class Production:
         }
 
     def _solved(self, values: Mapping[str, float], maps: _MapsOf) -> dict[str, Any]:
-        """F'_ior as built and best, with its proof: fields of a record."""
+        """Return F'_ior as assembled and in the best position, with its certificate, as fields of a record."""
         drive = self.drive.with_values({p: value for p, value in values.items() if p not in DEVIATION_FIELDS})
         if conflict := first_conflict(drive):
             raise UntrustedError(f"no valid drive: {conflict.path}: {conflict.message}")
@@ -340,9 +343,9 @@ class Production:
     def _tighter(
         self, one: Batch, row: int, present: Sequence[Extremes], maps: Sequence[ErrorMap]
     ) -> tuple[dict[str, tuple[float, ...]], Certificate]:
-        """F'_ior of a drive between the states of its extremes, with each size a step less; the proof.
+        """Return F'_ior between the states of its extremes with each size a step smaller, and the certificate.
 
-        Other states may be the extremes then, so F'_ior is at least that.
+        Other states may become the extremes, so F'_ior is at least that.
         """
         paths = self.law.sizes
         columns = {path: np.repeat(column, len(paths)) for path, column in one.columns.items()}

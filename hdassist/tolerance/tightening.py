@@ -34,7 +34,7 @@ _LOOSER = 2.0  # times the preset's tolerance, at most
 _TIGHTER = 0.1  # times it at least, where the preset gives no least value that can be made
 _SLOPE_STEP = 0.1  # of the logarithms of tolerances, over which slopes are taken: drives that come and go are smoothed
 _AIM = 0.98  # of the limit: a margin for the error of the linear model
-_STRICTER = 0.93  # times the aim, where drives did not prove the tolerances that were sought with it
+_STRICTER = 0.93  # factor of the aim if the drives did not verify the tolerances found with it
 _LIMIT_AGREES = 0.06  # of the limit: margin that may remain
 _UNSOLVED_RATIO = 1e6  # F'_ior over its room of a drive without an answer: beyond any limit
 _LEAST_SHARE_LEFT = 1e-2  # of F'_ior of a drive, that is left of it whatever its sizes are scaled by
@@ -44,8 +44,8 @@ _LEAST_SHARE_LEFT = 1e-2  # of F'_ior of a drive, that is left of it whatever it
 class Tightened:
     """95th percentile of F'_ior [arcsec] at a torque now, and with a tolerance (by path) one STEP tighter.
 
-    low, high: Monte Carlo interval of the percentile then; proven: whether F'_ior was searched anew, else it may be
-    greater than `then`.
+    low, high: Monte Carlo interval of the percentile with the tighter tolerance.
+    proven: whether F'_ior was searched again; otherwise it may be larger than `then`.
     """
 
     path: str
@@ -63,11 +63,14 @@ class Tightened:
 
 @dataclass(frozen=True, eq=False)
 class Sensitivities:
-    """Gains of tightening and influences of inputs on F'_ior of a production.
+    """Gains of tightening, and contributions of inputs to the variance of F'_ior of a production.
 
-    samples of its random drives; worst: place of the torque that is worst now (of its limit, where there are limits);
-    tightened at each torque, the greatest gain first; influences there; to_measure, at the worst torque; drives, states
-    and max_residual of the proof.
+    samples: samples of its random drives.
+    worst: index of the governing torque (relative to its limit, if there are limits).
+    tightened: gains at each torque, the largest first.
+    influences: contributions at each torque.
+    to_measure: measurements at the governing torque.
+    drives, states, max_residual: of the certificate.
     """
 
     law: ProductionLaw
@@ -99,9 +102,10 @@ class Sensitivities:
 
 
 def sensitivities(production: Production, samples: Samples, records: _Records) -> Sensitivities:
-    """Sensitivities of a production, each of whose drives has a design of its own, and the samples of these designs.
+    """Return sensitivities of a production in which each drive has its own design, and the samples of the designs.
 
-    Argument: records, which gives so many records of a production. Raises UntrustedError where a drive has no answer.
+    records: function that returns a number of records of a production. Raises UntrustedError if a drive has no
+    result.
     """
     drive = production.drive
     torques = production.torques
@@ -246,9 +250,13 @@ class Allocation:
 class Allocator:
     """Search for the cheapest tolerances of a drive.
 
-    production, with designs, of records with steps; rooms [arcsec] that the limits leave for F'_ior at each torque;
-    wanted, the yield as a share, and sure, with which probability; records, which gives so many proven drives of a
-    production; drives, how many of them; rounds of them beside the first, at most.
+    production: production with designs, of records with steps.
+    rooms: F'_ior [arcsec] that the limits allow at each torque.
+    wanted: the yield as a share.
+    sure: required probability of the yield.
+    records: function that returns a number of verified drives of a production.
+    drives: number of drives.
+    rounds: maximum number of rounds after the first.
     """
 
     production: Production
@@ -270,9 +278,9 @@ class Allocator:
         return np.array([(choice.least, choice.most) for choice in self.choices]).T
 
     def cheapest(self, turned: bool) -> Allocation:
-        """The cheapest tolerances, the wheel being turned to its best position or not.
+        """Return the cheapest tolerances, with the wheel in its best position or not.
 
-        Where none are proven, the last ones that were tried.
+        If none are verified, the last tried tolerances are returned.
         """
         values = np.array([choice.now for choice in self.choices])
         aim = _AIM
