@@ -48,10 +48,12 @@ from hdassist.solve.loadcase import CrossCheck, require_solver
 class OperatingPoint:
     """The error of a drive at one torque M_g [N*m], and the limit [arcsec] with which it is compared, if any.
 
-    open_: whether the drive has uncertain inputs. belief: distribution of F'_ior over these inputs; None if it was
-    not computed. error: error over the full mesh cycle. It is that of the drive, or, with uncertain inputs, of the
-    sample whose F'_ior is nearest to the median. Without samples it is that of the preset's nominal values with
-    unknown deviations as 0. None before it is computed. sure: probability of meeting the limit that PASS needs.
+    open_: whether the drive has uncertain inputs.
+    belief: distribution of F'_ior over these inputs; None if it was not computed.
+    error: error over the full mesh cycle. It is that of the drive, or, with uncertain inputs, of the sample whose
+    F'_ior is nearest to the median. Without samples it is that of the preset's nominal values with unknown deviations
+    as 0. None before it is computed.
+    sure: probability of meeting the limit that PASS needs.
     """
 
     M_g: float
@@ -262,12 +264,14 @@ def check(
 ) -> DesignCheck:
     """Check a drive at the torques of its preset.
 
-    measured: wheels with measured teeth instead of first harmonics; there are no samples for them. solver: name of a
-    solver known to cvxpy, which then solves each state instead of the engine. draws: minimum effective sample size of
-    the uncertain inputs; 0 for none. samples: samples of the same drive, if they exist already. sure: probability of
-    meeting a limit that PASS needs, and of not meeting it that FAIL needs. seen: function called with the check by
-    the samples so far. Raises UsageError for an unknown solver; UntrustedError if a result cannot be trusted, or if
-    the preset's catalogue contradicts its other values.
+    measured: wheels with measured teeth instead of first harmonics; there are no samples for them.
+    solver: name of a solver known to cvxpy, which then solves each state instead of the engine.
+    draws: minimum effective sample size of the uncertain inputs; 0 for none.
+    samples: samples of the same drive, if they exist already.
+    sure: probability of meeting a limit that PASS needs, and of not meeting it that FAIL needs.
+    seen: function called with the check by the samples so far.
+    Raises UsageError for an unknown solver; UntrustedError if a result cannot be trusted, or if the preset's
+    catalogue contradicts its other values.
     """
     torques = drive.operation.M_g
     there, teeth = measured.in_drive(drive) if measured else (drive, None)

@@ -184,10 +184,13 @@ class SamplesRecord(ClosedRecord):
 class AcceptAnswer(ClosedRecord):
     """The result for a drive: verdict, decisions, and all inputs needed to compute it again; or its error.
 
-    request: None for a row of a lot that is itself invalid. status: the verdict, or DATA_ERROR instead, independent
-    of the other fields. place: place of the row; None without one. certificate, unknown, influence, steps, samples
-    and pitch (wheels with measured teeth): of the predictions, as in `hdassist check`. Raises ValueError for a
-    verdict without a check, and for an exit code that does not match the verdict or the error.
+    request: None for a row of a lot that is itself invalid.
+    status: the verdict, or DATA_ERROR instead, independent of the other fields.
+    place: place of the row; None without one.
+    certificate, unknown, influence, steps, samples and pitch (wheels with measured teeth): of the predictions, as in
+    `hdassist check`.
+    Raises ValueError for a verdict without a check, and for an exit code that does not match the verdict or the
+    error.
     """
 
     schema: Annotated[str, own_schema(_ACCEPT_SCHEMA)] = _ACCEPT_SCHEMA

@@ -333,14 +333,18 @@ class CoveredCycle(ClosedRecord):
 class AcceptedValue(ClosedRecord):
     """A measured or predicted value with its uncertainty; unknown if made without arguments.
 
-    value: in the unit of its check; the median if there is a distribution. expanded_uncertainty: with k = 2; None if
-    the value is predicted. basis: how the value was obtained. extent: part of the cycle that the value stands for. It
-    is the value of the whole cycle, a lower bound of it, the value of a part that does not hold for the whole, a
-    prediction at the preset's nominal values although others are equally possible ("not known"), or no value at a
-    torque between the recorded torques. rise: amount by which the value may be larger in another cycle. at_most: for
-    a lower bound, the value that 95 of 100 drives with it do not exceed, by a plan of positions or by the model of a
-    recording. unstated: sources of uncertainty without a statement. belief: distribution of a predicted value over
-    the uncertain inputs. full_cycle: for F'_ior of a recording, the result of its model.
+    value: in the unit of its check; the median if there is a distribution.
+    expanded_uncertainty: with k = 2; None if the value is predicted.
+    basis: how the value was obtained.
+    extent: part of the cycle that the value stands for. It is the value of the whole cycle, a lower bound of it, the
+    value of a part that does not hold for the whole, a prediction at the preset's nominal values although others are
+    equally possible ("not known"), or no value at a torque between the recorded torques.
+    rise: amount by which the value may be larger in another cycle.
+    at_most: for a lower bound, the value that 95 of 100 drives with it do not exceed, by a plan of positions or by
+    the model of a recording.
+    unstated: sources of uncertainty without a statement.
+    belief: distribution of a predicted value over the uncertain inputs.
+    full_cycle: for F'_ior of a recording, the result of its model.
     """
 
     value: float | None = None

@@ -42,9 +42,10 @@ class Check(_Explained):
 
     field: field of the preset's section acceptance with the limit; its kind states to which values the limit applies.
     needs: figures of the drive from which the value is predicted (decision.PREDICTED); if empty, only a reported
-    value counts. of_trace: whether a recording gives the value (decision.MEASURED). of_part: meaning of such a value
-    if the recording covers a part of the cycle. upper: whether the limit is the largest value allowed, not the
-    smallest.
+    value counts.
+    of_trace: whether a recording gives the value (decision.MEASURED).
+    of_part: meaning of such a value if the recording covers a part of the cycle.
+    upper: whether the limit is the largest value allowed, not the smallest.
     """
 
     field: str

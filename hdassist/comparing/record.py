@@ -180,10 +180,12 @@ class OrderPair:
 class RecordedOrders:
     """Coefficients of one direction of a recording, and of a model's components at its angles.
 
-    sweep: the measured direction. alignment: sign conventions of the recording, and its angles as far as they are
-    given. measured: cosines, then sines, of the error as in the file [arcsec], shape (2 orders,). covariance: S of
-    (14), of the difference to a model's coefficients, shape (2 orders, 2 orders). turns: revolutions of flexspline
-    and circular spline before the input, with start and zero of the recording, shape (2 wheels, 2 angles).
+    sweep: the measured direction.
+    alignment: sign conventions of the recording, and its angles as far as they are given.
+    measured: cosines, then sines, of the error as in the file [arcsec], shape (2 orders,).
+    covariance: S of (14), of the difference to a model's coefficients, shape (2 orders, 2 orders).
+    turns: revolutions of flexspline and circular spline before the input, with start and zero of the recording, shape
+    (2 wheels, 2 angles).
     """
 
     def __init__(self, sweep: SweepResult, torus: ErrorWaves, kinematics: Kinematics, alignment: Alignment) -> None:

@@ -69,9 +69,10 @@ class _LoadedError:
     """Error of sampled drives at a torque, by its lines.
 
     beyond: range of the part that the lines do not contain, relative to that of the error, shape (drives,), or one
-    number. F_ior_arcsec: F'_ior of a recording of the full mesh cycle; None without one. visited: points that count,
-    shape (points,); None if all do. stated_arcsec: median of F'_ior over the samples, as `check` gives it; None
-    without samples.
+    number.
+    F_ior_arcsec: F'_ior of a recording of the full mesh cycle; None without one.
+    visited: points that count, shape (points,); None if all do.
+    stated_arcsec: median of F'_ior over the samples, as `check` gives it; None without samples.
     """
 
     lines: ErrorLines
@@ -139,14 +140,18 @@ class FormResiduals:
 class Correction:
     """Corrections of a drive for the first of its torques.
 
-    drive: None for a correction from a recording alone. errors: errors of the sampled drives, by torque. parts: parts
-    of these errors. chosen: residuals of the requested form, fitted to all these drives together. corrections:
-    corrections of that form, by torque. With a table for each load, other torques than the first have their own. Such
-    a table may make at most one drive in twenty worse. forms: residuals of each form. If the chosen form is refused
-    without a recording of the full mesh cycle, they are fitted to each drive by itself, as if there were such a
-    recording. fewest_points: points of a table over the output revolution that halves the error; None if no tried
-    number does. phasors: median of the residual range [arcsec] by number of correction terms. records: recordings by
-    torque [N*m]. misfit: relative misfit of the drives that agree with recordings of part of the cycle, else None.
+    drive: None for a correction from a recording alone.
+    errors: errors of the sampled drives, by torque.
+    parts: parts of these errors.
+    chosen: residuals of the requested form, fitted to all these drives together.
+    corrections: corrections of that form, by torque. With a table for each load, other torques than the first have
+    their own. Such a table may make at most one drive in twenty worse.
+    forms: residuals of each form. If the chosen form is refused without a recording of the full mesh cycle, they are
+    fitted to each drive by itself, as if there were such a recording.
+    fewest_points: points of a table over the output revolution that halves the error; None if no tried number does.
+    phasors: median of the residual range [arcsec] by number of correction terms.
+    records: recordings by torque [N*m].
+    misfit: relative misfit of the drives that agree with recordings of part of the cycle, else None.
     samples: None if the drive has no uncertain inputs.
     """
 

@@ -249,8 +249,9 @@ def recorded_error(measurement: Measurement, kinematics: Kinematics, asked: Alig
 class _DrawnErrors:
     """Errors of sampled drives that agree with a recording.
 
-    lines: components of the input and the output of each. beyond_arcsec: range that components off these lines can
-    add, shape (drives,); their phases differ from cycle to cycle.
+    lines: components of the input and the output of each.
+    beyond_arcsec: range that components off these lines can add, shape (drives,); their phases differ from cycle to
+    cycle.
     """
 
     lines: ErrorLines

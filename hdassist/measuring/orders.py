@@ -152,9 +152,10 @@ def gearing_of(drive: Drive | None, ratio: float | None) -> Gearing | None:
 class MeasuredOrder:
     """One order: amplitude cos(per_cam_rev phi + phase), with its standard uncertainty and the cause in words.
 
-    cause: empty if no drive is given. is_line: whether it is outside the declared orders, or contains a spectral
-    line. is_of_record: whether amplitude and uncertainty are those in the recording alone, which does not determine
-    them over whole output revolutions.
+    cause: empty if no drive is given.
+    is_line: whether it is outside the declared orders, or contains a spectral line.
+    is_of_record: whether amplitude and uncertainty are those in the recording alone, which does not determine them
+    over whole output revolutions.
     """
 
     per_cam_rev: float

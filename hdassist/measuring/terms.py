@@ -155,10 +155,12 @@ class SlowTerms:
     """Terms besides the orders: a drift, powers of the travel up to a degree, and slopes over columns of the bins.
 
     by_angle: whether Legendre polynomials of the input angle are used instead, for slow terms in a part of an output
-    revolution. over: names of the columns: speed for a lag between the encoders, load for the wind-up. ridge: added
-    to the normal equations of unit diagonal, so that orders that the recording does not resolve stay small, although
-    their sum does not. order_changes: change of the orders with the torque: 0 none, 1 along a straight line, 2 with a
-    bend at the mean torque.
+    revolution.
+    over: names of the columns: speed for a lag between the encoders, load for the wind-up.
+    ridge: added to the normal equations of unit diagonal, so that orders that the recording does not resolve stay
+    small, although their sum does not.
+    order_changes: change of the orders with the torque: 0 none, 1 along a straight line, 2 with a bend at the mean
+    torque.
     """
 
     degree: int = 0

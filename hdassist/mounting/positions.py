@@ -38,7 +38,8 @@ class Position:
     """The fixed wheel turned by rotation_deg from its present position, and F'_ior [arcsec] there at each torque.
 
     phase_deg: direction of the fixed wheel's deviation relative to the wave generator eccentricity that is fixed to
-    the housing, 0 to 360. hole: number of seat holes by which it is turned; None if that is not a whole number.
+    the housing, 0 to 360.
+    hole: number of seat holes by which it is turned; None if that is not a whole number.
     """
 
     rotation_deg: float
@@ -56,10 +57,14 @@ class Position:
 class MountingCurve:
     """F'_ior over rotations of the fixed wheel.
 
-    torques: torques [N*m]. rotation_deg: shape (rotations,), counter-clockwise, seen from the wave generator side,
-    with the present position first. phase_deg: the same positions as phases. F_ior_arcsec: shape (torques,
-    rotations). every_state: same shape; whether all states were solved, not searched. holes: number of holes of the
-    seat; 0 for a free angle. allowed: allowed hole numbers; None for all.
+    torques: torques [N*m].
+    rotation_deg: shape (rotations,), counter-clockwise, seen from the wave generator side, with the present position
+    first.
+    phase_deg: the same positions as phases.
+    F_ior_arcsec: shape (torques, rotations).
+    every_state: same shape; whether all states were solved, not searched.
+    holes: number of holes of the seat; 0 for a free angle.
+    allowed: allowed hole numbers; None for all.
     """
 
     torques: tuple[float, ...]

@@ -104,8 +104,8 @@ class Sensitivities:
 def sensitivities(production: Production, samples: Samples, records: _Records) -> Sensitivities:
     """Return sensitivities of a production in which each drive has its own design, and the samples of the designs.
 
-    records: function that returns a number of records of a production. Raises UntrustedError if a drive has no
-    result.
+    records: function that returns a number of records of a production.
+    Raises UntrustedError if a drive has no result.
     """
     drive = production.drive
     torques = production.torques
