@@ -16,6 +16,7 @@ from hdassist.terminal.output import Output, give, run_each, warn
 from hdassist.terminal.streams import say, take_output, write_text
 
 if TYPE_CHECKING:
+    from hdassist.correction.backlash import BacklashFormat
     from hdassist.correction.correct import Correction
     from hdassist.correction.forms import CorrectionForm
     from hdassist.correction.records import RecordedError
@@ -356,13 +357,19 @@ class ControllerOptions(o.OptionGroup):
 
         Raises UsageError: no such controller, or a form that it does not keep; as `take_output` for the file.
         """
+        from hdassist.correction.backlash import BACKLASH_FORMATS, NO_COMPENSATION
         from hdassist.correction.writers import CONTROLLER_FORMATS
 
         if self.write is None:
             return None
         name, _, path = self.write.partition("=")
+        if reason := NO_COMPENSATION.get(name):
+            raise UsageError(f"--write {name}: {reason}", "other controllers: hdassist compensate -h")
+        if name in BACKLASH_FORMATS:
+            message = f"--write {name}: {BACKLASH_FORMATS[name].name} compensates backlash only"
+            raise UsageError(message, "it is that of a recording in both directions: compensate FILE --ratio N")
         if name not in CONTROLLER_FORMATS or path in ("", "-"):
-            known = ", ".join(CONTROLLER_FORMATS)
+            known = ", ".join((*CONTROLLER_FORMATS, *BACKLASH_FORMATS))
             raise UsageError(f"invalid --write {self.write!r}: expected CONTROLLER=FILE", f"controllers: {known}")
         if not (self.axis.isascii() and self.axis.isalnum()):
             raise UsageError(f"invalid --axis {self.axis!r}: expected letters and digits")
@@ -373,6 +380,22 @@ class ControllerOptions(o.OptionGroup):
         controller.require(form.turn, form.points)
         take_output(path, force)
         return controller, path
+
+    def backlash_target(self, *, force: bool) -> tuple[BacklashFormat, str] | None:
+        """Return the controller of backlash only and the file that are asked for; None for any other.
+
+        Raises UsageError for options that its setting does not depend on; as `take_output` for the file.
+        """
+        from hdassist.correction.backlash import BACKLASH_FORMATS
+
+        name, _, path = (self.write or "").partition("=")
+        if name not in BACKLASH_FORMATS or path in ("", "-"):
+            return None
+        if self.clockwise or self.zero or self.rows_from or self.steps_per_degree:
+            message = f"--write {name}: a backlash has no sense and no zero"
+            raise UsageError(message, "leave out --clockwise, --zero, --rows-from and --steps-per-degree")
+        take_output(path, force)
+        return BACKLASH_FORMATS[name], path
 
     def write_controller(self, result: Correction, target: tuple[ControllerFormat, str] | None, *, force: bool) -> None:
         """Write the controller's file of a correction, where one is asked for and the correction is not refused."""
@@ -479,14 +502,34 @@ class CompensateCommand(
         if self.after or self.overrides or self.each_load:
             raise UsageError("--ratio cannot be combined with --after, --set or --each-load", remedy)
         form = self.correction_form()
-        target = self.controller_target(form, force=self.force)
+        backlash_target = self.backlash_target(force=self.force)
+        target = None if backlash_target else self.controller_target(form, force=self.force)
         M_g = option_value("--torque", self.torque[0], "N*m")
         how = {"seed": self.seed, "together": True, "travel_deg": self.travel}
         found = self.reading().measured(file, None, self.ratio, M_g=M_g, **how)
         require_fine_counts(found)
         result = correction_alone(found, self.alignment(), M_g, form, self.output_turns)
         self.write_controller(result, target, force=self.force)
-        return compensate_report(result, is_written=bool(self.csv or target), warnings=found.warnings)
+        if backlash_target:
+            self.write_backlash(file, M_g, backlash_target)
+        return compensate_report(result, is_written=bool(self.csv or self.write), warnings=found.warnings)
+
+    def write_backlash(self, file: str, M_g: float, target: tuple[BacklashFormat, str]) -> None:
+        """Write the setting of a controller that compensates backlash only.
+
+        file: recording in both directions.
+        M_g: its torque [N*m].
+        target: controller and file.
+        Raises DataError for a recording in one direction.
+        """
+        from hdassist.correction.backlash import backlash_file, backlash_of
+
+        controller, path = target
+        measured = self.reading().measured(file, None, self.ratio, M_g=M_g, seed=self.seed, travel_deg=self.travel)
+        source = f"recording {measured.trace.file}, sha256 {measured.trace.sha256}"
+        text, about = backlash_file(backlash_of(measured, M_g), controller, self.axis, source)
+        say(about.rstrip())
+        write_text(path, text, self.force)
 
     def report(self, out: Output, preset: str) -> Report:
         """Corrections of the drive, or of a record alone."""

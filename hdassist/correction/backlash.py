@@ -1,0 +1,159 @@
+"""Settings of controllers that compensate backlash only, from the lost motion of a recording in both directions.
+
+Each follows the controller's manual, which docs/controllers.md names. Such a controller moves the motor further by the
+backlash when the direction reverses; it has no table of points, so that the error within a direction stays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from hdassist import __version__
+from hdassist.errors import DataError, UntrustedError, UsageError
+from hdassist.measuring.fit import COVERAGE_FACTOR
+from hdassist.measuring.measure import Measurement
+
+_ARCSEC_PER_DEG = 3600
+_DUET_DISTANCE = 10  # times the backlash, over which RepRapFirmware inserts its steps: its default
+_GRBLHAL_AXES = "XYZABC"  # in the order of its settings
+_GRBLHAL_FIRST = 160  # setting of the first axis
+_HEIDENHAIN_AXES = 9
+_HEIDENHAIN_LARGEST_DEG = 1.0
+
+NO_COMPENSATION = {  # controllers that take neither, and why
+    "fluidnc": "FluidNC has no backlash compensation and no table of points (its developers decline both)",
+    "grbl": "grbl has no backlash compensation and no table of points; grblHAL has a backlash setting (grblhal)",
+}
+
+
+@dataclass(frozen=True)
+class Backlash:
+    """Lost motion at reversal [arcsec], as a recording in both directions shows it.
+
+    arcsec, uncertainty_arcsec: its mean over the recorded angles, and its standard uncertainty.
+    departure_arcsec: the largest departure from the mean, which no single setting compensates.
+    torque_Nm: torque of the recording.
+    has_lag: whether a lag between the encoders may be part of it.
+    """
+
+    arcsec: float
+    uncertainty_arcsec: float
+    departure_arcsec: float
+    torque_Nm: float
+    has_lag: bool
+
+    @property
+    def deg(self) -> float:
+        """The same in degrees of the output."""
+        return self.arcsec / _ARCSEC_PER_DEG
+
+
+def _duet(backlash: Backlash, axis: str) -> str:
+    """Return the command of RepRapFirmware; axis: its letter. Raises UsageError for a name that is no letter."""
+    if len(axis) != 1 or not axis.isalpha():
+        raise UsageError(f"invalid --axis {axis} for Duet: expected the letter of the axis", "--axis A")
+    return f"M425 {axis.upper()}{backlash.deg:.5f} S{_DUET_DISTANCE}"
+
+
+def _grblhal(backlash: Backlash, axis: str) -> str:
+    """Return the setting of grblHAL; axis: its letter. Raises UsageError for any other name."""
+    if len(axis) != 1 or axis.upper() not in _GRBLHAL_AXES:
+        letters = ", ".join(_GRBLHAL_AXES)
+        raise UsageError(f"invalid --axis {axis} for grblHAL: expected one of {letters}", "--axis A")
+    return f"${_GRBLHAL_FIRST + _GRBLHAL_AXES.index(axis.upper())}={backlash.deg:.5f}"
+
+
+def _heidenhain(backlash: Backlash, axis: str) -> str:
+    """Return the machine parameter of TNC 426 and 430; axis: its number. Raises UsageError for any other name."""
+    if not axis.isdecimal() or not 1 <= int(axis) <= _HEIDENHAIN_AXES:
+        raise UsageError(f"invalid --axis {axis} for HEIDENHAIN: expected a number from 1 to {_HEIDENHAIN_AXES}")
+    if backlash.deg > _HEIDENHAIN_LARGEST_DEG:
+        raise UsageError(f"a backlash of {backlash.deg:.4f} deg is above the limit of MP710, 1 deg")
+    return f"MP710.{axis} {backlash.deg:+.4f}"
+
+
+@dataclass(frozen=True)
+class BacklashFormat:
+    """The setting of a controller.
+
+    name: of the controller.
+    line: its setting for an axis.
+    comment: start of a comment.
+    setup: what else the machine needs.
+    """
+
+    name: str
+    line: Callable[[Backlash, str], str]
+    comment: str
+    setup: str
+
+
+BACKLASH_FORMATS = {
+    "duet": BacklashFormat(
+        name="Duet (RepRapFirmware 3.5 and later)",
+        line=_duet,
+        comment=";",
+        setup="in config.g; the axis counts in degrees of the output",
+    ),
+    "grblhal": BacklashFormat(
+        name="grblHAL",
+        line=_grblhal,
+        comment=";",
+        setup="a build with backlash compensation; the axis counts in degrees of the output",
+    ),
+    "heidenhain": BacklashFormat(
+        name="HEIDENHAIN TNC 426, 430",
+        line=_heidenhain,
+        comment=";",
+        setup="an entry for the machine parameters; positive, because the encoder of the motor is ahead of the output",
+    ),
+}
+
+
+def backlash_of(measured: Measurement, torque_Nm: float) -> Backlash:
+    """Return the lost motion of a recording whose directions were measured by themselves.
+
+    torque_Nm: torque of the recording.
+    Raises DataError for a recording in one direction; UntrustedError if the lost motion is not clear of its
+    uncertainty.
+    """
+    reversal = measured.reversal
+    if reversal is None:
+        raise DataError(
+            f"{measured.trace.file}: a backlash needs a recording in both directions", "record the way back, too"
+        )
+    value = reversal.lost_motion_arcsec
+    uncertainty = reversal.lost_motion_standard_uncertainty_arcsec
+    if value <= COVERAGE_FACTOR * uncertainty:
+        expanded = COVERAGE_FACTOR * uncertainty
+        message = f"{measured.trace.file}: a lost motion of {value:.3g} ± {expanded:.3g}″ is not clear"
+        raise UntrustedError(message, "there is nothing to compensate, or record longer")
+    return Backlash(
+        arcsec=value,
+        uncertainty_arcsec=uncertainty,
+        departure_arcsec=reversal.greatest_departure_arcsec,
+        torque_Nm=torque_Nm,
+        has_lag=reversal.by == "one speed",
+    )
+
+
+def backlash_file(backlash: Backlash, controller: BacklashFormat, axis: str, source: str) -> tuple[str, str]:
+    """Return the file of a controller's setting, and the lines about it that are its comments, too.
+
+    source: the recording that it comes from.
+    Raises UsageError for an axis that the controller does not have.
+    """
+    expanded = COVERAGE_FACTOR * backlash.uncertainty_arcsec
+    about = [
+        f"hdassist {__version__}: backlash compensation, {controller.name}, axis {axis}",
+        source,
+        f"lost motion at {backlash.torque_Nm:g} N*m: {backlash.arcsec:.2f} +- {expanded:.2f} arcsec (k = 2)",
+        f"not compensated: its departure from the mean, up to {backlash.departure_arcsec:.2f} arcsec, and the error "
+        "within each direction",
+    ]
+    if backlash.has_lag:
+        about.append("a lag between the encoders may be part of it: record two speeds")
+    about.append(f"setup: {controller.setup}")
+    lines = [*(f"{controller.comment} {text}" for text in about), controller.line(backlash, axis)]
+    return "\n".join([*lines, ""]), "\n".join([*about, ""])
