@@ -28,7 +28,7 @@ NO_COMPENSATION = {  # controllers that take neither, and why
 
 
 @dataclass(frozen=True)
-class Backlash:
+class _Backlash:
     """Lost motion at reversal [arcsec], as a recording in both directions shows it.
 
     arcsec, uncertainty_arcsec: its mean over the recorded angles, and its standard uncertainty.
@@ -49,14 +49,14 @@ class Backlash:
         return self.arcsec / _ARCSEC_PER_DEG
 
 
-def _duet(backlash: Backlash, axis: str) -> str:
+def _duet(backlash: _Backlash, axis: str) -> str:
     """Return the command of RepRapFirmware; axis: its letter. Raises UsageError for a name that is no letter."""
     if len(axis) != 1 or not axis.isalpha():
         raise UsageError(f"invalid --axis {axis} for Duet: expected the letter of the axis", "--axis A")
     return f"M425 {axis.upper()}{backlash.deg:.5f} S{_DUET_DISTANCE}"
 
 
-def _grblhal(backlash: Backlash, axis: str) -> str:
+def _grblhal(backlash: _Backlash, axis: str) -> str:
     """Return the setting of grblHAL; axis: its letter. Raises UsageError for any other name."""
     if len(axis) != 1 or axis.upper() not in _GRBLHAL_AXES:
         letters = ", ".join(_GRBLHAL_AXES)
@@ -64,7 +64,7 @@ def _grblhal(backlash: Backlash, axis: str) -> str:
     return f"${_GRBLHAL_FIRST + _GRBLHAL_AXES.index(axis.upper())}={backlash.deg:.5f}"
 
 
-def _heidenhain(backlash: Backlash, axis: str) -> str:
+def _heidenhain(backlash: _Backlash, axis: str) -> str:
     """Return the machine parameter of TNC 426 and 430; axis: its number. Raises UsageError for any other name."""
     if not axis.isdecimal() or not 1 <= int(axis) <= _HEIDENHAIN_AXES:
         raise UsageError(f"invalid --axis {axis} for HEIDENHAIN: expected a number from 1 to {_HEIDENHAIN_AXES}")
@@ -84,7 +84,7 @@ class BacklashFormat:
     """
 
     name: str
-    line: Callable[[Backlash, str], str]
+    line: Callable[[_Backlash, str], str]
     comment: str
     setup: str
 
@@ -111,7 +111,7 @@ BACKLASH_FORMATS = {
 }
 
 
-def backlash_of(measured: Measurement, torque_Nm: float) -> Backlash:
+def backlash_of(measured: Measurement, torque_Nm: float) -> _Backlash:
     """Return the lost motion of a recording whose directions were measured by themselves.
 
     torque_Nm: torque of the recording.
@@ -129,7 +129,7 @@ def backlash_of(measured: Measurement, torque_Nm: float) -> Backlash:
         expanded = COVERAGE_FACTOR * uncertainty
         message = f"{measured.trace.file}: a lost motion of {value:.3g} ± {expanded:.3g}″ is not clear"
         raise UntrustedError(message, "there is nothing to compensate, or record longer")
-    return Backlash(
+    return _Backlash(
         arcsec=value,
         uncertainty_arcsec=uncertainty,
         departure_arcsec=reversal.greatest_departure_arcsec,
@@ -138,7 +138,7 @@ def backlash_of(measured: Measurement, torque_Nm: float) -> Backlash:
     )
 
 
-def backlash_file(backlash: Backlash, controller: BacklashFormat, axis: str, source: str) -> tuple[str, str]:
+def backlash_file(backlash: _Backlash, controller: BacklashFormat, axis: str, source: str) -> tuple[str, str]:
     """Return the file of a controller's setting, and the lines about it that are its comments, too.
 
     source: the recording that it comes from.
