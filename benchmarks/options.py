@@ -77,15 +77,16 @@ def checked(preset: str, options: Sequence[str], folder: str, *, with_options: b
     return answer
 
 
-def compared(preset: str, limit: float, seed: int, folder: str) -> Iterator[Compared]:
-    """Yield the options of a check beside the edited presets."""
+def compared(preset: str, limit: float, seed: int, most: int, folder: str) -> Iterator[Compared]:
+    """Yield the first options of a check, `most` at most, beside the edited presets."""
     options = ["--limit", f"{limit:g}", "--seed", str(seed)]
     answer = checked(preset, options, folder, with_options=True)
     if answer is None:
         return
     governing = answer["least_sure_M_g_Nm"]
     before = probability(answer, governing)
-    for step in answer["steps"]:
+    edits = [step for step in answer["steps"] if step["edit"] or step["of"] == "cam.coupling"]
+    for step in edits[:most]:
         for outcome in step["outcomes"]:
             edit = outcome["edit"] or step["edit"]
             if not edit or before is None or (step["kind"] == "question" and step["of"] != "cam.coupling"):
@@ -135,6 +136,7 @@ def main() -> None:
     )
     reader.add_argument("--seeds", default="0,1", help="seeds of the samples")
     reader.add_argument("--drives", default=",".join(case.name for case in CASES), help="names of the drives")
+    reader.add_argument("--most", type=int, default=99, help="options of each check, the first ones")
     arguments = reader.parse_args()
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     rows = []
@@ -149,7 +151,7 @@ def main() -> None:
                 subprocess.run(made, cwd=folder, check=True, capture_output=True)
             for limit in case.limits:
                 for seed in map(int, arguments.seeds.split(",")):
-                    for row in compared(preset, limit, seed, folder):
+                    for row in compared(preset, limit, seed, arguments.most, folder):
                         rows.append(row)
                         stated = f"{row.option:.3f} ({row.low:.3f} to {row.high:.3f})"
                         words = f"{case.name} {limit:g} seed {seed} {row.kind} {row.of}: {row.before:.3f}"
