@@ -75,6 +75,26 @@ class DriveSheet:
         """The drive."""
         return self.check.drive
 
+    def probabilities_met(self, torque: int) -> tuple[float, float] | None:
+        """Return the probability to meet the limit at a torque, by its place, as assembled and in the best hole.
+
+        None without a limit there. Where all is known it is 0 or 1.
+        """
+        point = self.check.points[torque]
+        room = point.left_arcsec
+        hole = self.advice.chosen
+        if room is None or (point.probability is None and point.F_ior_arcsec is None):
+            return None
+        if point.probability is None:
+            return float(point.F_ior_or_error <= room), float(hole.F_ior_arcsec[torque] <= room)
+        as_assembled = point.probability.value
+        samples = self.advice.samples
+        if samples is None or self.advice.decision.all_alike or not hole.rotation_deg % 360:
+            return as_assembled, as_assembled
+        column = samples.rotations_deg.index(hole.rotation_deg)
+        in_hole = samples.probability(lambda stage: stage.turned_arcsec[:, torque, column] <= room, point.sure)
+        return as_assembled, in_hole.value
+
     @property
     def certificate(self) -> Certificate:
         """Worst residuals of all three."""

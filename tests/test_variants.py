@@ -403,3 +403,28 @@ def test_drawn_pairs_are_searched_as_samples_are():
     found, proof = drive_changes(*checks(one, other, draws=4), pairs=4)
     searches = 2 * found.pairs + 2 + found.pairs  # of both drives, of the one field screened, and of it in all pairs
     assert proof.states < 1000 * searches
+
+
+def test_with_a_limit_each_drive_has_its_probability_as_assembled_and_in_the_best_hole(tmp_path):
+    text = Path(SMALL).read_text(encoding="utf-8")
+    (tmp_path / "a.yaml").write_text(text, encoding="utf-8")
+    (tmp_path / "b.yaml").write_text(text.replace("F_i2: 40", "F_i2: 25"), encoding="utf-8")
+    uncertain = "phases.xi_b=90 ± 60"
+    options = ["--set", uncertain, "--set", FAST[0], "--torque", "4", "--draws", "16", "--json"]
+    limited = [*options, "--limit", "30"]
+    answer = json.loads(run("compare", "a.yaml", "b.yaml", *limited, cwd=tmp_path).stdout)
+    for name, preset in zip(("a.yaml", "b.yaml"), answer["presets"], strict=True):
+        checked = json.loads(run("check", name, *limited, cwd=tmp_path).stdout)
+        [point] = checked["operating_points"]
+        assert preset["operating_points"][0]["belief"]["probability"] == point["belief"]["probability"]
+        mounted = json.loads(run("mount", name, *limited, cwd=tmp_path).stdout)
+        [best] = [each for each in mounted["positions"] if each["hole"] == preset["best"]["hole"]]
+        assert preset["best"]["probability"] == [best["probability_kept"]]
+    without = json.loads(run("compare", "a.yaml", "b.yaml", *options, cwd=tmp_path).stdout)
+    assert [preset["best"]["probability"] for preset in without["presets"]] == [[None], [None]]
+
+
+def test_a_limit_does_not_apply_to_a_recording(tmp_path):
+    (tmp_path / "run.csv").write_text("0,1\n", encoding="utf-8")
+    answer = run("compare", SMALL, "run.csv", "--limit", "30", cwd=tmp_path)
+    assert answer.returncode == 2 and "--limit" in answer.stderr

@@ -264,7 +264,7 @@ class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOpt
       hdassist compare own.yaml run.csv --error-is output-cam --drift linear
       hdassist compare own.yaml run.csv --angle enc1 --second enc2
       hdassist compare own.yaml run.csv --set phases.xi_b=230 --json
-      hdassist compare vzp160 own.yaml
+      hdassist compare vzp160 own.yaml --limit 30
 
     Each deviation of the wave generator, the circular spline or the flexspline is fitted alone, then all together,
     through the contact model. The page names causes that the recording cannot separate.
@@ -273,13 +273,15 @@ class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOpt
     for one with the name of a preset). For presets the page gives the better drive with its probability; F'_ior and the
     best hole of each drive, at torques that all presets share, else at equal shares of their rated torques; and the
     fields that differ, each changed alone to find the one with the largest effect. --torque, --set, --draws, --seed and
-    --jobs apply to presets too. Exit codes: 0 done, 4 bad file, 5 the recording does not resolve the orders or the
-    range, or no trustworthy result.
+    --jobs apply to presets too. With --limit, or limits of the presets, the page gives the probability of meeting the
+    limit as assembled and in the best hole. Exit codes: 0 done, 4 bad file, 5 the recording does not resolve the
+    orders or the range, or no trustworthy result.
     """
 
     preset: str
     files: list[str]
     torque: str | None = None
+    limit: list[str]
     start: str = "fit"
     zero: str | None = None
 
@@ -289,6 +291,8 @@ class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOpt
 
     def _compare_traces(self) -> int:
         """Compare measured traces with the drive; returns the exit code."""
+        if self.limit:
+            raise UsageError("--limit does not apply to recordings", "use hdassist accept to compare one with a limit")
         o.stdin_once(*self.files, self.preset)
         out = self.open()
         start, given_zero = o.degrees_or_fit("--phi-g0", self.start), o.degrees_or_fit("--cam-zero", self.zero or "0")
@@ -311,6 +315,11 @@ class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOpt
 
             answers = run_each("compare", self.files, one, out, kind="file")
         return give("compare", answers, out)
+
+    def _limited(self, preset: str) -> Drive:
+        """Return the drive of a preset with the limits. Raises DataError, PresetError or UsageError."""
+        options = o.LimitedDriveOptions(overrides=self.changes, torque=[], limit=self.limit)
+        return options.load(preset)
 
     def _compare_presets(self) -> int:
         """Compare presets; returns the exit code.
@@ -338,7 +347,7 @@ class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOpt
                 from hdassist.pages.compare import comparison_warnings, drives_report
                 from hdassist.variants import at_common_torques, compare_drives, estimate_comparison
 
-                drives = at_common_torques([self.load(name) for name in names])
+                drives = at_common_torques([self._limited(name) for name in names])
                 words = ", ".join(drive.name for drive in drives)
                 with out.run(words, estimate_comparison(drives, self.draws), self) as run:
                     result = compare_drives(drives, draws=self.draws, run=run)

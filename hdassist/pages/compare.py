@@ -288,7 +288,7 @@ def drives_report(result: DrivesComparison, seed: int) -> Report:
         blocks=(
             Table(
                 "F'_ior, ″: median (5 to 95 %); change from A: of the medians, as assembled; P: probability",
-                _DRIVE_HEADS,
+                (*_DRIVE_HEADS, *_limit_heads(result)),
                 tuple(_drive_rows(result)),
             ),
             Facts.of(_drives_facts(result)),
@@ -332,13 +332,32 @@ def _drive_rows(result: DrivesComparison) -> Iterator[tuple[str, ...]]:
             spread = f" ({belief.p5:.1f}-{belief.p95:.1f})" if (belief := point.belief) else ""
             where = hole_place(best) if sheet.advice.names_hole else "any hole"
             built, mounted = f"{point.F_ior_or_error:.1f}{spread}", f"{best.F_ior_arcsec[k]:.1f}, {where}"
-            yield letter, f"{point.M_g:g} N·m", built, mounted, change, better
+            row = (letter, f"{point.M_g:g} N·m", built, mounted, change, better)
+            yield (*row, *_met_cells(sheet, k)) if _limit_heads(result) else row
+
+
+def _limit_heads(result: DrivesComparison) -> tuple[str, ...]:
+    """Return the heads of the columns of probabilities to meet a limit, if there is a limit."""
+    places = range(len(result.torques))
+    has_limit = any(sheet.probabilities_met(place) is not None for sheet in result.sheets for place in places)
+    return ("P(met)", "P(met), best hole") if has_limit else ()
+
+
+def _met_cells(sheet: DriveSheet, torque: int) -> tuple[str, str]:
+    """Return the probabilities to meet the limit at a torque, as assembled and in the best hole, in words."""
+    probabilities = sheet.probabilities_met(torque)
+    if probabilities is None:
+        return NO_VALUE, NO_VALUE
+    as_assembled, in_best_hole = probabilities
+    return f"{100 * as_assembled:.0f} %", f"{100 * in_best_hole:.0f} %"
 
 
 def _most_by(result: DrivesComparison, changes: DriveChanges) -> str:
     """Return the field that alone changes F'_ior most, at each torque; empty if no field can be changed alone."""
-    greatest = (max(changes.single, key=lambda c: abs(c.change_arcsec[k])) for k in range(len(result.torques)))
-    places = zip(greatest, _loads(result), strict=True) if changes.single else ()
+    differing = {row[0].path for row in result.differing}
+    single = [change for change in changes.single if change.field in differing]
+    greatest = (max(single, key=lambda c: abs(c.change_arcsec[k])) for k in range(len(result.torques)))
+    places = zip(greatest, _loads(result), strict=True) if single else ()
     return "; ".join(f"{named(change.field or '')} at {load}" for change, load in places)
 
 
@@ -472,6 +491,7 @@ def _drive_object(sheet: DriveSheet, seed: int) -> Json:
         "hole": best.hole if is_one else None,
         "rotation_deg": best.rotation_deg if is_one else None,
         "F_ior_arcsec": list(best.F_ior_arcsec),
+        "probability": [met and met[1] for met in map(sheet.probabilities_met, range(len(best.F_ior_arcsec)))],
     }
     return {
         **check["preset"],
