@@ -405,6 +405,7 @@ def test_drawn_pairs_are_searched_as_samples_are():
     assert proof.states < 1000 * searches
 
 
+@pytest.mark.thorough
 def test_with_a_limit_each_drive_has_its_probability_as_assembled_and_in_the_best_hole(tmp_path):
     text = Path(SMALL).read_text(encoding="utf-8")
     (tmp_path / "a.yaml").write_text(text, encoding="utf-8")
