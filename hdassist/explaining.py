@@ -200,5 +200,5 @@ def explained(name: str, options: Mapping[str, str] | None = None) -> list[Entry
     meant = " or ".join(dict.fromkeys(known[key][0].names[0] for key in near))
     raise UsageError(
         f"unknown name: {name[:_LONGEST_NAME]}",
-        f"did you mean {meant}?" if meant else "hdassist explain lists all names",
+        f"the nearest name is {meant}" if meant else "list all names with hdassist explain",
     )

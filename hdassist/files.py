@@ -268,7 +268,7 @@ def _near_by(path: Path) -> str:
         close = _near_files(path)
     except (OSError, ValueError):
         return f"there is no directory {path.parent} either"
-    return f"did you mean {' or '.join(close)}?" if close else "check the path"
+    return f"the nearest name is {' or '.join(close)}" if close else "check the path"
 
 
 # --- the files of this run
@@ -448,7 +448,7 @@ def _unknown(name: str, names: list[str]) -> DataError:
     with suppress(OSError, ValueError):
         beside = beside or [file for file in _near_files(Path(name)) if file.endswith((".yaml", ".yml"))]
     close = beside or difflib.get_close_matches(Path(name).stem.lower()[:60], names, 3, 0.5)
-    hint = f"did you mean {' or '.join(close)}? " if close else ""
+    hint = f"the nearest name is {' or '.join(close)}; " if close else ""
     kind = "no such file" if Path(name).suffix or "/" in name or os.sep in name else "no such preset or file"
-    library = f"{hint}in the library: {', '.join(sorted(names))}"
+    library = f"{hint}presets of the library: {', '.join(sorted(names))}"
     return DataError(f"{kind}: {name or 'an empty name'}", library, Fault.FILE_UNREADABLE)

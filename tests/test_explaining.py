@@ -166,7 +166,7 @@ def test_an_option_is_found_where_nothing_else_has_its_name():
 def test_what_is_near_is_offered(wrong, meant):
     with pytest.raises(UsageError, match=f"unknown name: {wrong}") as told:
         explained(wrong)
-    assert re.fullmatch(rf"did you mean .*\b{meant}\b.*\?", told.value.hint)
+    assert re.fullmatch(rf"the nearest name is .*\b{meant}\b.*", told.value.hint)
 
 
 def test_every_error_says_a_code_that_can_be_explained():

@@ -113,7 +113,7 @@ def _read_trial_position(
     if rotation != rotation and not (where.startswith("h") and where[1:].isdecimal()):
         raise UsageError(f"invalid trial {shown(text)!r}: expected HOLE=VALUE", TRIAL_HINT)
     if fault := position_fault(where, holes):
-        raise UsageError(f"{text!r}: {fault[0]}", fault[1] or TRIAL_HINT)
+        raise UsageError(f"invalid trial {shown(text)!r}: {fault[0]}", fault[1] or TRIAL_HINT)
     hole = hole_of(rotation, holes)
     if hole is not None and allowed != "all" and hole % holes not in allowed:
         raise UsageError(

@@ -320,7 +320,7 @@ def ordered_findings(items: Iterable[Finding]) -> list[Finding]:
 
 
 def near_miss(word: str, options: Iterable[str]) -> str:
-    """A hint "did you mean ...?" if an option looks like the word, else an empty text; case decides between equals."""
+    """A hint with the nearest name if an option looks like the word, else an empty text; case breaks ties."""
     known = {option.lower(): option for option in options}
     word = word[:60]
 
@@ -329,7 +329,7 @@ def near_miss(word: str, options: Iterable[str]) -> str:
         return (difflib.SequenceMatcher(None, *pairs[0]).ratio(), difflib.SequenceMatcher(None, *pairs[1]).ratio())
 
     close = difflib.get_close_matches(word.lower(), known, 3, 0.6)
-    return f"did you mean {known[max(close, key=likeness)]}?" if close else ""
+    return f"the nearest name is {known[max(close, key=likeness)]}" if close else ""
 
 
 # --- numbers with their units

@@ -390,7 +390,9 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
     """
     first, other = _columns(table, form)
     if len(table.lines) < _FEWEST_ROWS:
-        raise table.fault(f"{len(table.lines)} rows", f"a recording needs at least {_FEWEST_ROWS} rows", 0, first.index)
+        raise table.fault(
+            f"rows: {len(table.lines)}", f"a recording needs at least {_FEWEST_ROWS} rows", 0, first.index
+        )
     if ratio is None and "output" in (first.shaft, other.shaft):
         message = f"{table.file}: the ratio is needed to relate output and input"
         raise DataError(message, "--ratio 100, or --drive PRESET")

@@ -131,7 +131,10 @@ def production_law(
     if none := {*known} - {
         deviation.direction for deviation in DEVIATIONS if drive.value(deviation.direction) is not None
     }:
-        raise UsageError(f"invalid --known {min(none)}: not a direction given in the preset")
+        raise UsageError(
+            f"invalid --known {min(none)}: not a direction given in the preset",
+            "name a direction of the preset, for example phases.phi_hb",
+        )
     priors = {field.path: field for field in prior_of(drive).fields}
     assumed = {assumption.path for assumption in assumptions(drive)} if chosen else set()
     own: list[FieldPrior] = []

@@ -100,7 +100,7 @@ def test_what_is_wrong_with_a_row_stays_with_it(tmp_path):
     faults = [str(row.fault or "") for row in lot.rows]
     assert [row.request.serial for row in lot.rows] == ["A", "A", "line 4", "B", "C", "D"]
     expected = (
-        "2:1: serial: stands in line 3", "3:1: serial: stands in line 2", "4:1: serial: missing",
+        "2:1: serial: is also in line 3", "3:1: serial: is also in line 2", "4:1: serial: missing",
         "5:1: preset: missing", "6:7: a cell in a column", "7:3: preset: a row cannot read standard",
     )  # fmt: skip
     for said, words in zip(faults, expected, strict=True):
@@ -110,11 +110,11 @@ def test_what_is_wrong_with_a_row_stays_with_it(tmp_path):
 @pytest.mark.parametrize(
     ("head", "words"),
     [
-        ("serial,tolerances.F_i3", "did you mean tolerances.F_i"),
-        ("seriel,preset", "did you mean serial?"),
+        ("serial,tolerances.F_i3", "the nearest name is tolerances.F_i"),
+        ("seriel,preset", "the nearest name is serial"),
         ("serial,measured@x", "for example measured@80"),
-        ("serial,F_ior@x", "did you mean F_ior@80"),
-        ("serial,limt F_ior@4", r"did you mean limit F_ior@4\?"),
+        ("serial,F_ior@x", "the nearest name is F_ior@80"),
+        ("serial,limt F_ior@4", r"the nearest name is limit F_ior@4"),
         ("serial,limit K_1@80", "not a column of a lot"),
         ("serial,F_ior@80,F_ior@80", "column 2 has the same name"),
     ],
@@ -217,7 +217,7 @@ def test_summary_counts_and_has_the_yield_of_those_that_are_decided(told):
 def test_lines_of_a_lot_fit_their_width(lot, told, width):
     page = on_paper(lot_report(lot, told), width)
     assert max(map(len, page.splitlines())) <= width
-    for words in ("stated", "20.00", "≤ 30"):
+    for words in ("reported", "20.00", "≤ 30"):
         assert words in page
 
 

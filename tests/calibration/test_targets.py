@@ -44,14 +44,14 @@ def test_what_is_written_is_what_is_meant():
 @pytest.mark.parametrize(
     ("old", "new", "place", "words"),
     [
-        ("gears.j_n:", "gears.jn:", "4:3", "did you mean gears.j_n"),
+        ("gears.j_n:", "gears.jn:", "4:3", "the nearest name is gears.j_n"),
         ("gears.j_n:", "gears.z_g:", "4:3", "is not a numeric field"),
         ("high: 15 um", "high: 500", "4:14", "low must be below high, both within 0 to"),
         ("high: 15 um", "high: 15 kg", "4:29", "unit"),
         ("high: 2e-4", "high: 1e-6", "5:16", "low must be below high"),
         ("2e-4}", "2e-4, scale: log}", "5:40", "unknown key"),
         ("low: 1e-5, ", "", "5:3", "missing key"),
-        ("F_ior_max", "F_ior_most", "7:16", "did you mean F_ior"),
+        ("F_ior_max", "F_ior_most", "7:16", "the nearest name is F_ior"),
         ("M_g: 80, ", "", "7:5", "missing key"),
         ("M_g: 80", "M_g: 0", "7:32", "undetermined"),
         ("7 %", "-7 %", "7:58", "above 0"),

@@ -26,7 +26,7 @@ def test_evidence_that_cannot_be_is_refused_where_it_is_entered() -> None:
         assert "--set" not in str(app.screen.query_one("#wrong", Static).render())  # nobody typed that
         app.screen.query_one(Input).value = "K1=3.1e4"
         await pilot.press("enter")
-        assert "did you mean K_1?" in screen(app)
+        assert "the nearest name is K_1" in screen(app)
         await pilot.press("escape")
         assert app.session.changes == () and not isinstance(app.screen, Form)
 

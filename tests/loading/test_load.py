@@ -113,7 +113,7 @@ def test_optional_fields_may_be_empty() -> None:
         # keys
         ([("W_0", "w0")], "", [
             NO_W_0,
-            "my.yaml:6:7: cam.w0: unknown key (did you mean W_0?)",
+            "my.yaml:6:7: cam.w0: unknown key (the nearest name is W_0)",
         ]),
         ([("W_0: 0.96", "W_0: 0.96, h_1: 2")], "",
          ["my.yaml:6:18: cam.h_1: unknown key (h_1 belongs to flexspline)"]),
@@ -122,7 +122,7 @@ def test_optional_fields_may_be_empty() -> None:
         ([("name: test\n", "")], "", ["my.yaml:1:1: name: missing key (name of the drive)"]),
         ([("name: test", "nmae: test")], "", [
             "my.yaml:1:1: name: missing key (name of the drive)",
-            "my.yaml:2:1: nmae: unknown key (did you mean name?)",
+            "my.yaml:2:1: nmae: unknown key (the nearest name is name)",
         ]),
         ([("m: 0.8", "m: 0.8, m: 0.9")], "",
          ["my.yaml:3:37: gears.m: duplicate key (it is given first in line 3, column 29)"]),
@@ -165,7 +165,7 @@ def test_optional_fields_may_be_empty() -> None:
         ([("[80, 800]", "[80, [1]]")], "",
          ["my.yaml:8:23: operation.M_g[1]: must be a number (got a list; write a number in N*m)"]),
         ([], "mounting: {fixed: rigit}\n",
-         ["my.yaml:9:19: mounting.fixed: must be one of rigid, flexspline (got rigit; did you mean rigid?)"]),
+         ["my.yaml:9:19: mounting.fixed: must be one of rigid, flexspline (got rigit; the nearest name is rigid)"]),
         ([], "mounting: {allowed: some}\n", ["my.yaml:9:21: mounting.allowed: "
          "must be all, or a list of hole numbers (got some)"]),
         ([], "mounting: {allowed: [1, x]}\n",
@@ -193,9 +193,9 @@ def test_optional_fields_may_be_empty() -> None:
             "my.yaml:9:33: cost.tolerances.e_hb.share: out of range: above 0, up to 1e9 (got -1)",
             "my.yaml:9:37: cost.tolerances.e_hb.price: unknown key (known: share, k, least)"]),
         ([], "source: {gears.zg: {kind: given}}\n",
-         ["my.yaml:9:10: source.gears.zg: is not a field (got gears.zg; did you mean gears.z_g?)"]),
+         ["my.yaml:9:10: source.gears.zg: is not a field (got gears.zg; the nearest name is gears.z_g)"]),
         ([], "source: {cam.W_0: {kind: gven}}\n", ["my.yaml:9:26: source.cam.W_0.kind: must be one of "
-         "given, assumed, identified (got gven; did you mean given?)"]),
+         "given, assumed, identified (got gven; the nearest name is given)"]),
         ([], "source: {cam.W_0: {ref: 3}}\n", [
             "my.yaml:9:10: source.cam.W_0.kind: missing key (how the value was obtained: given, identified or assumed)",
             "my.yaml:9:25: source.cam.W_0.ref: must be text (got 3; put it in quotes)",
@@ -225,7 +225,7 @@ def test_optional_fields_may_be_empty() -> None:
         ([], "source: {cam.W_0: {kind: given, range: 1}}\n", ["my.yaml:9:40: source.cam.W_0.range: "
          "must be two numbers, the smaller one first (got 1; for example [0, 20])"]),
         ([], "source: {cam.W_0: {kind: given, range: [0.9, 1 N]}}\n", ["my.yaml:9:40: source.cam.W_0.range: "
-         "unknown unit N (got a list; did you mean nm?)"]),
+         "unknown unit N (got a list; the nearest name is nm)"]),
         ([], "source: {cam.W_0: {kind: given, range: [0.9, .inf]}}\n",
          ["my.yaml:9:40: source.cam.W_0.range: must be a finite number (got a list)"]),
         ([], "source: {cam.W_0: {kind: given, range: [0.9, 11]}}\n", ["my.yaml:9:40: source.cam.W_0.range: "
@@ -235,7 +235,8 @@ def test_optional_fields_may_be_empty() -> None:
         ([("j_n: 7", "wall")], "",
          ["my.yaml:3:57: gears.wall: unknown key (known: z_g, z_b, m, alpha, x_g, x_b, h_a, h_f, j_n)"]),
         ([], "uncertainty: {xi_b: 3}\n",
-         ["my.yaml:9:15: uncertainty.xi_b: is not a field of a single number (got xi_b; did you mean phases.xi_b?)"]),
+         ["my.yaml:9:15: uncertainty.xi_b: is not a field of a single number "
+         "(got xi_b; the nearest name is phases.xi_b)"]),
         ([], "uncertainty: {gears.z_g: 1}\n", ["my.yaml:9:15: uncertainty.gears.z_g: "
          "is not a field of a single number (got gears.z_g; for example gears.m)"]),
         ([], "uncertainty: {gears.m: -1 um}\n", ["my.yaml:9:24: uncertainty.gears.m: out of range: "

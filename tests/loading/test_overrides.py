@@ -63,10 +63,11 @@ def test_the_last_override_wins() -> None:
 @pytest.mark.parametrize(
     ("overrides", "message"),
     [
-        (["cam.w0=1"], "--set:1:1: cam.w0: unknown key (did you mean W_0?)"),
-        (["tolerances.F_l1=1"], "--set:1:1: tolerances.F_l1: unknown key (did you mean F_i1?)"),  # f_p1 is as near
+        (["cam.w0=1"], "--set:1:1: cam.w0: unknown key (the nearest name is W_0)"),
+        (["tolerances.F_l1=1"], "--set:1:1: tolerances.F_l1: unknown key (the nearest name is F_i1)"),  # as f_p1
         (["cam.W_0=0.95", "gears.z_g=x"], "--set:2:11: gears.z_g: must be a whole number (got x)"),
-        (["phases.xi_b=unknwon"], "--set:1:13: phases.xi_b: must be a number (got unknwon; did you mean unknown?)"),
+        (["phases.xi_b=unknwon"],
+         "--set:1:13: phases.xi_b: must be a number (got unknwon; the nearest name is unknown)"),
         (["phases.xi_b=north"], "--set:1:13: phases.xi_b: must be a number (got north; write a number in deg)"),
         (["cam.W_0="], "--set:1:9: cam.W_0: needs a value (got nothing; write a number in mm)"),
         (["operation.M_g=[80"], "--set:1:18: not valid YAML: a bracket is not closed, or a comma is missing "

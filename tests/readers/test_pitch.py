@@ -105,7 +105,9 @@ def test_names_in_another_code_page_are_refused() -> None:
 
 
 def test_a_misspelled_key_is_noted() -> None:
-    assert 'line 1: "sens" is ignored; did you mean sense?' in read("# sens: cw\n# operator: Meier\n" + FOUR).notes
+    assert (
+        'line 1: "sens" is ignored; the nearest name is sense' in read("# sens: cw\n# operator: Meier\n" + FOUR).notes
+    )
 
 
 def test_an_argument_wins_over_the_file_and_is_noted() -> None:

@@ -367,7 +367,7 @@ def test_files_and_standard_input(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 def test_what_cannot_be_read(tmp_path: Path) -> None:
     (tmp_path / "wheel.csv").write_text("")
     cases: list[tuple[str | Path, str, str]] = [
-        (tmp_path / "wheel.cvs", "no such file: ", f"did you mean {tmp_path / 'wheel.csv'}?"),
+        (tmp_path / "wheel.cvs", "no such file: ", f"the nearest name is {tmp_path / 'wheel.csv'}"),
         (tmp_path / "qqqqqq", "no such file: ", "check the path"),
         (tmp_path / "a/b.csv", "no such file: ", f"there is no directory {tmp_path / 'a'} either"),
         (tmp_path, "is a directory, not a file", "name a file in it"),

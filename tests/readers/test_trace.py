@@ -205,7 +205,7 @@ LEAP = np.mod(np.arange(40) * 170.0, 360)
     [
         (b"", "1:1: the file is empty"),
         (gzip.compress(PLAIN.encode())[:-20], "1:1: a gzip file that is damaged or cut off"),
-        ("cam,err\n1,2\n", "2:1: cam: 1 rows"),
+        ("cam,err\n1,2\n", "2:1: cam: rows: 1"),
         ("cam,err\n", "no rows of numbers"),
         (text([CAM], "cam_deg"), "1 column, needs 2: angle, error"),
         (text([CAM, 0 * CAM + 3], "cam,err"), "2:1: err: the column is constant"),
