@@ -51,7 +51,7 @@ from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.loadcase import CrossCheck
 
-_MAY_BE = "F'_ior of the full cycle may be up to {:.4g}"
+_MAY_BE = "F'_ior of the full cycle may be up to {:.4g} (95 %)"
 OF_TRAVEL = "predicted over the full cycle: less may come in acceptance.travel, which a record shows"
 _Basis = Literal["measured", "stated", "predicted"]
 Rule = Literal["guard", "simple"]
