@@ -465,8 +465,9 @@ def _words(way: Allocation, found: Allocator) -> str:
     """Return in words whether a way to build reaches the yield, its cost, and its probability."""
     how = "In the best holes" if way.turned else "As assembled"
     none = "no tolerances reach the yield" if way.verdict is Verdict.FAIL else "no tolerances are recommended"
+    cost = f"cost {way.cost:.2f}" if way.fits else f"{none}; the best that were found cost {way.cost:.2f}"
     return (
-        f"{how}: {f'cost {way.cost:.2f}' if way.fits else none}; {100 * way.tried.share:.1f} % of "
+        f"{how}: {cost}; {100 * way.tried.share:.1f} % of "
         f"{way.tried.drives.sum()} further random drives meet the limits. Probability of a yield of at least "
         f"{100 * found.wanted:g} %: {way.probability.text(found.sure)}"
     )

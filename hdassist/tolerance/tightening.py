@@ -280,26 +280,31 @@ class Allocator:
     def cheapest(self, turned: bool) -> Allocation:
         """Return the cheapest tolerances, with the wheel in its best position or not.
 
-        If none are verified, the last tried tolerances are returned.
+        If none are verified, those of the attempt with the greatest probability of the yield are returned, or of
+        several such attempts those with the greatest share of drives within the limits.
         """
         values = np.array([choice.now for choice in self.choices])
         aim = _AIM
         records, tried = self._tried(turned, values, 0)
-        proven = [tried] if tried.fits else []
+        attempts = [tried]
         for attempt in range(1, self.rounds + 1):
             sought = self._sought(records, values, aim)
             if np.all(np.abs(np.log(sought / values)) < _LIMIT_AGREES / 2):
                 break
             values = sought
             records, tried = self._tried(turned, values, attempt)
-            proven += [tried] if tried.fits else []
+            attempts.append(tried)
             below = self._ratio_of(records, values)(values)
             at_least = np.all(values <= self.bounds[0] * (1 + _LIMIT_AGREES))
             at_most = np.all(values >= self.bounds[1] * (1 - _LIMIT_AGREES))
             if (tried.fits and (below > aim - _LIMIT_AGREES or at_most)) or (at_least and not tried.fits):
                 break
             aim *= 1.0 if tried.fits else _STRICTER
-        return min(proven, key=lambda allocation: allocation.cost, default=tried)
+        verified = [allocation for allocation in attempts if allocation.fits]
+        if verified:
+            return min(verified, key=lambda allocation: allocation.cost)
+        # the last of equal ones has the smallest tolerances
+        return max(reversed(attempts), key=lambda allocation: (allocation.probability.value, allocation.tried.share))
 
     def _tried(self, turned: bool, values: Array, attempt: int) -> tuple[list[RandomDrive], Allocation]:
         """Random drives with given tolerances, other drives at each attempt, and their allocation."""

@@ -1,6 +1,7 @@
 """The cheapest tolerances, where they are known: by the law of costs alone, and by the error of a linear drive."""
 
 from dataclasses import replace
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -146,3 +147,22 @@ def test_drives_without_an_error_bear_the_loosest_tolerances(production: Product
 
     found = replace(allocator(production, 10.0), records=without_error).cheapest(turned=False)
     assert dict(found.values) == pytest.approx({"harmonics.a_g2": 0.4, "harmonics.a_b2": 0.4}, rel=0.01)
+
+
+def test_without_verified_tolerances_the_likeliest_attempt_is_the_answer(production: Production, here: float) -> None:
+    """The second of three attempts has the greatest probability of the yield, and the last one the greatest cost."""
+    chances = iter([0.2, 0.7, 0.4])
+    search = allocator(production, here, rounds=2)
+    of_drives = Allocator._tried
+
+    def tried(self: Allocator, turned: bool, values: np.ndarray, attempt: int) -> tuple:
+        records, allocation = of_drives(self, turned, values, attempt)
+        value = next(chances)
+        chance = replace(allocation.probability, value=value, low=value, high=value)
+        return records, replace(allocation, probability=chance, verdict=Verdict.INCONCLUSIVE, cost=100 * value)
+
+    with mock.patch.object(Allocator, "_tried", tried):
+        found = search.cheapest(turned=False)
+    assert next(chances, None) is None  # all three were made
+    assert not found.fits
+    assert (found.probability.value, found.cost) == (0.7, 70.0)
