@@ -61,52 +61,52 @@ from hdassist.terminal.streams import Style, put_text, require_writable
 from hdassist.terminal.words import texts
 
 _EXPLAINED = """\
-WHAT YOU SEE
-At the top F'_ior, the kinematic error from peak to peak over the full cycle, at each torque: median, 5th and 95th \
-percentile over all that is not known exactly; the limit, the verdict of check, the margin that the limit leaves above \
-the 95th percentile, and how probably it is kept; the change from the preset, or from the pinned drive; and F'_ior in \
-the best hole. A torque has its own bar: ─◌─ the first, ═▫═ the second.
+SCREEN
+At the top: F'_ior, the peak-to-peak kinematic error over the full mesh cycle, at each torque: median, 5th and 95th \
+percentile over the uncertain inputs; the limit, the verdict of check, the margin from the 95th percentile to the \
+limit, and the probability that the limit is met; the change from the preset, or from the pinned drive; and F'_ior in \
+the best hole. Each torque has its own bar: ─◌─ the first, ═▫═ the second.
 
-After a change the old answer stays, marked old, beside a typical drive as it was and as it is now.
+After a change the previous result remains, marked old, next to a typical drive before and after the change.
 
-Holes: F'_ior with the fixed wheel turned, counted counter-clockwise from hole 0, seen from the wave generator \
-side. Bars go from the 5th to the 95th percentile, on one scale for all torques.
+Holes: F'_ior with the fixed wheel in each hole, counted counter-clockwise from hole 0, seen from the wave generator \
+side. Bars extend from the 5th to the 95th percentile, on one scale for all torques.
 N now, B best, W worst, ? measure next, ◆ measured, x not allowed, o looked at, │ limit.
 
-Why: the inputs from which the width of the range comes, and what each measurement would bring.
+Why: the contributions of the inputs to the variance, the options, and the questions to clarify.
 
-HOW SURE A NUMBER IS
+VERIFICATION OF A NUMBER
 REFINED ○ □  the extremes of the cycle were searched for.
-PROVEN ● ■  every state of the cycle was solved, and each answer proven.
-90 % RANGE ◌ ▫  median, and 5th to 95th percentile over what is not known exactly.
-A card is written only from the advice of mount, and only where mount would write one.
+PROVEN ● ■  every mesh position of the cycle was solved and verified.
+90 % RANGE ◌ ▫  median, and 5th to 95th percentile over the uncertain inputs.
+A card is written only from the advice of mount, and only if mount would write one.
 
-LEVERS
-? not known exactly, * changed here. Behind the value: a plausible step, and its change of F'_ior [arcsec] of a \
-typical drive. Where a field is not known exactly a step is about one deviation. Fields in which the pinned drive \
-differs come first, with the step to its value; then those that change most, in an order that stays \
-until o sorts them anew.
-Enter edits; an empty value takes a change back. Numbers of teeth change together: 120, or the ratio, 60:1.
-k has x_b change with W_0, so that the teeth keep their clearance.
+INPUTS
+? uncertain, * changed here. After the value: a plausible step, and its change of F'_ior [arcsec] for a \
+typical drive. If a field is uncertain, a step is about one standard deviation. Fields in which the pinned drive \
+differs come first, with the step to its value; then the fields with the largest change, in an order that remains \
+until o sorts them again.
+Enter edits; an empty value reverts a change. Numbers of teeth change together: 120, or the ratio, 60:1.
+k changes x_b with W_0, so that the flank clearance remains the same.
 
 KEYS
-1 to 7   holes, seat, levers, cam turn, full cycle, why, advice
+1 to 7   holes, seat, inputs, revolution, full cycle, why, advice
 Tab      next pane
-/        filter levers, by name or meaning
-← → ↑ ↓  turn the wheel
+/        filter inputs, by name or meaning
+← → ↑ ↓  move the fixed wheel to another hole
 b        best hole
-0        where the wheel stands
+0        present hole
 m        next torque, marked ▸ at the top
-e        what is known of the drive: stiffness, F'_ior in a hole, a trace, a limit; with F'_ior in several holes at \
-the lightest torque the order is that of mount after measured values
+e        enter known data of the drive: stiffness, F'_ior in a hole, a recording, a limit; with F'_ior in several \
+holes at the smallest torque the recommendation is that of mount after measured values
 Enter    edit a field
 + -      a step
-o        levers by group or by change
+o        inputs by group or by change
 u r      undo, redo
-p        pin the drive as it is, to compare
+p        pin the present drive, for comparison
 c w s    write the card, the report, the preset
 g y      write a picture, copy the command line
-q        leave: the command that comes back to the session is printed
+q        quit: the command that returns to the session is printed
 """
 
 
@@ -126,7 +126,7 @@ class Form(ModalScreen[None]):
         """Title, line, hint, and room for a fault."""
         with Vertical(id="form") as form:
             form.border_title = visible(self._title)
-            form.border_subtitle = "Enter takes it, Escape leaves it"
+            form.border_subtitle = "Enter accepts, Escape cancels"
             yield Input(self._value, select_on_focus=True)
             yield Static(visible(self._hint), id="hint", markup=False)
             yield Static("", id="wrong", markup=False)
@@ -157,7 +157,7 @@ class Notice(ModalScreen[bool | None]):
     def compose(self) -> ComposeResult:
         """The text."""
         with VerticalScroll(id="notice") as scroll:
-            scroll.border_subtitle = "y yes, n no, Escape leaves it" if self._asks else "↑ ↓ scroll, Escape closes"
+            scroll.border_subtitle = "y yes, n no, Escape cancels" if self._asks else "↑ ↓ scroll, Escape closes"
             yield Static(self._text, markup=False)
 
 
@@ -216,30 +216,30 @@ class _Exporting(Asking):
     def action_report(self) -> None:
         """Write the page of `check` with all its tables."""
         if not (report := self.known.page):
-            self.notify("no report before the answer is whole", severity="warning")
+            self.notify("no report before the result is complete", severity="warning")
             return
 
         def text(path: str) -> str:
             style = Style(ascii=self.ascii, codes=False, width=80)
             return report_html(report) if path.endswith(".html") else report_markdown(report, style)
 
-        hint = ".html, else Markdown: all of check; hdassist report has the tables of mount and stiffness too"
+        hint = ".html, or Markdown: the page of check; hdassist report includes mount and stiffness too"
         self.ask_file("report", self.named("-check.html"), hint, text)
 
     def action_save(self) -> None:
         """Write the preset with the changes, its comments and order as they are."""
         source, overrides = self.session.source, self.session.drive.origin.overrides
         if not overrides:
-            self.notify("nothing is changed: there is nothing to save")
+            self.notify("no field is changed, so there is nothing to save")
             return
         name = source.file if Path(source.file).suffix else self.named("-changed.yaml")
-        hint = "comments and order of the original are kept"
+        hint = "comments and order of the original remain"
         saved = partial(setattr, self, "saved", self.session.changes)
         self.ask_file("save the preset", name, hint, lambda _: with_changes(source.text, source.file, overrides), saved)
 
     def action_picture(self) -> None:
         """Write the screen as SVG."""
-        picture, hint = without_fonts(self.export_screenshot()), "the screen as it is, as SVG"
+        picture, hint = without_fonts(self.export_screenshot()), "the present screen, as SVG"
         self.ask_file("picture", self.named(".svg"), hint, lambda _: picture)
 
     def action_copy(self) -> None:
@@ -250,7 +250,7 @@ class _Exporting(Asking):
     async def action_quit(self) -> None:
         """Leave; ask before where there is a change, also one undone, that is in no preset and was not opened."""
         command = self.session.command("explore")
-        question = f"Leave? This comes back to the session, and is printed then:\n\n{command}"
+        question = f"Quit? This command returns to the session, and is printed on leaving:\n\n{command}"
         if self.session.changes != self.saved or self.session.future:
             self.ask_in(Notice(question), lambda sure: self.exit() if sure else None)
         else:
@@ -263,12 +263,12 @@ def without_fonts(svg: str) -> str:
 
 
 _LINES = ("head", "headline", "tabs", "looked-at", "next", "command", "keys", "about")
-_TOO_SMALL = "too small for the explorer: 60 x 18 at least. q quits."
+_TOO_SMALL = "too small for the explorer: at least 60 x 18. q quits."
 VIEWS = {
     "holes": "holes",
     "seat": "seat",
-    "levers": "levers",
-    "turn": "cam turn",
+    "levers": "inputs",
+    "turn": "revolution",
     "cycle": "full cycle",
     "why": "why",
     "advice": "advice",
@@ -340,7 +340,7 @@ class Explorer(_Exporting):
         """Ask the first questions."""
         if not self.is_headless:  # else stops are those of the process that it runs in
             self._end_when_told()
-        self.side.border_title = "LEVERS"
+        self.side.border_title = "INPUTS"
         self.holes.focus()
         self.ask_of_drive()
         self.when_at_rest()
@@ -469,7 +469,7 @@ class Explorer(_Exporting):
     def _looked_at(self) -> Text:
         """Where the wheel is looked at, and F'_ior there."""
         session, curve, turn = self.session, self.known.curve, self.session.turn_deg
-        text = Text(f"{hole_words(turn, session.drive.mounting.holes)}{', where it stands' * (not turn)}  ")
+        text = Text(f"{hole_words(turn, session.drive.mounting.holes)}{', present hole' * (not turn)}  ")
         for value in values_of(curve, turn):
             text.append(value).append("″")
         if curve:
@@ -537,7 +537,7 @@ class Explorer(_Exporting):
             self.notify(visible(words), severity="warning", markup=False)
             return
         if place == self.session.turn_deg:
-            self.notify(f"the wheel is looked at there: {hole_words(place, self.session.drive.mounting.holes)}")
+            self.notify(f"shown with the wheel in: {hole_words(place, self.session.drive.mounting.holes)}")
         self.show(replace(self.session, turn_deg=place))
 
     def action_change(self, name: str) -> None:
@@ -560,17 +560,17 @@ class Explorer(_Exporting):
         session = self.session
         hint = (
             f"K_1=3.1e4 lost_motion=50; h4=31 +- 2, F'_ior in a hole at {session.trial_torque:g} N·m; h4@80=31; "
-            f"supports.C_3=5200 +- 260; limit=45; or the path of a trace measured in {session.here}. What stands "
-            f"behind +- is k = 2, of F'_ior +- {2 * state.TRIALS.noise:g} without one; a name without a value, "
-            f"like h4=, takes it back."
+            f"supports.C_3=5200 +- 260; limit=45; or the path of a recording in {session.here}. +- is the "
+            f"expanded uncertainty (k = 2), of F'_ior {2 * state.TRIALS.noise:g} if omitted; a name without a value, "
+            f"as h4=, removes it."
         )
-        self._ask_change("what is known of this drive", "", hint, state.with_evidence)
+        self._ask_change("known data of this drive", "", hint, state.with_evidence)
 
     @on(DataTable.RowSelected, "#levers")
     def edit(self) -> None:
         """Ask for another value of the field under the cursor."""
         if field := self._field():
-            title, hint = f"{field.path} {field.unit}", f"{about_field(field)}. Empty takes a change back."
+            title, hint = f"{field.path} {field.unit}", f"{about_field(field)}. An empty value reverts a change."
             self._ask_change(title, text_of(field.value), hint, lambda s, value: state.edited(s, field.path, value))
 
     def _ask_change(self, title: str, text: str, hint: str, change: Callable[[Session, str], Session]) -> None:

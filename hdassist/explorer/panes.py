@@ -31,7 +31,7 @@ from hdassist.explorer.compute import (
 from hdassist.explorer.state import SETTING_SECTIONS, Session
 from hdassist.files import visible
 from hdassist.mounting.positions import bare
-from hdassist.pages.card import seat_holes
+from hdassist.pages.card import TRADE, seat_holes
 from hdassist.pages.check import F_ior_table, steps_tables
 from hdassist.pages.mount import order_and_reason
 from hdassist.preset.fields import ResolvedField, resolved_fields, text_of
@@ -286,7 +286,7 @@ def _lever_cells(
     )
 
 
-_WITH_UNIT = ("F'_ior", "5 to 95 %", "limit")  # columns of the headline that are angles
+_WITH_UNIT = ("F'_ior", "median", "5 to 95 %", "limit")  # columns of the headline that are angles
 _VERDICT_STYLES: dict[str, str] = {
     Verdict.PASS: f"{_INK[3]} bold",
     Verdict.FAIL: f"{_RED} bold",
@@ -298,12 +298,12 @@ def head_line(session: Session) -> Text:
     """The drive, how much of it is uncertain and changed, and the drive beside it."""
     drive, line = session.drive, Text(no_wrap=True, overflow="ellipsis")
     line.append(visible(drive.name), "bold")
-    line.append(f"  {drive.gears.z_g}/{drive.gears.z_b}  {drive.mounting.fixed} wheel fixed", "dim")
+    line.append(f"  {drive.gears.z_g}/{drive.gears.z_b}  {TRADE[drive.mounting.fixed]} fixed", "dim")
     counts = {"uncertain": prior_of(drive).fields, "changed": session.changes}
     line.append("".join(f"  {len(found)} {word}" for word, found in counts.items() if found), _INK[3])
     more = len({*session.pinned.origin.overrides} - {*session.source.overrides, session.torques})
     line.append(f"  vs {visible(session.pinned.name)}{f' with {more} changed' * (more > 0)}", _INK[2])
-    return line.append("  x_b keeps clearance" * session.keeps_clearance, _INK[1])
+    return line.append("  x_b follows W_0" * session.keeps_clearance, _INK[1])
 
 
 def headline(session: Session, known: Known, pinned: Known | None, torque: int, width: int) -> RichTable | Text:
@@ -337,7 +337,7 @@ def headline(session: Session, known: Known, pinned: Known | None, torque: int, 
             verdicts = ["…"] * len(held)
         columns["verdict"] = [f"[{_VERDICT_STYLES.get(word, 'dim')}]{word}[/]" for word in verdicts]
         columns["margin, ″"] = [f"{limit - ends[1]:+.2f}" if limit and ends else "" for limit, ends, _ in held]
-        columns["kept"] = [f"{100 * kept.value:.0f} %" if kept else "" for _, _, kept in held]
+        columns["P(met)"] = [f"{100 * kept.value:.0f} %" if kept else "" for _, _, kept in held]
     if whole and pinned and pinned.whole:
         points = zip(found.points, pinned.whole.points, strict=True)
         changes = (now.F_ior_or_error - before.F_ior_or_error for now, before in points)
@@ -391,8 +391,10 @@ def why_blocks(known: Known) -> tuple[Block, ...]:
     shares = (f"{100 * each.share:3.0f} % {named(each.group)}" for each in found.influences)
     return (
         *steps_tables(found),
-        Lines(f"share of the spread of F'_ior at {point.M_g:g} N·m", tuple(shares) or ("no field stands out",)),
-        facts_of(known.page, "influence", "measure"),
+        Lines(
+            f"contributions to the variance of F'_ior at {point.M_g:g} N·m", tuple(shares) or ("no large contribution",)
+        ),
+        facts_of(known.page, "contributions", "measure"),
     )
 
 

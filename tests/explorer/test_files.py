@@ -23,7 +23,7 @@ def test_a_picture_is_of_the_screen_and_loads_nothing(tmp_path: Path) -> None:
         await pilot.press("g")
         await filled(app, pilot, str(tmp_path / "screen.svg"))
         made = (tmp_path / "screen.svg").read_text()
-        assert made.startswith("<svg") and "LEVERS" in made and "@font-face" not in made
+        assert made.startswith("<svg") and "INPUTS" in made and "@font-face" not in made
         assert "as&#160;SVG" not in made  # of the form
 
     explored(act)
@@ -63,10 +63,10 @@ def test_leaving_asks_while_a_change_is_in_no_preset_also_one_that_was_undone(tm
         await to_lever(app, pilot, "gears.j_n")
         await pilot.press("plus", "q")
         await pilot.pause()
-        assert "comes back to the session" in screen(app) and "gears.j_n=19" in screen(app)
+        assert "returns to the session" in screen(app) and "gears.j_n=19" in screen(app)
         await pilot.press("n", "u", "q")
         await pilot.pause()
-        assert "comes back to the session" in screen(app)
+        assert "returns to the session" in screen(app)
         await pilot.press("n", "r", "s")
         await filled(app, pilot, str(tmp_path / "mine.yaml"))
         await pilot.press("q")

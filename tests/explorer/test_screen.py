@@ -24,7 +24,7 @@ def test_the_screen_has_error_seat_holes_levers_cam_turn_and_the_order() -> None
         await settled(app, pilot)
         told = screen(app)
         assert app.known.advice is not None and "Put the circular spline in hole " in told
-        assert "SEAT" in told and "LEVERS" in told and "F'_ior by hole, ″" in told
+        assert "SEAT" in told and "INPUTS" in told and "F'_ior by hole, ″" in told
         assert f"= hdassist mount {TINY[:40]}" in told
         assert "PROVEN" in told and "80 N·m" not in told
         found = app.known.turn
@@ -75,13 +75,13 @@ def test_in_sixty_columns_the_verdict_stays_at_the_top_and_its_columns_stand_apa
 @pytest.mark.thorough
 def test_one_pane_at_a_time_where_there_is_little_room() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
-        assert "LEVERS" not in screen(app) and all(len(row) == 80 for row in screen(app).split("\n"))
+        assert "INPUTS" not in screen(app) and all(len(row) == 80 for row in screen(app).split("\n"))
         assert all(key in screen(app) for key in ("e evidence", "p pin", "c card", "w report"))  # each in one line
         assert "F'_ior by hole, ″" in screen(app)
         for key, title in (
-            ("3", "LEVERS"),
+            ("3", "INPUTS"),
             ("2", "270"),
-            ("4", "CAM TURN"),
+            ("4", "REVOLUTION"),
             ("6", "WHY"),
             ("7", "ADVICE"),
             ("1", "F'_ior by hole, ″"),
@@ -91,16 +91,16 @@ def test_one_pane_at_a_time_where_there_is_little_room() -> None:
             assert title in screen(app)
         await pilot.resize_terminal(60, 18)
         await pilot.pause()
-        assert "hole 0 (0°), where it stands" in screen(app) and "too small" not in screen(app)
+        assert "hole 0 (0°), present hole" in screen(app) and "too small" not in screen(app)
         await pilot.resize_terminal(140, 40)
         await pilot.pause()
-        assert "LEVERS" in screen(app) and "SEAT" in screen(app)
+        assert "INPUTS" in screen(app) and "SEAT" in screen(app)
         await pilot.resize_terminal(50, 15)
         await pilot.pause()
-        assert "too small for the explorer" in screen(app) and "LEVERS" not in screen(app)
+        assert "too small for the explorer" in screen(app) and "INPUTS" not in screen(app)
         await pilot.resize_terminal(100, 30)
         await settled(app, pilot)
-        assert "LEVERS" in screen(app) and "too small" not in screen(app)
+        assert "INPUTS" in screen(app) and "too small" not in screen(app)
 
     explored(act, size=(80, 24))
 
@@ -129,7 +129,7 @@ def test_keys_at_the_bottom_are_those_that_work_where_the_focus_is_and_are_press
         await pilot.press("plus")
         assert "u undo" in keys()
         await pilot.press("k")
-        assert "x_b keeps clearance" in screen(app)
+        assert "x_b follows W_0" in screen(app)
         shown = list(app.levers.rows)
         await pilot.press("o")
         in_order = [field.path for field in resolved_fields(app.session.drive)]

@@ -94,7 +94,7 @@ class Terminal:
 
     @property
     def kept(self) -> str:
-        """The command that comes back to the session, as it is kept at each change."""
+        """The command that returns to the session, as it is kept at each change."""
         return (Path(self.states.name) / "hdassist" / "explore.txt").read_text()
 
     def hang_up(self) -> None:
@@ -127,7 +127,7 @@ def test_a_session_in_a_terminal() -> None:
     before = processes()
     with explorer() as terminal:
         seen = terminal.wait_for("Put the circular spline")
-        assert "7 advice" in seen and "F'_ior by hole, ″" in seen and "hole 0 (0°), where it stands" in seen
+        assert "7 advice" in seen and "F'_ior by hole, ″" in seen and "hole 0 (0°), present hole" in seen
         terminal.press("\x1b[C")
         terminal.wait_for("hole 1 (60°)")
         terminal.press("e")
@@ -141,7 +141,7 @@ def test_a_session_in_a_terminal() -> None:
         terminal.press("h1=28.1\r")
         terminal.wait_for("undo")
         terminal.press("q")
-        terminal.wait_for("comes back to the session")
+        terminal.wait_for("returns to the session")
         terminal.press("y")
         assert terminal.end() == 0
         assert terminal.as_it_was
