@@ -286,7 +286,7 @@ def _lever_cells(
     )
 
 
-_WITH_UNIT = ("F'_ior", "median", "5 to 95 %", "limit")  # columns of the headline that are angles
+_WITH_UNIT = ("F'_ior", "5 to 95 %", "limit")  # columns of the headline that are angles
 _VERDICT_STYLES: dict[str, str] = {
     Verdict.PASS: f"{_INK[3]} bold",
     Verdict.FAIL: f"{_RED} bold",
@@ -326,6 +326,7 @@ def headline(session: Session, known: Known, pinned: Known | None, torque: int, 
     columns = {state: torques, **dict(zip(page.heads, map(list, zip(*page.rows, strict=True)), strict=True))}
     for name in ("self error", page.heads[0]):
         del columns[name]
+    columns = {"F'_ior" if name == "median" else name: cells for name, cells in columns.items()}
     columns = {f"{name}, ″" if name in _WITH_UNIT else name: cells for name, cells in columns.items()}
     if known.first and known.old and not whole:
         both = zip(typical_of(known.old)[1], known.first.F_ior_arcsec, strict=True)
