@@ -176,7 +176,7 @@ def test_the_seat_has_a_legend_and_levers_stay_where_they_are() -> None:
 @pytest.mark.thorough
 def test_under_a_dialog_stand_no_keys_of_the_screen_and_they_come_back() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
-        for key, words in (("question_mark", "Escape closes"), ("e", "Escape leaves it"), ("c", "Escape leaves it")):
+        for key, words in (("question_mark", "Escape closes"), ("e", "Escape cancels"), ("c", "Escape cancels")):
             await pilot.press(key)
             await pilot.pause()
             assert words in screen(app) and "evidence" not in screen(app), key
@@ -204,7 +204,11 @@ def test_explanation_and_torque_are_a_key_away() -> None:
         await pilot.press("escape", "4", "m")
         await pilot.pause(REST + 0.2)
         await settled(app, pilot)
-        assert "error F_kpp, ″, at 4 N·m" in screen(app) and "hdassist trace" in screen(app) and "▸4 N·m" in screen(app)
+        assert (
+            "kinematic error F_kpp at 4 N·m" in screen(app)
+            and "hdassist trace" in screen(app)
+            and "▸4 N·m" in screen(app)
+        )
 
     explored(act, tiny("operation.M_g=[1.0, 4.0]"))
 
