@@ -91,8 +91,8 @@ def test_verdicts_and_exit_codes(rig, args, code, words):
         (["--limit", "F_iro=3"], 2, "invalid --limit F_iro=3: expected"),
         (["--limit", "F_ior=-3"], 2, "--limit F_ior=-3: out of range"),
         (["--limit", "F_ior=3", "--sure", "2"], 2, "'--sure'"),
-        (["--limit", "F_ior=3", "--value", "F_ior@4=3"], 2, "like 3±1.2: expanded"),
-        (["--limit", "F_ior=3", "--value", "F_ior@4=abc"], 2, "like 28.1±1.2: expanded"),
+        (["--limit", "F_ior=3", "--value", "F_ior@4=3"], 2, "for example 3±1.2"),
+        (["--limit", "F_ior=3", "--value", "F_ior@4=abc"], 2, "for example 28.1±1.2"),
         (["--limit", "F_ior@4=3", "--measured", "4=run.csv", "--orders", "1,40"], 5, "too long for order 40"),
     ],
 )

@@ -61,7 +61,7 @@ def test_a_hole_is_named_also_where_few_draws_agree_with_the_evidence(monkeypatc
     agreeing = changed(drive, catalogue__K_2=1.37 * stiffness_figures(drive)[0]["K_2"])
     monkeypatch.setattr("hdassist.mounting.posterior._DRAWS_A_TABLE", 1)
     few = hole_samples(agreeing, (), SETUP, draws=32, table=TableEffort(8, COARSE_MESH))
-    assert re.fullmatch(r"[\d.]+ of 16 draws agree, 16 are wanted", few.few)
+    assert re.fullmatch(r"effective sample size [\d.]+ of 16 draws, 16 required", few.few)
     advice = advise_after(agreeing, [Trial(0.0, 73.0), Trial(120.0, 18.0)], SETUP, samples=few)
     assert any("how sure the hole is, is rough" in warning for warning in mount_warnings(advice))
     assert hole_samples(drive, (), SETUP, draws=16, table=TableEffort(8, COARSE_MESH)).few == ""
@@ -135,7 +135,7 @@ def test_a_free_angle_and_many_holes() -> None:
 @pytest.mark.parametrize(
     ("overrides", "words"),
     [
-        (["bearing.ball_motion=rolling", "bearing.d_ball=2"], "locked balls"),
+        (["bearing.ball_motion=rolling", "bearing.d_ball=2"], "bearing.ball_motion: locked"),
         (["tolerances.e_hb=0"], "the size of the wave generator eccentricity is unknown"),
     ],
 )
