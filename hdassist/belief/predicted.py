@@ -89,11 +89,13 @@ def beside_prediction(
     compared = []
     for figure in figures:
         torque = torques.index(figure.M_g)
-        predicted_arcsec = samples.F_ior_arcsec[:, torque]
+        predicted_arcsec = samples.sets_arcsec[:, :, torque].ravel()
+        weights = samples.set_weights.ravel()
         if figure.rotation_deg:
             predicted_arcsec = samples.turned_arcsec[:, torque, turns.index(figure.rotation_deg)]
+            weights = samples.weights
         place = figure.path.removeprefix("measured.F_ior.")
-        compared.append(measured_beside(figure.value, figure.spread, predicted_arcsec, samples.weights, place))
+        compared.append(measured_beside(figure.value, figure.spread, predicted_arcsec, weights, place))
     return tuple(compared)
 
 
