@@ -69,7 +69,7 @@ def test_a_quote_that_is_not_closed_is_refused_with_its_line(folder: Path) -> No
 def test_a_replay_of_no_answers_is_refused(folder: Path) -> None:
     accepted(folder, "serial;F_ior@1;limit F_ior@1\nK2;20±1;40\n", *MEASURED, "--jsonl", "lot.jsonl")
     (folder / "h.jsonl").write_text((folder / "lot.jsonl").read_text().partition("\n")[0] + "\n")
-    with pytest.raises(DataError, match="no answers"):
+    with pytest.raises(DataError, match="contains no results"):
         read_answers(str(folder / "h.jsonl"))
     assert run("accept", "--replay", "h.jsonl", cwd=folder).returncode == 4
 

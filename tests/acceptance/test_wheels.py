@@ -79,7 +79,7 @@ def test_what_is_unknown_beside_measured_teeth_leaves_it_open(folder):
         (("--pitch-sense", "cw"), "need --pitch-b or --pitch-g"),
         ((*FILES, "--measured-only"), "--measured-only makes no prediction, so it cannot use measured teeth"),
         (("--pitch-b", "-", "--measured", "4=-"), "standard input can be read only once"),
-        (("--pitch-b", "g.csv", "--mark-b", "0"), "the wheel has 22 teeth, the file 20"),
+        (("--pitch-b", "g.csv", "--mark-b", "0"), "the wheel has 22 teeth, the file has 20"),
         ((TINY, *FILES), "measured values belong to one drive"),
     ],
 )
@@ -149,7 +149,7 @@ def test_a_lot_from_standard_input(folder):
         (("-", TINY, "--preset", TINY), LOT, 2, "- is a lot, and cannot be combined"),
         (("-", "--preset", TINY, "--serial", "1"), LOT, 2, "measured values belong to one drive"),
         (("-", "--preset", TINY), "", 4, "<stdin>:1:1: the file is empty"),
-        (("-", "--preset", TINY), "serial,nothing\n1,2\n", 4, "<stdin>:1:8: nothing: no such column"),
+        (("-", "--preset", TINY), "serial,nothing\n1,2\n", 4, "<stdin>:1:8: nothing: not a column of a lot"),
         (("-",), LOT, 4, "<stdin>:1:1: a preset must be a table of keys"),
     ],
 )

@@ -54,7 +54,7 @@ def test_few_samples_give_a_range_with_a_warning_and_a_verdict_where_all_of_the_
     found = open_.with_samples(few)
     point = found.points[1]
     assert point.belief.p5 < point.belief.p50 < point.belief.p95
-    assert found.warnings[-1].startswith("9 of 2048 draws agree, 64 are wanted: numbers are rough")
+    assert found.warnings[-1].startswith("9 of 2048 draws agree, 64 are wanted, so the numbers are approximate")
     kept = replace(point, limit_arcsec=1e5)
     assert (kept.probability.value, kept.verdict) == (1.0, Verdict.INCONCLUSIVE)
     held = replace(found, points=(found.points[0], kept))

@@ -27,5 +27,5 @@ def test_the_error_is_the_sum_of_its_waves(fixed):
 
 
 def test_rolling_balls_are_refused():
-    with pytest.raises(UsageError, match="locked balls"):
+    with pytest.raises(UsageError, match=r"bearing\.ball_motion: locked"):
         ErrorWaves(load_preset(SMALL, ["bearing.ball_motion=rolling", "bearing.d_ball=3"]), 4.0)
