@@ -180,25 +180,45 @@ def set_override(document: Document, text: str, index: int) -> None:
     read = read_yaml(value, OVERRIDE, whole, lambda line, column: Mark(index, (column if line == 1 else 1) + start))
     if read.findings:
         raise UsageError("\n".join(map(str, read.findings)))
-    if not isinstance(table := document.data, dict):
+    if not isinstance(document.data, dict):
         return
-    own = replace(read.places.get(whole, SourceSpan(OVERRIDE, at_key, Mark(index, start + 1))), key=at_key)
+    default_span = SourceSpan(file=OVERRIDE, key=at_key, value=Mark(index, start + 1))
+    span = replace(read.places.get(whole, default_span), key=at_key)
+    table = _inner_table(document, whole, span)
+    if table is None:
+        return
+    table[whole[-1]] = read.data
+    kept_places = {path: place for path, place in document.places.items() if path[: len(whole)] != whole}
+    document.places = kept_places | read.places | {whole: span}
+    document.bad = {path for path in document.bad if path[: len(whole)] != whole}
+
+
+def _inner_table(document: Document, whole: Path, span: SourceSpan) -> dict[Any, Any] | None:
+    """Return the table in which an override puts its value, made if it is not there.
+
+    None after a fault was added to the findings: an entry on the way is not a table.
+
+    Args:
+        document: the preset.
+        whole: path of the override.
+        span: place of the override.
+    """
+    table: dict[Any, Any] = document.data
     for end, part in enumerate(whole[:-1], 1):
         path = whole[:end]
         inner = table.get(part)
         if inner is not None and not isinstance(inner, dict):
             if path not in _PER_TORQUE:
                 message = f"{path_text(path)} is not a table of keys"
-                document.findings.append(Finding(OVERRIDE, *at_key, path_text(whole), message))
-                return
-            inner = {"all": inner}  # one entry on top of a bare number, which is the limit for all torques
+                document.findings.append(Finding(OVERRIDE, *span.key, path_text(whole), message))
+                return None
+            inner = {"all": inner}  # the override adds an entry to a bare number, which is the limit for all torques
             document.places[(*path, "all")] = document.places[path]
-        document.places.setdefault(path, own)
-        table[part] = table = inner or {}
-    table[whole[-1]] = read.data
-    kept = {path: place for path, place in document.places.items() if path[: len(whole)] != whole}
-    document.places = kept | read.places | {whole: own}
-    document.bad = {path for path in document.bad if path[: len(whole)] != whole}
+        document.places.setdefault(path, span)
+        inner = inner or {}
+        table[part] = inner
+        table = inner
+    return table
 
 
 def _drive(document: Document) -> Drive | None:
@@ -217,29 +237,47 @@ def _drive(document: Document) -> Drive | None:
         document.add(("schema",), f"must be {PRESET_SCHEMA}")
     _settle_spreads(document, data)
     data |= {name: _known_paths(document, name, data[name]) for name in PATH_TABLES if isinstance(data.get(name), dict)}
-    # values that hold, by path
-    values = dict[str, Any]()
+    values = dict[str, Any]()  # valid values by path
     drive = None
     try:
         drive = Drive.model_validate(data, context=values)
     except ValidationError as error:
         for fault in error.errors(include_url=False):
             _add_fault(document, fault)
-    bad = {path_text(path[:2]) for path in document.bad}
-    for path, field in field_table().items():
-        if not field.is_required and bad.isdisjoint((path, path.split(".")[0])):
-            values.setdefault(path, field.default)
-    if drive:  # the cam's support is that of its coupling: not given, or the coupling alone is on the command line
-        fields = [tuple(path.split(".")) for path in (SUPPORT_FIELD, *COUPLING_FIELDS)]
-        own, *tried = (path in document.places and document.is_override(path) for path in fields)
-        if drive.supports.C_3 is None or (any(tried) and not own):
-            drive = with_cam_support(drive)
-            values |= {SUPPORT_FIELD: drive.supports.C_3, "drive.source": drive.source}
+    _add_defaults(document, values)
+    if drive:
+        drive = _with_support_of_coupling(document, drive, values)
     for conflict, involved in conflicts({path: values[path] for path in field_table() if path in values}):
         paths = [tuple(path.split(".", 2)) for path in (conflict.path, *involved)]
-        place = next((p for p in paths if document.is_override(p)), paths[0])
+        override_paths = [path for path in paths if document.is_override(path)]
+        place = override_paths[0] if override_paths else paths[0]
         document.add(place, conflict.message, conflict.hint, conflict.got)
     _check_tables(values, document)
+    return drive
+
+
+def _add_defaults(document: Document, values: dict[str, Any]) -> None:
+    """Add the defaults of optional fields that have no fault to the valid values."""
+    faulty_paths = {path_text(path[:2]) for path in document.bad}
+    for path, field in field_table().items():
+        section = path.partition(".")[0]
+        if not field.is_required and faulty_paths.isdisjoint((path, section)):
+            values.setdefault(path, field.default)
+
+
+def _with_support_of_coupling(document: Document, drive: Drive, values: dict[str, Any]) -> Drive:
+    """Return the drive with the cam's support that its coupling gives, if that support is not given.
+
+    It is not given either if the command line has a field of the coupling and not the support.
+    """
+    support_path = tuple(SUPPORT_FIELD.split("."))
+    is_support_set = support_path in document.places and document.is_override(support_path)
+    coupling_paths = [tuple(path.split(".")) for path in COUPLING_FIELDS]
+    is_coupling_set = any(path in document.places and document.is_override(path) for path in coupling_paths)
+    if drive.supports.C_3 is not None and (is_support_set or not is_coupling_set):
+        return drive
+    drive = with_cam_support(drive)
+    values |= {SUPPORT_FIELD: drive.supports.C_3, "drive.source": drive.source}
     return drive
 
 

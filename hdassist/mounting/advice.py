@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from hdassist.belief.evidence import measured_errors
 from hdassist.belief.holes import LEAST_GAIN
-from hdassist.belief.prior import beside_measured_teeth, prior_of
+from hdassist.belief.prior import DrivePrior, beside_measured_teeth, prior_of
 from hdassist.belief.proposals import TableEffort
 from hdassist.belief.samples import EFFECTIVE_SAMPLES, Samples, drive_samples
 from hdassist.belief.steps import Influence, influences_on
@@ -355,75 +355,98 @@ def advise(
 ) -> Advice:
     """Find the hole in which to mount the fixed wheel of a drive, by its preset alone.
 
-    Arguments: rotations_deg, positions of the curve [deg], 0 first, where the wheel stands; measured, wheels in place
-    of first harmonics, for which no deviation is drawn; setup, how holes would be measured; draws, effective samples of
-    uncertain inputs at least, 0 for none; sure, probability that makes an order of the choice; cost, share of F'_ior
-    that a turn has to earn; worth, gain below which measuring stops. Raises UsageError for invalid positions,
-    UntrustedError where an answer cannot be trusted.
+    Args:
+        drive: the drive.
+        rotations_deg: positions of the curve [deg], first 0, where the wheel stands.
+        measured: measured wheels in place of harmonics; their deviations are not sampled.
+        setup: how holes would be measured.
+        draws: smallest number of effective samples of uncertain inputs, 0 for none.
+        sure: probability from which the choice is an instruction.
+        cost: share of F'_ior that a turn has to earn.
+        worth: gain below which measuring stops.
+        run: processes, progress and seed.
+
+    Raises UsageError for invalid positions, UntrustedError if an answer cannot be trusted.
     """
-    known, prior = beside_measured_teeth(drive, measured)
+    assumed_drive, prior = beside_measured_teeth(drive, measured)
     torques = drive.operation.M_g
-    of_drive = measured_errors(drive)
+    has_values = bool(measured_errors(drive))
     setup = setup or TrialSetup(min(torques, key=abs))
-    more = () if setup.M_g in torques else (setup.M_g,)  # values may be measured where no torque decides
-    drawn = draws > 0 and bool(prior.fields) and not measured and searchable(drive)
-    curve, checked = begun_curve(drive, torques, rotations_deg, measured=measured, drawn=drawn, run=run)
+    # values may be measured at a torque that decides nothing
+    other_torques = () if setup.M_g in torques else (setup.M_g,)
+    is_drawn = draws > 0 and bool(prior.fields) and not measured and searchable(drive)
+    curve, checked = begun_curve(drive, torques, rotations_deg, measured=measured, drawn=is_drawn, run=run)
     rooms = limits_left(drive, torques, run)
-    left = rooms.arcsec
-    proof = rooms.certificate
-    found = whole = Decision.as_given(curve, left)
-    samples = None
-    fault = ""
-    if drawn:
-        positions = tuple(usable_positions(drive.mounting.holes, drive.mounting.allowed))
-        try:
-            samples = drive_samples(
-                prior,
-                left,
-                rotations_deg=sorted({0.0, *positions}),
-                other_torques=more,
-                draws=draws,
-                sure=sure,
-                run=run,
-            )
-        except UntrustedError as refusal:  # an action never is refused
-            fault = refusal.message
-        if samples and len(samples.of_ranges.weights) < 2:  # whose numbers are those of a drive drawn by chance
-            proof += samples.certificate
-            samples = None
-            fault = "one sample of the uncertain inputs has no range"
-        if samples:
-            whole = Decision.of(samples, positions, left, sure)
-            found = whole.of_torques(slice(len(torques)))
-        if of_drive and (not samples or samples.few):  # tables leave more that agree with values
+    positions = tuple(usable_positions(drive.mounting.holes, drive.mounting.allowed))
+    drawn = _Drawn(samples=None, fault="", certificate=EMPTY)
+    if is_drawn:
+        drawn = _drawn_samples(
+            prior,
+            rooms.arcsec,
+            rotations_deg=sorted({0.0, *positions}),
+            other_torques=other_torques,
+            draws=draws,
+            sure=sure,
+            run=run,
+        )
+        # tables leave more samples that agree with measured values
+        if has_values and (not drawn.samples or drawn.samples.few):
             by_values = advise_after(drive, (), setup, draws=draws, sure=sure, cost=cost, worth=worth, run=run)
-            proof = curve.certificate + (samples.certificate if samples else EMPTY)
-            return replace(by_values, more_certificate=by_values.more_certificate + proof)
+            further = curve.certificate + drawn.certificate
+            if drawn.samples:
+                further += drawn.samples.certificate
+            return replace(by_values, more_certificate=by_values.more_certificate + further)
+    samples = drawn.samples
+    # over all torques of the samples, and over those that decide
+    whole = Decision.of(samples, positions, rooms.arcsec, sure) if samples else Decision.as_given(curve, rooms.arcsec)
+    decision = whole.of_torques(slice(len(torques))) if samples else whole
     advice = Advice(
         drive=drive,
-        decision=found,
+        decision=decision,
         setup=setup,
         curve=checked(),
         samples=samples,
         measured=measured,
-        unknown=unknowns(known),
-        open_=tuple(each.path for each in prior.fields),
+        unknown=unknowns(assumed_drive),
+        open_=tuple(field.path for field in prior.fields),
         sure=sure,
         worth=worth,
-        fault=fault,
-        more_certificate=proof,
+        fault=drawn.fault,
+        more_certificate=rooms.certificate + drawn.certificate,
     )
-    any_direction = advice.unknown and unknown_turn(known) and not of_drive
-    found = replace(found, cost=cost, all_alike=bool(advice.no_hole_better or any_direction))
-    advice = replace(advice, decision=found)
+    has_any_direction = advice.unknown and unknown_turn(assumed_drive) and not has_values
+    all_alike = bool(advice.no_hole_better or has_any_direction)
+    advice = replace(advice, decision=replace(decision, cost=cost, all_alike=all_alike))
     if not samples or advice.no_hole_better:
         return advice
-    whole = replace(whole, cost=cost, all_alike=found.all_alike)
-    shown = whole if of_drive else as_measured(whole, seed=run.seed)
-    at_setup = shown.F_ior_arcsec[(*torques, *more).index(setup.M_g)]
-    deciding = shown.of_torques(slice(len(torques)))
-    value = _value(deciding, {setup.M_g: at_setup}, None, setup, len(of_drive), run.seed)
+    whole = replace(whole, cost=cost, all_alike=all_alike)
+    simulated = whole if has_values else as_measured(whole, seed=run.seed)
+    F_ior_at_setup = simulated.F_ior_arcsec[(*torques, *other_torques).index(setup.M_g)]
+    deciding = simulated.of_torques(slice(len(torques)))
+    count = len(measured_errors(drive))
+    value = _value(deciding, {setup.M_g: F_ior_at_setup}, None, setup, count, run.seed)
     return replace(advice, value=value)
+
+
+@dataclass(frozen=True)
+class _Drawn:
+    """Samples of the uncertain inputs, or the reason why there are none."""
+
+    samples: Samples | None
+    fault: str
+    certificate: Certificate  # of states solved for samples that do not serve
+
+
+def _drawn_samples(prior: DrivePrior, room_arcsec: Sequence[float | None], **options: Any) -> _Drawn:
+    """Draw samples of a prior, with the options of drive_samples; an action is never refused for lack of them."""
+    try:
+        samples = drive_samples(prior, room_arcsec, **options)
+    except UntrustedError as refusal:
+        return _Drawn(samples=None, fault=refusal.message, certificate=EMPTY)
+    if samples and len(samples.of_ranges.weights) < 2:  # its numbers are those of a drive drawn by chance
+        fault = "one sample of the uncertain inputs has no range"
+        return _Drawn(samples=None, fault=fault, certificate=samples.certificate)
+    return _Drawn(samples=samples, fault="", certificate=EMPTY)
 
 
 def advise_after(
@@ -442,61 +465,91 @@ def advise_after(
 ) -> Advice:
     """Find the hole in which to mount the fixed wheel after F'_ior was measured in some holes.
 
-    Arguments: trials, measured on the setup, beside those that the preset has; outcome, a last one, of an advice by the
-    others; samples, already drawn; other_torques [N*m], at which values that the drive does not show may have been
-    measured; the others as those of advise. Raises what hole_samples does, and UsageError without any value.
+    Args:
+        drive: the drive.
+        trials: values measured on the setup, besides those that the preset has.
+        setup: how the holes were measured.
+        outcome: last value, measured after an advice from the others.
+        draws: smallest number of effective samples of uncertain inputs.
+        samples: if they are drawn already.
+        sure: probability from which the choice is an instruction.
+        cost: share of F'_ior that a turn has to earn.
+        worth: gain below which measuring stops.
+        other_torques: [N*m], at which values that the drive does not show may have been measured.
+        run: processes, progress and seed.
+
+    Raises UsageError without any value, and what hole_samples raises.
     """
     torques = drive.operation.M_g
     trials = in_order([*_of_preset(drive, setup, (*trials, outcome)), *trials], setup)
     if not trials:
         raise UsageError(f"no trials at {setup.M_g:g} N·m: expected HOLE=VALUE, or measured.F_ior", TRIAL_HINT)
-    every = (*trials, outcome) if outcome else trials
-    each_own = all(each.M_g is not None for each in every)
+    all_trials = (*trials, outcome) if outcome else trials
     positions = usable_positions(drive.mounting.holes, drive.mounting.allowed)
     if not drive.mounting.holes:
-        positions = sorted({*positions, *(trial.rotation_deg for trial in every)})
-    tried = [setup.point(each)[1] for each in every]
-    values = [replace(each, M_g=M_g) for each, M_g in zip(every, tried, strict=True)]
-    # the torque that others are related to goes by the values, not by how they were written
-    common = replace(setup, M_g=min(tried, key=lambda M_g: (abs(M_g), M_g)))
-    whole = samples or hole_samples(drive, (*torques, *tried), common, draws=draws, run=run)
-    after = posterior_of(whole.with_free_curves(values), values, [*positions, 0.0])
+        positions = sorted({*positions, *(trial.rotation_deg for trial in all_trials)})
+    trial_torques = [setup.point(trial)[1] for trial in all_trials]
+    values = [replace(trial, M_g=M_g) for trial, M_g in zip(all_trials, trial_torques, strict=True)]
+    # the torque to which the others are related depends on the values, not on how they were written
+    common = replace(setup, M_g=min(trial_torques, key=lambda M_g: (abs(M_g), M_g)))
+    drive_holes = samples or hole_samples(drive, (*torques, *trial_torques), common, draws=draws, run=run)
+    after = posterior_of(drive_holes.with_free_curves(values), values, [*positions, 0.0])
     rooms = limits_left(drive, torques, run)
-    found = after.decision(torques, rooms.arcsec, cost)
-    proof = rooms.certificate
-    noise = after.noise * setup.noise_arcsec
-    likelier = None
-    if after.by_values > UNSHOWN_VALUES or after.misread.sum() > _DOUBTED:
-        likelier = likelier_torque(whole, values)
-        others = sorted({*other_torques} - {*whole.F_ior_by_torque})
-        if not likelier and others and after.by_values > UNSHOWN_VALUES:
-            beside = hole_samples(drive, others, common, draws=draws, run=run)
-            likelier = likelier_torque(beside, values)
-            proof = proof + beside.certificate
-    # whose values all have a torque of their own measures at these torques, as one who gives it for all of them
-    further = {*tried} if each_own else {*tried, *setup.others}
-    measured_at = (common.M_g, *sorted(further - {common.M_g}))
+    decision = after.decision(torques, rooms.arcsec, cost)
+    likelier_M_g, certificate = _likelier_torque(
+        drive, after, drive_holes, values, other_torques=other_torques, common=common, draws=draws, run=run
+    )
+    # if each value has a torque of its own, further ones are measured at these torques; else at those of the setup too
+    has_own_torques = all(trial.M_g is not None for trial in all_trials)
+    further_torques = {*trial_torques} if has_own_torques else {*trial_torques, *setup.others}
+    measured_at = (common.M_g, *sorted(further_torques - {common.M_g}))
     measurable = {M_g: after.F_ior_by_torque[M_g][:, :-1] for M_g in measured_at}
-    value = _value(found, measurable, noise, setup, len(every), run.seed)
+    noise = after.noise * setup.noise_arcsec
     advice = Advice(
         drive,
-        found,
+        decision,
         setup,
-        trials=every,
+        trials=all_trials,
         after=after,
-        value=value,
-        likelier_torque=likelier,
+        value=_value(decision, measurable, noise, setup, len(all_trials), run.seed),
+        likelier_torque=likelier_M_g,
         unknown=unknowns(drive),
-        open_=tuple(each.path for each in prior_of(drive).fields),
+        open_=tuple(field.path for field in prior_of(drive).fields),
         sure=sure,
         worth=worth,
-        more_certificate=proof,
+        more_certificate=rooms.certificate + certificate,
     )
     if not outcome:
         return advice
-    checked = _verified(advice, values, whole)
-    settled = replace(found, settled_deg=checked.goal.rotation_deg)
-    return replace(advice, decision=settled, verification=checked)
+    verification = _verified(advice, values, drive_holes)
+    settled = replace(decision, settled_deg=verification.goal.rotation_deg)
+    return replace(advice, decision=settled, verification=verification)
+
+
+def _likelier_torque(
+    drive: Drive,
+    after: HolePosterior,
+    samples: HoleSamples,
+    values: Sequence[Trial],
+    *,
+    other_torques: Sequence[float],
+    common: TrialSetup,
+    draws: int,
+    run: Run,
+) -> tuple[float | None, Certificate]:
+    """Return a torque at which the values are far more probable, None if there is none, with the states solved for it.
+
+    Only values that the drive hardly shows, or that are probably misread, are doubted.
+    """
+    is_unshown = after.by_values > UNSHOWN_VALUES
+    if not is_unshown and after.misread.sum() <= _DOUBTED:
+        return None, EMPTY
+    likelier_M_g = likelier_torque(samples, values)
+    untried = sorted({*other_torques} - {*samples.F_ior_by_torque})
+    if likelier_M_g or not untried or not is_unshown:
+        return likelier_M_g, EMPTY
+    untried_samples = hole_samples(drive, untried, common, draws=draws, run=run)
+    return likelier_torque(untried_samples, values), untried_samples.certificate
 
 
 def _value(

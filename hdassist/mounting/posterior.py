@@ -285,46 +285,68 @@ class HoleSamples:
         return np.array(own, dtype=float)
 
     def with_free_curves(self, trials: Sequence[Trial]) -> HoleSamples:
-        """Samples with curves over the seat that no drive made: Trials 5 in docs/theory.md.
+        """Return the samples with curves over the seat that no drive made: Trials 5 in docs/theory.md.
 
-        Their level is lognormal about that of the samples, their waves over the seat are normal, as large as those of
-        the samples: another drive is as smooth. They are drawn near the values, and weighed for that.
+        Their level is lognormal about that of the samples. Their waves over the seat are normal and as large as those
+        of the samples: another drive is as smooth. The curves are drawn near the values, and weighted for that.
+        """
+        curves, weights = self._free_curves(trials)
+        F_ior = {
+            M_g: np.vstack([of_samples, self.levels[M_g] * curves]) for M_g, of_samples in self.F_ior_by_torque.items()
+        }
+        values = {
+            path: np.vstack([of_samples, np.full(curves.shape, np.nan)]) for path, of_samples in self.values.items()
+        }
+        weight = np.vstack([(1 - _FREE_SHARE) * self.weight, np.zeros(curves.shape)])
+        weight[-_FREE_CURVES:, 0] = weights  # a turned curve is another curve
+        return replace(self, F_ior_by_torque=F_ior, weight=weight, values=values)
+
+    def _free_curves(self, trials: Sequence[Trial]) -> tuple[Array, Array]:
+        """Return curves near the values, at the torque of the setup, and their weights, shape (_FREE_CURVES,).
+
+        The curves have shape (_FREE_CURVES, directions) [arcsec].
         """
         log_F = np.log(self.F_ior_arcsec)
-        share = self.weight.sum(axis=1)
+        sample_share = self.weight.sum(axis=1)
+        level = sample_share @ log_F.mean(axis=1)
         count = log_F.shape[1]
         order = np.arange(1, _FREE_ORDERS + 1)
-        waves = np.sqrt(share @ np.square(2 / count * np.abs(np.fft.rfft(log_F))))  # amplitudes, root mean square
-        sizes = np.array([_FREE_LEVEL, *np.tile(waves[order] / np.sqrt(2), 2)])
+        spectrum = np.fft.rfft(log_F)
+        amplitudes = np.sqrt(sample_share @ np.square(2 / count * np.abs(spectrum)))  # root mean square
+        sizes = np.array([_FREE_LEVEL, *np.tile(amplitudes[order] / np.sqrt(2), 2)])
 
         def series(angles: Array) -> Array:
-            """Logarithms of a curve over its level at angles [rad], by normal numbers, shape (angles, numbers)."""
+            """Return the logarithms of a curve over its level for a unit of each number, shape (angles, numbers)."""
             turn = np.multiply.outer(angles, order)
             return np.asarray(sizes * np.hstack([np.ones((len(angles), 1)), np.cos(turn), np.sin(turn)]))
 
-        tried = list(map(self.setup.point, trials))
-        y = np.array([t.F_ior_arcsec for t in trials])
-        level = share @ log_F.mean(axis=1)
-        of_torque = np.array([self.levels[M_g] for _, M_g in tried])
+        points = [self.setup.point(trial) for trial in trials]
+        turns = [turn for turn, _ in points]
+        measured = np.array([trial.F_ior_arcsec for trial in trials])
+        torque_levels = np.array([self.levels[M_g] for _, M_g in points])
         kinds = error_kinds(len(trials), LOG_NOISES)
-        stated = self.noise(trials)
-        alike = self.correlation(tried) / np.multiply.outer(of_torque, of_torque)
-        covariances = [  # of the logarithms of the values
-            SCALE**2 + k.misfit**2 * alike + np.diag((k.spreads(stated, y) / y) ** 2 + _FREE_NEAR**2) for k in kinds
-        ]
         numbers, density = _numbers_near(
-            series(-np.radians([turn for turn, _ in tried])),
-            np.log(y / of_torque) - level,
-            np.array(covariances),
-            np.array([k.log_share for k in kinds]),
+            series(-np.radians(turns)),
+            np.log(measured / torque_levels) - level,
+            self._log_covariances(trials, kinds),
+            np.array([kind.log_share for kind in kinds]),
             np.random.default_rng([self.seed, 3]),
         )
         curves = np.exp(level + numbers @ series(2 * np.pi * np.arange(count) / count).T)
-        F_ior = {M_g: np.vstack([of, self.levels[M_g] * curves]) for M_g, of in self.F_ior_by_torque.items()}
-        values = {path: np.vstack([of, np.full(curves.shape, np.nan)]) for path, of in self.values.items()}
-        weight = np.vstack([(1 - _FREE_SHARE) * self.weight, np.zeros(curves.shape)])
-        weight[-_FREE_CURVES:, 0] = _FREE_SHARE / _FREE_CURVES * density  # any turn of one is another one
-        return replace(self, F_ior_by_torque=F_ior, weight=weight, values=values)
+        return curves, _FREE_SHARE / _FREE_CURVES * density
+
+    def _log_covariances(self, trials: Sequence[Trial], kinds: Sequence[ErrorKind]) -> Array:
+        """Return the covariances of the logarithms of values by kind of error, shape (kinds, trials, trials)."""
+        points = [self.setup.point(trial) for trial in trials]
+        measured = np.array([trial.F_ior_arcsec for trial in trials])
+        torque_levels = np.array([self.levels[M_g] for _, M_g in points])
+        stated = self.noise(trials)
+        correlation = self.correlation(points) / np.multiply.outer(torque_levels, torque_levels)
+        covariances = []
+        for kind in kinds:
+            noise = np.diag((kind.spreads(stated, measured) / measured) ** 2 + _FREE_NEAR**2)
+            covariances.append(SCALE**2 + kind.misfit**2 * correlation + noise)
+        return np.array(covariances)
 
 
 def _numbers_near(
@@ -420,41 +442,38 @@ def posterior_of(
     belief/evidence.py, at all torques of the samples. Argument: kinds of error that values may have, all of them
     without it.
     """
-    rng = np.random.default_rng(samples.seed)
-    other_rng = np.random.default_rng([samples.seed, 1])
-    tried = list(map(samples.setup.point, trials))
     torques = tuple(samples.F_ior_by_torque)
-    y = np.array([t.F_ior_arcsec for t in trials])
+    points = [samples.setup.point(trial) for trial in trials]
+    measured = np.array([trial.F_ior_arcsec for trial in trials])
     stated = samples.noise(trials)
-    possible = samples.possible
     kinds = kinds or error_kinds(len(trials), LOG_NOISES)
-    log = log_likelihoods(
+    possible = samples.possible
+    log_likelihood = log_likelihoods(
         kinds,
-        samples.at(tried, possible),
-        y,
+        samples.at(points, possible),
+        measured,
         stated,
-        samples.correlation(tried),
+        samples.correlation(points),
         samples.mean(possible),
         samples.read_error,
     )
-    weight = softmax(np.log(samples.weight.ravel()[possible]) + log)  # shape (kinds, places)
-    at = np.searchsorted(np.cumsum(weight), (np.arange(_POSTERIOR_DRAWS) + 0.5) / _POSTERIOR_DRAWS)
-    kind, row = np.divmod(np.minimum(at, weight.size - 1), weight.shape[1])
+    weight = softmax(np.log(samples.weight.ravel()[possible]) + log_likelihood)  # shape (kinds, places)
+    quantiles = (np.arange(_POSTERIOR_DRAWS) + 0.5) / _POSTERIOR_DRAWS
+    cell = np.minimum(np.searchsorted(np.cumsum(weight), quantiles), weight.size - 1)
+    kind, row = np.divmod(cell, weight.shape[1])
     places = possible[row]
-    misfit, noise = np.array([(each.misfit, each.noise) for each in kinds])[kind].T  # shape (draws,) each
-    points = [*((turn, M_g) for M_g in torques for turn in rotations_deg), *tried]
-    spread = np.array([each.spreads(stated, y) for each in kinds])[kind]
+    misfit = np.array([error_kind.misfit for error_kind in kinds])[kind]  # shape (draws,)
+    noise = np.array([error_kind.noise for error_kind in kinds])[kind]
+    spread = np.array([error_kind.spreads(stated, measured) for error_kind in kinds])[kind]
     variance = (misfit**2 + samples.read_error**2) * samples.mean(places) ** 2
-    size = len(places), SMOOTH_NUMBERS
-    normals = {M_g: (other_rng if k else rng).standard_normal(size) for k, M_g in enumerate(torques)}
-    smooth = np.hstack([samples.levels[M_g] * smooth_misfits([turn], normals[M_g]) for turn, M_g in points])
-    normal = rng.standard_normal(len(places)), smooth, rng.standard_normal(spread.shape)
-    F_ior, scale = errors_of_drive(samples.at(points, places), y, variance, spread, samples.correlation(points), normal)
-    by_torque = dict(zip(torques, np.split(F_ior, len(torques), axis=1), strict=True))
-    effective = float(1 / np.square(weight.sum(axis=0)).sum())
-    of_kind = weight.sum(axis=1)
-    doubted = np.array([each.misread for each in kinds])
-    misread = np.array([of_kind[doubted == k].sum() for k in range(len(trials))])
+    hole_points = [(turn, M_g) for M_g in torques for turn in rotations_deg]
+    all_points = [*hole_points, *points]
+    normals = _posterior_normals(samples, all_points, spread.shape)
+    F_ior, scale = errors_of_drive(
+        samples.at(all_points, places), measured, variance, spread, samples.correlation(all_points), normals
+    )
+    kind_weight = weight.sum(axis=1)
+    misread_trial = np.array([error_kind.misread for error_kind in kinds])
     return HolePosterior(
         samples=samples,
         places=places,
@@ -462,10 +481,33 @@ def posterior_of(
         noise=noise,
         scale=scale,
         rotations_deg=tuple(rotations_deg),
-        F_ior_by_torque=by_torque,
-        effective=effective,
-        misread=misread,
+        F_ior_by_torque=dict(zip(torques, np.split(F_ior, len(torques), axis=1), strict=True)),
+        effective=float(1 / np.square(weight.sum(axis=0)).sum()),
+        misread=np.array([kind_weight[misread_trial == k].sum() for k in range(len(trials))]),
     )
+
+
+def _posterior_normals(
+    samples: HoleSamples, points: Sequence[Point], spread_shape: tuple[int, ...]
+) -> tuple[Array, Array, Array]:
+    """Return the normal numbers of draws: of their scale, of their misfit at points, and of the values' errors.
+
+    Args:
+        samples: their torques and seed. The random numbers of the first torque are those of samples with one torque.
+        points: turns [deg] and torques [N*m].
+        spread_shape: (draws, trials).
+    """
+    rng = np.random.default_rng(samples.seed)
+    other_rng = np.random.default_rng([samples.seed, 1])
+    draws, _ = spread_shape
+    size = (draws, SMOOTH_NUMBERS)
+    normals = {}
+    for k, M_g in enumerate(samples.F_ior_by_torque):
+        normals[M_g] = (other_rng if k else rng).standard_normal(size)
+    misfits = [samples.levels[M_g] * smooth_misfits([turn], normals[M_g]) for turn, M_g in points]
+    of_scale = rng.standard_normal(draws)
+    of_errors = rng.standard_normal(spread_shape)
+    return of_scale, np.hstack(misfits), of_errors
 
 
 def likelier_torque(samples: HoleSamples, trials: Sequence[Trial]) -> float | None:
@@ -507,19 +549,20 @@ def hole_samples(
     if not searchable(drive):
         raise UsageError("trials need bearing.ball_motion: locked", "bearing.ball_motion: locked")
     prior = open_prior(drive)
-    stated = prior_of(drive)
-    believed = stated if len(stated.fields) < len(prior.fields) else None
-    systems = replace(prior, fields=tuple(each for each in prior.fields if each not in open_deviations(prior)))
+    stated_prior = prior_of(drive)
+    believed = stated_prior if len(stated_prior.fields) < len(prior.fields) else None
+    deviations = open_deviations(prior)
+    systems = replace(prior, fields=tuple(field for field in prior.fields if field not in deviations))
     count = max(1, draws // SAMPLES_A_TABLE)
-    if not systems.fields:  # as many samples where only deviations are unknown, from a finer table
+    if not systems.fields:  # only deviations are unknown: as many samples from one finer table
         table = TableEffort(count * table.deviations, Mesh(), min(_COMPARED, count))
         count = 1
-    others = {*setup.others, *torques} - {setup.M_g}
-    every = (setup.M_g, *sorted(others))  # the random numbers of a torque go by its place
+    other_torques = {*setup.others, *torques} - {setup.M_g}
+    all_torques = (setup.M_g, *sorted(other_torques))  # the random numbers of a torque depend on its place
     samples = draw_samples(
         systems,
         (),
-        evidence=tuple(each for each in evidence_of(drive) if not each.M_g),
+        evidence=tuple(evidence for evidence in evidence_of(drive) if not evidence.M_g),
         effort=SamplingEffort(
             effective=count,
             settling_draws=count,
@@ -532,9 +575,9 @@ def hole_samples(
     )
     weights = list[float]()
     tables = list[TabledErrors]()
-    solve = partial(_tabled, prior, believed, every, table, run.seed)
-    found = run.map(solve, range(len(samples.weights)), samples.values())
-    for weight, errors in zip(samples.weights.tolist(), found, strict=True):
+    solve = partial(_tabled, prior, believed, all_torques, table, run.seed)
+    solved_tables = run.map(solve, range(len(samples.weights)), samples.values())
+    for weight, errors in zip(samples.weights.tolist(), solved_tables, strict=True):
         if errors:
             weights.append(weight)
             tables.append(errors)
@@ -543,33 +586,56 @@ def hole_samples(
         raise UntrustedError(
             "no sampled drive has a result at the torque of the trials", "find the reason with hdassist check"
         )
-    log_missed = np.concatenate([each.log_missed for each in tables], axis=1)  # (torques, compared)
-    F_ior = np.concatenate([each.F_ior_arcsec for each in tables], axis=1)  # (torques, samples, directions)
-    draws_each = tables[0].F_ior_arcsec.shape[1]
-    opened = len(tables[0].shares)
-    weight = np.repeat(weights, draws_each)[:, None] * np.ones(F_ior.shape[1:])
-    as_stated = np.tile(np.arange(draws_each) >= opened, len(tables))
-    weight[as_stated if any_direction(prior) else slice(None), 1:] = 0
-    if believed:
-        for part, share in ((as_stated, _STATED_SHARE), (~as_stated, 1 - _STATED_SHARE)):
-            weight[part] *= share / weight[part].sum()
-    for each in evidence_of(drive):
-        if each.figure == ACCURACY:  # without load, where F'_ior is greatest: that of the trials keeps it too
-            weight *= np.exp(each.log_likelihood(F_ior[0]))
+    log_missed = np.concatenate([errors.log_missed for errors in tables], axis=1)  # (torques, compared)
+    F_ior = np.concatenate([errors.F_ior_arcsec for errors in tables], axis=1)  # (torques, samples, directions)
+    weight = _sample_weights(drive, prior, believed is not None, weights, tables, F_ior)
     F_ior *= np.exp(log_missed.mean(axis=1))[:, None, None]  # tables are corrected for their mean error
-    values = {path: np.concatenate([each.values[path] for each in tables]) for path in standing_offset(drive)}
-    proof = sum((each.certificate for each in tables), samples.certificate)
+    offset_fields = standing_offset(drive)
     return HoleSamples(
         drive=drive,
         setup=setup,
-        F_ior_by_torque=dict(zip(every, F_ior, strict=True)),
+        F_ior_by_torque=dict(zip(all_torques, F_ior, strict=True)),
         weight=weight / weight.sum(),
-        values=values,
+        values={path: np.concatenate([errors.values[path] for errors in tables]) for path in offset_fields},
         read_error=float(log_missed.std(axis=1).max()),
         seed=samples.seed,
-        certificate=proof,
+        certificate=sum((errors.certificate for errors in tables), samples.certificate),
         few=samples.few,
     )
+
+
+def _sample_weights(
+    drive: Drive,
+    prior: DrivePrior,
+    has_believed: bool,
+    table_weights: Sequence[float],
+    tables: Sequence[TabledErrors],
+    F_ior: Array,
+) -> Array:
+    """Return the weights of samples and directions, shape (samples, directions), not normalized.
+
+    Args:
+        drive: its catalogue's accuracy weighs the samples.
+        prior: of the drive, with the standing offset open.
+        has_believed: some samples of a table have the offset that the preset states.
+        table_weights: of each table.
+        tables: their errors.
+        F_ior: of the samples [arcsec], shape (torques, samples, directions).
+    """
+    draws_each = tables[0].F_ior_arcsec.shape[1]
+    opened = len(tables[0].shares)
+    weight = np.repeat(table_weights, draws_each)[:, None] * np.ones(F_ior.shape[1:])
+    is_as_stated = np.tile(np.arange(draws_each) >= opened, len(tables))
+    # samples with a known direction of the offset count in that direction alone
+    weight[is_as_stated if any_direction(prior) else slice(None), 1:] = 0
+    if has_believed:
+        for is_part, share in ((is_as_stated, _STATED_SHARE), (~is_as_stated, 1 - _STATED_SHARE)):
+            weight[is_part] *= share / weight[is_part].sum()
+    for evidence in evidence_of(drive):
+        # The accuracy is that without load, where F'_ior is largest: F'_ior at the torque of the trials meets it too.
+        if evidence.figure == ACCURACY:
+            weight *= np.exp(evidence.log_likelihood(F_ior[0]))
+    return weight
 
 
 def _tabled(
