@@ -420,12 +420,26 @@ def advise(
     if not samples or advice.no_hole_better:
         return advice
     whole = replace(whole, cost=cost, all_alike=all_alike)
-    simulated = whole if has_values else as_measured(whole, seed=run.seed)
-    F_ior_at_setup = simulated.F_ior_arcsec[(*torques, *other_torques).index(setup.M_g)]
-    deciding = simulated.of_torques(slice(len(torques)))
+    return replace(advice, value=_first_value(drive, whole, setup, (*torques, *other_torques), run.seed))
+
+
+def _first_value(
+    drive: Drive, whole: Decision, setup: TrialSetup, torques: Sequence[float], seed: int
+) -> MeasurementValue | None:
+    """Return the worth of measured values before any trial.
+
+    Args:
+        drive: its torques decide; values that the preset has count already.
+        whole: the decision at all torques of the samples.
+        setup: how holes would be measured.
+        torques: of the samples [N*m], first those of the drive.
+        seed: of the simulation.
+    """
     count = len(measured_errors(drive))
-    value = _value(deciding, {setup.M_g: F_ior_at_setup}, None, setup, count, run.seed)
-    return replace(advice, value=value)
+    simulated = whole if count else as_measured(whole, seed=seed)
+    F_ior_at_setup = simulated.F_ior_arcsec[torques.index(setup.M_g)]
+    deciding = simulated.of_torques(slice(len(drive.operation.M_g)))
+    return _value(deciding, {setup.M_g: F_ior_at_setup}, None, setup, count, seed)
 
 
 @dataclass(frozen=True)
@@ -499,11 +513,8 @@ def advise_after(
     likelier_M_g, certificate = _likelier_torque(
         drive, after, drive_holes, values, other_torques=other_torques, common=common, draws=draws, run=run
     )
-    # if each value has a torque of its own, further ones are measured at these torques; else at those of the setup too
-    has_own_torques = all(trial.M_g is not None for trial in all_trials)
-    further_torques = {*trial_torques} if has_own_torques else {*trial_torques, *setup.others}
-    measured_at = (common.M_g, *sorted(further_torques - {common.M_g}))
-    measurable = {M_g: after.F_ior_by_torque[M_g][:, :-1] for M_g in measured_at}
+    further_torques = _measured_torques(all_trials, trial_torques, setup) - {common.M_g}
+    measurable = {M_g: after.F_ior_by_torque[M_g][:, :-1] for M_g in (common.M_g, *sorted(further_torques))}
     noise = after.noise * setup.noise_arcsec
     advice = Advice(
         drive,
@@ -524,6 +535,15 @@ def advise_after(
     verification = _verified(advice, values, drive_holes)
     settled = replace(decision, settled_deg=verification.goal.rotation_deg)
     return replace(advice, decision=settled, verification=verification)
+
+
+def _measured_torques(trials: Sequence[Trial], trial_torques: Sequence[float], setup: TrialSetup) -> set[float]:
+    """Return the torques [N*m] at which further values may be measured.
+
+    If each value has a torque of its own, they are measured at these torques, otherwise at those of the setup too.
+    """
+    has_own_torques = all(trial.M_g is not None for trial in trials)
+    return {*trial_torques} if has_own_torques else {*trial_torques, *setup.others}
 
 
 def _likelier_torque(

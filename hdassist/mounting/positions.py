@@ -245,110 +245,132 @@ def begun_curve(
     """
     if not len(rotations_deg) or rotations_deg[0] != 0:
         raise UsageError("the first rotation must be 0, the present position")
-    there = [rotated(drive, rotation) for rotation in rotations_deg]
-    wheels = [measured and measured.rotated(each, r) for each, r in zip(there, rotations_deg, strict=True)]
-    every = np.ones((len(torques), len(rotations_deg)), dtype=bool)
-    allowed = None if drive.mounting.allowed == "all" else drive.mounting.allowed
-    phases = np.array([phase_deg(drive, measured, rotation) for rotation in rotations_deg])
+    drives = [rotated(drive, rotation) for rotation in rotations_deg]
+    wheels = [
+        measured and measured.rotated(turned, rotation) for turned, rotation in zip(drives, rotations_deg, strict=True)
+    ]
+    all_places = np.ones((len(torques), len(rotations_deg)), dtype=bool)
     curve = MountingCurve(
         torques=tuple(torques),
         rotation_deg=np.array(rotations_deg, dtype=float),
-        phase_deg=phases,
-        F_ior_arcsec=np.empty(every.shape),
+        phase_deg=np.array([phase_deg(drive, measured, rotation) for rotation in rotations_deg]),
+        F_ior_arcsec=np.empty(all_places.shape),
         certificate=EMPTY,
         cross_checks=(),
-        every_state=every,
+        every_state=all_places,
         holes=drive.mounting.holes,
-        allowed=allowed,
+        allowed=None if drive.mounting.allowed == "all" else drive.mounting.allowed,
     )
     searched = is_searched(drive, len(rotations_deg), drawn=drawn, measured=measured)
-    known = solvers_depend_on(run.cross_check)
-    parts = drive.model_dump(mode="json", exclude=WITHOUT_EFFECT)
-    depends = {
-        "drive": parts,
-        "torques": curve.torques,
-        "rotations": curve.rotation_deg.tolist(),
-        "searched": searched,
-        "again": [run.seed, known],
-        "program": digits_depend_on(),
-    }
-    kept = None if measured or known is None else KeptAnswer("curve", depends, _kept_curve_type(*every.shape))
-    if found := kept and kept.found():
-        values, solved, proof, done = found
-        run.solved(proof.states)
-        curve = replace(curve, F_ior_arcsec=np.array(values), every_state=np.array(solved))
-        curve = replace(curve, certificate=proof, cross_checks=tuple(done))
-        return curve, lambda: curve
+    kept_answer = None if measured else _kept_curve_of(drive, curve, searched, run)
+    kept = kept_answer.found() if kept_answer else None
+    if kept:
+        values, solved, certificate, cross_checks = kept
+        run.solved(certificate.states)
+        kept_curve = replace(
+            curve,
+            F_ior_arcsec=np.array(values),
+            every_state=np.array(solved),
+            certificate=certificate,
+            cross_checks=tuple(cross_checks),
+        )
+        return kept_curve, lambda: kept_curve
     require_programme(drive, run)
     compute = _searched_curve if searched else _solved
-    computed, checks = compute(curve, every, there, wheels, run)
+    computed, pending_checks = compute(curve, all_places, drives, wheels, run)
 
     def checked() -> MountingCurve:
-        done = [check for some in checks for check in some.result()]
-        if kept:
-            kept.keep((computed.F_ior_arcsec.tolist(), computed.every_state.tolist(), computed.certificate, done))
-        return replace(computed, cross_checks=tuple(done))
+        cross_checks = [check for pending in pending_checks for check in pending.result()]
+        if kept_answer:
+            values = computed.F_ior_arcsec.tolist()
+            kept_answer.keep((values, computed.every_state.tolist(), computed.certificate, cross_checks))
+        return replace(computed, cross_checks=tuple(cross_checks))
 
     return computed, checked
 
 
+def _kept_curve_of(drive: Drive, curve: MountingCurve, searched: bool, run: Run) -> KeptAnswer[_KeptCurve] | None:
+    """Return the place of a curve in the user's cache, None if the solver of its cross-check has no known version."""
+    solver_versions = solvers_depend_on(run.cross_check)
+    if solver_versions is None:
+        return None
+    depends = {
+        "drive": drive.model_dump(mode="json", exclude=WITHOUT_EFFECT),
+        "torques": curve.torques,
+        "rotations": curve.rotation_deg.tolist(),
+        "searched": searched,
+        "again": [run.seed, solver_versions],
+        "program": digits_depend_on(),
+    }
+    return KeptAnswer("curve", depends, _kept_curve_type(*curve.every_state.shape))
+
+
 def _searched_curve(
     curve: MountingCurve,
-    every: NDArray[np.bool_],
-    there: Sequence[Drive],
+    all_places: NDArray[np.bool_],
+    drives: Sequence[Drive],
     wheels: Sequence[MeasuredTeeth | None],
     run: Run,
 ) -> tuple[MountingCurve, _CrossChecks]:
-    """A curve searched at all places, and solved where that decides. Arguments as those of _solved; there, 0 first."""
+    """Return a curve that is searched at all places, and solved in every state at those that decide.
+
+    The arguments are those of _solved; the first drive is not turned.
+    """
     rotations_deg = curve.rotation_deg.tolist()
-    drive = there[0]
+    drive = drives[0]
     groups = [rotations_deg[k : k + _POSITIONS_A_TASK] for k in range(0, len(rotations_deg), _POSITIONS_A_TASK)]
-    found = []
-    proof = EMPTY
-    for values, states in run.map(partial(_searched, drive, curve.torques), groups):
-        found.append(values)
-        proof += states
-        run.solved(states.states)
-    curve = replace(curve, F_ior_arcsec=np.hstack(found), every_state=~every, certificate=proof)
-    decisive = np.isin(rotations_deg, [0, curve.recommended.rotation_deg]) & every
-    proven, checks = _solved(curve, decisive, there, wheels, run)
+    F_ior = []
+    certificate = EMPTY
+    for values, proof in run.map(partial(_searched, drive, curve.torques), groups):
+        F_ior.append(values)
+        certificate += proof
+        run.solved(proof.states)
+    curve = replace(curve, F_ior_arcsec=np.hstack(F_ior), every_state=~all_places, certificate=certificate)
+    decisive = np.isin(rotations_deg, [0, curve.recommended.rotation_deg]) & all_places
+    proven, checks = _solved(curve, decisive, drives, wheels, run)
     if np.abs(proven.F_ior_arcsec - curve.F_ior_arcsec).max() > _SEARCH_TOLERANCE:
-        proven, more = _solved(proven, ~decisive, there, wheels, run)
-        checks += more
+        proven, further_checks = _solved(proven, ~decisive, drives, wheels, run)
+        checks += further_checks
     return proven, checks
 
 
 def _solved(
     curve: MountingCurve,
     places: NDArray[np.bool_],
-    there: Sequence[Drive],
+    drives: Sequence[Drive],
     wheels: Sequence[MeasuredTeeth | None],
     run: Run,
 ) -> tuple[MountingCurve, _CrossChecks]:
-    """A curve with every state solved at some places, shape (torques, rotations); some are being solved again.
+    """Return a curve with every state solved at some places, and the pending cross-checks of some states.
 
-    Arguments: there, drives with the wheel turned, and their measured wheels.
+    Args:
+        curve: its values elsewhere stay.
+        places: shape (torques, rotations).
+        drives: with the wheel turned, by rotation.
+        wheels: their measured wheels.
+        run: processes and progress.
     """
-    rows, columns = (each.tolist() for each in np.nonzero(places))
-    drives = [wheel.in_drive(there[r]) if (wheel := wheels[r]) else (there[r], None) for r in columns]
+    rows, columns = (index.tolist() for index in np.nonzero(places))
+    solved_drives = [wheel.in_drive(drives[r]) if (wheel := wheels[r]) else (drives[r], None) for r in columns]
     values = curve.F_ior_arcsec.copy()
     proof = curve.certificate
     errors = list[KinematicError]()
-    tasks = [(*drive, curve.torques[t], run.of_task) for drive, t in zip(drives, rows, strict=True)]
+    tasks = [(*drive, curve.torques[t], run.of_task) for drive, t in zip(solved_drives, rows, strict=True)]
     for place, (F_ior, error) in zip(np.argwhere(places), run.map(_error, *zip(*tasks, strict=True)), strict=True):
         values[tuple(place)] = F_ior
         errors.append(error)
         proof += error.certificate
         run.solved(error.certificate.states)
-    solved = [(*drive, error) for drive, error in zip(drives, errors, strict=True)]
+    solved = [(*drive, error) for drive, error in zip(solved_drives, errors, strict=True)]
     checks = [run.beside(cross_checks_of, solved, run.of_task)] if run.cross_check else []
     return replace(curve, F_ior_arcsec=values, every_state=curve.every_state | places, certificate=proof), checks
 
 
 def _searched(drive: Drive, torques: Sequence[float], rotations: Sequence[float]) -> tuple[Array, Certificate]:
     """Return F'_ior [arcsec] of extremes that were searched and verified, shape (torques, rotations)."""
-    found = [many_extremes(each, Batch.turned(drive, rotations)) for each in error_maps(drive, torques)]
-    return np.array([each.F_ior_arcsec for each in found]), sum((each.certificate for each in found), EMPTY)
+    extremes = [many_extremes(error_map, Batch.turned(drive, rotations)) for error_map in error_maps(drive, torques)]
+    F_ior = np.array([of_torque.F_ior_arcsec for of_torque in extremes])
+    return F_ior, sum((of_torque.certificate for of_torque in extremes), EMPTY)
 
 
 def _error(drive: Drive, teeth: ToothDeviations | None, M_g: float, run: Run) -> tuple[float, KinematicError]:
