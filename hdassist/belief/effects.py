@@ -104,6 +104,19 @@ class OptionSamples:
         return self.samples is not None and self.samples.set_weights.shape[1] > 1
 
     @cached_property
+    def all_sets(self) -> tuple[Array, Array] | None:
+        """F'_ior of all sets of deviations [arcsec] and their weights, shape (sets x rows,) each, the samples first.
+
+        None where all is known.
+        """
+        if self.samples is None:
+            return None
+        F_ior = self.samples.sets_arcsec[self.rows, :, self.torque].T.ravel()
+        of_sets = self.samples.set_weights[self.rows]
+        weights = self.weights[:, None] * of_sets / of_sets[:, :1]
+        return F_ior, weights.T.ravel()
+
+    @cached_property
     def first_rows(self) -> NDArray[np.int64]:
         """Places among the rows of the first samples that are solved, evenly over F'_ior."""
         if self.stated_arcsec is None:
@@ -179,6 +192,17 @@ class Effect:
             is_met = self.F_ior_arcsec <= left_arcsec
             is_open |= is_met.any(axis=1) & ~is_met.all(axis=1)
         return np.asarray(is_open & ~self.is_solved)
+
+    def of_samples(self, left_arcsec: float, rows: int) -> tuple[Array, Array]:
+        """Return with which probability each sample meets a limit over its sets, and its weight, shape (rows,) each.
+
+        left_arcsec: what the limit leaves F'_ior [arcsec].
+        rows: number of samples, whose sets stand in blocks.
+        """
+        weights = self.weights.sum(axis=1).reshape(-1, rows)
+        met = self.met(left_arcsec).reshape(-1, rows)
+        of_sample = weights.sum(axis=0)
+        return np.asarray((weights * met).sum(axis=0) / np.where(of_sample > 0, of_sample, 1)), of_sample
 
     def bounds(self, left_arcsec: float) -> tuple[float, float]:
         """Return the least and the greatest probability of meeting a limit that the unsettled samples leave open."""
@@ -397,12 +421,12 @@ def _changed_sizes(drive: Drive, edited: Drive) -> dict[str, float]:
 def _undecided(samples: OptionSamples, effects: Mapping[str, Effect]) -> dict[int, list[str]]:
     """Return the edits by row that are to be solved further: on unsettled samples, if they may be among the best."""
     limit = samples.room_arcsec
-    stated = samples.stated_arcsec
-    if stated is None:  # a single sample, which is solved
+    if samples.all_sets is None:  # a single sample, which is solved
         return {}
+    stated, weights = samples.all_sets
     contenders = [name for name in effects if not name.startswith("accuracy:")]
     if limit is not None:
-        present = float(np.average(stated <= limit, weights=samples.weights))
+        present = float(np.average(stated <= limit, weights=weights))
         bounds = {name: effects[name].bounds(limit) for name in contenders}
         surest = sorted((low for low, _ in bounds.values()), reverse=True)
         of_best = surest[_BEST_EDITS - 1] if len(surest) >= _BEST_EDITS else 0.0
@@ -410,7 +434,7 @@ def _undecided(samples: OptionSamples, effects: Mapping[str, Effect]) -> dict[in
         contenders = [name for name in contenders if bounds[name][1] >= least]
     undecided = dict[int, list[str]]()
     for name in contenders:
-        for row in np.flatnonzero(effects[name].unsettled(limit)).tolist():
+        for row in np.flatnonzero(effects[name].unsettled(limit)[: len(samples.rows)]).tolist():
             undecided.setdefault(row, []).append(name)
     return undecided
 
@@ -422,23 +446,26 @@ def _effect(
     grade = name.partition(":")[2] if name.startswith("accuracy:") else ""
     source = "" if grade else name
     answers = {row: answer for row, answer in solved.items() if source in answer.F_ior}
-    factor = _factor(len(samples.rows), answers, source)
+    stated, stated_weights = samples.all_sets or (np.array([solved[0].F_ior[""]], dtype=float), samples.weights)
+    factor = _factor(len(stated), answers, source)
     if factor is None:
         return None
-    stated = np.array([solved[0].F_ior[""]], dtype=float) if samples.stated_arcsec is None else samples.stated_arcsec
-    donors = _donors(stated, factor)
+    every_donor = _donors(stated, factor)
+    count = len(samples.rows)
+    donors = every_donor[:count]
     is_solved = ~np.isnan(factor)
     likelihood = np.ones(donors.shape)
     if grade:
-        is_solved |= samples.tested_arcsec is not None
+        is_solved[:count] |= samples.tested_arcsec is not None
         likelihood = _grade_likelihood(samples, float(grade), answers, donors, evidence)
     elif evidence:
         likelihood = _likelihood_ratio(samples, name, answers, donors, evidence)
-    weights = samples.weights[:, None] / donors.shape[1] * likelihood
-    effective = effective_number(weights.sum(axis=1))
+    likelihood = np.vstack([likelihood, likelihood[every_donor[count:], 0]])  # of further sets that of their donors
+    weights = stated_weights[:, None] / donors.shape[1] * likelihood
+    effective = effective_number(weights[:count].sum(axis=1))
     if samples.samples and effective < min(_FEWEST_EFFECTIVE, effective_number(samples.weights)):
         return None
-    return Effect(stated[:, None] * factor[donors], weights, is_solved)
+    return Effect(stated[:, None] * factor[every_donor], weights, is_solved)
 
 
 def _factor(rows: int, answers: Mapping[int, _Solved], name: str) -> Array | None:

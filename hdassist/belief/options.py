@@ -143,7 +143,7 @@ def steps_of(
         return (), EMPTY
     basis = OptionSamples.of(prior, samples, torque, left_arcsec[torque], sure)
     is_measured = any(each.M_g for each in evidence_of(drive)) and samples is not None
-    if samples is not None and not (samples.F_ior_arcsec[:, torque] > 0).all():
+    if samples is not None and not (samples.sets_arcsec[:, :, torque] > 0).all():
         return (), EMPTY
     edits = [*tightened(prior), *coupled(prior)]
     if samples and not is_measured:
@@ -270,13 +270,11 @@ def _changed_outcome(effects: Effects, effect: Effect, now: Outcome) -> Outcome:
     """Return the outcome of an effect by equation (1)."""
     basis = effects.samples
     outcome = _outcome(*effect.values(), basis.room_arcsec, None)
-    if basis.has_sets:
-        outcome = _scaled(outcome, now, _outcome(effects.stated_arcsec, basis.weights, basis.room_arcsec, None))
-    if basis.room_arcsec is None or now.probability is None or basis.samples is None:
+    if basis.room_arcsec is None or now.probability is None or basis.all_sets is None:
         return outcome
-    kept = probability_of(effect.met(basis.room_arcsec), effect.weights.sum(axis=1))
-    of_rows = float(np.average(effects.stated_arcsec <= basis.room_arcsec, weights=basis.weights))
-    moved = _moved(kept, now.probability - of_rows)
+    before, weights = basis.all_sets
+    kept = probability_of(*effect.of_samples(basis.room_arcsec, len(basis.rows)))
+    moved = _moved(kept, now.probability - float(np.average(before <= basis.room_arcsec, weights=weights)))
     return replace(outcome, probability=moved.value, probability_low=moved.low, probability_high=moved.high)
 
 

@@ -44,7 +44,7 @@ def test_a_sample_takes_the_factors_of_those_that_are_nearest_and_a_solved_one_i
 
 
 def test_the_option_that_may_be_best_is_solved_undecided_and_a_hopeless_one_is_not():
-    samples = SimpleNamespace(room_arcsec=LEFT, stated_arcsec=np.full(4, 60.0), weights=np.ones(4))
+    samples = SimpleNamespace(room_arcsec=LEFT, all_sets=(np.full(4, 60.0), np.ones(4)), rows=range(4))
     sure = effect((40, 40), (40, 40), (40, 40), (60, 60))
     wide = effect((40, 60), (40, 60), (40, 60), (40, 60))
     poor = effect((60, 60), (60, 60), (40, 60), (40, 60))
@@ -52,7 +52,7 @@ def test_the_option_that_may_be_best_is_solved_undecided_and_a_hopeless_one_is_n
     assert _undecided(samples, of) == {row: ["tolerance:wide"] for row in range(4)}
     # without three better ones it is a step too, unless it gains nothing
     assert _undecided(samples, {"tolerance:poor": poor}) == {2: ["tolerance:poor"], 3: ["tolerance:poor"]}
-    kept = SimpleNamespace(room_arcsec=LEFT, stated_arcsec=np.array([40.0, 40, 60, 60]), weights=np.ones(4))
+    kept = SimpleNamespace(room_arcsec=LEFT, all_sets=(np.array([40.0, 40, 60, 60]), np.ones(4)), rows=range(4))
     assert _undecided(kept, {"tolerance:poor": poor}) == {}
 
 
