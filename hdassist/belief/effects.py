@@ -452,20 +452,31 @@ def _effect(
         return None
     every_donor = _donors(stated, factor)
     count = len(samples.rows)
-    donors = every_donor[:count]
     is_solved = ~np.isnan(factor)
-    likelihood = np.ones(donors.shape)
     if grade:
         is_solved[:count] |= samples.tested_arcsec is not None
-        likelihood = _grade_likelihood(samples, float(grade), answers, donors, evidence)
-    elif evidence:
-        likelihood = _likelihood_ratio(samples, name, answers, donors, evidence)
+    likelihood = _likelihood(samples, name, answers, every_donor[:count], evidence)
     likelihood = np.vstack([likelihood, likelihood[every_donor[count:], 0]])  # of further sets that of their donors
-    weights = stated_weights[:, None] / donors.shape[1] * likelihood
+    weights = stated_weights[:, None] / every_donor.shape[1] * likelihood
     effective = effective_number(weights[:count].sum(axis=1))
     if samples.samples and effective < min(_FEWEST_EFFECTIVE, effective_number(samples.weights)):
         return None
     return Effect(stated[:, None] * factor[every_donor], weights, is_solved)
+
+
+def _likelihood(
+    samples: OptionSamples,
+    name: str,
+    answers: Mapping[int, _Solved],
+    donors: NDArray[np.int64],
+    evidence: Evidence | None,
+) -> Array:
+    """Return the likelihood of the reference data with an edit over that without, shape (rows, donors)."""
+    if name.startswith("accuracy:"):
+        return _grade_likelihood(samples, float(name.partition(":")[2]), answers, donors, evidence)
+    if evidence:
+        return _likelihood_ratio(samples, name, answers, donors, evidence)
+    return np.ones(donors.shape)
 
 
 def _factor(rows: int, answers: Mapping[int, _Solved], name: str) -> Array | None:
