@@ -603,7 +603,7 @@ def _sentence(found: DriveHistory) -> str:
 def _history_facts(entries: Sequence[ArchiveEntry]) -> Iterator[Fact]:
     """Yield the entries omitted from the comparison and from the uncertainty, a label and a text each."""
     parts = sum(each.F_ior_is_lower_bound for each in entries)
-    yield "left out", f"{parts} lower bounds from a part of the cycle" if parts else ""
+    yield "left out", f"lower bounds from a part of the cycle: {parts}" if parts else ""
     missing = dict.fromkeys(name for each in entries for name in each.unstated)
     yield "not in u", f"{', '.join(missing)}; they may cause a change (--budget NAME=U)" if missing else ""
 

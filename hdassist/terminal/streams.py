@@ -30,7 +30,7 @@ PIPE_WIDTH = 80
 _STRICT = "HDASSIST_STRICT"
 _Made = TypeVar("_Made")
 PLAIN_CHARACTERS = str.maketrans("·µ×−–’█─", "*ux--'#-") | str.maketrans(
-    {"°": " deg", "±": "+-", "…": "...", "≤": "<=", "≥": ">=", "→": "->", "″": " arcsec"}
+    {"°": " deg", "±": "+-", "…": "...", "≤": "<=", "≥": ">=", "→": "->", "″": " arcsec", "σ": "sigma"}
 )
 
 

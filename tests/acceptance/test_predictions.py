@@ -101,11 +101,11 @@ def test_orders_that_the_cycle_does_not_have_are_refused(predicted):
 
 
 def test_an_order_that_the_cycle_has_not_is_the_fault_of_who_asked(tmp_path):
-    with pytest.raises(UsageError, match=r"order 2\.01 is none"):
+    with pytest.raises(UsageError, match=r"order 2\.01 does not exist"):
         accept(tiny("order_2.01=3"))
     preset = tmp_path / "own.yaml"
     preset.write_text(Path(TINY).read_text() + "acceptance: {order_amplitude: {2.01: 3}}\n")
-    with pytest.raises(DataError, match=r"acceptance\.order_amplitude: order 2\.01 is none"):
+    with pytest.raises(DataError, match=r"acceptance\.order_amplitude: order 2\.01 does not exist"):
         accept(Request(str(preset)).load())
 
 

@@ -287,4 +287,4 @@ def test_help_imports_no_screen() -> None:
     )
     code += " assert not {'textual', 'numpy', 'cvxpy'} & set(sys.modules), sorted(sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], env=CLEAN, capture_output=True, text=True, check=False)
-    assert done.returncode == 0 and "A drive turned on the screen" in done.stdout, done.stderr
+    assert done.returncode == 0 and "Interactive screen of a drive" in done.stdout, done.stderr

@@ -44,6 +44,7 @@ targets: [{quantity: self_error, M_g: 4, low: 0, high: 1000}]
 """
 EFFORT = ("count", "draws", "samples", "evaluations", "revolutions", "jobs")  # which nobody affords at the high end
 OF_OTHER_FILES = ("declination", "guide_rate")  # of guide logs: refused with any other recording
+INSTEAD_OF_SPEED = "period"  # the same of a column of time, refused together with it
 HEAVY = ("tolerance", "sensitivity", "allocate", "compare")  # which solve a table or many drives whatever is asked
 ANY = (-1e300, -0.5, 0, 1e-300, 359.9, 1e300, float("nan"), float("inf"))
 
@@ -143,7 +144,7 @@ def test_digits_of_other_scripts_and_underscores_are_no_numbers(folder: Path, co
 def test_ends_and_odd_values_are_solved(folder: Path, command: str, place: str) -> None:
     options = ["--jobs=1"] * any(option.name == "jobs" for option in declared(command))
     for option in declared(command):
-        if option.low is None or option.name == "jobs" or option.name in OF_OTHER_FILES:
+        if option.low is None or option.name == "jobs" or option.name in (*OF_OTHER_FILES, INSTEAD_OF_SPEED):
             continue
         values = list(option.values())
         options += [option.flag, values[0 if place == "low" else 1 if option.name in EFFORT else -1]]

@@ -119,7 +119,7 @@ def test_the_page_shows_the_amplitude_that_accept_compares():
     assert amplitude == pytest.approx(4, abs=0.1)
     facts = dict(measure_report(found, None).blocks[1].rows)
     assert f"2: {found.directions[0].orders_of_cam[1].amplitude_arcsec:.2f}" in facts["orders"]
-    assert f"({amplitude:.2f} alone)" in facts["orders"]
+    assert f"({amplitude:.2f}″)" in facts["orders"]
 
 
 @pytest.mark.thorough

@@ -11,7 +11,7 @@ from benchmarks.joints import RATIO, Joint
 from hdassist import load_preset, trace
 from hdassist.measuring.measure import measure
 from hdassist.run.run import UNCHECKED
-from tests.process import TINY, run
+from tests.process import TINY, in_a_line, run
 
 
 def true_slope(joint: Joint, travel_deg: float) -> float:
@@ -52,4 +52,4 @@ def test_commands_state_the_slope_and_the_rate_at_a_speed(tmp_path):
     assert found["rate_arcsec_per_s"] == pytest.approx(slope * 15.041 / 3600)
     assert f"at most {slope:.3g} ±" in run(*asked).stdout
     told = run("trace", TINY, "--speed", "15.041", "--details").stdout
-    assert "″/s at 15.041″/s" in told
+    assert "at an output speed of 15.041″/s" in in_a_line(told)

@@ -85,7 +85,7 @@ def test_a_wrong_ratio_is_asked_about():
     error = 5 * np.cos(4 * np.pi * turns) + 4 * np.sin(2 * np.pi * turns / RATIO)
     error += 0.5 * np.random.default_rng(0).standard_normal(len(turns))
     assert not measure(recorded(turns, error), ratio=RATIO).warnings
-    assert any("is the ratio right?" in text for text in measure(recorded(turns, error), ratio=24).warnings)
+    assert any("check the ratio" in text for text in measure(recorded(turns, error), ratio=24).warnings)
 
 
 @pytest.mark.parametrize(("turns", "step", "share"), [(69.84, 20, 69.84 / 101), (101, 15, 1.0)])

@@ -35,7 +35,7 @@ def test_what_is_left_to_a_default_has_the_range_of_its_size():
     assert found["contact.c_t"] == pytest.approx((0.3e-5 / D, 6e-5 / D))
     assert found["contact.c_ball"] == pytest.approx((min(1.25e-5 / D, 2.5e-5), 2.857e-5 / D))
     reasons = {a.path: a.reason for a in assumptions(loose())}
-    assert reasons["contact.c_t"] == "the face width works near one edge only"
+    assert reasons["contact.c_t"] == "only one edge of the face width carries load"
     assert reasons["gears.h_f"] == "usual basic racks"
 
 

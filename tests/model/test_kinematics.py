@@ -127,5 +127,5 @@ def test_full_cycle_is_asked_for_by_name(reference):
     from hdassist.errors import UsageError
 
     states = pitch_locked_states(Kinematics.of(reference), np.arange(10))
-    with pytest.raises(UsageError, match="full cycle"):
+    with pytest.raises(UsageError, match="full mesh cycle"):
         _ = kinematic_error(reference, 80, states=states).F_ior_arcsec

@@ -87,7 +87,6 @@ def test_figures_and_torques():
         (["--step", "7"], 2),
         (["--step", "0"], 2),
         (["--step", "nan"], 2),
-        (["--torque", "0"], 2),
         (["--torque", "1e6"], 5),
     ],
 )

@@ -169,11 +169,11 @@ def test_what_was_left_out_is_said(files):
 
 
 FAULTS = {
-    "wrong count": (rows(VALUES[:61]), "1:1: column 1: the wheel has 62 teeth, the file 61"),
-    "other wheel": (rows([*VALUES, 0, 1]), "63:1: column 1: the wheel has 62 teeth, the file 64"),
+    "wrong count": (rows(VALUES[:61]), "1:1: column 1: the wheel has 62 teeth, the file has 61"),
+    "other wheel": (rows([*VALUES, 0, 1]), "63:1: column 1: the wheel has 62 teeth, the file has 64"),
     "gap": (
         rows().replace("30;", "# 30;"),
-        "1:1: column 1: the wheel has 62 teeth, the file 61 (got no row for tooth 30",
+        "1:1: column 1: the wheel has 62 teeth, the file has 61 (got no row for tooth 30",
     ),
     "duplicate": (rows().replace("30;", "29;"), "30:1: column 1: a tooth is given twice"),
     "no number": (rows().replace(f"30;{VALUES[29]}", "30;n/a"), "30:4: column 2: "),
