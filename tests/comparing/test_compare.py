@@ -284,11 +284,7 @@ def test_torque_and_balls_are_asked_for(drive):
     with pytest.raises(UsageError, match="several torques: 1, 4"):
         torque_of(drive)
     rolling = load_preset(SMALL, ["bearing.ball_motion=rolling", "bearing.d_ball=3"])
-<<<<<<< HEAD
     with pytest.raises(UsageError, match=r"bearing\.ball_motion: locked"):
-=======
-    with pytest.raises(UsageError, match="ball_motion"):
->>>>>>> 19fbbaba (Tests follow the words of pages and errors; σ has a seven-bit form; the list of an archive counts its lower bounds)
         comparing.compare(measure(rig(drive, 4), drive=drive, together=True), rolling, M_G, asked=KNOWN)
 
 

@@ -27,9 +27,5 @@ def test_the_error_is_the_sum_of_its_waves(fixed):
 
 
 def test_rolling_balls_are_refused():
-<<<<<<< HEAD
     with pytest.raises(UsageError, match=r"bearing\.ball_motion: locked"):
-=======
-    with pytest.raises(UsageError, match="ball_motion"):
->>>>>>> 19fbbaba (Tests follow the words of pages and errors; σ has a seven-bit form; the list of an archive counts its lower bounds)
         ErrorWaves(load_preset(SMALL, ["bearing.ball_motion=rolling", "bearing.d_ball=3"]), 4.0)

@@ -287,8 +287,11 @@ def doubtful() -> list[Advice]:
         Trial(30.0, 9.0),
         Trial(60.0, 20.123, noise_arcsec=0.3, file="a/r.csv"),
     )
-    beyond = iter([SimpleNamespace(is_above=True, is_below=False, low_arcsec=1.0, high_arcsec=2.0)])
-    within = SimpleNamespace(is_above=False, is_below=False)
+    beside = [
+        SimpleNamespace(is_above=is_above, is_below=not is_above, low_arcsec=1.0, high_arcsec=2.0)
+        for is_above in (True, False)
+    ]
+    beyond, within = iter(beside), SimpleNamespace(is_above=False, is_below=False)
     samples = SimpleNamespace(
         few="", noise=lambda trials: np.full(len(trials), 0.01), predicted=lambda _trial: next(beyond, within)
     )
