@@ -32,7 +32,7 @@ def test_a_verdict_is_the_probability_of_keeping_the_limit(open_):
     def verdict(limit: float, **change) -> Verdict:
         return replace(point, limit_arcsec=limit, **change).verdict
 
-    values = open_.samples.F_ior_arcsec[:, 1]
+    values = open_.samples.sets_arcsec[:, :, 1]
     assert verdict(values.max() + own + 0.01) is Verdict.PASS
     kept = float(np.mean(values <= belief.p95))
     assert verdict(belief.p95 + own, sure=kept + 0.001) is verdict(belief.p50 + own) is Verdict.INCONCLUSIVE
@@ -46,10 +46,12 @@ def test_a_verdict_is_the_probability_of_keeping_the_limit(open_):
 
 def test_few_samples_give_a_range_with_a_warning_and_a_verdict_where_all_of_the_interval_does(open_):
     first = open_.samples.of_ranges
+    agrees = np.arange(len(first.weights)) < 9
     few = replace(
         first,
         few="9 of 2048 draws agree, 64 are wanted",
-        weights=np.where(np.arange(len(first.weights)) < 9, first.weights, 0),
+        weights=first.weights * agrees,
+        further_weights=first.further_weights * agrees[:, np.newaxis],
     )
     found = open_.with_samples(few)
     point = found.points[1]
