@@ -59,6 +59,17 @@ def test_F_ior_as_mounted_is_the_same_number_on_check_mount_and_a_sheet(more):
 FACES = ("phases.xi_g", "phases.xi_b", "phases.phi_hb", "phases.phi_hh")  # directions that all drives have
 
 
+def is_same(one: object, other: object) -> bool:
+    """Return whether two JSON values are the same, with numbers equal to rounding."""
+    if isinstance(one, dict) and isinstance(other, dict):
+        return one.keys() == other.keys() and all(is_same(one[key], other[key]) for key in one)
+    if isinstance(one, list) and isinstance(other, list):
+        return len(one) == len(other) and all(map(is_same, one, other))
+    if isinstance(one, float) and isinstance(other, float):
+        return one == pytest.approx(other, rel=1e-12)
+    return one == other
+
+
 @pytest.mark.thorough
 @pytest.mark.usefixtures("kept")
 def test_all_pages_say_the_same_numbers_and_the_same_probability():
@@ -79,7 +90,8 @@ def test_all_pages_say_the_same_numbers_and_the_same_probability():
         assert [(point["belief"], point["verdict"]) for point in each["operating_points"]] == [
             (point["belief"], point["verdict"]) for point in points
         ]
-    assert report["check"]["steps"] == checked["steps"] != []
+    assert checked["steps"] != []
+    assert is_same(report["check"]["steps"], checked["steps"])
     assert [each["of"] for each in accepted["steps"]] == [each["of"] for each in checked["steps"]]
     for each in (checked, report["check"]):  # one number: the median, and no other F'_ior of the preset beside it
         for point in each["operating_points"]:
@@ -175,7 +187,7 @@ def test_a_choice_that_is_not_sure_is_a_best_bet_and_ends_with_code_6_only_where
     page, held = (run("mount", TINY, *loose, "--draws", "24", *more) for more in ((), ("--sure", "0.99")))
     assert (page.returncode, held.returncode) == (0, 6)
     assert "BEST BET, hole " in page.stdout.splitlines()[0]
-    assert re.search(r"measure F'_ior at 1 N·m in hole 0, hole 2, hole 4", in_a_line(page.stdout))
+    assert "measure it at 1 N·m in hole 0, hole 2, hole 4" in in_a_line(page.stdout)
     assert run("mount", TINY, *loose, "--draws", "24", "-q").stdout.strip().isdigit()
 
 
