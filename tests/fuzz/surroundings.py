@@ -49,7 +49,7 @@ SHM_FULL = 'mount -t tmpfs -o size=4k tmpfs /dev/shm; head -c 4096 /dev/zero > /
 
 SURROUNDINGS = (
     Surrounding("disk full", FULL_DISK, MOUNTS),
-    Surrounding("no file above 512 bytes", 'ulimit -f 1; exec "$@"'),
+    Surrounding("no file above 512 bytes", 'ulimit -f 1; PYTHONDONTWRITEBYTECODE=1 exec "$@"'),
     Surrounding("folder read-only", READ_ONLY, MOUNTS),
     Surrounding("folder of another user", 'exec "$@"', OTHER_USER),
     Surrounding("shared memory read-only", SHM_READ_ONLY, MOUNTS),

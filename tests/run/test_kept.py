@@ -347,8 +347,8 @@ def test_a_full_disk_leaves_whole_records_to_go_on_from(path):
         resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, 10_000))
 
     done = subprocess.run(
-        [sys.executable, "-c", WRITE_ON, path], capture_output=True, env=CLEAN, text=True, check=False,
-        preexec_fn=small_files,
+        [sys.executable, "-B", "-c", WRITE_ON, path],  # -B: no compiled module that is cut off
+        capture_output=True, env=CLEAN, text=True, check=False, preexec_fn=small_files,
     )  # fmt: skip
     assert f"DataError: cannot write {path}: File too large" in done.stderr
     assert path.stat().st_size == 10_000
