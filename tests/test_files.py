@@ -131,6 +131,7 @@ def test_a_closed_standard_output_is_no_fault_where_the_answer_goes_to_a_file(tm
     assert (done.returncode, done.stderr) == (0, "wrote own.yaml\n")
 
 
+@pytest.mark.thorough
 def test_a_lot_that_goes_on_replaces_its_own_report_and_no_other(folder):
     def resumed() -> subprocess.CompletedProcess[str]:
         return run(*ACCEPT, "--resume", "--jsonl", "a.jsonl", "--junit", "a.xml", cwd=folder)

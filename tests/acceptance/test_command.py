@@ -225,6 +225,7 @@ def test_the_guard_is_in_the_unit_of_its_row(rig):
     assert guard == pytest.approx(GUARD * 2500 * np.pi / 180 / 60, rel=0.01)
 
 
+@pytest.mark.thorough
 def test_a_turn_has_no_more_than_the_whole_cycle(rig):
     limits = "--limit", "F_ior@4=60", "--limit", "turn_range@4=60"
     for seed in range(3):

@@ -200,6 +200,7 @@ def test_a_lot_whose_files_have_all_changed_is_done_again(folder, here):
     assert json.loads(answer)["measured"][0]["sha256"] != before
 
 
+@pytest.mark.thorough
 def test_replay_agrees_differs_or_says_which_file_changed(folder, here):
     one = ("accept", SMALL, "--limit", "F_ior@4=60", "--measured", "4=run.csv", "--serial", "17-1", *STATED)
     assert here(*one, "--json", "-o", "one.json")[0] == 0
@@ -304,6 +305,7 @@ FORGED = {
 }
 
 
+@pytest.mark.thorough
 def test_replay_compares_the_whole_answer(folder, here):
     error = drive_error(np.random.default_rng(3), 30)(TURNS[:480])
     (folder / "run.csv").write_text(text([360 * TURNS[:480], error], "cam_deg,error_arcsec"))

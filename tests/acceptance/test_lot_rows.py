@@ -97,6 +97,7 @@ def test_one_recording_for_two_serials_passes_neither(folder: Path) -> None:
     assert "SHARED_RECORD" in str(answers["K1"]["remarks"])
 
 
+@pytest.mark.thorough
 def test_an_answer_that_is_kept_is_done_again_where_a_new_row_has_its_recording(folder: Path) -> None:
     lot = "serial;measured@1;limit F_ior@1\nK1;a.csv;40\n"
     more = (*MEASURED, *BUDGET, "--jsonl", "x.jsonl", "--resume")

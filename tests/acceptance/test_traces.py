@@ -58,6 +58,7 @@ def test_a_part_of_the_cycle_can_fail_a_drive_and_never_pass_it():
     assert accept(small("order_2=1"), measured, measured_only=True).verdict == "INCONCLUSIVE"
 
 
+@pytest.mark.thorough
 def test_half_of_the_cycle_passes_by_the_upper_end_of_its_model():
     measured = {4.0: measure(rig(CYCLE // 2), drive=small(), stated=NOTHING)}
     (direction,) = measured[4.0].directions
@@ -104,6 +105,7 @@ def test_a_part_beside_the_whole_cycle_leaves_what_the_whole_says():
     assert {d.extent for d in found.checks} == {"whole"}
 
 
+@pytest.mark.thorough
 def test_a_source_that_nobody_has_stated_keeps_a_drive_from_passing():
     trace, limits = rig(CYCLE), ("F_ior@4=500", "turn_range@4=500", "order_2=500")
     for missing in ("encoder", "temperature"):

@@ -73,6 +73,7 @@ def test_the_race_has_the_options_and_probabilities_of_all_samples(limit):
     assert {key for key, each in few.items() if not each.is_question} == {*options}
 
 
+@pytest.mark.thorough
 def test_the_race_names_the_hole_of_mount():
     for limit in ("acceptance.F_ior=2060", "name=any"):
         drive = load_preset(TINY, (*OPEN[:4], limit, "operation.M_g=[1, 4]"))

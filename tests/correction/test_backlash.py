@@ -95,6 +95,7 @@ def reversal_arcsec(motor_deg: np.ndarray) -> float:
     return (forward - backward) * 3600
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("controller", "axis", "played"), [("duet", "a", duet), ("grblhal", "A", grblhal), ("heidenhain", "4", heidenhain)]
 )
@@ -115,6 +116,7 @@ def test_a_file_states_what_stays(tmp_path: Path) -> None:
     assert "both.csv, sha256" in text
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("write", "options", "code"),
     [
@@ -138,6 +140,7 @@ def test_what_a_controller_does_not_take_is_refused(
     assert not (tmp_path / "out.txt").exists()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("how", "code"), [({"both": False}, 4), ({"backlash_arcsec": 0.0}, 5)])
 def test_a_recording_without_a_clear_backlash_is_refused(how: dict[str, float], code: int, tmp_path: Path) -> None:
     recording(tmp_path, **how)

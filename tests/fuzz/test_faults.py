@@ -28,6 +28,7 @@ def test_a_run_that_is_killed_leaves_nothing_half_and_the_next_goes_on():
     assert not tally.broken
 
 
+@pytest.mark.thorough
 def test_a_run_that_is_told_to_stop_leaves_nothing(monkeypatch):
     monkeypatch.setattr(faults, "SOON", 60.0)  # how soon is for the study of many, on a machine without other work
     tally = signals(3, 0, seconds=2.0)

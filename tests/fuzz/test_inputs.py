@@ -29,6 +29,7 @@ def test_no_input_is_a_bug_or_takes_long_or_much_memory_or_destroys_a_file(found
     assert [outcome for outcome in ours if outcome.fault] == []
 
 
+@pytest.mark.thorough
 def test_many_inputs_are_refused_and_many_are_read(found: list[Outcome]) -> None:
     codes = Counter(outcome.code in (2, 4) for outcome in found)
     assert min(codes[True], codes[False]) > FEW / 10

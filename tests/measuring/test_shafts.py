@@ -119,6 +119,7 @@ def timed(path: Path, uneven: float) -> None:
     path.write_text(text([time, 360 * turns, error], "time_s,cam_deg,error_arcsec", digits=6))
 
 
+@pytest.mark.thorough
 def test_time_stamps_give_the_speed_and_a_speed_that_varies_is_refused(tmp_path: Path) -> None:
     timed(tmp_path / "even.csv", 0.0)
     timed(tmp_path / "uneven.csv", 0.5)

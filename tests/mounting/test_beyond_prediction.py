@@ -18,6 +18,7 @@ def warnings(*arguments: str) -> str:
     return " ".join(json.loads(answer.stdout)["warnings"])
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("value", "side"), [("60", "above"), ("37", ""), ("25", "below")])
 def test_check_names_a_measured_value_beyond_the_predicted_range(value: str, side: str) -> None:
     named = warnings("check", TINY, "--set", f"measured.F_ior={{h0@1: {value} ± 1}}", *OPEN)
@@ -25,6 +26,7 @@ def test_check_names_a_measured_value_beyond_the_predicted_range(value: str, sid
     assert not side or f"{value}″ (h0@1) is {side} the range" in named
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("value", "side"), [("2500", "above"), ("40", ""), ("0.5", "below")])
 def test_mount_names_a_measured_value_beyond_the_predicted_range(value: str, side: str) -> None:
     named = warnings("mount", TINY, f"h0@1={value}", "--noise", "0.1", *OPEN)
@@ -32,5 +34,6 @@ def test_mount_names_a_measured_value_beyond_the_predicted_range(value: str, sid
     assert not side or f"{value}″ is {side} the range" in named
 
 
+@pytest.mark.thorough
 def test_a_value_within_its_uncertainty_of_the_range_is_not_beyond_it() -> None:
     assert "the preset alone predicts" not in warnings("check", TINY, "--set", "measured.F_ior={h0@1: 45 ± 12}", *OPEN)

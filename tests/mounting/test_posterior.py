@@ -156,6 +156,7 @@ def test_a_value_is_misread_with_the_probability_of_the_normal_distribution() ->
     assert found.misread == pytest.approx(exact, rel=1e-6)
 
 
+@pytest.mark.thorough
 def test_repeats_tell_the_noise(cloud: HoleSamples) -> None:
     values = measured(50.0, 20.0)
     once = posterior_of(cloud, trials(values), [0.0])

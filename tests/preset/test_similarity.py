@@ -184,6 +184,7 @@ def test_a_modulus_that_is_not_that_of_steel_is_warned_of() -> None:
         assert sum("material.E" in text for text in drive.origin.warnings) == count
 
 
+@pytest.mark.thorough
 def test_measured_drives_without_a_brand_lie_within_their_predicted_range(tmp_path: Path) -> None:
     made_by = ("presets", "new", "own", "--ratio", "100", "--pitch-diameter", "50.8", "-o", "own.yaml")
     ranges = {}

@@ -87,6 +87,7 @@ def test_the_same_input_is_the_same_bytes_whatever_the_jobs(sheet, folder):
     assert (folder / "a.html").read_bytes() == again.encode("utf-8")
 
 
+@pytest.mark.thorough
 def test_a_quiet_report_is_the_same_file(folder):
     result = run("report", SMALL, *ASKED, "--torque", "4", "-o", "quiet.html", "--quiet", cwd=folder)
     assert (result.returncode, result.stdout) == (0, "")

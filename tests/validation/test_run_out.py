@@ -28,5 +28,6 @@ def test_extremes(by_hole):
     assert (min(by_hole[80.0]), max(by_hole[80.0])) == (pytest.approx(13.9, rel=0.06), pytest.approx(40.9, rel=0.03))
 
 
+@pytest.mark.thorough
 def test_the_best_hole_has_the_mark_towards_the_offset_for_either_sign_of_the_torque(by_hole):
     assert [int(np.argmin(values)) for values in by_hole.values()] == [6, 6]
