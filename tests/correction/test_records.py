@@ -154,12 +154,12 @@ def test_the_command_takes_records_in_the_order_of_the_torques(tmp_path: Path):
         files[-1].write_text(f"cam_deg,error_arcsec\n{rows}")
     page = run("compensate", TINY, *map(str, files), "--each-load", "--no-plot", "--draws", "8")
     assert page.returncode == 0
-    assert "record at 1, 4 N·m, whose angles the correction has" in in_a_line(page.stdout)
+    assert "recording at 1, 4 N·m; angles count as in the recording" in in_a_line(page.stdout)
     found = json.loads(run("compensate", TINY, str(files[0]), "--json", "--draws", "4").stdout)
     assert found["recorded_Nm"] == [1.0]
     many = run("compensate", TINY, *map(str, [*files, files[0]]))
     assert many.returncode == 2
-    assert "3 records, but tiny has 2 torques" in many.stderr
+    assert "but tiny has 2 torques" in many.stderr
 
 
 @pytest.mark.thorough
@@ -190,10 +190,10 @@ def test_part_of_the_cycle_is_called_that_with_the_misfit_and_what_to_record(tmp
     page = run("compensate", TINY, "part.csv", "--set", *OPEN, "--draws", "8", "--no-plot", cwd=tmp_path)
     words = in_a_line(page.stdout)
     assert "computed as 0" not in page.stderr
-    assert ", with noise of the record" in words
-    assert " of 10 turns at 1 N·m; the correction has the preset's angles" in words
+    assert ", including noise of the recording" in words
+    assert " of 10 input revolutions at 1 N·m; angles count as in the preset" in words
     assert "fitted phases.xi_b, values in doubt (docs/correct.md); misfit " in words
-    assert "measure the full cycle: it needs no fit next hdassist compensate " in words
+    assert "the full mesh cycle, which needs no fit" in words
 
 
 @pytest.mark.parametrize("count", [1001, 1836])
