@@ -81,7 +81,7 @@ def _columns(found: SweepResult) -> Sequence[Quantity[SweepResult]]:
     """Return the columns of the short table; of a lower bound the range is that of the recorded part, not F'_ior."""
     if not found.is_bound:
         return _ON_PAGE
-    label = "recorded range"
+    label = "range"
     return [replace(column, label=label) if column.key == "F_ior_arcsec" else column for column in _ON_PAGE]
 
 
@@ -160,8 +160,8 @@ def _lower_bound(result: Measurement, found: SweepResult) -> Iterator[str]:
             yield "The travel was recorded in several sweeps: record it in one."
     elif found.is_bound:
         cycle, output = result.gearing.cycle, result.gearing.cycle_output
-        outputs = f"{output} output revolution{'s' * (output != 1)}"
-        yield f"{covered} of the full mesh cycle of {cycle} input revolutions ({outputs})."
+        outputs = f" ({output} output revolutions)" if output > 1 else ""
+        yield f"{covered} of the full mesh cycle of {cycle} input revolutions{outputs}."
         if found.coverage.share >= FULL_SHARE:
             yield "Slow terms were removed: only readings of a whole output revolution determine them."
         elif found.bins.span >= FULL_SHARE * cycle:
