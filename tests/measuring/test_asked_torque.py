@@ -88,7 +88,7 @@ def test_each_direction_is_taken_by_its_own_torque():
 @pytest.mark.thorough
 def test_two_torques_tell_no_value_between_without_a_warning():
     words = record(np.tile(ONCE, 2), np.repeat([10.0, 30.0], len(ONCE)))
-    assert any("by a straight line" in warning for warning in at(words, 20.0).warnings)
+    assert any("interpolated linearly" in warning for warning in at(words, 20.0).warnings)
     assert not at(words, 10.0).warnings
 
 
