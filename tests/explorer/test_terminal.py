@@ -131,13 +131,13 @@ def test_a_session_in_a_terminal() -> None:
         terminal.press("\x1b[C")
         terminal.wait_for("hole 1 (60°)")
         terminal.press("e")
-        terminal.wait_for("what is known")
+        terminal.wait_for("known data of this drive")
         terminal.press("h9=3\r")
         terminal.wait_for("the seat's holes")
         terminal.press("\x1b")
-        terminal.wait_for_end_of("what is known")  # an escape and a letter at once would be another key
+        terminal.wait_for_end_of("known data of this drive")  # an escape and a letter at once would be another key
         terminal.press("e")
-        terminal.wait_for("what is known")
+        terminal.wait_for("known data of this drive")
         terminal.press("h1=28.1\r")
         terminal.wait_for("undo")
         terminal.press("q")
@@ -181,7 +181,7 @@ def test_a_killed_explorer_leaves_no_process_and_the_command_that_goes_on(stop: 
     with explorer() as terminal:
         terminal.wait_for("7 advice")  # what computes has begun
         terminal.press("e")
-        terminal.wait_for("what is known")
+        terminal.wait_for("known data of this drive")
         terminal.press("h0=28.1\r")
         terminal.wait_for("undo")
         os.kill(terminal.process.pid, stop)
@@ -202,7 +202,7 @@ def test_an_explorer_ends_with_its_terminal(is_ignored: bool) -> None:
     try:
         terminal.wait_for("7 advice")
         terminal.press("e")
-        terminal.wait_for("what is known")
+        terminal.wait_for("known data of this drive")
         terminal.press("h0=28.1\r")
         terminal.wait_for("undo")
         terminal.hang_up()
