@@ -556,7 +556,7 @@ class Explorer(_Exporting):
         self.draw()
 
     def action_evidence(self) -> None:
-        """Ask for the samples of the drive."""
+        """Ask for known data of the drive: a stiffness, a value measured in a hole, a limit or a recording."""
         session = self.session
         hint = (
             f"K_1=3.1e4 lost_motion=50; h4=31 +- 2, F'_ior in a hole at {session.trial_torque:g} N·m; h4@80=31; "
