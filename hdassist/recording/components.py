@@ -36,6 +36,8 @@ _FEWEST_PERIODS = 3.0  # in the longest run: slower components are drift or wave
 _WIDEST_SIDEBAND, _WIDEST_OF_RATIO = 14, 0.25  # of a component that is a wave of the torus; over the ratio
 _ON_WAVE = 0.2  # of the resolution: how far a component may lie off a wave of the torus
 _WHOLE = 0.97  # of the cycle, in one run, from which its sidebands are resolved
+_CELLS_PER_STEP = 4  # of even angles, on which residuals are set: a wave loses 3 % of its power at most
+_SAME_PLACE = 0.25  # of the resolution: a component so near to a line that was removed is what the removal left of it
 _REMOVAL_STEPS = 5  # places between two of the spectrum, at which a peak is sought
 
 
@@ -70,7 +72,7 @@ def clear_components(residual: Array, path_rev: Array, run: _Indices, cycle: Fra
     rest = residual.copy()
     for _ in range(_MOST_COMPONENTS):
         place = _clearest_place(rest, path_rev, run, longest)
-        if place is None:
+        if place is None or any(abs(place - taken) < _SAME_PLACE / longest for taken in lines):
             break
         rest = rest - _wave_at(rest, path_rev, run, place)
         pair = _pair_at(place, cycle, longest)
@@ -122,19 +124,24 @@ def _clearest_place(residual: Array, path_rev: Array, run: _Indices, longest: fl
 def _spectrum(residual: Array, path_rev: Array, run: _Indices, longest: float) -> tuple[Array, Array]:
     """Return places [periods per input rev], twice as fine as the longest run resolves, and the power (R14) there.
 
-    The power is summed over the runs. Residuals are set on even angles, as many as the blocks of the longest run.
+    The power is summed over the runs. Residuals are set on even angles that are finer than the usual step, so that
+    neither lost nor uneven readings move a component. Places end at half a period per usual step.
     """
-    blocks = int(np.bincount(run).max())
-    step = longest / max(blocks - 1, 1)
-    points = 2 * blocks
+    steps = np.diff(path_rev)[np.diff(run) == 0]
+    usual_step = float(np.median(steps[steps > 0])) if (steps > 0).any() else longest
+    cells = _CELLS_PER_STEP * (int(np.ceil(longest / usual_step)) + 1)
+    cell_rev = usual_step / _CELLS_PER_STEP
+    points = 2 * cells
     power = np.zeros(points // 2 + 1)
     for number in range(int(run.max()) + 1):
         in_run = run == number
         angle = path_rev[in_run] - path_rev[in_run].min()
-        cell = np.minimum(np.rint(angle / step).astype(np.int64), points - 1)
+        cell = np.minimum(np.rint(angle / cell_rev).astype(np.int64), points - 1)
         line = np.bincount(cell, residual[in_run], minlength=points)
         power += np.abs(np.fft.rfft(line)) ** 2
-    return np.arange(len(power)) / (points * step), power
+    places = np.arange(len(power)) / (points * cell_rev)
+    is_told = places <= 0.5 / usual_step
+    return places[is_told], power[is_told]
 
 
 def _wave_at(residual: Array, path_rev: Array, run: _Indices, place: float) -> Array:

@@ -38,6 +38,14 @@ def test_a_line_and_a_wave_are_told_apart():
     assert np.allclose(found.lines, [5.37], atol=0.2 / RATIO)
 
 
+def test_lost_readings_do_not_move_a_component():
+    is_kept = np.random.default_rng(5).random(BLOCKS) > 0.02
+    line = 0.5 * np.cos(2 * np.pi * 14.37 * PATH)  # nearly the highest order that the readings resolve, 15
+    found = clear_components((noise(0) + line)[is_kept], PATH[is_kept], RUN[is_kept], CYCLE)
+    (component,) = found.lines
+    assert component == pytest.approx(14.37, abs=0.2 / RATIO)
+
+
 def test_a_part_of_the_cycle_has_lines_alone():
     part = PATH < 0.5 * RATIO
     wave = 0.4 * np.cos(2 * np.pi * (4 + 9 / RATIO) * PATH)
