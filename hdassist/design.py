@@ -95,7 +95,8 @@ class OperatingPoint:
     @property
     def held_arcsec(self) -> tuple[float, float] | None:
         """The same with the self error on top [arcsec]."""
-        own, ends = self.self_error.range_arcsec, self.range_arcsec
+        own = self.self_error.range_arcsec
+        ends = self.range_arcsec
         return ends and (ends[0] + own, ends[1] + own)
 
     @property
@@ -365,7 +366,8 @@ def _axis(text: str) -> Axis:
         same = (field for field in _fields() if field.split(".")[1] == path.split(".")[-1])
         close = f"the nearest name is {meant}" if (meant := next(same, "")) else near_miss(path, _fields())
         raise InvalidValueError("a field of a single number", close or "write section.key, for example gears.j_n")
-    unit, is_count = field.unit, field.kind == "count"
+    unit = field.unit
+    is_count = field.kind == "count"
 
     def number(part: str) -> float:
         value = scalar_value(part)
@@ -484,7 +486,8 @@ class Sweep:
         return [self._record(self.values(row)) for row in range(first, last)]
 
     def _record(self, values: dict[str, float]) -> SweepRow:
-        changes, M_g = {axis.path: values[axis.path] for axis in self.varied}, values[_TORQUE]
+        changes = {axis.path: values[axis.path] for axis in self.varied}
+        M_g = values[_TORQUE]
         sets = [f"{path}={[value] if path == _TORQUE else value!r}" for path, value in changes.items()]
         try:  # the drive of a row is validated as any other
             (extremes,) = extremes_of(load_text(self.text, self.file, [*self.overrides, *sets]), [M_g])
@@ -536,13 +539,19 @@ class Swept:
 def collect(sweep: Sweep, drive: Drive, records: Iterable[SweepRow]) -> Swept:
     """Results from the records of all rows, in their order; each record is read once."""
     F_ior = np.full(sweep.rows, np.nan)
-    states, residual, failed, reason, codes = 0, 0.0, 0, "", set[int]()
+    states = 0
+    residual = 0.0
+    failed = 0
+    reason = ""
+    codes = set[int]()
     for row, record in enumerate(records):
         if record.F_ior_arcsec is None:
-            failed, reason = failed + 1, reason or record.reason or ""
+            failed = failed + 1
+            reason = reason or record.reason or ""
             codes.add(record.exit_code)
             continue
         F_ior[row] = record.F_ior_arcsec
-        states, residual = states + (record.states or 0), max(residual, record.max_residual or 0.0)
+        states = states + (record.states or 0)
+        residual = max(residual, record.max_residual or 0.0)
     shaped = F_ior.reshape(sweep.shape)
     return Swept(sweep, drive, shaped, states, residual, failed, reason, frozenset(codes))

@@ -196,7 +196,8 @@ class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOption
             raise UsageError("no drive to accept", "name a preset or a lot.csv; see hdassist accept -h")
         if len(self.presets) > 1 and lots:
             raise UsageError(f"{lots[0]} is a lot, and cannot be combined with other drives or lots")
-        wheels, files = base.wheels, base.files()[1:]
+        wheels = base.wheels
+        files = base.files()[1:]
         if not lots:
             wheels.require_sound()
         of_one = self.measured or self.value or self.serial or wheels.files or wheels.marks
@@ -288,19 +289,22 @@ def accept_lot(path: str, base: Request, options: AcceptOptions, out: Output) ->
 
     done: list[AcceptAnswer] = []
     faults = Counter[str]()  # by their words
-    name, sha256 = path, ""
+    name = path
+    sha256 = ""
 
     def one(path: str) -> Report:
         nonlocal name, sha256
         base.require_sound()
         lot = read_lot(path, base).with_shared_records()
-        name, sha256 = lot.file, lot.sha256
+        name = lot.file
+        sha256 = lot.sha256
         for file in (file for row in lot.rows for file in row.request.files()):
             note_input(file)
         owner = KeptOwner(command="accept", inputs={})  # each answer has the files that it comes from
         with open_kept(options.jsonl, owner, ANSWERS, force=not options.resume) as kept:
             known = _known(lot, kept, options) if options.resume else [None] * len(lot.rows)
-            before, is_known = kept.done, sum(map(bool, known))
+            is_known = sum(map(bool, known))
+            before = kept.done
 
             def state() -> str:
                 where = f"are stored in {options.jsonl}; continue with the same command and --resume"

@@ -110,13 +110,15 @@ class MountCommand(
             raise UsageError("only one of --card and -q can use standard output")
         from hdassist.terminal.words import HOME, texts
 
-        plain, say = self.ascii or (path == "-" and out.style.ascii), texts(HOME if self.lang is None else self.lang)
+        plain = self.ascii or (path == "-" and out.style.ascii)
+        say = texts(HOME if self.lang is None else self.lang)
         return CardFile(path, say, self.serial or "", plain, out.force)
 
     def _advice(self, out: Output) -> Advice:
         """The advice by the preset alone, or after measured values."""
         files = self.wheels_of_one([self.preset])
-        drive, reading = self.load(self.preset), self.reading()
+        drive = self.load(self.preset)
+        reading = self.reading()
         # before the imports below, which take longer than all of this
         from hdassist.mounting.posterior import TrialSetup, read_trial_or_record
 
@@ -139,7 +141,8 @@ class MountCommand(
         from hdassist.belief.holes import LEAST_GAIN
         from hdassist.mounting.advice import advice_states, advise, advise_after
 
-        measured, torques = self.teeth(files, drive), drive.operation.M_g
+        measured = self.teeth(files, drive)
+        torques = drive.operation.M_g
         rotations = [] if has_values else _rotations(drive, self.step)
         heaviest = () if self.trial_torque else (max(torques, key=abs),)
         setup = TrialSetup(at, self.noise, heaviest)
@@ -314,10 +317,13 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
             def one(name: str) -> Report:
                 file, joint = logged.get(name, (name, None))
                 words = [*self.words_of_reading(), *[self.typed("seed", self.seed)] * bool(self.seed)]
-                ratio, read = self.ratio, form.measured_or_bench
+                ratio = self.ratio
+                read = form.measured_or_bench
                 if joint:
-                    own, ratio = replace(form, angle=joint.angle, second=joint.second), joint.ratio
-                    words, read = [*words, f"--angle={joint.angle}", f"--second={joint.second}"], own.measured
+                    own = replace(form, angle=joint.angle, second=joint.second)
+                    ratio = joint.ratio
+                    words = [*words, f"--angle={joint.angle}", f"--second={joint.second}"]
+                    read = own.measured
                 travel = self.travel or (drive and drive.acceptance.travel)
                 result = read(file, drive, ratio, seed=self.seed, travel_deg=travel, shafts=shafts)
                 if not isinstance(result, Measurement):
@@ -482,7 +488,8 @@ class CompensateCommand(
 
     def records(self, drive: Drive) -> dict[float, RecordedError]:
         """Errors of the records by torque [N*m]. Raises UsageError for more records than torques."""
-        files, torques = self.files or [], drive.operation.M_g
+        files = self.files or []
+        torques = drive.operation.M_g
         if len(files) > len(torques):
             raise UsageError(
                 f"{len(files)} records, but {drive.name} has {len(torques)} torques", "give --torque for each file"

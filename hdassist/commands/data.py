@@ -106,10 +106,12 @@ class PresetsListCommand(o.PageOptions):
         from hdassist.model.geometry import Kinematics
         from hdassist.preset.fields import origin_counts, plain
 
-        rows, values = [], []
+        rows = []
+        values = []
         for name in preset_names():
             drive = load_preset(name)
-            gears, counts = drive.gears, origin_counts(drive)
+            gears = drive.gears
+            counts = origin_counts(drive)
             sizes = {
                 "ratio": abs(Kinematics.of(drive).u),
                 "pitch_diameter_mm": gears.pitch_diameter,
@@ -152,7 +154,8 @@ class PresetsShowCommand(o.PageOptions, o.DriveOptions):
 
         if self.resolved or self.json or self.overrides:
             return super().run()
-        out, text = self.open(), read_preset(self.preset)[0]
+        out = self.open()
+        text = read_preset(self.preset)[0]
         if sys.stdout.isatty() or self.output != "-":
             out.text(text.decode("utf-8", "backslashreplace"))
         else:
@@ -304,7 +307,10 @@ class PresetsNewCommand(WishOptions):
         return 0
 
 
-PRESET, M_G, STORED_F_IOR, AGREES = "vzp160", 800.0, 7.706924145663, 1e-6  # arcsec: of every state, and how near
+PRESET = "vzp160"
+M_G = 800.0
+STORED_F_IOR = 7.706924145663  # arcsec, of every state
+AGREES = 1e-6  # arcsec: how near to the stored value
 _CROSS = "HIGHS"
 
 
@@ -384,7 +390,8 @@ def cache() -> DoctorFinding:
 
     from hdassist.run import kept
 
-    sizes, key = kept.cached_files(), sha256(b"doctor").hexdigest()
+    sizes = kept.cached_files()
+    key = sha256(b"doctor").hexdigest()
     kept.keep("doctor", key, b"")
     if kept.cached("doctor", key) is None:
         words = kept.why_unsafe() or f"{kept.cache_folder()} cannot be used"
@@ -396,7 +403,8 @@ def cache() -> DoctorFinding:
 
 def surroundings(style: Style) -> DoctorFinding:
     """Cores of this machine, and what standard output shows, by its style: a bar under way has replaced the stream."""
-    cores, kind = count(0), "a terminal" if sys.stdout.isatty() else "no terminal"
+    cores = count(0)
+    kind = "a terminal" if sys.stdout.isatty() else "no terminal"
     shown = f"{style.width} columns, {'7-bit' if style.ascii else 'all'} characters"
     return DoctorFinding("machine", "ok", f"{cores} core{'s' * (cores > 1)}; output: {kind}, {shown}")
 
@@ -417,7 +425,8 @@ def self_test() -> DoctorFinding:
         again = kinematic_error(drive, M_G, states=states, solver=_CROSS, run=UNCHECKED).range_arcsec
     except HdassistError as error:
         return DoctorFinding("self-test", "broken", error.message)
-    off, apart = abs(found.first - STORED_F_IOR), abs(again - found.first)
+    off = abs(found.first - STORED_F_IOR)
+    apart = abs(again - found.first)
     told = f"{found.first:.6f} arcsec, {off:.0e} from the stored value; {_CROSS} differs by {apart:.0e}"
     fine = off <= AGREES and apart <= 1e-3 and found.certificate.max_residual <= 1e-8
     return DoctorFinding(

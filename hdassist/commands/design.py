@@ -295,13 +295,15 @@ class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOpt
             raise UsageError("--limit does not apply to recordings", "use hdassist accept to compare one with a limit")
         o.stdin_once(*self.files, self.preset)
         out = self.open()
-        start, given_zero = o.degrees_or_fit("--phi-g0", self.start), o.degrees_or_fit("--cam-zero", self.zero or "0")
+        start = o.degrees_or_fit("--phi-g0", self.start)
+        given_zero = o.degrees_or_fit("--cam-zero", self.zero or "0")
         with out.progress(self.preset):  # words before numpy is imported
             from hdassist.comparing.compare import FIT_STATES, compare, torque_of, zero_of
             from hdassist.pages.compare import comparison_report
             from hdassist.run.run import Run
 
-            drive, reading = self.load(self.preset), self.reading()
+            drive = self.load(self.preset)
+            reading = self.reading()
             M_g = torque_of(drive)
 
             def one(name: str) -> Report:
@@ -393,7 +395,8 @@ class ReportCommand(o.AnswerOptions, o.SamplingOptions, o.LimitedDriveOptions):
         is_document = Path(self.output).suffix.lower() in _REPORT_SUFFIXES
         if self.json or (self.quiet and not is_document):  # a line in place of the Markdown; a document stays one
             return super().run()
-        kind, out = self._kind(), self.open()
+        kind = self._kind()
+        out = self.open()
         [report] = run_each("report", [self.preset], partial(self.report, out), out)
         code = give("report", [replace(report, head="")], out)  # its warnings: the page is a document
         from hdassist.pages.report import report_html, report_markdown
@@ -517,8 +520,11 @@ class ToleranceCommand(o.RowsOptions, DrawOptions):
         from hdassist.tolerance.production import Production
         from hdassist.tolerance.yields import AtTorque, Summary, rooms
 
-        count, results, drive = self.count, self.results, self.load(preset)
-        law, torques = self.law(drive), drive.operation.M_g
+        drive = self.load(preset)
+        results = self.results
+        count = self.count
+        law = self.law(drive)
+        torques = drive.operation.M_g
         limits = [drive.limit(M_g) for M_g in torques]
         if (self.limit or self.wanted is not None) and not any(limits):
             _require_limits(drive)
@@ -531,7 +537,8 @@ class ToleranceCommand(o.RowsOptions, DrawOptions):
             seed=self.seed,
             per_design=self.per_design,
         )
-        points, samples = tuple(map(AtTorque, torques, limits, own)), None
+        points = tuple(map(AtTorque, torques, limits, own))
+        samples = None
         summary = Summary(points, len(production.rotations), self.wanted, self.sure)
         owner = KeptOwner(
             command="tolerance",
@@ -646,7 +653,9 @@ class AllocateCommand(o.FigureOptions, DrawOptions):
         from hdassist.tolerance.tightening import Allocator, to_measure, worst_torque
 
         drive = self.load(preset)
-        law, torques, limits = self.law(drive, chosen=True), drive.operation.M_g, _require_limits(drive)
+        law = self.law(drive, chosen=True)
+        torques = drive.operation.M_g
+        limits = _require_limits(drive)
         own = [found.range_arcsec for found in self_error(drive, torques)]
         room = [limit - each for limit, each in zip(limits, own, strict=True)]
         if min(room) <= 0:

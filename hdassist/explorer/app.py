@@ -120,7 +120,10 @@ class Form(ModalScreen[None]):
 
     def __init__(self, title: str, value: str, hint: str, take: Callable[[str], None]) -> None:
         super().__init__()
-        self._title, self._value, self._hint, self._take = title, value, hint, take
+        self._title = title
+        self._value = value
+        self._hint = hint
+        self._take = take
 
     def compose(self) -> ComposeResult:
         """Title, line, hint, and room for a fault."""
@@ -152,7 +155,8 @@ class Notice(ModalScreen[bool | None]):
 
     def __init__(self, text: str, *, asks: bool = True) -> None:
         super().__init__()
-        self._text, self._asks = text, asks
+        self._text = text
+        self._asks = asks
 
     def compose(self) -> ComposeResult:
         """The text."""
@@ -205,7 +209,8 @@ class _Exporting(Asking):
             if path == "-":
                 raise UsageError("the screen has standard output", "name a file")
             require_writable(path, force=True)
-            keep, question = partial(put, path, text(path)), Notice(f"{path} exists. Replace it?")
+            keep = partial(put, path, text(path))
+            question = Notice(f"{path} exists. Replace it?")
             if Path(path).exists():  # asked once the form has gone
                 self.call_later(self.ask_in, question, lambda sure: self.attempt(keep) if sure else None)
             else:
@@ -228,7 +233,8 @@ class _Exporting(Asking):
 
     def action_save(self) -> None:
         """Write the preset with the changes, its comments and order as they are."""
-        source, overrides = self.session.source, self.session.drive.origin.overrides
+        source = self.session.source
+        overrides = self.session.drive.origin.overrides
         if not overrides:
             self.notify("no field is changed, so there is nothing to save")
             return
@@ -239,7 +245,8 @@ class _Exporting(Asking):
 
     def action_picture(self) -> None:
         """Write the screen as SVG."""
-        picture, hint = without_fonts(self.export_screenshot()), "the present screen, as SVG"
+        picture = without_fonts(self.export_screenshot())
+        hint = "the present screen, as SVG"
         self.ask_file("picture", self.named(".svg"), hint, lambda _: picture)
 
     def action_copy(self) -> None:
@@ -307,12 +314,15 @@ class Explorer(_Exporting):
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
-        self.holes, self.levers, self.is_grouped = Holes(id="holes"), Levers(id="levers"), False
+        self.holes = Holes(id="holes")
+        self.levers = Levers(id="levers")
+        self.is_grouped = False
         self.panes = {
             name: Pane(name, title.upper()) for name, title in VIEWS.items() if name not in ("holes", "levers")
         }
         self.lines = {name: Static(id=name, markup=False) for name in _LINES}
-        self.side, self.wanted = Vertical(id="side"), Input(placeholder="/ filters", id="filter", compact=True)
+        self.side = Vertical(id="side")
+        self.wanted = Input(placeholder="/ filters", id="filter", compact=True)
         self.all = Vertical(id="all", classes="holes")
 
     def compose(self) -> ComposeResult:
@@ -369,8 +379,11 @@ class Explorer(_Exporting):
 
     def ask_of_panes(self) -> None:
         """Ask for what is on the screen and not there yet: the pinned drive, steps of levers, errors of a cam turn."""
-        known, session, effort = self.known, self.session, self.effort
-        drive, pinned = session.drive, session.pinned
+        known = self.known
+        session = self.session
+        effort = self.effort
+        drive = session.drive
+        pinned = session.pinned
         if self.pinned and self.pinned.check is None:
             self.ask("pinned", self.pinned, drive_answers, pinned, {}, effort)
         if known.whole and self.levers.region.width:
@@ -386,8 +399,11 @@ class Explorer(_Exporting):
         """Show the session and its answers."""
         if not self.holes.is_attached:
             return
-        session, known, panes = self.session, self.known, self.panes
-        letters, torque = self._letters(), self.torque % len(session.drive.operation.M_g)
+        session = self.session
+        known = self.known
+        panes = self.panes
+        letters = self._letters()
+        torque = self.torque % len(session.drive.operation.M_g)
         self.holes.show(session, known.curve, self.pinned.curve if self.pinned else None, letters)
         self.holes.border_subtitle = "" if known.advice or known.failed else known.without
         effects = known.effects or LeverEffects({})
@@ -432,7 +448,8 @@ class Explorer(_Exporting):
         for active in self.screen.active_bindings.values():
             if (key := active.binding).show and active.enabled:
                 keys.setdefault(key.description, (self.get_key_display(key), key.key))
-        lines, room = [""], self.size.width - 2  # a key and its word stand in one line
+        lines = [""]
+        room = self.size.width - 2  # a key and its word stand in one line
         for description, (display, name) in keys.items():
             width = len(f"  {display} {description}")
             if room < width:
@@ -455,7 +472,8 @@ class Explorer(_Exporting):
 
     def _letters(self) -> dict[float, str]:
         """Letters of positions by their turn [deg]: now, best, worst, to measure next, not allowed."""
-        drive, letters = self.session.drive, defaultdict(str, {0.0: "N"})
+        drive = self.session.drive
+        letters = defaultdict(str, {0.0: "N"})
         advice = self.known.advice
         if advice and advice.word != "ANY_HOLE":
             letters[advice.chosen.rotation_deg] += "B"
@@ -468,7 +486,9 @@ class Explorer(_Exporting):
 
     def _looked_at(self) -> Text:
         """Where the wheel is looked at, and F'_ior there."""
-        session, curve, turn = self.session, self.known.curve, self.session.turn_deg
+        session = self.session
+        curve = self.known.curve
+        turn = self.session.turn_deg
         text = Text(f"{hole_words(turn, session.drive.mounting.holes)}{', present hole' * (not turn)}  ")
         for value in values_of(curve, turn):
             text.append(value).append("″")
@@ -570,7 +590,8 @@ class Explorer(_Exporting):
     def edit(self) -> None:
         """Ask for another value of the field under the cursor."""
         if field := self._field():
-            title, hint = f"{field.path} {field.unit}", f"{about_field(field)}. An empty value reverts a change."
+            title = f"{field.path} {field.unit}"
+            hint = f"{about_field(field)}. An empty value reverts a change."
             self._ask_change(title, text_of(field.value), hint, lambda s, value: state.edited(s, field.path, value))
 
     def _ask_change(self, title: str, text: str, hint: str, change: Callable[[Session, str], Session]) -> None:

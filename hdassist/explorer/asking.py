@@ -108,8 +108,12 @@ class Asking(App[int]):
         keep: Callable[[str], object] = str,
     ) -> None:
         super().__init__()
-        self.ascii, self.keep, self.torque = ascii, keep, 0  # place of the torque that cam turn and levers are shown at
-        self.session, self.service, self.effort = session, service, effort
+        self.ascii = ascii
+        self.keep = keep
+        self.torque = 0  # place of the torque that cam turn and levers are shown at
+        self.session = session
+        self.service = service
+        self.effort = effort
         self.saved = session.changes  # that are in a preset, or were opened
         self.answers: dict[str, Known] = {}  # by the command that gives them
         self.asked: dict[str, tuple[object, ...]] = {}  # the last question of a group, by its arguments
@@ -138,7 +142,8 @@ class Asking(App[int]):
     @property
     def pinned(self) -> Known | None:
         """Answers about the drive to compare with, None where it is the one that is shown or has other torques."""
-        pinned, drive = self.session.pinned, self.session.drive
+        pinned = self.session.pinned
+        drive = self.session.drive
         is_other = pinned.operation.M_g == drive.operation.M_g and self.known_of(pinned) is not self.known
         return self.known_of(pinned) if is_other else None
 
@@ -150,7 +155,8 @@ class Asking(App[int]):
 
     def show(self, session: Session) -> None:
         """Go on with another session: ask for answers that are missing, and draw it."""
-        before, self.session = self.known, session
+        before = self.known
+        self.session = session
         if self.known is not before:
             self.known.old = before.whole or before.old or before.check
             self.ask_of_drive()
@@ -180,7 +186,8 @@ class Asking(App[int]):
             self.asked.pop("drive", None)
             return
         self.known.failed = None
-        drive, old = self.session.drive, self.known.old
+        drive = self.session.drive
+        old = self.known.old
         self.ask("drive", self.known, drive_answers, drive, still_typical(old, drive) if old else {}, self.effort)
 
     def ask(self, group: str, known: Known, function: Callable[..., None], *arguments: object) -> None:

@@ -33,11 +33,14 @@ from hdassist.preset.fields import Drive, field_table
 from hdassist.run.run import UNCHECKED, Run, workers
 from hdassist.variants import differing_fields
 
-_TOLD_EVERY, _MOST_TOLD = 0.3, 0.99  # s between two shares of the work done, which is estimated; at most
+_TOLD_EVERY = 0.3  # s between two shares of the work done
+_MOST_TOLD = 0.99  # largest share of the work done, which is estimated
 _FEWEST_SEEN = 8  # effective samples: the range of fewer is none
 _SEED = 0  # of samples and of states solved again, as the commands have it
 _SHARES_SHOWN = (0.05, 0.5, 0.95)  # percentiles
-SURE_REFINED, SURE_PROVEN, SURE_RANGE = "REFINED", "PROVEN", "90 % RANGE"  # searched; every state; percentiles
+SURE_REFINED = "REFINED"  # searched
+SURE_PROVEN = "PROVEN"  # every state
+SURE_RANGE = "90 % RANGE"  # percentiles
 _STEP = 0.34  # of the probability of a field that is not known exactly: from its median, about one standard deviation
 
 
@@ -107,10 +110,12 @@ def drive_answers(drive: Drive, typical: Mapping[str, float], effort: Effort, te
     Argument: typical, values by path of all that was not known exactly of a drive like it. Raises HdassistError where
     there is no answer.
     """
-    here, has_typical = drive.with_values(typical), bool(typical or not unknowns(drive))
+    here = drive.with_values(typical)
+    has_typical = bool(typical or not unknowns(drive))
     if searchable(drive) and has_typical:
         tell("first", FirstErrors(_searched((0.0,), here)[:, 0].tolist()))
-    rotations, tried = tuple(seat_positions(drive)), is_tried(drive)
+    rotations = tuple(seat_positions(drive))
+    tried = is_tried(drive)
     if searchable(drive) and not prior_of(drive).fields:  # else medians come, which are no numbers as given
         F_ior = _searched(rotations, drive)
         tell("curve", SeatCurve(rotations, np.stack([F_ior] * 3), (SURE_REFINED,) * len(rotations)))
@@ -144,7 +149,10 @@ class _Share:
     """Called with states that were solved, it tells their share of a total now and then."""
 
     def __init__(self, total: int, tell: _Tell) -> None:
-        self._solved, self._total, self._tell, self._next = 0, total, tell, 0.0
+        self._solved = 0
+        self._total = total
+        self._tell = tell
+        self._next = 0.0
 
     def __call__(self, states: int) -> None:
         self._solved += states
@@ -206,7 +214,8 @@ def _steps(drive: Drive, here: Drive, others: Mapping[str, Any]) -> Iterator[tup
     """
     priors = {each.path: each for each in prior_of(drive).fields}
     for path, field in field_table().items():
-        value, is_setting = here.value(path), path.split(".")[0] in SETTING_SECTIONS
+        value = here.value(path)
+        is_setting = path.split(".")[0] in SETTING_SECTIONS
         if field.kind not in ("number", "count") or value is None:
             continue
         if others.get(path) is not None:
@@ -240,7 +249,8 @@ def _searched(rotations_deg: tuple[float, ...], drive: Drive) -> Array:
 
 
 def _mount_curve(advice: Advice) -> SeatCurve:
-    curve, found = advice.curve, advice.decision
+    curve = advice.curve
+    found = advice.decision
     if not curve or found.is_sampled:
         turns = tuple(sorted({0.0, *found.rotations_deg}))
         places = [found.place(turn) for turn in turns]

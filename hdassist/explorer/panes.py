@@ -46,11 +46,13 @@ _BAR_LINES = "─═╌"  # of the bars of each torque
 _INK: tuple[str, ...] = ("#0a8fa8", "#a87a00", "#b04ab0", "#2a9040")  # legible on a dark ground as on a light one
 _RED = "#d04040"
 if os.environ.get("NO_COLOR"):  # as the screen would make greys of them, which say less than the ground's own ink
-    _INK, _RED = ("not dim",) * len(_INK), "not dim"
+    _INK = ("not dim",) * len(_INK)
+    _RED = "not dim"
 _LETTER_STYLES = {"B": f"{_INK[3]} bold", "W": f"{_RED} bold", "?": f"{_INK[2]} bold"}
 _LETTER_KINDS = {"N": "now", "B": "best", "W": "worst", "?": "next"}
 _SEAT_WORDS = {"N": "now", "B": "best", "W": "worst", "?": "measure next", "x": "not allowed", "o": "looked at"}
-_LEAST_BAR, _LEAST_PANE = 14, 10  # columns of a bar that has ranges beside it, and of a pane with text
+_LEAST_BAR = 14  # columns of a bar that has ranges beside it
+_LEAST_PANE = 10  # columns of a pane with text
 _LEGEND_COLUMNS = 60  # of a pane that has room for a legend beside the seat
 _TICKS = tuple(SeatMark("cam", float(at), f"{at}", "") for at in (0, 90, 180, 270))  # in the seat's middle
 
@@ -76,7 +78,8 @@ class KeyedTable(DataTable[Text]):
 
     def on_mount(self) -> None:
         """Have rows without gaps between columns."""
-        self.cursor_type, self.cell_padding = "row", 0
+        self.cursor_type = "row"
+        self.cell_padding = 0
 
     class Resized(Message):
         """A table has another room for its columns."""
@@ -121,7 +124,9 @@ class Holes(KeyedTable):
 
         Arguments: session; found, their F'_ior; behind, that of another variant; letters by turn [deg].
         """
-        drive, holes, readings = session.drive, session.drive.mounting.holes, measured_errors(session.drive)
+        drive = session.drive
+        holes = session.drive.mounting.holes
+        readings = measured_errors(session.drive)
         torques = drive.operation.M_g
         limits = [limit for M_g in torques if (limit := drive.limit(M_g))]
         errors = [*(one.value for one in readings), *(found.F_ior_arcsec.max(axis=(1, 2)) if found else limits)]
@@ -133,7 +138,8 @@ class Holes(KeyedTable):
         is_narrow = self._room(numbers, heads) < _LEAST_BAR
         if is_narrow:  # medians leave room for bars
             numbers = {at: values_of(found, at, medians=True) or blank for at in places}
-        width, rows = max(self._room(numbers, heads), 1), {}
+        width = max(self._room(numbers, heads), 1)
+        rows = {}
         for at in places:
             measured = [one.value for one in readings if abs(one.rotation_deg - at) < 1e-6]
             signs = f"{letters.get(at, '')}{'◆' * bool(measured)}"
@@ -212,7 +218,8 @@ class Pane(VerticalScroll):
 
     def __init__(self, name: str, title: str) -> None:
         super().__init__(id=name)
-        self.border_title, self._text = title, Static(markup=False)
+        self.border_title = title
+        self._text = Static(markup=False)
 
     def compose(self) -> ComposeResult:
         """The text."""
@@ -250,7 +257,8 @@ class Levers(KeyedTable):
         """
         marks = {field.path: "?" for field in prior_of(session.drive).fields}
         marks |= {path: "*" for path, _ in session.changes}
-        steps, words = effects.steps, wanted.lower().split()
+        steps = effects.steps
+        words = wanted.lower().split()
         found = {
             each.path: each
             for each in resolved_fields(session.drive)
@@ -271,7 +279,8 @@ def _lever_cells(
     field: ResolvedField, marks: Mapping[str, str], effects: LeverEffects, torque: int
 ) -> tuple[Text, Text, Text, Text, Text]:
     """Name and mark of a field, its meaning, its value with unit, a plausible step, and the change by it."""
-    mark, (by, changes) = marks.get(field.path, " "), effects.steps.get(field.path, (0.0, ()))
+    mark = marks.get(field.path, " ")
+    by, changes = effects.steps.get(field.path, (0.0, ()))
     name = field.path.partition(".")[2]
     unit = "" if field.value is None else field.unit.replace("um", "µm").replace("N*m", "N·m").replace("deg", "°")
     value = visible(text_of(field.value))[: 13 - len(unit)]
@@ -296,7 +305,8 @@ _VERDICT_STYLES: dict[str, str] = {
 
 def head_line(session: Session) -> Text:
     """The drive, how much of it is uncertain and changed, and the drive beside it."""
-    drive, line = session.drive, Text(no_wrap=True, overflow="ellipsis")
+    drive = session.drive
+    line = Text(no_wrap=True, overflow="ellipsis")
     line.append(visible(drive.name), "bold")
     line.append(f"  {drive.gears.z_g}/{drive.gears.z_b}  {TRADE[drive.mounting.fixed]} fixed", "dim")
     counts = {"uncertain": prior_of(drive).fields, "changed": session.changes}
@@ -312,7 +322,8 @@ def headline(session: Session, known: Known, pinned: Known | None, torque: int, 
     Arguments: session; known, of it; pinned, of the drive beside it; torque, the place of the one to mark; width,
     in characters. Before the answer is whole a typical drive, as it was and is, stands beside the old one.
     """
-    found, whole = known.check or known.old, known.whole
+    found = known.check or known.old
+    whole = known.whole
     if not found or (known.failed and not known.check):
         return Text(f"F'_ior: {known.without}")
     page = F_ior_table(found)
@@ -347,7 +358,8 @@ def headline(session: Session, known: Known, pinned: Known | None, torque: int, 
     best_deg = advice.chosen.rotation_deg if advice and advice.word != "ANY_HOLE" else 0.0
     alike = known.curve and known.curve.surety(best_deg) == surety  # a number as given is not put beside medians
     if best_deg and known.curve and alike:
-        holes, best = session.drive.mounting.holes, known.curve.place(best_deg)
+        holes = session.drive.mounting.holes
+        best = known.curve.place(best_deg)
         name = f"best: {'hole ' * bool(holes)}{bare(best_deg, holes)}{'°' * (not holes)}, ″"
         columns[name] = [f"[{_INK[3]}]{value:.2f}[/]" for value in known.curve.F_ior_arcsec[1, :, best]]
     widths = {name: 2 + max(Text.from_markup(cell).cell_len for cell in (name, *columns[name])) for name in columns}
@@ -378,7 +390,8 @@ def turn_blocks(page: Report, name: str) -> Iterator[Block]:
     """The first cam turn of a page of `trace`, or its full cycle with its greatest orders."""
     for block in reversed(page.blocks):
         if isinstance(block, Curve) and name == "turn":
-            first, words = block.x < 1, block.y_label.partition(":")[0]
+            first = block.x < 1
+            words = block.y_label.partition(":")[0]
             yield replace(block, x=block.x[first], y=block.y[first], y_label=words, over=0.0)
         elif name == "cycle" and not isinstance(block, Facts):
             yield block

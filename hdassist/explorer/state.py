@@ -119,7 +119,8 @@ def edited(session: Session, path: str, value: str) -> Session:
     Teeth change together: one number of them, or the ratio (100:1), keeps their difference. Raises UsageError with
     the loader's words where the value is refused.
     """
-    drive, value = session.drive, value.strip()
+    drive = session.drive
+    value = value.strip()
     if path in TEETH_FIELDS and value.endswith(":1"):
         path = TEETH_FIELDS[drive.mounting.fixed != "rigid"]  # the wheel that turns
         value = f"{number_of(value[:-2]) * (drive.gears.z_b - drive.gears.z_g):g}"
@@ -155,14 +156,17 @@ def with_evidence(session: Session, text: str) -> Session:
     for word in re.split(r"[;\s]+(?=[^\s=]+=)", text.strip()):
         name, equals, value = word.partition("=")
         if not equals:
-            name, value = session.here, _measured_value(session, word)
-        value, torque = value.strip(), f"@{session.trial_torque:g}" * ("@" not in name)
+            name = session.here
+            value = _measured_value(session, word)
+        value = value.strip()
+        torque = f"@{session.trial_torque:g}" * ("@" not in name)
         if name == "limit":
             path = "acceptance.F_ior"
         elif name.partition(".")[0] in {path.partition(".")[0] for path in field_table()}:
             path = name
         elif re.match(r"h?[-\d]", name):
-            path, is_bare = f"measured.F_ior.{name}{torque}", number_of(value) == number_of(value)
+            path = f"measured.F_ior.{name}{torque}"
+            is_bare = number_of(value) == number_of(value)
             value += f" ± {2 * TRIALS.noise:g}" * is_bare
         else:
             path = f"measured.{name}"
@@ -236,7 +240,9 @@ def step_of(field: PresetField, value: float) -> float:
 
     By its unit only where that is at most a tenth of the field's range: 5 deg of a phase, not of a pressure angle.
     """
-    natural, high, low = _LEVER_STEPS.get(field.unit, 0.0), field.le, field.ge if isfinite(field.ge) else 0.0
+    natural = _LEVER_STEPS.get(field.unit, 0.0)
+    high = field.le
+    low = field.ge if isfinite(field.ge) else 0.0
     if field.kind == "count":
         return 1.0
     if 0 < 10 * natural <= high - low:
@@ -247,7 +253,8 @@ def step_of(field: PresetField, value: float) -> float:
 
 def stepped(drive: Drive, path: str, steps: int) -> str | None:
     """The value of a field so many steps on, as text; None where it has no steps."""
-    field, value = field_table()[path], drive.value(path)
+    field = field_table()[path]
+    value = drive.value(path)
     if field.kind not in ("number", "count") or value is None:
         return None
     return text_of(float(f"{value + steps * step_of(field, value):.10g}"))

@@ -159,7 +159,8 @@ def _shown_checks(answer: AcceptAnswer) -> list[DecidedCheck]:
 def _in_unit(check: DecidedCheck, unit: str) -> DecidedCheck:
     if not unit or check.belief or check.unit == "arcsec":
         return check
-    size, names = convert(f"1 {unit}", check.unit), ("limit", "value", "expanded_uncertainty", "margin", "guard")
+    size = convert(f"1 {unit}", check.unit)
+    names = ("limit", "value", "expanded_uncertainty", "margin", "guard")
     return replace(check, unit=unit, **{name: (found := getattr(check, name)) and found / size for name in names})
 
 
@@ -196,7 +197,8 @@ def _facts(answer: AcceptAnswer, predictions: Predictions | None, drive: Drive) 
     yield "notes", "\n".join([*records, f"hdassist explain {codes}"]) if codes else ""
     first = _by_severity(answer.checks)[0]
     if _is_open(first) and first.extent == "at least":
-        of, travel = Kinematics.of(drive), drive.acceptance.travel
+        of = Kinematics.of(drive)
+        travel = drive.acceptance.travel
         turns = travel * abs(of.u) / 360
         whole = f"the full mesh cycle, {of.cycle_cam_revolutions} input revolutions; less than a third never gives PASS"
         if turns < of.cycle_cam_revolutions:
@@ -339,7 +341,8 @@ def _lot_facts(answers: Sequence[AcceptAnswer]) -> Iterator[Fact]:
         if check.check is F_IOR and check.verdict == "FAIL"
     ]
     worst = {place: (times, check) for times, place, check in sorted(failed, key=lambda each: each[0])}
-    turning, named = "", []
+    turning = ""
+    named = []
     for place, (times, check) in sorted(worst.items(), key=lambda item: item[1][0]):  # what needs the least, first
         request = answers[place].request
         named.append(f"{title(answers[place])} ({times:.3g} times its limit)")
@@ -371,7 +374,8 @@ def replay_report(recorded: AcceptAnswer, now: AcceptAnswer | None, fault: DataE
     found = answer_differences(recorded, now) if now else []
     outcome, code = ("differs", 3) if found else ("agrees", 0) if now else ("left out", 0)
     if fault:
-        outcome, code = "cannot be replayed", fault.exit_code
+        outcome = "cannot be replayed"
+        code = fault.exit_code
     by = f", by version {recorded.version}" * (recorded.version != __version__)
     return Report(
         command="accept-replay",
@@ -443,7 +447,8 @@ def junit(name: str, answers: Sequence[AcceptAnswer], lot_sha256: str = "") -> s
 
 
 def _suite(root: Element, answer: AcceptAnswer, lot_sha256: str) -> None:
-    preset, serial = answer.preset.name, answer.serial
+    preset = answer.preset.name
+    serial = answer.serial
     name = serial or preset
     suite = SubElement(root, "testsuite", name=visible(name))
     place = SubElement(suite, "properties")

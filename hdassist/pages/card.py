@@ -57,7 +57,8 @@ def instruction(advice: Advice, say: Texts = ENGLISH, *, gains: bool = True) -> 
     gains: whether F'_ior before and after follows.
     """
     say = say.variant("trials") if advice.trials else say
-    fixed, chosen = wheel(advice.drive, say), advice.chosen
+    fixed = wheel(advice.drive, say)
+    chosen = advice.chosen
     if not advice.names_hole:
         return _any_hole(advice, say)
     if not advice.turn:
@@ -75,7 +76,8 @@ def instruction(advice: Advice, say: Texts = ENGLISH, *, gains: bool = True) -> 
 
 def _any_hole(advice: Advice, say: Texts) -> str:
     """Return that the wheel may be put in any hole, or in any of those that are allowed."""
-    mounting, fixed = advice.drive.mounting, wheel(advice.drive, say)
+    mounting = advice.drive.mounting
+    fixed = wheel(advice.drive, say)
     if not mounting.holes:
         return say("instruction.any_angle", wheel=fixed)
     if mounting.allowed == "all":
@@ -112,7 +114,8 @@ def seat_of(advice: Advice, say: Texts, goal: Position | None, pointers: Sequenc
     pointers: directions of the mark and the eccentricity.
     """
     mounting = advice.drive.mounting
-    first, barred = mounting.first_hole, say("seat.letter_barred")
+    first = mounting.first_hole
+    barred = say("seat.letter_barred")
     differ = advice.names_hole and goal is not None
     named = {"now": advice.current, "best": goal if differ else None, "worst": advice.ranked[-1] if differ else None}
     places = [
@@ -201,13 +204,16 @@ def _card_instruction(advice: Advice, say: Texts) -> str:
     if not doubted:
         return order
     hole = hole_of(doubted.rotation_deg, advice.drive.mounting.holes)
-    place, value = place_at(doubted.rotation_deg, hole, say), f"{measured_value(doubted, say)}″"
+    place = place_at(doubted.rotation_deg, hole, say)
+    value = f"{measured_value(doubted, say)}″"
     return f"{say('instruction.repeat', place=place, value=value)} {order}"
 
 
 def _subject(advice: Advice, say: Texts, serial: str) -> Facts:
     drive = advice.drive
-    gears, holes, fixed = drive.gears, drive.mounting.holes, wheel(drive, say)
+    gears = drive.gears
+    holes = drive.mounting.holes
+    fixed = wheel(drive, say)
     symbol, deviation = ("xi_b", "F'_i2") if drive.mounting.fixed == "rigid" else ("xi_g", "F'_i1")
     measured = advice.measured and advice.measured.fixed(drive)
     known = drive.mounting.mark_kind if drive.value(f"phases.{symbol}") is not None else "unknown"
@@ -228,7 +234,8 @@ def _subject(advice: Advice, say: Texts, serial: str) -> Facts:
 
 def _pointers(advice: Advice, say: Texts) -> Iterator[SeatMark]:
     """Directions of the mark now and afterwards (one if they are the same), and of the eccentricity if it has one."""
-    drive, turned = advice.drive, advice.chosen.rotation_deg
+    drive = advice.drive
+    turned = advice.chosen.rotation_deg
     letters = {kind: say(f"pointer.letter_{kind}") for kind in ("now", "after", "cam")}
     rigid = drive.mounting.fixed == "rigid"
     measured = advice.measured and advice.measured.fixed(drive)
@@ -271,11 +278,13 @@ def _chances(advice: Advice, say: Texts) -> Iterator[str]:
     to_try = [advice.next] if advice.trials else advice.to_try
     measured = {trial.rotation_deg for trial in advice.trials}
     left = [p for p in [p for p in to_try if p] or [advice.current] if p.rotation_deg not in measured]
-    holes, enough = ", ".join(hole_place(p, say) for p in left), "" if left else "_measured"
+    holes = ", ".join(hole_place(p, say) for p in left)
+    enough = "" if left else "_measured"
     found = advice.decision
     if found.is_sampled:
         k = min(range(len(advice.torques)), key=lambda k: abs(advice.torques[k]))
-        high, torque = say.number(found.quantile(0.95, found.best)[k], ".1f"), say.torque(advice.torques[k])
+        high = say.number(found.quantile(0.95, found.best)[k], ".1f")
+        torque = say.torque(advice.torques[k])
         yield say(f"chance.wrong{enough}", high=high, torque=torque, holes=holes)
     else:
         yield say(f"chance.worse{enough}", holes=holes)
@@ -290,8 +299,10 @@ def _chance(advice: Advice, say: Texts) -> str:
         return say("chance.any")
     if not found.is_sampled:
         return say("chance.given")
-    count, sure = len(advice.open_), say.percent(found.probability.value)
-    place, zero = hole_place(advice.chosen, say), _zero(advice, say)
+    count = len(advice.open_)
+    sure = say.percent(found.probability.value)
+    place = hole_place(advice.chosen, say)
+    zero = _zero(advice, say)
     if found.stay is None:  # the wheel has to leave its hole: the best allowed one is what a hole is compared with
         return say("chance.good", place=place, cost=say.percent(GOOD), count=count, sure=sure)
     if advice.turn:
@@ -300,7 +311,8 @@ def _chance(advice: Advice, say: Texts) -> str:
 
 
 def _checks(advice: Advice, say: Texts) -> list[str]:
-    chosen, drive = advice.chosen, advice.drive
+    chosen = advice.chosen
+    drive = advice.drive
     place = ["place_first"] if advice.trials else []
     if advice.turn:
         place = ["place_angle" if chosen.hole is None else "place_hole"]
@@ -345,7 +357,8 @@ def _foot(advice: Advice, say: Texts, made: date) -> Iterator[str]:
     digest = drive.origin.sha256[:_DIGITS]
     yield say("foot.origin", version=__version__, name=drive.name, digest=digest, date=say.date(made))
     for name, measured in advice.measured.by_name.items() if advice.measured else ():
-        file, digest = shown(measured.pitch.file), measured.pitch.sha256[:_DIGITS]
+        file = shown(measured.pitch.file)
+        digest = measured.pitch.sha256[:_DIGITS]
         yield say("foot.measured", wheel=say(f"wheel.{WHEELS[name]}"), file=file, digest=digest)
     if drive.origin.overrides:
         yield say("foot.overrides", values=_cut(", ".join(drive.origin.overrides)))

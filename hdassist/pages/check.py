@@ -90,7 +90,8 @@ def check_report(check: DesignCheck, seed: int) -> Report:
     least_sure = check.points[check.least_sure]
     first = _spread_curve(check, check.samples) if check.samples and check.prior else _error_curve(check, least_sure)
     others = [point for point in check.points if check.samples or point is not least_sure]
-    k, fixed = Kinematics.of(check.drive), wheel(check.drive)
+    k = Kinematics.of(check.drive)
+    fixed = wheel(check.drive)
     return Report(
         command="check",
         drive=check.drive,
@@ -280,7 +281,8 @@ def _line(check: DesignCheck) -> str:
     )
 
 
-_SHOWN_OPTIONS, _SHOWN_QUESTIONS = 3, 1  # on a short page
+_SHOWN_OPTIONS = 3  # on a short page
+_SHOWN_QUESTIONS = 1  # on a short page
 _DERIVED = "with a tolerance, the deviations derived from it are reduced too"
 _COUPLING_ANSWERS = {"oldham": "Oldham coupling", "solid": "solid hub"}
 

@@ -76,7 +76,8 @@ _FILE: Quantity[Comparison] = Quantity("file", value="measurement.trace.file")
 
 def comparison_report(result: Comparison) -> Report:
     """Return the comparison of a recording with its prediction as a report."""
-    trace, bins = result.measurement.trace, result.sweep.bins
+    trace = result.measurement.trace
+    bins = result.sweep.bins
     measured, *others = _COMPARED_NUMBERS[:_SHORT_PAGE]
     uncertainty, *numbers = [replace(quantity, unit="") for quantity in others]  # that of the first is theirs
     return Report(
@@ -140,7 +141,8 @@ def _angles(result: Comparison) -> Iterator[tuple[str, float, float | None]]:
 
 def _why(result: Comparison) -> str:
     """Return the reason for the conclusion in a sentence."""
-    best, kind = result.conclusion.best, result.conclusion.kind
+    best = result.conclusion.best
+    kind = result.conclusion.kind
     if kind == "agrees":
         rough = any(each.path in ("harmonics.xi_g6", "harmonics.xi_b6") for each in unknowns(result.drive))
         return f"Noise{', single teeth' * rough} and small errors of the stiffnesses explain the difference."
@@ -164,7 +166,8 @@ def _why(result: Comparison) -> str:
 
 def _facts(result: Comparison) -> Iterator[Fact]:
     """Yield start of the recording, other explanations, residual and the next command, a label and a text each."""
-    best, joint = result.conclusion.best, result.joint
+    best = result.conclusion.best
+    joint = result.joint
     yield from (row for row in _starts(result) if not row[1].endswith("given"))
     if best and result.conclusion.kind == "one":
         others = [other.deviations[0] for other in equally_good(best, result.singles)]
@@ -174,7 +177,8 @@ def _facts(result: Comparison) -> Iterator[Fact]:
     if rest := joint if joint and joint.orders_left else best:
         left = [f"order {p.per_cam_rev:.2f}: {p.difference.amplitude_arcsec:.2f}″" for p in rest.orders_left]
         yield "residual", "; ".join(left)
-    cycle, turns = Kinematics.of(result.drive).cycle_cam_revolutions, result.sweep.bins.span
+    cycle = Kinematics.of(result.drive).cycle_cam_revolutions
+    turns = result.sweep.bins.span
     advice = f"the full mesh cycle of {cycle} input revolutions; the recording has {turns:.2f}"
     yield "measure", advice if result.sweep.is_bound else ""
     yield "assumed", on_what(result.drive)
@@ -194,7 +198,8 @@ def _starts(result: Comparison) -> Iterator[Fact]:
 
 def _curves(result: Comparison) -> Curve:
     """Return both curves around the largest difference."""
-    bins, worst = result.sweep.bins, result.largest[1]
+    bins = result.sweep.bins
+    worst = result.largest[1]
     sweep = bins.sweep == bins.sweep[abs(bins.turns - worst).argmin()]
     shown = sweep & (abs(bins.turns - worst) <= _PLOTTED_TURNS)
     predicted = result.predicted_arcsec[shown]
@@ -231,7 +236,8 @@ def _size_and_direction(change: VectorChange | None) -> tuple[str, str]:
 
 def _rows(found: Explanation) -> Iterator[tuple[str, ...]]:
     """Yield the rows of a fit: one for the whole unless it has one deviation, and one for each deviation."""
-    left, F_ior = f"{found.chi_square / found.degrees_of_freedom:.2f}", _plus_minus(found.F_ior_arcsec, None, 2)
+    left = f"{found.chi_square / found.degrees_of_freedom:.2f}"
+    F_ior = _plus_minus(found.F_ior_arcsec, None, 2)
     share = NO_VALUE if found.explained_share is None else f"{100 * max(found.explained_share, 0):.1f} %"
     numbers: tuple[str, ...] = (share, left, F_ior)
     if len(found.deviations) != 1:
@@ -243,7 +249,9 @@ def _rows(found: Explanation) -> Iterator[tuple[str, ...]]:
 
 
 def _values(result: Comparison) -> Json:
-    trace, best, mirror = result.measurement.trace, result.conclusion.best, result.mirror
+    trace = result.measurement.trace
+    best = result.conclusion.best
+    mirror = result.mirror
     place = _conventions(result.unchanged.alignment if trace.sense else result.asked)
     for name, angle, u in _angles(result):
         place |= {f"{name}_deg": angle, f"{name}_uncertainty_deg": u, f"{name}_fitted": u is not None}
@@ -328,10 +336,12 @@ def _drive_rows(result: DrivesComparison) -> Iterator[tuple[str, ...]]:
             odds = changes.probability_better[k] if changes else None
             change = _change(result, sheet, changes, k) if changes else NO_VALUE
             better = NO_VALUE if odds is None else f"{100 * odds.value:.0f} %"
-            best, point = sheet.advice.chosen, sheet.check.points[k]
+            best = sheet.advice.chosen
+            point = sheet.check.points[k]
             spread = f" ({belief.p5:.1f}-{belief.p95:.1f})" if (belief := point.belief) else ""
             where = hole_place(best) if sheet.advice.names_hole else "any hole"
-            built, mounted = f"{point.F_ior_or_error:.1f}{spread}", f"{best.F_ior_arcsec[k]:.1f}, {where}"
+            built = f"{point.F_ior_or_error:.1f}{spread}"
+            mounted = f"{best.F_ior_arcsec[k]:.1f}, {where}"
             row = (letter, f"{point.M_g:g} N·m", built, mounted, change, better)
             yield (*row, *_met_cells(sheet, k)) if _limit_heads(result) else row
 
@@ -363,7 +373,8 @@ def _most_by(result: DrivesComparison, changes: DriveChanges) -> str:
 
 def _change(result: DrivesComparison, sheet: DriveSheet, changes: DriveChanges, k: int) -> str:
     """Return the change from A in per cent, of the medians of F'_ior, or a word for it."""
-    sense, before = changes.F_ior_is[k], result.sheets[0].check.points[k].F_ior_or_error
+    sense = changes.F_ior_is[k]
+    before = result.sheets[0].check.points[k].F_ior_or_error
     share = sheet.check.points[k].F_ior_or_error / max(before, _NO_ERROR) - 1
     if sense == NOT_KNOWN and changes.probability_better[k] is None:
         return "open"
@@ -379,7 +390,8 @@ def _loads(result: DrivesComparison) -> list[str]:
 
 def _verdict(result: DrivesComparison) -> str:
     """Return the recommended drive, and the change of each drive from A at each torque."""
-    letters, verdicts = [*_lettered(result)], []
+    letters = [*_lettered(result)]
+    verdicts = []
     loads = [f" at {load}" * (len(result.torques) > 1) for load in _loads(result)]
     for letter, sheet, changes in zip(letters[1:], result.sheets[1:], result.changes, strict=True):
         words = (_change(result, sheet, changes, k) + load for k, load in enumerate(loads))
@@ -485,7 +497,8 @@ def _drives_values(result: DrivesComparison, seed: int) -> Json:
 
 def _drive_object(sheet: DriveSheet, seed: int) -> Json:
     """The JSON of `check` and `mount` on a drive, as far as it is compared."""
-    check, best = report_object(check_report(sheet.check, seed)), sheet.advice.chosen
+    check = report_object(check_report(sheet.check, seed))
+    best = sheet.advice.chosen
     is_one = sheet.advice.names_hole
     ordered = {
         "hole": best.hole if is_one else None,

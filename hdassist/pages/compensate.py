@@ -45,7 +45,9 @@ def compensate_report(result: Correction, *, is_written: bool = False, warnings:
     is_written: whether a file contains it.
     warnings: those of a recording alone.
     """
-    drive, chosen, notes = result.drive, result.chosen, tuple[str, ...]()
+    drive = result.drive
+    chosen = result.chosen
+    notes = tuple[str, ...]()
     if drive:
         is_open = not (result.samples or result.misfit)
         notes = (*drive.origin.warnings, *(unknown_notes(drive) if is_open else ()))
@@ -94,7 +96,8 @@ def compensate_report(result: Correction, *, is_written: bool = False, warnings:
 
 def verified_report(result: Correction, found: VerifiedCorrection) -> Report:
     """Return the comparison of a recording with the correction on with the predicted residual, as a report."""
-    promised, (low, high) = found.promised, found.interval_arcsec
+    promised = found.promised
+    low, high = found.interval_arcsec
     measured = f"at least {low:.1f}" if high is None else f"{low:.1f}-{high:.1f}"
     rows: list[tuple[str, ...]] = [("F'_ior", f"{promised.uncorrected_p50:.1f}", _range(promised), measured)]
     parts = zip(result.parts, found.promised_parts, found.parts, strict=False)  # loads and directions are not compared
@@ -137,7 +140,8 @@ def _columns(result: Correction) -> dict[str, Array]:
 
 
 def _verdict(result: Correction) -> str:
-    form, residual = result.chosen.form, result.chosen.residuals[0]
+    form = result.chosen.form
+    residual = result.chosen.residuals[0]
     if not result.chosen.is_refused:
         noise = ", including noise of the recording" if result.M_g in result.records else ""
         left = f"{_range(residual)} of {residual.uncorrected_p50:.1f}″ ({_percent(result.chosen)} %)"
@@ -263,7 +267,8 @@ def _lines_table(result: Correction) -> Table:
     """Return the strong lines of the drive nearest to the median, before and after the correction."""
     lines = result.errors[result.M_g].lines
     before, after = (2 / len(curve) * np.abs(np.fft.rfft(curve)[lines.per_cycle]) for curve in _curves(result))
-    often, strongest = line_orders(lines)[0], np.argsort(-before)[:12]
+    often = line_orders(lines)[0]
+    strongest = np.argsort(-before)[:12]
     rows = tuple((f"{often[k]:g}", f"{before[k]:.2f}", f"{after[k]:.2f}") for k in strongest)
     heads = ("lines per output revolution", "before, ″", "after, ″")
     return Table("spectral lines of the error of a drive near the median", heads, rows)
@@ -278,7 +283,8 @@ def _curves(result: Correction) -> tuple[Any, Any]:
 
 def _before_and_after(result: Correction) -> Curve:
     before, after = _curves(result)
-    turns, names = np.arange(len(before)) / POINTS_A_TURN, ("before", "after")
+    turns = np.arange(len(before)) / POINTS_A_TURN
+    names = ("before", "after")
     title = f"kinematic error, ″, {ENVELOPE}"
     x_label = "input angle over the full mesh cycle, revolutions"
     return Curve(turns, before, x_label, title, over=1.0, second=after, names=names, rows=3)

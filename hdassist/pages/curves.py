@@ -37,7 +37,8 @@ from hdassist.report import (
 )
 from hdassist.terminal.words import ENVELOPE, again, heading, not_known, on_what
 
-_LISTED_ORDERS, _NAMED_ORDERS = 12, 2  # with --details and without, the greatest
+_LISTED_ORDERS = 12  # largest orders, with --details
+_NAMED_ORDERS = 2  # largest orders, on a short page
 _LEAST_SHOWN = 0.005  # arcsec: a smaller amplitude is shown as 0.00
 _MANY_TURNS = 8  # cam turns from which on a curve is a block, and its envelope is drawn
 
@@ -162,7 +163,8 @@ def _percent_off(percent: float) -> str:
     return f"{percent:+z.0f} %"
 
 
-WHOLE_QUANTITIES, _SEGMENT_QUANTITIES = quantity_table("stiffness.whole"), quantity_table("stiffness.segments")
+WHOLE_QUANTITIES = quantity_table("stiffness.whole")
+_SEGMENT_QUANTITIES = quantity_table("stiffness.segments")
 _SEGMENT_COLUMNS = quantity_table(
     "stiffness.page",
     symbol=lambda name: name.replace("_", ""),
@@ -249,7 +251,10 @@ def cells(record: SweepRow) -> list[Any]:
 
 def sweep_report(swept: Swept, records: Iterable[SweepRow]) -> Report:
     """Return a sweep as a report; records: those of its rows, if they are wanted."""
-    sweep, drive, ends, figures = swept.sweep, swept.drive, swept.ends, list(_figures(swept))
+    sweep = swept.sweep
+    drive = swept.drive
+    ends = swept.ends
+    figures = list(_figures(swept))
     line = " to ".join(f"{F_ior:.2f}" for _, F_ior in ends.values()) + " arcsec" if ends else "no result"
     values = ((axis, min(axis.values), max(axis.values)) for axis in sweep.varied)
     spans = (_of(axis, f"{low:g}" if low == high else f"{low:g} to {high:g}", " (") + ")" for axis, low, high in values)
@@ -279,7 +284,8 @@ def sweep_report(swept: Swept, records: Iterable[SweepRow]) -> Report:
 
 def _sweep_facts(swept: Swept) -> Iterator[Fact]:
     """Yield smallest and largest F'_ior, rows without a result, and the next command."""
-    sweep, ends = swept.sweep, swept.ends
+    sweep = swept.sweep
+    ends = swept.ends
     for end, (row, F_ior) in ends.items():
         values = sweep.values(row)
         yield (

@@ -52,7 +52,8 @@ from hdassist.run.system import command_line
 from hdassist.terminal.words import again
 
 _NAMED_SLOW = 0.1  # of F'_ior: least slow terms in a line
-_LISTED_ORDERS, _NAMED_ORDERS = 12, 3  # in the table, and in a line: the greatest
+_LISTED_ORDERS = 12  # largest orders, in the table
+_NAMED_ORDERS = 3  # largest orders, in a line
 _DIRECTION_NAMES = {1: "increasing", -1: "decreasing"}
 
 
@@ -63,7 +64,8 @@ def _ends_text(interval: Sequence[float]) -> str:
 
 FORMATS: dict[str, Any] = {"direction_name": _DIRECTION_NAMES.__getitem__, "ends": _ends_text}  # of quantities
 _ORDER_COLUMNS = quantity_table("measure.orders", cause_or_none=lambda order: order.cause or None)
-_CYCLE, _BUDGET = quantity_table("measure.cycle"), quantity_table("measure.budget")
+_CYCLE = quantity_table("measure.cycle")
+_BUDGET = quantity_table("measure.budget")
 _SHAFTS = quantity_table("measure.shafts", missing_or_none=lambda component: component.missing or None)
 _SWEEP_QUANTITIES = quantity_table(
     "measure.sweep",
@@ -97,7 +99,10 @@ def measure_report(
     """
     found, *others = result.directions
     travel = f" over {result.gearing.travel_deg:.4g}° of travel" if result.gearing and result.gearing.travel else ""
-    trace, gearing, reversal, lag = result.trace, result.gearing, result.reversal, result.lag
+    trace = result.trace
+    gearing = result.gearing
+    reversal = result.reversal
+    lag = result.lag
     cycles = [full_cycle(result, each) if each.is_bound else None for each in result.directions]
     return Report(
         command="measure",
@@ -159,7 +164,8 @@ def _lower_bound(result: Measurement, found: SweepResult) -> Iterator[str]:
         if found.coverage.share >= FULL_SHARE:
             yield "The travel was recorded in several sweeps: record it in one."
     elif found.is_bound:
-        cycle, output = result.gearing.cycle, result.gearing.cycle_output
+        cycle = result.gearing.cycle
+        output = result.gearing.cycle_output
         outputs = f" ({output} output revolutions)" if output > 1 else ""
         yield f"{covered} of the full mesh cycle of {cycle} input revolutions{outputs}."
         if found.coverage.share >= FULL_SHARE:
@@ -182,7 +188,8 @@ def _full_cycle_words(result: Measurement, found: FullCycle | str | None) -> Ite
 
 def _facts(result: Measurement, drive: Drive | None, options: Sequence[str], speed: float | None) -> Iterator[Fact]:
     """Yield the largest orders, reading of the file and the next command, a label and a text each."""
-    found, file = result.directions[0], result.trace.file
+    found = result.directions[0]
+    file = result.trace.file
     yield "orders", _orders_words(found)
     yield "slow", _slow(found)
     if speed and (slope := result.slope_arcsec_per_deg):
@@ -259,7 +266,8 @@ def _next_command(result: Measurement, drive: Drive | None, options: Sequence[st
     For a part of the cycle it compares with the prediction; for the full cycle of a drive it is the hole of its fixed
     wheel; for a joint, or without a preset, it is a correction.
     """
-    file, gearing = result.trace.file, result.gearing
+    file = result.trace.file
+    gearing = result.gearing
     if not gearing or result.directions[0].is_bound:
         return again("compare", drive, file, *options)
     travel = ["--travel", f"{gearing.travel_deg:.6g}"] if gearing.travel else []
@@ -381,7 +389,8 @@ def _line(found: SweepResult) -> str:
     """Return F'_ior with its expanded uncertainty; for a lower bound the lower end of its interval."""
     if found.is_bound:
         return f">= {found.interval_arcsec[0]:.2f}″"
-    reach, rise = COVERAGE_FACTOR * found.uncertainty_arcsec, found.range.rise
+    reach = COVERAGE_FACTOR * found.uncertainty_arcsec
+    rise = found.range.rise
     spread = f"+{reach + rise:.2f} -{reach:.2f}" if rise else f"± {reach:.2f}"
     return f"{found.range.value:.2f} {spread}″"
 
@@ -401,7 +410,8 @@ def repeats(results: Sequence[Measurement]) -> tuple[Json, list[str]]:
     values = [result.F_ior_arcsec for result in results]
     if len(values) < 2:
         return {}, []
-    mean, spread = float(np.mean(values)), float(np.std(values, ddof=1))
+    mean = float(np.mean(values))
+    spread = float(np.std(values, ddof=1))
     found = {"files": len(values), "mean_arcsec": mean, "standard_deviation_arcsec": spread}
     line = f"{len(values)} files: mean F'_ior {mean:.2f}″, standard deviation {spread:.2f}″"
     return {"repeat_runs": found}, [line]
@@ -459,14 +469,17 @@ def bench_report(
         found = position_quantities(record, seed=seed)
     else:
         greatest = float(abs(record.torque_Nm).max())
-        rated, by = drive.operation.rated if drive else None, "the preset"
+        rated = drive.operation.rated if drive else None
+        by = "the preset"
         if rated is None:
             hint = f"{drive.name} has no operation.rated" if drive else "--drive PRESET for its own"
-            rated, by = greatest, f"the largest of the loop; {hint}"
+            rated = greatest
+            by = f"the largest of the loop; {hint}"
         table.notes.append(f"rated torque {rated:g} N·m: {by}")
         places = place_loops(record, rated)
         found = loop_quantities(places)
-    first, unsure = found[0], [each for each in found if each.uncertainty_arcsec is not None]
+    first = found[0]
+    unsure = [each for each in found if each.uncertainty_arcsec is not None]
     positions = seen_range(record, found) if isinstance(record, PositionRecord) else None
     iso230 = positioning_test(record) if isinstance(record, PositionRecord) else None
     verdict = f"{_CHECKS[first.name].words} {first.arcsec:.2f}″"
@@ -593,7 +606,8 @@ def history_report(serial: str, archive: str, entries: Sequence[ArchiveEntry]) -
 
 def _sentence(found: DriveHistory) -> str:
     """Return the change of a history in words."""
-    values, (first, *_) = [each.F_ior_arcsec for each in found.entries], found.entries
+    values = [each.F_ior_arcsec for each in found.entries]
+    first, *_ = found.entries
     hole, torque = (quantity.text(first) for quantity in _ENTRY_COLUMNS[1:3])
     where = f"hole {hole}, {torque} N·m, {_DIRECTION_NAMES[first.direction]} input angle"
     spread = f"probability of such a spread without a change: {100 * found.probability:.2g} %"
@@ -613,5 +627,6 @@ def _history_curve(found: DriveHistory) -> Curve:
     first, *_ = dates = [date.fromisoformat(each.date) for each in found.entries]
     days = np.array([(each - first).days for each in dates], dtype=float)
     ends = [(day, each.low_arcsec, each.high_arcsec) for day, each in zip(days, found.entries, strict=True)]
-    y, label = np.array([each.F_ior_arcsec for each in found.entries]), "F'_ior, ″"
+    y = np.array([each.F_ior_arcsec for each in found.entries])
+    label = "F'_ior, ″"
     return Curve(days, y, f"days since {first}", label, whiskers=tuple(ends), points=True, rows=6)

@@ -74,7 +74,8 @@ def mount_report(
     carded: whether a card is written too.
     sure: probability that the user requires; a choice with a smaller one ends with exit code 6.
     """
-    drive, figures = advice.drive, list[Figure](_position_curves(advice))
+    drive = advice.drive
+    figures = list[Figure](_position_curves(advice))
     say = ENGLISH.variant("trials") if advice.trials else ENGLISH
     figures.append(seat_of(advice, say, advice.chosen))
     count = len(advice.trials)
@@ -178,7 +179,8 @@ def _warnings_of_values(advice: Advice, say: Texts) -> Iterator[str]:
             alike = advice.setup.point(a) == advice.setup.point(b)
             if alike and abs(a.F_ior_arcsec - b.F_ior_arcsec) > _APART * noise:
                 values = f"{measured_value(b, say)}″, {measured_value(a, say)}″"
-                where, stated = _where(advice, a.rotation_deg, say), say.number(advice.setup.noise_arcsec)
+                where = _where(advice, a.rotation_deg, say)
+                stated = say.number(advice.setup.noise_arcsec)
                 yield say("warning.repeats", where=where, values=values, noise=stated)
 
 
@@ -278,10 +280,12 @@ def _probability_words(advice: Advice) -> str:
     if not found.is_sampled:
         why = f": {advice.fault}" if advice.fault else ""
         return f"The choice is made at nominal values; its probability is unknown{why}."
-    few, by = found.probability.few, f" by more than {100 * found.cost:g} %"
+    few = found.probability.few
+    by = f" by more than {100 * found.cost:g} %"
     outcome = "LEAVE" if found.best == found.stay else "TURN"
     sure = found.probability.text(advice.sure if few else None, outcome=outcome)
-    place, start = hole_place(advice.chosen), start_of_count(advice.drive)
+    place = hole_place(advice.chosen)
+    start = start_of_count(advice.drive)
     if found.best == found.stay:
         words = f"Probability that no other hole is better than {start}{by}: {sure}."
     elif found.stay is None:
@@ -295,7 +299,8 @@ def _probability_words(advice: Advice) -> str:
 
 def next_value_words(advice: Advice) -> str:
     """Return the next measurement and its expected benefit, or to stop measuring; empty if the benefit is unknown."""
-    value, worths = advice.value, advice.worths
+    value = advice.value
+    worths = advice.worths
     if not value:
         return ""
     (count, _), *later = worths
@@ -343,7 +348,9 @@ def _elsewhere(advice: Advice) -> str:
 
 def _facts(advice: Advice, *, carded: bool) -> Iterator[Fact]:
     """Yield the best hole for each torque, limits, and the next command, a label and a text each."""
-    found, drive, at = advice.decision, advice.drive, advice.chosen.rotation_deg
+    found = advice.decision
+    drive = advice.drive
+    at = advice.chosen.rotation_deg
     alone = [p.rotation_deg for p in advice.by_torque]
     if advice.names_hole and not advice.verification and any(each != alone[0] for each in alone):
         words = (f"{M_g:g} N·m: {hole_place(p)}" for M_g, p in zip(advice.torques, advice.by_torque, strict=True))
@@ -403,7 +410,8 @@ def _more_facts(advice: Advice) -> Iterator[Fact]:
 
 def _positions_table(advice: Advice, places: Sequence[int], title: str = "") -> Table:
     """Return a table of some holes, by their places: F'_ior, median and range, and the probabilities of the hole."""
-    found, rows = advice.decision, []
+    found = advice.decision
+    rows = []
     names = {found.stay: _standing(advice)}
     if advice.names_hole:
         names = {found.ranked[-1]: "worst", **names, found.best: "best"}
@@ -420,7 +428,8 @@ def _positions_table(advice: Advice, places: Sequence[int], title: str = "") -> 
         hole = bare(action.rotation_deg, advice.drive.mounting.holes)
         label = names.get(place, "")
         if found.all_alike and not title:  # one row stands for all holes
-            label, hole = "", _ANY_LINE
+            label = ""
+            hole = _ANY_LINE
         rows.append((label, hole, *cells, *shares, f"{100 * action.expected_loss:.1f}"))
     spread = ": median (5 to 95 %)" * sampled + " in any hole" * (found.all_alike and not title)
     residual = f"residual F'_ior ({form_words(advice.correction)})" if advice.correction else "F'_ior"
@@ -448,24 +457,30 @@ def _standing(advice: Advice) -> str:
 
 def _position_curves(advice: Advice) -> Iterator[Curve]:
     """Yield F'_ior over positions of the wheel at each torque: nominal drive, ranges over samples, values, limit."""
-    found, holes, curve = advice.decision, advice.drive.mounting.holes, advice.curve
-    per, sampled = 360 / holes if holes else 1.0, found.is_sampled
+    found = advice.decision
+    holes = advice.drive.mounting.holes
+    curve = advice.curve
+    per = 360 / holes if holes else 1.0
+    sampled = found.is_sampled
     turns = np.array(found.rotations_deg)
     if (len(turns) < 2 and (not curve or len(curve.rotation_deg) < 2)) or advice.no_hole_better == "standing":
         return
     ends = [np.array([found.quantile(level, place) for place in range(len(turns))]) for level in LEVELS.values()]
-    now, next_words = _standing(advice), "next"
+    now = _standing(advice)
+    next_words = "next"
     rooms = found.room_arcsec or [None] * len(advice.torques)
     marked = {now: advice.current, "best": advice.chosen}
     if advice.next and advice.names_hole and advice.next.rotation_deg == marked["best"].rotation_deg:
         del marked["best"]
         next_words = "best and next"
     for k, (M_g, limit) in enumerate(zip(advice.torques, rooms, strict=True)):
-        x, line = turns / per, ends[1][:, k]
+        x = turns / per
+        line = ends[1][:, k]
         as_given = curve is not None and not sampled and len(curve.rotation_deg) > len(turns)
         if as_given and curve:
             order = np.argsort(curve.rotation_deg)
-            x, line = curve.rotation_deg[order] / per, curve.F_ior_arcsec[k, order]
+            x = curve.rotation_deg[order] / per
+            line = curve.F_ior_arcsec[k, order]
         tried = [t for t in advice.trials if advice.torque_of(t) == M_g]
         marks = [CurveMark(t.rotation_deg / per, t.F_ior_arcsec, "measured", "now") for t in tried]
         if advice.names_hole:
@@ -490,12 +505,15 @@ def _position_curves(advice: Advice) -> Iterator[Curve]:
 
 def _values(advice: Advice, seed: int) -> Json:
     """One shape, whatever was given."""
-    found, curve, after = advice.decision, advice.curve, advice.after
+    found = advice.decision
+    curve = advice.curve
+    after = advice.after
     positions = [  # with F'_ior at each torque, and how good each is
         attributes(advice.position(place), "hole", "phase_deg") | asdict(found.action(place))
         for place in range(len(found.rotations_deg))
     ]
-    checked, setup = advice.verification, advice.setup
+    checked = advice.verification
+    setup = advice.setup
     goal = _goal(advice)
     probability = found.probability if found.is_sampled else None
     now = [
@@ -573,7 +591,8 @@ def _destination(advice: Advice) -> Json | None:
     """Return where the wheel goes, and the turn to it from hole 0 by the shorter way; None if any hole will do."""
     if not advice.names_hole:
         return None
-    chosen, drive = advice.chosen, advice.drive
+    chosen = advice.chosen
+    drive = advice.drive
     turn_deg = chosen.short_way_deg
     direction = "counter-clockwise" if turn_deg > 0 else "clockwise" if turn_deg else None
     return {
@@ -602,7 +621,8 @@ def _next(advice: Advice) -> Json | None:
 
 def _curve(curve: MountingCurve, torque: int) -> Json:
     """F'_ior over the positions of the wheel at one of the torques, by its place."""
-    F_ior, every_state = curve.F_ior_arcsec[torque], curve.every_state[torque]
+    F_ior = curve.F_ior_arcsec[torque]
+    every_state = curve.every_state[torque]
     angles = attributes(curve, "rotation_deg", "phase_deg")
     return {"M_g_Nm": curve.torques[torque], **angles, "F_ior_arcsec": F_ior, "every_state": every_state}
 
@@ -626,7 +646,9 @@ def _trial(advice: Advice, trial: Trial) -> Json:
 
 def _csv(advice: Advice) -> CsvTable:
     """Header and rows of a table, one row per torque and position."""
-    found, curve, count = advice.decision, advice.curve, len(advice.torques)
+    found = advice.decision
+    curve = advice.curve
+    count = len(advice.torques)
     rotations = curve.rotation_deg if curve else np.array(found.rotations_deg)
     columns = {"M_g_Nm": np.repeat(advice.torques, len(rotations)), "rotation_deg": np.tile(rotations, count)}
     if curve:

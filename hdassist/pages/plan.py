@@ -56,8 +56,11 @@ _LISTED_READINGS = 96  # on a sheet: of more the file has the list
 
 def plan_report(choice: PlanChoice, record: str) -> Report:
     """Return the sufficient tests of F'_ior of a drive, and the share that the first of the plans captures."""
-    drive, drives, first = choice.drive, choice.drives, choice.judged[0].plan
-    limit, F_ior = drive.limit(choice.M_g), drives.percentiles(drives.F_ior_arcsec)
+    drive = choice.drive
+    drives = choice.drives
+    first = choice.judged[0].plan
+    limit = drive.limit(choice.M_g)
+    F_ior = drives.percentiles(drives.F_ior_arcsec)
     if choice.samples and not drives.travel:  # the range that every page has
         belief = ErrorBelief.of(choice.samples, drive.operation.M_g.index(choice.M_g))
         F_ior = belief.p5, belief.p50, belief.p95
@@ -120,13 +123,16 @@ def plan_report(choice: PlanChoice, record: str) -> Report:
 
 
 def _why(choice: PlanChoice, F_ior_arcsec: tuple[float, float, float]) -> Iterator[str]:
-    first, drives, wrong = choice.judged[0], choice.drives, choice.drives.demands.wrong
+    first = choice.judged[0]
+    drives = choice.drives
+    wrong = choice.drives.demands.wrong
     low, _, high = map(_percent, first.seen)
     F_ior = ("{0:.1f} to {2:.1f}" if choice.samples or drives.travel else "{0:.1f}").format(*F_ior_arcsec)
     of_travel = f" over {360 * drives.travel:.4g}° of travel" if drives.travel else ""
     verb = "captures" if first.plan.is_record else "capture"
     yield f"{_test_words(first.plan.name)} {verb} {low} to {high} % of F'_ior ({F_ior}″){of_travel}"
-    risk, beyond = first.false_pass, drives.beyond
+    risk = first.false_pass
+    beyond = drives.beyond
     if not risk or not beyond:
         share = f"{100 * SEEN_SHARE:g} % of F'_ior in {100 * (1 - wrong):g} % of cases"
         yield f"Sufficient (without --limit): captures {share}."
@@ -170,7 +176,8 @@ def _verdicts(test: PlannedTest) -> str:
     """Return the verdicts of accept on a test at its limit in words; empty without a limit."""
     if test.passing is None or test.failing is None:
         return ""
-    passing, failing = test.passing.value, test.failing.value
+    passing = test.passing.value
+    failing = test.failing.value
     undecided = _percent(1 - passing - failing)
     shares = f"PASS {_percent(passing)} %, FAIL {_percent(failing)} %, INCONCLUSIVE {undecided} % of drives"
     rule = f"PASS up to {test.passes_up_to:.1f}″, FAIL beyond {test.fails_beyond:.1f}″"
@@ -196,7 +203,9 @@ def approach_csv(choice: PlanChoice) -> str:
 
 def sheet_report(choice: PlanChoice, serial: str = "", file: str = "") -> Report:
     """Return the sheet of a test for the test rig; serial: of the drive; file: with its positions, if written."""
-    test, drive, run = choice.test, choice.drive, choice.test.run
+    test = choice.test
+    drive = choice.drive
+    run = choice.test.run
     minutes, targets, sides = test.approaches
     low, middle, high = map(_percent, test.judged.seen)
     lead = f"{360 * run.lead_turns / test.ratio:.3g}°"

@@ -63,11 +63,13 @@ _VERDICT_WORDS = {
 
 def drive_report(sheet: DriveSheet, *, draws: int, seed: int) -> Report:
     """Return the report of a drive, two pages of paper; draws, seed: those of the uncertain inputs."""
-    drive, verdict = sheet.drive, sheet.check.verdict
+    drive = sheet.drive
+    verdict = sheet.check.verdict
     check = check_report(sheet.check, seed)
     mount = mount_report(sheet.advice, seed)
     stiff = stiffness_report(drive, sheet.stiffness)
-    k, values = Kinematics.of(drive), origin_counts(drive)
+    k = Kinematics.of(drive)
+    values = origin_counts(drive)
     error = [F_ior_table(sheet.check), *steps_tables(sheet.check), next(error_tables(sheet.check))]
     figures = [block for block in (*check.blocks, *check.details) if isinstance(block, Curve)]
     facts = [*check_facts(sheet.check)]
@@ -133,8 +135,10 @@ def _tiles(sheet: DriveSheet, values: Mapping[str, int]) -> Iterator[tuple[str, 
 
 def _basis(sheet: DriveSheet, values: Mapping[str, int]) -> Iterator[Block]:
     """Yield the inputs with the largest contributions, their range and source, and a summary of all values."""
-    drive, check = sheet.drive, sheet.check
-    given, drawn = {row.path: row for row in resolved_fields(drive)}, check.prior.fields if check.prior else ()
+    drive = sheet.drive
+    check = sheet.check
+    given = {row.path: row for row in resolved_fields(drive)}
+    drawn = check.prior.fields if check.prior else ()
     ranges = {each.path: f"{four_digits(each.low)} to {four_digits(each.high)}" for each in drawn}
     groups = {each.group: each.path for each in reversed(drawn)}  # a size, or the direction of one that is known
     rows = tuple(

@@ -89,7 +89,8 @@ def tolerance_report(
     law: ProductionLaw, seed: int, summary: Summary, samples: Samples | None, *, interrupted: bool = False
 ) -> Report:
     """Return random drives as a report; samples: those of their designs, None for one design or kept drives."""
-    drive, points = law.drive, summary.points
+    drive = law.drive
+    points = summary.points
     ways = (False, True) if summary.positions > 1 else (False,)
     drives = [_MountedDrives(summary, point, best) for point in points for best in ways]
     worst = min(range(len(points)), key=lambda k: summary.yield_of(True, points[k]).share)
@@ -137,7 +138,8 @@ def drive_table(
     torques = [repr(M_g).removesuffix(".0") for M_g in production.torques]
     F_ior = [f"{which}F_ior_arcsec@{M_g}" for which in ("", "best_") for M_g in torques]
     drawn = [field.path for field in production.law.joint.fields]
-    floats, none = (*F_ior, "best_rotation_deg", "max_residual"), [None] * len(torques)
+    floats = (*F_ior, "best_rotation_deg", "max_residual")
+    none = [None] * len(torques)
     kinds = {"drive": int, "design": int, "weight": float, **dict.fromkeys(floats, float), "refused": str}
     rows = (
         (
@@ -213,10 +215,12 @@ def _reasons(summary: Summary) -> Iterator[str]:
 
 def _share_below(drives: Sequence[_MountedDrives]) -> Curve:
     """Return F'_ior that a share of the drives is below at a torque, as assembled and in the best holes."""
-    point, weights = drives[0].point, np.array(drives[0].summary.weights)
+    point = drives[0].point
+    weights = np.array(drives[0].summary.weights)
     limit = None if point.limit is None or point.limit <= point.self_error else point.limit - point.self_error
     curves = [np.interp(_PLOTTED_SHARES, *shares_below(np.array(each.F_ior), weights)) for each in drives]
-    x_label, y_label = "share of the drives, %", f"F'_ior at {point.M_g:g} N·m, ″"
+    x_label = "share of the drives, %"
+    y_label = f"F'_ior at {point.M_g:g} N·m, ″"
     y_label += "" if limit is None else f"; line: {limit:.4g} (limit {point.limit:g} minus self error)"
     best = curves[1] if len(curves) > 1 else None
     return Curve(
@@ -265,7 +269,8 @@ def _F_ior_object(drives: _MountedDrives) -> Json:
 
 def _yield_object(summary: Summary, best: bool) -> Json:
     """Return a yield with its range over the designs, and the probability of the required yield, if any."""
-    found, wanted = summary.yield_of(best), summary.wanted
+    found = summary.yield_of(best)
+    wanted = summary.wanted
     return {
         **_yield_range(found),
         "median": found.percentile(0.5),
@@ -282,7 +287,8 @@ def _yield_range(found: YieldBelief) -> Json:
 
 _LISTED = (5, 3)  # on the first screen: fields with a tolerance, and others
 _NO_SHARE = "no contribution: too small to distinguish from chance with this number of drives (-n)"
-_UNDECIDED, _MORE_TIMES = "no tolerance, more drives are needed", 4
+_UNDECIDED = "no tolerance, more drives are needed"
+_MORE_TIMES = 4
 _STEP_WORDS = f"{100 * (1 - TIGHTER_STEP):.0f} % tighter"
 
 
@@ -307,7 +313,9 @@ _EFFECT_COLUMNS = quantity_table(
 
 def sensitivity_report(found: Sensitivities) -> Report:
     """Return the sensitivities of a drive as a report."""
-    law, samples, torques = found.law, found.samples, found.samples.torques
+    law = found.law
+    samples = found.samples
+    torques = found.samples.torques
     effects = [_effects(found, t) for t in range(len(torques))]
     verdict, reason, measured = _answer(found)
     drawn = f"{len(samples.weights)} random drives, each of its own design, seed {samples.seed}"
@@ -318,7 +326,8 @@ def sensitivity_report(found: Sensitivities) -> Report:
     elif measured:
         next_ = again("sensitivity", law.drive, *_as_measured(measured))
     facts = [("measure", measure_words(found.to_measure, torques[found.worst])), ("next", next_)]
-    short, *whole = _table(effects[found.worst], *_LISTED), *(_table(each, len(each), len(each)) for each in effects)
+    short = _table(effects[found.worst], *_LISTED)
+    whole = [_table(of_torque, len(of_torque), len(of_torque)) for of_torque in effects]
     return Report(
         command="sensitivity",
         drive=law.drive,
@@ -353,7 +362,8 @@ def sensitivity_report(found: Sensitivities) -> Report:
 
 def _answer(found: Sensitivities) -> tuple[str, str, str]:
     """Return the tolerance to tighten first and the gain, or the reason for none, and the field to measure instead."""
-    first, largest = found.first, found.largest
+    first = found.first
+    largest = found.largest
     percentile = f"the 95th percentile of F'_ior ({first.now:.2f}″)"
     if found.is_worth_tightening:
         gain = f"{first.gain:.2f}″ ({first.now - first.high:.2f} to {first.now - first.low:.2f})"
@@ -401,8 +411,10 @@ def allocate_report(
     self_errors: self error at each torque [arcsec].
     to_measure: measurements of the design, at the torque M_g [N*m].
     """
-    law, choices = found.production.law, found.choices
-    drive, verdicts = law.drive, {way.verdict for way in ways}
+    law = found.production.law
+    choices = found.choices
+    drive = law.drive
+    verdicts = {way.verdict for way in ways}
     verdict = next(each for each in (Verdict.PASS, Verdict.INCONCLUSIVE, Verdict.FAIL) if each in verdicts)
     held = [(M_g, drive.limit(M_g), own) for M_g, own in zip(found.production.torques, self_errors, strict=True)]
     limits = ", ".join(f"{limit:g}″ at {M_g:g} N·m" for M_g, limit, _ in held)

@@ -139,14 +139,18 @@ def guide_rows(lines: Sequence[str], form: GuideForm) -> GuideRows:
             "use a log with the pixel scale above the frames, and with the columns Time, RARawDistance and RADuration",
         )
     chosen = replace(chosen, facts=_with_stated(chosen.facts, form))
-    frames, uncertainty, rate_words = chosen.frames, 0.0, "no pulses"
+    frames = chosen.frames
+    uncertainty = 0.0
+    rate_words = "no pulses"
     if chosen.is_guided:
         rate = _guide_rate(chosen.facts, form)
-        frames, uncertainty = _with_pulses_added(frames, rate.px_s), rate.uncertainty
+        frames = _with_pulses_added(frames, rate.px_s)
+        uncertainty = rate.uncertainty
         rate_words = f"pulses added back at {rate.words}"
     is_unknown = not isfinite(chosen.facts.declination)
     arcsec_per_px = chosen.facts.scale / (1.0 if is_unknown else cos(radians(chosen.facts.declination)))
-    first, last = frames[0].line, frames[-1].line
+    first = frames[0].line
+    last = frames[-1].line
     rows = {frame.line: _row(frame, arcsec_per_px) for frame in frames}
     rows[first - 1] = "output_deg error_arcsec"
     total = sum(len(section.frames) for section in sections)
@@ -168,11 +172,13 @@ def _row(frame: _Frame, arcsec_per_px: float) -> str:
 
 def _sections(lines: Sequence[str]) -> Iterator[_Section]:
     """Return the sections of a log; a line that may move the star ends one."""
-    facts, names = _Facts(), list[str]()
+    facts = _Facts()
+    names = list[str]()
     section = _Section(facts)
     for number, line in enumerate(lines):
         if line.startswith(_BEGINNINGS):
-            facts, names = _Facts(), []
+            facts = _Facts()
+            names = []
         facts = _with_facts(facts, line)
         if line.startswith("Frame,"):
             names = line.split(",")
@@ -209,7 +215,8 @@ def _is_harmless(line: str) -> bool:
 def _frame(number: int, cells: dict[str, str]) -> _Frame | None:
     """Return the frame of a row; None for one without a star or without a column of pulses."""
     duration = cells.get("RADuration", "")
-    time_s, distance_px = number_of(cells.get("Time", "")), number_of(cells.get("RARawDistance", ""))
+    time_s = number_of(cells.get("Time", ""))
+    distance_px = number_of(cells.get("RARawDistance", ""))
     if not (duration and isfinite(time_s) and isfinite(distance_px)):
         return None
     pulse_s = number_of(duration) / 1e3
@@ -221,7 +228,8 @@ def _frame(number: int, cells: dict[str, str]) -> _Frame | None:
 
 def _longest_unguided(section: _Section) -> _Section:
     """Return the longest part of a section without pulses; a frame that is followed by a pulse is not in it."""
-    longest, part = _Section(section.facts), _Section(section.facts)
+    longest = _Section(section.facts)
+    part = _Section(section.facts)
     for frame in section.frames:
         if frame.pulse_s:
             part = _Section(section.facts)
@@ -275,7 +283,8 @@ def _with_pulses_added(frames: Sequence[_Frame], rate_px_s: float) -> list[_Fram
             "a guide log whose pulses increase the error instead of reducing it",
             "use a log with guide output off, for example of the Guiding Assistant",
         )
-    moved_s, unguided = 0.0, []
+    moved_s = 0.0
+    unguided = []
     for frame in frames:
         unguided.append(replace(frame, distance_px=frame.distance_px + rate_px_s * moved_s))
         moved_s += frame.pulse_s

@@ -53,7 +53,8 @@ from hdassist.readers.words import (
     plain_unit,
 )
 
-_LEAST_RANGE, _LARGEST_RANGE = 0.5, 1000.0  # um: range of the deviations of a wheel
+_LEAST_RANGE = 0.5  # um, of the deviations of a wheel
+_LARGEST_RANGE = 1000.0  # um, of the deviations of a wheel
 _CLOSING = 0.2  # of the range: greatest sum of the single deviations
 _NOISE = 1e-9  # of the summed deviations: a closing error that is rounding of the sum
 _CODE_PAGE = re.compile("[\x80-\xff]{3}")  # in Latin-1: letters of another code page
@@ -110,7 +111,8 @@ def read_pitch(
     try:
         size = micrometres(unit)
     except UnitError as error:
-        unit, size = stated.refused("unit", error.message, "um", error.hint), 1.0
+        unit = stated.refused("unit", error.message, "um", error.hint)
+        size = 1.0
     form_is, sense_is, sign_is, side = (stated.value(key) for key in ("form", "sense", "sign", "flank"))
     first, order = _rows_by_tooth(table, teeth_in, teeth) if is_table else (1, [])
     mark = int(stated.value("mark") or first)
@@ -148,7 +150,8 @@ class _Statements:
     """Statements on the form of a file of pitch deviations: by arguments, its remarks and the names of its columns."""
 
     def __init__(self, table: NumberTable, asked: Mapping[str, str]) -> None:
-        self.table, self.asked = table, asked
+        self.table = table
+        self.asked = asked
         self.stated: dict[str, list[_Statement]] = {key: [] for key in PITCH_KEYS.values()}
         if table.names_in_remark and not any(map(names_teeth, table.names)):
             table.names = ()  # a remark with as many words as there are columns
@@ -165,7 +168,8 @@ class _Statements:
 
     def value(self, key: str) -> str:
         """Value of a key: that of the argument, else that of the file, else the one that is assumed, with a note."""
-        stated, (default, note) = self.stated[key], ASSUMED.get(key, ("", ""))
+        stated = self.stated[key]
+        default, note = ASSUMED.get(key, ("", ""))
         if asked := self.asked.get(key):
             other = next((each.text for each in stated if each.value != asked), None)
             if other is not None:
@@ -184,7 +188,8 @@ class _Statements:
 
     def columns(self) -> tuple[int, int]:
         """Columns of the tooth numbers and of the deviations; states the meaning of the latter's name."""
-        table, names = self.table, self.table.names
+        table = self.table
+        names = self.table.names
         teeth = [index for index, name in enumerate(names) if names_teeth(name)]
         first = teeth[0] if len(teeth) == 1 else 0
         others = [index for index in range(table.values.shape[1]) if index != first]
@@ -240,7 +245,8 @@ def _rows_by_tooth(table: NumberTable, column: int, teeth: int) -> tuple[int, li
             table.add_at(row, column, "a tooth is given twice", f"{number:g}", hint)
     first = 0 if 0 in row_of else 1
     wanted = range(first, first + teeth)
-    beyond, missing = sorted(row_of.keys() - set(wanted)), sorted(set(wanted) - row_of.keys())
+    beyond = sorted(row_of.keys() - set(wanted))
+    missing = sorted(set(wanted) - row_of.keys())
     for words, numbers in (("a row for tooth", beyond), ("no row for tooth", missing)):
         if numbers:
             message = f"the wheel has {teeth} teeth, the file has {len(row_of)}"
@@ -263,7 +269,8 @@ def _cumulative(
     if size != 1:
         table.notes.append(f"{name} to um")
     if is_single:
-        gap, whole = float(values.sum()), float(np.abs(values).sum())
+        gap = float(values.sum())
+        whole = float(np.abs(values).sum())
         values = np.cumsum(values - gap / len(values))
         closes = abs(gap) <= _NOISE * whole
         if not closes and abs(gap) > _CLOSING * np.ptp(values):
@@ -327,7 +334,8 @@ class WheelFiles:
         for name, file in self.files.items():
             teeth = drive.gears.z_b if name == "b" else drive.gears.z_g
             pitch = read_pitch(file, teeth, form=self.pitch_form, sense=self.pitch_sense, flank=self.pitch_flank)
-            mark, notes = self.marks.get(name), list(pitch.notes)
+            mark = self.marks.get(name)
+            notes = list(pitch.notes)
             if mark is None:
                 if (given := drive.value(f"phases.xi_{name}")) is None:
                     raise UsageError(

@@ -174,7 +174,8 @@ class NumberTable:
 
     def _require_known(self, column: int, named: str, default: str, units: Iterable[str], option: str) -> None:
         """Raise PresetError if a unit is stated for a column, in its name or in a remark, and is not understood."""
-        name, quantity = self.name(column), quantity_of(default) or "angle"
+        name = self.name(column)
+        quantity = quantity_of(default) or "angle"
         hint = f"write a unit of {quantity} in the name, for example [{default}]"
         if option:
             hint = f"state it: {option} {default}, or another unit of {quantity}"
@@ -325,10 +326,12 @@ def read_numbers(
                 table.left_out = list(dict.fromkeys(finding.line for finding in table.findings))
                 table.findings.clear()
                 kept = np.isfinite(table.values).all(axis=1)
-                table.values, table.lines = table.values[kept], table.lines[kept]
+                table.values = table.values[kept]
+                table.lines = table.lines[kept]
     except PresetError as error:
         table.findings.extend(error.findings)
-    table.sha256, table.is_latin = text.sha256, text.is_latin
+    table.sha256 = text.sha256
+    table.is_latin = text.is_latin
     if text.is_latin:
         table.notes.append("not UTF-8: read as Latin-1")
     return table
@@ -338,12 +341,18 @@ class _Rows:
     """Rows of a table of numbers, read part by part, with separator, decimal mark and width from its first lines."""
 
     def __init__(self, table: NumberTable, needs: Sequence[str], *, takes_sexagesimal: bool = False) -> None:
-        self.table, self.needs = table, needs
+        self.table = table
+        self.needs = needs
         self.takes_sexagesimal = takes_sexagesimal
-        self.separator, self.decimal, self.width = "", "", 0  # not settled yet
+        # not settled before the first rows are read
+        self.separator = ""
+        self.decimal = ""
+        self.width = 0
         self.waiting: list[TableLine] = []  # lines until they are settled
         self.above: TableLine | None = None  # the last remark above the rows that is no "key: value"
-        self.values, self.lines = array("d"), array("q")  # which grow in place, unlike lists of parts
+        # arrays that grow in place, unlike lists of parts
+        self.values = array("d")
+        self.lines = array("q")
 
     def take(self, first: int, part: str) -> None:
         """Read the lines of a part of the text; first, number of its first line."""
@@ -384,7 +393,9 @@ class _Rows:
         if (above := _preamble(cells)) and not _program_of([line.text for line in sample]):
             left = shortened([line.number for line in sample[:above]])
             self.table.notes.append(f"left out, above the line of names: lines {left}")
-            self.waiting, sample, cells = self.waiting[above:], sample[above:], cells[above:]
+            self.waiting = self.waiting[above:]
+            sample = sample[above:]
+            cells = cells[above:]
         rows = [(line.number, row) for line, row in zip(sample, cells, strict=True) if has_numbers(row)]
         first = sample[0] if sample else TableLine(1, "", 0)
         if not rows:
@@ -398,17 +409,21 @@ class _Rows:
         named = not has_numbers(cells[0])
         line = first if named else self.above
         if line and (names := names_in(line.text if named else line.words, self.width, separator)):
-            self.table.names, self.table.names_line, self.table.names_in_remark = names, line.number, not named
+            self.table.names = names
+            self.table.names_line = line.number
+            self.table.names_in_remark = not named
         elif line and named:
             message = f"the line of names does not fit {self.width} columns"
             hint = "write one name for each column, with the separator of the rows"
             empty = [cell.text for cell in cells[0][self.width :]]
             if empty and all(each.text.rstrip().endswith(separator) for each in sample[1:]):
-                message, hint = f"no value is written in {', '.join(empty)}", "fill it in, or leave out the column"
+                message = f"no value is written in {', '.join(empty)}"
+                hint = "fill it in, or leave out the column"
             self.table.add(line.number, 1, "", message, line.text.strip(), hint)
         self.separator = separator
         self._settle_decimal(cells)
-        lines, self.waiting = self.waiting[named:], []
+        lines = self.waiting[named:]
+        self.waiting = []
         self._read(lines)
         faulty = {finding.line for finding in self.table.findings}
         head = sum(line.number < self.lines[0] for line in lines) if self.lines else 0
@@ -449,7 +464,8 @@ class _Rows:
 
         It reads the same numbers as `_row`, only faster.
         """
-        separator, decimal = self.separator, self.decimal
+        separator = self.separator
+        decimal = self.decimal
         if separator == decimal or part.isspace():
             return None
         blank = {" ": r" \t", "\t": ""}.get(separator, " ")
@@ -497,12 +513,14 @@ class _Rows:
             if abs(value) <= GREATEST:
                 return value
             most = f"number up to {GREATEST:g}" if isfinite(value) else "finite number"
-            message, hint = f"must be a {most}", "check this cell"
+            message = f"must be a {most}"
+            hint = "check this cell"
         elif self.takes_sexagesimal:
             try:
                 degrees = sexagesimal_degrees(cell.text, by_colons=role_in(self.table.name(index)) in _ANGLE_ROLES)
             except ValueError as error:
-                message, hint = f"an angle of {error}", "write 12°34'56.7\""
+                message = f"an angle of {error}"
+                hint = "write 12°34'56.7\""
             else:
                 if degrees is not None:
                     self.table.sexagesimal[index] += 1
@@ -580,7 +598,8 @@ def _readable_parts(text: TextFile, table: NumberTable, guide: GuideForm) -> Ite
             if is_guide_log:
                 rows = guide_rows(lines, guide)
                 table.notes += rows.notes
-                table.is_lower_bound, table.scale_uncertainty = rows.is_lower_bound, rows.scale_uncertainty
+                table.is_lower_bound = rows.is_lower_bound
+                table.scale_uncertainty = rows.scale_uncertainty
                 table.deg_per_s = SIDEREAL_ARCSEC_S / 3600
                 yield 1, "\n".join(rows.lines)
             else:

@@ -35,10 +35,12 @@ from hdassist.readers.words import (
 
 WHOLE_TURN_DEG = 360.0
 _COUNTER_BITS = (16, 24, 32)  # of counters that begin again where they are full
-_WRAP_STEPS, _LEAST_WRAP_REST = 20.0, 1.0  # median steps, and deg, that a step over a wrap may go, at most
+_WRAP_STEPS = 20.0  # median steps that a step over a wrap may go, at most
+_LEAST_WRAP_REST = 1.0  # deg that a step over a wrap may go in any case
 _LEAP = 0.4  # of the wrap: the direction of a longer step is ambiguous
 _JITTER = 0.5  # deg: moves back that are noise of a shaft that stands or creeps
-_TURNING_STEPS, _WIDEST_TURNING = 4.0, 5.0  # the same in median steps, at most this many deg, for coarse readings
+_TURNING_STEPS = 4.0  # median steps: moves back that are noise of coarse readings
+_WIDEST_TURNING = 5.0  # deg: upper limit of such moves back
 _WIDEST_TURN_BACK = 2.5  # median steps: how far a reading may lie off those around it where the shaft turns back
 _FEW_ROWS = 5  # fewer rows are no move
 _SPIKE = 10.0  # median steps: longest first step after a restart
@@ -89,7 +91,9 @@ class AngleError(ValueError):
 
     def __init__(self, row: int, message: str, hint: str) -> None:
         super().__init__(message)
-        self.row, self.message, self.hint = row, message, hint
+        self.row = row
+        self.message = message
+        self.hint = hint
 
 
 def _guessed_wrap(angle: _Angles, count: float) -> float | None:
@@ -100,7 +104,8 @@ def _guessed_wrap(angle: _Angles, count: float) -> float | None:
     [deg].
     """
     steps = np.abs(np.diff(angle))
-    span, longest = float(np.ptp(angle)), float(steps.max(initial=0.0))
+    span = float(np.ptp(angle))
+    longest = float(steps.max(initial=0.0))
     wraps = (WHOLE_TURN_DEG, *(2**bits * count for bits in _COUNTER_BITS))
     for wrap in wraps:
         if span <= wrap < 2 * longest:
@@ -152,7 +157,8 @@ def sweeps(angle: _Angles) -> list[_AngleSweep]:
     for before, back, after in zip(moves, moves[1:], moves[2:], strict=False):
         if len(back) >= _FEW_ROWS or (before is moves[0] and len(before) < _FEW_ROWS):
             continue
-        row, last = back.start, before.stop - 1
+        row = back.start
+        last = before.stop - 1
         is_leap = len(back) == 1 and abs(angle[row] - angle[last]) >= abs(angle[last] - angle[before.start]) / 2
         follows = len(after) >= _FEW_ROWS and abs(angle[after.start] - angle[after.start - 1]) <= _SPIKE * step
         if not (is_leap and follows):  # no restart of the same move
@@ -183,7 +189,9 @@ def _moves(angle: _Angles, least: float) -> list[_AngleSweep]:
     # only the last rows before the direction changes can be turning points
     ends = [*(moving[:-1][np.diff(signs[moving]) != 0] + 1).tolist(), len(angle) - 1]
     moves: list[_AngleSweep] = []
-    start, extreme, direction = 0, 0, 0
+    start = 0
+    extreme = 0
+    direction = 0
     for row in ends:
         gap = float(angle[row] - angle[extreme])
         if direction and direction * gap >= 0:
@@ -192,7 +200,8 @@ def _moves(angle: _Angles, least: float) -> list[_AngleSweep]:
             if direction:
                 moves.append(_AngleSweep(start, extreme + 1, direction))
                 start = extreme + 1
-            extreme, direction = row, 1 if gap > 0 else -1
+            extreme = row
+            direction = 1 if gap > 0 else -1
     return [*moves, _AngleSweep(start, len(angle), direction or (1 if angle[-1] > angle[0] else -1))]
 
 
@@ -398,7 +407,8 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
         raise DataError(message, "--ratio 100, or --drive PRESET")
     per_turn = abs(ratio or 1)
     angle, readings = (table.values[:, column.index].copy() for column in (first, other))
-    time_s, torque = _beside(table, "time", "s"), _beside(table, "torque", "N·m")
+    time_s = _beside(table, "time", "s")
+    torque = _beside(table, "torque", "N·m")
     used = {first.index, other.index, *(k for k, role in enumerate(table.roles) if role in ("time", "torque"))}
     unused = [
         f'"{name}" ({table.values[:, k].min():.6g} to {table.values[:, k].max():.6g})'
@@ -419,11 +429,17 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
                 named = shortened(table.lines[rows].tolist())
                 table.notes.append(f'left out, "{table.name(column.index)}" jumps and returns: lines {named}')
         kept = ~(leaps | far)
-        table.lines, cam, readings = table.lines[kept], cam[kept], readings[kept]
+        table.lines = table.lines[kept]
+        cam = cam[kept]
+        readings = readings[kept]
         output, time_s, torque = (None if each is None else each[kept] for each in (output, time_s, torque))
     if not np.ptp(readings):
         raise table.fault("the column is constant", "check the column of the error", 0, other.index)
-    error, sense, in_time, by_cam, dithered = readings * other.size, 0, False, 0.0, False
+    error = readings * other.size
+    sense = 0
+    in_time = False
+    by_cam = 0.0
+    dithered = False
     step = _step(readings) * abs(other.size)
     if output is not None:
         error, sense = _second(table, other.index, output, cam, per_turn)
@@ -431,7 +447,8 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
             step = _step_in_time(cam, output, per_turn)
             in_time = step > 0
         if first.in_counts or other.in_counts:
-            by_cam, by_output = abs(first.size) / per_turn * first.in_counts, abs(other.size) * other.in_counts
+            by_cam = abs(first.size) / per_turn * first.in_counts
+            by_output = abs(other.size) * other.in_counts
             in_time = in_time or _is_even(cam, max(_COUNTS_APART * by_cam, by_output) * per_turn / _ARCSEC_PER_DEG)
             dithered = not (step or in_time)
             step = max(step, hypot(by_cam, by_output))

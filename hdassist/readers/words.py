@@ -22,7 +22,8 @@ TIMES: dict[str, float] = _TABLE["times"]
 PITCH_KEYS: dict[str, str] = _TABLE["pitch_keys"]
 _SPELLED: dict[str, str] = _TABLE["spelled"]
 _ROLES: dict[str, str] = _TABLE["roles"]
-_FEWEST_COUNTS, _MOST_BITS = 8, 48  # of an encoder, in a turn
+_FEWEST_COUNTS = 8  # of an encoder, per revolution
+_MOST_BITS = 48  # of an encoder, per revolution
 TURN_ARCSEC = ANGLES["turn"]
 COUNTS = "counts"  # whose size a name does not give
 _LENGTHS: dict[str, list[str]] = _TABLE["lengths"]
@@ -330,7 +331,8 @@ class TableLine(NamedTuple):
 def cells_of(line: str, separator: str) -> list[Cell]:
     """Cells of a line; empty ones at its end are left out."""
     cells = []
-    at, end = len(line) - len(line.lstrip()), len(line.rstrip())
+    at = len(line) - len(line.lstrip())
+    end = len(line.rstrip())
     while at <= end and (match := _CELLS[separator].search(line, at, end)):
         text = match[1].strip()
         if len(text) > 1 and text.startswith('"') and text.endswith('"'):
@@ -344,7 +346,8 @@ def cells_of(line: str, separator: str) -> list[Cell]:
 
 def unclosed_quote(line: str, separator: str) -> int:
     """Return the column of the first cell of a line that begins with a quote and does not end with it; 0 for none."""
-    begin, end = len(line) - len(line.lstrip()), len(line.rstrip())
+    begin = len(line) - len(line.lstrip())
+    end = len(line.rstrip())
     while begin <= end and (match := _CELLS[separator].search(line, begin, end)):
         if match[1].startswith('"') and not re.fullmatch(_QUOTED, match[1].strip()):
             return match.start(1) + 1

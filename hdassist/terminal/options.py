@@ -140,7 +140,8 @@ class PageOptions(OptionGroup):
 
     def run(self) -> int:
         """Give the report on each preset that the command names, or the only one; returns the exit code."""
-        out, presets = self.open(), getattr(self, "presets", None) or [getattr(self, "preset", "")]
+        out = self.open()
+        presets = getattr(self, "presets", None) or [getattr(self, "preset", "")]
         command = self.command_name()
         return give(command, run_each(command, presets, partial(self.report, out), out), out)
 
@@ -218,7 +219,8 @@ class DriveOptions(OptionGroup):
         """Options of which a next command on the drive is to have its own: all that decide an answer."""
         from hdassist.preset.fields import AskedOption
 
-        command, others = self.command_name(), _OF_DRIVES | _OF_RUNS
+        command = self.command_name()
+        others = _OF_DRIVES | _OF_RUNS
         others |= {each.name for group in _OF_PAGES for each in fields(group)}
         given = [(name, value) for name, value in self.given() if name not in others]
         return tuple(AskedOption(command, name, self.typed(name, value)) for name, value in given)

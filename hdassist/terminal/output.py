@@ -150,7 +150,8 @@ class ProgressBar:
     """Called with work that was done, it moves a bar with one task; None where nobody looks. style: of its words."""
 
     def __init__(self, bar: Progress | None, style: Style) -> None:
-        self._bar, self._style = bar, style
+        self._bar = bar
+        self._style = style
         self._next = time.monotonic() + BAR_PATIENCE  # that it is drawn
 
     def __call__(self, done: int) -> None:
@@ -346,7 +347,8 @@ def _note_time(report: Report, begun: float, name: str) -> None:
     from hdassist.solve.walk import walk_library
     from hdassist.terminal.words import proof
 
-    certificate, words = report.certificate, proof(report.certificate)
+    certificate = report.certificate
+    words = proof(report.certificate)
     if isinstance(certificate, Certificate):
         residuals = list(vars(certificate).items())[1:]
         words += "".join(f", {name.replace('_', ' ')} {value:.1g}" for name, value in residuals)

@@ -90,7 +90,8 @@ class _PageText(Text):
         ending = self._ending * (self.cell_len > width)
         if ending and max(map(cell_len, self.plain.split())) > width - len(ending):
             self.plain = self.plain.replace(_UNBROKEN, " ")
-        lines, quotes = super().wrap(console, width - len(ending), **options), 0
+        lines = super().wrap(console, width - len(ending), **options)
+        quotes = 0
         for line in lines:
             quotes += line.plain.count(command_quote())
             line.plain = line.plain.replace(_UNBROKEN, " ")
@@ -187,7 +188,8 @@ def _tables(block: Table, style: Style) -> Iterator[RenderableType]:
             if Measurement.get(screen, options, table).minimum <= style.width:
                 break
         yield Group(title, table) if title else table
-        left, title = left[len(columns) :], _PageText("")
+        left = left[len(columns) :]
+        title = _PageText("")
 
 
 def _table(block: Table, columns: list[int], style: Style, *, is_tight: bool = False, folds: bool = False) -> RichTable:

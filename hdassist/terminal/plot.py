@@ -17,7 +17,8 @@ _Dots = NDArray[np.bool_]
 
 _FLAT = 1e-9  # a curve that moves less than this share of its values is a flat one
 _FAR = 0.5  # of a figure's height: a limit or a zero further off than that is said, and not drawn
-_TALL, _TALL_ROWS = 40, 12  # lines of a terminal that has room for plots of so many rows
+_TALL = 40  # lines of a terminal that has room for taller plots
+_TALL_ROWS = 12  # of a plot on a tall terminal
 _DASH = 8  # columns of dots, of which the second of two lines has every other half
 _DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])  # braille: 4 rows, 2 columns
 _UNBROKEN = "\xa0"  # between a sign of the legend and its words
@@ -30,7 +31,8 @@ MARK_SIGNS = {
     "measured": "◆",
     "enough": "E",
 }  # as the seat has them
-SEAT_WIDTH, _SEAT_HEIGHT = 41, 15  # of the drawing, in characters
+SEAT_WIDTH = 41  # of the drawing, in characters
+_SEAT_HEIGHT = 15  # of the drawing, in characters
 _NUMBERED_IN_TEXT = 24  # holes that have room for their number
 _LETTER_RADIUS = {"now": 0.5, "after": 0.5, "cam": 0.28}  # how far out the letters of directions stand
 
@@ -52,7 +54,8 @@ def curve(style: Style, drawn: Curve) -> str:
         )
         for y in drawn.series
     )
-    title, under = drawn.y_label, dict.fromkeys(f"{sign(mark, style)}: {mark.words}" for mark in drawn.marks)
+    title = drawn.y_label
+    under = dict.fromkeys(f"{sign(mark, style)}: {mark.words}" for mark in drawn.marks)
     for x, *both in drawn.whiskers:
         column, (last, first) = fine.place(x, both)
         dots[first : last + 1, column] = True
@@ -96,11 +99,13 @@ class _Frame:
         """Axes that hold all values of a figure, its limit and 0 where these are near."""
         low, high = figure.extent
         if high - low <= _FLAT * max(1.0, abs(low), abs(high)):
-            low, high = low - 1, high + 1
+            low = low - 1
+            high = high + 1
         beside = [] if figure.limit is None else [figure.limit]
         for near in [*beside, *[0.0] * figure.from_zero]:
             if low - _FAR * (high - low) <= near <= high + _FAR * (high - low):
-                low, high = min(low, near), max(high, near)
+                low = min(low, near)
+                high = max(high, near)
         rows = max(figure.rows + 1, _TALL_ROWS * (style.height >= _TALL))
         margin = max(7, *(len(f"{tick:g}") for tick in _ticks_within(low, high, rows // 2)))
         return cls(figure, low, high, style.width - margin - 2, rows, margin)
@@ -111,7 +116,8 @@ class _Frame:
 
     def place(self, x: ArrayLike, y: ArrayLike) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Columns and rows of points."""
-        first, span = self.figure.x[0], max(float(np.ptp(self.figure.x)), np.finfo(float).tiny)
+        first = self.figure.x[0]
+        span = max(float(np.ptp(self.figure.x)), np.finfo(float).tiny)
         column = ((np.asarray(x) - first) / span * self.columns).astype(int)
         row = ((self.high - np.asarray(y)) / (self.high - self.low) * self.rows).astype(int)  # that of its dots too
         return np.clip(column, 0, self.columns - 1), np.clip(row, 0, self.rows - 1)
@@ -119,7 +125,9 @@ class _Frame:
     def dots(self, x: _PlotValues, y: _PlotValues) -> _Dots:
         """A line from point to point, shape (rows, columns); where points lie apart it is straight, at NaN a gap."""
         if len(x) < self.columns:
-            x, y = (fine := np.linspace(x[0], x[-1], 4 * self.columns)), np.interp(fine, x, y)
+            finer_x = np.linspace(x[0], x[-1], 4 * self.columns)
+            y = np.interp(finer_x, x, y)
+            x = finer_x
         there = np.isfinite(y)
         place, row = self.place(x[there], y[there])
         dots = np.zeros((self.rows, self.columns), dtype=bool)
@@ -134,7 +142,8 @@ class _Frame:
     def around_cells(self, style: Style, cells: list[list[str]], title: str, x_label: str) -> str:
         """The picture with its axes, their numbers and labels, and the figure's limit."""
         corner, side, floor, mark = ("+", "|", "-", "+") if style.ascii else ("└", "│", "─", "┤")
-        figure, numbers = self.figure, dict[int, str]()
+        figure = self.figure
+        numbers = dict[int, str]()
         for tick in _ticks_within(self.low, self.high, self.rows // 2):
             numbers.setdefault(int(self.place(figure.x[0], tick)[1]), f"{tick:g} {mark}")
         if figure.limit is not None:
@@ -166,7 +175,8 @@ class _Frame:
         low, high = self.figure.x[[0, -1]].tolist()
         for tick in ticks(low, high, max(2, self.columns // 12)):
             if low <= tick <= high:
-                number, place = f"{tick:g}", int(self.place(tick, 0)[0])
+                number = f"{tick:g}"
+                place = int(self.place(tick, 0)[0])
                 start = min(max(0, place - len(number) // 2), self.columns - len(number))
                 line[start : start + len(number)] = number
         return "".join(line).rstrip()
@@ -174,7 +184,8 @@ class _Frame:
 
 def dots_to_braille(dots: _Dots) -> list[list[str]]:
     """Characters of a grid of dots, four rows and two columns to a character."""
-    rows, columns = dots.shape[0] // 4, dots.shape[1] // 2
+    rows = dots.shape[0] // 4
+    columns = dots.shape[1] // 2
     codes = (dots.reshape(rows, 4, columns, 2).transpose(0, 2, 1, 3) * _DOTS).sum(axis=(2, 3))
     return [[chr(0x2800 + code) if code else " " for code in row] for row in codes.tolist()]
 
@@ -197,11 +208,13 @@ def least_and_greatest(
 def ticks(low: float, high: float, count: int) -> list[float]:
     """Round numbers that enclose low and high, at most count steps apart."""
     if high - low <= _FLAT * max(1.0, abs(low), abs(high)):
-        low, high = low - 1, high + 1
+        low = low - 1
+        high = high + 1
     span = high - low
     power = 10.0 ** np.floor(np.log10(span / count))
     step = next(s * power for s in (1, 2, 5, 10, 20) if span / (s * power) <= count)
-    first, last = int(np.floor(low / step + 1e-9)), int(np.ceil(high / step - 1e-9))
+    first = int(np.floor(low / step + 1e-9))
+    last = int(np.ceil(high / step - 1e-9))
     return [round(k * step, 12) for k in range(first, max(last, first + 1) + 1)]
 
 

@@ -50,7 +50,8 @@ class Style:
         terminal = stream.isatty()
         plain = no_color or bool(os.environ.get("NO_COLOR")) or os.environ.get("TERM") == "dumb"
         columns = os.environ.get("COLUMNS", "")
-        width, height = int(columns) if columns.isdecimal() and int(columns) else PIPE_WIDTH, 24
+        width = int(columns) if columns.isdecimal() and int(columns) else PIPE_WIDTH
+        height = 24
         if terminal:
             width, height = shutil.get_terminal_size((PIPE_WIDTH, 24))
         codes = terminal and not plain and takes_codes(stream)
@@ -265,7 +266,8 @@ def give_stdout(answer: str | bytes) -> None:
 
 def put_text(path: str, text: str) -> None:
     """Write text as UTF-8 to a file, in place of its content. Raises DataError: it cannot be; then no file changed."""
-    target, data = Path(path), text.encode("utf-8", "backslashreplace")
+    target = Path(path)
+    data = text.encode("utf-8", "backslashreplace")
     try:
         if _is_device(target):
             with open(target, "wb", opener=_at_once) as stream:
