@@ -199,12 +199,12 @@ class Request(ClosedRecord):
                     )
                 seen = seen_range(found, quantities)
                 if seen is None:
-                    hint = "approach at least two positions, better 12 or 211"
-                    raise DataError(f"{found.table.file}: one position, from which F'_ior cannot be computed", hint)
+                    advice = "approach at least two positions; 12 or 211 positions capture more of F'_ior"
+                    raise DataError(f"{found.table.file}: F'_ior needs at least two positions, it lists one", advice)
                 positions[M_g] = found.table, seen
                 recorded |= self._at_positions(*positions[M_g], quantities, M_g, drive)
             else:
-                words = f"{found.table.file}: a torque loop, from which F'_ior cannot be computed"
+                words = f"{found.table.file}: F'_ior cannot be computed from a torque loop"
                 raise DataError(
                     words, "compute its figures with hdassist measure; pass them to accept with --value NAME=VALUE±U"
                 )

@@ -53,11 +53,11 @@ class _Order:
 
 def order_legend(drive: Drive) -> str:
     """Return the explanation of the causes of a drive's orders."""
-    even = ", an even number of them in all, as z_g, N and n_2 are even" if is_half_turn_symmetric(drive) else ""
+    even = " Each component combines an even number of orders, because z_g, N and n_2 are even."
     return (
-        "circular spline: its teeth and the eccentricity fixed to it; flexspline: its teeth and the eccentricity fixed "
-        "to it; wave generator: the eccentricity that rotates with it. The error follows sums and differences of "
-        f"their orders{even}."
+        "circular spline: its teeth and the eccentricity fixed to its housing; flexspline: its teeth and the "
+        "eccentricity fixed to it; wave generator: the eccentricity that rotates with it. The error contains sums and "
+        f"differences of their orders.{even if is_half_turn_symmetric(drive) else ''}"
     )
 
 

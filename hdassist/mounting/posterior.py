@@ -669,8 +669,8 @@ def open_prior(drive: Drive) -> DrivePrior:
     known = {each.path: each for each in belief.fields}
     if size not in known and not drive.number(size) > 0:
         raise UsageError(
-            f"the size of the wave generator eccentricity is unknown: {size}",
-            f"state its size, for example --set {size}=80, which makes up to {_WIDEST_SIZE:g} times 80 um likely",
+            f"trials need the size of the wave generator eccentricity: {size}",
+            f"state the size, for example --set {size}=80; sizes up to {_WIDEST_SIZE:g} times 80 um are then sampled",
         )
     pairs = [(size, direction)]
     if drive.number(own) or any(path not in (size, direction) for path in drive.uncertainty):

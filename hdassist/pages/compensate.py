@@ -204,7 +204,7 @@ def _record_facts(result: Correction) -> Iterator[Fact]:
     cycle = result.errors[result.M_g].lines.kinematics.cycle_cam_revolutions
     if result.misfit and result.drive:
         recording = f"{', '.join(f'{each:.3g}' for each in turns)} of {cycle} input revolutions"
-        yield "recording", f"{recording} at {recorded} N·m; angles count as in the preset"
+        yield "recording", f"{recording} at {recorded} N·m; its angles are those of the preset"
         fitted = ", ".join([*(each.path for each in unknowns(result.drive)), "values in doubt (docs/correct.md)"])
         yield "fitted", f"{fitted}; misfit {100 * result.misfit:.0f} % of the error"
         yield "measure", "the full mesh cycle, which needs no fit"
@@ -212,13 +212,13 @@ def _record_facts(result: Correction) -> Iterator[Fact]:
         words = f"{ends[0]:z.1f} to {ends[1]:z.1f}° of the output; beyond these ends the residual is not predicted"
         yield "recording", f"at {recorded} N·m, {words}"
     elif recorded and _is_of_part(result):
-        words = f"{turns[0]:.3g} of {cycle} input revolutions at {recorded} N·m; angles count as in the recording"
-        yield "recording", words
+        recording = f"{turns[0]:.3g} of {cycle} input revolutions at {recorded} N·m"
+        yield "recording", f"{recording}; the correction uses the angles of the recording"
         slow = "sidebands and slow terms of the output, which a part of the cycle does not determine"
         yield "open", f"{slow}; the residual includes them"
         yield "measure", "more of the cycle, which reduces the upper end of the residual"
     elif recorded:
-        yield "recording", f"at {recorded} N·m; angles count as in the recording"
+        yield "recording", f"at {recorded} N·m; the correction uses the angles of the recording"
     if not result.drive and not _is_of_part(result) and turns[0] < _TOLD_NOISE_CYCLES * cycle:
         yield "noise", "one cycle does not distinguish noise from error; the upper end of the residual includes it"
         yield "measure", "the cycle twice or more, so that noise averages out"

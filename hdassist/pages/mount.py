@@ -54,7 +54,7 @@ _ANY_LINE = "any"  # in place of a hole on the page of a script
 _NO_HOLE_BETTER = {
     "floating": "the wave generator aligns itself (stiffness of its support: 0), so its eccentricity has no effect",
     "standing": "no part that is fixed to the housing seat has a deviation",
-    "turning": "the fixed wheel has no deviation that another hole could turn",
+    "turning": "the fixed wheel has no deviation, so its hole has no effect",
 }
 _ROWS = 3  # holes on the first screen, and also the present and the worst one
 _APART = 3.0  # standard deviations by which values of one hole may differ without a warning

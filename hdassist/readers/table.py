@@ -615,7 +615,7 @@ def _of_pe_file(lines: list[str], table: NumberTable) -> Iterator[str]:
     period, steps = (stated.get(key, nan) for key in ("WormPeriod", "StepsPerWorm"))
     if not period > 0:
         raise DataError(
-            "a PE file of EQMOD without its !WormPeriod",
+            "the PE file of EQMOD contains no line !WormPeriod",
             "write the worm period in s above the rows, for example !WormPeriod=479",
         )
     column, turn, by = (1, steps, "motor steps") if steps > 0 else (0, period, "time")

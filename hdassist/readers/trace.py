@@ -130,7 +130,11 @@ def _unwrapped(angle: _Angles, wrap: float, other: _Angles | None = None) -> _An
     far = np.flatnonzero(np.abs(np.diff(off)) > _LEAP * wrap)
     if len(far):
         step = abs(np.diff(joined)[far[0]])
-        raise AngleError(int(far[0]) + 1, f"a step of {step:.4g} of a wrap of {wrap:g}", "record shorter steps")
+        raise AngleError(
+            int(far[0]) + 1,
+            f"the direction of a step of {step:.4g} is ambiguous, because the angle restarts after {wrap:g}",
+            "record shorter steps",
+        )
     return joined
 
 

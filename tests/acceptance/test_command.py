@@ -199,7 +199,7 @@ def test_positions_of_no_plan_are_a_lower_bound(tmp_path):
     (tmp_path / "loop.csv").write_text(f"torque_Nm,twist_arcsec\n{loop}")
     done = run("accept", TINY, "--limit", "F_ior@4=60", "--measured", "4=loop.csv", "--measured-only", cwd=tmp_path)
     assert done.returncode == 4
-    assert "loop.csv: a torque loop, from which F'_ior cannot be computed" in done.stderr
+    assert "loop.csv: F'_ior cannot be computed from a torque loop" in done.stderr
     assert "--value NAME=VALUE±U" in done.stderr
 
 

@@ -154,7 +154,7 @@ def test_the_command_takes_records_in_the_order_of_the_torques(tmp_path: Path):
         files[-1].write_text(f"cam_deg,error_arcsec\n{rows}")
     page = run("compensate", TINY, *map(str, files), "--each-load", "--no-plot", "--draws", "8")
     assert page.returncode == 0
-    assert "recording at 1, 4 N·m; angles count as in the recording" in in_a_line(page.stdout)
+    assert "recording at 1, 4 N·m; the correction uses the angles of the recording" in in_a_line(page.stdout)
     found = json.loads(run("compensate", TINY, str(files[0]), "--json", "--draws", "4").stdout)
     assert found["recorded_Nm"] == [1.0]
     many = run("compensate", TINY, *map(str, [*files, files[0]]))
@@ -191,7 +191,7 @@ def test_part_of_the_cycle_is_called_that_with_the_misfit_and_what_to_record(tmp
     words = in_a_line(page.stdout)
     assert "computed as 0" not in page.stderr
     assert ", including noise of the recording" in words
-    assert " of 10 input revolutions at 1 N·m; angles count as in the preset" in words
+    assert " of 10 input revolutions at 1 N·m; its angles are those of the preset" in words
     assert "fitted phases.xi_b, values in doubt (docs/correct.md); misfit " in words
     assert "the full mesh cycle, which needs no fit" in words
 

@@ -55,7 +55,7 @@ def test_without_a_direction_that_decides_any_hole_may_be_the_best():
 
 FREE = "the wave generator aligns itself (stiffness of its support: 0), so its eccentricity has no effect."
 STILL = "no part that is fixed to the housing seat has a deviation."
-TRUE = "the fixed wheel has no deviation that another hole could turn."
+TRUE = "the fixed wheel has no deviation, so its hole has no effect."
 
 
 @pytest.mark.thorough

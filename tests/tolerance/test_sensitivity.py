@@ -59,7 +59,7 @@ def test_the_spread_of_a_linear_drive_is_shared_as_its_sizes_are(oval: tuple[Pro
     report = sensitivity_report(oval[1])
     assert report.line.startswith("tighten first: ")
     first, second = report.blocks[0].rows  # type: ignore[union-attr]
-    assert first[0] == "amplitude of order 2 of the flexspline's teeth (harmonics.a_g2)"
+    assert first[0] == "amplitude of the flexspline's tooth deviations with 2 periods per revolution (harmonics.a_g2)"
     assert second[0].endswith(" (harmonics.a_b2)")
     assert float(first[-1].removeprefix("≤ ")) > float(second[-1].removeprefix("≤ "))
 

@@ -19,7 +19,7 @@ PAPERS = (
 )
 ABOUT = (
     "Rows are at 80 N·m. A self-aligning wave generator (C_3 = 0, an Oldham coupling without friction) does not "
-    "respond to housing-fixed deviations. Every hole is then equally good, and the error is at its minimum. "
+    "respond to deviations fixed to the housing. Every hole is then equally good, and the error is at its minimum. "
     "Moving the wheel pays off most along a ridge, from a soft support with a large eccentricity to a stiff "
     "support with a small one (third table). Plausible values of C_3 are 1e3 to 1e5 N/mm, and Fig. 3 requires "
     f"9e3. Held back are {PAPERS}, read second-hand, without figures."
@@ -82,12 +82,12 @@ CASES = [
     for C, value in {0: 12.2, 1000: 16.3, 8400: 31.5, 30000: 83, 100000: 155}.items()
 ] + [
     Case(
-        "largest over smallest, C_3 0", "", "housing-fixed deviations have no effect", **about(1, 2e-3),
+        "largest over smallest, C_3 0", "", "deviations fixed to the housing have no effect", **about(1, 2e-3),
         why="exact but for the search", kind=Kind.CLOSED_FORM, digits=".4f",
         value=lambda: ratio(0),
     ),
     Case(
-        "largest over smallest, e_h^b 0", "", "no housing-fixed deviation", **about(1, 2e-3),
+        "largest over smallest, e_h^b 0", "", "no deviation fixed to the housing", **about(1, 2e-3),
         why="exact but for the search", kind=Kind.CLOSED_FORM, digits=".4f", slow=True,
         value=lambda: max(by_hole(80.0, None, None, 0)) / min(by_hole(80.0, None, None, 0)),
     ),

@@ -23,11 +23,11 @@ ABOUT = (
     "tenth of the rated torque). With twice these bounds most drives of size 20 do not meet it. With half of them "
     "the recording above would lie beyond all sampled drives. The bounds therefore stay. Deviations of single "
     "teeth are added by the class of F'_i, and agree with half of these bounds (theory.md).\n\n"
-    "The accuracy is one angle for sizes 20 to 65, while the presets decrease with the diameter. This comes from "
-    "the class of the teeth, not from the model. F_p of class 7 (ISO 1328-1) is 32 µm at size 20 and 40 µm at "
-    "size 65, on 3.25 times the diameter. With the same angle (class 9 to 10) size 65 also meets the limit (last "
-    "row). A limit does not state how far below it the drives are. The presets may be too good by up to 1.9 (size "
-    "40) and 2.9 (65)."
+    "The catalogue states the same accuracy in arcsec for sizes 20 to 65, while the computed F'_ior decreases with "
+    "the diameter. This comes from the class of the teeth, not from the model. F_p of class 7 (ISO 1328-1) is 32 µm"
+    " at size 20 and 40 µm at size 65, on 3.25 times the diameter. With the same angle (class 9 to 10) size 65 also"
+    " meets the limit (last row). An accuracy is an upper limit, so the error of real drives may be lower. F'_ior "
+    "of the presets may be too small, by a factor of up to 1.9 (size 40) and 2.9 (size 65)."
 )
 SOURCE = "Harmonic Drive CSF/CSG catalogue, table 40"
 
