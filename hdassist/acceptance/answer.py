@@ -41,10 +41,12 @@ LOT_VERDICTS = ("PASS", "FAIL", "INCONCLUSIVE", _NO_VERDICT)
 RELATIVE = 1e-6  # of the greatest number of its object: how far a number may lie off that agrees
 _ROUNDING = 1e-12  # how far in any case: residuals of another processor
 # properties of the run, not of the drive; residuals are computed again, and differ between engines
-_NOT_COMPARED = (
-    "version", "time", "request", "place", "message", "hint", "max_difference_arcsec", "engine", "max_residual",
-    "residuals", "fallbacks",
+_OF_THE_RUN = (
+    "version", "time", "request", "place", "max_difference_arcsec", "engine", "max_residual", "residuals", "fallbacks",
 )  # fmt: skip
+# words for a reader, which change between versions; what they are about is compared by its code, number and verdict
+_WORDS = ("message", "hint", "text", "reason", "why_open", "notes", "warnings")
+_NOT_COMPARED = (*_OF_THE_RUN, *_WORDS)
 
 
 @dataclass(frozen=True)
@@ -381,14 +383,15 @@ def answer_differences(recorded: AcceptAnswer, now: AcceptAnswer) -> list[_Answe
 
 
 def _by_check(answer: AcceptAnswer) -> Json:
-    """An answer with its checks by name."""
+    """An answer with its checks by name, and the number of those left out, which a version names in its words."""
     names = (f"{place} {check.label}" for place, check in enumerate(answer.checks, 1))
     fields = answer_json(answer)
-    return fields | {"checks": dict(zip(names, fields["checks"], strict=True))}
+    checks = dict(zip(names, fields["checks"], strict=True))
+    return fields | {"checks": checks, "left_out": len(answer.left_out)}
 
 
 def _differences(recorded: Any, now: Any, key: str = "", allowed: float = _ROUNDING) -> Iterator[_AnswerDifference]:
-    """Differences of two JSON values, but for NOT_COMPARED; key, of both; allowed, how far numbers may lie apart."""
+    """Differences of two JSON values, but for _NOT_COMPARED; key, of both; allowed, how far numbers may lie apart."""
     then, comes = (dict(enumerate(value)) if isinstance(value, list) else value for value in (recorded, now))
     if isinstance(then, dict) and isinstance(comes, dict):
         numbers = [abs(number) for number in (*then.values(), *comes.values()) if isinstance(number, float)]

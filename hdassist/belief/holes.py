@@ -10,6 +10,7 @@ from hdassist.model.geometry import Array
 
 NO_ERROR = 1e-9  # arcsec: a drive without deviations has less
 LEAST_GAIN = 0.01  # of F'_ior: a smaller gain does not pay for a turn, and makes no hole better than another
+FREE_STEP_DEG = 5.0  # between positions where the angle of the seat is free
 _LEAST_SHARE = 1e-12  # of F'_ior over its mean, which is a divisor
 
 

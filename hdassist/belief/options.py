@@ -33,7 +33,7 @@ from hdassist.belief.effects import (
     turned_directions,
 )
 from hdassist.belief.evidence import evidence_of
-from hdassist.belief.holes import NO_ERROR, chosen_hole, governing_share, limits_met, losses_of
+from hdassist.belief.holes import FREE_STEP_DEG, NO_ERROR, chosen_hole, governing_share, limits_met, losses_of
 from hdassist.belief.prior import DrivePrior
 from hdassist.belief.samples import Samples, turned_samples
 from hdassist.belief.statistics import Probability, even_rows, probability_of, weighted_quantile
@@ -55,7 +55,8 @@ _PHASORS_OFF = 20  # strongest waves, that a controller takes off
 _CORRECTED = 3  # samples of which the full cycle is corrected
 _CLEAR = 3.0  # standard errors by which a hole is worse that is not tried further
 _NEARLY = 0.005  # of the loss, or of the probability: holes that are this near each other are all tried further
-_FREE_HOLES = 12  # directions where the angle of the seat is free
+_LEVEL_PLACES = 12  # of a free seat
+_FREE_POSITIONS = round(360 / FREE_STEP_DEG)  # places of a seat whose angle is free, counted as if they were holes
 
 _StepKind = Literal["hole", "trials", "correction", "tolerance", "coupling", "accuracy", "question"]
 _Needs = Literal["", "values in holes", "recording", "answer"]
@@ -85,10 +86,11 @@ class Outcome(ClosedRecord):
 class Step(ClosedRecord):
     """A step on a drive and what comes of it.
 
-    kind; of: hole to go to, holes to try, number of phasors, path of the field, coupling, or accuracy [arcsec];
-    outcomes, of a question one an answer; gain: mean move of the probability of meeting the limit, or without one of
-    the median of F'_ior, as a share of it; edit: the changes of the preset that carry it out, as --set takes them, none
-    where a value has to be measured first; needs, what that is; reference_data, whether they were applied again.
+    kind; of: hole to go to or holes to try (turns [deg] of a seat without holes), number of phasors, path of the field,
+    coupling, or accuracy [arcsec]; outcomes, of a question one an answer; gain: mean move of the probability of meeting
+    the limit, or without one of the median of F'_ior, as a share of it; edit: the changes of the preset that carry it
+    out, as --set takes them, none where a value has to be measured first; needs, what that is; reference_data, whether
+    they were applied again.
     """
 
     kind: _StepKind
@@ -280,10 +282,13 @@ def _changed_outcome(effects: Effects, effect: Effect, now: Outcome) -> Outcome:
 
 def _tried_step(effects: Effects, now: Outcome) -> Iterator[Step]:
     """Yield the step to measure some holes and keep the best of them; if the directions are known, mount names it."""
-    tried = _apart(_usable_holes(effects.samples.prior.drive))
+    drive = effects.samples.prior.drive
+    tried = _apart(_usable_holes(drive))
     if BEST_OF_HOLES in effects.by_name and len(tried) > 1:
         outcome = _changed_outcome(effects, effects.by_name[BEST_OF_HOLES], now)
-        yield Step("trials", ",".join(map(str, tried)), (outcome,), 0.0, needs="values in holes")
+        yield Step(
+            "trials", ",".join(_place_text(drive, hole) for hole in tried), (outcome,), 0.0, needs="values in holes"
+        )
 
 
 def _tried_turns(drive: Drive) -> tuple[float, ...]:
@@ -293,7 +298,12 @@ def _tried_turns(drive: Drive) -> tuple[float, ...]:
 
 def _turns_deg(drive: Drive, holes: Sequence[int]) -> tuple[float, ...]:
     """Return the turns [deg] of the fixed wheel in holes."""
-    return tuple(360 * hole / (drive.mounting.holes or _FREE_HOLES) for hole in holes)
+    return tuple(360 * hole / (drive.mounting.holes or _FREE_POSITIONS) for hole in holes)
+
+
+def _place_text(drive: Drive, hole: int) -> str:
+    """Return a hole by its number; of a free seat, its turn [deg]."""
+    return str(hole) if drive.mounting.holes else f"{hole * FREE_STEP_DEG:g}"
 
 
 def _hole_step(
@@ -322,7 +332,7 @@ def _hole_step(
             return [], proof
         outcome = _outcome(F_ior[basis.torque][:, place], np.ones(1), basis.room_arcsec, None)
         return [_turned_step(drive, usable[place], outcome)], proof
-    places = _contending_holes(effects, left_arcsec, stay)
+    places = sorted({*_contending_holes(effects, left_arcsec, stay), *_level_places(drive)})
     some = sorted({0.0, *(turns[place] for place in places)})
     turned = turned_samples(samples, evidence_of(drive), some, run)
     proof = sum((each.turned_proof for each in turned.made), EMPTY)
@@ -346,7 +356,7 @@ def _hole_step(
 def _turned_step(drive: Drive, hole: int, outcome: Outcome) -> Step:
     """Return the step to put the fixed wheel in a hole."""
     [turn] = _turns_deg(drive, [hole])
-    return Step("hole", str(hole), (outcome,), 0.0, _turn_texts(drive, turn))
+    return Step("hole", _place_text(drive, hole), (outcome,), 0.0, _turn_texts(drive, turn))
 
 
 def _contending_holes(effects: Effects, left_arcsec: Sequence[float | None], stay: int | None) -> list[int]:
@@ -378,6 +388,11 @@ def _contending_holes(effects: Effects, left_arcsec: Sequence[float | None], sta
     return sorted(places)
 
 
+def _level_places(drive: Drive) -> list[int]:
+    """Return places of a free seat, evenly apart, by whose mean the torques are compared; none of a seat with holes."""
+    return [] if drive.mounting.holes else list(range(0, _FREE_POSITIONS, _FREE_POSITIONS // _LEVEL_PLACES))
+
+
 def _mean_losses(effects: Effects, turned: Samples, columns: Mapping[int, int]) -> Array:
     """Return the mean loss of each hole, shape (holes,): of those that are no column of the samples by the factors."""
     first = turned.of_ranges
@@ -386,7 +401,8 @@ def _mean_losses(effects: Effects, turned: Samples, columns: Mapping[int, int]) 
     )  # (torques, samples, holes)
     for place, column in columns.items():
         F_ior[:, :, place] = first.turned_arcsec[:, :, column].T
-    losses = np.average(losses_of(governing_share(F_ior, F_ior)), axis=0, weights=first.weights)
+    level = F_ior[:, :, _level_places(first.prior.drive) or slice(None)]
+    losses = np.average(losses_of(governing_share(F_ior, level)), axis=0, weights=first.weights)
     losses[[place for place in range(len(losses)) if place not in columns]] = np.inf
     return np.asarray(losses)
 
@@ -536,11 +552,11 @@ def _range_texts(path: str, low: float, high: float) -> tuple[str, ...]:
 
 
 def _usable_holes(drive: Drive) -> list[int]:
-    """Return the holes that the fixed wheel may be put in, of a free seat directions; none if no hole is better."""
+    """Return the holes that the fixed wheel may be put in, or the places of a free seat; none if no hole is better."""
     if no_hole_better(drive):
         return []
     if not drive.mounting.holes:
-        return list(range(_FREE_HOLES))
+        return list(range(_FREE_POSITIONS))
     if drive.mounting.allowed == "all":
         return list(range(drive.mounting.holes))
     return sorted(drive.mounting.allowed)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, ConfigDict, StrictBool, TypeAdapter
 
-from hdassist.belief.holes import NO_ERROR
+from hdassist.belief.holes import FREE_STEP_DEG, NO_ERROR
 from hdassist.error.cycle import WITHOUT_EFFECT, KinematicError, cross_checks_of, kinematic_error, require_programme
 from hdassist.error.error_map import Batch, error_maps, searchable
 from hdassist.error.extremes import many_extremes
@@ -29,7 +29,6 @@ from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.loadcase import CrossCheck, solvers_depend_on
 from hdassist.solve.walk import digits_depend_on
 
-_FREE_STEP = 5.0  # deg between positions where the seat has no holes
 LEAST_STEP = 0.01  # deg between positions: 36 000 of them
 
 
@@ -143,14 +142,14 @@ def named_position(rotation_deg: float, holes: int) -> str:
     return f"{rotation_deg:g}" if hole is None else f"h{hole}"
 
 
-def usable_positions(holes: int, allowed: Sequence[int] | str, free_step: float = _FREE_STEP) -> list[float]:
+def usable_positions(holes: int, allowed: Sequence[int] | str, free_step: float = FREE_STEP_DEG) -> list[float]:
     """Turns of the fixed wheel [deg] that may be chosen: the usable holes, or steps [deg] where the angle is free."""
     if not holes:
         return [free_step * k for k in range(round(360 / free_step))]
     return [360 * k / holes for k in range(holes) if allowed == "all" or k in allowed]
 
 
-def seat_positions(drive: Drive, free_step: float = _FREE_STEP) -> list[float]:
+def seat_positions(drive: Drive, free_step: float = FREE_STEP_DEG) -> list[float]:
     """Turns of the fixed wheel [deg] to try: those that may be chosen, and 0, where the wheel stands."""
     return sorted({0.0, *usable_positions(drive.mounting.holes, drive.mounting.allowed, free_step)})
 

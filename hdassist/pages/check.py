@@ -351,7 +351,7 @@ def _step_words(step: Step, drive: Drive) -> str:
         field = field_table()[step.of]
         return f"{field.question or f'what is the {field.meaning}?'} ({step.of})"
     if step.kind == "hole":
-        place = f"hole {step.of}" if holes else f"{30 * int(step.of)}°"
+        place = f"hole {step.of}" if holes else f"{step.of}°"
         return f"put the {wheel(drive)} in {place}"
     if step.kind == "trials":
         places = "holes" if holes else "directions"  # which ones, mount says

@@ -287,7 +287,6 @@ FORGED = {
     "a limit and its margin": lambda told: told["checks"][0].update(limit=61.0, margin=told["checks"][0]["margin"] + 1),
     "a value": lambda told: told["checks"][0].update(value=told["checks"][0]["value"] * (1 + 1e-4)),
     "a guard": lambda told: told["checks"][0].update(guard=0.1),
-    "a reason": lambda told: told["checks"][0].update(reason="so"),
     "a check twice": lambda told: told["checks"].append(told["checks"][0]),
     "no check": lambda told: told["checks"].pop(),
     "F'_ior of a trace": lambda told: told["measured"][0].update(F_ior_arcsec=12.0),
@@ -301,12 +300,20 @@ FORGED = {
     "a remark": lambda told: told.update(remarks=told["remarks"][1:]),
     "how sure it is": lambda told: told["rule"].update(sure=0.9),
     "the serial": lambda told: told.update(serial="17-2"),
+    "a check left out": lambda told: told.update(left_out=["one more"]),
+    "the code of a remark": lambda told: told["remarks"][0].update(code="RATED"),
+}
+REWORDED = {
+    "a reason": lambda told: told["checks"][0].update(reason="so"),
     "a warning": lambda told: told.update(warnings=["x"]),
+    "remarks": lambda told: [remark.update(text="so") for remark in told["remarks"]],
+    "why a cycle is open": lambda told: [check["full_cycle"].update(why_open="so") for check in told["checks"][:1]],
+    "another version": lambda told: told.update(version="0.9"),
 }
 
 
 @pytest.mark.thorough
-def test_replay_compares_the_whole_answer(folder, here):
+def test_replay_compares_verdicts_numbers_and_codes_and_no_words(folder, here):
     error = drive_error(np.random.default_rng(3), 30)(TURNS[:480])
     (folder / "run.csv").write_text(text([360 * TURNS[:480], error], "cam_deg,error_arcsec"))
     limits = ("--limit", "F_ior@4=60", "--limit", "self_error@4=60")
@@ -314,11 +321,13 @@ def test_replay_compares_the_whole_answer(folder, here):
     code, out, _ = here(*asked, "--json")
     assert code == 3  # for its remarks
     answers = [json.loads(out)]
-    for change in FORGED.values():
+    for change in [*FORGED.values(), *REWORDED.values()]:
         answers.append(json.loads(out))
         change(answers[-1])
+        assert answers[-1] != answers[0]
     (folder / "all.json").write_text(json.dumps({"schema": "hdassist.accept/1", "results": answers}))
-    now, *forged = read_answers(str(folder / "all.json"))
+    now, *changed = read_answers(str(folder / "all.json"))
+    forged, reworded = changed[: len(FORGED)], changed[len(FORGED) :]
     assert now.certificate.max_residual == answers[0]["certificate"]["max_residual"]
     assert now.certificate.engine
     by_another_engine = json.loads(out)
@@ -329,6 +338,7 @@ def test_replay_compares_the_whole_answer(folder, here):
     found = [answer_differences(each, now) for each in forged]
     assert all(found), [name for name, each in zip(FORGED, found, strict=True) if not each]
     assert [each.key.rpartition(".")[2] for each in found[0]] == ["limit", "margin"]
+    assert [answer_differences(each, now) for each in reworded] == [[]] * len(REWORDED)
     (folder / "two.json").write_text(json.dumps({"schema": "hdassist.accept/1", "results": answers[:2]}))
     code, out, _ = here("accept", "--replay", "two.json", "--jobs", "1")
     assert code == 3

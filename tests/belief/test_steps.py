@@ -100,6 +100,15 @@ def test_a_better_accuracy_of_the_catalogue_is_an_option():
 
 
 @pytest.mark.thorough
+def test_check_names_the_angle_of_mount_where_the_seat_has_no_holes():
+    drive = load_preset(TINY, (*OPEN[:4], "mounting.holes=0", "phases.xi_b=75", "operation.M_g=[1, 4]"))
+    (step,) = (step for step in check(drive, draws=16).steps if step.kind == "hole")
+    turn_deg = advise(drive, seat_positions(drive), draws=16).chosen.rotation_deg
+    assert turn_deg % 30 > 0  # no multiple of a coarser step
+    assert step.of == f"{turn_deg:g}"
+
+
+@pytest.mark.thorough
 def test_check_names_the_hole_of_mount():
     """With a limit, and without one: each of the torques alone would choose another hole."""
     for limit in ("acceptance.F_ior=2060", "name=any"):
