@@ -105,6 +105,13 @@ def with_warning(drive: Drive, text: str) -> Drive:
     return changed
 
 
+def with_asked(drive: Drive, asked: Asked) -> Drive:
+    """Return the same drive with other options in its origin that a next command takes over."""
+    changed = drive.model_copy()
+    changed._origin = replace(drive.origin, asked=asked)
+    return changed
+
+
 def load_text(text: bytes | str, file: str, overrides: Sequence[str] = (), asked: Asked = ()) -> Drive:
     """Read and validate a preset.
 

@@ -319,9 +319,12 @@ class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOpt
         return give("compare", answers, out)
 
     def _limited(self, preset: str) -> Drive:
-        """Return the drive of a preset with the limits. Raises DataError, PresetError or UsageError."""
-        options = o.LimitedDriveOptions(overrides=self.changes, torque=[], limit=self.limit)
-        return options.load(preset)
+        """Return the drive of a preset with the torque and the limits. Raises DataError, PresetError or UsageError."""
+        from hdassist.loading import with_asked
+
+        torques = [] if self.torque is None else [self.torque]
+        options = o.LimitedDriveOptions(overrides=self.overrides, torque=torques, limit=self.limit)
+        return with_asked(options.load(preset), self.taken_over())
 
     def _compare_presets(self) -> int:
         """Compare presets; returns the exit code.

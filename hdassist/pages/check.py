@@ -97,7 +97,7 @@ def check_report(check: DesignCheck, seed: int) -> Report:
         drive=check.drive,
         head=f"{check.drive.name}, {k.z_g}/{k.z_b} teeth, {fixed} fixed{heading(check.measured)}",
         verdict=str(check.verdict),
-        why=tuple(filter(None, map(_verdict_reason, check.points))) or tuple(_undrawn(check)),
+        why=_verdict_reasons(check) or tuple(_undrawn(check)),
         blocks=(F_ior_table(check), Facts.of(_facts(check)), first),
         details=(
             *steps_tables(check),
@@ -130,6 +130,12 @@ def F_ior_table(check: DesignCheck) -> Table:
     title = f"F'_ior (peak-to-peak kinematic error) over {len(check.prior.fields)} uncertain inputs{fitted}, ″"
     columns = [replace(column, label="median") if column.key == "F_ior_arcsec" else column for column in _ON_PAGE]
     return Table.by_row(title, columns, check.points)
+
+
+def _verdict_reasons(check: DesignCheck) -> tuple[str, ...]:
+    """Return the reasons for the verdict of the check: those of the torques that have this verdict."""
+    reasons = [_verdict_reason(point) for point in check.points if point.verdict is check.verdict]
+    return tuple(reason for reason in reasons if reason)
 
 
 def _verdict_reason(point: OperatingPoint) -> str:
@@ -226,13 +232,11 @@ def _error_curve(check: DesignCheck, point: OperatingPoint) -> Curve:
 def _spread_curve(check: DesignCheck, samples: Samples) -> Curve:
     """Return the percentiles of F'_ior over the samples at the governing torque as a curve."""
     point = check.points[check.least_sure]
-    limit = ""
-    if point.left_arcsec is not None:
-        limit = f"; line: {point.left_arcsec:.4g} (limit {point.limit_arcsec:g} minus self error)"
+    line = "" if point.left_arcsec is None else "; line: limit minus self error"
     return Curve(
         *shares_below(samples.sets_arcsec[:, :, check.least_sure].ravel(), samples.set_weights.ravel()),
-        x_label="percentile of the sampled drives",
-        y_label=f"F'_ior at {point.M_g:g} N·m, ″{limit}",
+        x_label="",
+        y_label=f"F'_ior at {point.M_g:g} N·m by percentile of the drives, ″{line}",
         limit=point.left_arcsec,
         rows=2,
     )
