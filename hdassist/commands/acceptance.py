@@ -44,15 +44,15 @@ class PlanCommand(o.PlotOptions, o.SamplingOptions, o.LimitedDriveOptions):
 
     A test reads the output at some positions, starting from an unknown angle, and takes the largest minus the smallest
     error. It misses extremes between the positions, and components whose number per revolution equals the number of
-    positions. Each drive sampled from the uncertain inputs (docs/unknown.md) is put to each test, at the first torque
-    with a limit. Its teeth are rough, as real ones are (docs/plan.md). --approach writes the positions in the sequence
-    in which they are approached; with the measured angles filled in, it is a file for measure and for accept
-    --measured.
+    positions. Each test is simulated on each drive sampled from the uncertain inputs (docs/unknown.md), at the first
+    torque with a limit. The teeth of these drives have random deviations, as real teeth do (docs/plan.md). --approach
+    writes a file with the positions in the sequence of the test. With the measured angles filled in, measure and accept
+    --measured read this file.
 
-    With a limit, a test is sufficient if it meets both allowed shares of wrong verdicts, false PASS and false FAIL
-    among all tested drives. Without one, it is sufficient if it captures 95 % of F'_ior in 95 % of cases. Exit codes: 0
-    a test (or the given one) is sufficient, 3 it is not, 6 undecided, 2 wrong options, 4 bad preset, 5 no trustworthy
-    result.
+    With a limit, a test is sufficient if the shares of false PASS and of false FAIL among all tested drives are both
+    within the allowed share (--wrong). Without a limit, a test is sufficient if it captures 95 % of F'_ior in 95 % of
+    cases. Exit codes: 0 a test (or the given one) is sufficient, 3 it is not sufficient, 6 undecided, 2 invalid
+    options, 4 invalid preset, 5 no trustworthy result.
     """
 
     preset: str
@@ -167,8 +167,8 @@ class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOption
     and temperature; 0 is allowed. hdassist explain CODE explains a check. A lot has a row for each drive, with the
     columns serial, preset, measured or measured@80, pitch_b, pitch_g (files), mark_b, mark_g, NAME[@TORQUE] (values
     like 28.1±1.2), limit NAME[@TORQUE], section.key (overrides). Exit codes: 0 PASS, 3 FAIL or a replay that differs, 6
-    INCONCLUSIVE, 4 bad preset, file or no limit, 5 no trustworthy result; for several drives the worst code, in the
-    sequence 1, 5, 4, 3, 6, 0.
+    INCONCLUSIVE, 4 invalid preset or file, or no limit, 5 no trustworthy result. For several drives the worst code
+    counts, in the sequence 1, 5, 4, 3, 6, 0.
     """
 
     presets: list[str]

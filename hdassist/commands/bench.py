@@ -51,21 +51,21 @@ class MountCommand(
     smallest expected excess over the best hole at the governing torque; with a limit, it is the hole most likely to
     meet it. TURN or LEAVE: the probability that the choice is right is at least 95 % (--sure); a turn has to reduce
     F'_ior by more than 1 %. BEST BET: the probability is lower. ANY HOLE: no hole is expected to be better than another
-    by 1 %. -q prints the hole (or the angle) alone, or any. The exit code is 0 for all four; with --sure it is 6 if the
-    probability is lower than required.
+    by 1 %. -q prints only the hole (or the angle), or the word any. The exit code is 0 for all four; with --sure it is
+    6 if the probability is lower than required.
 
-    F'_ior measured in holes raises the probability. Measure the first three values 120 deg apart, at a light torque,
-    and take the wheel out and put it back each time. The page names the hole to measure next and the expected
-    reduction, until a further value would reduce F'_ior by less than 2 % (--worth). A value may be the file of a
-    recording: its F'_ior and uncertainty are those of hdassist measure, and it has to cover the full mesh cycle. Values
-    in measured.F_ior of the preset count too. A probable reading error is the next value to repeat. --verify compares
-    the outcome with its prediction and recommends to keep the hole (0), to go back (3), or to measure again because the
-    outcome itself is a probable reading error (6).
+    F'_ior measured in holes raises the probability. Measure the first three values in holes 120 deg apart, at a light
+    torque. Take the wheel out and put it back before each measurement. The page names the hole to measure next and the
+    expected reduction, until a further value would reduce F'_ior by less than 2 % (--worth). A value may also be the
+    file of a recording that covers the full mesh cycle. Its F'_ior and its uncertainty are those of hdassist measure.
+    Values in measured.F_ior of the preset count too. A value that is probably a reading error is the next one to
+    repeat. --verify compares the outcome with its prediction. It recommends to keep the hole (exit code 0), to go back
+    to another hole (3), or to measure again, because the outcome is probably a reading error (6).
 
-    --bolted sets the percentage that a turn has to gain if the drive is already assembled. --compensated compares the
-    residual errors after a stored correction (hdassist compensate), made in each hole for each torque. --pitch-b and
-    --pitch-g replace the first harmonics by measured teeth, tooth by tooth from the mark: every mesh position is then
-    solved, and no input is sampled. hdassist trials is the same command.
+    --bolted sets the percentage that a turn has to gain if the drive is already assembled. --compensated chooses the
+    hole by the residual error after a stored correction (hdassist compensate), which is computed for each hole and
+    torque. --pitch-b and --pitch-g read the measured deviation of each tooth, beginning at the marked tooth. Every mesh
+    position is then solved, and no input is sampled. hdassist trials is the same command.
     """
 
     preset: str
@@ -275,11 +275,11 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
       hdassist measure run.csv --drive own.yaml --archive rig1 --serial 17-042
       hdassist measure --history 17-042 --archive rig1
 
-    A file has a column of angles and a column of errors, or of a second encoder. F'_ior is the range of the error
-    limited to the orders, corrected for noise; it is a lower bound unless the recording covers the full mesh cycle.
-    Each direction is evaluated separately. For a file of approached positions (target_deg, deviation_arcsec, side) or
-    of torque loops (torque_Nm, twist_arcsec, place) the page gives the figures that manufacturers state besides F'_ior.
-    Exit codes: 0 done, 4 bad file, 5 the recording does not resolve the orders or F'_ior.
+    A file has a column of angles and a column of errors, or of a second encoder. F'_ior is the range of the fitted
+    orders, corrected for noise. It is a lower bound unless the recording covers the full mesh cycle. Each direction is
+    evaluated separately. For a file of approached positions (target_deg, deviation_arcsec, side) or of torque loops
+    (torque_Nm, twist_arcsec, place) the page gives the figures that manufacturers state besides F'_ior. Exit codes: 0
+    done, 4 invalid file, 5 the recording does not resolve the orders or F'_ior.
     """
 
     files: list[str]
@@ -433,22 +433,24 @@ class CompensateCommand(
       hdassist compensate run.csv --ratio 100 --torque 80 --form cam --write c=t.h
       hdassist compensate vzp160 --torque 80 --torque -80 --details --json
 
-    The error is separated into parts that repeat with the input, sidebands, and parts that change with the load. Each
-    form that controllers store is then fitted to the error by least squares over the full mesh cycle, for the first
-    torque of the preset. Its residual is computed over all uncertain inputs (docs/unknown.md): at every torque, with
-    the zero off, and with a lost revolution count. Errors are actual minus ideal angles of the output,
-    counter-clockwise seen from the wave generator side, counted from the position of the wave generator at phi_h = 0.
-    --csv writes the correction. A correction that may make a drive worse is refused (docs/correct.md).
+    The error is separated into three parts: components that repeat in each input revolution, sidebands, and components
+    that change with the load. Each form that controllers store is then fitted to the error by least squares over the
+    full mesh cycle, for the first torque of the preset. Its residual is computed over all uncertain inputs
+    (docs/unknown.md), at every torque. The page also gives the residual for a wrong zero and for a lost input
+    revolution. Errors are actual minus ideal angles of the output, counter-clockwise seen from the wave generator side,
+    counted from the position of the wave generator at phi_h = 0. --csv writes the correction. A correction that may
+    make a drive worse is refused (docs/correct.md).
 
-    A FILE is a recording at a torque of the preset, in the order of the torques; the correction is then that of the
-    recording. If the recording covers the full mesh cycle, the correction is in the angles of the recording. If it
-    covers a part, the correction is computed from the sampled drives that agree with it, in the preset's angles. With
-    --ratio instead of a preset, one FILE of the full mesh cycle at the one --torque gives correction terms with
-    uncertainties, or a table. Two encoders then count in the same sense, both seen from the wave generator side; a
-    column of errors needs --output-turns for a table over the output. --after reads a recording with the correction of
-    the same options on, and compares its residual with the prediction, or names the likely cause of the difference.
-    Exit codes: 0 done, 2 wrong options, 3 the predicted residual is exceeded, 4 bad file, 5 refused or no trustworthy
-    result, 6 undecided.
+    Each FILE is a recording at one torque of the preset, in the sequence of the torques. The correction is then
+    computed from the recordings. If a recording covers the full mesh cycle, the correction uses the angles of the
+    recording. If it covers only a part, the correction is computed from the sampled drives that agree with the
+    recording, and uses the angles of the preset. With --ratio instead of a preset, one FILE of the full mesh cycle,
+    recorded at --torque, gives correction terms with uncertainties, or a table. Two encoders must then count in the
+    same sense, seen from the wave generator side. If the file contains errors instead, a table over the output needs
+    --output-turns. --after reads a recording made with the correction on, and needs the same options as the correction.
+    It compares the measured residual with the predicted one, and names the likely cause of a difference. Exit codes: 0
+    done, 2 invalid options, 3 the predicted residual is exceeded, 4 invalid file, 5 refused or no trustworthy result, 6
+    undecided.
     """
 
     preset: str

@@ -44,9 +44,9 @@ class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
 
     Quantities: F_ior, F_ior_max and F_ior_min (over the mounting phase), self_error, K_1, K_2, K_3 and lost_motion (as
     in hdassist stiffness). The fit starts from drives spread evenly over the bounds and refines the best separate ones
-    by least squares. Every set of values that meets the targets is kept. If none does, the page names the targets and
-    bounds in the way, and --write writes no file. Exit codes: 0 all targets are met, 3 a target is missed, 5 the fit
-    did not converge.
+    by least squares. Every set of values that meets the targets is kept. If no set meets them, the page names the
+    missed targets and the bounds that limit the fit, and --write writes no file. Exit codes: 0 all targets are met, 3 a
+    target is missed, 5 the fit did not converge.
     """
 
     preset: str
@@ -136,8 +136,8 @@ class PresetsShowCommand(o.PageOptions, o.DriveOptions):
       hdassist presets show vzp160 --resolved
       hdassist presets show my-drive.yaml --set cam.W_0=0.95 --resolved
 
-    Origins: given, assumed, identified (from the preset's `source`), default (left out), override (--set).
-    --json and --set imply --resolved.
+    Origins: given, assumed, identified (from the preset's `source`), default (the preset omits the field), override
+    (--set). --json and --set imply --resolved.
     """
 
     preset: str
@@ -178,14 +178,14 @@ class PresetsShowCommand(o.PageOptions, o.DriveOptions):
 
 
 class PresetsValidateCommand(o.AnswerOptions, o.DriveOptions):
-    """All faults of presets at once, and the number of values that are still assumed.
+    """All errors of presets at once, and the number of values that are still assumed.
 
     \b
     Examples:
       hdassist presets validate my-drive.yaml
       hdassist presets validate *.yaml --json
 
-    Exit codes: 0 all are valid, 4 one is not, 2 only a --set is bad.
+    Exit codes: 0 all presets are valid, 4 a preset is invalid, 2 only a --set is invalid.
     """
 
     presets: list[str]
@@ -249,8 +249,8 @@ class PresetsSchemaCommand(o.OptionGroup):
     Examples:
       hdassist presets schema -o hdassist-preset.schema.json
 
-    The second line of a preset written by presets new names that file, for editors with a YAML language server. Units
-    within texts and rules between fields are checked only by presets validate.
+    Store the schema as a file. The second line of a preset written by presets new names this file, for editors with a
+    YAML language server. Only presets validate checks units in texts and rules between fields.
     """
 
     output: str = "-"
@@ -279,15 +279,16 @@ class PresetsNewCommand(WishOptions):
       hdassist presets new own --ratio 100 --torque 26 --quality unknown
       hdassist presets new my-drive -o my-drive.yaml
 
-    State --coupling first: it decides how strongly an eccentricity of the wave generator acts, and so how much turning
-    the fixed wheel can reduce F'_ior. oldham: the wave generator floats on an Oldham coupling; solid: it is one piece
-    with its hub; overhung: it sits on the end of a motor's shaft. A value that is not given is scaled from the other
-    drive by its size, is marked as assumed, and has its plausible range. The size is --pitch-diameter, else it follows
-    from K3, else from --torque, both by the cube law of catalogues. --stiffness, --T1, --T2, --lost-motion and
-    --accuracy are copied to the preset's table catalogue: reference data by which check weighs assumed
-    values. If a data sheet gives only one stiffness, it counts as K3. The drive is assumed to have a cup-shaped steel
-    flexspline on a flexible ball bearing, as the drive of --like; the first lines of the preset name the fields to
-    change otherwise.
+    --coupling is the most important option. It determines the effect of a wave generator eccentricity, and therefore
+    how much another hole of the fixed wheel can reduce F'_ior. oldham: the wave generator aligns itself on an Oldham
+    coupling. solid: it is one piece with its hub. overhung: it sits on the free end of a motor shaft. Values without an
+    option are scaled from the other drive by size. They are marked as assumed, with a plausible range. --pitch-diameter
+    states the size. Without it, the size follows from K3, or otherwise from --torque, because in catalogues both
+    increase with the cube of the diameter. --stiffness, --T1, --T2, --lost-motion and --accuracy are copied to the
+    table catalogue of the preset. check compares the samples of assumed values with these reference data. If a data
+    sheet gives only one stiffness, it counts as K3. The drive is assumed to have a cup-shaped steel flexspline on a
+    flexible ball bearing, like the drive of --like. The first lines of the preset name the fields to change for another
+    type of drive.
     """
 
     output: str = "-"

@@ -42,7 +42,7 @@ class CheckCommand(o.PlotOptions, o.SamplingOptions, o.PitchOptions, o.LimitedDr
     F'_ior plus the self error (the error of a drive without deviations, over tooth and ball phase) with --limit, or
     with the preset's acceptance limits. All uncertain inputs are sampled jointly and weighted by the preset's catalogue
     values (docs/unknown.md). PASS: the probability of meeting the limit is at least --sure. FAIL: it is at most 1 -
-    --sure. INCONCLUSIVE: it lies between. Exit codes: 0 PASS or no limit, 3 FAIL, 4 bad preset, 5 no trustworthy
+    --sure. INCONCLUSIVE: it lies between. Exit codes: 0 PASS or no limit, 3 FAIL, 4 invalid preset, 5 no trustworthy
     result, 6 INCONCLUSIVE.
     """
 
@@ -77,8 +77,8 @@ class TraceCommand(o.PlotOptions, o.PitchOptions, o.OneTorqueOptions):
       hdassist trace vzp160 --torque 80 --gravity 60,90 -n 100
       hdassist trace my-drive.yaml --set phases.xi_b=260 --json
 
-    One input revolution has as many mesh positions as the fixed wheel has teeth. Orders that differ by the slow
-    rotation of the flexspline are resolved over the full mesh cycle only (for 200/202 teeth: -n 100).
+    One input revolution contains as many mesh positions as the fixed wheel has teeth. Orders and their sidebands are
+    resolved only over the full mesh cycle (-n 100 for 200/202 teeth).
     """
 
     preset: str
@@ -123,10 +123,10 @@ class StiffnessCommand(o.PlotOptions, o.DriveOptions):
       hdassist stiffness my-drive.yaml --t1 29 --t2 108 --to 250
       hdassist stiffness my-drive.yaml --csv curve.csv -q
 
-    The model has mesh, rings and balls in series with the shell as a tube, without deviations and without friction. The
-    segments end at --t1 and --t2, else at T_1 and T_2 of the preset's catalogue, else at the usual catalogue values,
-    scaled by the cube of the pitch diameter. K1, K2 and K3 are chord stiffnesses, compared with those of the preset's
-    catalogue.
+    The computed twist is that of mesh, rings and balls plus that of the shell, which is modelled as a tube. Deviations
+    and friction are not included. The segments of the curve end at --t1 and --t2. The defaults are T_1 and T_2 of the
+    preset's catalogue, or otherwise the usual catalogue values, scaled by the cube of the pitch diameter. K1, K2 and K3
+    are chord stiffnesses, compared with those of the preset's catalogue.
     """
 
     preset: str
@@ -159,11 +159,11 @@ class SweepCommand(o.RowsOptions, o.LoadedDriveOptions):
       hdassist sweep vzp160 --vary gears.j_n=0,5,10 | column -s, -t
       hdassist sweep my-drive.yaml --vary cam.W_0=0.9:1.0:201 -o rows.jsonl
 
-    A row is a point of the grid at one torque: that of the row if operation.M_g is varied, else each torque of the
-    preset. In a pipe, rows are written as CSV as soon as they are computed; --csv FILE writes them to a file. -o
-    FILE.jsonl writes JSON Lines: after an interruption the same command resumes after the last row in the file. A row
-    without a result stays in the table, with its reason; the exit code is 0 if any row has a result. --parquet FILE
-    writes the finished table.
+    Each row gives F'_ior at one point of the grid and one torque. If operation.M_g is varied, the torque is part of the
+    grid. Otherwise the grid is computed at each torque of the preset. In a pipe, rows are written as CSV as soon as
+    they are computed; --csv FILE writes them to a file. -o FILE.jsonl writes JSON Lines: after an interruption the same
+    command resumes after the last row in the file. A row without a result stays in the table, with its reason; the exit
+    code is 0 if any row has a result. --parquet FILE writes the finished table.
     """
 
     preset: str
@@ -270,12 +270,12 @@ class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOpt
     through the contact model. The page names causes that the recording cannot separate.
 
     A FILE that is a name of the library, or ends in .yaml or .yml, is a preset; anything else is a recording (./NAME
-    for one with the name of a preset). For presets the page gives the better drive with its probability; F'_ior and the
-    best hole of each drive, at torques that all presets share, else at equal shares of their rated torques; and the
-    fields that differ, each changed alone to find the one with the largest effect. --torque, --set, --draws, --seed and
-    --jobs apply to presets too. With --limit, or limits of the presets, the page gives the probability of meeting the
-    limit as assembled and in the best hole. Exit codes: 0 done, 4 bad file, 5 the recording does not resolve the
-    orders or the range, or no trustworthy result.
+    for one with the name of a preset). For presets the page gives the better drive with its probability, and F'_ior and
+    the best hole of each drive. If the presets have no torque in common, they are compared at equal shares of their
+    rated torques. The page also lists the fields that differ. Each of them is changed alone, to find the one with the
+    largest effect. --torque, --set, --draws, --seed and --jobs apply to presets too. With --limit, or limits of the
+    presets, the page gives the probability of meeting the limit as assembled and in the best hole. Exit codes: 0 done,
+    4 invalid file, 5 the recording does not resolve the orders or the range, or no trustworthy result.
     """
 
     preset: str
@@ -387,8 +387,8 @@ class ReportCommand(o.AnswerOptions, o.SamplingOptions, o.LimitedDriveOptions):
     The report is one file without scripts, for screens (light and dark) and for A4 paper. Its numbers are those of
     check, mount and stiffness, and the same input gives the same bytes. -o names a .html or .md file; without it,
     Markdown is written to standard output. A mounting instruction is given only if uncertain inputs cannot reverse it.
-    Exit codes: 0 PASS or no limit, 3 FAIL, 4 bad preset, 5 no trustworthy result, 6 INCONCLUSIVE, or no hole that can
-    be recommended; the report is written with 0, 3 and 6.
+    Exit codes: 0 PASS or no limit, 3 FAIL, 4 invalid preset, 5 no trustworthy result, 6 INCONCLUSIVE, or no recommended
+    hole. The report is written with 0, 3 and 6.
     """
 
     preset: str
@@ -497,13 +497,13 @@ class ToleranceCommand(o.RowsOptions, DrawOptions):
       hdassist tolerance vzp160 -n 100000 --results drives.jsonl
 
     The drives are other drives of the type, not the one that check predicts. Designs are sampled from the uncertain
-    inputs (as in check, weighted by the preset's catalogue values), and some drives from each design. Given sizes lie
-    between zero and the preset's tolerance, other sizes are sampled as in check, directions are random, and clearances
-    with a ± vary about their value. The yield is therefore a range over the designs. With --yield the verdict is PASS
-    if the probability of reaching it is at least --sure, FAIL if it is at most 1 - --sure, else INCONCLUSIVE. --results
-    FILE stores every drive, and the same command resumes an interrupted run; --parquet FILE writes a table of the
-    drives at the end. Exit codes: 0 done or PASS, 3 FAIL, 6 INCONCLUSIVE, 4 bad preset, 5 no trustworthy result, 130
-    stopped.
+    inputs (as in check, weighted by the preset's catalogue values). Several drives are sampled for each design. Given
+    sizes lie between zero and the preset's tolerance, other sizes are sampled as in check, directions are random, and
+    clearances with a ± vary about their value. The yield is therefore a range over the designs. With --yield the
+    verdict is PASS if the probability of reaching it is at least --sure, FAIL if it is at most 1 - --sure, else
+    INCONCLUSIVE. --results FILE stores every drive, and the same command resumes an interrupted run; --parquet FILE
+    writes a table of the drives at the end. Exit codes: 0 done or PASS, 3 FAIL, 6 INCONCLUSIVE, 4 invalid preset, 5 no
+    trustworthy result, 130 stopped.
     """
 
     preset: str
@@ -596,7 +596,7 @@ class SensitivityCommand(o.FigureOptions, DrawOptions):
     The result is computed over random drives of random designs, as assembled (sampled as in hdassist tolerance). It
     gives the contribution of each field to the variance of ln F'_ior, with size and direction of a deviation taken
     together, and the 95th percentile of F'_ior with each tolerance tightened by a fifth. Exit codes: 0 done, 2 wrong
-    usage, 4 bad preset, 5 no trustworthy result, 130 stopped.
+    usage, 4 invalid preset, 5 no trustworthy result, 130 stopped.
     """
 
     preset: str
@@ -635,11 +635,11 @@ class AllocateCommand(o.FigureOptions, DrawOptions):
       hdassist allocate own.yaml --limit 30 --set cost.tolerances.e_hb.share=3
 
     Tolerances are recommended only if the probability that they reach the yield is at least --sure, over all uncertain
-    inputs of the design. A size that the preset assumes is a tolerance to choose too. The preset gives the costs: cost:
+    inputs of the design. An assumed size is also treated as a tolerance to choose. The preset gives the costs: cost:
     {tolerances.e_hb: {share: 3, k: 1.5, least: 10}} costs 3 at the present tolerance and 3 (now/tolerance)^1.5
     otherwise, and the smallest feasible tolerance is 10 um. Defaults: share 1, k 1, least a tenth of the present
     tolerance. A tolerance may grow to twice its value. Exit codes: 0 done, 3 no tolerances reach the yield, 6 none is
-    shown to reach it, 2 wrong usage, 4 bad preset, 5 no trustworthy result, 130 stopped.
+    shown to reach it, 2 wrong usage, 4 invalid preset, 5 no trustworthy result, 130 stopped.
     """
 
     preset: str

@@ -52,10 +52,10 @@ class ExploreCommand(o.LimitedDriveOptions):
       hdassist explore my-drive.yaml h0=28.1 h4=17.3 h8=24.9
 
     Arrow keys turn the fixed wheel (the circular spline or the flexspline); e enters known data of the drive, c writes
-    the assembly card, ? explains the screen. A number is first searched for, then verified. A card is written only for
-    a recommendation that mount would give too. The line at the bottom is the command that gives the same result in a
-    script. On leaving, hdassist prints the command that returns to the session; it is also saved at each change in
-    explore.txt in the user's folder of states.
+    the assembly card, ? explains the screen. Each number is first found by a search, and then verified in every mesh
+    position. A card is written only for a recommendation that mount would give too. The line at the bottom is the
+    command that gives the same result in a script. On exit, hdassist prints the command that restores the session.
+    After each change, the command is also stored in explore.txt in the user's state folder.
     """
 
     preset: str
