@@ -55,7 +55,7 @@ def order_legend(drive: Drive) -> str:
     """Return the explanation of the causes of a drive's orders."""
     even = " Each component combines an even number of orders, because z_g, N and n_2 are even."
     return (
-        "circular spline: its teeth and the eccentricity fixed to its housing; flexspline: its teeth and the "
+        "circular spline: its teeth and the eccentricity fixed to its seat; flexspline: its teeth and the "
         "eccentricity fixed to it; wave generator: the eccentricity that rotates with it. The error contains sums and "
         f"differences of their orders.{even if is_half_turn_symmetric(drive) else ''}"
     )
