@@ -372,8 +372,13 @@ class ControllerOptions(o.OptionGroup):
         if reason := NO_COMPENSATION.get(name):
             raise UsageError(f"--write {name}: {reason}", "other controllers: hdassist compensate -h")
         if name in BACKLASH_FORMATS:
-            message = f"--write {name}: {BACKLASH_FORMATS[name].name} compensates backlash only"
-            raise UsageError(message, "it is that of a recording in both directions: compensate FILE --ratio N")
+            backlash = BACKLASH_FORMATS[name]
+            message = f"--write {name}: no table of points can be written for {backlash.name}: {backlash.why_no_table}"
+            raise UsageError(
+                message,
+                "write the points with --csv FILE, or the backlash of a recording in both directions with "
+                f"hdassist compensate FILE --ratio N --write {name}=FILE",
+            )
         if name not in CONTROLLER_FORMATS or path in ("", "-"):
             known = ", ".join((*CONTROLLER_FORMATS, *BACKLASH_FORMATS))
             raise UsageError(f"invalid --write {self.write!r}: expected CONTROLLER=FILE", f"controllers: {known}")

@@ -81,12 +81,14 @@ class BacklashFormat:
     line: its setting for an axis.
     comment: start of a comment.
     setup: what else the machine needs.
+    why_no_table: reason why no table of points is written for it.
     """
 
     name: str
     line: Callable[[_Backlash, str], str]
     comment: str
     setup: str
+    why_no_table: str
 
 
 BACKLASH_FORMATS = {
@@ -95,18 +97,21 @@ BACKLASH_FORMATS = {
         line=_duet,
         comment=";",
         setup="in config.g; the axis counts in degrees of the output",
+        why_no_table="RepRapFirmware has none (its issue 469 requests one)",
     ),
     "grblhal": BacklashFormat(
         name="grblHAL",
         line=_grblhal,
         comment=";",
         setup="a build with backlash compensation; the axis counts in degrees of the output",
+        why_no_table="none was found in grblHAL and its plugins",
     ),
     "heidenhain": BacklashFormat(
         name="HEIDENHAIN TNC 426, 430",
         line=_heidenhain,
         comment=";",
         setup="an entry for the machine parameters; positive, because the encoder of the motor is ahead of the output",
+        why_no_table="the manuals that were read do not show the lines of a .COM file",
     ),
 }
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hdassist.correction.backlash import BACKLASH_FORMATS
 from tests.process import run
 
 BACKLASH_ARCSEC, PERIODIC_ARCSEC = 12.0, 20.0
@@ -152,3 +153,11 @@ def test_a_recording_without_a_clear_backlash_is_refused(how: dict[str, float], 
 def test_a_preset_has_no_measured_backlash(tmp_path: Path) -> None:
     done = run("compensate", "vzp160", "--draws", "0", "--write", "duet=out.txt", cwd=tmp_path)
     assert done.returncode == 2
+
+
+@pytest.mark.parametrize("name", BACKLASH_FORMATS)
+def test_a_table_for_a_controller_of_backlash_only_is_refused_with_its_reason(name: str, tmp_path: Path) -> None:
+    done = run("compensate", "vzp160", "--draws", "0", "--write", f"{name}=out.txt", "--form", "output", cwd=tmp_path)
+    assert done.returncode == 2
+    assert BACKLASH_FORMATS[name].why_no_table in done.stderr
+    assert not (tmp_path / "out.txt").exists()
