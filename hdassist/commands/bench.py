@@ -373,7 +373,7 @@ class ControllerOptions(o.OptionGroup):
             raise UsageError(f"--write {name}: {reason}", "other controllers: hdassist compensate -h")
         if name in BACKLASH_FORMATS:
             backlash = BACKLASH_FORMATS[name]
-            message = f"--write {name}: no table of points can be written for {backlash.name}: {backlash.why_no_table}"
+            message = f"--write {name}: no table of points for {backlash.name}, because {backlash.why_no_table}"
             raise UsageError(
                 message,
                 "write the points with --csv FILE, or the backlash of a recording in both directions with "

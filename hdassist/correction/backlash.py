@@ -97,14 +97,14 @@ BACKLASH_FORMATS = {
         line=_duet,
         comment=";",
         setup="in config.g; the axis counts in degrees of the output",
-        why_no_table="RepRapFirmware has none (its issue 469 requests one)",
+        why_no_table="RepRapFirmware has no such table (its issue 469 requests one)",
     ),
     "grblhal": BacklashFormat(
         name="grblHAL",
         line=_grblhal,
         comment=";",
         setup="a build with backlash compensation; the axis counts in degrees of the output",
-        why_no_table="none was found in grblHAL and its plugins",
+        why_no_table="no such table was found in grblHAL and its plugins",
     ),
     "heidenhain": BacklashFormat(
         name="HEIDENHAIN TNC 426, 430",
