@@ -441,7 +441,7 @@ def calibrate(
     values = _fitted_values(drive, unknowns, fits[0], first, deviation)
     shortfall = _shortfall(targets, fits[0], values)
     if first.status <= 0 and np.abs(first.fun).max() > 1:
-        words = shortfall or "its nearest set still meets the targets"
+        words = shortfall or "the best set of values nevertheless meets the targets"
         raise UntrustedError(f"the fit did not converge: {words}", "more --evaluations", Fault.FIT_UNSETTLED)
     return Calibration(
         drive=drive,

@@ -117,7 +117,7 @@ class TextFile:
                 try:
                     yield decoder.decode(data, final=not data)
                 except UnicodeDecodeError as error:
-                    message = f"not {error.encoding[:6].upper().rstrip('-')} text, which its first bytes say"
+                    message = f"not {error.encoding[:6].upper().rstrip('-')} text, although its first bytes announce it"
                     got = f"byte 0x{error.object[error.start]:02x}"
                     raise self._refusal(message, got, "save the file as UTF-8") from None
         self.sha256 = digest.hexdigest()

@@ -329,7 +329,7 @@ def _check_tables(values: dict[str, Any], document: Document) -> None:
             document.warn(own, f"{plain(value)} is not the first value of its fit", "it is used without a range")
     for path in values.get("drive.uncertainty", ()):
         if path in values and values[path] is None:
-            document.add(("uncertainty", path), "an uncertainty without its value", f"give {path} too")
+            document.add(("uncertainty", path), "an uncertainty without a value", f"give {path} too")
     for path, source in values.get("drive.source", {}).items():
         bounds = source.range
         value = values.get(path)
@@ -418,8 +418,8 @@ def _warn_of_model(drive: Drive, document: Document) -> None:
         if document.is_override(path):
             document.warn(
                 path,
-                f"{here}: values of this preset were identified with the numerics.{name} of the preset, if stated",
-                "they are not valid for another one; calibrate again with this one",
+                f"{here}: the values of this preset were identified with its own numerics.{name}",
+                "identified values are not valid with another setting; calibrate again with this one",
             )
         elif path not in document.places:
             document.warn(

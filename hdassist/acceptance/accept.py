@@ -54,7 +54,7 @@ def accept(
     left = inputs.unmeasured
     if predictions is None and len(left) == len(limits) and not request.strict:
         raise DataError(
-            f"{drive.name}: nothing was measured that has a limit",
+            f"{drive.name}: no measured value belongs to a limit",
             " ".join(limit.option for limit in limits) + ", or no --measured-only" * request.measured_only,
         )
     decisions = []

@@ -52,7 +52,7 @@ from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.loadcase import CrossCheck
 
 _MAY_BE = "F'_ior of the full cycle may be up to {:.4g} (95 %)"
-OF_TRAVEL = "predicted over the full cycle: less may come in acceptance.travel, which a record shows"
+OF_TRAVEL = "predicted over the full mesh cycle: F'_ior over acceptance.travel may be smaller, and needs a recording"
 _Basis = Literal["measured", "stated", "predicted"]
 Rule = Literal["guard", "simple"]
 
@@ -386,7 +386,7 @@ class AcceptedValue(ClosedRecord):
             )
         if value == 0 and (limit.check is F_IOR or not expanded):
             words = f"--value {given}: {limit.label} must be above 0"
-            raise UsageError(words, "leave it out if it was not measured")
+            raise UsageError(words, "omit the value if it was not measured")
         return cls(value, expanded, "stated", "whole")
 
     @classmethod
@@ -481,7 +481,7 @@ def decide(limit: Limit, held: AcceptedValue, rule: Rule, sure: float) -> Decide
 def _verdict(known: AcceptedValue, room: float | None, guard: float, rule: Rule, sure: float) -> tuple[Verdict, str]:
     """The verdict on a value by its room to the limit, and why where that is not plain."""
     if known.extent == "between torques":
-        return Verdict.INCONCLUSIVE, "nothing was recorded at this torque, only below and above it"
+        return Verdict.INCONCLUSIVE, "there is no recording at this torque, only at lower and higher torques"
     if room is None:
         return Verdict.INCONCLUSIVE, "neither the recording nor a reported value (--value) gives it"
     if belief := known.belief:
@@ -493,9 +493,9 @@ def _verdict(known: AcceptedValue, room: float | None, guard: float, rule: Rule,
     if known.extent == "not known":
         return Verdict.INCONCLUSIVE, "the uncertain inputs were not sampled"
     if known.extent == "scatter not known":
-        return Verdict.INCONCLUSIVE, "each position was approached once: scatter may make the range larger"
+        return Verdict.INCONCLUSIVE, "each position was approached once, so scatter may increase the range"
     if known.extent == "part":
-        return Verdict.INCONCLUSIVE, "the value is that of a part of the cycle only"
+        return Verdict.INCONCLUSIVE, "the value covers only a part of the cycle"
     if room < -guard:
         if known.extent == "at most":
             return Verdict.INCONCLUSIVE, OF_TRAVEL

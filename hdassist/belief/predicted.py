@@ -110,6 +110,6 @@ def beyond_words(compared: Sequence[MeasuredBeside]) -> list[str]:
         sentences.append(
             f"the measured F'_ior of {value.value_arcsec:g}″ ({value.place}) is {side} the range that the preset alone "
             f"predicts, {predicted}: check the value, its torque and the tolerances; "
-            "presets new --quality unknown assumes wider ones"
+            "presets new --quality unknown assumes wider tolerances"
         )
     return sentences

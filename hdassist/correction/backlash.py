@@ -133,7 +133,7 @@ def backlash_of(measured: Measurement, torque_Nm: float) -> _Backlash:
     if value <= COVERAGE_FACTOR * uncertainty:
         expanded = COVERAGE_FACTOR * uncertainty
         message = f"{measured.trace.file}: a lost motion of {value:.3g} ± {expanded:.3g}″ is not clear"
-        raise UntrustedError(message, "there is nothing to compensate, or record longer")
+        raise UntrustedError(message, "record longer; if the result is the same, no compensation is needed")
     return _Backlash(
         arcsec=value,
         uncertainty_arcsec=uncertainty,

@@ -492,7 +492,7 @@ def correction_alone(
         way = "with"  # the input angle is then counted in the sense of the output
     if gearing is None or (not is_over_input and (is_by_output or (form.turn == "output" and not way))):
         raise UsageError(
-            "the recording does not show whether input and output turn the same way",
+            "the recording does not show whether input and output rotate in the same sense",
             "for input angles, use --output-turns against (circular spline fixed) or with; or give a preset",
         )
     is_drawn = is_over_input and (sweep.is_bound or found.is_of_travel)

@@ -272,7 +272,7 @@ def drawn_errors(measurement: Measurement, kinematics: Kinematics, asked: Alignm
     sweep, trace = measurement.directions[0], measurement.trace
     turns = sweep.bins.span
     if turns < _FEWEST_TURNS:
-        words = f"{trace.file}: {turns:.2g} input revolutions in the longest sweep"
+        words = f"{trace.file}: {turns:.2g} input revolutions in its longest sweep"
         raise UntrustedError(words, f"record at least {_FEWEST_TURNS:g} input revolutions for a table over the input")
     alignment, ratio = asked.of_file(trace, kinematics), abs(kinematics.u)
     cleaned = cleaned_recording(sweep, ratio)

@@ -207,7 +207,7 @@ class _Exporting(Asking):
 
         def take(path: str) -> None:
             if path == "-":
-                raise UsageError("the screen has standard output", "name a file")
+                raise UsageError("the screen uses standard output", "name a file")
             require_writable(path, force=True)
             keep = partial(put, path, text(path))
             question = Notice(f"{path} exists. Replace it?")

@@ -63,17 +63,17 @@ def reason_outside(result: Measurement, sweep: SweepResult) -> str:
     if result.gearing is None or sweep.coverage is None:
         return "the full cycle is unknown"
     if result.gearing.travel:
-        return "F'_ior is that over a travel, whose place in the cycle is unknown"
+        return "F'_ior refers to a travel whose place in the cycle is unknown"
     if sweep.is_scale_bound:
         return "the declination of the guide star is unknown, and with it the size of the error"
     if sweep.direction == 0:
-        return "both directions were taken as one"
+        return "both directions were combined"
     if result.trace.is_between_torques or len(sweep.fit.blocks) > 1 or _is_torque_changing(result, sweep):
         return "the torque changes"
     if sweep.coverage.share < _LEAST_SHARE:
         return f"less than {100 * _LEAST_SHARE:.0f} % of the cycle was recorded"
     if _blocks(sweep) > _MOST_BLOCKS:
-        return "more revolutions were recorded than the model takes: record one full cycle"
+        return "the recording is longer than the model allows: record one full mesh cycle"
     if sweep.slow_arcsec > _LARGEST_SLOW * sweep.cam.value:
         return "slow terms are much larger than the error of the orders: check the ratio and the drift"
     return ""

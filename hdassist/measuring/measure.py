@@ -329,7 +329,7 @@ class _RecordUnderway:
         if longest < _SHORTEST_TURNS - 0.01:
             if own.sweeps:
                 way = "growing" if sign > 0 else "falling"
-                self.notes.append(f"{way} angles omitted: {longest:.2g} of an input revolution")
+                self.notes.append(f"{way} angles omitted: they cover only {longest:.2g} of an input revolution")
             return None
         fit = self._fitted(sign)
         own, bins = self.trace.one_way(sign), fit.bins
@@ -532,7 +532,7 @@ def _declared(trace: MeasuredTrace, orders: Sequence[float] | None, notes: list[
             Fault.ORDERS_UNTOLD,
         )
     notes.append(
-        f"orders up to {kept[-1]:g} only: the steps of the angle resolve no higher ones, which may appear as these"
+        f"orders up to {kept[-1]:g} only: the angle steps do not resolve higher orders, which may appear as lower ones"
     )
     return kept
 

@@ -220,7 +220,7 @@ def sheet_report(choice: PlanChoice, serial: str = "", file: str = "") -> Report
         f"Wait {run.dwell_s:g} s, then read the output. Write down the temperature again at the end.",
     )
     given = (
-        "The range from one side counts: the largest minus the smallest deviation, of repeats their mean.",
+        "The result is the range from one side: the largest minus the smallest deviation. Average repeated readings.",
         f"The test captures {low} to {high} % of F'_ior (median {middle} %).",
         _verdicts(test),
         again(

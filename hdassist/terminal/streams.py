@@ -204,7 +204,7 @@ def require_parquet(path: str) -> None:
         words = "--parquet needs a package that is not installed: pyarrow"
         raise UsageError(words, command_line(["pip", "install", "hdassist[parquet]"]))
     if path == "-" or _is_device(Path(path)):
-        raise UsageError("--parquet writes a file, no stream", "--parquet FILE")
+        raise UsageError("--parquet needs the name of a file, not a stream", "--parquet FILE")
 
 
 def write_parquet(
@@ -278,12 +278,12 @@ def put_text(path: str, text: str) -> None:
                 with open(descriptor, "wb") as stream:  # noqa: PTH123 (a descriptor has no path)
                     stream.write(data)
     except OSError as error:
-        reason = "nobody reads the pipe" if error.errno == errno.ENXIO else error.strerror or str(error)
+        reason = "no process reads the pipe" if error.errno == errno.ENXIO else error.strerror or str(error)
         raise _unwritable(path, reason) from None
 
 
 def _at_once(path: str, flags: int) -> int:
-    """Open a device or a pipe to write. Raises OSError: nobody reads the pipe, for whom open() would wait."""
+    """Open a device or a pipe to write. Raises OSError: no process reads the pipe, for whom open() would wait."""
     descriptor = os.open(path, (flags | getattr(os, "O_NONBLOCK", 0)) & ~os.O_CREAT)
     if hasattr(os, "O_NONBLOCK"):
         os.set_blocking(descriptor, True)
@@ -318,7 +318,7 @@ def require_writable(path: str, force: bool) -> None:
         if target.exists() and not _is_device(target) and not force:
             raise UsageError(f"{path} exists", "--force replaces it", Fault.FILE_EXISTS)
         if _real(target).is_symlink():
-            raise _unwritable(path, "its links go round in a circle")
+            raise _unwritable(path, "its symbolic links form a loop")
         folder = _real(target).parent
         if not folder.is_dir():
             raise _unwritable(path, f"there is no directory {folder}")

@@ -155,7 +155,7 @@ def production_law(
         if given and deviation.direction in priors:
             own.append(priors[deviation.direction])
         elif deviation.direction not in known:
-            reason = "parts are put together as they come"
+            reason = "parts are combined at random"
             own.append(
                 FieldPrior(
                     path=deviation.direction,

@@ -166,8 +166,8 @@ def test_parquet_has_what_csv_has_and_is_written_of_the_rows_that_are_kept(tmp_p
     ("more", "words"),
     [
         (("-o", "rows.parquet"), "rows.parquet would be written as JSON Lines"),
-        (("--parquet", "-"), "--parquet writes a file, no stream"),
-        (("--parquet", os.devnull), "--parquet writes a file, no stream"),
+        (("--parquet", "-"), "--parquet needs the name of a file, not a stream"),
+        (("--parquet", os.devnull), "--parquet needs the name of a file, not a stream"),
         (("--parquet", "there.parquet"), "there.parquet exists"),
         (("-o", "a", "--parquet", "a"), "a would receive two results"),
     ],

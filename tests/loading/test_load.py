@@ -207,7 +207,7 @@ def test_optional_fields_may_be_empty() -> None:
         ]),
         ([("m: 0.8", "m: x")], "uncertainty: {phases.xi_g: 3}\n", [
             "my.yaml:3:32: gears.m: must be a number (got x; write a number in mm)",
-            "my.yaml:9:28: uncertainty.phases.xi_g: an uncertainty without its value "
+            "my.yaml:9:28: uncertainty.phases.xi_g: an uncertainty without a value "
             "(got 3; give phases.xi_g too)",
         ]),
         ([("m: 0.8", "m: 9, m: x")], "", [

@@ -86,9 +86,7 @@ def test_the_mark_turns_with_the_wheel_and_the_cam_does_not():
     assert other.instruction.text.startswith("Put the flexspline in hole 8. That is 4 holes (120°) clockwise")
     without = card(advice_of(overrides=("mounting.fixed=flexspline",)))  # e_hg is 0: no hole is better
     assert without.directions.lines == ("p: mark now, 0°",)
-    assert (
-        dict(card(CARDS["free"]).subject.rows)["mark"] == "greatest cumulative pitch deviation of the circular spline"
-    )
+    assert dict(card(CARDS["free"]).subject.rows)["mark"] == "largest cumulative pitch deviation of the circular spline"
 
 
 def test_a_measured_wheel_is_marked_at_its_tooth():
@@ -154,7 +152,7 @@ def test_a_card_says_how_sure_its_position_is_and_names_no_field():
         f"other position is better than hole 0 by more than 1 %, over 3 uncertain inputs: {100 * word:.0f} %."
         in unsure.chance.lines[0]
     )
-    assert card(CARDS["any"]).chance.lines[0] == "By what is known no hole is better than another."
+    assert card(CARDS["any"]).chance.lines[0] == "With the known data, no hole is better than another."
     for each in (advice, UNSURE, UNKNOWN_TURN):
         changed_by_hand = ", ".join(each.drive.origin.overrides)
         assert not re.search(r"\b(tolerances|phases|gears)\.", everything(each).replace(changed_by_hand, ""))
@@ -386,7 +384,7 @@ def test_an_unknown_language_names_those_there_are(language):
 def test_a_card_says_what_is_not_known_and_draws_no_mark_that_is_not():
     open_ = ("phases.xi_b=unknown", "harmonics.a_g2=unknown", "source.cam.W_0={kind: assumed}")
     made = card(advice_of(overrides=open_), trials=TRIALS)
-    assert dict(made.subject.rows)["mark"].startswith("its direction is not known")
+    assert dict(made.subject.rows)["mark"].startswith("its direction is unknown")
     assert [p.kind for p in made.seat.pointers] == ["cam"]
     assert "Values of the preset: 47 given, 0 identified, 1 assumed." in made.chance.lines
 

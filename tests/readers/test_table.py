@@ -178,9 +178,9 @@ def test_a_remark_may_hold_the_names() -> None:
          "(got um; put # in front of it; only one line of names is allowed, above the rows)"),
         ("1;2\nend\n", "w.csv:2:1: a line of text among the rows "
          "(got end; put # in front of it; only one line of names is allowed, above the rows)"),
-        (b"\xef\xbb\xbf1;2\n\xff", "w.csv:1:1: not UTF-8 text, which its first bytes say "
+        (b"\xef\xbb\xbf1;2\n\xff", "w.csv:1:1: not UTF-8 text, although its first bytes announce it "
          "(got byte 0xff; save the file as UTF-8)"),
-        (b"\xff\xfe1\0;", "w.csv:1:1: not UTF-16 text, which its first bytes say "
+        (b"\xff\xfe1\0;", "w.csv:1:1: not UTF-16 text, although its first bytes announce it "
          "(got byte 0x3b; save the file as UTF-8)"),
         (b"\x1f\x8b\x08rubbish", "w.csv:1:1: a gzip file that is damaged or cut off"),
         ("1;2\n" * 400, "w.csv:1:1: the file is larger than 1000 bytes (check that this is the file with the table)"),

@@ -98,7 +98,7 @@ def test_a_device_is_written_to_and_not_replaced() -> None:
 def test_a_pipe_that_nobody_reads_is_not_waited_for(tmp_path: Path) -> None:
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
-    with pytest.raises(DataError, match="nobody reads the pipe"):
+    with pytest.raises(DataError, match="no process reads the pipe"):
         write_text(str(pipe), "x", force=False)
     reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
     write_text(str(pipe), "x", force=False)
