@@ -135,7 +135,7 @@ class DesignCheck:
     unknown: unknown deviations.
     prior: uncertain inputs.
     samples: samples of these inputs; None without samples.
-    steps: options to meet the limit at the torque with the least certain verdict; none if all limits are met.
+    steps: options to meet the limit at the governing torque; none if all limits are met.
     steps_proof: certificate of the states behind these options.
     predicted: measured values of F'_ior and the preset's predictions without them.
     """
@@ -168,7 +168,7 @@ class DesignCheck:
             return self
         left = {point.M_g: point.left_arcsec for point in self.points}
         torques = self.samples.torques if self.samples else tuple(left)
-        point = self.points[self.least_sure]
+        point = self.points[self.governing]
         place = torques.index(point.M_g)
         rooms = [left.get(M_g) for M_g in torques]
         steps, proof = steps_of(self.prior, self.samples, torques, place, rooms, run, point.sure, point.error)
@@ -191,30 +191,29 @@ class DesignCheck:
         return tuple(p.error.cross_check for p in self.points if p.error and p.error.cross_check)
 
     @property
-    def least_sure(self) -> int:
+    def governing(self) -> int:
         """Index of the governing torque: among those with the worst verdict, the one that is nearest its limit.
 
-        Without a limit it is the torque at which F'_ior is known least.
+        Without a limit it is the torque with the largest predicted F'_ior, by the median.
         """
 
-        def nearness(k: int) -> tuple[float, float]:
-            """Return the probability of missing the limit and the upper end over it, else the ratio of the ends."""
+        def severity(k: int) -> tuple[float, float]:
+            """Return the probability of missing the limit and F'_ior over it; without a limit 0 and F'_ior."""
             point = self.points[k]
             if point.limit_arcsec and point.F_ior_upper_arcsec:
                 probability_of_missing = 1 - point.probability.value if point.probability else 0.0
                 return probability_of_missing, point.F_ior_upper_arcsec / point.limit_arcsec
-            low, high = point.range_arcsec or (1.0, 1.0)
-            return 0.0, high / max(low, 1e-9)
+            return 0.0, point.F_ior_or_error
 
         worst_ones = [k for k, point in enumerate(self.points) if point.verdict is self.verdict]
-        return max(worst_ones, key=nearness, default=0)
+        return max(worst_ones, key=severity, default=0)
 
     @cached_property
     def influences(self) -> tuple[Influence, ...]:
-        """Return the contributions to the variance of ln F'_ior at the least certain torque, the largest first."""
+        """Return the contributions to the variance of ln F'_ior at the governing torque, the largest first."""
         if not (self.samples and self.points):
             return ()
-        return influences(self.samples.of_ranges, self.samples.torques.index(self.points[self.least_sure].M_g))
+        return influences(self.samples.of_ranges, self.samples.torques.index(self.points[self.governing].M_g))
 
     @property
     def warnings(self) -> tuple[str, ...]:

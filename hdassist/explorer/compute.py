@@ -165,7 +165,7 @@ def typical_of(found: DesignCheck) -> tuple[Mapping[str, float], Sequence[float]
     """Values by path of the sample nearest to the median, and its F'_ior at each torque [arcsec]."""
     if not (samples := found.samples):
         return {}, [point.error.F_ior_arcsec for point in found.points if point.error]
-    near = samples.middle_sample(found.least_sure)
+    near = samples.middle_sample(found.governing)
     return samples.values(np.array([near]))[0], samples.F_ior_arcsec[near].tolist()
 
 

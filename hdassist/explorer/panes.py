@@ -401,7 +401,7 @@ def why_blocks(known: Known) -> tuple[Block, ...]:
     """Influences on F'_ior with their shares, what it would take, and other facts of check."""
     if not (found := known.whole):
         return (Paragraph(known.without),)
-    point = found.points[found.least_sure]
+    point = found.points[found.governing]
     shares = (f"{100 * each.share:3.0f} % {named(each.group)}" for each in found.influences)
     return (
         *steps_tables(found),

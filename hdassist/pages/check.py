@@ -87,9 +87,9 @@ _ON_PAGE = quantity_table(
 
 def check_report(check: DesignCheck, seed: int) -> Report:
     """Return a design check as a report; seed: that of its mesh positions that were solved again."""
-    least_sure = check.points[check.least_sure]
-    first = _spread_curve(check, check.samples) if check.samples and check.prior else _error_curve(check, least_sure)
-    others = [point for point in check.points if check.samples or point is not least_sure]
+    governing = check.points[check.governing]
+    first = _spread_curve(check, check.samples) if check.samples and check.prior else _error_curve(check, governing)
+    others = [point for point in check.points if check.samples or point is not governing]
     k = Kinematics.of(check.drive)
     fixed = wheel(check.drive)
     return Report(
@@ -117,7 +117,7 @@ def check_report(check: DesignCheck, seed: int) -> Report:
 
 def influence_at(check: DesignCheck) -> str:
     """Return the largest contributions at the governing torque in words; empty without any."""
-    result = f"F'_ior at {check.points[check.least_sure].M_g:g} N·m" if check.influences else ""
+    result = f"F'_ior at {check.points[check.governing].M_g:g} N·m" if check.influences else ""
     return influence_words(check.influences, result)
 
 
@@ -159,7 +159,7 @@ def _undrawn(check: DesignCheck) -> Iterator[str]:
 def _facts(check: DesignCheck) -> Iterator[Fact]:
     """Yield options, questions, inputs taken as 0 and the next command, a label and a text each."""
     if tuple(_undrawn(check)):
-        yield "measure", again("accept", check.drive, "--measured", f"{check.points[check.least_sure].M_g:g}=FILE")
+        yield "measure", again("accept", check.drive, "--measured", f"{check.points[check.governing].M_g:g}=FILE")
     yield from steps_facts(check)
     yield "unknown", "" if check.samples or not check.unknown else f"taken as 0: {unknown_names(check.unknown)}"
     step = "tolerance" if check.verdict is Verdict.PASS else "mount"
@@ -231,10 +231,10 @@ def _error_curve(check: DesignCheck, point: OperatingPoint) -> Curve:
 
 def _spread_curve(check: DesignCheck, samples: Samples) -> Curve:
     """Return the percentiles of F'_ior over the samples at the governing torque as a curve."""
-    point = check.points[check.least_sure]
+    point = check.points[check.governing]
     line = "" if point.left_arcsec is None else "; line: limit minus self error"
     return Curve(
-        *shares_below(samples.sets_arcsec[:, :, check.least_sure].ravel(), samples.set_weights.ravel()),
+        *shares_below(samples.sets_arcsec[:, :, check.governing].ravel(), samples.set_weights.ravel()),
         x_label="",
         y_label=f"F'_ior at {point.M_g:g} N·m by percentile of the drives, ″{line}",
         limit=point.left_arcsec,
@@ -268,7 +268,7 @@ def _values(check: DesignCheck, seed: int) -> Json:
         "identified_as_exact": check.prior.fitted if check.prior else [],
         "influence": influence_objects(check.influences),
         "steps": as_json(check.steps),
-        "least_sure_M_g_Nm": check.points[check.least_sure].M_g,
+        "least_sure_M_g_Nm": check.points[check.governing].M_g,
         "samples": samples_object(check.samples),
         "seed": seed,
         "verdict": check.verdict,
@@ -332,7 +332,7 @@ def steps_facts(check: DesignCheck) -> Iterator[Fact]:
 
 def _before_steps(check: DesignCheck) -> tuple[OperatingPoint, str, str, str]:
     """Return the governing torque, the purpose of steps, the value before any, and the head of their outcomes."""
-    point = check.points[check.least_sure]
+    point = check.points[check.governing]
     torque = f"{point.M_g:g} N·m"
     limit = point.limit_arcsec
     if limit is None:

@@ -145,7 +145,7 @@ def _basis(sheet: DriveSheet, values: Mapping[str, int]) -> Iterator[Block]:
         (named(row.path), f"{100 * share:.0f}", value_text(row.value), ranges[row.path], row.unit, row.ref)
         for row, share in ((given[groups[each.group]], each.share) for each in check.influences)
     )
-    title = f"inputs by their contribution to the variance of F'_ior at {check.points[check.least_sure].M_g:g} N·m"
+    title = f"inputs by their contribution to the variance of F'_ior at {check.points[check.governing].M_g:g} N·m"
     yield Table(title, _INPUT_HEADS, rows)
     names = unknown_names(check.unknown)
     sampled = ""

@@ -156,6 +156,13 @@ def test_the_governing_torque_is_nearest_its_limit_though_all_limits_are_met(lim
     assert answer["least_sure_M_g_Nm"] == governing
 
 
+def test_without_a_limit_the_governing_torque_has_the_largest_F_ior():
+    result = run("check", TINY, "--json", "--torque", "1", "--torque", "4", "--torque", "2")
+    answer = json.loads(result.stdout)
+    F_ior = {p["M_g_Nm"]: p["F_ior_arcsec"] for p in answer["operating_points"]}
+    assert answer["least_sure_M_g_Nm"] == max(F_ior, key=F_ior.__getitem__) == 4
+
+
 def test_verdict_holds_the_upper_value(answer):
     point = json.loads(answer.stdout)["operating_points"][0]
     between = (point["F_ior_arcsec"] + point["F_ior_upper_arcsec"]) / 2

@@ -44,6 +44,13 @@ def test_a_verdict_is_the_probability_of_keeping_the_limit(open_):
     assert verdict(1e5, belief=None, open_=False) is Verdict.PASS
 
 
+def test_without_a_limit_the_governing_torque_has_the_largest_median_and_not_the_widest_range(open_):
+    medians = [point.belief.p50 for point in open_.points]
+    spreads = [point.belief.p95 / point.belief.p5 for point in open_.points]
+    largest = int(np.argmax(medians))
+    assert open_.governing == largest != int(np.argmax(spreads))
+
+
 def test_few_samples_give_a_range_with_a_warning_and_a_verdict_where_all_of_the_interval_does(open_):
     first = open_.samples.of_ranges
     agrees = np.arange(len(first.weights)) < 9
@@ -143,7 +150,7 @@ def test_a_measured_figure_without_anything_open_is_remarked_upon():
 def test_a_limit_for_which_more_is_drawn_moves_neither_ranges_nor_influence():
     drive = load_preset(TINY, ["phases.phi_hb=unknown", PLAY])
     free = check(drive, draws=16)
-    widest = free.points[free.least_sure]
+    widest = free.points[free.governing]
     limit = widest.belief.p95 + widest.self_error.range_arcsec  # near the threshold of PASS
     held = check(
         load_preset(TINY, ["phases.phi_hb=unknown", PLAY, f"acceptance.F_ior={{{widest.M_g:g}: {limit!r}}}"]), draws=16
@@ -158,11 +165,11 @@ def test_a_limit_for_which_more_is_drawn_moves_neither_ranges_nor_influence():
         ]
 
     assert shown(held) == shown(free)
-    assert held.least_sure == free.least_sure
+    assert held.governing == free.governing
     assert held.influences == free.influences
     assert report_object(check_report(held, 0))["samples"]["draws_of_ranges"] == free.samples.draws
     # the probability is of all that was drawn
-    point, k = held.points[held.least_sure], held.least_sure
+    point, k = held.points[held.governing], held.governing
     assert point.probability == held.samples.probability_within(point.left_arcsec, k)
 
 
