@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
+from textwrap import wrap
 
 import numpy as np
 
@@ -97,7 +98,7 @@ def check_report(check: DesignCheck, seed: int) -> Report:
         drive=check.drive,
         head=f"{check.drive.name}, {k.z_g}/{k.z_b} teeth, {fixed} fixed{heading(check.measured)}",
         verdict=str(check.verdict),
-        why=_verdict_reasons(check) or tuple(_undrawn(check)),
+        why=tuple(_verdict_reasons(check)) or tuple(_undrawn(check)),
         blocks=(F_ior_table(check), Facts.of(_facts(check)), first),
         details=(
             *steps_tables(check),
@@ -132,18 +133,19 @@ def F_ior_table(check: DesignCheck) -> Table:
     return Table.by_row(title, columns, check.points)
 
 
-def _verdict_reasons(check: DesignCheck) -> tuple[str, ...]:
-    """Return the reasons for the verdict of the check: those of the torques that have this verdict."""
-    reasons = [_verdict_reason(point) for point in check.points if point.verdict is check.verdict]
-    return tuple(reason for reason in reasons if reason)
+def _verdict_reasons(check: DesignCheck) -> Iterator[str]:
+    """Yield the reasons for the verdict of the check: those of the torques that have this verdict.
 
-
-def _verdict_reason(point: OperatingPoint) -> str:
-    """Return the reason for the verdict at a torque; empty without a limit or a probability."""
-    if not (found := point.probability):
-        return ""
-    words = found.text(point.sure if point.verdict is Verdict.INCONCLUSIVE else None)
-    return f"{point.M_g:g} N·m: probability that F'_ior + self error ≤ {point.limit_arcsec:g}″: {words}"
+    If it is INCONCLUSIVE, the first one states the probability that PASS needs.
+    """
+    is_first = True
+    for point in check.points:
+        if point.verdict is not check.verdict or not (probability := point.probability):
+            continue
+        is_stated = is_first and check.verdict is Verdict.INCONCLUSIVE
+        chance = probability.text(point.sure if is_stated else None)
+        is_first = False
+        yield f"{point.M_g:g} N·m: probability that F'_ior + self error ≤ {point.limit_arcsec:g}″: {chance}"
 
 
 def _undrawn(check: DesignCheck) -> Iterator[str]:
@@ -160,7 +162,7 @@ def _facts(check: DesignCheck) -> Iterator[Fact]:
     """Yield options, questions, inputs taken as 0 and the next command, a label and a text each."""
     if tuple(_undrawn(check)):
         yield "measure", again("accept", check.drive, "--measured", f"{check.points[check.governing].M_g:g}=FILE")
-    yield from steps_facts(check)
+    yield from steps_facts(check, _lines_for_steps(check))
     yield "unknown", "" if check.samples or not check.unknown else f"taken as 0: {unknown_names(check.unknown)}"
     step = "tolerance" if check.verdict is Verdict.PASS else "mount"
     yield "next", again(step, check.drive)
@@ -285,8 +287,11 @@ def _line(check: DesignCheck) -> str:
     )
 
 
-_SHOWN_OPTIONS = 3  # on a short page
-_SHOWN_QUESTIONS = 1  # on a short page
+_SHOWN_OPTIONS = 3  # on a short page, which also shows one question if the screen has room for it
+_SCREEN_LINES = 24
+_SCREEN_COLUMNS = 80
+_LABEL_COLUMNS = len("to clarify  ")
+_LINES_OF_OTHERS = 15  # head, table without its rows, next command, plot, verification, and the empty lines between
 _DERIVED = "with a tolerance, the deviations derived from it are reduced too"
 _COUPLING_ANSWERS = {"oldham": "Oldham coupling", "solid": "solid hub"}
 
@@ -310,24 +315,39 @@ def steps_tables(check: DesignCheck) -> Iterator[Table]:
         yield Table(title, ("to clarify", f"{outcome}, by answer"), asked)
 
 
-def steps_facts(check: DesignCheck) -> Iterator[Fact]:
-    """Yield the best options in lines under a label, and the first questions under another."""
+def steps_facts(check: DesignCheck, most_lines: int = _SCREEN_LINES) -> Iterator[Fact]:
+    """Yield the best options in lines under a label, and the first question under another.
+
+    most_lines: lines of a page of 80 columns that they may take. The third option is omitted before the question, the
+    question before the second option, and one option is shown in any case.
+    """
     if not check.steps:
         return
     options = [step for step in check.steps if not step.is_question]
     questions = [step for step in check.steps if step.is_question]
     point, purpose, value, _ = _before_steps(check)
-    if options:
-        lines = [f"{purpose} ({value}):"]
-        lines += [
-            f"{_step_words(step, check.drive)}: {_outcome_words(step, point)}" for step in options[:_SHOWN_OPTIONS]
-        ]
-        yield "options", "\n".join(lines)
-    if questions:
-        lines = [
-            f"{_step_words(step, check.drive)} {_outcome_words(step, point)}" for step in questions[:_SHOWN_QUESTIONS]
-        ]
-        yield "to clarify", "\n".join(lines)
+    lines = [f"{_step_words(step, check.drive)}: {_outcome_words(step, point)}" for step in options[:_SHOWN_OPTIONS]]
+    asked = [f"{_step_words(step, check.drive)} {_outcome_words(step, point)}" for step in questions[:1]]
+    head = [f"{purpose} ({value}):"] if lines else []
+    contents = [(lines, asked), (lines[:2], asked), (lines, []), (lines[:2], []), (lines[:1], [])]
+    fitting = [content for content in contents if _wrapped_lines([*head, *content[0], *content[1]]) <= most_lines]
+    lines, asked = fitting[0] if fitting else contents[-1]
+    if lines:
+        yield "options", "\n".join([*head, *lines])
+    if asked:
+        yield "to clarify", "\n".join(asked)
+
+
+def _wrapped_lines(texts: Sequence[str], columns: int = _SCREEN_COLUMNS - _LABEL_COLUMNS) -> int:
+    """Return the number of lines that texts take beside a label."""
+    return sum(len(wrap(text, columns)) for text in texts)
+
+
+def _lines_for_steps(check: DesignCheck) -> int:
+    """Return the number of lines that a page of a screen has for options and questions."""
+    reasons = _wrapped_lines([*_verdict_reasons(check)], _SCREEN_COLUMNS)
+    taken = _LINES_OF_OTHERS + len(check.points) + reasons
+    return _SCREEN_LINES - taken
 
 
 def _before_steps(check: DesignCheck) -> tuple[OperatingPoint, str, str, str]:

@@ -49,6 +49,7 @@ def test_the_short_page_fits_a_screen_and_ends_in_a_command():
     [
         (("vzp160",), "no limit set", "F'_ior (peak-to-peak kinematic error) over 17 uncertain inputs"),
         (("mvz-80", "--limit", "20"), "FAIL", "10 N·m: probability that F'_ior + self error ≤ 20″: "),
+        (("mvz-80", "--limit", "30"), "INCONCLUSIVE", "10 N·m: probability that F'_ior + self error ≤ 30″: "),
     ],
 )
 def test_a_screen_answers_an_engineer_and_has_a_plot(args, verdict, reason):
