@@ -166,7 +166,7 @@ def prior_of(drive: Drive) -> DrivePrior:
             wide = low > 0 and high / low > LOGARITHMIC
             found.append(FieldPrior(path, "logarithmic" if wide else "even", low, high, owner, own, reason))
         elif path == RIGID_SHIFT and (play := drive.catalogue.play) and _follows(drive):
-            reason = f"the teeth mesh: a play of {play:g} arcsec at most, a preload of {PRELOAD:g} modules at most"
+            reason = f"the teeth mesh: a backlash of {play:g} arcsec at most, a preload of {PRELOAD:g} modules at most"
             most = play / ARCSEC * drive.gears.z_g / 4 / np.tan(np.radians(drive.gears.alpha))
             found.append(FieldPrior(path, "meshing", -PRELOAD, float(most), owner, own, reason))
         elif path in unknown:

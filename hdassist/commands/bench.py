@@ -403,7 +403,7 @@ class ControllerOptions(o.OptionGroup):
         if name not in BACKLASH_FORMATS or path in ("", "-"):
             return None
         if self.clockwise or self.zero or self.rows_from or self.steps_per_degree:
-            message = f"--write {name}: a backlash has no sense and no zero"
+            message = f"--write {name}: a backlash setting needs no sense and no zero"
             raise UsageError(message, "leave out --clockwise, --zero, --rows-from and --steps-per-degree")
         take_output(path, force)
         return BACKLASH_FORMATS[name], path

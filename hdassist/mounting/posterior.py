@@ -676,7 +676,7 @@ def open_prior(drive: Drive) -> DrivePrior:
     if drive.number(own) or any(path not in (size, direction) for path in drive.uncertainty):
         pairs.append((own, "phases.phi_hh"))
     for group, turn in pairs:
-        reason = f"open in trials: up to {_WIDEST_SIZE:g} times the preset's"
+        reason = f"unknown in trials: up to {_WIDEST_SIZE:g} times the preset's value"
         if group not in known:
             most = _WIDEST_SIZE * drive.number(group)
             known[group] = FieldPrior(

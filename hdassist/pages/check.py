@@ -153,8 +153,8 @@ def _undrawn(check: DesignCheck) -> Iterator[str]:
     if check.verdict is Verdict.INCONCLUSIVE and check.prior and not check.samples:
         count = len(check.prior.fields)
         yield (
-            f"{count} inputs are uncertain and were not sampled (sampling needs --draws, smooth teeth and locked "
-            "balls). A measured F'_ior decides."
+            f"{count} inputs are uncertain and were not sampled. Sampling needs --draws above 0, no pitch files and "
+            "bearing.ball_motion: locked. A measured F'_ior also decides."
         )
 
 

@@ -422,7 +422,7 @@ def _changes(result: DrivesComparison) -> Iterator[Table]:
         rows = [(each.field or "all together", *_change_cells(each)) for each in (*changes.single, changes.together)]
         notes = [f"median (5 to 95 %) over {changes.pairs} pairs of sampled drives"] * (changes.pairs > 1)
         paths = _some(changes.not_alone)
-        notes += [f"cannot be changed alone, as the drive is impossible or less known: {paths}"] * bool(paths)
+        notes += [f"cannot be changed alone (the drive would be impossible or less certain): {paths}"] * bool(paths)
         yield Table(title, ("", *torques), tuple(rows), notes=tuple(notes))
 
 
@@ -446,7 +446,7 @@ def _drives_facts(result: DrivesComparison) -> Iterator[Fact]:
     for letter, changes in zip([*_lettered(result)][1:], result.changes, strict=True):
         yield f"{letter} main cause", _most_by(result, changes)
     if result.rated_shares:
-        yield "torques", f"the presets have none in common; each drive is computed at {' and '.join(_loads(result))}"
+        yield "torques", f"the presets share no torque; each drive is computed at {' and '.join(_loads(result))}"
     yield "differs", _some([row[0].path for row in result.differing])
     cells = [
         (each.F_ior_is[k], each.probability_better[k], f" at {M_g:g} N·m" * (len(result.torques) > 1))

@@ -205,7 +205,8 @@ def _record_facts(result: Correction) -> Iterator[Fact]:
     if result.misfit and result.drive:
         recording = f"{', '.join(f'{each:.3g}' for each in turns)} of {cycle} input revolutions"
         yield "recording", f"{recording} at {recorded} N·m; its angles are those of the preset"
-        fitted = ", ".join([*(each.path for each in unknowns(result.drive)), "values in doubt (docs/correct.md)"])
+        stiffnesses = "supports, contacts, deflection and clearance (docs/correct.md)"
+        fitted = ", ".join([*(each.path for each in unknowns(result.drive)), stiffnesses])
         yield "fitted", f"{fitted}; misfit {100 * result.misfit:.0f} % of the error"
         yield "measure", "the full mesh cycle, which needs no fit"
     elif ends := result.recorded_deg:
@@ -220,7 +221,7 @@ def _record_facts(result: Correction) -> Iterator[Fact]:
     elif recorded:
         yield "recording", f"at {recorded} N·m; the correction uses the angles of the recording"
     if not result.drive and not _is_of_part(result) and turns[0] < _TOLD_NOISE_CYCLES * cycle:
-        yield "noise", "one cycle does not distinguish noise from error; the upper end of the residual includes it"
+        yield "noise", "one cycle does not distinguish noise from error; the upper end of the residual includes noise"
         yield "measure", "the cycle twice or more, so that noise averages out"
 
 

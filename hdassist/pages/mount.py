@@ -149,7 +149,7 @@ def _warnings_of_values(advice: Advice, say: Texts) -> Iterator[str]:
         return
     if after.samples.few:
         yield (
-            f"{after.samples.few}: the probability of the choice is rough; check the measured values, then the "
+            f"{after.samples.few}: the probability of the choice is approximate; check the measured values, then the "
             "assumed ranges"
         )
     elif after.effective < FEWEST_SURE:

@@ -544,7 +544,7 @@ def _coupling(coupling: str | None, shaft: str | None) -> dict[str, SimilarValue
     """Fields of the cam's coupling, by path."""
     if (coupling == "overhung") != (shaft is not None):
         raise UsageError(
-            "--coupling overhung and --shaft need each other",
+            "--coupling overhung and --shaft must be stated together",
             "give both, for example --coupling overhung --shaft 14x30",
         )
     if coupling is None:

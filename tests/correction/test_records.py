@@ -192,7 +192,7 @@ def test_part_of_the_cycle_is_called_that_with_the_misfit_and_what_to_record(tmp
     assert "computed as 0" not in page.stderr
     assert ", including noise of the recording" in words
     assert " of 10 input revolutions at 1 N·m; its angles are those of the preset" in words
-    assert "fitted phases.xi_b, values in doubt (docs/correct.md); misfit " in words
+    assert "fitted phases.xi_b, supports, contacts, deflection and clearance (docs/correct.md); misfit " in words
     assert "the full mesh cycle, which needs no fit" in words
 
 

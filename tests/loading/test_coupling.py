@@ -100,8 +100,8 @@ def test_a_drive_like_another_has_its_coupling_in_place_of_the_support():
     ("asked", "message"),
     [
         ({"coupling": "oldam"}, "invalid --coupling oldam: expected one of solid, oldham, overhung, unknown"),
-        ({"coupling": "overhung"}, "--coupling overhung and --shaft need each other"),
-        ({"shaft": "14x30"}, "--coupling overhung and --shaft need each other"),
+        ({"coupling": "overhung"}, "--coupling overhung and --shaft must be stated together"),
+        ({"shaft": "14x30"}, "--coupling overhung and --shaft must be stated together"),
         ({"coupling": "overhung", "shaft": "14"}, "invalid --shaft 14: expected DIAMETERxOVERHANG in mm"),
         ({"coupling": "overhung", "shaft": "0x30"}, "invalid --shaft 0: expected a number above 0 mm"),
     ],

@@ -214,7 +214,7 @@ def test_values_of_another_torque_are_named_with_the_torque_that_they_fit():
     done = run(*ONE, *FEW, "h0=190", "h4=189", "h8=147", "-q")
     words = " ".join(done.stderr.split())
     assert done.returncode == 0
-    assert "the values fit 1 N·m far better than 4 N·m; " in words
+    assert "the values agree with 1 N·m far better than with 4 N·m; " in words
 
 
 @pytest.mark.thorough

@@ -63,7 +63,7 @@ def test_a_hole_is_named_also_where_few_draws_agree_with_the_evidence(monkeypatc
     few = hole_samples(agreeing, (), SETUP, draws=32, table=TableEffort(8, COARSE_MESH))
     assert re.fullmatch(r"effective sample size [\d.]+ of 16 draws, 16 required", few.few)
     advice = advise_after(agreeing, [Trial(0.0, 73.0), Trial(120.0, 18.0)], SETUP, samples=few)
-    assert any("the probability of the choice is rough" in warning for warning in mount_warnings(advice))
+    assert any("the probability of the choice is approximate" in warning for warning in mount_warnings(advice))
     assert hole_samples(drive, (), SETUP, draws=16, table=TableEffort(8, COARSE_MESH)).few == ""
 
 
