@@ -27,7 +27,7 @@ from hdassist.measuring.orders import BIAS_SHARE, LARGEST_UNCERTAINTY
 from hdassist.model.geometry import Array
 from hdassist.readers.table import NumberTable
 from hdassist.readers.trace import LARGEST_ERROR, WHOLE_TURN_DEG, AngleError, TraceForm, sweeps
-from hdassist.readers.words import TURN_ARCSEC, run_side_in
+from hdassist.readers.words import TURN_ARCSEC, is_numbered_run, run_side_in
 
 _LOOP_SHARE = 0.04  # of the rated torque, to each side: between them lies the lost motion
 _AROUND = 5  # readings, at least, through which a parabola is laid
@@ -234,12 +234,20 @@ def bench_record(table: NumberTable, form: TraceForm | None = None) -> PositionR
 
 
 def _run_sides(table: NumberTable) -> dict[int, int]:
-    """Return the sides of the columns that have one run each, by their numbers; empty for another form of table."""
+    """Return the sides of the columns that have one run each, by their numbers; empty for another form of table.
+
+    Numbered runs without a side are forward if no column has a side. Raises PresetError if some columns have one.
+    """
     roles = table.roles
     if roles.count("target") != 1 or "side" in roles:
         return {}
-    sides = {column: run_side_in(name) for column, name in enumerate(table.names) if roles[column] != "target"}
-    return {column: side for column, side in sides.items() if side}
+    names = {column: name for column, name in enumerate(table.names) if roles[column] != "target"}
+    sides = {column: side for column, name in names.items() if (side := run_side_in(name))}
+    without_side = [column for column, name in names.items() if column not in sides and is_numbered_run(name)]
+    if sides and without_side:
+        message = f'the column "{names[without_side[0]]}" states no side, but other runs do'
+        raise table.fault(message, "write fwd or bwd into the name of each run, for example run 1 bwd [arcsec]")
+    return sides or dict.fromkeys(without_side, 1)
 
 
 def _positions_of_runs(table: NumberTable, target_column: int, runs: dict[int, int], form: TraceForm) -> PositionRecord:

@@ -37,6 +37,8 @@ _FACTS = {
 _NO_RATE = 1.0  # px/s, which KStars writes for a calibration that it does not know
 _HARMLESS = ("SETTLING STATE CHANGE", "Guiding parameter change", "Alert")  # lines that do not move the star
 _GUIDING_SWITCH = "MountGuidingEnabled"
+_SAME_RATE = 0.25  # difference from the log's by which a stated guide rate is named as another one
+_SAME_DECLINATION_DEG = 1.0  # the same of a declination
 _LEAST_RATE_UNCERTAINTY = 0.05  # relative standard uncertainty of a calibrated guide rate, assumed
 _ONE_RATE_UNCERTAINTY = 0.10  # of a rate without a second one beside it, assumed
 _LONG_S = 1800.0  # an unguided section of this length is preferred to any guided one
@@ -138,6 +140,7 @@ def guide_rows(lines: Sequence[str], form: GuideForm) -> GuideRows:
             "a PHD2 guide log without a section of frames with pixel scale, times, distances and pulses",
             "use a log with the pixel scale above the frames, and with the columns Time, RARawDistance and RADuration",
         )
+    where = _declination_words(chosen.facts, form)
     chosen = replace(chosen, facts=_with_stated(chosen.facts, form))
     frames = chosen.frames
     uncertainty = 0.0
@@ -154,9 +157,6 @@ def guide_rows(lines: Sequence[str], form: GuideForm) -> GuideRows:
     rows = {frame.line: _row(frame, arcsec_per_px) for frame in frames}
     rows[first - 1] = "output_deg error_arcsec"
     total = sum(len(section.frames) for section in sections)
-    where = "declination unknown: the error is a lower bound (--declination DEG)"
-    if not is_unknown:
-        where = f"declination {chosen.facts.declination:g} deg"
     notes = (
         f"a guide log of PHD2: lines {first + 1} to {last + 1}, {len(frames)} of {total} frames, {rate_words}; {where}",
         f"error in right ascension over the angle at {SIDEREAL_ARCSEC_S:g} arcsec/s; its sense is unknown",
@@ -206,6 +206,21 @@ def _with_stated(facts: _Facts, form: GuideForm) -> _Facts:
     return facts if form.declination_deg is None else replace(facts, declination=form.declination_deg)
 
 
+def _declination_words(facts: _Facts, form: GuideForm) -> str:
+    """Return the declination in words: as an option states it, also where the log states another, or as the log does.
+
+    facts: of the log alone.
+    """
+    stated = form.declination_deg
+    if stated is None:
+        if not isfinite(facts.declination):
+            return "declination unknown: the error is a lower bound (--declination DEG)"
+        return f"declination {facts.declination:g} deg"
+    if isfinite(facts.declination) and abs(stated - facts.declination) > _SAME_DECLINATION_DEG:
+        return f"declination {stated:g} deg as stated, although the log states {facts.declination:g} deg"
+    return f"declination {stated:g} deg"
+
+
 def _is_harmless(line: str) -> bool:
     """Return whether a line between frames neither moves the star nor switches guiding."""
     is_known = any(words in line for words in _HARMLESS)
@@ -249,15 +264,13 @@ def _guide_rate(facts: _Facts, form: GuideForm) -> _GuideRate:
         words = "a guided section of a guide log with an unknown declination, on which the guide rate depends"
         raise DataError(words, "--declination DEG")
     px_per_arcsec = cos(radians(facts.declination)) / facts.scale
+    rates = _rates_of_log(facts, px_per_arcsec)
     if form.rate_arcsec_s is not None:
-        return _GuideRate(form.rate_arcsec_s * px_per_arcsec, 0.0, f"{form.rate_arcsec_s:g} arcsec/s as stated")
-    rates = []  # of the axis, arcsec/s
-    if facts.calibrated > 0 and facts.calibrated != _NO_RATE:
-        rates.append((facts.calibrated / px_per_arcsec, "as calibrated"))
-    elif facts.at_equator > 0:
-        rates.append((facts.at_equator, "as calibrated"))
-    if facts.guide_speed > 0:
-        rates.append((facts.guide_speed, "as the mount states it"))
+        stated = form.rate_arcsec_s
+        origin = f"{stated:g} arcsec/s as stated"
+        if rates and abs(stated / rates[0][0] - 1) > _SAME_RATE:
+            origin += f", although the log states {rates[0][0]:.3g} arcsec/s {rates[0][1]}"
+        return _GuideRate(stated * px_per_arcsec, 0.0, origin)
     if not rates:
         words = "a guided section of a guide log without its guide rate"
         raise DataError(words, "state it with --guide-rate ARCSEC/S, for example 7.52 for half the sidereal rate")
@@ -267,6 +280,18 @@ def _guide_rate(facts: _Facts, form: GuideForm) -> _GuideRate:
         uncertainty = max(_LEAST_RATE_UNCERTAINTY, abs(rates[1][0] / rate - 1) / 2)
     words = f"{rate:.3g} arcsec/s {origin}, standard uncertainty {100 * uncertainty:.0f} % (assumed)"
     return _GuideRate(rate * px_per_arcsec, uncertainty, words)
+
+
+def _rates_of_log(facts: _Facts, px_per_arcsec: float) -> list[tuple[float, str]]:
+    """Return the guide rates of the axis [arcsec/s] that a log states, the one to use first, and their origins."""
+    rates = []
+    if facts.calibrated > 0 and facts.calibrated != _NO_RATE:
+        rates.append((facts.calibrated / px_per_arcsec, "as calibrated"))
+    elif facts.at_equator > 0:
+        rates.append((facts.at_equator, "as calibrated"))
+    if facts.guide_speed > 0:
+        rates.append((facts.guide_speed, "as the mount states it"))
+    return rates
 
 
 def _with_pulses_added(frames: Sequence[_Frame], rate_px_s: float) -> list[_Frame]:

@@ -121,9 +121,9 @@ def moteus_unit_of(name: str) -> str:
 
 
 def run_side_in(name: str) -> int:
-    """Return the side of a column that has one run of approaches, by its name: 1 forward, -1 backward; 0 for no run.
+    """Return the side of a column that has one run of approaches, by its name: 1 forward, -1 backward; 0 for neither.
 
-    A run without a side, as "run 3", is one forward. A sign is a side only at the end of a word, as in "run 1 -".
+    A sign is a side only at the end of a word, as in "run 1 -".
     """
     words = re.sub(r"[\[(][^\])]*[\])]", " ", name.lower().replace("_", " "))
     sides = []
@@ -133,8 +133,13 @@ def run_side_in(name: str) -> int:
             sides.append(side)
     if len(sides) == 1:
         return sides[0]
-    is_numbered = re.search(rf"(?<![^\W\d_]){_RUNS['number']}\s*\d+", words)
-    return 1 if is_numbered and not sides else 0
+    is_reverse = is_numbered_run(name) and re.search(rf"\b{_RUNS['reverse']}\s*[\[(]", name.lower().replace("_", " "))
+    return -1 if is_reverse and not sides else 0
+
+
+def is_numbered_run(name: str) -> bool:
+    """Return whether a column has a numbered run of approaches by its name, as "run 3"."""
+    return bool(re.search(rf"(?<![^\W\d_]){_RUNS['number']}\s*\d+", name.lower().replace("_", " ")))
 
 
 def form_in(text: str) -> str:

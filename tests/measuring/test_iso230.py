@@ -133,12 +133,31 @@ def test_one_position_has_a_reversal_value_and_no_positioning(tmp_path):
     ("name", "side"),
     [
         ("run1_fwd_arcsec", 1), ("run1_bwd_arcsec", -1), ("Lauf 3 vorwärts [']", 1), ("Lauf 3 rückwärts [']", -1),
-        ("Run 2 - [arcsec]", -1), ("Run 2 + [arcsec]", 1), ("cycle 4", 1), ("проход 1 назад", -1), ("↓ 2", -1),
+        ("Run 2 - [arcsec]", -1), ("Run 2 + [arcsec]", 1), ("cycle 4", 0), ("проход 1 назад", -1), ("↓ 2", -1),
+        ("run 1 rev [arcsec]", -1), ("run1_rev_arcsec", 0), ("run 1 rev", 0), ("measured [rev]", 0), ("run 1 [rev]", 0),
+        ("Lauf 2 Rückweg", -1), ("run 2 negative", -1),
         ("forward", 1), ("deviation_arcsec", 0), ("temperature", 0), ("error [um-]", 0), ("fwd-bwd", 0), ("up/down", 0),
     ],
 )  # fmt: skip
 def test_the_side_of_a_run_is_in_its_name(name: str, side: int):
     assert run_side_in(name) == side
+
+
+@pytest.mark.parametrize("name", ["run 1 return [arcsec]", "run 1 rev", "run 2 [arcsec]"])
+def test_a_run_without_a_side_beside_runs_with_one_is_refused(name: str):
+    with pytest.raises(PresetError, match="states no side"):
+        positions_of(f"target_deg;run 1 fwd [arcsec];{name}\n0;1;2\n90;3;5\n")
+
+
+def test_a_run_in_reverse_is_backward():
+    reverse, backward = (
+        figures_of(
+            positioning_test(positions_of(f"target_deg;run 1 fwd [arcsec];run 1 {way} [arcsec]\n0;1;2\n90;3;7\n"))
+        )
+        for way in ("rev", "bwd")
+    )
+    assert reverse == backward
+    assert reverse["B"] == pytest.approx(4)
 
 
 def test_a_run_in_another_unit_is_converted_and_one_without_a_known_unit_is_refused(tmp_path):

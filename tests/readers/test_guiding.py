@@ -107,6 +107,16 @@ def test_a_stated_rate_counts_before_that_of_the_log():
     assert stated.scale_uncertainty == 0
 
 
+@pytest.mark.parametrize(
+    ("stated", "is_another"),
+    [({"guide_rate": RATE}, False), ({"guide_rate": 8 * RATE}, True), ({"declination": DECLINATION - 20}, True)],
+)
+def test_a_stated_value_that_the_log_contradicts_is_named(stated: dict[str, float], is_another: bool) -> None:
+    night = guided_night()
+    notes = read(head() + night.rows(), **stated).notes
+    assert any("although the log states" in note for note in notes) == is_another
+
+
 def test_a_log_of_kstars_has_no_calibrated_rate():
     night, text = guided_night(), head(calibrated=1.0, guide_speed="Unknown")
     with pytest.raises(PresetError, match="without its guide rate"):
