@@ -13,8 +13,10 @@ from tests.validation.parameter_sets import COUNT, F_ior_over_sets, scatter, spa
 TITLE = "How far to trust it"
 ABOUT = (
     "The table gives F'_ior of `vzp160` in arcsec with one change at a time. The last rows are for sets sampled "
-    "within the bounds of `docs/vzp160.targets.yaml`, which were not fitted to any data. Micrometres decide, and "
-    "so do conventions of second order, most of which a refitted clearance compensates. Absolute values therefore "
+    "within the bounds of `docs/vzp160.targets.yaml`, which were not fitted to any data. "
+    "F'_ior depends strongly on single micrometres and on conventions of second order. A refitted "
+    "clearance compensates most of these conventions."
+    " Absolute values therefore "
     "need one measurement. 180° is better than 0° in all rows of the first table. Most of the spread over the "
     "sets comes from C_3 (1e3 to 1e5 N/mm). With C_3 as in the preset, the standard deviations at 80 N·m are 0.21 "
     "(0°) and 0.49 (180°).\n\n"

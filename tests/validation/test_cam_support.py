@@ -20,8 +20,9 @@ PAPERS = (
 ABOUT = (
     "Rows are at 80 N·m. A self-aligning wave generator (C_3 = 0, an Oldham coupling without friction) does not "
     "respond to deviations fixed to the housing. Every hole is then equally good, and the error is at its minimum. "
-    "Moving the wheel pays off most along a ridge, from a soft support with a large eccentricity to a stiff "
-    "support with a small one (third table). Plausible values of C_3 are 1e3 to 1e5 N/mm, and Fig. 3 requires "
+    "The gain from moving the wheel is largest for a soft support with a large eccentricity, a stiff "
+    "support with a small eccentricity, and the combinations between them (third table)."
+    " Plausible values of C_3 are 1e3 to 1e5 N/mm, and Fig. 3 requires "
     f"9e3. Held back are {PAPERS}, read second-hand, without figures."
 )
 HOLES, SUPPORT = 12, 2.3e4  # C_2 [N/mm] of the tables by C_3
@@ -83,12 +84,12 @@ CASES = [
 ] + [
     Case(
         "largest over smallest, C_3 0", "", "deviations fixed to the housing have no effect", **about(1, 2e-3),
-        why="exact but for the search", kind=Kind.CLOSED_FORM, digits=".4f",
+        why="exact except for the error of the search", kind=Kind.CLOSED_FORM, digits=".4f",
         value=lambda: ratio(0),
     ),
     Case(
         "largest over smallest, e_h^b 0", "", "no deviation fixed to the housing", **about(1, 2e-3),
-        why="exact but for the search", kind=Kind.CLOSED_FORM, digits=".4f", slow=True,
+        why="exact except for the error of the search", kind=Kind.CLOSED_FORM, digits=".4f", slow=True,
         value=lambda: max(by_hole(80.0, None, None, 0)) / min(by_hole(80.0, None, None, 0)),
     ),
     Case(

@@ -44,7 +44,7 @@ def share(z_g: int, stations: int) -> float:
 CASES = [
     Case(
         f"{z_g} teeth, {words} flanks", "", f"1 minus {law}",
-        **about(1 - WAVE * part / z_g, 0.005), why="found, not derived",
+        **about(1 - WAVE * part / z_g, 0.005), why="computed; there is no derivation",
         kind=Kind.MODEL, digits=".3f", value=lambda z_g=z_g, n=n: share(z_g, n), slow=z_g == 96 or n > 1,
     )
     for words, n, part, law in (("whole", 1, 1.0, "W_0/r"), ("coned", 5, 0.5, "W_0/2r")) for z_g in (200, 96, 51)

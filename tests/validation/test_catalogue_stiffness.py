@@ -14,7 +14,8 @@ from tests.validation.case import Case, Information, Kind, about, parameters
 
 TITLE = "Catalogue stiffness"
 ABOUT = (
-    "All rows except the fitted ones are held back. `vzp160` is compared with sizes 58 and 65 (40, 61, 71 and 54, "
+    "All rows except the fitted rows were not used in the fit."
+    " `vzp160` is compared with sizes 58 and 65 (40, 61, 71 and 54, "
     "88, 98·10⁴ N·m/rad) by the cube of the diameter. The other rows use sizes 17 to 65, because the catalogue of "
     "size 14 deviates from that cube. K1 of the sizes is fitted by one number, the clearance of their flexible "
     "bearings: 0.085 µm per mm of diameter, 3.7 µm at size 17, 14 µm at 65. This clearance adds no backlash. A "
@@ -50,7 +51,7 @@ def scaled(k: int) -> float:
 def softer(j_n: float, before: float) -> Case:
     return Case(
         f"K1, j_n {j_n:g} µm over {before:g} µm", "", "the model alone", 0.4, 0.9,
-        why="with more of it fewer teeth carry the first load",
+        why="with a larger clearance, fewer teeth carry the first load",
         kind=Kind.MODEL, value=lambda: K1(j_n) / K1(before), digits=".2f",
     )  # fmt: skip
 
@@ -116,7 +117,7 @@ CASES = [
     ),
     Case(
         f"K1, {2 * STATIONS} stations over {STATIONS}", "", "numerics.stations", **about(1, 0.02),
-        why="below what k_face leaves open", kind=Kind.CONVERGENCE, digits=".3f",
+        why="smaller than the uncertainty from k_face", kind=Kind.CONVERGENCE, digits=".3f",
         value=lambda: K(1, numerics__stations=2 * STATIONS) / K(1),
     ),
     softer(15.0, 0.0),

@@ -73,7 +73,7 @@ def phases() -> float:
     )
 
 
-CERTAIN = "below what is printed as certain"
+CERTAIN = "smaller than the printed uncertainty"
 CASES = [
     *(
         finer(words, M_g, *fields)
@@ -100,7 +100,7 @@ CASES = [
     ),
     Case(
         "share of F'_ior, every 101st state", "", "why no state is left out", 0.2, 0.8,
-        why="a stride meets two cam angles",
+        why="every 101st position has only two input angles",
         kind=Kind.CONVERGENCE,
         value=strided, digits=".2f",
     ),

@@ -21,10 +21,13 @@ SOURCE = "zero backlash, as sold"
 TITLE = "Catalogue sizes as sampled"
 ABOUT = (
     "The samples are those of `check` for each size before any measurement, over all design values and deviations "
-    "that a catalogue does not specify. F'_ior is at the lighter torque of the preset, 5/50/95 %. The backlash "
+    "that a catalogue does not specify. "
+    "F'_ior is given at the lower torque of the preset (5th percentile, median, 95th percentile)."
+    " The backlash "
     "follows from the mesh of the teeth. The wave generator has an Oldham coupling, as in the standard version. "
-    "The last column is the option with a solid hub (`cam.coupling=solid`, with the same reference data). Medians "
-    "of 64 effective samples are known to some 7 %, and the 95th percentile to 15."
+    "The last column is the option with a solid hub (`cam.coupling=solid`, with the same reference data). "
+    "The standard error of a median of 64 effective samples is about 7 %, and that of the 95th percentile "
+    "is 15 %."
 )
 
 
@@ -83,7 +86,7 @@ CASES = [
     ),
     *(Case(
         f"95 over 5 %, largest of all sizes, {words}", "", "a page that says something", 1, 4,
-        why="required, not known", kind=Kind.CHECK, digits=".1f",
+        why="required; no value is known", kind=Kind.CHECK, digits=".1f",
         value=lambda way=way: widest(way), slow=True, miss=MISSES.get(words, ""),
     ) for words, way in WAYS.items()),
 ]  # fmt: skip

@@ -18,8 +18,9 @@ IN_ANGLE = 3.25 * 32.4 / 39.95  # factor on size 65 that makes F_p of class 7 as
 TITLE = "The bounds of the harmonics and the catalogues' accuracy"
 ABOUT = (
     f"Harmonics that a preset does not specify range up to {100 * SECOND_ORDER:g} % (order 2) and "
-    f"{100 * HIGHER_ORDERS:g} % (3 and 4) of half of F'_i. They determine the level of every catalogue preset, and "
-    "no source prints them. Every drive sold meets the accuracy of its catalogue, which names no load (here a "
+    f"{100 * HIGHER_ORDERS:g} % (3 and 4) of half of F'_i. "
+    "They determine the level of F'_ior of every catalogue preset, and no published source states them."
+    " Every drive sold meets the accuracy of its catalogue, which names no load (here a "
     "tenth of the rated torque). With twice these bounds most drives of size 20 do not meet it. With half of them "
     "the recording above would lie beyond all sampled drives. The bounds therefore stay. Deviations of single "
     "teeth are added by the class of F'_i, and agree with half of these bounds (theory.md).\n\n"
@@ -81,7 +82,7 @@ CASES = [
     ),
     Case(
         "size 20, harmonics×2", "%", SOURCE, 0, 50,
-        why="most drives sold would not meet it",
+        why="most sold drives would not meet the accuracy",
         kind=Kind.CHECK, digits=".0f", value=lambda: kept(20, 2.0), slow=True,
     ),
     Case(

@@ -23,13 +23,17 @@ TITLE = "Lyuminarsky, Lyuminarsky, Ivanov (2019)"
 ABOUT = (
     "`vzp160` is the drive of the paper. Values that the paper does not print were identified from Fig. 3 (F'_ior "
     "over the mounting phase) and from the range of Fig. 2 in three input revolutions, within bounds that include "
-    "the self error (`docs/vzp160.targets.yaml`; `python -m benchmarks.identify`). Held back are the statements "
-    "of the text about single-zone meshing (80 N·m, 36 starts of an input revolution) and the catalogue "
-    "stiffnesses. The alternatives were fitted to Fig. 3 alone, so that Fig. 2 is held back for them.\n\n"
+    "the self error (`docs/vzp160.targets.yaml`; `python -m benchmarks.identify`). "
+    "The statements of the text about single-zone meshing (80 N·m, 36 starts of an input revolution) and "
+    "the catalogue stiffnesses were not used in the fit. The alternatives were fitted to Fig. 3 alone, so "
+    "Fig. 2 was not used for them."
+    "\n\n"
     "The values that both figures leave undetermined (`fit` of the preset) were searched again from drives spread "
     "over all bounds (568 drives, 130 effective). None of the twelve values has another distribution (Kolmogorov "
     "and Smirnov: maximum distance 0.16, and 0.21 would be one in twenty). Hole 0 has 27.6″ (25.8 to 29.8) and "
-    "7.8″, and hole 8 has 16.5″ (15.3 to 17.5) and 4.3″. K1 is not below 72 if Fig. 3 is met. The paper is a "
+    "7.8″, and hole 8 has 16.5″ (15.3 to 17.5) and 4.3″. "
+    "Every set of values that agrees with Fig. 3 has a K1 of at least 72."
+    " The paper is a "
     "computation, so the agreement is with another model."
 )
 ALTERNATIVES = read_yaml(Path(__file__).with_name("vzp160_alternatives.yaml").read_bytes(), "alternatives").data
@@ -108,13 +112,16 @@ def words(number: int) -> str:
     return f", alternative {number}" if number else ""
 
 
-ROUNDED = "printed without decimals, read off a curve"
+ROUNDED = "printed without decimals; read from a curve"
 SAID = "'changes 2 to 3 times', three starts"
 MISSED = "with Fig. 3 alone as a target Fig. 2 is larger than the paper's"
-AT_THE_EDGE = "all five values of both figures are met, each near the end of its tolerance: little room is left"
+AT_THE_EDGE = "all five values of both figures are met, each near the end of its tolerance"
 BARS = ((80.0, "greatest", 31), (80.0, "least", 15), (800.0, "greatest", 13), (800.0, "least", 2))
 NEAREST = len(ALTERNATIVES)
-CONTROL = "a control: the range depends on the start without single-zone meshing too, so this need not be the cause"
+CONTROL = (
+    "a control: the range also depends on the start without single-zone meshing, so single-zone meshing "
+    "may not be the cause"
+)
 CASES = [
     *(fig_3(*bar) for bar in BARS),
     *(fig_3(*bar, NEAREST) for bar in BARS),
@@ -154,7 +161,7 @@ CASES = [
     Case(
         "single-zone share, worst minus best phase", "",
         "text below Fig. 2", 0.05, np.inf,
-        why="it raises the error: a twentieth of the cycle at least", kind=Kind.PREDICTED,
+        why="single-zone meshing increases the error: at least a twentieth of the cycle", kind=Kind.PREDICTED,
         value=lambda: cycle(80.0, scan(80.0).worst_deg).one_wave_share
         - cycle(80.0, scan(80.0).best_deg).one_wave_share,
         digits=".2f", slow=True,
@@ -167,7 +174,7 @@ CASES = [
     *(
         Case(
             f"best from worst phase, {M_g:g} N·m", "deg", "the model alone", 120, 180,
-            why="deviation and eccentricity add up or cancel, so the two are about opposite", kind=Kind.MODEL,
+            why="deviation and eccentricity add up or cancel, so the two phases are about opposite", kind=Kind.MODEL,
             value=lambda M_g=M_g: apart(M_g), digits=".0f", slow=True,
         )
         for M_g in (80.0, 800.0)

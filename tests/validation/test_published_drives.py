@@ -124,7 +124,7 @@ CASES = [
     ),
     *(Case(
             f"evenness of the shares at {M_g:g} N·m, p", "", "table above", 0.05, 1,
-            why="five recordings only, and one or two more may change it", kind=Kind.CHECK,
+            why="five recordings only, and one or two further recordings may change the result", kind=Kind.CHECK,
             value=lambda k=k: p_value(k), digits=".2f", slow=True,
         ) for k, M_g in enumerate(TORQUES)),
 ]  # fmt: skip

@@ -69,7 +69,7 @@ CASES = [
     *(
         Case(
             f"order {order:g} with its sidebands", "arcsec", SOURCE, **about(value, 0.4),
-            why="by plain least squares, noise and all", kind=Kind.READING,
+            why="by plain least squares, noise included", kind=Kind.READING,
             value=lambda order=order: of_cam(order), digits=".1f",
         )
         for order, value in ((2.0, 4.1), (3.0, 1.4), (4.0, 2.8))
