@@ -586,7 +586,7 @@ def _fit(drive: Drive, targets: Targets, values: tuple[float, ...]) -> Fit:
             raise DataError(f"{conflict.path}: {conflict.message}", conflict.hint)
         return Fit(values, predictions(there, targets.targets))
     except HdassistError as error:
-        return Fit(values, (np.nan,) * len(targets.targets), error.message)
+        return Fit(values, tuple(np.nan for _ in targets.targets), error.message)
 
 
 def _shortfall(targets: Targets, fit: Fit, values: Sequence[_FoundValue]) -> str:

@@ -280,7 +280,7 @@ def check(
     require_programme(drive, run)
     rows = zip(torques, self_error(drive, torques, run=run), [drive.limit(M_g) for M_g in torques], strict=True)
     points = tuple(OperatingPoint(*row, open_=bool(prior.fields), sure=sure) for row in rows)
-    checked = DesignCheck(drive, points, measured, unknowns(known), prior)
+    checked = DesignCheck(drive=drive, points=points, measured=measured, unknown=unknowns(known), prior=prior)
     left = [point.left_arcsec for point in points]
     sampled = searchable(drive) and not measured and bool(prior.fields)
     if sampled and draws and not samples:
@@ -553,4 +553,13 @@ def collect(sweep: Sweep, drive: Drive, records: Iterable[SweepRow]) -> Swept:
         states = states + (record.states or 0)
         residual = max(residual, record.max_residual or 0.0)
     shaped = F_ior.reshape(sweep.shape)
-    return Swept(sweep, drive, shaped, states, residual, failed, reason, frozenset(codes))
+    return Swept(
+        sweep=sweep,
+        drive=drive,
+        F_ior_arcsec=shaped,
+        states=states,
+        max_residual=residual,
+        failed=failed,
+        reason=reason,
+        exit_codes=frozenset(codes),
+    )

@@ -391,7 +391,9 @@ def _unknown_hint(path: Path, value: Any, model: type[Section]) -> str:
     home = next((section for section, each in sections() if key in each.model_fields), "")
     if home and path[0] not in BY_PATH:
         return f"{key} belongs to {home}"
-    options = ["schema"] * (model is Drive) + list(model.model_fields)
+    options = list(model.model_fields)
+    if model is Drive:
+        options.insert(0, "schema")
     return near_miss(key, options) or f"known: {', '.join(options)}"
 
 
@@ -627,7 +629,10 @@ def preset_schema() -> dict[str, Any]:
     fields = Drive.declared()
     properties = schema["properties"]
     for name, model in sections():  # one that may be left out may be empty
-        properties[name] = {"anyOf": [_table_schema(model)] + [{"type": "null"}] * (not fields[name].is_required)}
+        schemas = [_table_schema(model)]
+        if not fields[name].is_required:
+            schemas.append({"type": "null"})
+        properties[name] = {"anyOf": schemas}
     for name, paths, item in (
         ("uncertainty", measures(), _number_schema(fields["uncertainty"])),
         ("fit", measures(), {"type": "array", "items": _number_schema(fields["fit"])}),
@@ -668,7 +673,11 @@ def _field_schema(field: PresetField) -> dict[str, Any]:
         "readings": [table],
         "holes": [{"const": "all"}, several, number],
     }.get(field.kind, [several, number])
-    empty = [{"type": "null"}] * field.is_optional + [{"const": UNKNOWN}] * field.unknown
+    empty = []
+    if field.is_optional:
+        empty.append({"type": "null"})
+    if field.unknown:
+        empty.append({"const": UNKNOWN})
     default = {} if field.is_required else {"default": field.default}
     about = f"{field.meaning}{field.unit and f' [{field.unit}]'}"
     return {"description": about, "anyOf": [*forms, *empty]} | default

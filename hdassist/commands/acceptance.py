@@ -101,7 +101,7 @@ class PlanCommand(o.PlotOptions, o.SamplingOptions, o.LimitedDriveOptions):
         drive = self.load(preset)
         encoders = EncoderData.of(self.encoders) if self.encoders is not None else EncoderData()
         noise = hypot(self.noise, encoders.uncertainty_arcsec(abs(Kinematics.of(drive).u)))
-        test = ApproachRun(self.repeats, self.dwell, self.warm_up, self.rpm)
+        test = ApproachRun(repeats=self.repeats, dwell_s=self.dwell, warm_up_min=self.warm_up, cam_rpm=self.rpm)
         how: dict[str, Any] = {"demands": PlanDemands(self.wrong, noise, self.corrected), "draws": self.draws}
         with out.run(drive.name, check_states(drive, draws=self.draws), self) as run:
             choice = choose_plan(drive, self.plan(drive), test=test, travel_deg=self.travel, run=run, **how)
@@ -324,7 +324,7 @@ def accept_lot(path: str, base: Request, options: AcceptOptions, out: Output) ->
                             complain(HdassistError(f"{title(answer)}: {error.message}", error.hint, error.code))
                         faults[fault] += 1
             if repeated := sum(faults.values()) - len(faults):
-                say(f"note: the same for {repeated} further row{'s' * (repeated > 1)}")
+                say(f"note: the same for {repeated} further row{'s' if repeated > 1 else ''}")
             if options.resume:
                 kept.rewrite(done)  # in the order of the rows, each once
         if options.jsonl:

@@ -28,9 +28,14 @@ if TYPE_CHECKING:
 
 
 class MountCommand(
-    o.PlotOptions, o.CardOptions, o.TrialOptions, o.TraceOptions, o.SamplingOptions, o.PitchOptions,
+    o.PlotOptions,
+    o.CardOptions,
+    o.TrialOptions,
+    o.TraceOptions,
+    o.SamplingOptions,
+    o.PitchOptions,
     o.LimitedDriveOptions,
-):  # fmt: skip
+):
     """Hole for the fixed wheel, from the preset and from F'_ior measured in a few holes.
 
     \b
@@ -112,7 +117,7 @@ class MountCommand(
 
         plain = self.ascii or (path == "-" and out.style.ascii)
         say = texts(HOME if self.lang is None else self.lang)
-        return CardFile(path, say, self.serial or "", plain, out.force)
+        return CardFile(path=path, say=say, serial=self.serial or "", ascii=plain, force=out.force)
 
     def _advice(self, out: Output) -> Advice:
         """The advice by the preset alone, or after measured values."""
@@ -316,14 +321,15 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
 
             def one(name: str) -> Report:
                 file, joint = logged.get(name, (name, None))
-                words = [*self.words_of_reading(), *[self.typed("seed", self.seed)] * bool(self.seed)]
+                next_options = self.words_of_reading()
+                if self.seed:
+                    next_options.append(self.typed("seed", self.seed))
                 ratio = self.ratio
                 read = form.measured_or_bench
                 if joint:
-                    own = replace(form, angle=joint.angle, second=joint.second)
                     ratio = joint.ratio
-                    words = [*words, f"--angle={joint.angle}", f"--second={joint.second}"]
-                    read = own.measured
+                    read = replace(form, angle=joint.angle, second=joint.second).measured
+                    next_options += [f"--angle={joint.angle}", f"--second={joint.second}"]
                 travel = self.travel or (drive and drive.acceptance.travel)
                 result = read(file, drive, ratio, seed=self.seed, travel_deg=travel, shafts=shafts)
                 if not isinstance(result, Measurement):
@@ -332,11 +338,11 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
                             f"{name}: positions and torque loops cannot be stored in an archive",
                             "use --archive with recordings only",
                         )
-                    return bench_report(result, drive, self.seed, words)
+                    return bench_report(result, drive, self.seed, next_options)
                 done.append(result)
                 take(result)
                 speed = form.output_speed(result.gearing.ratio) if result.gearing else self.speed
-                report = measure_report(result, drive, words, speed)
+                report = measure_report(result, drive, next_options, speed)
                 if not joint:
                     return report
                 values = {"joint": joint.name, **report.values}
@@ -416,7 +422,13 @@ class ControllerOptions(o.OptionGroup):
             if words := poor_table(result, target[0]):
                 warn(words)
             sense = -1 if self.clockwise else 1
-            axis = ControllerAxis(self.axis, sense, self.zero, self.rows_from, self.steps_per_degree)
+            axis = ControllerAxis(
+                name=self.axis,
+                sense=sense,
+                zero_deg=self.zero,
+                from_deg=self.rows_from,
+                steps_per_degree=self.steps_per_degree,
+            )
             text, about = correction_file(result, target[0], axis)
             say(about.rstrip())
             write_text(target[1], text, force)

@@ -171,10 +171,13 @@ class PresetsShowCommand(o.PageOptions, o.DriveOptions):
         cells = tuple((row.path, value_text(row.value), row.unit, row.kind, row.reference) for row in rows)
         heads = ("field", "value", "unit", "origin", "reference")
         return Report(
-            "presets-show", drive, drive.name, blocks=(Table("", heads, cells),),
+            "presets-show",
+            drive,
+            drive.name,
+            blocks=(Table("", heads, cells),),
             values={"description": drive.description, "fields": list(map(asdict, rows))},
             warnings=drive.origin.warnings,
-        )  # fmt: skip
+        )
 
 
 class PresetsValidateCommand(o.AnswerOptions, o.DriveOptions):
@@ -212,7 +215,16 @@ class PresetsValidateCommand(o.AnswerOptions, o.DriveOptions):
             verdict += f", {values['assumed']} values are assumed"
         found = {"file": name, "valid": True, "values": values, "findings": []}
         line = verdict if len(self.presets) > 1 else f"{name}: {verdict}"  # several are named anyway
-        return Report(_VALIDATE, drive, name, verdict, values=found, line=line, about=name, warnings=warnings)
+        return Report(
+            command=_VALIDATE,
+            drive=drive,
+            head=name,
+            verdict=verdict,
+            values=found,
+            line=line,
+            about=name,
+            warnings=warnings,
+        )
 
 
 def _invalid(name: str, error: HdassistError) -> Json:
@@ -356,10 +368,14 @@ class DoctorCommand(o.PageOptions):
         if broken:
             complain(error)
         return Report(
-            "doctor", None, "this installation", f"broken: {broken}" if broken else "fine",
+            command="doctor",
+            drive=None,
+            head="this installation",
+            verdict=f"broken: {broken}" if broken else "fine",
             blocks=(Table("", ("part", "status", "found"), tuple(map(astuple, found))),),
-            values={"findings": list(map(asdict, found))}, exit_code=error.exit_code if broken else 0,
-        )  # fmt: skip
+            values={"findings": list(map(asdict, found))},
+            exit_code=error.exit_code if broken else 0,
+        )
 
 
 def _packages() -> Iterator[DoctorFinding]:
@@ -407,7 +423,7 @@ def surroundings(style: Style) -> DoctorFinding:
     cores = count(0)
     kind = "a terminal" if sys.stdout.isatty() else "no terminal"
     shown = f"{style.width} columns, {'7-bit' if style.ascii else 'all'} characters"
-    return DoctorFinding("machine", "ok", f"{cores} core{'s' * (cores > 1)}; output: {kind}, {shown}")
+    return DoctorFinding("machine", "ok", f"{cores} core{'s' if cores > 1 else ''}; output: {kind}, {shown}")
 
 
 def self_test() -> DoctorFinding:

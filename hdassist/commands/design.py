@@ -211,7 +211,8 @@ class SweepCommand(o.RowsOptions, o.LoadedDriveOptions):
                 write_parquet(self.parquet, kinds, map(cells, results.records()), asdict(owner), self.force)
             if file is not None:
                 results.require_there()
-                say(f"wrote {file}" + " as JSON Lines; for CSV use --csv" * file.endswith(".csv"))
+                as_lines = " as JSON Lines; for CSV use --csv" if file.endswith(".csv") else ""
+                say(f"wrote {file}{as_lines}")
             report = sweep_report(swept, results.records() if self.json else ())
             if report.exit_code:
                 say(f"error: no row has a result: {swept.reason}")
@@ -542,7 +543,7 @@ class ToleranceCommand(o.RowsOptions, DrawOptions):
         )
         points = tuple(map(AtTorque, torques, limits, own))
         samples = None
-        summary = Summary(points, len(production.rotations), self.wanted, self.sure)
+        summary = Summary(points=points, positions=len(production.rotations), wanted=self.wanted, sure=self.sure)
         owner = KeptOwner(
             command="tolerance",
             preset=drive.name,
@@ -677,7 +678,15 @@ class AllocateCommand(o.FigureOptions, DrawOptions):
         turned = (False, True) if self.mounting else (False,)
         with out.progress(f"{drive.name}, at most", len(turned) * (1 + _MOST_ROUNDS) * self.count) as progress:
             records = partial(self.records, out, progress=progress)
-            allocator = Allocator(production, tuple(room), self.wanted, self.sure, records, self.count, _MOST_ROUNDS)
+            allocator = Allocator(
+                production=production,
+                rooms=tuple(room),
+                wanted=self.wanted,
+                sure=self.sure,
+                records=records,
+                drives=self.count,
+                rounds=_MOST_ROUNDS,
+            )
             ways = [allocator.cheapest(way) for way in turned]
         torque = worst_torque(drive, samples) if samples else 0
         gains = to_measure(law, samples, torque) if samples else ()

@@ -216,7 +216,7 @@ class _Exporting(Asking):
             else:
                 keep()
 
-        self.ask_in(Form(f"{title}: file", name, hint, take))
+        self.ask_in(Form(title=f"{title}: file", value=name, hint=hint, take=take))
 
     def action_report(self) -> None:
         """Write the page of `check` with all its tables."""
@@ -411,14 +411,14 @@ class Explorer(_Exporting):
             self.levers.sort_by_effect(effects, torque)
         self.levers.show(session, effects, torque, self.wanted.value, is_grouped=self.is_grouped)
         typical = ", of a typical drive"
-        self.side.border_subtitle = f"change at {self.M_g:g} N·m, ″{typical * bool(known.typical)}"
+        self.side.border_subtitle = f"change at {self.M_g:g} N·m, ″{typical if known.typical else ''}"
         seat = panes["seat"]
         drawing, seat.border_subtitle = seat_pane(session, letters, seat.scrollable_content_region.width)
         seat.show(drawing)
         panes["why"].show(*why_blocks(known), ascii=self.ascii)
         panes["advice"].show(Paragraph(order_words(known)), facts_of(known.report), ascii=self.ascii)
         for name in ("turn", "cycle"):
-            panes[name].border_title = f"{VIEWS[name].upper()}{typical * bool(self._of_turn())}"
+            panes[name].border_title = f"{VIEWS[name].upper()}{typical if self._of_turn() else ''}"
             blocks = turn_blocks(known.turn, name) if known.turn else [Text(known.without, "dim")]
             panes[name].show(*blocks, ascii=self.ascii)
         for name, line in {
@@ -435,7 +435,7 @@ class Explorer(_Exporting):
     def _tabs(self) -> Content:
         """The views by their keys, the one that is shown in reverse; a click goes to one."""
         tabs = [
-            f"[{'reverse ' * self.all.has_class(name)}@click=app.view('{name}')] {k} {title} [/]"
+            f"[{'reverse ' if self.all.has_class(name) else ''}@click=app.view('{name}')] {k} {title} [/]"
             for k, (name, title) in enumerate(VIEWS.items(), 1)
         ]
         return Content.from_markup(" ".join(tabs))
@@ -489,7 +489,8 @@ class Explorer(_Exporting):
         session = self.session
         curve = self.known.curve
         turn = self.session.turn_deg
-        text = Text(f"{hole_words(turn, session.drive.mounting.holes)}{', present hole' * (not turn)}  ")
+        present = "" if turn else ", present hole"
+        text = Text(f"{hole_words(turn, session.drive.mounting.holes)}{present}  ")
         for value in values_of(curve, turn):
             text.append(value).append("″")
         if curve:
@@ -596,7 +597,7 @@ class Explorer(_Exporting):
 
     def _ask_change(self, title: str, text: str, hint: str, change: Callable[[Session, str], Session]) -> None:
         """Have a text filled in that changes the session."""
-        self.ask_in(Form(title, text, hint, lambda value: self.show(change(self.session, value))))
+        self.ask_in(Form(title=title, value=text, hint=hint, take=lambda value: self.show(change(self.session, value))))
 
     def action_nudge(self, steps: int) -> None:
         """Change the field under the cursor by steps."""

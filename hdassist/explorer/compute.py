@@ -118,7 +118,8 @@ def drive_answers(drive: Drive, typical: Mapping[str, float], effort: Effort, te
     tried = is_tried(drive)
     if searchable(drive) and not prior_of(drive).fields:  # else medians come, which are no numbers as given
         F_ior = _searched(rotations, drive)
-        tell("curve", SeatCurve(rotations, np.stack([F_ior] * 3), (SURE_REFINED,) * len(rotations)))
+        sure = tuple(SURE_REFINED for _ in rotations)
+        tell("curve", SeatCurve(rotations, np.stack([F_ior, F_ior, F_ior]), sure))
 
     def seen(so_far: DesignCheck) -> None:
         if so_far.samples and so_far.samples.effective >= _FEWEST_SEEN:
@@ -255,6 +256,7 @@ def _mount_curve(advice: Advice) -> SeatCurve:
         turns = tuple(sorted({0.0, *found.rotations_deg}))
         places = [found.place(turn) for turn in turns]
         ranges = [[found.quantile(share, place) for place in places] for share in _SHARES_SHOWN]
-        return SeatCurve(turns, np.swapaxes(ranges, 1, 2), (SURE_RANGE,) * len(turns))
+        return SeatCurve(turns, np.swapaxes(ranges, 1, 2), tuple(SURE_RANGE for _ in turns))
     sure = tuple(SURE_PROVEN if each else SURE_REFINED for each in np.atleast_1d(curve.every_state.all(axis=0)))
-    return SeatCurve(tuple(curve.rotation_deg.tolist()), np.stack([curve.F_ior_arcsec] * 3), sure)
+    F_ior = curve.F_ior_arcsec
+    return SeatCurve(tuple(curve.rotation_deg.tolist()), np.stack([F_ior, F_ior, F_ior]), sure)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import zip_longest
 from typing import ClassVar
 
 from rich.console import Group, RenderableType
@@ -46,7 +47,7 @@ _BAR_LINES = "─═╌"  # of the bars of each torque
 _INK: tuple[str, ...] = ("#0a8fa8", "#a87a00", "#b04ab0", "#2a9040")  # legible on a dark ground as on a light one
 _RED = "#d04040"
 if os.environ.get("NO_COLOR"):  # as the screen would make greys of them, which say less than the ground's own ink
-    _INK = ("not dim",) * len(_INK)
+    _INK = tuple("not dim" for _ in _INK)
     _RED = "not dim"
 _LETTER_STYLES = {"B": f"{_INK[3]} bold", "W": f"{_RED} bold", "?": f"{_INK[2]} bold"}
 _LETTER_KINDS = {"N": "now", "B": "best", "W": "worst", "?": "next"}
@@ -54,7 +55,10 @@ _SEAT_WORDS = {"N": "now", "B": "best", "W": "worst", "?": "measure next", "x": 
 _LEAST_BAR = 14  # columns of a bar that has ranges beside it
 _LEAST_PANE = 10  # columns of a pane with text
 _LEGEND_COLUMNS = 60  # of a pane that has room for a legend beside the seat
-_TICKS = tuple(SeatMark("cam", float(at), f"{at}", "") for at in (0, 90, 180, 270))  # in the seat's middle
+# directions in the middle of the seat
+_TICKS = tuple(
+    SeatMark(kind="cam", angle_deg=float(angle_deg), letter=f"{angle_deg}", words="") for angle_deg in (0, 90, 180, 270)
+)
 
 
 def _torque_style(place: int) -> str:
@@ -142,7 +146,7 @@ class Holes(KeyedTable):
         rows = {}
         for at in places:
             measured = [one.value for one in readings if abs(one.rotation_deg - at) < 1e-6]
-            signs = f"{letters.get(at, '')}{'◆' * bool(measured)}"
+            signs = letters.get(at, "") + ("◆" if measured else "")
             head = Text(f"{bare(at, holes):>4} {signs:4.4}", "bold" if at == session.turn_deg else "")
             head.highlight_regex("B", _LETTER_STYLES["B"])
             marks = [(middle, middle, "┄", "dim") for _, middle, _ in _seat_ranges(behind, at)]
@@ -155,9 +159,9 @@ class Holes(KeyedTable):
             rows[f"{at}"] = head, *numbers[at], _bar(width, top, [*marks, *points])
         scale = f" 0{f'{top:g}″':>{max(width - 2, 1)}}"
         self.fill(["hole" if holes else "turn", *heads, scale if found else ""], rows)
-        shown = "median" if is_narrow else "5 to 95 %"
-        ranged = bool(found and SURE_RANGE in found.sure)
-        self.border_title = f"F'_ior by hole, ″{f': {shown}' * ranged}"
+        self.border_title = "F'_ior by hole, ″"
+        if found and SURE_RANGE in found.sure:
+            self.border_title += ": median" if is_narrow else ": 5 to 95 %"
         if (here := f"{session.turn_deg}") in rows and self.key != here:
             with self.prevent(DataTable.RowHighlighted):
                 self.move_cursor(row=self.get_row_index(here))
@@ -197,16 +201,23 @@ def seat_pane(session: Session, letters: Mapping[float, str], width: int) -> tup
     first = session.drive.mounting.first_hole
     named = [(at, sign) for at, signs in letters.items() for sign in signs if sign in _LETTER_KINDS]
     seat = Seat(
-        "", seat_holes(session.drive), first, session.turn_deg,
-        tuple(SeatMark(_LETTER_KINDS[sign], first + at, sign, "") for at, sign in named),
-        (*_TICKS, SeatMark("now", first + session.turn_deg, "o", "")), "x", "",
-    )  # fmt: skip
+        title="",
+        holes=seat_holes(session.drive),
+        first_deg=first,
+        turn_deg=session.turn_deg,
+        places=tuple(
+            SeatMark(kind=_LETTER_KINDS[sign], angle_deg=first + at, letter=sign, words="") for at, sign in named
+        ),
+        pointers=(*_TICKS, SeatMark(kind="now", angle_deg=first + session.turn_deg, letter="o", words="")),
+        barred="x",
+        legend="",
+    )
     present = dict.fromkeys([*"".join(letters.values()), "o"])
     legend = [f"{sign} {words}" for sign, words in _SEAT_WORDS.items() if sign in present]
     lines = seat_in_characters(seat).split("\n")
     if width >= _LEGEND_COLUMNS:
-        beside = [*legend, *[""] * len(lines)]
-        lines = [f"{line:{SEAT_WIDTH + 4}}{words}".rstrip() for line, words in zip(lines, beside, strict=False)]
+        with_legend = zip_longest(lines, legend[: len(lines)], fillvalue="")
+        lines = [f"{line:{SEAT_WIDTH + 4}}{entry}".rstrip() for line, entry in with_legend]
     text = Text("\n".join(lines))
     for letter, style in _LETTER_STYLES.items():
         text.highlight_words([letter], style)
@@ -285,7 +296,7 @@ def _lever_cells(
     unit = "" if field.value is None else field.unit.replace("um", "µm").replace("N*m", "N·m").replace("deg", "°")
     value = visible(text_of(field.value))[: 13 - len(unit)]
     step = four_digits(abs(by))
-    pinned = "pin " * (field.path in effects.differing)
+    pinned = "pin " if field.path in effects.differing else ""
     return (
         Text.assemble(name, (f" {mark}", _INK[1] if mark == "?" else _INK[3])),
         Text(visible(field.meaning), "dim"),
@@ -312,8 +323,9 @@ def head_line(session: Session) -> Text:
     counts = {"uncertain": prior_of(drive).fields, "changed": session.changes}
     line.append("".join(f"  {len(found)} {word}" for word, found in counts.items() if found), _INK[3])
     more = len({*session.pinned.origin.overrides} - {*session.source.overrides, session.torques})
-    line.append(f"  vs {visible(session.pinned.name)}{f' with {more} changed' * (more > 0)}", _INK[2])
-    return line.append("  x_b follows W_0" * session.keeps_clearance, _INK[1])
+    changed = f" with {more} changed" if more else ""
+    line.append(f"  vs {visible(session.pinned.name)}{changed}", _INK[2])
+    return line.append("  x_b follows W_0" if session.keeps_clearance else "", _INK[1])
 
 
 def headline(session: Session, known: Known, pinned: Known | None, torque: int, width: int) -> RichTable | Text:
@@ -331,7 +343,7 @@ def headline(session: Session, known: Known, pinned: Known | None, torque: int, 
     state = f"{sure if found is known.check else 'old'}{'' if whole else ' …'}"
     surety = SURE_RANGE if found.samples else SURE_PROVEN
     torques = [
-        f"[{_torque_style(k)}]{'▸' * (k == torque)}{point.M_g:g} N·m {_torque_sign(k, surety)}[/]"
+        f"[{_torque_style(k)}]{'▸' if k == torque else ''}{point.M_g:g} N·m {_torque_sign(k, surety)}[/]"
         for k, point in enumerate(found.points)
     ]
     columns = {state: torques, **dict(zip(page.heads, map(list, zip(*page.rows, strict=True)), strict=True))}
@@ -346,7 +358,7 @@ def headline(session: Session, known: Known, pinned: Known | None, torque: int, 
         held = [(point.limit_arcsec, point.held_arcsec, point.probability) for point in found.points]
         verdicts = columns.pop("verdict")
         if found is known.check and not whole:
-            verdicts = ["…"] * len(held)
+            verdicts = ["…" for _ in held]
         columns["verdict"] = [f"[{_VERDICT_STYLES.get(word, 'dim')}]{word}[/]" for word in verdicts]
         columns["margin, ″"] = [f"{limit - ends[1]:+.2f}" if limit and ends else "" for limit, ends, _ in held]
         columns["P(met)"] = [f"{100 * kept.value:.0f} %" if kept else "" for _, _, kept in held]
@@ -360,7 +372,8 @@ def headline(session: Session, known: Known, pinned: Known | None, torque: int, 
     if best_deg and known.curve and alike:
         holes = session.drive.mounting.holes
         best = known.curve.place(best_deg)
-        name = f"best: {'hole ' * bool(holes)}{bare(best_deg, holes)}{'°' * (not holes)}, ″"
+        best_name = f"hole {bare(best_deg, holes)}" if holes else f"{bare(best_deg, holes)}°"
+        name = f"best: {best_name}, ″"
         columns[name] = [f"[{_INK[3]}]{value:.2f}[/]" for value in known.curve.F_ior_arcsec[1, :, best]]
     widths = {name: 2 + max(Text.from_markup(cell).cell_len for cell in (name, *columns[name])) for name in columns}
     for name in sorted(widths, key=lambda name: name != "verdict")[::-1]:  # which goes last

@@ -159,7 +159,7 @@ def with_evidence(session: Session, text: str) -> Session:
             name = session.here
             value = _measured_value(session, word)
         value = value.strip()
-        torque = f"@{session.trial_torque:g}" * ("@" not in name)
+        torque = "" if "@" in name else f"@{session.trial_torque:g}"
         if name == "limit":
             path = "acceptance.F_ior"
         elif name.partition(".")[0] in {path.partition(".")[0] for path in field_table()}:
@@ -167,7 +167,7 @@ def with_evidence(session: Session, text: str) -> Session:
         elif re.match(r"h?[-\d]", name):
             path = f"measured.F_ior.{name}{torque}"
             is_bare = number_of(value) == number_of(value)
-            value += f" ± {2 * TRIALS.noise:g}" * is_bare
+            value += f" ± {2 * TRIALS.noise:g}" if is_bare else ""
         else:
             path = f"measured.{name}"
         values[path] = value

@@ -297,7 +297,8 @@ class Decision:
     def probability(self) -> Probability:
         """Probability that the choice is right, with its Monte Carlo interval."""
         if not self.is_sampled:
-            return Probability(*[float(self.outcome[0])] * 3)
+            value = float(self.outcome[0])
+            return Probability(value, value, value)
         if self.worth is None:
             return probability_of(self.outcome, self.sample_weights)
         probability = probability_by_share(float(self.outcome.mean()), self.worth)

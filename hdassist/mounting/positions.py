@@ -201,8 +201,9 @@ def _kept_curve_type(torques: int, rotations: int) -> TypeAdapter[_KeptCurve]:
     """Return the type of a stored curve for a number of torques and rotations."""
 
     def require_all(kept: _KeptCurve) -> _KeptCurve:
-        if any([len(row) for row in rows] != [rotations] * torques for rows in kept[:2]):
-            raise ValueError(f"expected {torques} times {rotations} values")
+        for rows in kept[:2]:
+            if len(rows) != torques or any(len(row) != rotations for row in rows):
+                raise ValueError(f"expected {torques} times {rotations} values")
         return kept
 
     return TypeAdapter(Annotated[_KeptCurve, AfterValidator(require_all)], config=ConfigDict(allow_inf_nan=False))

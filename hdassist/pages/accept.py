@@ -276,7 +276,8 @@ def lot_report(lot: Lot, answers: Sequence[AcceptAnswer]) -> Report:
     warnings = tuple(_shared_records(answers))
     if lot.remarks:
         lines = shortened(lot.remarks)
-        warnings = (*warnings, f"{lot.file}: read as comments, not as rows: line{'s' * (len(lot.remarks) > 1)} {lines}")
+        label = "lines" if len(lot.remarks) > 1 else "line"
+        warnings = (*warnings, f"{lot.file}: read as comments, not as rows: {label} {lines}")
     return Report(
         command="accept",
         drive=None,
@@ -361,7 +362,7 @@ def _lot_facts(answers: Sequence[AcceptAnswer]) -> Iterator[Fact]:
 
 
 def _drives(count: int) -> str:
-    return f"{count} drive{'s' * (count != 1)}"
+    return f"{count} drive{'' if count == 1 else 's'}"
 
 
 def replay_report(recorded: AcceptAnswer, now: AcceptAnswer | None, fault: DataError | None) -> Report:
@@ -376,7 +377,7 @@ def replay_report(recorded: AcceptAnswer, now: AcceptAnswer | None, fault: DataE
     if fault:
         outcome = "cannot be replayed"
         code = fault.exit_code
-    by = f", by version {recorded.version}" * (recorded.version != __version__)
+    by = f", by version {recorded.version}" if recorded.version != __version__ else ""
     return Report(
         command="accept-replay",
         drive=None,

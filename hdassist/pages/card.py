@@ -100,9 +100,12 @@ def measured_value(trial: Trial, say: Texts = ENGLISH) -> str:
 
 def seat_holes(drive: Drive) -> tuple[Hole, ...]:
     """The holes of a drive's seat, none where the angle is free."""
-    at = drive.mounting
-    turns = [360 * k / at.holes for k in range(at.holes)]
-    return tuple(Hole(k, at.first_hole + t, at.allowed == "all" or k in at.allowed) for k, t in enumerate(turns))
+    mounting = drive.mounting
+    holes = []
+    for number in range(mounting.holes):
+        angle_deg = mounting.first_hole + 360 * number / mounting.holes
+        holes.append(Hole(number, angle_deg, mounting.allowed == "all" or number in mounting.allowed))
+    return tuple(holes)
 
 
 def seat_of(advice: Advice, say: Texts, goal: Position | None, pointers: Sequence[SeatMark] = ()) -> Seat:
@@ -113,28 +116,48 @@ def seat_of(advice: Advice, say: Texts, goal: Position | None, pointers: Sequenc
     goal: where the wheel is to be, the present position if it stays.
     pointers: directions of the mark and the eccentricity.
     """
-    mounting = advice.drive.mounting
-    first = mounting.first_hole
-    barred = say("seat.letter_barred")
-    differ = advice.names_hole and goal is not None
-    named = {"now": advice.current, "best": goal if differ else None, "worst": advice.ranked[-1] if differ else None}
-    places = [
-        SeatMark(kind, first + p.rotation_deg, say(f"seat.letter_{kind}"), say(f"seat.{kind}"))
-        for kind, p in named.items()
-        if p
-    ]
-    holes = seat_holes(advice.drive)
-    letters = [f"{p.letter} {p.words}" for p in places]
-    if goal and differ and holes:
-        letters.append(say("seat.goal", hole=goal.hole))
-    words = ", ".join(letters)
-    legend = say("seat.legend" if holes else "seat.legend_free", places=words)
+    if not advice.names_hole:
+        goal = None
+    positions = {"now": advice.current}
+    if goal:
+        positions["best"] = goal
+        positions["worst"] = advice.ranked[-1]
+    first_deg = advice.drive.mounting.first_hole
+    marks = [_position_mark(kind, position, first_deg, say) for kind, position in positions.items()]
+    # drawn in this order: the best one is on top
+    order = ("worst", "now", "best")
+    return Seat(
+        title=say("seat.title"),
+        holes=seat_holes(advice.drive),
+        first_deg=first_deg,
+        turn_deg=goal.short_way_deg if goal else 0.0,
+        places=tuple(sorted(marks, key=lambda mark: order.index(mark.kind))),
+        pointers=tuple(pointers),
+        barred=say("seat.letter_barred"),
+        legend=_seat_legend(seat_holes(advice.drive), marks, goal, say),
+        note=say("seat.filled") if goal else "",
+    )
+
+
+def _position_mark(kind: str, position: Position, first_deg: float, say: Texts) -> SeatMark:
+    """Return the mark of a position; kind: now, best or worst; first_deg: direction of hole 0."""
+    return SeatMark(
+        kind=kind,
+        angle_deg=first_deg + position.rotation_deg,
+        letter=say(f"seat.letter_{kind}"),
+        words=say(f"seat.{kind}"),
+    )
+
+
+def _seat_legend(holes: Sequence[Hole], marks: Sequence[SeatMark], goal: Position | None, say: Texts) -> str:
+    """Return the legend of a seat with some marks; goal: where the wheel is to be, if a hole is named."""
+    entries = [f"{mark.letter} {mark.words}" for mark in marks]
+    if goal and holes:
+        entries.append(say("seat.goal", hole=goal.hole))
+    legend = say("seat.legend" if holes else "seat.legend_free", places=", ".join(entries))
     if not all(hole.usable for hole in holes):
-        legend += "; " + say("seat.barred", letter=barred)
-    drawn = sorted(places, key=lambda p: ("worst", "now", "best").index(p.kind))  # the best one on top
-    turned = goal.short_way_deg if goal and differ else 0.0
-    note = say("seat.filled") if differ else ""
-    return Seat(say("seat.title"), holes, first, turned, tuple(drawn), tuple(pointers), barred, legend, note)
+        legend += "; " + say("seat.barred", letter=say("seat.letter_barred"))
+    return legend
 
 
 _WARNINGS = 4  # that a card has room for
@@ -234,25 +257,43 @@ def _subject(advice: Advice, say: Texts, serial: str) -> Facts:
 
 def _pointers(advice: Advice, say: Texts) -> Iterator[SeatMark]:
     """Directions of the mark now and afterwards (one if they are the same), and of the eccentricity if it has one."""
+    yield from _mark_pointers(advice, say)
     drive = advice.drive
-    turned = advice.chosen.rotation_deg
-    letters = {kind: say(f"pointer.letter_{kind}") for kind in ("now", "after", "cam")}
-    rigid = drive.mounting.fixed == "rigid"
-    measured = advice.measured and advice.measured.fixed(drive)
-    mark = measured.mark_deg if measured else drive.value("phases.xi_b" if rigid else "phases.xi_g")
-    if mark is None:
-        pass  # nobody knows where it points
-    elif not advice.names_hole:
-        yield SeatMark("now", mark % 360, letters["now"], say("pointer.now"))
-    elif turned % 360:
-        yield SeatMark("now", mark % 360, letters["now"], say("pointer.now"))
-        yield SeatMark("after", (mark % 360 + turned) % 360, letters["after"], say("pointer.after"))
-    else:
-        yield SeatMark("after", mark % 360, letters["after"], say("pointer.stays"))
-    offset, cam = standing_offset(drive)
-    cam_deg = advice.after.facing[0] if advice.after else drive.value(cam) if drive.value(offset) else None
+    size_path, direction_path = standing_offset(drive)
+    cam_deg = None  # direction of the eccentricity
+    if advice.after:
+        cam_deg = advice.after.facing[0]
+    elif drive.value(size_path):
+        cam_deg = drive.value(direction_path)
     if cam_deg is not None:
-        yield SeatMark("cam", cam_deg % 360, letters["cam"], say("pointer.cam", symbol="e_hb" if rigid else "e_hg"))
+        symbol = "e_hb" if drive.mounting.fixed == "rigid" else "e_hg"
+        yield _pointer("cam", cam_deg % 360, say("pointer.cam", symbol=symbol), say)
+
+
+def _mark_pointers(advice: Advice, say: Texts) -> Iterator[SeatMark]:
+    """Yield the directions of the mark now and afterwards, one if they are the same, none if it is unknown."""
+    drive = advice.drive
+    measured = advice.measured and advice.measured.fixed(drive)
+    if measured:
+        mark_deg = measured.mark_deg
+    else:
+        mark_deg = drive.value("phases.xi_b" if drive.mounting.fixed == "rigid" else "phases.xi_g")
+    if mark_deg is None:
+        return
+    now_deg = mark_deg % 360
+    turn_deg = advice.chosen.rotation_deg
+    if not advice.names_hole:
+        yield _pointer("now", now_deg, say("pointer.now"), say)
+    elif turn_deg % 360:
+        yield _pointer("now", now_deg, say("pointer.now"), say)
+        yield _pointer("after", (now_deg + turn_deg) % 360, say("pointer.after"), say)
+    else:
+        yield _pointer("after", now_deg, say("pointer.stays"), say)
+
+
+def _pointer(kind: str, angle_deg: float, words: str, say: Texts) -> SeatMark:
+    """Return a direction on the seat; kind: now, after or cam; words: of the legend."""
+    return SeatMark(kind=kind, angle_deg=angle_deg, letter=say(f"pointer.letter_{kind}"), words=words)
 
 
 def _torques(advice: Advice, say: Texts) -> Table:
@@ -321,7 +362,7 @@ def _checks(advice: Advice, say: Texts) -> list[str]:
     where = hole_place(chosen, say)
     parts = {"wheel": wheel(drive, say), "place": where, "turn": turn(chosen, say), "start": start_of_count(drive, say)}
     found = [say(f"checks.{name}", **parts) for name in ("clean", "pilot", *place, "free", "screws", "mesh")]
-    return found + [say("checks.correction", where=where)] * bool(advice.correction)
+    return [*found, say("checks.correction", where=where)] if advice.correction else found
 
 
 def warnings_of(drive: Drive, say: Texts) -> tuple[str, ...]:

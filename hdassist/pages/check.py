@@ -220,7 +220,7 @@ def fitted_words(prior: DrivePrior) -> str:
 def _error_curve(check: DesignCheck, point: OperatingPoint) -> Curve:
     """Return the error over the full cycle at a torque: of the drive, or of a sampled drive near the median."""
     assert point.error
-    zero = ", unknown inputs as 0" * bool(check.unknown and not check.samples)
+    zero = ", unknown inputs as 0" if check.unknown and not check.samples else ""
     of = f" of a sampled drive with F'_ior {point.error.F_ior_arcsec:.1f}″" if check.samples else zero
     return Curve(
         point.error.states.phi_h / (2 * np.pi),
@@ -249,15 +249,19 @@ def error_tables(check: DesignCheck) -> Iterator[Table]:
     torque, *others = (q for q in POINT_QUANTITIES if q.key not in _OVER_BELIEF)
     still = "phi_b" if Kinematics.of(check.drive).fixed == "rigid" else "phi_g"
     shown = [q for q in others if still not in q.key]
-    of = ", of a sampled drive near the median" if check.samples else ", unknown inputs as 0" * bool(check.unknown)
-    yield Table.by_column("over the full mesh cycle" + of, (torque, *shown), check.points)
+    title = "over the full mesh cycle"
+    if check.samples:
+        title += ", of a sampled drive near the median"
+    elif check.unknown:
+        title += ", unknown inputs as 0"
+    yield Table.by_column(title, (torque, *shown), check.points)
     yield Table.by_column("F'_ior over the uncertain inputs", (torque, *BELIEF, *_MONTE_CARLO), check.points)
 
 
 def _values(check: DesignCheck, seed: int) -> Json:
     k = Kinematics.of(check.drive)
     return {
-        "warnings": [*check.warnings, *[_UNKNOWN_AT_ZERO] * bool(check.unknown and not check.samples)],
+        "warnings": [*check.warnings, *([_UNKNOWN_AT_ZERO] if check.unknown and not check.samples else [])],
         "kinematics": {
             "u_hg" if k.fixed == "rigid" else "u_hb": k.u,
             **attributes(k, "fixed", "cycle_states", "cycle_cam_revolutions"),

@@ -99,7 +99,7 @@ def comparison_report(result: Comparison) -> Report:
         certificate=result.certificate,
         values=_values(result),
         csv=csv_columns(
-            file=[trace.file] * len(bins),
+            file=[trace.file for _ in bins.turns],
             sweep=bins.sweep,
             cam_deg=360 * bins.turns,
             measured_arcsec=result.predicted_arcsec + result.residual_arcsec,
@@ -145,7 +145,8 @@ def _why(result: Comparison) -> str:
     kind = result.conclusion.kind
     if kind == "agrees":
         rough = any(each.path in ("harmonics.xi_g6", "harmonics.xi_b6") for each in unknowns(result.drive))
-        return f"Noise{', single teeth' * rough} and small errors of the stiffnesses explain the difference."
+        single_teeth = ", single teeth" if rough else ""
+        return f"Noise{single_teeth} and small errors of the stiffnesses explain the difference."
     if mirror := result.mirror:
         now = result.difference_rms_arcsec
         return f"Difference {now:.2f}″ rms, {mirror.rms_arcsec:.2f}″ with {' '.join(_options(result))}"
@@ -158,7 +159,9 @@ def _why(result: Comparison) -> str:
     fitted = named(best.deviations[0])
     if best.changes:
         size, direction = _size_and_direction(best.changes[0])
-        fitted += f", {size} um" + f" at {direction}°" * (direction != NO_VALUE)
+        fitted += f", {size} um"
+        if direction != NO_VALUE:
+            fitted += f" at {direction}°"
     if kind == "unexplained":
         return f"The best single deviation, {fitted}, explains {share}. The residual exceeds the noise."
     return f"{fitted}, explains {share}. The residual is noise."
@@ -204,10 +207,14 @@ def _curves(result: Comparison) -> Curve:
     shown = sweep & (abs(bins.turns - worst) <= _PLOTTED_TURNS)
     predicted = result.predicted_arcsec[shown]
     return Curve(
-        bins.turns[shown], predicted + result.residual_arcsec[shown],
-        x_label="input angle around the largest difference, revolutions", y_label="kinematic error, ″",
-        second=predicted, names=("measured", "predicted"), rows=_PLOTTED_ROWS,
-    )  # fmt: skip
+        bins.turns[shown],
+        predicted + result.residual_arcsec[shown],
+        x_label="input angle around the largest difference, revolutions",
+        y_label="kinematic error, ″",
+        second=predicted,
+        names=("measured", "predicted"),
+        rows=_PLOTTED_ROWS,
+    )
 
 
 def _tables(result: Comparison) -> Iterator[Table]:
@@ -392,7 +399,8 @@ def _verdict(result: DrivesComparison) -> str:
     """Return the recommended drive, and the change of each drive from A at each torque."""
     letters = [*_lettered(result)]
     verdicts = []
-    loads = [f" at {load}" * (len(result.torques) > 1) for load in _loads(result)]
+    has_torques = len(result.torques) > 1
+    loads = [f" at {load}" if has_torques else "" for load in _loads(result)]
     for letter, sheet, changes in zip(letters[1:], result.sheets[1:], result.changes, strict=True):
         words = (_change(result, sheet, changes, k) + load for k, load in enumerate(loads))
         verdicts.append(f"{letter} {', '.join(words)}")
@@ -420,9 +428,12 @@ def _changes(result: DrivesComparison) -> Iterator[Table]:
     for letter, changes in zip([*_lettered(result)][1:], result.changes, strict=True):
         title = f"each field alone from A to {letter}, change of F'_ior, ″"
         rows = [(each.field or "all together", *_change_cells(each)) for each in (*changes.single, changes.together)]
-        notes = [f"median (5 to 95 %) over {changes.pairs} pairs of sampled drives"] * (changes.pairs > 1)
+        notes = []
+        if changes.pairs > 1:
+            notes.append(f"median (5 to 95 %) over {changes.pairs} pairs of sampled drives")
         paths = _some(changes.not_alone)
-        notes += [f"cannot be changed alone (the drive would be impossible or less certain): {paths}"] * bool(paths)
+        if paths:
+            notes.append(f"cannot be changed alone (the drive would be impossible or less certain): {paths}")
         yield Table(title, ("", *torques), tuple(rows), notes=tuple(notes))
 
 
@@ -449,7 +460,7 @@ def _drives_facts(result: DrivesComparison) -> Iterator[Fact]:
         yield "torques", f"the presets share no torque; each drive is computed at {' and '.join(_loads(result))}"
     yield "differs", _some([row[0].path for row in result.differing])
     cells = [
-        (each.F_ior_is[k], each.probability_better[k], f" at {M_g:g} N·m" * (len(result.torques) > 1))
+        (each.F_ior_is[k], each.probability_better[k], f" at {M_g:g} N·m" if len(result.torques) > 1 else "")
         for each in result.changes
         for k, M_g in enumerate(result.torques)
     ]

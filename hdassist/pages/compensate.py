@@ -288,11 +288,13 @@ def _before_and_after(result: Correction) -> Curve:
     names = ("before", "after")
     title = f"kinematic error, ″, {ENVELOPE}"
     x_label = "input angle over the full mesh cycle, revolutions"
-    return Curve(turns, before, x_label, title, over=1.0, second=after, names=names, rows=3)
+    return Curve(x=turns, y=before, x_label=x_label, y_label=title, over=1.0, second=after, names=names, rows=3)
 
 
 def _form_object(each: FormResiduals) -> dict[str, Any]:
     return {
-        "form": each.form.name, "left": dict(zip(("p5", "p50", "p95"), each.left, strict=True)),
-        "refused": each.is_refused, "residuals": each.residuals,
-    }  # fmt: skip
+        "form": each.form.name,
+        "left": dict(zip(("p5", "p50", "p95"), each.left, strict=True)),
+        "refused": each.is_refused,
+        "residuals": each.residuals,
+    }

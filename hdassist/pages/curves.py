@@ -73,7 +73,7 @@ def trace_report(drive: Drive, trace: Trace, seed: int, speed: float | None = No
     is_measured = drive.measured != Measured.of_defaults()
     whole = ("-n", str(cycle), "--phi-g0", f"{trace.start_deg:g}")
     next_ = again("trace", drive, *whole) if is_part else again("mount", drive)
-    turns = f"{error.M_g:g} N·m, {trace.revolutions} input revolution{'s' * (trace.revolutions != 1)}"
+    turns = f"{error.M_g:g} N·m, {trace.revolutions} input revolution{'' if trace.revolutions == 1 else 's'}"
     moving = "phi_g0" if error.kinematics.fixed == "rigid" else "phi_b0"
     start = f"{turns} from {moving} = {trace.start_deg:g}°"
     title = "orders: amplitude·cos(order·phi_h + phase)"
@@ -82,19 +82,22 @@ def trace_report(drive: Drive, trace: Trace, seed: int, speed: float | None = No
     listed = sorted(orders[:_LISTED_ORDERS], key=lambda o: o.per_cam_rev)
     words = f"kinematic error F_kpp at {error.M_g:g} N·m, ″"
     angles = {f"{name}_deg": np.degrees(getattr(error.states, name)) for name in ("phi_h", "phi_g", "phi_b")}
+    why = []
+    if is_measured:
+        why.append("Values of the preset: measurements of the drive are not taken into account.")
+    if is_part:
+        part = f"{trace.revolutions} of the {cycle} input revolutions of the full cycle"
+        why.append(f"{part}: F'_ior is at least as large.")
+    if unknowns(drive):
+        why.append(_UNKNOWN_AS_ZERO)
     return Report(
         command="trace",
         drive=drive,
         head=f"{drive.name} (nominal), {start}{heading(trace.measured)}",
         verdict=f"range {error.range_arcsec:.2f}″",
-        why=(
-            *("Values of the preset: measurements of the drive are not taken into account.",) * is_measured,
-            *(f"{trace.revolutions} of the {cycle} input revolutions of the full cycle: F'_ior is at least as large.",)
-            * is_part,
-            *(_UNKNOWN_AS_ZERO,) * bool(unknowns(drive)),
-        ),
+        why=tuple(why),
         blocks=(
-            *[Table.by_row("", quantity_table("trace.page"), orders[:_NAMED_ORDERS])] * bool(orders),
+            *([Table.by_row("", quantity_table("trace.page"), orders[:_NAMED_ORDERS])] if orders else []),
             Facts.of(
                 [
                     ("gravity", _along_words(trace.along)),
@@ -188,7 +191,7 @@ def stiffness_report(drive: Drive, found: Stiffness) -> Report:
         blocks=(
             Table.by_row("torsional stiffness in both directions", _SEGMENT_COLUMNS, rows),
             Facts.of(_facts(drive, found)),
-            Curve(found.torque, found.twist_arcsec, "torque, N·m", "twist, ″"),
+            Curve(x=found.torque, y=found.twist_arcsec, x_label="torque, N·m", y_label="twist, ″"),
         ),
         certificate=found.certificate,
         cross_checks=(found.cross_check,),
@@ -215,8 +218,10 @@ def stiffness_warnings(drive: Drive, result: Stiffness) -> tuple[str, ...]:
 
 def _facts(drive: Drive, found: Stiffness) -> Iterator[Fact]:
     """Yield facts about the segments, a label and a text each."""
-    elsewhere = ends_elsewhere(drive.catalogue, found.positive)
-    yield "segments", "the segments end at other torques than those of the catalogue, so K is not compared" * elsewhere
+    segments = ""
+    if ends_elsewhere(drive.catalogue, found.positive):
+        segments = "the segments end at other torques than those of the catalogue, so K is not compared"
+    yield "segments", segments
     ends = f"±{100 * LOST_MOTION_SHARE:.0f} % of {found.rated:g} N·m"
     yield "lost motion", f"{found.lost_motion_arcsec:.2f}″ between {ends}; backlash {found.play_arcsec:.2f}″"
     yield "  catalogue", _lost_motion_limit(drive, found.lost_motion_arcsec)
@@ -319,4 +324,4 @@ def _figures(swept: Swept) -> Iterator[Curve]:
         gaps = "" if solved.all() else f", {np.sum(~solved)} points without a result omitted"
         if solved.sum() > 1:
             label = _of(axis, "", ",").rstrip(",")
-            yield Curve(values[solved], F_ior[solved], label, f"F'_ior{torque}, ″{gaps}")
+            yield Curve(x=values[solved], y=F_ior[solved], x_label=label, y_label=f"F'_ior{torque}, ″{gaps}")

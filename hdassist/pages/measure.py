@@ -426,7 +426,7 @@ def joint_lines(reports: Sequence[Report], results: Sequence[Measurement]) -> li
             continue
         found = next(measured).directions[0]
         share = f"{100 * found.coverage.share:.1f}" if found.coverage else NO_VALUE
-        value = f"{'at least ' * found.is_bound}{found.range.value:.2f}"
+        value = f"{'at least ' if found.is_bound else ''}{found.range.value:.2f}"
         rows.append((str(report.values["joint"]), value, _ends_text(found.interval_arcsec), share))
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
@@ -503,12 +503,14 @@ def bench_report(
         blocks=(
             Table.by_row("", _STATED_COLUMNS, found),
             *([_iso230_table(iso230)] if iso230 else []),
-            *(Table.by_row("places", _PLACES, each) for each in [places] * (len(places) > 1)),
-            Facts.of([
-                ("F'_ior", _seen_words(positions) if positions else ""),
-                ("read as", "; ".join(table.notes)),
-                ("next", again("accept", drive, *words) if words and table.file != STDIN else ""),
-            ]),
+            *([Table.by_row("places", _PLACES, places)] if len(places) > 1 else []),
+            Facts.of(
+                [
+                    ("F'_ior", _seen_words(positions) if positions else ""),
+                    ("read as", "; ".join(table.notes)),
+                    ("next", again("accept", drive, *words) if words and table.file != STDIN else ""),
+                ]
+            ),
         ),
         details=(Lines("definitions", tuple(f"{_CHECKS[q.name].words}: {_CHECKS[q.name].tests}" for q in found)),),
         values={
@@ -522,8 +524,8 @@ def bench_report(
         },
         line=", ".join(values),
         about=table.file,
-        warnings=(once,) * (len(unsure) < len(found)),
-    )  # fmt: skip
+        warnings=(once,) if len(unsure) < len(found) else (),
+    )
 
 
 def _reversal_verdict(test: PositioningTest) -> str:
@@ -629,4 +631,4 @@ def _history_curve(found: DriveHistory) -> Curve:
     ends = [(day, each.low_arcsec, each.high_arcsec) for day, each in zip(days, found.entries, strict=True)]
     y = np.array([each.F_ior_arcsec for each in found.entries])
     label = "F'_ior, ″"
-    return Curve(days, y, f"days since {first}", label, whiskers=tuple(ends), points=True, rows=6)
+    return Curve(x=days, y=y, x_label=f"days since {first}", y_label=label, whiskers=tuple(ends), points=True, rows=6)

@@ -85,7 +85,7 @@ def mount_report(
         # the uncertainty of values without one of their own: that of --noise or its default
         own = all(trial.noise_arcsec for trial in advice.trials)
         spread = "" if own else f" (± {2 * advice.setup.noise_arcsec:g}″, k = 2)"
-        where = f"{count} measured value{'s' * (count > 1)}{spread} at {torques} N·m"
+        where = f"{count} measured value{'s' if count > 1 else ''}{spread} at {torques} N·m"
     found = advice.decision
     stay = () if found.stay is None else (found.stay,)
     rows = dict.fromkeys((found.best, *found.ranked[:_ROWS], *stay, found.ranked[-1]))
@@ -99,7 +99,8 @@ def mount_report(
         why=tuple(filter(None, _why(advice))),
         blocks=(_positions_table(advice, list(rows)), Facts.of(_facts(advice, carded=carded)), *figures[:1]),
         details=(
-            *figures[1:], _positions_table(advice, range(len(found.rotations_deg)), "all holes"),
+            *figures[1:],
+            _positions_table(advice, range(len(found.rotations_deg)), "all holes"),
             Facts.of(_more_facts(advice)),
         ),
         certificate=advice.certificate,
@@ -109,7 +110,7 @@ def mount_report(
         line=bare(advice.chosen.rotation_deg, drive.mounting.holes) if advice.names_hole else _ANY_LINE,
         warnings=mount_warnings(advice),
         exit_code=_exit_code(advice, sure),
-    )  # fmt: skip
+    )
 
 
 def _verdict(advice: Advice) -> str:
@@ -258,7 +259,7 @@ def _repeat_words(advice: Advice) -> str:
         return ""
     odds = 100 * advice.after.misread[advice.trials.index(doubted)]
     where = place_at(doubted.rotation_deg, hole_of(doubted.rotation_deg, advice.drive.mounting.holes))
-    several = f" at {advice.torque_of(doubted):g} N·m" * (len(advice.torques_of_values) > 1)
+    several = f" at {advice.torque_of(doubted):g} N·m" if len(advice.torques_of_values) > 1 else ""
     value = measured_value(doubted)
     return f"Measure in {where}{several} again. Probability that {value}″ is a reading error: {odds:.0f} %."
 
@@ -310,7 +311,7 @@ def next_value_words(advice: Advice) -> str:
             return f"Stop measuring: one more value would reduce F'_ior {_reduction(advice, one)} on average."
         point = advice.next.rotation_deg, value.M_g
         again_ = " again" if point in map(advice.setup.point, advice.trials) else ""
-        at = f" at {value.M_g:g} N·m" * (advice.torques_of_values != (value.M_g,))
+        at = f" at {value.M_g:g} N·m" if advice.torques_of_values != (value.M_g,) else ""
         gain = _expected(advice, (one, "one more value"), (three, "three"))
         return f"Next, measure {hole_place(advice.next)}{at}{again_}. {gain}"
     after = dict(later)
@@ -372,7 +373,9 @@ def _facts(advice: Advice, *, carded: bool) -> Iterator[Fact]:
     if advice.next and not advice.measured:
         if advice.trials:
             M_g = advice.next_torque
-            name = _name(advice, advice.next.rotation_deg) + f"@{M_g:g}" * (M_g != advice.setup.M_g)
+            name = _name(advice, advice.next.rotation_deg)
+            if M_g != advice.setup.M_g:
+                name += f"@{M_g:g}"
             names = [name]
         else:
             names = [_name(advice, p.rotation_deg) for p in advice.to_try]
@@ -424,30 +427,36 @@ def _positions_table(advice: Advice, places: Sequence[int], title: str = "") -> 
             f"{middle:.2f} ({low:.1f}-{high:.1f})" if sampled else f"{middle:.2f}"
             for low, middle, high in zip(*action.F_ior_arcsec.values(), strict=True)
         ]
-        shares = (f"{100 * action.probability_better:.0f}", f"{100 * action.probability_good:.0f}") * sampled
+        shares = []
+        if sampled:
+            shares = [f"{100 * action.probability_better:.0f}", f"{100 * action.probability_good:.0f}"]
         hole = bare(action.rotation_deg, advice.drive.mounting.holes)
         label = names.get(place, "")
         if found.all_alike and not title:  # one row stands for all holes
             label = ""
             hole = _ANY_LINE
         rows.append((label, hole, *cells, *shares, f"{100 * action.expected_loss:.1f}"))
-    spread = ": median (5 to 95 %)" * sampled + " in any hole" * (found.all_alike and not title)
+    spread = ": median (5 to 95 %)" if sampled else ""
+    if found.all_alike and not title:
+        spread += " in any hole"
     residual = f"residual F'_ior ({form_words(advice.correction)})" if advice.correction else "F'_ior"
     heads = (f"at {M_g:g} N·m" for M_g in advice.torques)
     where, counted = ("hole", "holes") if advice.drive.mounting.holes else ("angle, °", "angles")
-    of_shares = ("P(better)", "P(within 5 %)") * sampled
+    of_shares = ("P(better)", "P(within 5 %)") if sampled else ()
     start = start_of_count(advice.drive)
     better = f"better: than {start} by > {100 * found.cost:g} %; within 5 %: of the best hole"
-    governing = ", governing torque" * (len(advice.torques) > 1)
-    excess = f"excess: {'expected ' * sampled}over best hole{governing}; {counted} count counter-clockwise"
+    governing = ", governing torque" if len(advice.torques) > 1 else ""
+    excess = f"excess: {'expected ' if sampled else ''}over best hole{governing}; {counted} count counter-clockwise"
     first = f"{title}: " if title else ""
     return Table(
-        f"{first}{residual}, ″{spread}", ("", where, *heads, *of_shares, "excess, %"), tuple(rows),
+        f"{first}{residual}, ″{spread}",
+        ("", where, *heads, *of_shares, "excess, %"),
+        tuple(rows),
         notes=(
             *((f"P: probability, %; {better}",) if sampled else ()),
             excess,
         ),
-    )  # fmt: skip
+    )
 
 
 def _standing(advice: Advice) -> str:
@@ -482,25 +491,39 @@ def _position_curves(advice: Advice) -> Iterator[Curve]:
             x = curve.rotation_deg[order] / per
             line = curve.F_ior_arcsec[k, order]
         tried = [t for t in advice.trials if advice.torque_of(t) == M_g]
-        marks = [CurveMark(t.rotation_deg / per, t.F_ior_arcsec, "measured", "now") for t in tried]
+        marks = [CurveMark(x=t.rotation_deg / per, y=t.F_ior_arcsec, words="measured", kind="now") for t in tried]
         if advice.names_hole:
             marks += [
-                CurveMark(p.rotation_deg / per, p.F_ior_arcsec[k], name, "now" if name == now else "target")
+                CurveMark(
+                    x=p.rotation_deg / per, y=p.F_ior_arcsec[k], words=name, kind="now" if name == now else "target"
+                )
                 for name, p in marked.items()
             ]
         next_place = found.place(advice.next.rotation_deg) if advice.next else None
         if next_place is not None:
-            marks.append(CurveMark(turns[next_place] / per, float(ends[1][next_place, k]), next_words, "target"))
-        notes = ["median, 5 to 95 %"] * sampled
-        notes += ["unknown inputs as 0"] * (bool(advice.unknown) and not sampled)
+            marks.append(
+                CurveMark(x=turns[next_place] / per, y=float(ends[1][next_place, k]), words=next_words, kind="target")
+            )
+        notes = []
+        if sampled:
+            notes.append("median, 5 to 95 %")
+        elif advice.unknown:
+            notes.append("unknown inputs as 0")
         if limit is not None:
             notes.append(f"line: {limit:.4g} (limit {advice.drive.limit(M_g):g} minus self error)")
         yield Curve(
-            x, line, "hole" if holes else "angle, °", "; ".join([f"F'_ior at {M_g:g} N·m, ″", *notes]),
+            x=x,
+            y=line,
+            x_label="hole" if holes else "angle, °",
+            y_label="; ".join([f"F'_ior at {M_g:g} N·m, ″", *notes]),
             whiskers=tuple(zip((turns / per).tolist(), ends[0][:, k].tolist(), ends[2][:, k].tolist(), strict=True))
             * sampled,
-            marks=tuple(marks), limit=limit, points=bool(holes), from_zero=True, rows=5,
-        )  # fmt: skip
+            marks=tuple(marks),
+            limit=limit,
+            points=bool(holes),
+            from_zero=True,
+            rows=5,
+        )
 
 
 def _values(advice: Advice, seed: int) -> Json:

@@ -159,7 +159,7 @@ def seen_curve(choice: PlanChoice) -> Curve:
         np.array([min(points[N] for N in group) for group in groups]),
         x_label="positions per output revolution",
         y_label=f"F'_ior captured in 95 of 100 cases, %{alike}",
-        marks=tuple(CurveMark(N, points[N], "enough", "target") for N in found),
+        marks=tuple(CurveMark(x=N, y=points[N], words="enough", kind="target") for N in found),
         rows=6,
     )
 
@@ -189,16 +189,21 @@ def approach_csv(choice: PlanChoice) -> str:
     test = choice.test
     shares = " ".join(f"{share:.3f}" for share in test.judged.seen)
     rows = [f"{minute:.1f},{target:.6g},{side:g}," for minute, target, side in zip(*test.approaches, strict=True)]
-    return "\n".join([
-        f"# plan: {choice.drive.name}, {test.judged.plan.name}",
-        f"# torque: {choice.M_g:.15g}",
-        f"# sees: {shares}",
-        f"# uncertainty: {test.uncertainty_arcsec:.4g}",
-        "# write the output angle of each reading after the last comma of its row, in deg; or name that column",
-        "# deviation_arcsec and write actual minus target angle, counter-clockwise positive",
-        "minute,target_deg,side,actual_deg",
-        *rows,
-    ]) + "\n"  # fmt: skip
+    return (
+        "\n".join(
+            [
+                f"# plan: {choice.drive.name}, {test.judged.plan.name}",
+                f"# torque: {choice.M_g:.15g}",
+                f"# sees: {shares}",
+                f"# uncertainty: {test.uncertainty_arcsec:.4g}",
+                "# write the output angle of each reading after the last comma of its row, in deg; or name that column",
+                "# deviation_arcsec and write actual minus target angle, counter-clockwise positive",
+                "minute,target_deg,side,actual_deg",
+                *rows,
+            ]
+        )
+        + "\n"
+    )
 
 
 def sheet_report(choice: PlanChoice, serial: str = "", file: str = "") -> Report:
@@ -212,11 +217,12 @@ def sheet_report(choice: PlanChoice, serial: str = "", file: str = "") -> Report
     ways = "from below"
     if test.judged.plan.both:
         ways = "from below in increasing order, then from above in decreasing order"
+    times = "time" if run.repeats == 1 else "times"
     steps = (
         f"Load the output with a constant torque of {choice.M_g:g} N·m, as in use (positive: counter-clockwise).",
         f"Warm up for {run.warm_up_min:g} min at an input speed of {run.cam_rpm:g} rpm. Write down the temperature.",
         f"Start at any output angle, which is 0. Move back by {lead} first, and by as much before each reversal.",
-        f"Approach each position {ways}, {run.repeats} time{'s' * (run.repeats != 1)}. Never overshoot a position.",
+        f"Approach each position {ways}, {run.repeats} {times}. Never overshoot a position.",
         f"Wait {run.dwell_s:g} s, then read the output. Write down the temperature again at the end.",
     )
     given = (
@@ -224,10 +230,17 @@ def sheet_report(choice: PlanChoice, serial: str = "", file: str = "") -> Report
         f"The test captures {low} to {high} % of F'_ior (median {middle} %).",
         _verdicts(test),
         again(
-            "accept", drive, "--measured", f"{choice.M_g:.15g}={file}", "--measured-only",
-            "--budget", "encoder=U,coupling=U,reseating=U,temperature=U",
-        ) if file else "",
-    )  # fmt: skip
+            "accept",
+            drive,
+            "--measured",
+            f"{choice.M_g:.15g}={file}",
+            "--measured-only",
+            "--budget",
+            "encoder=U,coupling=U,reseating=U,temperature=U",
+        )
+        if file
+        else "",
+    )
     listed = zip(minutes, targets, sides, strict=True) if len(targets) <= _LISTED_READINGS else ()
     rows = tuple(
         (str(k + 1), f"{minute:.0f}", f"{target:.5g}", "below" if side > 0 else "above", "", "")

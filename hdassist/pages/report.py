@@ -231,9 +231,14 @@ def _environment(finalize: Callable[[Any], Any], style: Style, *, autoescape: bo
     Lines of a tag alone leave none.
     """
     found = Environment(
-        loader=PackageLoader("hdassist.pages"), undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
-        keep_trailing_newline=True, autoescape=autoescape, finalize=finalize,
-    )  # fmt: skip
+        loader=PackageLoader("hdassist.pages"),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        autoescape=autoescape,
+        finalize=finalize,
+    )
     plain = replace(style, codes=False, width=_UNICODE.width)
 
     def drawn(figure: Figure) -> str:
@@ -244,9 +249,16 @@ def _environment(finalize: Callable[[Any], Any], style: Style, *, autoescape: bo
     found.filters.update(drawn=drawn, unbroken=_unbroken, kind=lambda block: type(block).__name__)
     found.tests["figure"] = lambda block: isinstance(block, Figure)
     found.globals.update(
-        BLANK=BLANK, CENTRE=CENTRE, HOLE_CIRCLE=HOLE_CIRCLE, CHART_BOX=_CHART_BOX, ENVELOPE_COLUMNS=ENVELOPE_COLUMNS,
-        ChartAxes=_ChartAxes, at=at, outline=outline, tone_of=tone_of,
-    )  # fmt: skip
+        BLANK=BLANK,
+        CENTRE=CENTRE,
+        HOLE_CIRCLE=HOLE_CIRCLE,
+        CHART_BOX=_CHART_BOX,
+        ENVELOPE_COLUMNS=ENVELOPE_COLUMNS,
+        ChartAxes=_ChartAxes,
+        at=at,
+        outline=outline,
+        tone_of=tone_of,
+    )
     return found
 
 

@@ -105,7 +105,9 @@ def tolerance_report(
     designs = f" of {summary.design_count} sampled designs" if law.shared else ""
     line = "\n".join(f"{row[0]} N*m, {row[1]}: 95 % of drives below {row[4]}″" for row in table.rows)
     if summary.has_limit:
-        line = _yields(summary) + f": {summary.verdict}" * (summary.wanted is not None)
+        line = _yields(summary)
+        if summary.wanted is not None:
+            line += f": {summary.verdict}"
     return Report(
         command="tolerance",
         drive=drive,
@@ -114,11 +116,13 @@ def tolerance_report(
         why=tuple(_reasons(summary)),
         blocks=(
             table,
-            Facts.of([
-                ("best hole", _best_of(summary, drives)),
-                ("measure", (measure_words(gains, points[worst].M_g) or _MORE_DRIVES) if is_open else ""),
-                ("next", again("sensitivity", drive)),
-            ]),
+            Facts.of(
+                [
+                    ("best hole", _best_of(summary, drives)),
+                    ("measure", (measure_words(gains, points[worst].M_g) or _MORE_DRIVES) if is_open else ""),
+                    ("next", again("sensitivity", drive)),
+                ]
+            ),
             plots.pop(worst),
         ),
         details=(Facts((("distributions", _drawn(law, seed)),)), *plots),
@@ -128,7 +132,7 @@ def tolerance_report(
         line=line,
         warnings=(*_law_warnings(law), *_few(law, summary)),
         exit_code=130 if interrupted else summary.verdict.exit_code,
-    )  # fmt: skip
+    )
 
 
 def drive_table(
@@ -224,9 +228,15 @@ def _share_below(drives: Sequence[_MountedDrives]) -> Curve:
     y_label += "" if limit is None else f"; line: {limit:.4g} (limit {point.limit:g} minus self error)"
     best = curves[1] if len(curves) > 1 else None
     return Curve(
-        _PLOTTED_SHARES, curves[0], x_label, y_label,
-        second=best, names=() if best is None else ("as assembled", "best hole"), limit=limit, rows=_PLOTTED_ROWS,
-    )  # fmt: skip
+        x=_PLOTTED_SHARES,
+        y=curves[0],
+        x_label=x_label,
+        y_label=y_label,
+        second=best,
+        names=() if best is None else ("as assembled", "best hole"),
+        limit=limit,
+        rows=_PLOTTED_ROWS,
+    )
 
 
 def _values(law: ProductionLaw, seed: int, summary: Summary, gains: Sequence[MeasurementGain]) -> Json:
@@ -307,7 +317,7 @@ _EFFECT_COLUMNS = quantity_table(
     "sensitivity.page",
     words=named,
     whole_percent=lambda share: f"{100 * share:.0f}",
-    gain=lambda way: f"{'≤ ' * (not way.proven)}{way.gain:.2f}",
+    gain=lambda way: f"{'' if way.proven else '≤ '}{way.gain:.2f}",
 )
 
 
@@ -385,7 +395,10 @@ def _effects(found: Sensitivities, torque: int) -> list[_FieldEffect]:
     shares = {each.group: each.share for each in found.influences[torque]}
     ways = {way.path: way for way in found.tightened[torque]}
     M_g = found.samples.torques[torque]
-    return [_FieldEffect(M_g, p, shares.get(p), ways.get(p)) for p in dict.fromkeys((*shares, *ways))]
+    return [
+        _FieldEffect(M_g=M_g, path=p, share=shares.get(p), tightened=ways.get(p))
+        for p in dict.fromkeys((*shares, *ways))
+    ]
 
 
 def _table(effects: Sequence[_FieldEffect], tolerances: int, others: int) -> Table:
@@ -393,17 +406,22 @@ def _table(effects: Sequence[_FieldEffect], tolerances: int, others: int) -> Tab
     tight = sorted((e for e in effects if e.tightened), key=lambda e: -e.tightened.gain if e.tightened else 0.0)
     rest = [e for e in effects if not e.tightened]
     shown = [*tight[:tolerances], *rest[:others]]
-    share = "contribution to the variance of F'_ior; " * any(each.share is not None for each in shown)
+    has_shares = any(effect.share is not None for effect in shown)
+    share = "contribution to the variance of F'_ior; " if has_shares else ""
     reduction = f"reduction of the 95th percentile by a tolerance {_STEP_WORDS}"
     title = f"at {effects[0].M_g:g} N·m: {share}{reduction}"
     table = Table.by_row(title, _EFFECT_COLUMNS, shown)
-    return replace(table, notes=(_NO_SHARE,) * any(each.share is None for each in shown))
+    lacks_share = any(effect.share is None for effect in shown)
+    return replace(table, notes=(_NO_SHARE,) if lacks_share else ())
 
 
 def allocate_report(
-    found: Allocator, ways: Sequence[Allocation], self_errors: Sequence[float], to_measure: Sequence[MeasurementGain],
+    found: Allocator,
+    ways: Sequence[Allocation],
+    self_errors: Sequence[float],
+    to_measure: Sequence[MeasurementGain],
     M_g: float,
-) -> Report:  # fmt: skip
+) -> Report:
     """Return the cheapest tolerances of a drive as a report.
 
     found: the search.
@@ -439,9 +457,7 @@ def allocate_report(
             **attributes(found, "sure", seed="production.seed", yield_wanted="wanted"),
             "verdict": verdict,
             "to_measure": measure_objects(to_measure),
-            "limits": [
-                {"M_g_Nm": M_g, "limit_arcsec": limit, "self_error_arcsec": own} for M_g, limit, own in held
-            ],
+            "limits": [{"M_g_Nm": M_g, "limit_arcsec": limit, "self_error_arcsec": own} for M_g, limit, own in held],
             "laws": [
                 {
                     **attributes(choice, "now", "least", "most", field="path", assumed="assumed_law"),
@@ -468,9 +484,9 @@ def allocate_report(
             ],
         ),
         line="\n".join(reasons),
-        warnings=(*_law_warnings(law), *[costs] * bool(assumed)),
+        warnings=(*_law_warnings(law), *([costs] if assumed else [])),
         exit_code=verdict.exit_code,
-    )  # fmt: skip
+    )
 
 
 def _words(way: Allocation, found: Allocator) -> str:
@@ -491,7 +507,8 @@ def _next(found: Allocator, ways: Sequence[Allocation], verdict: Verdict, to_mea
     if verdict is Verdict.PASS:
         cheapest = min((way for way in ways if way.fits), key=lambda way: way.cost)
         values = [f"{path}={value:.3g}" for path, value in cheapest.values.items()]
-        aim = ("--yield", f"{found.wanted:g}", "--sure", f"{found.sure:g}", *["--as-built"] * (not cheapest.turned))
+        as_built = [] if cheapest.turned else ["--as-built"]
+        aim = ("--yield", f"{found.wanted:g}", "--sure", f"{found.sure:g}", *as_built)
         return again("tolerance", drive, *aim, *(word for value in values for word in ("--set", value)))
     if verdict is Verdict.FAIL:
         return again("check", drive)

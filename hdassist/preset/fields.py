@@ -185,7 +185,7 @@ class PresetField:
                 raise InvalidValueError("must be text", "put it in quotes" if isinstance(value, int | float) else "")
             if self.kind == "line" and not ("\n" not in value and 1 <= len(value) <= MAX_NAME):
                 words = f"must be one line of 1 to {MAX_NAME} characters"
-                raise InvalidValueError(words, "write a longer text in description" * bool(value))
+                raise InvalidValueError(words, "write a longer text in description" if value else "")
         elif value is None:
             if not self.is_optional:
                 required = f"write a number in {self.unit}" if self.unit else ""

@@ -81,7 +81,15 @@ class Document:
 
     def _finding(self, path: Path, message: str, hint: str, got: str, key: bool) -> Finding:
         file, mark = self.where(path, key)
-        return Finding(file, *mark, path_text(path), message, got, hint)
+        return Finding(
+            file=file,
+            line=mark.line,
+            column=mark.column,
+            path=path_text(path),
+            message=message,
+            got=got,
+            hint=hint,
+        )
 
     def refuse(self, path: Path, fault: InvalidValueError) -> None:
         """Add the finding on a value that cannot be read."""
@@ -197,7 +205,16 @@ class _Reader:
         return self.at(mark.line + 1, mark.column + 1)
 
     def _end(self, mark: Mark, message: str, got: str = "", hint: str = "") -> PresetError:
-        return PresetError([Finding(self.document.file, *mark, "", message, got, hint)])
+        finding = Finding(
+            file=self.document.file,
+            line=mark.line,
+            column=mark.column,
+            path="",
+            message=message,
+            got=got,
+            hint=hint,
+        )
+        return PresetError([finding])
 
     def _parsed(self, text: str) -> Iterator[Any]:
         try:
@@ -267,7 +284,15 @@ class _Reader:
         return table
 
     def _find(self, mark: Mark, path: Path, message: str, got: str = "", hint: str = "") -> None:
-        finding = Finding(self.document.file, *mark, path_text(path), message, got, hint)
+        finding = Finding(
+            file=self.document.file,
+            line=mark.line,
+            column=mark.column,
+            path=path_text(path),
+            message=message,
+            got=got,
+            hint=hint,
+        )
         self.document.findings.append(finding)
 
     def _syntax_error(self, error: Exception) -> PresetError:

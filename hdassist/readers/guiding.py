@@ -162,7 +162,7 @@ def guide_rows(lines: Sequence[str], form: GuideForm) -> GuideRows:
         f"error in right ascension over the angle at {SIDEREAL_ARCSEC_S:g} arcsec/s; its sense is unknown",
     )
     table = tuple(rows.get(number, "") for number in range(len(lines)))
-    return GuideRows(table, notes, is_unknown, uncertainty)
+    return GuideRows(lines=table, notes=notes, is_lower_bound=is_unknown, scale_uncertainty=uncertainty)
 
 
 def _row(frame: _Frame, arcsec_per_px: float) -> str:
@@ -238,7 +238,12 @@ def _frame(number: int, cells: dict[str, str]) -> _Frame | None:
     if not isfinite(pulse_s):
         return None
     west = {"W": 1.0, "E": -1.0}.get(cells.get("RADirection", "").strip().upper(), nan)
-    return _Frame(number, time_s, distance_px, west * pulse_s if pulse_s else 0.0)
+    return _Frame(
+        line=number,
+        time_s=time_s,
+        distance_px=distance_px,
+        pulse_s=west * pulse_s if pulse_s else 0.0,
+    )
 
 
 def _longest_unguided(section: _Section) -> _Section:

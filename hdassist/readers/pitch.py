@@ -134,7 +134,9 @@ def read_pitch(
     deviation = values - values.mean()
     deviation.setflags(write=False)
     flank_is = cast(_Flank | None, side or None)
-    return PitchFile(deviation, mark, flank_is, table.file, table.sha256, tuple(table.notes))
+    return PitchFile(
+        deviation=deviation, mark=mark, flank=flank_is, file=table.file, sha256=table.sha256, notes=tuple(table.notes)
+    )
 
 
 class _Statement(NamedTuple):
@@ -162,7 +164,8 @@ class _Statements:
                 table.add(line, column, "", "a name that is not UTF-8 text", name, "save the file as UTF-8")
         for line, _, word, text, column in entries:
             if key := PITCH_KEYS.get(word):
-                self.stated[key].append(_Statement(_value_of(key, text), text, line, column))
+                statement = _Statement(value=_value_of(key, text), text=text, line=line, column=column)
+                self.stated[key].append(statement)
             elif hint := near_miss(word, PITCH_KEYS):
                 table.notes.append(f'line {line}: "{word}" is ignored; {hint}')
 
@@ -205,7 +208,8 @@ class _Statements:
             name = names[others[0]]
             for key, value in (("form", form_in(name)), ("flank", flank_in(name)), ("unit", length_in(name))):
                 if value and value != AMBIGUOUS:
-                    self.stated[key].append(_Statement(value, name, table.names_line, 1))
+                    statement = _Statement(value=value, text=name, line=table.names_line, column=1)
+                    self.stated[key].append(statement)
                 elif value and not self.stated[key] and key not in self.asked:
                     message = "state whether they are single or cumulative pitch deviations"
                     table.add(table.names_line, 1, key, message, name, _FORM_HINT)

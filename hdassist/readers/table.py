@@ -140,7 +140,9 @@ class NumberTable:
         foreign = foreign_unit_in(name, units)
         if asked is not None and (foreign or (named and named != unit)):
             self.notes.append(f'"{name}": {asked} as requested, although the name states {named or foreign}')
-        assumed = f"{NO_UNIT}, {default} assumed{f' ({option})' * bool(option)}"
+        assumed = f"{NO_UNIT}, {default} assumed"
+        if option:
+            assumed += f" ({option})"
         is_assumed = asked is None and not named
         definition = f" ({DEFINITIONS[unit]})" if unit in DEFINITIONS else ""
         self.notes.append(f'"{name}": {words}, {assumed if is_assumed else unit + definition}')
@@ -206,7 +208,11 @@ class NumberTable:
 
     def add(self, line: int, column: int, path: str, message: str, got: str = "", hint: str = "") -> None:
         """Add a finding by line and column of the file."""
-        self.findings.append(Finding(self.file, line, column, shown(path), message, shown(got), hint))
+        self.findings.append(
+            Finding(
+                file=self.file, line=line, column=column, path=shown(path), message=message, got=shown(got), hint=hint
+            )
+        )
 
     def add_at(self, row: int, column: int, message: str, got: str = "", hint: str = "") -> None:
         """Add a finding by row and column (from 0)."""
@@ -254,6 +260,19 @@ class CellTable:
         return _DECIMAL_COMMA.sub(".", text) if free else text
 
 
+def _no_rows(file: str, line: int) -> PresetError:
+    """Return the error of a table without rows; line: of its names, 1 if there are none."""
+    finding = Finding(
+        file=file,
+        line=line,
+        column=1,
+        path="",
+        message="no rows in the table",
+        hint="write a line of names, for example serial;preset;measured, and a row for each drive",
+    )
+    return PresetError([finding])
+
+
 def read_texts(source: Readable) -> CellTable:
     """Read a table of text under a line of names, separated by semicolons, tabs or commas.
 
@@ -277,13 +296,19 @@ def read_texts(source: Readable) -> CellTable:
                 remarks.append(line.number)
     table.require_sound()
     if len(lines) < 2:
-        hint = "write a line of names, for example serial;preset;measured, and a row for each drive"
-        raise PresetError(
-            [Finding(text.name, lines[0].number if lines else 1, 1, "", "no rows in the table", "", hint)]
-        )
+        raise _no_rows(text.name, lines[0].number if lines else 1)
     names, *rows = ((line.number, tuple(cells_of(line.text, separator))) for line in lines)
     opened = {line.number: column for line in lines if (column := unclosed_quote(line.text, separator))}
-    return CellTable(text.name, text.sha256, separator, names[1], names[0], tuple(rows), tuple(remarks), opened)
+    return CellTable(
+        file=text.name,
+        sha256=text.sha256,
+        separator=separator,
+        names=names[1],
+        names_line=names[0],
+        rows=tuple(rows),
+        remarks=tuple(remarks),
+        unclosed=opened,
+    )
 
 
 def _is_wide(text: str, separator: str, heading: str) -> bool:
@@ -605,7 +630,8 @@ def _readable_parts(text: TextFile, table: NumberTable, guide: GuideForm) -> Ite
             else:
                 yield 1, "\n".join(_of_pe_file(lines, table))
         except DataError as error:
-            raise PresetError([Finding(text.name, 1, 1, "", error.message, hint=error.hint)]) from None
+            finding = Finding(file=text.name, line=1, column=1, path="", message=error.message, hint=error.hint)
+            raise PresetError([finding]) from None
 
 
 def _of_pe_file(lines: list[str], table: NumberTable) -> Iterator[str]:

@@ -473,7 +473,7 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
             raise table.fault(message, _RESTART_HINT, row, other.index)
         row = int(np.abs(error - np.median(error)).argmax())
         message = f"the error spans {reach / _ARCSEC_PER_DEG:.3g} deg"
-        leaves_out = "; --robust leaves out single ones" * bool(far.any())
+        leaves_out = "; --robust leaves out single ones" if far.any() else ""
         raise table.fault(
             message, f"check the column of the error, its unit and the ratio{leaves_out}", row, other.index
         )
@@ -481,11 +481,26 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
     if left:
         table.notes.append(f"left out, turning points and short moves: {left} of {len(cam)} rows")
     return MeasuredTrace(
-        table.file, table.sha256, cam, error, table.lines, step, tuple(moves), tuple(table.notes),
-        first.shaft or "cam", sense, in_time, form.robust, time_s, torque, by_cam, dithered,
-        is_lower_bound=table.is_lower_bound, scale_uncertainty=table.scale_uncertainty,
+        file=table.file,
+        sha256=table.sha256,
+        cam_deg=cam,
+        error_arcsec=error,
+        line=table.lines,
+        step_arcsec=step,
+        sweeps=tuple(moves),
+        notes=tuple(table.notes),
+        angle_of=first.shaft or "cam",
+        sense=sense,
+        in_time=in_time,
+        robust=form.robust,
+        time_s=time_s,
+        load=torque,
+        cam_step_arcsec=by_cam,
+        dithered=dithered,
+        is_lower_bound=table.is_lower_bound,
+        scale_uncertainty=table.scale_uncertainty,
         turns_per_s=table.deg_per_s / WHOLE_TURN_DEG * (per_turn if first.shaft == "output" else 1),
-    )  # fmt: skip
+    )
 
 
 def _angle(
@@ -701,7 +716,7 @@ def _by_time(table: NumberTable, index: int, form: TraceForm) -> _TraceColumn:
         arcsec_per_s = WHOLE_TURN_DEG * _ARCSEC_PER_DEG / form.period
         table.notes[-1] += f", the input angle at one revolution in {form.period:g} s (--period)"
     table.deg_per_s = arcsec_per_s / _ARCSEC_PER_DEG
-    return _TraceColumn(index, shaft, unit, TIMES[unit] * arcsec_per_s)
+    return _TraceColumn(index=index, shaft=shaft, unit=unit, size=TIMES[unit] * arcsec_per_s)
 
 
 def _column(table: NumberTable, asked: str | None, kinds: Sequence[str], kind: str, option: str) -> int:
@@ -720,7 +735,8 @@ def _column(table: NumberTable, asked: str | None, kinds: Sequence[str], kind: s
     words = {"angle": "input or output angles", "error": "errors", "second": "output angles"}[option]
     several = ": " + ", ".join(f'"{table.name(i)}"' for i in candidates) if candidates else " by its name"
     hint = f"select the column with --{option} NAME or its number"
-    raise table.fault(f"{len(candidates) or 'no'} column{'s' * bool(candidates)} of {words}{several}", hint)
+    count = f"{len(candidates)} columns" if candidates else "no column"
+    raise table.fault(f"{count} of {words}{several}", hint)
 
 
 def _in_unit(
@@ -734,7 +750,7 @@ def _in_unit(
             f'"{table.name(index)}": the counts per revolution are unknown',
             f"state them, for example {option} 16384,4194304",
         )
-    column = _TraceColumn(index, shaft, unit, angle_size(unit))
+    column = _TraceColumn(index=index, shaft=shaft, unit=unit, size=angle_size(unit))
     if is_in_counts:
         table.notes[-1] += " a turn"
     return column

@@ -192,7 +192,7 @@ class Kept(Generic[_RecordT]):
             at_stop(partial(beside.unlink, missing_ok=True)),
         ):
             descriptor, lock = _locked(str(beside))
-            fresh = Kept(str(beside), descriptor, lock, self._owner, self._kind)
+            fresh = Kept(_path=str(beside), _descriptor=descriptor, _lock=lock, _owner=self._owner, _kind=self._kind)
             fresh.begin()
             fresh.append(records)
         os.close(self._descriptor)
@@ -210,7 +210,13 @@ class Kept(Generic[_RecordT]):
             ):
                 descriptor = _opened(str(beside))
                 try:
-                    fresh = Kept(str(beside), descriptor, self._lock, self._owner, self._kind)
+                    fresh = Kept(
+                        _path=str(beside),
+                        _descriptor=descriptor,
+                        _lock=self._lock,
+                        _owner=self._owner,
+                        _kind=self._kind,
+                    )
                     fresh.begin()
                     fresh.append(records)
                 finally:
@@ -307,7 +313,7 @@ def open_kept(
     cannot be written, has a record that does not hold, or is removed or cut while it is written.
     """
     descriptor, lock = _locked(path, patience)
-    kept = Kept(path, descriptor, lock, owner, kind)
+    kept = Kept(_path=path, _descriptor=descriptor, _lock=lock, _owner=owner, _kind=kind)
     try:
         if force:
             kept.begin()

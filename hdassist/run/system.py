@@ -427,8 +427,8 @@ def windows_command_line(words: Sequence[str]) -> str:
     for word in words:
         quoted = list2cmdline([word])
         if quoted == word and not re.fullmatch(_PLAIN_WORD, word):
-            behind = "\\" * (len(word) - len(word.rstrip("\\")))  # before a quote they are doubled
-            quoted = f'"{word}{behind}"'
+            backslashes = word[len(word.rstrip("\\")) :]  # at the end: before a quote they are doubled
+            quoted = f'"{word}{backslashes}"'
         written.append(quoted)
     return " ".join(written)
 

@@ -36,9 +36,15 @@ DECLARED = package_table("terminal/options.toml")
 
 
 def _declared_parameter(
-    field: str, kind: object, *, is_argument: bool = False, is_required: bool = False, names: Sequence[str] = (),
-    section: str | None = None, **words: Any,
-) -> Any:  # fmt: skip
+    field: str,
+    kind: object,
+    *,
+    is_argument: bool = False,
+    is_required: bool = False,
+    names: Sequence[str] = (),
+    section: str | None = None,
+    **words: Any,
+) -> Any:
     """The type of a field together with its option, or argument, as options.toml declares that."""
     if get_origin(kind) is list and not is_required:
         words = {"default_factory": list, "show_default": False} | words

@@ -98,7 +98,7 @@ class Output:
         given = {"jobs": None, "seed": 0, "cross_check": CROSS_SOLVER, "solver": None} | vars(options)
         alone = given["jobs"] is None or given["solver"] is not None
         with self.progress(words, states) as progress, nullcontext() if alone else self.workers(options) as executor:
-            yield Run(executor, progress, given["seed"], given["cross_check"])
+            yield Run(executor=executor, progress=progress, seed=given["seed"], cross_check=given["cross_check"])
 
     @contextmanager
     def engine(self, options: object) -> Iterator[Executor | None]:
@@ -195,10 +195,11 @@ def _bar(style: Style) -> Progress:
         BarColumn(),
         TextColumn("{task.percentage:3.0f} %"),
         TimeRemainingColumn(),
-        console=screen, transient=True,
+        console=screen,
+        transient=True,
         auto_refresh=False,  # without a thread of its own, beside which processes could not be forked
         redirect_stdout=sys.stdout.isatty(),  # lines above the bar; a file is left alone
-    )  # fmt: skip
+    )
 
 
 def complain(error: HdassistError, about: str = "") -> None:
@@ -357,9 +358,13 @@ def _note_time(report: Report, begun: float, name: str) -> None:
 
 
 def give(
-    command: str, reports: Sequence[Report], out: Output, *, more: Mapping[str, Any] | None = None,
+    command: str,
+    reports: Sequence[Report],
+    out: Output,
+    *,
+    more: Mapping[str, Any] | None = None,
     below: Sequence[str] = (),
-) -> int:  # fmt: skip
+) -> int:
     """Write warnings, reports as JSON, pages or lines, and tables; returns the worst of their exit codes.
 
     Arguments: command, for the schema of several; reports, of which those without a head have no page; out; more, keys

@@ -122,7 +122,8 @@ def report_page(report: Report, style: Style, *, plots: bool = True, details: bo
         lines = lines[:-1]  # under an axis its words are enough of a gap
     why = [_PageText(style.text("\n".join(report.why)))] if report.why else []
     is_titled = any(isinstance(block, Table) and block.title for block in report.blocks[:1])
-    why += [_PageText("")] * (bool(why) or is_titled)
+    if why or is_titled:
+        why.append(_PageText(""))
     for text in why:
         text.highlight_regex(_NUMBERS_WITH_UNIT, "bold")
     return Group(head, *why, *lines, *block_on_page(last, style))

@@ -102,7 +102,7 @@ class _Frame:
             low = low - 1
             high = high + 1
         beside = [] if figure.limit is None else [figure.limit]
-        for near in [*beside, *[0.0] * figure.from_zero]:
+        for near in [*beside, 0.0] if figure.from_zero else beside:
             if low - _FAR * (high - low) <= near <= high + _FAR * (high - low):
                 low = min(low, near)
                 high = max(high, near)
@@ -156,10 +156,11 @@ class _Frame:
         for k, cell in enumerate(cells):
             number = numbers.get(k, f" {side}")
             lines.append(f"{number:>{self.margin + 2}}{''.join(cell)}".rstrip())
-        lines.append(" " * (self.margin + 1) + corner + floor * self.columns)
-        lines.append(" " * (self.margin + 2) + self._x_numbers())
+        indent = f"{'':{self.margin + 2}}"
+        lines.append(indent[:-1] + corner + floor * self.columns)
+        lines.append(indent + self._x_numbers())
         below = textwrap.wrap(style.text(x_label), self.columns)
-        lines += [" " * (self.margin + 2) + line.center(self.columns).rstrip() for line in below]
+        lines += [indent + line.center(self.columns).rstrip() for line in below]
         return "\n".join(lines)
 
     def _draw_limit(self, cells: list[list[str]], floor: str, words: str) -> None:

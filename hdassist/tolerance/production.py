@@ -148,7 +148,14 @@ def production_law(
                 priors[deviation.size]
                 if is_prior
                 else TolerancedSize(
-                    deviation.size, "even", 0.0, high, "drive", deviation.size, "its tolerance", law=law
+                    path=deviation.size,
+                    distribution="even",
+                    low=0.0,
+                    high=high,
+                    owner="drive",
+                    group=deviation.size,
+                    reason="its tolerance",
+                    law=law,
                 )
             )
         given = drive.value(deviation.direction) is not None
@@ -301,7 +308,7 @@ class Production:
                 return f"expected design {self.design_of(item)}"
             wanted = 0 if record.refused else len(self.torques)
             lengths = {len(record.F_ior_arcsec), len(record.best_F_ior_arcsec)}
-            return f"expected F'_ior at {wanted} torques" * (lengths != {wanted})
+            return "" if lengths == {wanted} else f"expected F'_ior at {wanted} torques"
 
         return RecordKind(TypeAdapter(RandomDrive), fault)
 
