@@ -379,17 +379,17 @@ class Explorer(_Exporting):
 
     def ask_of_panes(self) -> None:
         """Ask for what is on the screen and not there yet: the pinned drive, steps of levers, errors of a cam turn."""
-        known = self.known
+        known_data = self.known
         session = self.session
         effort = self.effort
         drive = session.drive
         pinned = session.pinned
         if self.pinned and self.pinned.check is None:
             self.ask("pinned", self.pinned, drive_answers, pinned, {}, effort)
-        if known.whole and self.levers.region.width:
-            self.ask("levers", known, lever_effects, drive, pinned, known.typical, effort)
-        if known.whole and (self.panes["turn"].region.width or self.panes["cycle"].region.width):
-            self.ask("turn", known, cam_turn, drive, self._of_turn(), session.turn_deg, self.M_g)
+        if known_data.whole and self.levers.region.width:
+            self.ask("levers", known_data, lever_effects, drive, pinned, known_data.typical, effort)
+        if known_data.whole and (self.panes["turn"].region.width or self.panes["cycle"].region.width):
+            self.ask("turn", known_data, cam_turn, drive, self._of_turn(), session.turn_deg, self.M_g)
 
     def _of_turn(self) -> Mapping[str, float]:
         """Typical values for a cam turn: none where all deviations are known."""
@@ -480,8 +480,8 @@ class Explorer(_Exporting):
             letters[advice.ranked[-1].rotation_deg] += "W"
         if advice and advice.next:
             letters[advice.next.rotation_deg] += "?"
-        for at in {*self.session.positions} - {*usable_positions(drive.mounting.holes, drive.mounting.allowed)}:
-            letters[at] += "x"
+        for angle_deg in {*self.session.positions} - {*usable_positions(drive.mounting.holes, drive.mounting.allowed)}:
+            letters[angle_deg] += "x"
         return letters
 
     def _looked_at(self) -> Text:
@@ -508,7 +508,7 @@ class Explorer(_Exporting):
 
     def _field(self) -> ResolvedField | None:
         """The field under the cursor."""
-        return next((each for each in resolved_fields(self.session.drive) if each.path == self.levers.key), None)
+        return next((row for row in resolved_fields(self.session.drive) if row.path == self.levers.key), None)
 
     @on(Input.Changed, "#filter")
     def filtered(self) -> None:
@@ -552,10 +552,10 @@ class Explorer(_Exporting):
 
     def action_look(self, letter: str) -> None:
         """Look at the position that has a letter by now; say why where there is none, or nothing to turn."""
-        place = next((at for at, letters in self._letters().items() if letter in letters), None)
+        place = next((angle_deg for angle_deg, letters in self._letters().items() if letter in letters), None)
         if place is None:
-            words = order_words(self.known) if self.known.advice else f"no best hole yet: {self.known.without}"
-            self.notify(visible(words), severity="warning", markup=False)
+            message = order_words(self.known) if self.known.advice else f"no best hole yet: {self.known.without}"
+            self.notify(visible(message), severity="warning", markup=False)
             return
         if place == self.session.turn_deg:
             self.notify(f"shown with the wheel in: {hole_words(place, self.session.drive.mounting.holes)}")

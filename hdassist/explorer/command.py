@@ -86,8 +86,8 @@ class ExploreCommand(o.LimitedDriveOptions):
                 not all(stream.isatty() for stream in (sys.stdin, sys.stdout, sys.stderr))
                 or os.environ.get("TERM") == "dumb"
             ):
-                words = "the explorer needs a terminal that moves its cursor"
-                raise UsageError(words, f"in a script: {session.command()}")
+                message = "the explorer needs a terminal that moves its cursor"
+                raise UsageError(message, f"in a script: {session.command()}")
             service = Service()  # it imports beside this process
             from platformdirs import user_state_path
 
@@ -101,8 +101,8 @@ class ExploreCommand(o.LimitedDriveOptions):
             app = Explorer(session, service, effort, dark=not self.light, ascii=style.ascii, keep=keep)
             app.run()
         if app.session.changes != session.changes:
-            for words, name in (("back to it", "explore"), ("its numbers", "check")):
-                say(f"{words}: {app.session.command(name)}", whole=True)
+            for label, name in (("back to it", "explore"), ("its numbers", "check")):
+                say(f"{label}: {app.session.command(name)}", whole=True)
         return app.return_code or 0
 
 
@@ -144,11 +144,11 @@ class _ForkedProcesses:
 
     def begin(self, question: Question) -> _Answering:
         """Begin a process that answers a question. Raises OSError: the system gives none."""
-        here, there = self._context.Pipe(duplex=False)
-        process = self._context.Process(target=_answer_forked, args=(question, there), daemon=False)
-        with there:
+        receiving_end, sending_end = self._context.Pipe(duplex=False)
+        process = self._context.Process(target=_answer_forked, args=(question, sending_end), daemon=False)
+        with sending_end:
             process.start()
-        return _Answering(process, here)
+        return _Answering(process, receiving_end)
 
     def waiting(self) -> list[_Answering]:
         """Return processes that wait for a question: none does."""
@@ -171,23 +171,23 @@ class _WaitingProcesses:
     def begin(self, question: Question) -> _Answering:
         """Hand a question to a process that waits. Raises OSError: it was ended, or the system gives no process."""
         try:
-            asked = self._waiting.popleft()
+            process = self._waiting.popleft()
         except IndexError:  # all are at work
-            asked = self._begun()
-        asked.connection.send(question)
+            process = self._begun()
+        process.connection.send(question)
         self._waiting.append(self._begun())
-        return asked
+        return process
 
     def waiting(self) -> list[_Answering]:
         """Return the processes that wait for a question."""
         return list(self._waiting)
 
     def _begun(self) -> _Answering:
-        here, there = self._context.Pipe()
-        process = self._context.Process(target=_answer_spawned, args=(there, os.getpid()), daemon=False)
-        with there, stops_held_back():
+        own_end, worker_end = self._context.Pipe()
+        process = self._context.Process(target=_answer_spawned, args=(worker_end, os.getpid()), daemon=False)
+        with worker_end, stops_held_back():
             process.start()
-        return _Answering(process, here)
+        return _Answering(process, own_end)
 
 
 class Service:
@@ -203,33 +203,33 @@ class Service:
         begun = asyncio.create_task(asyncio.to_thread(self._begin, question))
         try:
             try:
-                asked = await asyncio.shield(begun)
+                process = await asyncio.shield(begun)
             except OSError as error:
-                words = f"cannot start a worker process: {error.strerror or error}"
-                yield "failed", HdassistError(words, limits_hint("see the limits of a process with ulimit -a"))
+                message = f"cannot start a worker process: {error.strerror or error}"
+                yield "failed", HdassistError(message, limits_hint("see the limits of a process with ulimit -a"))
                 return
-            while asked:
-                if not await wait_until_readable(asked.connection, asked.process.sentinel):
+            while process:
+                if not await wait_until_readable(process.connection, process.process.sentinel):
                     return  # its process was ended before it began
                 try:
-                    yield asked.connection.recv()
+                    yield process.connection.recv()
                 except (EOFError, OSError):  # its process was ended
                     return
         finally:
             with suppress(asyncio.CancelledError, OSError):
-                if asked := await asyncio.shield(begun):
-                    self._end(asked)
-                    asked.connection.close()
+                if process := await asyncio.shield(begun):
+                    self._end(process)
+                    process.connection.close()
 
     def _begin(self, question: Question) -> _Answering | None:
         """Begin a process for a question; None where the service is closed. Raises OSError: there is none."""
         if self._closed:
             return None
-        asked = self.processes.begin(question)
-        self._running.add(asked)
+        process = self.processes.begin(question)
+        self._running.add(process)
         if self._closed:  # meanwhile
             self.close()
-        return asked
+        return process
 
     def _end(self, asked: _Answering) -> None:
         if asked in self._running:
@@ -239,10 +239,10 @@ class Service:
     def close(self) -> None:
         """End all that still computes, or waits for a question."""
         self._closed = True
-        for asked in list(self._running):
-            self._end(asked)
-        for asked in self.processes.waiting():
-            asked.end()
+        for process in list(self._running):
+            self._end(process)
+        for process in self.processes.waiting():
+            process.end()
 
 
 def _answer_forked(question: Question, there: Connection) -> None:
@@ -276,7 +276,7 @@ def _answer(question: Question, there: Connection) -> None:
     except HdassistError as error:
         there.send(("failed", error))
     except Exception as error:  # a bug: the screen says so, as this process has no terminal to say it on
-        words = f"internal error: {type(error).__name__}: {error}"
-        there.send(("failed", HdassistError(words, "report this bug in hdassist")))
+        message = f"internal error: {type(error).__name__}: {error}"
+        there.send(("failed", HdassistError(message, "report this bug in hdassist")))
     finally:
         there.close()

@@ -77,8 +77,8 @@ class SeatCurve:
 
     def place(self, rotation_deg: float) -> int | None:
         """Which of the turns one is, None for another."""
-        near = np.abs((np.array(self.rotations_deg) - rotation_deg + 180) % 360 - 180) < 1e-6
-        return int(near.argmax()) if near.any() else None
+        is_near = np.abs((np.array(self.rotations_deg) - rotation_deg + 180) % 360 - 180) < 1e-6
+        return int(is_near.argmax()) if is_near.any() else None
 
 
 @dataclass(frozen=True)
@@ -110,10 +110,10 @@ def drive_answers(drive: Drive, typical: Mapping[str, float], effort: Effort, te
     Argument: typical, values by path of all that was not known exactly of a drive like it. Raises HdassistError where
     there is no answer.
     """
-    here = drive.with_values(typical)
+    typical_drive = drive.with_values(typical)
     has_typical = bool(typical or not unknowns(drive))
     if searchable(drive) and has_typical:
-        tell("first", FirstErrors(_searched((0.0,), here)[:, 0].tolist()))
+        tell("first", FirstErrors(_searched((0.0,), typical_drive)[:, 0].tolist()))
     rotations = tuple(seat_positions(drive))
     tried = is_tried(drive)
     if searchable(drive) and not prior_of(drive).fields:  # else medians come, which are no numbers as given
@@ -130,11 +130,11 @@ def drive_answers(drive: Drive, typical: Mapping[str, float], effort: Effort, te
     with workers(effort.jobs) as executor:
         run = Run(executor, _Share(states, tell), _SEED)
         if has_typical:
-            errors = run.map(partial(kinematic_error, here, run=UNCHECKED), here.operation.M_g)
+            errors = run.map(partial(kinematic_error, typical_drive, run=UNCHECKED), typical_drive.operation.M_g)
             tell("first", FirstErrors([error.F_ior_arcsec for error in errors], SURE_PROVEN))
-        whole = check(drive, draws=effort.draws, run=run, seen=seen)
-        tell("check", whole)
-        tell("page", check_report(whole, _SEED))
+        checked = check(drive, draws=effort.draws, run=run, seen=seen)
+        tell("check", checked)
+        tell("page", check_report(checked, _SEED))
         if tried:
             setup = TrialSetup(TRIALS.torque_of(drive.operation.M_g))
             advice = advise_after(drive, (), setup, draws=effort.draws, run=run)
@@ -157,8 +157,8 @@ class _Share:
 
     def __call__(self, states: int) -> None:
         self._solved += states
-        if (now := time.monotonic()) > self._next:
-            self._next = now + _TOLD_EVERY
+        if (now_s := time.monotonic()) > self._next:
+            self._next = now_s + _TOLD_EVERY
             self._tell("done", min(self._solved / self._total, _MOST_TOLD))
 
 
@@ -166,13 +166,13 @@ def typical_of(found: DesignCheck) -> tuple[Mapping[str, float], Sequence[float]
     """Values by path of the sample nearest to the median, and its F'_ior at each torque [arcsec]."""
     if not (samples := found.samples):
         return {}, [point.error.F_ior_arcsec for point in found.points if point.error]
-    near = samples.middle_sample(found.governing)
-    return samples.values(np.array([near]))[0], samples.F_ior_arcsec[near].tolist()
+    row = samples.middle_sample(found.governing)
+    return samples.values(np.array([row]))[0], samples.F_ior_arcsec[row].tolist()
 
 
 def still_typical(found: DesignCheck, drive: Drive) -> Mapping[str, float]:
     """The same values, for inputs that are uncertain in another drive too and the same there."""
-    open_ = {each.path for each in prior_of(drive).fields if found.drive.value(each.path) == drive.value(each.path)}
+    open_ = {field.path for field in prior_of(drive).fields if found.drive.value(field.path) == drive.value(field.path)}
     return {path: value for path, value in typical_of(found)[0].items() if path in open_}
 
 
@@ -181,10 +181,10 @@ def cam_turn(drive: Drive, typical: Mapping[str, float], rotation_deg: float, M_
 
     Raises HdassistError where there is no answer.
     """
-    there = rotated(drive.with_values(typical), rotation_deg)
-    turns = Kinematics.of(there).cycle_cam_revolutions
-    found = trace(there, M_g, revolutions=turns, run=UNCHECKED)
-    tell("turn", trace_report(there, found, _SEED))
+    rotated_drive = rotated(drive.with_values(typical), rotation_deg)
+    turns = Kinematics.of(rotated_drive).cycle_cam_revolutions
+    turn_trace = trace(rotated_drive, M_g, revolutions=turns, run=UNCHECKED)
+    tell("turn", trace_report(rotated_drive, turn_trace, _SEED))
 
 
 def lever_effects(drive: Drive, pinned: Drive, typical: Mapping[str, float], effort: Effort, tell: _Tell) -> None:
@@ -193,19 +193,21 @@ def lever_effects(drive: Drive, pinned: Drive, typical: Mapping[str, float], eff
     A step of a field that is not known exactly goes about one standard deviation far, one of a field in which a pinned
     drive differs to its value. Raises HdassistError where the typical drive has no answer.
     """
-    here = drive.with_values(typical)
-    if not searchable(here):
+    typical_drive = drive.with_values(typical)
+    if not searchable(typical_drive):
         return
-    now = _searched((0.0,), here)[:, 0]
-    found = LeverEffects({}, tuple(differing_fields((drive, pinned))))
-    steps = _steps(drive, here, {path: pinned.value(path) for path in found.differing})
+    F_ior_now = _searched((0.0,), typical_drive)[:, 0]
+    effects = LeverEffects({}, tuple(differing_fields((drive, pinned))))
+    steps = _steps(drive, typical_drive, {path: pinned.value(path) for path in effects.differing})
     with workers(effort.jobs) as executor:
-        for path, step, there in executor.map(partial(_stepped_errors, here), steps):
-            if there is not None:
-                found = replace(found, steps={**found.steps, path: (step, tuple((there - now).tolist()))})
-            if len(found.steps) % 8 == 0:
-                tell("effects", found)
-    tell("effects", replace(found, is_whole=True))
+        for path, step, F_ior_changed in executor.map(partial(_stepped_errors, typical_drive), steps):
+            if F_ior_changed is not None:
+                effects = replace(
+                    effects, steps={**effects.steps, path: (step, tuple((F_ior_changed - F_ior_now).tolist()))}
+                )
+            if len(effects.steps) % 8 == 0:
+                tell("effects", effects)
+    tell("effects", replace(effects, is_whole=True))
 
 
 def _steps(drive: Drive, here: Drive, others: Mapping[str, Any]) -> Iterator[tuple[str, tuple[float, ...]]]:
@@ -213,7 +215,7 @@ def _steps(drive: Drive, here: Drive, others: Mapping[str, Any]) -> Iterator[tup
 
     Arguments: drive, with its ranges; here, the typical one; others, values where a pinned one differs.
     """
-    priors = {each.path: each for each in prior_of(drive).fields}
+    priors = {field.path: field for field in prior_of(drive).fields}
     for path, field in field_table().items():
         value = here.value(path)
         is_setting = path.split(".")[0] in SETTING_SECTIONS
@@ -236,7 +238,7 @@ def _stepped_errors(drive: Drive, steps: tuple[str, tuple[float, ...]]) -> tuple
     path, sizes = steps
     together = TEETH_FIELDS if path in TEETH_FIELDS else [path]
     for by in sizes:
-        moved = drive.with_values({each: drive.value(each) + by for each in together})
+        moved = drive.with_values({path: drive.value(path) + by for path in together})
         if by and moved.allows(path, moved.number(path)) and first_conflict(moved) is None:
             with suppress(HdassistError):
                 return path, by, _searched((0.0,), moved)[:, 0]
@@ -251,12 +253,15 @@ def _searched(rotations_deg: tuple[float, ...], drive: Drive) -> Array:
 
 def _mount_curve(advice: Advice) -> SeatCurve:
     curve = advice.curve
-    found = advice.decision
-    if not curve or found.is_sampled:
-        turns = tuple(sorted({0.0, *found.rotations_deg}))
-        places = [found.place(turn) for turn in turns]
-        ranges = [[found.quantile(share, place) for place in places] for share in _SHARES_SHOWN]
+    decision = advice.decision
+    if not curve or decision.is_sampled:
+        turns = tuple(sorted({0.0, *decision.rotations_deg}))
+        places = [decision.place(turn) for turn in turns]
+        ranges = [[decision.quantile(share, place) for place in places] for share in _SHARES_SHOWN]
         return SeatCurve(turns, np.swapaxes(ranges, 1, 2), tuple(SURE_RANGE for _ in turns))
-    sure = tuple(SURE_PROVEN if each else SURE_REFINED for each in np.atleast_1d(curve.every_state.all(axis=0)))
+    sure = tuple(
+        SURE_PROVEN if is_every_state else SURE_REFINED
+        for is_every_state in np.atleast_1d(curve.every_state.all(axis=0))
+    )
     F_ior = curve.F_ior_arcsec
     return SeatCurve(tuple(curve.rotation_deg.tolist()), np.stack([F_ior, F_ior, F_ior]), sure)

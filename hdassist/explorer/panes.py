@@ -138,33 +138,33 @@ class Holes(KeyedTable):
         places = sorted({*session.positions, *letters, *(one.rotation_deg for one in readings)})
         heads = [f" {M_g:g} N·m" for M_g in torques] if found else []
         blank = [Text() for _ in heads]
-        numbers = {at: values_of(found, at) or blank for at in places}
+        numbers = {place: values_of(found, place) or blank for place in places}
         is_narrow = self._room(numbers, heads) < _LEAST_BAR
         if is_narrow:  # medians leave room for bars
-            numbers = {at: values_of(found, at, medians=True) or blank for at in places}
+            numbers = {place: values_of(found, place, medians=True) or blank for place in places}
         width = max(self._room(numbers, heads), 1)
         rows = {}
-        for at in places:
-            measured = [one.value for one in readings if abs(one.rotation_deg - at) < 1e-6]
-            signs = letters.get(at, "") + ("◆" if measured else "")
-            head = Text(f"{bare(at, holes):>4} {signs:4.4}", "bold" if at == session.turn_deg else "")
+        for place in places:
+            measured = [one.value for one in readings if abs(one.rotation_deg - place) < 1e-6]
+            signs = letters.get(place, "") + ("◆" if measured else "")
+            head = Text(f"{bare(place, holes):>4} {signs:4.4}", "bold" if place == session.turn_deg else "")
             head.highlight_regex("B", _LETTER_STYLES["B"])
-            marks = [(middle, middle, "┄", "dim") for _, middle, _ in _seat_ranges(behind, at)]
+            marks = [(middle, middle, "┄", "dim") for _, middle, _ in _seat_ranges(behind, place)]
             points = [(limit, limit, "│", _RED) for limit in limits if limit <= top]  # above all ranges
-            for k, (low, middle, high) in enumerate(_seat_ranges(found, at)):
-                sign = _torque_sign(k, found.surety(at) if found else "")
+            for k, (low, middle, high) in enumerate(_seat_ranges(found, place)):
+                sign = _torque_sign(k, found.surety(place) if found else "")
                 marks.append((low, high, sign[0], _torque_style(k)))
                 points.append((middle, middle, sign[1], _torque_style(k)))
             points += [(value, value, "◆", _INK[2]) for value in measured]
-            rows[f"{at}"] = head, *numbers[at], _bar(width, top, [*marks, *points])
+            rows[f"{place}"] = head, *numbers[place], _bar(width, top, [*marks, *points])
         scale = f" 0{f'{top:g}″':>{max(width - 2, 1)}}"
         self.fill(["hole" if holes else "turn", *heads, scale if found else ""], rows)
         self.border_title = "F'_ior by hole, ″"
         if found and SURE_RANGE in found.sure:
             self.border_title += ": median" if is_narrow else ": 5 to 95 %"
-        if (here := f"{session.turn_deg}") in rows and self.key != here:
+        if (present_row := f"{session.turn_deg}") in rows and self.key != present_row:
             with self.prevent(DataTable.RowHighlighted):
-                self.move_cursor(row=self.get_row_index(here))
+                self.move_cursor(row=self.get_row_index(present_row))
 
     def _room(self, numbers: Mapping[float, Sequence[Text]], heads: Sequence[str]) -> int:
         """Columns that are left for bars beside numbers under heads."""
@@ -182,8 +182,8 @@ def values_of(found: SeatCurve | None, rotation_deg: float, *, medians: bool = F
     """F'_ior at each torque in a position: a value, or its 5th and 95th percentile, or its median alone."""
     texts = []
     for k, (low, middle, high) in enumerate(_seat_ranges(found, rotation_deg)):
-        words = f"{low:.2f}" if high <= low else f"{middle:.1f}" if medians else f"{low:.1f}…{high:.1f}"
-        texts.append(Text(f" {words:>6}", _torque_style(k)))
+        text = f"{low:.2f}" if high <= low else f"{middle:.1f}" if medians else f"{low:.1f}…{high:.1f}"
+        texts.append(Text(f" {text:>6}", _torque_style(k)))
     return texts
 
 
@@ -199,21 +199,22 @@ def _bar(width: int, top: float, marks: Iterable[tuple[float, float, str, str]])
 def seat_pane(session: Session, letters: Mapping[float, str], width: int) -> tuple[Text, str]:
     """The seat from the cam side in so many columns, and the legend of its letters, which a wide one has beside it."""
     first = session.drive.mounting.first_hole
-    named = [(at, sign) for at, signs in letters.items() for sign in signs if sign in _LETTER_KINDS]
+    named = [(angle_deg, sign) for angle_deg, signs in letters.items() for sign in signs if sign in _LETTER_KINDS]
     seat = Seat(
         title="",
         holes=seat_holes(session.drive),
         first_deg=first,
         turn_deg=session.turn_deg,
         places=tuple(
-            SeatMark(kind=_LETTER_KINDS[sign], angle_deg=first + at, letter=sign, words="") for at, sign in named
+            SeatMark(kind=_LETTER_KINDS[sign], angle_deg=first + angle_deg, letter=sign, words="")
+            for angle_deg, sign in named
         ),
         pointers=(*_TICKS, SeatMark(kind="now", angle_deg=first + session.turn_deg, letter="o", words="")),
         barred="x",
         legend="",
     )
     present = dict.fromkeys([*"".join(letters.values()), "o"])
-    legend = [f"{sign} {words}" for sign, words in _SEAT_WORDS.items() if sign in present]
+    legend = [f"{sign} {label}" for sign, label in _SEAT_WORDS.items() if sign in present]
     lines = seat_in_characters(seat).split("\n")
     if width >= _LEGEND_COLUMNS:
         with_legend = zip_longest(lines, legend[: len(lines)], fillvalue="")
@@ -241,7 +242,7 @@ class Pane(VerticalScroll):
         style = Style(ascii=ascii, codes=False, width=self.scrollable_content_region.width)
         if style.width >= _LEAST_PANE:
             shown = [[*block_on_page(part, style)] if isinstance(part, Block) else [part] for part in parts]
-            self._text.update(Group(*(part for each in shown for part in each)))
+            self._text.update(Group(*(part for group in shown for part in group)))
 
 
 class Levers(KeyedTable):
@@ -269,20 +270,23 @@ class Levers(KeyedTable):
         marks = {field.path: "?" for field in prior_of(session.drive).fields}
         marks |= {path: "*" for path, _ in session.changes}
         steps = effects.steps
-        words = wanted.lower().split()
-        found = {
-            each.path: each
-            for each in resolved_fields(session.drive)
-            if all(word in f"{each.path} {each.meaning}".lower() for word in words)
-            and (words or each.path in steps or each.path.split(".")[0] not in SETTING_SECTIONS)
+        search_words = wanted.lower().split()
+        shown_rows = {
+            row.path: row
+            for row in resolved_fields(session.drive)
+            if all(word in f"{row.path} {row.meaning}".lower() for word in search_words)
+            and (search_words or row.path in steps or row.path.split(".")[0] not in SETTING_SECTIONS)
         }
-        order = [] if is_grouped else [path for path in self.order if path in found]
-        cells = {path: _lever_cells(found[path], marks, effects, torque) for path in dict.fromkeys([*order, *found])}
+        order = [] if is_grouped else [path for path in self.order if path in shown_rows]
+        cells = {
+            path: _lever_cells(shown_rows[path], marks, effects, torque)
+            for path in dict.fromkeys([*order, *shown_rows])
+        }
         room = self.size.width - sum(max((len(row[k]) for row in cells.values()), default=0) for k in (0, 2, 3, 4)) - 2
         rows = {}
-        for path, (name, meaning, *others) in cells.items():
+        for path, (name, meaning, *ranges) in cells.items():
             meaning.truncate(max(room, 0), overflow="ellipsis", pad=True)
-            rows[path] = name, Text(" ") + meaning, *others
+            rows[path] = name, Text(" ") + meaning, *ranges
         self.fill(["field", " meaning"[: room + 1], " value", " step", f" {'change':>7}"], rows)
 
 
@@ -321,9 +325,9 @@ def head_line(session: Session) -> Text:
     line.append(visible(drive.name), "bold")
     line.append(f"  {drive.gears.z_g}/{drive.gears.z_b}  {TRADE[drive.mounting.fixed]} fixed", "dim")
     counts = {"uncertain": prior_of(drive).fields, "changed": session.changes}
-    line.append("".join(f"  {len(found)} {word}" for word, found in counts.items() if found), _INK[3])
-    more = len({*session.pinned.origin.overrides} - {*session.source.overrides, session.torques})
-    changed = f" with {more} changed" if more else ""
+    line.append("".join(f"  {len(items)} {word}" for word, items in counts.items() if items), _INK[3])
+    changed_count = len({*session.pinned.origin.overrides} - {*session.source.overrides, session.torques})
+    changed = f" with {changed_count} changed" if changed_count else ""
     line.append(f"  vs {visible(session.pinned.name)}{changed}", _INK[2])
     return line.append("  x_b follows W_0" if session.keeps_clearance else "", _INK[1])
 
@@ -334,42 +338,44 @@ def headline(session: Session, known: Known, pinned: Known | None, torque: int, 
     Arguments: session; known, of it; pinned, of the drive beside it; torque, the place of the one to mark; width,
     in characters. Before the answer is whole a typical drive, as it was and is, stands beside the old one.
     """
-    found = known.check or known.old
-    whole = known.whole
-    if not found or (known.failed and not known.check):
+    shown = known.check or known.old
+    whole_check = known.whole
+    if not shown or (known.failed and not known.check):
         return Text(f"F'_ior: {known.without}")
-    page = F_ior_table(found)
-    sure = f"{found.samples.effective:.0f} samples" if found.samples else "every state"
-    state = f"{sure if found is known.check else 'old'}{'' if whole else ' …'}"
-    surety = SURE_RANGE if found.samples else SURE_PROVEN
+    page = F_ior_table(shown)
+    sure = f"{shown.samples.effective:.0f} samples" if shown.samples else "every state"
+    state = f"{sure if shown is known.check else 'old'}{'' if whole_check else ' …'}"
+    surety = SURE_RANGE if shown.samples else SURE_PROVEN
     torques = [
         f"[{_torque_style(k)}]{'▸' if k == torque else ''}{point.M_g:g} N·m {_torque_sign(k, surety)}[/]"
-        for k, point in enumerate(found.points)
+        for k, point in enumerate(shown.points)
     ]
     columns = {state: torques, **dict(zip(page.heads, map(list, zip(*page.rows, strict=True)), strict=True))}
     for name in ("self error", page.heads[0]):
         del columns[name]
     columns = {"F'_ior" if name == "median" else name: cells for name, cells in columns.items()}
     columns = {f"{name}, ″" if name in _WITH_UNIT else name: cells for name, cells in columns.items()}
-    if known.first and known.old and not whole:
-        both = zip(typical_of(known.old)[1], known.first.F_ior_arcsec, strict=True)
-        columns["typical drive, ″"] = [f"{before:.2f} → {now:.2f} {MARKS[known.first.sure][0]}" for before, now in both]
+    if known.first and known.old and not whole_check:
+        F_ior_pairs = zip(typical_of(known.old)[1], known.first.F_ior_arcsec, strict=True)
+        columns["typical drive, ″"] = [
+            f"{before:.2f} → {new:.2f} {MARKS[known.first.sure][0]}" for before, new in F_ior_pairs
+        ]
     if "limit, ″" in columns:
-        held = [(point.limit_arcsec, point.held_arcsec, point.probability) for point in found.points]
+        limits = [(point.limit_arcsec, point.held_arcsec, point.probability) for point in shown.points]
         verdicts = columns.pop("verdict")
-        if found is known.check and not whole:
-            verdicts = ["…" for _ in held]
+        if shown is known.check and not whole_check:
+            verdicts = ["…" for _ in limits]
         columns["verdict"] = [f"[{_VERDICT_STYLES.get(word, 'dim')}]{word}[/]" for word in verdicts]
-        columns["margin, ″"] = [f"{limit - ends[1]:+.2f}" if limit and ends else "" for limit, ends, _ in held]
-        columns["P(met)"] = [f"{100 * kept.value:.0f} %" if kept else "" for _, _, kept in held]
-    if whole and pinned and pinned.whole:
-        points = zip(found.points, pinned.whole.points, strict=True)
-        changes = (now.F_ior_or_error - before.F_ior_or_error for now, before in points)
+        columns["margin, ″"] = [f"{limit - ends[1]:+.2f}" if limit and ends else "" for limit, ends, _ in limits]
+        columns["P(met)"] = [f"{100 * kept.value:.0f} %" if kept else "" for _, _, kept in limits]
+    if whole_check and pinned and pinned.whole:
+        points = zip(shown.points, pinned.whole.points, strict=True)
+        changes = (new_point.F_ior_or_error - before.F_ior_or_error for new_point, before in points)
         columns["change, ″"] = [f"[{_INK[0]}]{change:+.2f}[/]" for change in changes]
     advice = known.advice
     best_deg = advice.chosen.rotation_deg if advice and advice.word != "ANY_HOLE" else 0.0
-    alike = known.curve and known.curve.surety(best_deg) == surety  # a number as given is not put beside medians
-    if best_deg and known.curve and alike:
+    is_as_sure = known.curve and known.curve.surety(best_deg) == surety  # a number as given is not put beside medians
+    if best_deg and known.curve and is_as_sure:
         holes = session.drive.mounting.holes
         best = known.curve.place(best_deg)
         best_name = f"hole {bare(best_deg, holes)}" if holes else f"{bare(best_deg, holes)}°"
@@ -404,20 +410,20 @@ def turn_blocks(page: Report, name: str) -> Iterator[Block]:
     for block in reversed(page.blocks):
         if isinstance(block, Curve) and name == "turn":
             first = block.x < 1
-            words = block.y_label.partition(":")[0]
-            yield replace(block, x=block.x[first], y=block.y[first], y_label=words, over=0.0)
+            title = block.y_label.partition(":")[0]
+            yield replace(block, x=block.x[first], y=block.y[first], y_label=title, over=0.0)
         elif name == "cycle" and not isinstance(block, Facts):
             yield block
 
 
 def why_blocks(known: Known) -> tuple[Block, ...]:
     """Influences on F'_ior with their shares, what it would take, and other facts of check."""
-    if not (found := known.whole):
+    if not (whole_check := known.whole):
         return (Paragraph(known.without),)
-    point = found.points[found.governing]
-    shares = (f"{100 * each.share:3.0f} % {named(each.group)}" for each in found.influences)
+    point = whole_check.points[whole_check.governing]
+    shares = (f"{100 * influence.share:3.0f} % {named(influence.group)}" for influence in whole_check.influences)
     return (
-        *steps_tables(found),
+        *steps_tables(whole_check),
         Lines(
             f"contributions to the variance of F'_ior at {point.M_g:g} N·m", tuple(shares) or ("no large contribution",)
         ),
@@ -430,6 +436,6 @@ def facts_of(report: Report | None, *left_out: str) -> Facts:
     if not report:
         return Facts(())
     rows = [row for block in (*report.blocks, *report.details) if isinstance(block, Facts) for row in block.rows]
-    rows += [("warning", each) for each in report.warnings]
+    rows += [("warning", warning) for warning in report.warnings]
     rows.append(("verified", proof(report.certificate, report.cross_checks)))
     return Facts.of(row for row in rows if row[0] not in ("next", *left_out))

@@ -89,8 +89,8 @@ class Session:
     def command(self, name: str = "") -> str:
         """The command line that gives the same answer: that of a command by name, without one of mount."""
         pinned = self.pinned.origin.file
-        other = ("--pin", pinned) if name == "explore" and pinned != self.drive.origin.file else ()
-        return again(name or "mount", self.drive, *other)
+        pin_options = ("--pin", pinned) if name == "explore" and pinned != self.drive.origin.file else ()
+        return again(name or "mount", self.drive, *pin_options)
 
     def trace_command(self, M_g: float, typical: Mapping[str, float]) -> str:
         """The same of the cam turn at a torque [N*m] of a typical drive, the fixed wheel as it is looked at."""
@@ -110,7 +110,7 @@ def opened_state(name: str, overrides: tuple[str, ...] = (), pin: str = "") -> S
 
 def is_tried(drive: Drive) -> bool:
     """Whether F'_ior was measured in several positions of the fixed wheel."""
-    return len({each.rotation_deg for each in measured_errors(drive)}) > 1
+    return len({value.rotation_deg for value in measured_errors(drive)}) > 1
 
 
 def edited(session: Session, path: str, value: str) -> Session:
@@ -126,9 +126,9 @@ def edited(session: Session, path: str, value: str) -> Session:
         value = f"{number_of(value[:-2]) * (drive.gears.z_b - drive.gears.z_g):g}"
     values = {path: value}
     if path in TEETH_FIELDS:
-        other = TEETH_FIELDS[path == TEETH_FIELDS[0]]
-        follows = drive.value(other) - drive.value(path)
-        values[other] = f"{int(value) + follows}" if value.isdecimal() else ""
+        other_field = TEETH_FIELDS[path == TEETH_FIELDS[0]]
+        follows = drive.value(other_field) - drive.value(path)
+        values[other_field] = f"{int(value) + follows}" if value.isdecimal() else ""
     changed = _with_fields(session, values)
     if path == "cam.W_0" and session.keeps_clearance:
         x_b = drive.gears.x_b + (changed.drive.cam.W_0 - drive.cam.W_0) / drive.gears.m
@@ -177,8 +177,8 @@ def with_evidence(session: Session, text: str) -> Session:
 def _measured_value(session: Session, path: str) -> str:
     """F'_ior of a trace with its expanded uncertainty [arcsec]."""
     gearing = gearing_of(session.drive, None)
-    found = measure(read_trace(path, TraceForm(), gearing.ratio if gearing else None), drive=session.drive)
-    sweep = found.directions[0]
+    measurement = measure(read_trace(path, TraceForm(), gearing.ratio if gearing else None), drive=session.drive)
+    sweep = measurement.directions[0]
     if sweep.is_bound:
         raise UsageError(f"{path}: a part of the full cycle, whose F'_ior may be greater", f"hdassist measure {path}")
     return f"{sweep.range.value:.4g} ± {2 * sweep.uncertainty_arcsec:.2g}"

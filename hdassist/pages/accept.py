@@ -39,8 +39,8 @@ _RULE_WORDS = {
 _CHECK_FIGURES: Quantities[DecidedCheck | None] = tuple(  # of CSV
     Quantity(name)
     for name in (
-        *(each.name for each in fields(DecidedCheck) if each.name not in ("unstated", "belief", "full_cycle")),
-        *(f"belief.{each.name}" for each in fields(Belief)),
+        *(field.name for field in fields(DecidedCheck) if field.name not in ("unstated", "belief", "full_cycle")),
+        *(f"belief.{field.name}" for field in fields(Belief)),
     )
 )
 FIGURES_HEAD = ",".join(("serial", "preset", *(figure.key for figure in _CHECK_FIGURES), "exit_code", "error", ""))
@@ -97,8 +97,8 @@ _DECISION_COLUMNS: Quantities[DecidedCheck] = (
 
 def accept_report(answer: AcceptAnswer, predictions: Predictions | None, drive: Drive) -> Report:
     """Return the acceptance of a drive as a report; predictions: those of the model, None without any."""
-    found = _by_severity(_shown_checks(answer))
-    worst = [check for check in found if check.verdict == found[0].verdict]
+    checks = _by_severity(_shown_checks(answer))
+    worst = [check for check in checks if check.verdict == checks[0].verdict]
     reasons = [_reason(check, answer) for check in worst[:_NAMED_CHECKS]]
     reasons[-1] += _further_checks(len(worst) - _NAMED_CHECKS)
     return Report(
@@ -142,17 +142,22 @@ def _more_facts(answer: AcceptAnswer, predictions: Predictions | None) -> Iterat
         yield "contributions", influence_at(predictions)
         yield "samples", samples_words(predictions.samples) if predictions.samples else ""
         yield "exact", fitted_words(predictions.samples.prior) if predictions.samples else ""
-    yield "reasons", "\n".join(f"{each.label}: {each.verdict}, {each.reason}" for each in answer.checks if each.reason)
+    yield (
+        "reasons",
+        "\n".join(f"{check.label}: {check.verdict}, {check.reason}" for check in answer.checks if check.reason),
+    )
     yield "notes", "\n".join(f"{note.code}: {note.text}" for note in answer.remarks if note.code != "RECORD")
     yield "version", f"{__version__}, preset sha256 {str(answer.preset.sha256)[:12]}"
-    hashes = {each.file: each.sha256 for each in answer.measured} | {each.file: each.sha256 for each in answer.pitch}
+    hashes = {recording.file: recording.sha256 for recording in answer.measured} | {
+        recording.file: recording.sha256 for recording in answer.pitch
+    }
     yield "files", "\n".join(f"{file}: sha256 {sha256[:12]}" for file, sha256 in hashes.items())
 
 
 def _shown_checks(answer: AcceptAnswer) -> list[DecidedCheck]:
     """Return the checks of an answer, stiffnesses and torques in the unit of their limit on the command line."""
-    given = [LimitText.parse(text, "--limit") for text in (answer.request.limits if answer.request else ())]
-    units = {each.field: each.text.lstrip("+-.0123456789 eE") for each in given}
+    limit_texts = [LimitText.parse(text, "--limit") for text in (answer.request.limits if answer.request else ())]
+    units = {limit.field: limit.text.lstrip("+-.0123456789 eE") for limit in limit_texts}
     return [_in_unit(check, units.get(check.check.field, "")) for check in answer.checks]
 
 
@@ -161,7 +166,7 @@ def _in_unit(check: DecidedCheck, unit: str) -> DecidedCheck:
         return check
     size = convert(f"1 {unit}", check.unit)
     names = ("limit", "value", "expanded_uncertainty", "margin", "guard")
-    return replace(check, unit=unit, **{name: (found := getattr(check, name)) and found / size for name in names})
+    return replace(check, unit=unit, **{name: (value := getattr(check, name)) and value / size for name in names})
 
 
 def _by_severity(checks: Iterable[DecidedCheck]) -> list[DecidedCheck]:
@@ -197,15 +202,18 @@ def _facts(answer: AcceptAnswer, predictions: Predictions | None, drive: Drive) 
     yield "notes", "\n".join([*records, f"hdassist explain {codes}"]) if codes else ""
     first = _by_severity(answer.checks)[0]
     if _is_open(first) and first.extent == "at least":
-        of = Kinematics.of(drive)
+        kinematics = Kinematics.of(drive)
         travel = drive.acceptance.travel
-        turns = travel * abs(of.u) / 360
-        whole = f"the full mesh cycle, {of.cycle_cam_revolutions} input revolutions; less than a third never gives PASS"
-        if turns < of.cycle_cam_revolutions:
-            whole = (
+        turns = travel * abs(kinematics.u) / 360
+        whole_cycle = (
+            f"the full mesh cycle, {kinematics.cycle_cam_revolutions} input revolutions; "
+            "less than a third never gives PASS"
+        )
+        if turns < kinematics.cycle_cam_revolutions:
+            whole_cycle = (
                 f"the whole travel, {travel:g}° of the output, {turns:.4g} input revolutions; a part never gives PASS"
             )
-        yield "measure", whole
+        yield "measure", whole_cycle
     if _is_open(first) or (first.basis == "predicted" and first.verdict != "FAIL"):
         yield "next", _with_measured(first, answer, drive)
     elif first.verdict == "INCONCLUSIVE" and first.unstated:
@@ -219,8 +227,10 @@ def _with_measured(check: DecidedCheck, answer: AcceptAnswer, drive: Drive) -> s
     if not (answer.request and check.option.startswith("--measured")):
         return f"{again('accept', drive)} {check.option}"
     torques = {text: torque_and_file(text)[0] for text in answer.request.measured}  # empty: that of the only limit
-    others = [text for text, torque in torques.items() if torque and number_of(torque) != check.M_g_Nm]
-    command = again("accept", drive, *(word for text in others for word in ("--measured", text)), *check.option.split())
+    other_texts = [text for text, torque in torques.items() if torque and number_of(torque) != check.M_g_Nm]
+    command = again(
+        "accept", drive, *(word for text in other_texts for word in ("--measured", text)), *check.option.split()
+    )
     unstated = [name for name in STATED if name not in parse_stated(answer.request.reading.budget)]
     return command + _with_budget(unstated)
 
@@ -240,9 +250,9 @@ def _sentence(check: DecidedCheck) -> str:
     if check.at_most is not None and check.verdict != "FAIL":
         value += f" to {check.at_most:.4g}"
     labels = {"limit": "limit", "margin": "margin", "guard": "guard band", "kept": "probability that it is met"}
-    rest = [f"{label} {cells[name]}" for name, label in labels.items() if cells[name]]
+    further = [f"{label} {cells[name]}" for name, label in labels.items() if cells[name]]
     basis = _BASIS_WORDS.get(str(check.basis), check.basis)
-    return ", ".join(filter(None, (f"{_shown_label(check)}: {value}{_unit(check)}", *rest, basis)))
+    return ", ".join(filter(None, (f"{_shown_label(check)}: {value}{_unit(check)}", *further, basis)))
 
 
 def _unit(check: DecidedCheck) -> str:
@@ -257,21 +267,22 @@ def _is_open(check: DecidedCheck) -> bool:
 
 def _to_explain(checks: Iterable[DecidedCheck]) -> str:
     """Return the command that explains checks that fail, or measured ones without a decision; empty without any."""
-    codes = [each.code for each in checks if each.verdict in ("FAIL", "INCONCLUSIVE") and not _is_open(each)]
+    codes = [check.code for check in checks if check.verdict in ("FAIL", "INCONCLUSIVE") and not _is_open(check)]
     return f"hdassist explain {' '.join(dict.fromkeys(codes))}" if codes else ""
 
 
 def lot_report(lot: Lot, answers: Sequence[AcceptAnswer]) -> Report:
     """Return counts, yield, and each drive with the check that decides, as a report."""
-    found = lot_summary(answers)
-    counts = [f"{count} {verdict}" for verdict in LOT_VERDICTS if (count := found["verdicts"][verdict])]
+    summary = lot_summary(answers)
+    counts = [f"{count} {verdict}" for verdict in LOT_VERDICTS if (count := summary["verdicts"][verdict])]
     why = "no drive has a decision; the table gives the reasons"
-    if share := found["yield"]:
+    if share := summary["yield"]:
         percent = percent_text(share["share"], share["low"], share["high"])
-        why = f"yield: {percent}, {found['verdicts']['PASS']} of the {share['decided']} drives with PASS or FAIL"
+        why = f"yield: {percent}, {summary['verdicts']['PASS']} of the {share['decided']} drives with PASS or FAIL"
     same: dict[str, AcceptAnswer] = {}  # the first answer with a fault, by the words of that
     drives = tuple(
-        (title(each), each.status, _deciding(each, same.setdefault(fault_words(each), each))) for each in answers
+        (title(answer), answer.status, _deciding(answer, same.setdefault(fault_words(answer), answer)))
+        for answer in answers
     )
     warnings = tuple(_shared_records(answers))
     if lot.remarks:
@@ -293,7 +304,7 @@ def lot_report(lot: Lot, answers: Sequence[AcceptAnswer]) -> Report:
             **together("accept", [answer_json(answer) for answer in answers]),
             "warnings": warnings,
             "lot": {"name": lot.file, "sha256": lot.sha256, "rows": len(lot.rows)},
-            "summary": found,
+            "summary": summary,
         },
         line="\n".join(f"{name} {status}" for name, status, _ in drives),
         warnings=warnings,
@@ -319,8 +330,8 @@ def _deciding(answer: AcceptAnswer, first_alike: AcceptAnswer) -> str:
         return "; ".join(filter(None, (_sentence(worst), worst.reason)))
     if answer is not first_alike:
         return f"as {title(first_alike)}"
-    first, *more = answer.error.message.splitlines()
-    return first + (f" (and {len(more)} more)" if more else "")
+    first, *further_lines = answer.error.message.splitlines()
+    return first + (f" (and {len(further_lines)} more)" if further_lines else "")
 
 
 def fault_words(answer: AcceptAnswer) -> str:
@@ -372,8 +383,8 @@ def replay_report(recorded: AcceptAnswer, now: AcceptAnswer | None, fault: DataE
     now: the answer today, None if its row was invalid.
     fault: the fault that prevents a replay, None without one.
     """
-    found = answer_differences(recorded, now) if now else []
-    outcome, code = ("differs", 3) if found else ("agrees", 0) if now else ("left out", 0)
+    differences = answer_differences(recorded, now) if now else []
+    outcome, code = ("differs", 3) if differences else ("agrees", 0) if now else ("left out", 0)
     if fault:
         outcome = "cannot be replayed"
         code = fault.exit_code
@@ -383,14 +394,14 @@ def replay_report(recorded: AcceptAnswer, now: AcceptAnswer | None, fault: DataE
         drive=None,
         head=f"{title(recorded)}, {recorded.status} of {recorded.time}{by}",
         verdict=outcome,
-        why=(fault.message,) if fault else tuple(map(str, found)),
+        why=(fault.message,) if fault else tuple(map(str, differences)),
         values={
             "preset": recorded.preset,
             "serial": recorded.serial,
-            "agrees": now and not found,
+            "agrees": now and not differences,
             "recorded": attributes(recorded, "version", "time", "verdict", "exit_code"),
             "verdict": now and now.verdict,
-            "differences": [asdict(each) for each in found],
+            "differences": [asdict(difference) for difference in differences],
             **({"error": {"code": fault.fault, "message": fault.message, "hint": fault.hint}} if fault else {}),
         },
         line=outcome,
@@ -453,9 +464,9 @@ def _suite(root: Element, answer: AcceptAnswer, lot_sha256: str) -> None:
     name = serial or preset
     suite = SubElement(root, "testsuite", name=visible(name))
     place = SubElement(suite, "properties")
-    known = {"serial": serial, "preset": preset, "status": answer.status, **provenance(answer)}
-    known["lot_sha256"] = lot_sha256
-    for key, value in known.items():
+    properties = {"serial": serial, "preset": preset, "status": answer.status, **provenance(answer)}
+    properties["lot_sha256"] = lot_sha256
+    for key, value in properties.items():
         if value is not None and value != "":
             SubElement(place, "property", name=key, value=visible(str(value)))
 
@@ -470,13 +481,13 @@ def _suite(root: Element, answer: AcceptAnswer, lot_sha256: str) -> None:
         message = f"{answer.status}: {error.message.splitlines()[0]}"
         case("no answer", "error", message, error.code or "INTERNAL", error.message, hint, code)
     for check in answer.checks:
-        words = f"{check.verdict}: {_sentence(check)}"
+        failure = f"{check.verdict}: {_sentence(check)}"
         because = f"because: {check.reason}" if check.reason else ""
         if check.verdict == "PASS":
-            case(check.label, "system-out", "", "", words, because)
+            case(check.label, "system-out", "", "", failure, because)
         else:
             todo = f"measure it, {check.option}" if _is_open(check) else f"hdassist explain {check.code}"
-            case(check.label, "failure", words, str(check.verdict), words, because, f"what to do: {todo}")
+            case(check.label, "failure", failure, str(check.verdict), failure, because, f"what to do: {todo}")
     for label in answer.left_out:
         case(label, "skipped", "not tested: nothing was measured", "")
     remarks = [f"remark {remark.code}: {remark.text}" for remark in answer.remarks]

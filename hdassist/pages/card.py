@@ -68,7 +68,7 @@ def instruction(advice: Advice, say: Texts = ENGLISH, *, gains: bool = True) -> 
     sentences = [say(f"instruction.{kind}", wheel=fixed, **parts), say(f"instruction.zero_{kind}", wheel=fixed)]
     if gains:
         values = zip(advice.torques, advice.current.F_ior_arcsec, chosen.F_ior_arcsec, strict=True)
-        changes = ", ".join(f"{now:.2f} → {new:.2f}″ at {M_g:g} N·m" for M_g, now, new in values)
+        changes = ", ".join(f"{present:.2f} → {new:.2f}″ at {M_g:g} N·m" for M_g, present, new in values)
         statistic = "Median F'_ior" if advice.decision.is_sampled else "F'_ior"
         sentences.append(f"{statistic}: {changes}.")
     return " ".join(sentences)
@@ -190,7 +190,7 @@ class Card:
     @property
     def blocks(self) -> tuple[Block, ...]:
         """All of it below the title, one after the other."""
-        return tuple(getattr(self, each.name) for each in fields(self)[2:])
+        return tuple(getattr(self, field.name) for field in fields(self)[2:])
 
 
 def card_of(advice: Advice, say: Texts, warnings: Sequence[str] = (), *, serial: str = "", made: date) -> Card:
@@ -239,8 +239,8 @@ def _subject(advice: Advice, say: Texts, serial: str) -> Facts:
     fixed = wheel(drive, say)
     symbol, deviation = ("xi_b", "F'_i2") if drive.mounting.fixed == "rigid" else ("xi_g", "F'_i1")
     measured = advice.measured and advice.measured.fixed(drive)
-    known = drive.mounting.mark_kind if drive.value(f"phases.{symbol}") is not None else "unknown"
-    kind = "tooth" if measured else known
+    mark_kind = drive.mounting.mark_kind if drive.value(f"phases.{symbol}") is not None else "unknown"
+    kind = "tooth" if measured else mark_kind
     tooth = measured.pitch.mark if measured else None
     angle = say.angle(360 / holes) if holes else ""
     rows = {
@@ -302,9 +302,9 @@ def _torques(advice: Advice, say: Texts) -> Table:
     places = {"place": hole_place(advice.chosen, say), "zero": _zero(advice, say)}
     names = ("torque", "now", *(("after", "change") if is_moved else ()), "measured")
     rows = []
-    for M_g, now, new in zip(advice.torques, advice.current.F_ior_arcsec, advice.chosen.F_ior_arcsec, strict=True):
-        after = (say.number(new, ".2f"), say.percent(new / now - 1, "+")) if is_moved else ()
-        rows.append((say.number(M_g), say.number(now, ".2f"), *after, ""))
+    for M_g, present, new in zip(advice.torques, advice.current.F_ior_arcsec, advice.chosen.F_ior_arcsec, strict=True):
+        after = (say.number(new, ".2f"), say.percent(new / present - 1, "+")) if is_moved else ()
+        rows.append((say.number(M_g), say.number(present, ".2f"), *after, ""))
     return Table(say("torques.title"), tuple(say(f"torques.{name}", **places) for name in names), tuple(rows))
 
 
@@ -318,13 +318,13 @@ def _chances(advice: Advice, say: Texts) -> Iterator[str]:
     yield _chance(advice, say)
     to_try = [advice.next] if advice.trials else advice.to_try
     measured = {trial.rotation_deg for trial in advice.trials}
-    left = [p for p in [p for p in to_try if p] or [advice.current] if p.rotation_deg not in measured]
-    holes = ", ".join(hole_place(p, say) for p in left)
-    enough = "" if left else "_measured"
-    found = advice.decision
-    if found.is_sampled:
+    untried = [p for p in [p for p in to_try if p] or [advice.current] if p.rotation_deg not in measured]
+    holes = ", ".join(hole_place(p, say) for p in untried)
+    enough = "" if untried else "_measured"
+    decision = advice.decision
+    if decision.is_sampled:
         k = min(range(len(advice.torques)), key=lambda k: abs(advice.torques[k]))
-        high = say.number(found.quantile(0.95, found.best)[k], ".1f")
+        high = say.number(decision.quantile(0.95, decision.best)[k], ".1f")
         torque = say.torque(advice.torques[k])
         yield say(f"chance.wrong{enough}", high=high, torque=torque, holes=holes)
     else:
@@ -335,20 +335,20 @@ def _chances(advice: Advice, say: Texts) -> Iterator[str]:
 
 def _chance(advice: Advice, say: Texts) -> str:
     """Return the probability that the choice is right."""
-    found = advice.decision
+    decision = advice.decision
     if not advice.names_hole:
         return say("chance.any")
-    if not found.is_sampled:
+    if not decision.is_sampled:
         return say("chance.given")
     count = len(advice.open_)
-    sure = say.percent(found.probability.value)
+    sure = say.percent(decision.probability.value)
     place = hole_place(advice.chosen, say)
     zero = _zero(advice, say)
-    if found.stay is None:  # the wheel has to leave its hole: the best allowed one is what a hole is compared with
+    if decision.stay is None:  # the wheel has to leave its hole: the best allowed one is what a hole is compared with
         return say("chance.good", place=place, cost=say.percent(GOOD), count=count, sure=sure)
     if advice.turn:
-        return say("chance.turn", place=place, zero=zero, cost=say.percent(found.cost), count=count, sure=sure)
-    return say("chance.leave", zero=zero, cost=say.percent(found.cost), count=count, sure=sure)
+        return say("chance.turn", place=place, zero=zero, cost=say.percent(decision.cost), count=count, sure=sure)
+    return say("chance.leave", zero=zero, cost=say.percent(decision.cost), count=count, sure=sure)
 
 
 def _checks(advice: Advice, say: Texts) -> list[str]:
@@ -361,8 +361,8 @@ def _checks(advice: Advice, say: Texts) -> list[str]:
         place = []
     where = hole_place(chosen, say)
     parts = {"wheel": wheel(drive, say), "place": where, "turn": turn(chosen, say), "start": start_of_count(drive, say)}
-    found = [say(f"checks.{name}", **parts) for name in ("clean", "pilot", *place, "free", "screws", "mesh")]
-    return [*found, say("checks.correction", where=where)] if advice.correction else found
+    checks = [say(f"checks.{name}", **parts) for name in ("clean", "pilot", *place, "free", "screws", "mesh")]
+    return [*checks, say("checks.correction", where=where)] if advice.correction else checks
 
 
 def warnings_of(drive: Drive, say: Texts) -> tuple[str, ...]:
@@ -389,11 +389,11 @@ def _foot(advice: Advice, say: Texts, made: date) -> Iterator[str]:
         words = say(name, where=where, value=measured_value(trial, say), file=file)
         by_torque.setdefault(advice.torque_of(trial), []).append(words)
     if by_torque:
-        (first, words), *others = ((say.torque(M_g), "; ".join(words)) for M_g, words in by_torque.items())
-        every = [words, *(": ".join(each) for each in others)]
+        (first, words), *further = ((say.torque(M_g), "; ".join(words)) for M_g, words in by_torque.items())
+        paragraphs = [words, *(": ".join(entry) for entry in further)]
         if len(advice.trials) > _CARD_TRIALS:
-            every.append(say("foot.trials_more", count=len(advice.trials) - _CARD_TRIALS))
-        yield say("foot.trials", torque=first, trials="; ".join(every))
+            paragraphs.append(say("foot.trials_more", count=len(advice.trials) - _CARD_TRIALS))
+        yield say("foot.trials", torque=first, trials="; ".join(paragraphs))
     yield say("foot.source")
     digest = drive.origin.sha256[:_DIGITS]
     yield say("foot.origin", version=__version__, name=drive.name, digest=digest, date=say.date(made))

@@ -90,7 +90,7 @@ def check_report(check: DesignCheck, seed: int) -> Report:
     """Return a design check as a report; seed: that of its mesh positions that were solved again."""
     governing = check.points[check.governing]
     first = _spread_curve(check, check.samples) if check.samples and check.prior else _error_curve(check, governing)
-    others = [point for point in check.points if check.samples or point is not governing]
+    other_points = [point for point in check.points if check.samples or point is not governing]
     k = Kinematics.of(check.drive)
     fixed = wheel(check.drive)
     return Report(
@@ -104,7 +104,7 @@ def check_report(check: DesignCheck, seed: int) -> Report:
             *steps_tables(check),
             *error_tables(check),
             Facts.of(check_facts(check)),
-            *(_error_curve(check, each) for each in others),
+            *(_error_curve(check, point) for point in other_points),
         ),
         certificate=check.certificate,
         cross_checks=check.cross_checks,
@@ -186,8 +186,8 @@ def check_facts(check: DesignCheck) -> Iterator[Fact]:
 
 def uncertain_inputs_words(prior: DrivePrior) -> str:
     """Return the number of uncertain inputs, and of each kind of them, in words."""
-    words = {"assumed": "assumed within a range", "default": "default values within a range"}
-    kinds = ", ".join(f"{count} {words.get(kind, kind)}" for kind, count in prior.counts().items() if count)
+    origin_words = {"assumed": "assumed within a range", "default": "default values within a range"}
+    kinds = ", ".join(f"{count} {origin_words.get(kind, kind)}" for kind, count in prior.counts().items() if count)
     return f"{len(prior.fields)} uncertain: {kinds}"
 
 
@@ -206,27 +206,27 @@ def _unstated_accuracy(drive: Drive, samples: Samples) -> str:
 
 def _evidence_words(drive: Drive) -> str:
     """Return the reference data that weigh samples, and how to omit a value; empty without any."""
-    paths = [each.path for each in evidence_of(drive)]
+    paths = [item.path for item in evidence_of(drive)]
     return f"{', '.join(paths)}; --set {paths[-1]}= omits the last one" if paths else ""
 
 
 def fitted_words(prior: DrivePrior) -> str:
     """Return the identified fields that all samples have at their fitted values, in words."""
     paths = prior.fitted
-    more = f" and {len(paths) - 3} more" if len(paths) > 3 else ""
-    return f"at fitted values: {', '.join(paths[:3])}{more}" if paths else ""
+    further = f" and {len(paths) - 3} more" if len(paths) > 3 else ""
+    return f"at fitted values: {', '.join(paths[:3])}{further}" if paths else ""
 
 
 def _error_curve(check: DesignCheck, point: OperatingPoint) -> Curve:
     """Return the error over the full cycle at a torque: of the drive, or of a sampled drive near the median."""
     assert point.error
     zero = ", unknown inputs as 0" if check.unknown and not check.samples else ""
-    of = f" of a sampled drive with F'_ior {point.error.F_ior_arcsec:.1f}″" if check.samples else zero
+    sample_words = f" of a sampled drive with F'_ior {point.error.F_ior_arcsec:.1f}″" if check.samples else zero
     return Curve(
         point.error.states.phi_h / (2 * np.pi),
         point.error.error_arcsec,
         x_label="input angle phi_h, revolutions",
-        y_label=f"kinematic error at {point.M_g:g} N·m{of}, ″: {ENVELOPE}",
+        y_label=f"kinematic error at {point.M_g:g} N·m{sample_words}, ″: {ENVELOPE}",
         over=1.0,
     )
 
@@ -246,9 +246,9 @@ def _spread_curve(check: DesignCheck, samples: Samples) -> Curve:
 
 def error_tables(check: DesignCheck) -> Iterator[Table]:
     """Yield all figures of the error by torque."""
-    torque, *others = (q for q in POINT_QUANTITIES if q.key not in _OVER_BELIEF)
+    torque, *other_quantities = (q for q in POINT_QUANTITIES if q.key not in _OVER_BELIEF)
     still = "phi_b" if Kinematics.of(check.drive).fixed == "rigid" else "phi_g"
-    shown = [q for q in others if still not in q.key]
+    shown = [q for q in other_quantities if still not in q.key]
     title = "over the full mesh cycle"
     if check.samples:
         title += ", of a sampled drive near the median"
@@ -314,9 +314,9 @@ def steps_tables(check: DesignCheck) -> Iterator[Table]:
         notes = (_DERIVED,) if any(step.kind == "tolerance" for step in options) else ()
         yield Table(f"options {purpose} ({value})", ("option", outcome, "how"), tuple(rows), notes=notes)
     if questions:
-        asked = tuple((_step_words(step, check.drive), _outcome_words(step, point)) for step in questions)
+        question_rows = tuple((_step_words(step, check.drive), _outcome_words(step, point)) for step in questions)
         title = f"questions to clarify, at {point.M_g:g} N·m ({value})"
-        yield Table(title, ("to clarify", f"{outcome}, by answer"), asked)
+        yield Table(title, ("to clarify", f"{outcome}, by answer"), question_rows)
 
 
 def steps_facts(check: DesignCheck, most_lines: int = _SCREEN_LINES) -> Iterator[Fact]:
@@ -409,7 +409,8 @@ def _outcome_words(step: Step, point: OperatingPoint) -> str:
         return _value(step.outcomes[0], point)
     unit = "" if step.of == "cam.coupling" else f" {field_unit(step.of)}"
     return "; ".join(
-        f"{_COUPLING_ANSWERS.get(each.answer) or each.answer + unit}: {_value(each, point)}" for each in step.outcomes
+        f"{_COUPLING_ANSWERS.get(outcome.answer) or outcome.answer + unit}: {_value(outcome, point)}"
+        for outcome in step.outcomes
     )
 
 

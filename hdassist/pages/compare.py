@@ -78,8 +78,8 @@ def comparison_report(result: Comparison) -> Report:
     """Return the comparison of a recording with its prediction as a report."""
     trace = result.measurement.trace
     bins = result.sweep.bins
-    measured, *others = _COMPARED_NUMBERS[:_SHORT_PAGE]
-    uncertainty, *numbers = [replace(quantity, unit="") for quantity in others]  # that of the first is theirs
+    measured, *other_numbers = _COMPARED_NUMBERS[:_SHORT_PAGE]
+    uncertainty, *numbers = [replace(quantity, unit="") for quantity in other_numbers]  # that of the first is theirs
     return Report(
         command="compare",
         drive=result.drive,
@@ -144,12 +144,12 @@ def _why(result: Comparison) -> str:
     best = result.conclusion.best
     kind = result.conclusion.kind
     if kind == "agrees":
-        rough = any(each.path in ("harmonics.xi_g6", "harmonics.xi_b6") for each in unknowns(result.drive))
+        rough = any(field.path in ("harmonics.xi_g6", "harmonics.xi_b6") for field in unknowns(result.drive))
         single_teeth = ", single teeth" if rough else ""
         return f"Noise{single_teeth} and small errors of the stiffnesses explain the difference."
     if mirror := result.mirror:
-        now = result.difference_rms_arcsec
-        return f"Difference {now:.2f}″ rms, {mirror.rms_arcsec:.2f}″ with {' '.join(_options(result))}"
+        rms_arcsec = result.difference_rms_arcsec
+        return f"Difference {rms_arcsec:.2f}″ rms, {mirror.rms_arcsec:.2f}″ with {' '.join(_options(result))}"
     if best is None:
         return "No deviation explains the difference."
     explained = best.explained_share
@@ -173,13 +173,18 @@ def _facts(result: Comparison) -> Iterator[Fact]:
     joint = result.joint
     yield from (row for row in _starts(result) if not row[1].endswith("given"))
     if best and result.conclusion.kind == "one":
-        others = [other.deviations[0] for other in equally_good(best, result.singles)]
-        yield "or", f"{', '.join(others)}; the recording does not distinguish these deviations" if others else ""
+        equal_deviations = [fit.deviations[0] for fit in equally_good(best, result.singles)]
+        equally_good_words = ""
+        if equal_deviations:
+            equally_good_words = f"{', '.join(equal_deviations)}; the recording does not distinguish these deviations"
+        yield "or", equally_good_words
     if joint and joint.not_told_apart:
         yield "together", f"the recording does not resolve {'; '.join(map(', '.join, joint.not_told_apart))}"
-    if rest := joint if joint and joint.orders_left else best:
-        left = [f"order {p.per_cam_rev:.2f}: {p.difference.amplitude_arcsec:.2f}″" for p in rest.orders_left]
-        yield "residual", "; ".join(left)
+    if explanation := joint if joint and joint.orders_left else best:
+        order_texts = [
+            f"order {p.per_cam_rev:.2f}: {p.difference.amplitude_arcsec:.2f}″" for p in explanation.orders_left
+        ]
+        yield "residual", "; ".join(order_texts)
     cycle = Kinematics.of(result.drive).cycle_cam_revolutions
     turns = result.sweep.bins.span
     advice = f"the full mesh cycle of {cycle} input revolutions; the recording has {turns:.2f}"
@@ -230,7 +235,11 @@ def _tables(result: Comparison) -> Iterator[Table]:
         )
         columns = ("deviation", "size, um", "direction, °", "explains", "residual", "F'_ior, ″")
         fits = [result.unchanged, *sorted(result.singles, key=lambda single: single.chi_square)]
-        yield Table(title, columns, tuple(row for found in (*fits, result.joint) if found for row in _rows(found)))
+        yield Table(
+            title,
+            columns,
+            tuple(row for explanation in (*fits, result.joint) if explanation for row in _rows(explanation)),
+        )
 
 
 def _size_and_direction(change: VectorChange | None) -> tuple[str, str]:
@@ -243,10 +252,10 @@ def _size_and_direction(change: VectorChange | None) -> tuple[str, str]:
 
 def _rows(found: Explanation) -> Iterator[tuple[str, ...]]:
     """Yield the rows of a fit: one for the whole unless it has one deviation, and one for each deviation."""
-    left = f"{found.chi_square / found.degrees_of_freedom:.2f}"
+    chi_square = f"{found.chi_square / found.degrees_of_freedom:.2f}"
     F_ior = _plus_minus(found.F_ior_arcsec, None, 2)
     share = NO_VALUE if found.explained_share is None else f"{100 * max(found.explained_share, 0):.1f} %"
-    numbers: tuple[str, ...] = (share, left, F_ior)
+    numbers: tuple[str, ...] = (share, chi_square, F_ior)
     if len(found.deviations) != 1:
         yield "all together" if found.deviations else "none (the preset)", "", "", *numbers
         numbers = ("", "", "")
@@ -322,7 +331,9 @@ def drives_report(result: DrivesComparison, seed: int) -> Report:
 
 def comparison_warnings(result: DrivesComparison) -> tuple[str, ...]:
     """Return the warnings of all drives without repetition."""
-    return tuple(dict.fromkeys(f"{each.drive.name}: {text}" for each in result.sheets for text in sheet_warnings(each)))
+    return tuple(
+        dict.fromkeys(f"{sheet.drive.name}: {text}" for sheet in result.sheets for text in sheet_warnings(sheet))
+    )
 
 
 def sheet_warnings(sheet: DriveSheet) -> tuple[str, ...]:
@@ -402,8 +413,8 @@ def _verdict(result: DrivesComparison) -> str:
     has_torques = len(result.torques) > 1
     loads = [f" at {load}" if has_torques else "" for load in _loads(result)]
     for letter, sheet, changes in zip(letters[1:], result.sheets[1:], result.changes, strict=True):
-        words = (_change(result, sheet, changes, k) + load for k, load in enumerate(loads))
-        verdicts.append(f"{letter} {', '.join(words)}")
+        sentences = (_change(result, sheet, changes, k) + load for k, load in enumerate(loads))
+        verdicts.append(f"{letter} {', '.join(sentences)}")
     choice = f"{result.word.lower()} {letters[result.best]}"
     if result.word == "ANY":
         choice = "any, all are equal" if result.all_alike else "any, the difference is not significant"
@@ -427,7 +438,9 @@ def _changes(result: DrivesComparison) -> Iterator[Table]:
     torques = [f"{M_g:g} N·m" for M_g in result.torques]  # of A
     for letter, changes in zip([*_lettered(result)][1:], result.changes, strict=True):
         title = f"each field alone from A to {letter}, change of F'_ior, ″"
-        rows = [(each.field or "all together", *_change_cells(each)) for each in (*changes.single, changes.together)]
+        rows = [
+            (change.field or "all together", *_change_cells(change)) for change in (*changes.single, changes.together)
+        ]
         notes = []
         if changes.pairs > 1:
             notes.append(f"median (5 to 95 %) over {changes.pairs} pairs of sampled drives")
@@ -460,22 +473,24 @@ def _drives_facts(result: DrivesComparison) -> Iterator[Fact]:
         yield "torques", f"the presets share no torque; each drive is computed at {' and '.join(_loads(result))}"
     yield "differs", _some([row[0].path for row in result.differing])
     cells = [
-        (each.F_ior_is[k], each.probability_better[k], f" at {M_g:g} N·m" if len(result.torques) > 1 else "")
-        for each in result.changes
+        (change.F_ior_is[k], change.probability_better[k], f" at {M_g:g} N·m" if len(result.torques) > 1 else "")
+        for change in result.changes
         for k, M_g in enumerate(result.torques)
     ]
-    if open_ := [(odds, at) for sense, odds, at in cells if sense == NOT_KNOWN]:
-        likelier = [(max(odds, odds.complement, key=attrgetter("value")), at) for odds, at in open_ if odds]
-        least, at = min(likelier, key=lambda each: each[0].low, default=(None, ""))
+    if open_ := [(odds, load_words) for sense, odds, load_words in cells if sense == NOT_KNOWN]:
+        likelier = [
+            (max(odds, odds.complement, key=attrgetter("value")), load_words) for odds, load_words in open_ if odds
+        ]
+        least, load_words = min(likelier, key=lambda each: each[0].low, default=(None, ""))
         sure = f"; probability of its sign: {least.text(SURE, outcome='a decision')}" if least else ""
-        yield "open", f"unknown inputs may reverse this change{at}{sure}"
+        yield "open", f"unknown inputs may reverse this change{load_words}{sure}"
     yield "next", again("report", result.sheets[result.best].drive, "-o", "report.html")
 
 
 def _some(paths: Sequence[str]) -> str:
     """Return the first of some paths, and the number of further ones."""
-    more = f" and {len(paths) - _NAMED_PATHS} more" if len(paths) > _NAMED_PATHS else ""
-    return ", ".join(dict.fromkeys(paths[:_NAMED_PATHS])) + more
+    further = f" and {len(paths) - _NAMED_PATHS} more" if len(paths) > _NAMED_PATHS else ""
+    return ", ".join(dict.fromkeys(paths[:_NAMED_PATHS])) + further
 
 
 def _drives_values(result: DrivesComparison, seed: int) -> Json:

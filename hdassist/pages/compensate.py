@@ -56,7 +56,7 @@ def compensate_report(result: Correction, *, is_written: bool = False, warnings:
         (f"{form_words(chosen.form.name)}: refused, as {_percent(chosen)} % would remain",) if chosen.is_refused else ()
     )
     names = {_SHORT_FORM, chosen.form.name, result.forms[0].form.name}
-    forms = [each for each in result.forms if each.form.name in names]
+    forms = [residual for residual in result.forms if residual.form.name in names]
     return Report(
         command="compensate",
         drive=drive,
@@ -76,7 +76,7 @@ def compensate_report(result: Correction, *, is_written: bool = False, warnings:
         values={
             "M_g_Nm": result.M_g,
             "parts": result.parts,
-            "forms": [_form_object(each) for each in result.forms],
+            "forms": [_form_object(residual) for residual in result.forms],
             "refused": chosen.is_refused,
             "recorded_Nm": list(result.records),
             "misfit": result.misfit,
@@ -101,7 +101,7 @@ def verified_report(result: Correction, found: VerifiedCorrection) -> Report:
     measured = f"at least {low:.1f}" if high is None else f"{low:.1f}-{high:.1f}"
     rows: list[tuple[str, ...]] = [("F'_ior", f"{promised.uncorrected_p50:.1f}", _range(promised), measured)]
     parts = zip(result.parts, found.promised_parts, found.parts, strict=False)  # loads and directions are not compared
-    rows += [(_part_words(before), *map(_range, (before, *others))) for before, *others in parts]
+    rows += [(_part_words(before), *map(_range, (before, *further_parts))) for before, *further_parts in parts]
     why = [
         f"Measured residual F'_ior: {found.F_ior_arcsec:.1f}″ ({measured}); predicted: at most {promised.p95:.1f}″ "
         "(95th percentile)."
@@ -134,8 +134,8 @@ def _columns(result: Correction) -> dict[str, Array]:
     """Return the columns of the correction; with one for each load, the rows of one torque after the other."""
     if not result.chosen.form.each_load:
         return correction_columns(result.correction)
-    tables = [correction_columns(each) for each in result.corrections.values()]
-    joined = {name: np.concatenate([each[name] for each in tables]) for name in tables[0] if name != _OTHER_DIRECTION}
+    tables = [correction_columns(correction) for correction in result.corrections.values()]
+    joined = {name: np.concatenate([table[name] for table in tables]) for name in tables[0] if name != _OTHER_DIRECTION}
     return {"M_g_Nm": np.repeat([*result.corrections], len(next(iter(tables[0].values())))), **joined}
 
 
@@ -144,9 +144,9 @@ def _verdict(result: Correction) -> str:
     residual = result.chosen.residuals[0]
     if not result.chosen.is_refused:
         noise = ", including noise of the recording" if result.M_g in result.records else ""
-        left = f"{_range(residual)} of {residual.uncorrected_p50:.1f}″ ({_percent(result.chosen)} %)"
-        return f"{form_words(form.name)} leave {left}{noise}"
-    if any(each.is_refused for each in result.forms if each.form == form):
+        range_text = f"{_range(residual)} of {residual.uncorrected_p50:.1f}″ ({_percent(result.chosen)} %)"
+        return f"{form_words(form.name)} leave {range_text}{noise}"
+    if any(residual.is_refused for residual in result.forms if residual.form == form):
         return f"refused: {form_words(form.name)} may increase the error; {_enough(result)}"
     best = min(result.forms, key=lambda each: each.left[1])
     residual_words = f"with a recording, {form_words(best.form.name)} would leave {_percent(best)} %"
@@ -154,7 +154,7 @@ def _verdict(result: Correction) -> str:
 
 
 def _why(result: Correction) -> Iterator[str]:
-    table = next(each for each in result.forms if each.form.turn == "cam")
+    table = next(residual for residual in result.forms if residual.form.turn == "cam")
     table_words = f"a table over one input revolution would leave {_percent(table)} %"
     if table.left[1] <= HALVED:
         yield f"The error repeats every input revolution, as with an oval wheel; {table_words}."
@@ -182,11 +182,11 @@ def _part_words(part: ErrorPart) -> str:
 
 
 def _facts(result: Correction, is_written: bool) -> Iterator[Fact]:
-    parts = "; ".join(f"{_part_words(each)}: {_range(each)}" for each in result.parts)
+    parts = "; ".join(f"{_part_words(part)}: {_range(part)}" for part in result.parts)
     yield "parts, ″", parts
-    refused = "; ".join(form_words(each.form.name) for each in result.forms if each.is_refused)
+    refused = "; ".join(form_words(residual.form.name) for residual in result.forms if residual.is_refused)
     yield "table", _enough(result) + (f"; refused, as they may increase the error: {refused}" if refused else "")
-    numbers = ", ".join(f"{n}: {left:.2g}″" for n, left in result.phasors.items())
+    numbers = ", ".join(f"{n}: {amplitude_arcsec:.2g}″" for n, amplitude_arcsec in result.phasors.items())
     yield "terms", f"residual with {numbers} terms"
     yield from _record_facts(result)
     missing = [f"{M_g:g}" for M_g in result.errors if M_g not in result.corrections]
@@ -200,18 +200,21 @@ def _facts(result: Correction, is_written: bool) -> Iterator[Fact]:
 
 def _record_facts(result: Correction) -> Iterator[Fact]:
     recorded = ", ".join(f"{M_g:g}" for M_g in result.records)
-    turns = [float(np.ptp(each.cam_turns)) for each in result.records.values()]
+    turns = [float(np.ptp(record.cam_turns)) for record in result.records.values()]
     cycle = result.errors[result.M_g].lines.kinematics.cycle_cam_revolutions
     if result.misfit and result.drive:
-        recording = f"{', '.join(f'{each:.3g}' for each in turns)} of {cycle} input revolutions"
+        turn_counts = ", ".join(f"{count:.3g}" for count in turns)
+        recording = f"{turn_counts} of {cycle} input revolutions"
         yield "recording", f"{recording} at {recorded} N·m; its angles are those of the preset"
         stiffnesses = "supports, contacts, deflection and clearance (docs/correct.md)"
-        fitted = ", ".join([*(each.path for each in unknowns(result.drive)), stiffnesses])
+        fitted = ", ".join([*(field.path for field in unknowns(result.drive)), stiffnesses])
         yield "fitted", f"{fitted}; misfit {100 * result.misfit:.0f} % of the error"
         yield "measure", "the full mesh cycle, which needs no fit"
     elif ends := result.recorded_deg:
-        words = f"{ends[0]:z.1f} to {ends[1]:z.1f}° of the output; beyond these ends the residual is not predicted"
-        yield "recording", f"at {recorded} N·m, {words}"
+        range_words = (
+            f"{ends[0]:z.1f} to {ends[1]:z.1f}° of the output; beyond these ends the residual is not predicted"
+        )
+        yield "recording", f"at {recorded} N·m, {range_words}"
     elif recorded and _is_of_part(result):
         recording = f"{turns[0]:.3g} of {cycle} input revolutions at {recorded} N·m"
         yield "recording", f"{recording}; the correction uses the angles of the recording"
@@ -238,7 +241,7 @@ def _enough(result: Correction) -> str:
 
 
 def _percent(each: FormResiduals) -> str:
-    return " to ".join(dict.fromkeys(f"{100 * left:.0f}" for left in each.left[::2]))
+    return " to ".join(dict.fromkeys(f"{100 * share:.0f}" for share in each.left[::2]))
 
 
 def _range(each: ErrorPart | ExpectedResidual) -> str:
@@ -251,8 +254,8 @@ def _residual_table(forms: Sequence[FormResiduals], *, short: bool = False) -> T
         cases = sorted({*cases[:2], *cases[-2:]} - {cases[-3]})
     heads = [forms[0].residuals[k] for k in cases]
     cases_in_words = tuple(_case_words(residual) for residual in heads)
-    none = ("uncorrected", *(f"{each.uncorrected_p50:.1f}" for each in heads))
-    rows = [(form_words(each.form.name), *(_range(each.residuals[k]) for k in cases)) for each in forms]
+    none = ("uncorrected", *(f"{residual.uncorrected_p50:.1f}" for residual in heads))
+    rows = [(form_words(residual.form.name), *(_range(residual.residuals[k]) for k in cases)) for residual in forms]
     title = f"residual F'_ior, ″; with the zero off, or a revolution (rev.) lost, at {heads[-1].M_g:g} N·m"
     return Table(title, ("correction", *cases_in_words), (none, *rows))
 

@@ -55,8 +55,8 @@ def slope_words(slope: float, uncertainty: float, speed: float | None, *, is_lea
     """
     reach = f" ± {2 * uncertainty:.2g}" if uncertainty else ""
     factor = " (k = 2)" if uncertainty else ""
-    words = f"at {'least' if is_least else 'most'} {slope:.3g}{reach}″ per ° of the output{factor}"
-    return f"{words}; {slope * speed / 3600:.3g}″/s at an output speed of {speed:g}″/s" if speed else words
+    text = f"at {'least' if is_least else 'most'} {slope:.3g}{reach}″ per ° of the output{factor}"
+    return f"{text}; {slope * speed / 3600:.3g}″/s at an output speed of {speed:g}″/s" if speed else text
 
 
 def trace_report(drive: Drive, trace: Trace, seed: int, speed: float | None = None) -> Report:
@@ -71,8 +71,8 @@ def trace_report(drive: Drive, trace: Trace, seed: int, speed: float | None = No
     cycle = error.kinematics.cycle_cam_revolutions
     is_part = trace.revolutions < cycle
     is_measured = drive.measured != Measured.of_defaults()
-    whole = ("-n", str(cycle), "--phi-g0", f"{trace.start_deg:g}")
-    next_ = again("trace", drive, *whole) if is_part else again("mount", drive)
+    whole_cycle_options = ("-n", str(cycle), "--phi-g0", f"{trace.start_deg:g}")
+    next_ = again("trace", drive, *whole_cycle_options) if is_part else again("mount", drive)
     turns = f"{error.M_g:g} N·m, {trace.revolutions} input revolution{'' if trace.revolutions == 1 else 's'}"
     moving = "phi_g0" if error.kinematics.fixed == "rigid" else "phi_b0"
     start = f"{turns} from {moving} = {trace.start_deg:g}°"
@@ -80,7 +80,7 @@ def trace_report(drive: Drive, trace: Trace, seed: int, speed: float | None = No
     shown = [order for order in trace.orders if order.amplitude_arcsec >= _LEAST_SHOWN]
     orders = sorted(shown, key=lambda o: -o.amplitude_arcsec)
     listed = sorted(orders[:_LISTED_ORDERS], key=lambda o: o.per_cam_rev)
-    words = f"kinematic error F_kpp at {error.M_g:g} N·m, ″"
+    y_label = f"kinematic error F_kpp at {error.M_g:g} N·m, ″"
     angles = {f"{name}_deg": np.degrees(getattr(error.states, name)) for name in ("phi_h", "phi_g", "phi_b")}
     why = []
     if is_measured:
@@ -106,7 +106,7 @@ def trace_report(drive: Drive, trace: Trace, seed: int, speed: float | None = No
                     ("next", next_),
                 ]
             ),
-            curve_of_turns(error.states.phi_h / (2 * np.pi), error.error_arcsec, words),
+            curve_of_turns(error.states.phi_h / (2 * np.pi), error.error_arcsec, y_label),
         ),
         details=(
             Table.by_row(f"{title}, the {_LISTED_ORDERS} largest", ORDER_QUANTITIES, listed),
@@ -182,7 +182,7 @@ def stiffness_report(drive: Drive, found: Stiffness) -> Report:
     """Return the stiffness of a drive as a report: twist over torque, K1, K2, K3, lost motion."""
     curve = {"torque_Nm": found.torque, **attributes(found, "twist_arcsec", "contact_arcsec", "tube_arcsec")}
     sides = {"positive": found.positive, "negative": found.negative}
-    rows = [each for side in sides.values() for each in segments_beside(drive.catalogue, side)]
+    rows = [segment for side in sides.values() for segment in segments_beside(drive.catalogue, side)]
     lines = [f"K{k}: {_scaled(segment.stiffness)}e4 N*m/rad" for k, segment in enumerate(found.positive, 1)]
     return Report(
         command="stiffness",
@@ -263,7 +263,7 @@ def sweep_report(swept: Swept, records: Iterable[SweepRow]) -> Report:
     line = " to ".join(f"{F_ior:.2f}" for _, F_ior in ends.values()) + " arcsec" if ends else "no result"
     values = ((axis, min(axis.values), max(axis.values)) for axis in sweep.varied)
     spans = (_of(axis, f"{low:g}" if low == high else f"{low:g} to {high:g}", " (") + ")" for axis, low, high in values)
-    found = {end: {"row": row, "F_ior_arcsec": F_ior} for end, (row, F_ior) in ends.items()}
+    ends_by_name = {end: {"row": row, "F_ior_arcsec": F_ior} for end, (row, F_ior) in ends.items()}
     return Report(
         command="sweep",
         drive=drive,
@@ -277,7 +277,7 @@ def sweep_report(swept: Swept, records: Iterable[SweepRow]) -> Report:
             "unknown": unknown_objects(unknowns(swept.largest)),
             "statistic": "nominal",
             "vary": [{"field": axis.path, **attributes(axis, "unit", "values")} for axis in sweep.varied],
-            **{end: found.get(end) for end in ("least", "greatest")},
+            **{end: ends_by_name.get(end) for end in ("least", "greatest")},
             "rows": list(records),
             "rows_without_answer": swept.failed,
         },
@@ -312,11 +312,11 @@ def _of(axis: Axis, values: str, sign: str) -> str:
 
 def _figures(swept: Swept) -> Iterator[Curve]:
     """Yield F'_ior over one field at each torque; nothing for several fields, or fewer than two rows with a result."""
-    axis, *others = swept.sweep.varied
-    torques = [f" at {M_g:g} N·m" for further in swept.sweep.further for M_g in further.values] or [""]
+    axis, *other_axes = swept.sweep.varied
+    torques = [f" at {M_g:g} N·m" for axis in swept.sweep.further for M_g in axis.values] or [""]
     order = np.argsort(axis.values)
     values = np.array(axis.values, dtype=float)[order]
-    if others:
+    if other_axes:
         return
     curves = swept.F_ior_arcsec.reshape(len(values), -1)[order].T
     for torque, F_ior in zip(torques, curves, strict=True):

@@ -51,10 +51,10 @@ def calibrate_report(result: Calibration, written: str | None = None) -> Report:
     met = sets[0]["targets_met"]
     columns = zip(wanted.targets, sets[0]["found"], sets[0]["off_tolerances"], met, strict=True)
     rows = [
-        (t.words, t.unit, t.wanted, four_digits(found), f"{off:+.2f}", "met" if is_met else "MISSED")
-        for t, found, off, is_met in columns
+        (t.words, t.unit, t.wanted, four_digits(value), f"{off:+.2f}", "met" if is_met else "MISSED")
+        for t, value, off, is_met in columns
     ]
-    kept = [(each.path, *(f"{fit.values[k]:g}" for fit in result.fits)) for k, each in enumerate(result.values)]
+    kept = [(value.path, *(f"{fit.values[k]:g}" for fit in result.fits)) for k, value in enumerate(result.values)]
     heads = ("field", "best", *(f"other {k}" for k in range(1, len(result.fits))))
     return Report(
         command="calibrate",
@@ -71,9 +71,9 @@ def calibrate_report(result: Calibration, written: str | None = None) -> Report:
         values={
             "targets_file": attributes(wanted, "name", "sha256"),
             "targets": [
-                attributes(each, "quantity", "unit", "asked", "value", "tolerance")
-                | {end: bound if isfinite(bound := getattr(each, end)) else None for end in ("low", "high")}
-                for each in wanted.targets
+                attributes(target, "quantity", "unit", "asked", "value", "tolerance")
+                | {end: bound if isfinite(bound := getattr(target, end)) else None for end in ("low", "high")}
+                for target in wanted.targets
             ],
             "unknowns": result.values,
             "best": sets[0],
@@ -81,7 +81,7 @@ def calibrate_report(result: Calibration, written: str | None = None) -> Report:
             **attributes(result, "indistinct", "evaluations", "seed"),
         },
         # in the form of --set
-        line="\n".join(f"{each.path}={each.found!r}" for each in result.values),
+        line="\n".join(f"{value.path}={value.found!r}" for value in result.values),
         warnings=tuple(_warnings(result)),
         exit_code=0 if all(met) else Verdict.FAIL.exit_code,
     )
@@ -95,7 +95,7 @@ def _warnings(result: Calibration) -> Iterator[str]:
         yield from unknown_notes(result.drive)
     if result.shortfall:
         yield f"targets are missed: {result.shortfall}; the values are the nearest ones, and --write writes no preset"
-    if open_ := [each.path for each in result.values if each.determined < _UNDETERMINED]:
+    if open_ := [value.path for value in result.values if value.determined < _UNDETERMINED]:
         yield f"the targets do not determine {', '.join(open_)}"
     for a, b, correlation in result.indistinct:
         yield f"the targets do not distinguish {a} and {b} (correlation {correlation:+.2f})"
@@ -122,8 +122,10 @@ _KIND_TITLES = {
 
 def explain_report(found: Sequence[Entry]) -> Report:
     """Return the meaning of names as a report; without a name, all names by kind."""
-    first, *others = found or [Entry("section", ("hdassist explain NAME",), "any of these, English or Russian")]
-    listed = [ReportSection(f"{each.names[0]}: {each.words}", (_entry_facts(each),)) for each in others]
+    first, *further_entries = found or [
+        Entry("section", ("hdassist explain NAME",), "any of these, English or Russian")
+    ]
+    listed = [ReportSection(f"{entry.names[0]}: {entry.words}", (_entry_facts(entry),)) for entry in further_entries]
     return Report(
         command="explain",
         drive=None,
@@ -131,8 +133,8 @@ def explain_report(found: Sequence[Entry]) -> Report:
         blocks=(_entry_facts(first), *listed) if found else tuple(_all_names()),
         values={
             "names": [
-                {"name": each.names[0], **attributes(each, "kind", "words"), "facts": dict(each.facts)}
-                for each in found or entries()
+                {"name": entry.names[0], **attributes(entry, "kind", "words"), "facts": dict(entry.facts)}
+                for entry in found or entries()
             ]
         },
     )

@@ -97,34 +97,34 @@ def measure_report(
     options: those by which the file was read, for the next command.
     speed: that of the output [arcsec/s], for the slope.
     """
-    found, *others = result.directions
+    first_sweep, *further_sweeps = result.directions
     travel = f" over {result.gearing.travel_deg:.4g}° of travel" if result.gearing and result.gearing.travel else ""
     trace = result.trace
     gearing = result.gearing
     reversal = result.reversal
     lag = result.lag
-    cycles = [full_cycle(result, each) if each.is_bound else None for each in result.directions]
+    cycles = [full_cycle(result, sweep) if sweep.is_bound else None for sweep in result.directions]
     return Report(
         command="measure",
         drive=drive,
         head=f"{trace.file}, {len(trace.line)} rows" + (f", {drive.name}" if drive else ""),
-        verdict=f"F'_ior at least {found.interval_arcsec[0]:.2f}″ (lower bound)"
-        if found.is_bound
-        else f"F'_ior {found.range.value:.2f}″{travel}",
-        why=(*_lower_bound(result, found), *_full_cycle_words(result, cycles[0])),
+        verdict=f"F'_ior at least {first_sweep.interval_arcsec[0]:.2f}″ (lower bound)"
+        if first_sweep.is_bound
+        else f"F'_ior {first_sweep.range.value:.2f}″{travel}",
+        why=(*_lower_bound(result, first_sweep), *_full_cycle_words(result, cycles[0])),
         blocks=(
-            Table.by_row("", _columns(found), result.directions),
-            *([_shaft_table(found)] if found.shafts else []),
+            Table.by_row("", _columns(first_sweep), result.directions),
+            *([_shaft_table(first_sweep)] if first_sweep.shafts else []),
             Facts.of(_facts(result, drive, options, speed)),
-            _curve(found),
+            _curve(first_sweep),
         ),
         details=(
             Table.by_column("full mesh cycle", _CYCLE, [gearing] if gearing else []),
             Table.by_column("all numbers", _SWEEP_QUANTITIES, result.directions),
-            *(block for each in result.directions for block in _details(each)),
-            *map(_curve, others),
+            *(block for sweep in result.directions for block in _details(sweep)),
+            *map(_curve, further_sweeps),
             Facts.of(
-                [("slope", slope_words(*slope, None, is_least=found.is_scale_bound))]
+                [("slope", slope_words(*slope, None, is_least=first_sweep.is_scale_bound))]
                 if (slope := result.slope_arcsec_per_deg)
                 else []
             ),
@@ -134,7 +134,7 @@ def measure_report(
             "notes": list(result.notes),
             "cycle": gearing and as_object(_CYCLE, gearing),
             "F_ior_arcsec": result.F_ior_arcsec,
-            "directions": [_sweep(*each) for each in zip(result.directions, cycles, strict=True)],
+            "directions": [_sweep(*sweep) for sweep in zip(result.directions, cycles, strict=True)],
             "reversal_error": reversal and asdict(reversal),
             "encoder_lag": lag and asdict(lag),
             "torque": result.torque and asdict(result.torque),
@@ -142,7 +142,7 @@ def measure_report(
             "seed": result.seed,
         },
         csv=_csv(result),
-        line=_line(found),
+        line=_line(first_sweep),
         about=trace.file,
         warnings=result.warnings,
     )
@@ -188,18 +188,18 @@ def _full_cycle_words(result: Measurement, found: FullCycle | str | None) -> Ite
 
 def _facts(result: Measurement, drive: Drive | None, options: Sequence[str], speed: float | None) -> Iterator[Fact]:
     """Yield the largest orders, reading of the file and the next command, a label and a text each."""
-    found = result.directions[0]
+    first_sweep = result.directions[0]
     file = result.trace.file
-    yield "orders", _orders_words(found)
-    yield "slow", _slow(found)
+    yield "orders", _orders_words(first_sweep)
+    yield "slow", _slow(first_sweep)
     if speed and (slope := result.slope_arcsec_per_deg):
-        yield "slope", slope_words(*slope, speed, is_least=found.is_scale_bound)
-    yield from _line_facts(found)
+        yield "slope", slope_words(*slope, speed, is_least=first_sweep.is_scale_bound)
+    yield from _line_facts(first_sweep)
     if reversal := result.reversal:
         yield "reversal", _reversal_words(reversal)
     if torque := result.torque:
         yield "torque", _torque(torque)
-        yield "at torques", _at_torques(found)
+        yield "at torques", _at_torques(first_sweep)
     if lag := result.lag:
         reach = COVERAGE_FACTOR * lag.uncertainty_ms
         yield (
@@ -209,7 +209,7 @@ def _facts(result: Measurement, drive: Drive | None, options: Sequence[str], spe
                 "because friction that grows with the speed has the same effect; the lag is removed"
             ),
         )
-    missing = [source.name for source in found.sources if source.arcsec is None]
+    missing = [source.name for source in first_sweep.sources if source.arcsec is None]
     yield "not in u", f"{', '.join(missing)} (--budget NAME=U)" if missing else ""
     yield "read as", "; ".join(result.notes)
     if file != STDIN:
@@ -281,15 +281,15 @@ def _next_command(result: Measurement, drive: Drive | None, options: Sequence[st
 def _reversal_words(reversal: Reversal) -> str:
     """Return the lost motion of a recording in both directions in words, and the part of it that may be lag."""
     reach = COVERAGE_FACTOR * reversal.lost_motion_standard_uncertainty_arcsec
-    words = (
+    text = (
         f"lost motion {reversal.lost_motion_arcsec:.2f} ± {reach:.2f}″ (k = {COVERAGE_FACTOR:g}) at reversal "
         "(backlash, friction, hysteresis)"
     )
     if reversal.by == "one speed":
         size = f" of {reversal.arcsec_per_ms:.3g}″ per ms" if reversal.arcsec_per_ms else ""
-        words += f", encoder lag{size} included (record two speeds to remove it)"
+        text += f", encoder lag{size} included (record two speeds to remove it)"
     departure = f"up to {reversal.greatest_departure_arcsec:.2f}″ from the mean"
-    return f"{words}; mean {reversal.mean_arcsec:.2f}″, {departure}"
+    return f"{text}; mean {reversal.mean_arcsec:.2f}″, {departure}"
 
 
 def _slope_object(result: Measurement, speed: float | None) -> Json:
@@ -305,15 +305,15 @@ def _slope_object(result: Measurement, speed: float | None) -> Json:
 
 def _torque(torque: RecordedTorque) -> str:
     """Return the torque of a recording in words, the removed wind-up, and the stiffness it follows from."""
-    words = f"mean {torque.mean_Nm:.4g} N·m, {torque.least_Nm:.4g} to {torque.greatest_Nm:.4g} N·m"
+    text = f"mean {torque.mean_Nm:.4g} N·m, {torque.least_Nm:.4g} to {torque.greatest_Nm:.4g} N·m"
     if not torque.by:
-        return words
+        return text
     size = f"{torque.wind_up_arcsec:.3g} ± {COVERAGE_FACTOR * torque.uncertainty_arcsec:.2g}″"
     by = "K_1 to K_3 of the preset's catalogue"
     if fitted := torque.stiffness_Nm_rad:
         by = f"the stiffness in the recording, {fitted[0]:.3g} ± {COVERAGE_FACTOR * fitted[1]:.2g} N·m/rad"
     where = "the mean torque" if fitted else "the recorded torque"
-    return f"{words}; wind-up of {size} removed with {by} (± k = {COVERAGE_FACTOR:g}). F'_ior is that at {where}"
+    return f"{text}; wind-up of {size} removed with {by} (± k = {COVERAGE_FACTOR:g}). F'_ior is that at {where}"
 
 
 def _at_torques(found: SweepResult) -> str:
@@ -378,7 +378,7 @@ def _sweep(found: SweepResult, cycle: FullCycle | str | None) -> Json:
         **{name: as_objects(_ORDER_COLUMNS, getattr(found, name)) for name in ("orders", "orders_of_cam", "lines")},
         "shafts": as_objects(_SHAFTS, found.shafts),
         "budget": as_objects(_BUDGET, found.sources),
-        "torques": [asdict(each) for each in found.torques],
+        "torques": [asdict(torque) for torque in found.torques],
         "torque_miss_arcsec": found.torque_miss_arcsec,
         "full_cycle": asdict(cycle) if isinstance(cycle, FullCycle) else None,
         "full_cycle_missing": cycle if isinstance(cycle, str) else None,
@@ -398,10 +398,12 @@ def _line(found: SweepResult) -> str:
 def _csv(result: Measurement) -> CsvTable:
     """Return one row per step of the angle and direction: error minus its level and drift, and the fitted curve."""
     rows: list[list[Any]] = []
-    for found in result.directions:
-        error = found.fit.error
-        columns = np.column_stack([found.bins.sweep, 360 * found.bins.turns, error, error - found.fit.residual])
-        rows += [[result.trace.file, found.direction, int(sweep), *step] for sweep, *step in columns.tolist()]
+    for of_direction in result.directions:
+        error = of_direction.fit.error
+        columns = np.column_stack(
+            [of_direction.bins.sweep, 360 * of_direction.bins.turns, error, error - of_direction.fit.residual]
+        )
+        rows += [[result.trace.file, of_direction.direction, int(sweep), *step] for sweep, *step in columns.tolist()]
     return ["file", "direction", "sweep", "cam_deg", "error_arcsec", "fitted_arcsec"], rows
 
 
@@ -412,9 +414,9 @@ def repeats(results: Sequence[Measurement]) -> tuple[Json, list[str]]:
         return {}, []
     mean = float(np.mean(values))
     spread = float(np.std(values, ddof=1))
-    found = {"files": len(values), "mean_arcsec": mean, "standard_deviation_arcsec": spread}
+    repeatability = {"files": len(values), "mean_arcsec": mean, "standard_deviation_arcsec": spread}
     line = f"{len(values)} files: mean F'_ior {mean:.2f}″, standard deviation {spread:.2f}″"
-    return {"repeat_runs": found}, [line]
+    return {"repeat_runs": repeatability}, [line]
 
 
 def joint_lines(reports: Sequence[Report], results: Sequence[Measurement]) -> list[str]:
@@ -424,10 +426,10 @@ def joint_lines(reports: Sequence[Report], results: Sequence[Measurement]) -> li
     for report in reports:
         if "joint" not in report.values:
             continue
-        found = next(measured).directions[0]
-        share = f"{100 * found.coverage.share:.1f}" if found.coverage else NO_VALUE
-        value = f"{'at least ' if found.is_bound else ''}{found.range.value:.2f}"
-        rows.append((str(report.values["joint"]), value, _ends_text(found.interval_arcsec), share))
+        first_sweep = next(measured).directions[0]
+        share = f"{100 * first_sweep.coverage.share:.1f}" if first_sweep.coverage else NO_VALUE
+        value = f"{'at least ' if first_sweep.is_bound else ''}{first_sweep.range.value:.2f}"
+        rows.append((str(report.values["joint"]), value, _ends_text(first_sweep.interval_arcsec), share))
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
 
@@ -466,7 +468,7 @@ def bench_report(
     table = record.table
     places: tuple[PlaceLoop, ...] = ()
     if isinstance(record, PositionRecord):
-        found = position_quantities(record, seed=seed)
+        quantities = position_quantities(record, seed=seed)
     else:
         greatest = float(abs(record.torque_Nm).max())
         rated = drive.operation.rated if drive else None
@@ -477,46 +479,46 @@ def bench_report(
             by = f"the largest of the loop; {hint}"
         table.notes.append(f"rated torque {rated:g} N·m: {by}")
         places = place_loops(record, rated)
-        found = loop_quantities(places)
-    first = found[0]
-    unsure = [each for each in found if each.uncertainty_arcsec is not None]
-    positions = seen_range(record, found) if isinstance(record, PositionRecord) else None
+        quantities = loop_quantities(places)
+    first = quantities[0]
+    unsure = [quantity for quantity in quantities if quantity.uncertainty_arcsec is not None]
+    positions = seen_range(record, quantities) if isinstance(record, PositionRecord) else None
     iso230 = positioning_test(record) if isinstance(record, PositionRecord) else None
     verdict = f"{_CHECKS[first.name].words} {first.arcsec:.2f}″"
-    values = [f"{q.name} {q.arcsec:.2f}{f' ± {_expanded(q):.2f}' if q in unsure else ''}″" for q in found]
+    values = [f"{q.name} {q.arcsec:.2f}{f' ± {_expanded(q):.2f}' if q in unsure else ''}″" for q in quantities]
     if positions is None and iso230 and iso230.figure("B"):
         verdict = _reversal_verdict(iso230)
         values = [verdict, *values]
     once = "each position was approached once: its uncertainty is unknown, and scatter widens the range"
-    words = [word for q in unsure for word in ("--value", f"{q.name}={q.arcsec:.3g}±{_expanded(q):.2g}")]
+    option_words = [word for q in unsure for word in ("--value", f"{q.name}={q.arcsec:.3g}±{_expanded(q):.2g}")]
     planned = positions and positions.M_g
     if planned and table.file != STDIN:  # all of it by one option
         budget = ["--budget", "encoder=U,coupling=U,reseating=U,temperature=U"]
-        words = ["--measured", f"{planned:.15g}={table.file}", "--measured-only", *options, *budget]
+        option_words = ["--measured", f"{planned:.15g}={table.file}", "--measured-only", *options, *budget]
     unlimited = [q.name for q in unsure if drive is None or getattr(drive.acceptance, q.name) is None]
-    words += [word for name in unlimited for word in ("--limit", f"{name}=LIMIT")]
+    option_words += [word for name in unlimited for word in ("--limit", f"{name}=LIMIT")]
     return Report(
         command="measure",
         drive=drive,
         head=f"{table.file}, {len(table.lines)} rows" + (f", {drive.name}" if drive else ""),
         verdict=verdict,
         blocks=(
-            Table.by_row("", _STATED_COLUMNS, found),
+            Table.by_row("", _STATED_COLUMNS, quantities),
             *([_iso230_table(iso230)] if iso230 else []),
             *([Table.by_row("places", _PLACES, places)] if len(places) > 1 else []),
             Facts.of(
                 [
                     ("F'_ior", _seen_words(positions) if positions else ""),
                     ("read as", "; ".join(table.notes)),
-                    ("next", again("accept", drive, *words) if words and table.file != STDIN else ""),
+                    ("next", again("accept", drive, *option_words) if option_words and table.file != STDIN else ""),
                 ]
             ),
         ),
-        details=(Lines("definitions", tuple(f"{_CHECKS[q.name].words}: {_CHECKS[q.name].tests}" for q in found)),),
+        details=(Lines("definitions", tuple(f"{_CHECKS[q.name].words}: {_CHECKS[q.name].tests}" for q in quantities)),),
         values={
             "file": {"name": table.file, "sha256": table.sha256, "rows": len(table.lines)},
             "notes": list(table.notes),
-            "quantities": as_objects(_QUANTITIES, found),
+            "quantities": as_objects(_QUANTITIES, quantities),
             "F_ior": positions and as_object(_SEEN_RANGE, positions),
             "iso230_2": iso230 and _iso230_object(iso230),
             "places": as_objects(_PLACES, places),
@@ -524,7 +526,7 @@ def bench_report(
         },
         line=", ".join(values),
         about=table.file,
-        warnings=(once,) if len(unsure) < len(found) else (),
+        warnings=(once,) if len(unsure) < len(quantities) else (),
     )
 
 
@@ -566,9 +568,9 @@ def _seen_words(found: SeenRange) -> str:
         return f"{least}; planned positions or sides are missing, so the shares of the plan do not apply"
     if not found.seen:
         return f"{least}; hdassist plan computes the share that they capture"
-    _, middle, most = found.estimates_arcsec
+    _, middle, high = found.estimates_arcsec
     share = f"{100 * found.seen[0]:.0f} to {100 * found.seen[2]:.0f} %"
-    return f"{least}, which capture {share} of F'_ior: median {middle:.1f}″, up to {most:.1f}″ in 95 of 100 drives"
+    return f"{least}, which capture {share} of F'_ior: median {middle:.1f}″, up to {high:.1f}″ in 95 of 100 drives"
 
 
 def _expanded(found: StatedQuantity) -> float:
@@ -585,30 +587,46 @@ _ENTRY_COLUMNS = quantity_table(
 
 def history_report(serial: str, archive: str, entries: Sequence[ArchiveEntry]) -> Report:
     """Return the change of F'_ior of a drive by its entries in an archive, compared with its uncertainty."""
-    found = histories(entries)
-    verdict = "no change beyond its uncertainty" if found else "nothing to compare"
-    verdict = "changed by more than its uncertainty" if any(each.is_changed for each in found) else verdict
-    objects = [as_json(each) for each in entries]
+    histories_of_drives = histories(entries)
+    verdict = "no change beyond its uncertainty" if histories_of_drives else "nothing to compare"
+    verdict = (
+        "changed by more than its uncertainty"
+        if any(history.is_changed for history in histories_of_drives)
+        else verdict
+    )
+    objects = [as_json(entry) for entry in entries]
     return Report(
         command="measure-history",
         drive=None,
         head=f"{serial} in {archive}, measured {len(entries)} times",
         verdict=verdict,
-        why=tuple(map(_sentence, found)),
+        why=tuple(map(_sentence, histories_of_drives)),
         blocks=(
             Table.by_row("F'_ior in ″, torque in N·m", _ENTRY_COLUMNS, entries),
             Facts.of(_history_facts(entries)),
-            *(_history_curve(each) for each in sorted(found, key=lambda each: -len(each.entries))[:1]),
+            *(
+                _history_curve(history)
+                for history in sorted(histories_of_drives, key=lambda each: -len(each.entries))[:1]
+            ),
         ),
-        values={"serial": serial, "archive": archive, "verdict": verdict, "entries": objects, "histories": found},
-        csv=([*objects[0]], [[*(each | {"unstated": " ".join(each["unstated"])}).values()] for each in objects]),
+        values={
+            "serial": serial,
+            "archive": archive,
+            "verdict": verdict,
+            "entries": objects,
+            "histories": histories_of_drives,
+        },
+        csv=(
+            [*objects[0]],
+            [[*(columns | {"unstated": " ".join(columns["unstated"])}).values()] for columns in objects],
+        ),
         line=verdict,
     )
 
 
 def _sentence(found: DriveHistory) -> str:
     """Return the change of a history in words."""
-    values = [each.F_ior_arcsec for each in found.entries]
+    values = [entry.F_ior_arcsec for entry in found.entries]
     first, *_ = found.entries
     hole, torque = (quantity.text(first) for quantity in _ENTRY_COLUMNS[1:3])
     where = f"hole {hole}, {torque} N·m, {_DIRECTION_NAMES[first.direction]} input angle"
@@ -618,17 +636,17 @@ def _sentence(found: DriveHistory) -> str:
 
 def _history_facts(entries: Sequence[ArchiveEntry]) -> Iterator[Fact]:
     """Yield the entries omitted from the comparison and from the uncertainty, a label and a text each."""
-    parts = sum(each.F_ior_is_lower_bound for each in entries)
+    parts = sum(entry.F_ior_is_lower_bound for entry in entries)
     yield "left out", f"lower bounds from a part of the cycle: {parts}" if parts else ""
-    missing = dict.fromkeys(name for each in entries for name in each.unstated)
+    missing = dict.fromkeys(name for entry in entries for name in entry.unstated)
     yield "not in u", f"{', '.join(missing)}; they may cause a change (--budget NAME=U)" if missing else ""
 
 
 def _history_curve(found: DriveHistory) -> Curve:
     """Return F'_ior over the days since the first measurement, with intervals, as a curve."""
-    first, *_ = dates = [date.fromisoformat(each.date) for each in found.entries]
-    days = np.array([(each - first).days for each in dates], dtype=float)
-    ends = [(day, each.low_arcsec, each.high_arcsec) for day, each in zip(days, found.entries, strict=True)]
-    y = np.array([each.F_ior_arcsec for each in found.entries])
+    first, *_ = dates = [date.fromisoformat(entry.date) for entry in found.entries]
+    days = np.array([(day - first).days for day in dates], dtype=float)
+    ends = [(day, entry.low_arcsec, entry.high_arcsec) for day, entry in zip(days, found.entries, strict=True)]
+    y = np.array([entry.F_ior_arcsec for entry in found.entries])
     label = "F'_ior, ″"
     return Curve(x=days, y=y, x_label=f"days since {first}", y_label=label, whiskers=tuple(ends), points=True, rows=6)

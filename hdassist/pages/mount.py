@@ -83,14 +83,14 @@ def mount_report(
     if count:
         torques = " and ".join(f"{M_g:g}" for M_g in advice.torques_of_values)
         # the uncertainty of values without one of their own: that of --noise or its default
-        own = all(trial.noise_arcsec for trial in advice.trials)
-        spread = "" if own else f" (± {2 * advice.setup.noise_arcsec:g}″, k = 2)"
+        is_each_known = all(trial.noise_arcsec for trial in advice.trials)
+        spread = "" if is_each_known else f" (± {2 * advice.setup.noise_arcsec:g}″, k = 2)"
         where = f"{count} measured value{'s' if count > 1 else ''}{spread} at {torques} N·m"
-    found = advice.decision
-    stay = () if found.stay is None else (found.stay,)
-    rows = dict.fromkeys((found.best, *found.ranked[:_ROWS], *stay, found.ranked[-1]))
-    if found.all_alike:  # what the others differ by is chance
-        rows = {found.best: None}
+    decision = advice.decision
+    stay = () if decision.stay is None else (decision.stay,)
+    rows = dict.fromkeys((decision.best, *decision.ranked[:_ROWS], *stay, decision.ranked[-1]))
+    if decision.all_alike:  # what the others differ by is chance
+        rows = {decision.best: None}
     return Report(
         command="mount",
         drive=drive,
@@ -100,7 +100,7 @@ def mount_report(
         blocks=(_positions_table(advice, list(rows)), Facts.of(_facts(advice, carded=carded)), *figures[:1]),
         details=(
             *figures[1:],
-            _positions_table(advice, range(len(found.rotations_deg)), "all holes"),
+            _positions_table(advice, range(len(decision.rotations_deg)), "all holes"),
             Facts.of(_more_facts(advice)),
         ),
         certificate=advice.certificate,
@@ -132,15 +132,17 @@ def _exit_code(advice: Advice, sure: float | None) -> int:
 
 def mount_warnings(advice: Advice, say: Texts = ENGLISH) -> tuple[str, ...]:
     """Return the warnings about an advice in the language of the texts."""
-    found = list(warnings_of(advice.drive, say))
+    texts_of_warnings = list(warnings_of(advice.drive, say))
     if advice.open_ and not advice.decision.is_sampled:
-        found.append(say("warning.not_drawn", count=len(advice.open_)))
+        texts_of_warnings.append(say("warning.not_drawn", count=len(advice.open_)))
     if advice.measured and not advice.drive.mounting.holes:
-        found.append(say("warning.steps"))
+        texts_of_warnings.append(say("warning.steps"))
     for name, measured in advice.measured.by_name.items() if advice.measured else ():
         if ASSUMED["sense"][1] in measured.pitch.notes:
-            found.append(say("warning.sense", wheel=say(f"wheel.{WHEELS[name]}"), file=shown(measured.pitch.file)))
-    return (*found, *_warnings_of_values(advice, say))
+            texts_of_warnings.append(
+                say("warning.sense", wheel=say(f"wheel.{WHEELS[name]}"), file=shown(measured.pitch.file))
+            )
+    return (*texts_of_warnings, *_warnings_of_values(advice, say))
 
 
 def _warnings_of_values(advice: Advice, say: Texts) -> Iterator[str]:
@@ -171,14 +173,19 @@ def _warnings_of_values(advice: Advice, say: Texts) -> Iterator[str]:
     if after.by_values > UNSHOWN_VALUES:
         yield say("warning.by_values", share=say.percent(after.by_values))
     elif advice.contradicted:
-        path, found, spread = advice.contradicted
+        path, direction_deg, spread = advice.contradicted
         stated = say.angle(advice.drive.number(path))
-        yield say("warning.contradicted", found=say.angle(round(found)), spread=say.angle(round(spread)), stated=stated)
+        yield say(
+            "warning.contradicted",
+            found=say.angle(round(direction_deg)),
+            spread=say.angle(round(spread)),
+            stated=stated,
+        )
     for k, a in enumerate(advice.trials):
         for b in advice.trials[:k]:
             noise = float(np.linalg.norm(after.samples.noise((a, b))))
-            alike = advice.setup.point(a) == advice.setup.point(b)
-            if alike and abs(a.F_ior_arcsec - b.F_ior_arcsec) > _APART * noise:
+            is_same_place = advice.setup.point(a) == advice.setup.point(b)
+            if is_same_place and abs(a.F_ior_arcsec - b.F_ior_arcsec) > _APART * noise:
                 values = f"{measured_value(b, say)}″, {measured_value(a, say)}″"
                 where = _where(advice, a.rotation_deg, say)
                 stated = say.number(advice.setup.noise_arcsec)
@@ -275,27 +282,27 @@ def _why(advice: Advice) -> Iterator[str]:
 
 def _probability_words(advice: Advice) -> str:
     """Return the probability of the choice in words; empty if no hole is better than another."""
-    found = advice.decision
+    decision = advice.decision
     if not advice.names_hole:
         return f"F'_ior is that at nominal values: {advice.fault}." if advice.fault else ""
-    if not found.is_sampled:
+    if not decision.is_sampled:
         why = f": {advice.fault}" if advice.fault else ""
         return f"The choice is made at nominal values; its probability is unknown{why}."
-    few = found.probability.few
-    by = f" by more than {100 * found.cost:g} %"
-    outcome = "LEAVE" if found.best == found.stay else "TURN"
-    sure = found.probability.text(advice.sure if few else None, outcome=outcome)
+    few = decision.probability.few
+    by = f" by more than {100 * decision.cost:g} %"
+    outcome = "LEAVE" if decision.best == decision.stay else "TURN"
+    sure = decision.probability.text(advice.sure if few else None, outcome=outcome)
     place = hole_place(advice.chosen)
     start = start_of_count(advice.drive)
-    if found.best == found.stay:
-        words = f"Probability that no other hole is better than {start}{by}: {sure}."
-    elif found.stay is None:
-        words = f"Probability that {place} is within 5 % of the best allowed hole: {sure}."
+    if decision.best == decision.stay:
+        sentence = f"Probability that no other hole is better than {start}{by}: {sure}."
+    elif decision.stay is None:
+        sentence = f"Probability that {place} is within 5 % of the best allowed hole: {sure}."
     else:
-        words = f"Probability that {place} is better than {start}{by}: {sure}."
+        sentence = f"Probability that {place} is better than {start}{by}: {sure}."
     if advice.after and advice.decision.effective:
-        words += f" Effective sample size: {advice.after.effective:.0f}."
-    return words
+        sentence += f" Effective sample size: {advice.after.effective:.0f}."
+    return sentence
 
 
 def next_value_words(advice: Advice) -> str:
@@ -311,9 +318,9 @@ def next_value_words(advice: Advice) -> str:
             return f"Stop measuring: one more value would reduce F'_ior {_reduction(advice, one)} on average."
         point = advice.next.rotation_deg, value.M_g
         again_ = " again" if point in map(advice.setup.point, advice.trials) else ""
-        at = f" at {value.M_g:g} N·m" if advice.torques_of_values != (value.M_g,) else ""
+        torque_words = f" at {value.M_g:g} N·m" if advice.torques_of_values != (value.M_g,) else ""
         gain = _expected(advice, (one, "one more value"), (three, "three"))
-        return f"Next, measure {hole_place(advice.next)}{at}{again_}. {gain}"
+        return f"Next, measure {hole_place(advice.next)}{torque_words}{again_}. {gain}"
     after = dict(later)
     if not advice.next:
         return f"No need to measure: six values would reduce F'_ior only {_reduction(advice, after[6])} on average."
@@ -325,20 +332,20 @@ def next_value_words(advice: Advice) -> str:
 
 def _reduction(advice: Advice, F_ior: float) -> str:
     """Return the reduction of F'_ior by further values: that of all torques in %, or F'_ior before and after it."""
-    now = advice.worths[0][1]
+    F_ior_now = advice.worths[0][1]
     if len(advice.torques) > 1:
-        return f"by {100 * max(1 - F_ior / now, 0.0):.1f} %"
-    return f"from {now:.1f} to {F_ior:.1f}″{_elsewhere(advice)}"
+        return f"by {100 * max(1 - F_ior / F_ior_now, 0.0):.1f} %"
+    return f"from {F_ior_now:.1f} to {F_ior:.1f}″{_elsewhere(advice)}"
 
 
 def _expected(advice: Advice, *gains: tuple[float, str]) -> str:
     """Return F'_ior expected after further values, a pair of it and a number of values in words each."""
-    now = advice.worths[0][1]
+    F_ior_now = advice.worths[0][1]
     if len(advice.torques) > 1:
-        shares = ", ".join(f"{100 * max(1 - F_ior / now, 0.0):.1f} % after {count}" for F_ior, count in gains)
+        shares = ", ".join(f"{100 * max(1 - F_ior / F_ior_now, 0.0):.1f} % after {count}" for F_ior, count in gains)
         return f"Expected reduction of F'_ior: {shares}."
     values = ", ".join(f"{F_ior:.1f}″ after {count}" for F_ior, count in gains)
-    return f"Expected F'_ior{_elsewhere(advice)} in the hole then chosen: {values} (now {now:.1f}″)."
+    return f"Expected F'_ior{_elsewhere(advice)} in the hole then chosen: {values} (now {F_ior_now:.1f}″)."
 
 
 def _elsewhere(advice: Advice) -> str:
@@ -349,24 +356,26 @@ def _elsewhere(advice: Advice) -> str:
 
 def _facts(advice: Advice, *, carded: bool) -> Iterator[Fact]:
     """Yield the best hole for each torque, limits, and the next command, a label and a text each."""
-    found = advice.decision
+    decision = advice.decision
     drive = advice.drive
-    at = advice.chosen.rotation_deg
+    chosen_deg = advice.chosen.rotation_deg
     alone = [p.rotation_deg for p in advice.by_torque]
-    if advice.names_hole and not advice.verification and any(each != alone[0] for each in alone):
-        words = (f"{M_g:g} N·m: {hole_place(p)}" for M_g, p in zip(advice.torques, advice.by_torque, strict=True))
-        yield "best hole for each torque", "; ".join(words)
-    if found.stay is None:
+    if advice.names_hole and not advice.verification and any(place != alone[0] for place in alone):
+        texts_by_torque = (
+            f"{M_g:g} N·m: {hole_place(p)}" for M_g, p in zip(advice.torques, advice.by_torque, strict=True)
+        )
+        yield "best hole for each torque", "; ".join(texts_by_torque)
+    if decision.stay is None:
         yield "not allowed", f"{start_of_count(drive)}, so the {wheel(drive)} has to move"
-    if found.is_sampled and (kept := found.probability_kept) is not None and not advice.correction:
+    if decision.is_sampled and (kept := decision.probability_kept) is not None and not advice.correction:
         limits = [f"{limit:g}″ at {M_g:g} N·m" for M_g in advice.torques if (limit := drive.limit(M_g)) is not None]
         stays = ""
-        if at and found.stay is not None and advice.names_hole:
-            stays = f"; {start_of_count(drive)}: {100 * kept[found.stay]:.0f} %"
+        if chosen_deg and decision.stay is not None and advice.names_hole:
+            stays = f"; {start_of_count(drive)}: {100 * kept[decision.stay]:.0f} %"
         goal = hole_place(advice.chosen) if advice.names_hole else "any hole"
         event = f"{goal} meets {', '.join(limits)} (F'_ior + self error)"
-        yield "limit", f"probability that {event}: {100 * kept[found.best]:.0f} %{stays}"
-    if advice.unknown and not found.is_sampled:
+        yield "limit", f"probability that {event}: {100 * kept[decision.best]:.0f} %{stays}"
+    if advice.unknown and not decision.is_sampled:
         yield "unknown", f"taken as 0: {unknown_names(advice.unknown)}"
     if advice.verification:
         return
@@ -392,7 +401,7 @@ def _name(advice: Advice, rotation_deg: float) -> str:
 def _more_facts(advice: Advice) -> Iterator[Fact]:
     """Yield gain, contributions, samples, repeatability and eccentricity, a label and a text each."""
     if advice.turn and advice.decision.is_sampled and not advice.correction:
-        low, middle, high = (-100 * each for each in advice.gain_range)
+        low, middle, high = (-100 * gain for gain in advice.gain_range)
         places = f"F'_ior in {hole_place(advice.chosen)} relative to {start_of_count(advice.drive)}"
         yield "gain", f"{places}: {middle:+z.0f} % ({low:+z.0f} to {high:+z.0f})"
     if advice.samples:
@@ -400,12 +409,15 @@ def _more_facts(advice: Advice) -> Iterator[Fact]:
         yield "unknown", unknown_names(advice.unknown)
         yield "samples", samples_words(advice.samples)
     if after := advice.after:
-        found = advice.setup.noise_arcsec * after.noise.mean()
-        yield "repeatability", f"stated {advice.setup.noise_arcsec:g}″, estimated {found:.2f}″ (1σ)"
+        noise_arcsec = advice.setup.noise_arcsec * after.noise.mean()
+        yield "repeatability", f"stated {advice.setup.noise_arcsec:g}″, estimated {noise_arcsec:.2f}″ (1σ)"
         size, _ = after.offset
         if after.facing[0] is not None and len(size):
-            at = f"at {after.facing[0]:.0f}° ± {after.facing[1]:.0f}°"
-            yield "eccentricity", f"of the wave generator: {size.mean():.0f} ± {size.std():.0f} µm {at} (k = 1)"
+            direction_words = f"at {after.facing[0]:.0f}° ± {after.facing[1]:.0f}°"
+            yield (
+                "eccentricity",
+                f"of the wave generator: {size.mean():.0f} ± {size.std():.0f} µm {direction_words} (k = 1)",
+            )
         ratio = f"{after.scale.mean():.2f} ± {after.scale.std():.2f}"
         yield "scale", f"measured F'_ior over computed F'_ior: {ratio} (k = 1)"
         yield "unknown", unknown_names(advice.unknown)
@@ -413,16 +425,16 @@ def _more_facts(advice: Advice) -> Iterator[Fact]:
 
 def _positions_table(advice: Advice, places: Sequence[int], title: str = "") -> Table:
     """Return a table of some holes, by their places: F'_ior, median and range, and the probabilities of the hole."""
-    found = advice.decision
+    decision = advice.decision
     rows = []
-    names = {found.stay: _standing(advice)}
+    names = {decision.stay: _standing(advice)}
     if advice.names_hole:
-        names = {found.ranked[-1]: "worst", **names, found.best: "best"}
+        names = {decision.ranked[-1]: "worst", **names, decision.best: "best"}
     if advice.verification:
-        names[found.best] = _VERIFICATION_WORDS[advice.verification.verdict].lower()
-    sampled = found.is_sampled
+        names[decision.best] = _VERIFICATION_WORDS[advice.verification.verdict].lower()
+    sampled = decision.is_sampled
     for place in places:
-        action = found.action(place)
+        action = decision.action(place)
         cells = [
             f"{middle:.2f} ({low:.1f}-{high:.1f})" if sampled else f"{middle:.2f}"
             for low, middle, high in zip(*action.F_ior_arcsec.values(), strict=True)
@@ -432,19 +444,19 @@ def _positions_table(advice: Advice, places: Sequence[int], title: str = "") -> 
             shares = [f"{100 * action.probability_better:.0f}", f"{100 * action.probability_good:.0f}"]
         hole = bare(action.rotation_deg, advice.drive.mounting.holes)
         label = names.get(place, "")
-        if found.all_alike and not title:  # one row stands for all holes
+        if decision.all_alike and not title:  # one row stands for all holes
             label = ""
             hole = _ANY_LINE
         rows.append((label, hole, *cells, *shares, f"{100 * action.expected_loss:.1f}"))
     spread = ": median (5 to 95 %)" if sampled else ""
-    if found.all_alike and not title:
+    if decision.all_alike and not title:
         spread += " in any hole"
     residual = f"residual F'_ior ({form_words(advice.correction)})" if advice.correction else "F'_ior"
     heads = (f"at {M_g:g} N·m" for M_g in advice.torques)
     where, counted = ("hole", "holes") if advice.drive.mounting.holes else ("angle, °", "angles")
     of_shares = ("P(better)", "P(within 5 %)") if sampled else ()
     start = start_of_count(advice.drive)
-    better = f"better: than {start} by > {100 * found.cost:g} %; within 5 %: of the best hole"
+    better = f"better: than {start} by > {100 * decision.cost:g} %; within 5 %: of the best hole"
     governing = ", governing torque" if len(advice.torques) > 1 else ""
     excess = f"excess: {'expected ' if sampled else ''}over best hole{governing}; {counted} count counter-clockwise"
     first = f"{title}: " if title else ""
@@ -466,19 +478,19 @@ def _standing(advice: Advice) -> str:
 
 def _position_curves(advice: Advice) -> Iterator[Curve]:
     """Yield F'_ior over positions of the wheel at each torque: nominal drive, ranges over samples, values, limit."""
-    found = advice.decision
+    decision = advice.decision
     holes = advice.drive.mounting.holes
     curve = advice.curve
     per = 360 / holes if holes else 1.0
-    sampled = found.is_sampled
-    turns = np.array(found.rotations_deg)
+    sampled = decision.is_sampled
+    turns = np.array(decision.rotations_deg)
     if (len(turns) < 2 and (not curve or len(curve.rotation_deg) < 2)) or advice.no_hole_better == "standing":
         return
-    ends = [np.array([found.quantile(level, place) for place in range(len(turns))]) for level in LEVELS.values()]
-    now = _standing(advice)
+    ends = [np.array([decision.quantile(level, place) for place in range(len(turns))]) for level in LEVELS.values()]
+    present = _standing(advice)
     next_words = "next"
-    rooms = found.room_arcsec or [None] * len(advice.torques)
-    marked = {now: advice.current, "best": advice.chosen}
+    rooms = decision.room_arcsec or [None] * len(advice.torques)
+    marked = {present: advice.current, "best": advice.chosen}
     if advice.next and advice.names_hole and advice.next.rotation_deg == marked["best"].rotation_deg:
         del marked["best"]
         next_words = "best and next"
@@ -495,11 +507,11 @@ def _position_curves(advice: Advice) -> Iterator[Curve]:
         if advice.names_hole:
             marks += [
                 CurveMark(
-                    x=p.rotation_deg / per, y=p.F_ior_arcsec[k], words=name, kind="now" if name == now else "target"
+                    x=p.rotation_deg / per, y=p.F_ior_arcsec[k], words=name, kind="now" if name == present else "target"
                 )
                 for name, p in marked.items()
             ]
-        next_place = found.place(advice.next.rotation_deg) if advice.next else None
+        next_place = decision.place(advice.next.rotation_deg) if advice.next else None
         if next_place is not None:
             marks.append(
                 CurveMark(x=turns[next_place] / per, y=float(ends[1][next_place, k]), words=next_words, kind="target")
@@ -528,22 +540,22 @@ def _position_curves(advice: Advice) -> Iterator[Curve]:
 
 def _values(advice: Advice, seed: int) -> Json:
     """One shape, whatever was given."""
-    found = advice.decision
+    decision = advice.decision
     curve = advice.curve
     after = advice.after
     positions = [  # with F'_ior at each torque, and how good each is
-        attributes(advice.position(place), "hole", "phase_deg") | asdict(found.action(place))
-        for place in range(len(found.rotations_deg))
+        attributes(advice.position(place), "hole", "phase_deg") | asdict(decision.action(place))
+        for place in range(len(decision.rotations_deg))
     ]
     checked = advice.verification
     setup = advice.setup
     goal = _goal(advice)
-    probability = found.probability if found.is_sampled else None
-    now = [
-        {"M_g_Nm": M_g, **dict(zip(LEVELS, found.range_of(F_ior), strict=True))}
-        for M_g, F_ior in zip(advice.torques, found.now_arcsec, strict=True)
+    probability = decision.probability if decision.is_sampled else None
+    F_ior_now = [
+        {"M_g_Nm": M_g, **dict(zip(LEVELS, decision.range_of(F_ior), strict=True))}
+        for M_g, F_ior in zip(advice.torques, decision.now_arcsec, strict=True)
     ]
-    spans = [found.range_of(each.max(axis=1) / each.min(axis=1))[::2] for each in found.F_ior_arcsec]
+    spans = [decision.range_of(F_ior.max(axis=1) / F_ior.min(axis=1))[::2] for F_ior in decision.F_ior_arcsec]
     size = after.offset[0] if after else np.zeros(0)
     facing, facing_sd = after.facing if after else (None, None)
     misread = zip(advice.trials, after.misread if after else (), strict=True)
@@ -561,8 +573,8 @@ def _values(advice: Advice, seed: int) -> Json:
         "positions": positions,
         "worst_over_best": spans,
         "by_torque": [
-            {"torque_Nm": M_g, **attributes(each, "hole", "rotation_deg")}
-            for M_g, each in zip(advice.torques, advice.by_torque, strict=True)
+            {"torque_Nm": M_g, **attributes(place, "hole", "rotation_deg")}
+            for M_g, place in zip(advice.torques, advice.by_torque, strict=True)
         ],
         "next": _next(advice),
         "worth": [{"values": count, "F_ior_arcsec": F_ior} for count, F_ior in advice.worths],
@@ -572,9 +584,9 @@ def _values(advice: Advice, seed: int) -> Json:
         "to_try": advice.to_try if advice.next and not advice.trials else [],
         "influence": influence_objects(advice.influences),
         "samples": samples_object(advice.samples),
-        "effective_samples": after.effective if after else found.effective,
+        "effective_samples": after.effective if after else decision.effective,
         "curves": [] if curve is None else [_curve(curve, k) for k in range(len(curve.torques))],
-        "now": now if found.is_sampled else None,
+        "now": F_ior_now if decision.is_sampled else None,
         "compensated": _compensated(advice),
         "trials": {
             **attributes(setup, "noise_arcsec", M_g_Nm="M_g"),
@@ -654,11 +666,11 @@ def _compensated(advice: Advice) -> Json | None:
     """The error that a stored correction leaves in each position; None without one."""
     if not advice.compensated:
         return None
-    form, found = advice.compensated
-    places = range(len(found.rotations_deg))
-    left = {name: [found.quantile(level, each) for each in places] for name, level in LEVELS.items()}
+    form, compensated = advice.compensated
+    places = range(len(compensated.rotations_deg))
+    ranges = {name: [compensated.quantile(level, place) for place in places] for name, level in LEVELS.items()}
     order = advice.order if advice.correction else "none"
-    return {"form": form, "order": order, "rotation_deg": found.rotations_deg, "left_arcsec": left}
+    return {"form": form, "order": order, "rotation_deg": compensated.rotations_deg, "left_arcsec": ranges}
 
 
 def _trial(advice: Advice, trial: Trial) -> Json:
@@ -669,10 +681,10 @@ def _trial(advice: Advice, trial: Trial) -> Json:
 
 def _csv(advice: Advice) -> CsvTable:
     """Header and rows of a table, one row per torque and position."""
-    found = advice.decision
+    decision = advice.decision
     curve = advice.curve
     count = len(advice.torques)
-    rotations = curve.rotation_deg if curve else np.array(found.rotations_deg)
+    rotations = curve.rotation_deg if curve else np.array(decision.rotations_deg)
     columns = {"M_g_Nm": np.repeat(advice.torques, len(rotations)), "rotation_deg": np.tile(rotations, count)}
     if curve:
         return csv_columns(
@@ -681,10 +693,10 @@ def _csv(advice: Advice) -> CsvTable:
             F_ior_arcsec=curve.F_ior_arcsec.ravel(),
             every_state=curve.every_state.ravel().astype(int),
         )
-    medians = [found.quantile(0.5, place)[k] for k in range(count) for place in range(len(rotations))]
+    medians = [decision.quantile(0.5, place)[k] for k in range(count) for place in range(len(rotations))]
     return csv_columns(
         **columns,
         F_ior_p50_arcsec=medians,
-        probability_good=np.tile(found.probability_good, count),
-        expected_loss=np.tile(found.expected_loss, count),
+        probability_good=np.tile(decision.probability_good, count),
+        expected_loss=np.tile(decision.expected_loss, count),
     )

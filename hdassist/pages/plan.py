@@ -108,7 +108,7 @@ def plan_report(choice: PlanChoice, record: str) -> Report:
             "beyond_limit": drives.beyond and attributes(drives.beyond, "value", "low", "high"),
             "verdict": str(choice.verdict),
             "plans": as_objects(_PLAN_QUANTITIES, choice.judged),
-            "enough": [each.plan.name for each in choice.enough],
+            "enough": [judgement.plan.name for judgement in choice.enough],
             "over_positions": as_objects(_PLAN_QUANTITIES, choice.over_positions),
             "lines": as_objects(_LINE_QUANTITIES, choice.lines),
             "carried_out": as_object(_TEST_QUANTITIES, choice.test),
@@ -150,16 +150,16 @@ def seen_curve(choice: PlanChoice) -> Curve:
 
     A point is the lowest share of some adjacent numbers.
     """
-    points = {each.plan.readings: 100 * each.seen[0] for each in choice.over_positions}
+    points = {judgement.plan.readings: 100 * judgement.seen[0] for judgement in choice.over_positions}
     groups = np.array_split([*points], min(_DRAWN_GROUPS, len(points)))
-    alike = f"; lowest of each {len(groups[0])} adjacent numbers" if len(groups[0]) > 1 else ""
-    found = [each.plan.readings for each in choice.enough if not each.plan.is_record]
+    group_words = f"; lowest of each {len(groups[0])} adjacent numbers" if len(groups[0]) > 1 else ""
+    enough_readings = [judgement.plan.readings for judgement in choice.enough if not judgement.plan.is_record]
     return Curve(
         np.array([group.mean() for group in groups]),
         np.array([min(points[N] for N in group) for group in groups]),
         x_label="positions per output revolution",
-        y_label=f"F'_ior captured in 95 of 100 cases, %{alike}",
-        marks=tuple(CurveMark(x=N, y=points[N], words="enough", kind="target") for N in found),
+        y_label=f"F'_ior captured in 95 of 100 cases, %{group_words}",
+        marks=tuple(CurveMark(x=N, y=points[N], words="enough", kind="target") for N in enough_readings),
         rows=6,
     )
 
@@ -225,7 +225,7 @@ def sheet_report(choice: PlanChoice, serial: str = "", file: str = "") -> Report
         f"Approach each position {ways}, {run.repeats} {times}. Never overshoot a position.",
         f"Wait {run.dwell_s:g} s, then read the output. Write down the temperature again at the end.",
     )
-    given = (
+    rules = (
         "The result is the range from one side: the largest minus the smallest deviation. Average repeated readings.",
         f"The test captures {low} to {high} % of F'_ior (median {middle} %).",
         _verdicts(test),
@@ -256,7 +256,7 @@ def sheet_report(choice: PlanChoice, serial: str = "", file: str = "") -> Report
             Facts((("drive", drive.name), ("serial", serial), ("date, name", ""), ("rig, encoders", ""))),
             Lines("procedure", steps, "[ ]"),
             Facts((("temperature at begin, °C", ""), ("temperature at end, °C", ""))),
-            Lines("evaluation", tuple(filter(None, given))),
+            Lines("evaluation", tuple(filter(None, rules))),
             readings if rows else Facts((("readings", f"the list is in {file or 'the file of --approach'}"),)),
         ),
         certificate=choice.certificate,

@@ -120,10 +120,10 @@ def _without_next(blocks: Iterable[Block]) -> Iterator[Block]:
 
 def _tiles(sheet: DriveSheet, values: Mapping[str, int]) -> Iterator[tuple[str, str, str]]:
     for point in sheet.check.points:
-        found = point.belief
-        below = f"{found.p5:.1f} to {found.p95:.1f}″ (5 to 95 %)" if found else "over the full mesh cycle"
-        statistic = "median" if found else "nominal"
-        yield f"F'_ior at {point.M_g:g} N·m, {statistic}", f"{point.F_ior_or_error:.1f}″", below
+        belief = point.belief
+        subtitle = f"{belief.p5:.1f} to {belief.p95:.1f}″ (5 to 95 %)" if belief else "over the full mesh cycle"
+        statistic = "median" if belief else "nominal"
+        yield f"F'_ior at {point.M_g:g} N·m, {statistic}", f"{point.F_ior_or_error:.1f}″", subtitle
     advice = sheet.advice
     if advice.names_hole:
         gain = f"{-100 * advice.gain_range[1]:+.0f} % F'_ior" if advice.turn else "leave it in this hole"
@@ -137,13 +137,13 @@ def _basis(sheet: DriveSheet, values: Mapping[str, int]) -> Iterator[Block]:
     """Yield the inputs with the largest contributions, their range and source, and a summary of all values."""
     drive = sheet.drive
     check = sheet.check
-    given = {row.path: row for row in resolved_fields(drive)}
+    resolved = {row.path: row for row in resolved_fields(drive)}
     drawn = check.prior.fields if check.prior else ()
-    ranges = {each.path: f"{four_digits(each.low)} to {four_digits(each.high)}" for each in drawn}
-    groups = {each.group: each.path for each in reversed(drawn)}  # a size, or the direction of one that is known
+    ranges = {field.path: f"{four_digits(field.low)} to {four_digits(field.high)}" for field in drawn}
+    groups = {field.group: field.path for field in reversed(drawn)}  # a size, or the direction of one that is known
     rows = tuple(
         (named(row.path), f"{100 * share:.0f}", value_text(row.value), ranges[row.path], row.unit, row.ref)
-        for row, share in ((given[groups[each.group]], each.share) for each in check.influences)
+        for row, share in ((resolved[groups[influence.group]], influence.share) for influence in check.influences)
     )
     title = f"inputs by their contribution to the variance of F'_ior at {check.points[check.governing].M_g:g} N·m"
     yield Table(title, _INPUT_HEADS, rows)
@@ -230,7 +230,7 @@ def _environment(finalize: Callable[[Any], Any], style: Style, *, autoescape: bo
 
     Lines of a tag alone leave none.
     """
-    found = Environment(
+    environment = Environment(
         loader=PackageLoader("hdassist.pages"),
         undefined=StrictUndefined,
         trim_blocks=True,
@@ -246,9 +246,9 @@ def _environment(finalize: Callable[[Any], Any], style: Style, *, autoescape: bo
         text = visible(in_characters(figure, plain))
         return text if autoescape else Markup(text.replace("```", "'''"))
 
-    found.filters.update(drawn=drawn, unbroken=_unbroken, kind=lambda block: type(block).__name__)
-    found.tests["figure"] = lambda block: isinstance(block, Figure)
-    found.globals.update(
+    environment.filters.update(drawn=drawn, unbroken=_unbroken, kind=lambda block: type(block).__name__)
+    environment.tests["figure"] = lambda block: isinstance(block, Figure)
+    environment.globals.update(
         BLANK=BLANK,
         CENTRE=CENTRE,
         HOLE_CIRCLE=HOLE_CIRCLE,
@@ -259,7 +259,7 @@ def _environment(finalize: Callable[[Any], Any], style: Style, *, autoescape: bo
         outline=outline,
         tone_of=tone_of,
     )
-    return found
+    return environment
 
 
 def _unbroken(text: str) -> str:

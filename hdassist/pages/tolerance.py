@@ -177,7 +177,9 @@ def _few(law: ProductionLaw, summary: Summary) -> Iterator[str]:
 def _best_of(summary: Summary, drives: Sequence[_MountedDrives]) -> str:
     """Return why drives in their best holes may be worse than as assembled at one torque; empty if none is."""
     built, best = (
-        np.array([[_percentile(share, each) for *_, share in _PERCENTILES] for each in drives if each.best is way])
+        np.array(
+            [[_percentile(share, curves) for *_, share in _PERCENTILES] for curves in drives if curves.best is way]
+        )
         for way in (False, True)
     )
     if not best.size or not np.any(best > built):
@@ -222,7 +224,7 @@ def _share_below(drives: Sequence[_MountedDrives]) -> Curve:
     point = drives[0].point
     weights = np.array(drives[0].summary.weights)
     limit = None if point.limit is None or point.limit <= point.self_error else point.limit - point.self_error
-    curves = [np.interp(_PLOTTED_SHARES, *shares_below(np.array(each.F_ior), weights)) for each in drives]
+    curves = [np.interp(_PLOTTED_SHARES, *shares_below(np.array(curves.F_ior), weights)) for curves in drives]
     x_label = "share of the drives, %"
     y_label = f"F'_ior at {point.M_g:g} N·m, ″"
     y_label += "" if limit is None else f"; line: {limit:.4g} (limit {point.limit:g} minus self error)"
@@ -272,20 +274,22 @@ def _values(law: ProductionLaw, seed: int, summary: Summary, gains: Sequence[Mea
 
 def _F_ior_object(drives: _MountedDrives) -> Json:
     """Return F'_ior of random drives, and the Monte Carlo intervals of its percentiles."""
-    found = {name: drives.percentile(share) for name, _, share in _PERCENTILES}
-    intervals = {f"{name}_interval_arcsec": (each.low, each.high) for name, each in found.items()}
+    percentiles = {name: drives.percentile(share) for name, _, share in _PERCENTILES}
+    intervals = {
+        f"{name}_interval_arcsec": (percentile.low, percentile.high) for name, percentile in percentiles.items()
+    }
     return as_object(_F_IOR_COLUMNS, drives) | intervals
 
 
 def _yield_object(summary: Summary, best: bool) -> Json:
     """Return a yield with its range over the designs, and the probability of the required yield, if any."""
-    found = summary.yield_of(best)
+    yield_ = summary.yield_of(best)
     wanted = summary.wanted
     return {
-        **_yield_range(found),
-        "median": found.percentile(0.5),
-        "good": found.passed.sum(),
-        "probability": None if wanted is None else found.probability(wanted),
+        **_yield_range(yield_),
+        "median": yield_.percentile(0.5),
+        "good": yield_.passed.sum(),
+        "probability": None if wanted is None else yield_.probability(wanted),
     }
 
 
@@ -337,7 +341,7 @@ def sensitivity_report(found: Sensitivities) -> Report:
         next_ = again("sensitivity", law.drive, *_as_measured(measured))
     facts = [("measure", measure_words(found.to_measure, torques[found.worst])), ("next", next_)]
     short = _table(effects[found.worst], *_LISTED)
-    whole = [_table(of_torque, len(of_torque), len(of_torque)) for of_torque in effects]
+    torque_tables = [_table(of_torque, len(of_torque), len(of_torque)) for of_torque in effects]
     return Report(
         command="sensitivity",
         drive=law.drive,
@@ -345,7 +349,7 @@ def sensitivity_report(found: Sensitivities) -> Report:
         verdict=verdict,
         why=(reason,),
         blocks=(short, Facts.of(facts)),
-        details=(Facts((("distributions", drawn),)), *(table for table in whole if table != short)),
+        details=(Facts((("distributions", drawn),)), *(table for table in torque_tables if table != short)),
         certificate=found,
         values={
             "operating_points": [
@@ -364,7 +368,7 @@ def sensitivity_report(found: Sensitivities) -> Report:
             "drives": found.drives,
             "seed": samples.seed,
         },
-        csv=csv_table(law.drive.name, _EFFECT_CSV, [each for at_torque in effects for each in at_torque]),
+        csv=csv_table(law.drive.name, _EFFECT_CSV, [effect for at_torque in effects for effect in at_torque]),
         line=f"tighten first: {verdict}; {reason}",
         warnings=_law_warnings(law),
     )
@@ -392,7 +396,7 @@ def _as_measured(path: str) -> tuple[str, str]:
 
 def _effects(found: Sensitivities, torque: int) -> list[_FieldEffect]:
     """Return all fields with an effect at a torque, the largest contributions first."""
-    shares = {each.group: each.share for each in found.influences[torque]}
+    shares = {influence.group: influence.share for influence in found.influences[torque]}
     ways = {way.path: way for way in found.tightened[torque]}
     M_g = found.samples.torques[torque]
     return [
@@ -404,8 +408,8 @@ def _effects(found: Sensitivities, torque: int) -> list[_FieldEffect]:
 def _table(effects: Sequence[_FieldEffect], tolerances: int, others: int) -> Table:
     """Return a table of some fields with a tolerance, the largest gain first, and of some others."""
     tight = sorted((e for e in effects if e.tightened), key=lambda e: -e.tightened.gain if e.tightened else 0.0)
-    rest = [e for e in effects if not e.tightened]
-    shown = [*tight[:tolerances], *rest[:others]]
+    not_tightened = [e for e in effects if not e.tightened]
+    shown = [*tight[:tolerances], *not_tightened[:others]]
     has_shares = any(effect.share is not None for effect in shown)
     share = "contribution to the variance of F'_ior; " if has_shares else ""
     reduction = f"reduction of the 95th percentile by a tolerance {_STEP_WORDS}"
@@ -433,15 +437,18 @@ def allocate_report(
     choices = found.choices
     drive = law.drive
     verdicts = {way.verdict for way in ways}
-    verdict = next(each for each in (Verdict.PASS, Verdict.INCONCLUSIVE, Verdict.FAIL) if each in verdicts)
-    held = [(M_g, drive.limit(M_g), own) for M_g, own in zip(found.production.torques, self_errors, strict=True)]
-    limits = ", ".join(f"{limit:g}″ at {M_g:g} N·m" for M_g, limit, _ in held)
+    verdict = next(verdict for verdict in (Verdict.PASS, Verdict.INCONCLUSIVE, Verdict.FAIL) if verdict in verdicts)
+    torque_limits = [
+        (M_g, drive.limit(M_g), self_error)
+        for M_g, self_error in zip(found.production.torques, self_errors, strict=True)
+    ]
+    limits = ", ".join(f"{limit:g}″ at {M_g:g} N·m" for M_g, limit, _ in torque_limits)
     assumed = [choice.path for choice in choices if choice.assumed_law]
     costs = f"costs are assumed (1 at present, increasing as 1/tolerance): {', '.join(assumed)} (preset: cost)"
     reasons = [_words(way, found) for way in ways]
     facts = []
     if verdict is not Verdict.PASS:
-        taken = ", ".join(f"{own:.1f} of {limit:g}″ at {M_g:g} N·m" for M_g, limit, own in held)
+        taken = ", ".join(f"{self_error:.1f} of {limit:g}″ at {M_g:g} N·m" for M_g, limit, self_error in torque_limits)
         facts.append(("self error", f"{taken}, which no tolerance reduces"))
     if verdict is Verdict.INCONCLUSIVE:
         facts.append(("measure", measure_words(to_measure, M_g) or _MORE_DRIVES))
@@ -457,7 +464,10 @@ def allocate_report(
             **attributes(found, "sure", seed="production.seed", yield_wanted="wanted"),
             "verdict": verdict,
             "to_measure": measure_objects(to_measure),
-            "limits": [{"M_g_Nm": M_g, "limit_arcsec": limit, "self_error_arcsec": own} for M_g, limit, own in held],
+            "limits": [
+                {"M_g_Nm": M_g, "limit_arcsec": limit, "self_error_arcsec": self_error}
+                for M_g, limit, self_error in torque_limits
+            ],
             "laws": [
                 {
                     **attributes(choice, "now", "least", "most", field="path", assumed="assumed_law"),
@@ -513,8 +523,8 @@ def _next(found: Allocator, ways: Sequence[Allocation], verdict: Verdict, to_mea
     if verdict is Verdict.FAIL:
         return again("check", drive)
     times, measured = (1, _as_measured(to_measure[0].measured)) if to_measure else (MORE_DRAWS, ())
-    asked = ("--yield", f"{found.wanted:g}", "--sure", f"{found.sure:g}", "-n", str(times * found.drives))
-    return again("allocate", drive, *asked, *measured)
+    options = ("--yield", f"{found.wanted:g}", "--sure", f"{found.sure:g}", "-n", str(times * found.drives))
+    return again("allocate", drive, *options, *measured)
 
 
 def _tolerances_table(found: Allocator, ways: Sequence[Allocation]) -> Table:
@@ -526,8 +536,8 @@ def _tolerances_table(found: Allocator, ways: Sequence[Allocation]) -> Table:
         )
         for choice in found.choices
     ]
-    now = sum(choice.law.share for choice in found.choices)
-    rows.append(("cost", f"{now:.2f}", *(f"{way.cost:.2f}" for way in ways)))
+    present_cost = sum(choice.law.share for choice in found.choices)
+    rows.append(("cost", f"{present_cost:.2f}", *(f"{way.cost:.2f}" for way in ways)))
     heads = ("best hole" if way.turned else _AS_ASSEMBLED for way in ways)
     return Table("tolerances (cost of each)", ("field", "preset", *heads), tuple(rows))
 
