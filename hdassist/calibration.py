@@ -176,19 +176,19 @@ def _numbers(
             document.add((*path, key), "missing key", got="")
     values: dict[str, Any] = {}
     for key, value in table.items():
-        at = (*path, key)
+        key_path = (*path, key)
         unit = units.get(key)
         if unit in (_TEXT, None):
             values[key] = value
-        elif at not in document.bad:
+        elif key_path not in document.bad:
             try:
                 values[key] = read_number(value, unit)
             except InvalidValueError as fault:
-                document.refuse(at, fault)
+                document.refuse(key_path, fault)
         if key not in units:
-            document.add(at, "unknown key", near_miss(key, units) or f"known: {', '.join(units)}", "", key=True)
+            document.add(key_path, "unknown key", near_miss(key, units) or f"known: {', '.join(units)}", "", key=True)
         elif unit == _TEXT and not isinstance(value, str):
-            document.add(at, "must be text")
+            document.add(key_path, "must be text")
     return values
 
 
@@ -314,18 +314,18 @@ def predictions(drive: Drive, targets: Sequence[CalibrationTarget]) -> tuple[flo
     chords = cache(partial(stiffness, drive, points=0, run=UNCHECKED))
 
     def predicted(target: CalibrationTarget) -> float:
-        asked = target.asked
+        arguments = target.asked
         quantity = target.quantity
-        M_g = asked.get("M_g", 0.0)
+        M_g = arguments.get("M_g", 0.0)
         if quantity == "F_ior":
-            return float(F_ior_at_phases(ErrorMap(drive, M_g), [asked.get("phase", phase_deg(drive))])[0])
+            return float(F_ior_at_phases(ErrorMap(drive, M_g), [arguments.get("phase", phase_deg(drive))])[0])
         if quantity.startswith("F_ior"):
             return scan(M_g).greatest if quantity == "F_ior_max" else scan(M_g).least
         if quantity == "self_error":
             return self_errors[M_g].range_arcsec
         if M_g:  # lost motion
             return Twist(drive).between(-M_g, M_g)
-        curve = chords(T_1=asked.get("T_1"), T_2=asked.get("T_2"))
+        curve = chords(T_1=arguments.get("T_1"), T_2=arguments.get("T_2"))
         return curve.lost_motion_arcsec if quantity == "lost_motion" else curve.weaker(int(quantity[-1]))
 
     return tuple(map(predicted, targets))
@@ -333,8 +333,10 @@ def predictions(drive: Drive, targets: Sequence[CalibrationTarget]) -> tuple[flo
 
 def F_ior_at_phases(error_map: ErrorMap, phases: Iterable[float]) -> Array:
     """F'_ior [arcsec] of a map's drive at mounting phases [deg], shape (phases,)."""
-    own = phase_deg(error_map.drive)
-    return many_extremes(error_map, Batch.turned(error_map.drive, [phase - own for phase in phases])).F_ior_arcsec
+    own_phase_deg = phase_deg(error_map.drive)
+    return many_extremes(
+        error_map, Batch.turned(error_map.drive, [phase - own_phase_deg for phase in phases])
+    ).F_ior_arcsec
 
 
 def phase_scan(drive: Drive, M_g: float) -> PhaseScan:
@@ -432,8 +434,8 @@ def calibrate(
     unknowns = targets.unknowns
     search = _Search(drive, targets, run)
     first, *other_runs = _least_squares_runs(drive, search, points=points, starts=starts, iterations=iterations)
-    valid_runs = [other for other in other_runs if all(targets.met(search.fits([other.x])[0].predictions))]
-    places = [first.x, *(other.x for other in valid_runs)]
+    valid_runs = [run for run in other_runs if all(targets.met(search.fits([run.x])[0].predictions))]
+    places = [first.x, *(run.x for run in valid_runs)]
     fits = search.fits(places[k] for k in _distant(places))
     # half the bounds' width is the half-width of a value that no target determines
     covariance = np.linalg.inv(first.jac.T @ first.jac + 4 * np.eye(len(unknowns)))
@@ -441,8 +443,8 @@ def calibrate(
     values = _fitted_values(drive, unknowns, fits[0], first, deviation)
     shortfall = _shortfall(targets, fits[0], values)
     if first.status <= 0 and np.abs(first.fun).max() > 1:
-        words = shortfall or "the best set of values nevertheless meets the targets"
-        raise UntrustedError(f"the fit did not converge: {words}", "more --evaluations", Fault.FIT_UNSETTLED)
+        reason = shortfall or "the best set of values nevertheless meets the targets"
+        raise UntrustedError(f"the fit did not converge: {reason}", "more --evaluations", Fault.FIT_UNSETTLED)
     return Calibration(
         drive=drive,
         targets=targets,
@@ -468,10 +470,10 @@ def _least_squares_runs(
     costs = (search.residuals(sobol) ** 2).sum(axis=1)
     order = [k for k in np.argsort(costs, kind="stable") if costs[k] < _IMPOSSIBLE**2]
     if not order:
-        words = (
+        message = (
             f"no drive within the bounds could be computed; at the preset's values: {search.fits(sobol[:1])[0].fault}"
         )
-        raise UntrustedError(words, "check the bounds and the preset", Fault.FIT_UNSETTLED)
+        raise UntrustedError(message, "check the bounds and the preset", Fault.FIT_UNSETTLED)
     runs = [search.settled(sobol[order[k]], iterations) for k in _distant(sobol[order])[:starts]]
     return sorted(runs, key=lambda fit: fit.cost)
 
@@ -573,18 +575,18 @@ def _distant(points: Iterable[Array]) -> list[int]:
     """Places of the points, in their order, that lie far from those before them."""
     chosen: dict[int, Array] = {}
     for k, point in enumerate(points):
-        if all(np.abs(point - other).max() > _DISTANT for other in chosen.values()):
+        if all(np.abs(point - chosen_point).max() > _DISTANT for chosen_point in chosen.values()):
             chosen[k] = point
     return list(chosen)
 
 
 def _fit(drive: Drive, targets: Targets, values: tuple[float, ...]) -> Fit:
     """Predictions of a drive with other values."""
-    there = drive.with_values(targets.by_path(values))
+    fitted_drive = drive.with_values(targets.by_path(values))
     try:
-        if (conflict := first_conflict(there)) is not None:
+        if (conflict := first_conflict(fitted_drive)) is not None:
             raise DataError(f"{conflict.path}: {conflict.message}", conflict.hint)
-        return Fit(values, predictions(there, targets.targets))
+        return Fit(values, predictions(fitted_drive, targets.targets))
     except HdassistError as error:
         return Fit(values, tuple(np.nan for _ in targets.targets), error.message)
 
@@ -597,5 +599,7 @@ def _shortfall(targets: Targets, fit: Fit, values: Sequence[_FoundValue]) -> str
         for target, is_, met in outcomes
         if not met
     ]
-    at = [f"{value.path} is at its bound {plain(value.held_at)}" for value in values if value.held_at is not None]
-    return "; ".join([*missed, *(at or ["no bound limits the fit"])]) if missed else ""
+    bound_texts = [
+        f"{value.path} is at its bound {plain(value.held_at)}" for value in values if value.held_at is not None
+    ]
+    return "; ".join([*missed, *(bound_texts or ["no bound limits the fit"])]) if missed else ""

@@ -95,9 +95,9 @@ class OperatingPoint:
     @property
     def held_arcsec(self) -> tuple[float, float] | None:
         """The same with the self error on top [arcsec]."""
-        own = self.self_error.range_arcsec
+        self_error_arcsec = self.self_error.range_arcsec
         ends = self.range_arcsec
-        return ends and (ends[0] + own, ends[1] + own)
+        return ends and (ends[0] + self_error_arcsec, ends[1] + self_error_arcsec)
 
     @property
     def left_arcsec(self) -> float | None:
@@ -107,10 +107,10 @@ class OperatingPoint:
     @property
     def probability(self) -> Probability | None:
         """Return the probability that F'_ior plus self error meets the limit; None without a limit or samples."""
-        left = self.left_arcsec
-        if left is None or self.belief is None:
+        room_arcsec = self.left_arcsec
+        if room_arcsec is None or self.belief is None:
             return None
-        return self.belief.samples.probability_within(left, self.belief.torque, self.sure)
+        return self.belief.samples.probability_within(room_arcsec, self.belief.torque, self.sure)
 
     @property
     def verdict(self) -> Verdict:
@@ -163,8 +163,8 @@ class DesignCheck:
 
     def with_steps(self, run: Run) -> Self:
         """Return the check with options at the governing torque, unless PASS is certain for all limits."""
-        known = self.samples or not (self.prior and self.prior.fields)
-        if self.verdict is Verdict.PASS or self.measured or not (self.points and self.prior and known):
+        is_known = self.samples or not (self.prior and self.prior.fields)
+        if self.verdict is Verdict.PASS or self.measured or not (self.points and self.prior and is_known):
             return self
         left = {point.M_g: point.left_arcsec for point in self.points}
         torques = self.samples.torques if self.samples else tuple(left)
@@ -223,8 +223,8 @@ class DesignCheck:
         remarks = [f"{M_g:g} N*m is above the rated torque of {rated:g} N*m" for M_g in over]
         if self.prior and self.prior.fields and not self.samples:
             paths = [field.path for field in self.prior.fields]
-            more = f" and {len(paths) - 4} more" if len(paths) > 4 else ""
-            uncertain = f"uncertain, but not sampled: {', '.join(paths[:4])}{more}"
+            further = f" and {len(paths) - 4} more" if len(paths) > 4 else ""
+            uncertain = f"uncertain, but not sampled: {', '.join(paths[:4])}{further}"
             remarks.append(f"{uncertain}; computed at the given value or 0, so there is no range")
         measured = any(figure.path.startswith("measured.") for figure in evidence_of(self.drive))
         if measured and self.prior and not self.prior.fields:
@@ -239,8 +239,8 @@ def accuracy_words(accuracy: float | None, points: Sequence[OperatingPoint]) -> 
         return ""
     point = min(points, key=lambda point: abs(point.M_g))
     compared = " to ".join(dict.fromkeys(f"{100 * end / accuracy:.0f}" for end in point.range_arcsec or ()))
-    words = f"F'_ior at {point.M_g:g} N·m is {compared} % of the accuracy" if compared else "F'_ior is unknown"
-    return f"accuracy {accuracy:g}″ (no load); {words}"
+    sentence = f"F'_ior at {point.M_g:g} N·m is {compared} % of the accuracy" if compared else "F'_ior is unknown"
+    return f"accuracy {accuracy:g}″ (no load); {sentence}"
 
 
 def check_states(drive: Drive, measured: MeasuredTeeth | None = None, draws: int = EFFECTIVE_SAMPLES) -> int:
@@ -274,27 +274,29 @@ def check(
     catalogue contradicts its other values.
     """
     torques = drive.operation.M_g
-    there, teeth = measured.in_drive(drive) if measured else (drive, None)
+    shown_drive, teeth = measured.in_drive(drive) if measured else (drive, None)
     require_solver(run.cross_check or CROSS_SOLVER)
-    known, prior = beside_measured_teeth(drive, measured)
+    assumed_drive, prior = beside_measured_teeth(drive, measured)
     require_programme(drive, run)
     rows = zip(torques, self_error(drive, torques, run=run), [drive.limit(M_g) for M_g in torques], strict=True)
     points = tuple(OperatingPoint(*row, open_=bool(prior.fields), sure=sure) for row in rows)
-    checked = DesignCheck(drive=drive, points=points, measured=measured, unknown=unknowns(known), prior=prior)
-    left = [point.left_arcsec for point in points]
+    checked = DesignCheck(drive=drive, points=points, measured=measured, unknown=unknowns(assumed_drive), prior=prior)
+    rooms = [point.left_arcsec for point in points]
     sampled = searchable(drive) and not measured and bool(prior.fields)
     if sampled and draws and not samples:
         so_far = None if seen is None else lambda samples: seen(checked.with_samples(samples))
-        samples = drive_samples(prior, left, draws=draws, sure=sure, run=run, seen=so_far)
+        samples = drive_samples(prior, rooms, draws=draws, sure=sure, run=run, seen=so_far)
         checked = replace(checked, predicted=beside_prediction(prior, draws=draws, run=run))
     checked = checked.with_samples(samples) if samples else checked
-    shown = [_middle(there, samples, k) if samples else there for k in range(len(torques))]
+    shown = [_middle(shown_drive, samples, k) if samples else shown_drive for k in range(len(torques))]
     errors = list[KinematicError]()
     for error in run.map(partial(whole_error, teeth=teeth, solver=solver, run=run.of_task), shown, torques):
         errors.append(error)
         run.finished(len(error.states))
     # another solver looks at the extremes while steps are taken
-    solved = [(there, teeth, error.sampled(seed=run.seed)) for there, error in zip(shown, errors, strict=True)]
+    solved = [
+        (shown_drive, teeth, error.sampled(seed=run.seed)) for shown_drive, error in zip(shown, errors, strict=True)
+    ]
     checks = run.beside(cross_checks_of, solved, run.of_task)
     checked = checked.with_errors(errors).with_steps(run)
     return checked.with_errors([replace(e, cross_check=c) for e, c in zip(errors, checks.result(), strict=True)])
@@ -341,8 +343,8 @@ def read_axes(texts: Sequence[str], overrides: Sequence[str]) -> tuple[Axis, ...
                 hint = f"leave out {_VARY} or --set and --torque"
                 raise InvalidValueError("a field that is not set to one value", hint)
         except InvalidValueError as fault:
-            words = f"invalid {_VARY} {shown(text) or 'nothing'}: expected {fault.message}"
-            raise UsageError(words, fault.hint) from None
+            message = f"invalid {_VARY} {shown(text) or 'nothing'}: expected {fault.message}"
+            raise UsageError(message, fault.hint) from None
         axes.append(axis)
     return tuple(axes)
 
@@ -441,8 +443,8 @@ class Sweep:
     def of(cls, text: bytes, file: str, drive: Drive, varied: Sequence[Axis]) -> Sweep:
         """The sweep of a preset, read with its overrides as drive. Raises UsageError for too many rows."""
         is_varied = _TORQUE in [axis.path for axis in varied]
-        further = () if is_varied else (Axis(_TORQUE, "N*m", drive.operation.M_g),)
-        sweep = cls(text, file, drive.origin.overrides, tuple(varied), further)
+        further_axes = () if is_varied else (Axis(_TORQUE, "N*m", drive.operation.M_g),)
+        sweep = cls(text, file, drive.origin.overrides, tuple(varied), further_axes)
         if sweep.rows > _MOST_ROWS:
             hint = "reduce the steps or the fields"
             raise UsageError(f"{_VARY} asks for {sweep.rows} rows, more than {_MOST_ROWS}", hint)

@@ -70,28 +70,28 @@ class TextFile:
         in the encoding of its byte order mark.
         """
         line = 1
-        rest = ""
+        unfinished = ""
         is_empty = True
         for text in self._decoded():
             if "\0" in text:
                 hint = "save the table as text: CSV in UTF-8"
-                at = line + text.count("\n", 0, text.index("\0"))
-                raise self._refusal("a binary file", "a NUL character", hint, at)
+                zero_line = line + text.count("\n", 0, text.index("\0"))
+                raise self._refusal("a binary file", "a NUL character", hint, zero_line)
             is_empty = is_empty and not text.strip("\x1a \t\n")
             lines, newline, after = text.rpartition("\n")
             if newline:
-                part = self._readable(rest + lines)
-                rest = after
+                part = self._readable(unfinished + lines)
+                unfinished = after
                 yield line, part
                 line += part.count("\n") + 1
             else:
-                rest += after
-            if len(rest) > max(MAX_LINE, PART):
+                unfinished += after
+            if len(unfinished) > max(MAX_LINE, PART):
                 raise self._refusal(f"a line of more than {MAX_LINE} characters", "", "write one row per line", line)
         if is_empty:
             raise self._refusal("the file is empty", hint="check that the measurement was saved")
-        if rest := rest.rstrip("\x1a"):
-            yield line, self._readable(rest)
+        if unfinished := unfinished.rstrip("\x1a"):
+            yield line, self._readable(unfinished)
 
     def _decoded(self) -> Iterator[str]:
         """Text as it comes, with \\n at the end of lines; bytes that are not UTF-8 as lone surrogates."""
@@ -224,15 +224,15 @@ def is_there(path: str | Path) -> bool:
 def in_place_of(path: str | Path) -> Iterator[Path]:
     """A file to be made beside another one, whose name it gets when all went well; a link stays one."""
     target = Path(os.path.realpath(path))
-    beside = target.with_name(f".{target.name[:100]}.{secrets.token_hex(4)}.part")
+    part_file = target.with_name(f".{target.name[:100]}.{secrets.token_hex(4)}.part")
     try:
-        yield beside
+        yield part_file
         if target.exists():
-            shutil.copymode(target, beside)
-        beside.replace(target)
+            shutil.copymode(target, part_file)
+        part_file.replace(target)
     except BaseException:
         with suppress(OSError):
-            beside.unlink()
+            part_file.unlink()
         raise
 
 
@@ -283,8 +283,8 @@ _written: set[str] = set()
 
 def begin_run() -> None:
     """Forget the files of the run before; a file that takes standard output is the first of this one."""
-    for known in (_inputs, _outputs, _kept, _written):
-        known.clear()
+    for names_of_files in (_inputs, _outputs, _kept, _written):
+        names_of_files.clear()
     with suppress(OSError, ValueError):
         _outputs.update(dict.fromkeys(_file(sys.stdout.fileno()), "standard output"))
 
@@ -336,8 +336,8 @@ def is_written(path: str) -> bool:
 def _file(file: str | int) -> list[_Identity]:
     """A regular file that is there: devices and pipes take any number of answers."""
     with suppress(OSError, ValueError):
-        found = os.fstat(file) if isinstance(file, int) else Path(file).stat()
-        return [(found.st_dev, found.st_ino)] if stat.S_ISREG(found.st_mode) else []
+        status = os.fstat(file) if isinstance(file, int) else Path(file).stat()
+        return [(status.st_dev, status.st_ino)] if stat.S_ISREG(status.st_mode) else []
     return []
 
 
@@ -444,10 +444,10 @@ def _library() -> dict[str, Traversable]:
 
 
 def _unknown(name: str, names: list[str]) -> DataError:
-    beside = [file for file in (f"{name}.yaml", f"{name}.yml") if name and is_file(file)]
+    candidates = [file for file in (f"{name}.yaml", f"{name}.yml") if name and is_file(file)]
     with suppress(OSError, ValueError):
-        beside = beside or [file for file in _near_files(Path(name)) if file.endswith((".yaml", ".yml"))]
-    close = beside or difflib.get_close_matches(Path(name).stem.lower()[:60], names, 3, 0.5)
+        candidates = candidates or [file for file in _near_files(Path(name)) if file.endswith((".yaml", ".yml"))]
+    close = candidates or difflib.get_close_matches(Path(name).stem.lower()[:60], names, 3, 0.5)
     hint = f"the nearest name is {' or '.join(close)}; " if close else ""
     kind = "no such file" if Path(name).suffix or "/" in name or os.sep in name else "no such preset or file"
     library = f"{hint}presets of the library: {', '.join(sorted(names))}"

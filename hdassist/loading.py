@@ -126,8 +126,8 @@ def load_text(text: bytes | str, file: str, overrides: Sequence[str] = (), asked
     if document.findings or drive is None:
         findings = ordered_findings(document.findings)
         if not all(finding.file == OVERRIDE for finding in findings):
-            own = _document(text, file)
-            if not overrides or not _drive(own) or own.findings:
+            document_of_preset = _document(text, file)
+            if not overrides or not _drive(document_of_preset) or document_of_preset.findings:
                 raise PresetError(findings)
         raise UsageError("\n".join(map(str, findings)))
     _warn_of_limits(drive, document)
@@ -139,7 +139,7 @@ def load_text(text: bytes | str, file: str, overrides: Sequence[str] = (), asked
         file=file,
         sha256=hashlib.sha256(data).hexdigest(),
         overrides=tuple(overrides),
-        warnings=tuple(OVERRIDE_PLACE.sub("", str(each)) for each in ordered_findings(document.warnings)),
+        warnings=tuple(OVERRIDE_PLACE.sub("", str(finding)) for finding in ordered_findings(document.warnings)),
         asked=asked,
         M_g=_replaced_torques(drive, text, file, overrides),
     )
@@ -176,28 +176,28 @@ def set_override(document: Document, text: str, index: int) -> None:
     Raises UsageError: no "=", a key that is empty or has hidden characters, or a value that is no YAML.
     """
     key, equals, value = text.partition("=")
-    whole = path_of(key)
-    if not equals or not all(whole) or not key.strip().isprintable():  # YAML has no such keys either
+    full_path = path_of(key)
+    if not equals or not all(full_path) or not key.strip().isprintable():  # YAML has no such keys either
         raise UsageError(
             f"{OVERRIDE}:{index}:1: expected section.key=VALUE (got {shown(text) or 'nothing'})",
             f"for example {OVERRIDE} gears.j_n=6",
         )
     at_key = Mark(index, 1)
     start = len(key) + 1
-    read = read_yaml(value, OVERRIDE, whole, lambda line, column: Mark(index, (column if line == 1 else 1) + start))
+    read = read_yaml(value, OVERRIDE, full_path, lambda line, column: Mark(index, (column if line == 1 else 1) + start))
     if read.findings:
         raise UsageError("\n".join(map(str, read.findings)))
     if not isinstance(document.data, dict):
         return
     default_span = SourceSpan(file=OVERRIDE, key=at_key, value=Mark(index, start + 1))
-    span = replace(read.places.get(whole, default_span), key=at_key)
-    table = _inner_table(document, whole, span)
+    span = replace(read.places.get(full_path, default_span), key=at_key)
+    table = _inner_table(document, full_path, span)
     if table is None:
         return
-    table[whole[-1]] = read.data
-    kept_places = {path: place for path, place in document.places.items() if path[: len(whole)] != whole}
-    document.places = kept_places | read.places | {whole: span}
-    document.bad = {path for path in document.bad if path[: len(whole)] != whole}
+    table[full_path[-1]] = read.data
+    kept_places = {path: place for path, place in document.places.items() if path[: len(full_path)] != full_path}
+    document.places = kept_places | read.places | {full_path: span}
+    document.bad = {path for path in document.bad if path[: len(full_path)] != full_path}
 
 
 def _inner_table(document: Document, whole: Path, span: SourceSpan) -> dict[Any, Any] | None:
@@ -292,15 +292,15 @@ def _settle_spreads(document: Document, data: dict[str, Any]) -> None:
     """Put uncertainties beside values ("260 ± 10") into their table; of two the one on the command line counts."""
     table = data.get("uncertainty", {})
     for path, field in measures().items() if isinstance(table, dict) else ():
-        own = ("uncertainty", path)
-        beside = tuple(path.split("."))
+        spread_path = ("uncertainty", path)
+        field_path = tuple(path.split("."))
         with suppress(KeyError, InvalidValueError):  # not given, none beside the value, or refused with it
-            spread = read_spread(document.places[beside].text, field.unit)[1]
-            own_wins = document.is_override(own)
-            beside_wins = document.is_override(beside)
+            spread = read_spread(document.places[field_path].text, field.unit)[1]
+            own_wins = document.is_override(spread_path)
+            beside_wins = document.is_override(field_path)
             if path in table and beside_wins == own_wins:
                 document.add(
-                    own,
+                    spread_path,
                     "given twice",
                     f"the value itself states an uncertainty of {spread:g}; leave out one of the two",
                 )
@@ -315,18 +315,18 @@ def _check_tables(values: dict[str, Any], document: Document) -> None:
     """
     draws: dict[str, Any] = values.get("drive.fit", {})
     first = next(iter(draws), "")
-    for path, each in draws.items():
-        own = tuple(path.split("."))
+    for path, table_values in draws.items():
+        field_path = tuple(path.split("."))
         value = values.get(path)
-        if len(each) != len(draws[first]):
-            words = f"has {len(each)} draws, {first} has {len(draws[first])}"
+        if len(table_values) != len(draws[first]):
+            message = f"has {len(table_values)} draws, {first} has {len(draws[first])}"
             document.add(
                 ("fit", path),
-                words,
+                message,
                 "give each field the same number of values; the k-th values of all fields are one drive",
             )
-        elif value is not None and value != each[0] and not document.is_override(own):
-            document.warn(own, f"{plain(value)} is not the first value of its fit", "it is used without a range")
+        elif value is not None and value != table_values[0] and not document.is_override(field_path):
+            document.warn(field_path, f"{plain(value)} is not the first value of its fit", "it is used without a range")
     for path in values.get("drive.uncertainty", ()):
         if path in values and values[path] is None:
             document.add(("uncertainty", path), "an uncertainty without a value", f"give {path} too")
@@ -336,24 +336,24 @@ def _check_tables(values: dict[str, Any], document: Document) -> None:
         if not bounds or value is None or document.is_override(tuple(path.split("."))):
             continue
         if not bounds[0] <= value <= bounds[1]:
-            words = f"the value {plain(value)} lies outside its range"
+            message = f"the value {plain(value)} lies outside its range"
             ends = " to ".join(map(plain, bounds))
-            document.add(("source", path, "range"), words, "correct one of them", ends)
+            document.add(("source", path, "range"), message, "correct one of them", ends)
 
 
 def _known_paths(document: Document, name: str, table: dict[str, Any]) -> dict[str, Any]:
     """Entries of a table by paths of fields whose path it takes; the others are findings."""
-    known, words = {
+    paths, message = {
         "cost": (tuple(deviation_sizes()), "is not the size of a deviation"),
         "source": (tuple(field_table()), "is not a field"),
     }.get(name, (tuple(measures()), "is not a field of a single number"))
-    for path in table.keys() - {*known}:
-        hint = f"for example {known[0]}" if path in field_table() else "write section.key, for example gears.z_g"
+    for path in table.keys() - {*paths}:
+        hint = f"for example {paths[0]}" if path in field_table() else "write section.key, for example gears.z_g"
         if path not in field_table() and len(document.findings) <= MAX_FINDINGS:
-            same = (each for each in known if each.split(".")[1] == path.split(".")[-1])
-            hint = near_miss(next(same, path), known) or hint
-        document.add((name, path), words, hint, shown(path) or "nothing", key=True)
-    return {path: entry for path, entry in table.items() if path in known}
+            same = (known_path for known_path in paths if known_path.split(".")[1] == path.split(".")[-1])
+            hint = near_miss(next(same, path), paths) or hint
+        document.add((name, path), message, hint, shown(path) or "nothing", key=True)
+    return {path: entry for path, entry in table.items() if path in paths}
 
 
 def _add_fault(document: Document, fault: ErrorDetails) -> None:
@@ -362,17 +362,19 @@ def _add_fault(document: Document, fault: ErrorDetails) -> None:
     error = fault.get("ctx", {}).get("error")
     if path in document.bad:
         return
-    own = {**dict(sections()), **BY_PATH}.get(str(path[0]))
+    schema_model = {**dict(sections()), **BY_PATH}.get(str(path[0]))
     is_short = len(document.findings) <= MAX_FINDINGS
-    model = own if own and len(path) > 1 else Drive
+    model = schema_model if schema_model and len(path) > 1 else Drive
     if isinstance(error, InvalidValueError):
         document.refuse(path, error)
     elif fault["type"] == "extra_forbidden":
         document.add(path, "unknown key", _unknown_hint(path, fault["input"], model) if is_short else "", "", key=True)
     elif fault["type"] != "missing":
-        document.add(path, "must be a table of keys", f"its keys: {', '.join(own.model_fields)}" if own else "")
-    elif own and model is Drive:
-        needed = [name for name, field in own.declared().items() if field.is_required]
+        document.add(
+            path, "must be a table of keys", f"its keys: {', '.join(schema_model.model_fields)}" if schema_model else ""
+        )
+    elif schema_model and model is Drive:
+        needed = [name for name, field in schema_model.declared().items() if field.is_required]
         document.add(path, "missing section", f"it needs {', '.join(needed)}", "")
     else:
         field = model.declared()[str(path[-1])]
@@ -388,7 +390,7 @@ def _unknown_hint(path: Path, value: Any, model: type[Section]) -> str:
         return "a space is missing after the colon"
     if value is None and key.replace(".", "").isdigit():
         return "write a decimal point, not a comma"
-    home = next((section for section, each in sections() if key in each.model_fields), "")
+    home = next((section for section, model in sections() if key in model.model_fields), "")
     if home and path[0] not in BY_PATH:
         return f"{key} belongs to {home}"
     options = list(model.model_fields)
@@ -416,17 +418,17 @@ def _warn_of_model(drive: Drive, document: Document) -> None:
         return
     for name, before in IDENTIFIED_WITH.items():
         path = ("numerics", name)
-        here = drive.value(f"numerics.{name}")
+        value = drive.value(f"numerics.{name}")
         if document.is_override(path):
             document.warn(
                 path,
-                f"{here}: the values of this preset were identified with its own numerics.{name}",
+                f"{value}: the values of this preset were identified with its own numerics.{name}",
                 "identified values are not valid with another setting; calibrate again with this one",
             )
         elif path not in document.places:
             document.warn(
                 ("source",),
-                f"values were identified, but with an unknown numerics.{name}; {here} is used",
+                f"values were identified, but with an unknown numerics.{name}; {value} is used",
                 f"older values belong to {before}: write numerics.{name}: {before}, or calibrate again",
             )
 
@@ -456,8 +458,9 @@ def similar_preset(name: str, like: Drive, required: Requirements, description: 
         counts = origin_counts(load_text(text, name))
     except PresetError as error:
         raise UsageError(f"no valid drive: {error.findings[0].message}", "choose other teeth or another size") from None
-    other = like.name if like.name.isprintable() else "another drive"
-    head = f"# Made by hdassist presets new, like {other}: {counts['given']} values given, {counts['assumed']} assumed."
+    like_name = like.name if like.name.isprintable() else "another drive"
+    value_counts = f"{counts['given']} values given, {counts['assumed']} assumed"
+    head = f"# Made by hdassist presets new, like {like_name}: {value_counts}."
     return f"{head}\n# yaml-language-server: $schema={SCHEMA_FILE}\n{text}"
 
 
@@ -469,15 +472,17 @@ def _similar_lines(name: str, like: Drive, entries: Mapping[str, SimilarValue], 
     yield "# (flexspline.l, flexspline.h_3, supports.C_2), on a flexible ball bearing (bearing.*), with two waves."
     yield f"schema: {PRESET_SCHEMA}"
     yield f"name: {_name(name)}"
-    words = description or (
+    first_line = description or (
         f"Drive {z_g}/{z_b}, pitch diameter {m * z_g:.5g} mm, by similarity from {like.name}. "
         "Its absolute values are estimates; the origin of each is given in source."
     )
-    if words.isprintable():
+    if first_line.isprintable():
         yield "description: >-"
-        yield from textwrap.wrap(words, _WIDTH, initial_indent="  ", subsequent_indent="  ", break_long_words=False)
+        yield from textwrap.wrap(
+            first_line, _WIDTH, initial_indent="  ", subsequent_indent="  ", break_long_words=False
+        )
     else:
-        yield f"description: {_quoted(words)}"
+        yield f"description: {_quoted(first_line)}"
     for section, model in sections():
         fields = {f"{section}.{name}": field for name, field in model.declared().items()}
         if entries.keys() & fields.keys() or section in ("tolerances", "phases", "harmonics"):

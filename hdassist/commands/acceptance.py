@@ -96,8 +96,8 @@ class PlanCommand(o.PlotOptions, o.SamplingOptions, o.LimitedDriveOptions):
             raise UsageError(f"invalid name of a test sheet: {self.sheet!r}", "use a name that ends in .html or .txt")
         readings = (self.positions or 0) * self.repeats * (1 + self.both)
         if readings > _MOST_READINGS and not self.approach is self.sheet is None:
-            words = f"{self.positions} positions, {self.repeats} times: {readings} readings are too many for a test"
-            raise UsageError(words, f"reduce --positions or --repeats to at most {_MOST_READINGS} readings")
+            message = f"{self.positions} positions, {self.repeats} times: {readings} readings are too many for a test"
+            raise UsageError(message, f"reduce --positions or --repeats to at most {_MOST_READINGS} readings")
         drive = self.load(preset)
         encoders = EncoderData.of(self.encoders) if self.encoders is not None else EncoderData()
         noise = hypot(self.noise, encoders.uncertainty_arcsec(abs(Kinematics.of(drive).u)))
@@ -212,8 +212,8 @@ class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOption
             raise UsageError("a row of a lot cannot read from standard input", "--preset FILE")
         if self.replay is not None:
             if self.presets or self.csv or self.jsonl or self.junit or base != Request(""):
-                words = "leave out PRESET and all options except --json, -o and --jobs"
-                raise UsageError("--replay takes its inputs and options from the stored result", words)
+                hint = "leave out PRESET and all options except --json, -o and --jobs"
+                raise UsageError("--replay takes its inputs and options from the stored result", hint)
             return _replay_answers(self.replay, self, out)
         return accept_lot(lots[0], base, self, out) if lots else _accept_presets(self.presets, base, self, out)
 
@@ -302,20 +302,20 @@ def accept_lot(path: str, base: Request, options: AcceptOptions, out: Output) ->
             note_input(file)
         owner = KeptOwner(command="accept", inputs={})  # each answer has the files that it comes from
         with open_kept(options.jsonl, owner, ANSWERS, force=not options.resume) as kept:
-            known = _known(lot, kept, options) if options.resume else [None] * len(lot.rows)
-            is_known = sum(map(bool, known))
+            stored_answers = _known(lot, kept, options) if options.resume else [None] * len(lot.rows)
+            is_known = sum(map(bool, stored_answers))
             before = kept.done
 
             def state() -> str:
                 where = f"are stored in {options.jsonl}; continue with the same command and --resume"
-                words = where if options.jsonl else "are done but not stored; store them with --jsonl FILE"
-                return f"{is_known + kept.done - before} of {len(lot.rows)} rows {words}"
+                hint = where if options.jsonl else "are done but not stored; store them with --jsonl FILE"
+                return f"{is_known + kept.done - before} of {len(lot.rows)} rows {hint}"
 
-            to_do = [row for row, answer in zip(lot.rows, known, strict=True) if answer is None]
+            to_do = [row for row, answer in zip(lot.rows, stored_answers, strict=True) if answer is None]
             with at_stop(state), closing(_answers(to_do, lot.file, options, out)) as fresh:
-                for there in known:
-                    answer = there or next(fresh)
-                    if there is None:
+                for stored in stored_answers:
+                    answer = stored or next(fresh)
+                    if stored is None:
                         kept.append([answer])
                     done.append(answer)
                     if error := answer.error:
@@ -361,20 +361,20 @@ def _known(lot: Lot, kept: Kept[AcceptAnswer], options: AcceptOptions) -> list[A
     from hdassist.acceptance.answer import still_stands
 
     before = {answer.serial: answer for answer in kept.records() if not answer.error}
-    found: list[AcceptAnswer | None] = []
+    stored: list[AcceptAnswer | None] = []
     for row in lot.rows:
         answer = before.get(row.request.serial)
         stands = answer and not row.fault and still_stands(answer, row.request)
-        found.append(replace(answer, place=row.place) if answer and stands else None)
-    if before and not any(found) and not options.force:
+        stored.append(replace(answer, place=row.place) if answer and stands else None)
+    if before and not any(stored) and not options.force:
         if not any(row.request.serial in before for row in lot.rows):
             raise UsageError(
                 f"{options.jsonl}: none of its results belongs to a drive of this lot", "use --force to overwrite it"
             )
         warn(f"{options.jsonl}: files, options or version have changed; all rows are computed again")
     if kept.done:
-        say(f"{options.jsonl}: {sum(map(bool, found))} of {len(lot.rows)} rows are already computed")
-    return found
+        say(f"{options.jsonl}: {sum(map(bool, stored))} of {len(lot.rows)} rows are already computed")
+    return stored
 
 
 def _replay_answers(path: str, options: AcceptOptions, out: Output) -> int:

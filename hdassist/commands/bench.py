@@ -127,11 +127,11 @@ class MountCommand(
         # before the imports below, which take longer than all of this
         from hdassist.mounting.posterior import TrialSetup, read_trial_or_record
 
-        at = self.torque_of(drive.operation.M_g)
-        trials = [read_trial_or_record(text, drive, reading, at, self.seed) for text in self.trials or ()]
+        trial_M_g = self.torque_of(drive.operation.M_g)
+        trials = [read_trial_or_record(text, drive, reading, trial_M_g, self.seed) for text in self.trials or ()]
         outcome = None
         if self.verify is not None:
-            outcome = read_trial_or_record(self.verify, drive, reading, at, self.seed, drive.mounting.allowed)
+            outcome = read_trial_or_record(self.verify, drive, reading, trial_M_g, self.seed, drive.mounting.allowed)
         has_values = bool(trials or outcome)
         for option in ("step", "compensated", "pitch_b", "pitch_g"):
             if has_values and getattr(self, option) is not None:
@@ -150,7 +150,7 @@ class MountCommand(
         torques = drive.operation.M_g
         rotations = [] if has_values else _rotations(drive, self.step)
         heaviest = () if self.trial_torque else (max(torques, key=abs),)
-        setup = TrialSetup(at, self.noise, heaviest)
+        setup = TrialSetup(trial_M_g, self.noise, heaviest)
         states = advice_states(drive, len(rotations), draws=self.draws, measured=measured, trials=has_values)
         if self.compensated:
             from hdassist.correction.correct import advice_corrected, corrected_states
@@ -158,14 +158,16 @@ class MountCommand(
 
             form = form_of_text(self.compensated)
             states += corrected_states(drive, len(rotations), self.draws)
-        others = torques  # at which values without a torque may have been measured
+        other_torques = torques  # at which values without a torque may have been measured
         if has_values and self.torque and self.preset != "-":
-            others = replace(self, torque=[], limit=[]).load(self.preset).operation.M_g
+            other_torques = replace(self, torque=[], limit=[]).load(self.preset).operation.M_g
         cost = LEAST_GAIN if self.bolted is None else self.bolted / 100
         wanted: Any = {"draws": self.draws, "sure": self.sure or SURE, "cost": cost, "worth": self.worth / 100}
         with out.run(drive.name, states, self) as run:
             if has_values:
-                return advise_after(drive, trials, setup, outcome=outcome, other_torques=others, run=run, **wanted)
+                return advise_after(
+                    drive, trials, setup, outcome=outcome, other_torques=other_torques, run=run, **wanted
+                )
             advice = advise(drive, rotations, measured=measured, setup=setup, run=run, **wanted)
             return advice_corrected(advice, form, self.draws, run) if self.compensated else advice
 
@@ -179,8 +181,8 @@ def _rotations(drive: Drive, step: float | None) -> list[float]:
         return positions
     count = round(360 / step) if LEAST_STEP <= step <= 360 else 0
     if not count or abs(count * step - 360) > 1e-6:
-        words = f"invalid --step {step:g}: expected a divisor of 360 degrees, {LEAST_STEP:g} or more"
-        raise UsageError(words, "use 30 for a seat with 12 holes")
+        message = f"invalid --step {step:g}: expected a divisor of 360 degrees, {LEAST_STEP:g} or more"
+        raise UsageError(message, "use 30 for a seat with 12 holes")
     grid = [360 * k / count for k in range(count)]
     if not drive.mounting.holes:
         return grid
@@ -238,20 +240,20 @@ class ArchiveOptions(o.OptionGroup):
         """The use of each result of files. Raises UsageError for options that do not go together."""
         from hdassist.measuring.archive import add_to_archive, read_conditions
 
-        asked = (bool(files), bool(self.archive), bool(self.serial), self.history is not None)
-        if asked not in ((1, 0, 0, 0), (1, 1, 1, 0), (0, 1, 0, 1)) or (self.conditions and not self.serial):
-            words = "expected FILE, FILE --archive DIR --serial S, or --history S --archive DIR"
-            raise UsageError(words, "see hdassist measure -h")
+        stated_options = (bool(files), bool(self.archive), bool(self.serial), self.history is not None)
+        if stated_options not in ((1, 0, 0, 0), (1, 1, 1, 0), (0, 1, 0, 1)) or (self.conditions and not self.serial):
+            message = "expected FILE, FILE --archive DIR --serial S, or --history S --archive DIR"
+            raise UsageError(message, "see hdassist measure -h")
         conditions = read_conditions(self.serial, self.conditions)
 
         def take(found: Measurement) -> None:
             if self.archive:
                 is_new = add_to_archive(self.archive, conditions, found)
                 day = f" of {conditions['date']}" if "date" in conditions else ""
-                words = (
+                text = (
                     f"added as {self.serial}{day}" if is_new else f"already stored for {self.serial}; not added again"
                 )
-                say(f"{self.archive}: {found.trace.file} {words}")
+                say(f"{self.archive}: {found.trace.file} {text}")
 
         return take
 
@@ -262,8 +264,8 @@ class ArchiveOptions(o.OptionGroup):
 
         archive = str(self.archive)
         report = history_report(serial, archive, read_archive(archive, serial))
-        words = f"{archive}: its last line is incomplete, so one result is lost; add that recording again"
-        return replace(report, warnings=(words,)) if is_cut_off(archive) else report
+        warning = f"{archive}: its last line is incomplete, so one result is lost; add that recording again"
+        return replace(report, warnings=(warning,)) if is_cut_off(archive) else report
 
 
 class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
@@ -350,8 +352,8 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
 
             logged = {f"{file}: {joint.name}": (file, joint) for file in self.files for joint in joints}
             answers = run_each("measure", [*logged] or self.files, one, out, kind="file")
-            more, below = repeats(done) if not joints else ({}, joint_lines(answers, done))
-        return give("measure", answers, out, more=more, below=below)
+            repeat_values, joint_rows = repeats(done) if not joints else ({}, joint_lines(answers, done))
+        return give("measure", answers, out, more=repeat_values, below=joint_rows)
 
 
 class ControllerOptions(o.OptionGroup):
@@ -386,8 +388,10 @@ class ControllerOptions(o.OptionGroup):
                 f"hdassist compensate FILE --ratio N --write {name}=FILE",
             )
         if name not in CONTROLLER_FORMATS or path in ("", "-"):
-            known = ", ".join((*CONTROLLER_FORMATS, *BACKLASH_FORMATS))
-            raise UsageError(f"invalid --write {self.write!r}: expected CONTROLLER=FILE", f"controllers: {known}")
+            format_names = ", ".join((*CONTROLLER_FORMATS, *BACKLASH_FORMATS))
+            raise UsageError(
+                f"invalid --write {self.write!r}: expected CONTROLLER=FILE", f"controllers: {format_names}"
+            )
         if not (self.axis.isascii() and self.axis.isalnum()):
             raise UsageError(f"invalid --axis {self.axis!r}: expected letters and digits")
         for number in (self.zero, self.rows_from, self.steps_per_degree):
@@ -419,8 +423,8 @@ class ControllerOptions(o.OptionGroup):
         from hdassist.correction.writers import ControllerAxis, correction_file, poor_table
 
         if target and not result.chosen.is_refused:
-            if words := poor_table(result, target[0]):
-                warn(words)
+            if warning := poor_table(result, target[0]):
+                warn(warning)
             sense = -1 if self.clockwise else 1
             axis = ControllerAxis(
                 name=self.axis,
@@ -498,12 +502,12 @@ class CompensateCommand(
 
         travel = self.travel or drive.acceptance.travel
         how = {"seed": self.seed, "together": True, "may_be_noise": may_be_noise, "travel_deg": travel}
-        at = drive.operation.M_g[0] if M_g is None else M_g
-        found = self.reading().measured(file, drive, M_g=at, **how)
+        record_M_g = drive.operation.M_g[0] if M_g is None else M_g
+        measurement = self.reading().measured(file, drive, M_g=record_M_g, **how)
         if M_g is not None:
-            require_fine_counts(found)
-            require_sense(found, drive, M_g, self.alignment())
-        return recorded_error(found, Kinematics.of(drive), self.alignment())
+            require_fine_counts(measurement)
+            require_sense(measurement, drive, M_g, self.alignment())
+        return recorded_error(measurement, Kinematics.of(drive), self.alignment())
 
     def records(self, drive: Drive) -> dict[float, RecordedError]:
         """Errors of the records by torque [N*m]. Raises UsageError for more records than torques."""
@@ -532,13 +536,13 @@ class CompensateCommand(
         target = None if backlash_target else self.controller_target(form, force=self.force)
         M_g = option_value("--torque", self.torque[0], "N*m")
         how = {"seed": self.seed, "together": True, "travel_deg": self.travel}
-        found = self.reading().measured(file, None, self.ratio, M_g=M_g, **how)
-        require_fine_counts(found)
-        result = correction_alone(found, self.alignment(), M_g, form, self.output_turns)
+        measurement = self.reading().measured(file, None, self.ratio, M_g=M_g, **how)
+        require_fine_counts(measurement)
+        result = correction_alone(measurement, self.alignment(), M_g, form, self.output_turns)
         self.write_controller(result, target, force=self.force)
         if backlash_target:
             self.write_backlash(file, M_g, backlash_target)
-        return compensate_report(result, is_written=bool(self.csv or self.write), warnings=found.warnings)
+        return compensate_report(result, is_written=bool(self.csv or self.write), warnings=measurement.warnings)
 
     def write_backlash(self, file: str, M_g: float, target: tuple[BacklashFormat, str]) -> None:
         """Write the setting of a controller that compensates backlash only.

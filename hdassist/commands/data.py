@@ -71,16 +71,16 @@ class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
             raise UsageError("--write needs a preset file, without --set and not from standard input")
         drive = self.load(preset)
         wanted = read_targets(read_bytes(self.targets, READ_AT_MOST)[0], str(self.targets), drive)
-        given = read_preset(preset)[0].decode("utf-8-sig") if self.write is not None else ""
+        preset_text = read_preset(preset)[0].decode("utf-8-sig") if self.write is not None else ""
         if self.write is not None:  # a text that cannot be changed is better known before than after
-            with_found_values(given, preset, {u.path: u.low for u in wanted.unknowns}, "")
+            with_found_values(preset_text, preset, {u.path: u.low for u in wanted.unknowns}, "")
         with out.run(drive.name, estimate_drives(wanted, self.evaluations), self) as run:
             result = calibrate(drive, wanted, points=self.evaluations, run=run)
         if self.write is not None and not result.shortfall:
             best = wanted.by_path(result.fits[0].values)
             ref = f"hdassist calibrate, {wanted.name or self.targets.name}"
             model = {field: drive.value(f"numerics.{field}") for field in IDENTIFIED_WITH}
-            write_text(self.write, with_found_values(given, preset, best, ref, model), self.force)
+            write_text(self.write, with_found_values(preset_text, preset, best, ref, model), self.force)
         return calibrate_report(result, self.write)
 
 
@@ -118,9 +118,9 @@ class PresetsListCommand(o.PageOptions):
                 "rated_Nm": drive.operation.rated,
             }
             about = {"z_g": gears.z_g, "z_b": gears.z_b, "m_mm": gears.m, **sizes, "values": counts}
-            known = envelope("presets-list", drive)["preset"]
-            values.append({"preset": known, **about, "description": drive.description})
-            numbers = (NO_VALUE if each is None else plain(each) for each in sizes.values())
+            preset_object = envelope("presets-list", drive)["preset"]
+            values.append({"preset": preset_object, **about, "description": drive.description})
+            numbers = (NO_VALUE if size is None else plain(size) for size in sizes.values())
             rows.append((name, *numbers, ", ".join(map(str, counts.values()))))
         heads = ("preset", "ratio", "diameter, mm", "rated, N·m", "given, identified, assumed")
         table = Table("", heads, tuple(rows))
@@ -213,14 +213,14 @@ class PresetsValidateCommand(o.AnswerOptions, o.DriveOptions):
         verdict = f"valid, warnings: {len(warnings)}" if warnings else "OK"
         if values["assumed"]:
             verdict += f", {values['assumed']} values are assumed"
-        found = {"file": name, "valid": True, "values": values, "findings": []}
+        result = {"file": name, "valid": True, "values": values, "findings": []}
         line = verdict if len(self.presets) > 1 else f"{name}: {verdict}"  # several are named anyway
         return Report(
             command=_VALIDATE,
             drive=drive,
             head=name,
             verdict=verdict,
-            values=found,
+            values=result,
             line=line,
             about=name,
             warnings=warnings,
@@ -314,9 +314,9 @@ class PresetsNewCommand(WishOptions):
         from hdassist.preset.knowledge import read_requirements
 
         wish = asdict(self.only(WishOptions))
-        other = load_preset(wish.pop("like"))
-        given = read_requirements(other, **wish)
-        write_text(self.output, similar_preset(self.name, other, given), self.force)
+        like = load_preset(wish.pop("like"))
+        requirements = read_requirements(like, **wish)
+        write_text(self.output, similar_preset(self.name, like, requirements), self.force)
         return 0
 
 
@@ -358,9 +358,9 @@ class DoctorCommand(o.PageOptions):
         if self.empty_cache:
             empty_cache()
         with out.progress("this installation"):  # words before numpy is imported
-            found = [*_packages(), surroundings(out.style), engine(), cache(), self_test()]
-        found.sort(key=lambda each: ("broken", "note", "ok").index(each.status))
-        broken = ", ".join(each.what for each in found if each.status == "broken")
+            findings = [*_packages(), surroundings(out.style), engine(), cache(), self_test()]
+        findings.sort(key=lambda each: ("broken", "note", "ok").index(each.status))
+        broken = ", ".join(finding.what for finding in findings if finding.status == "broken")
         error = UntrustedError(
             f"results of this installation cannot be trusted: {broken}",
             "install hdassist again in a fresh environment",
@@ -372,8 +372,8 @@ class DoctorCommand(o.PageOptions):
             drive=None,
             head="this installation",
             verdict=f"broken: {broken}" if broken else "fine",
-            blocks=(Table("", ("part", "status", "found"), tuple(map(astuple, found))),),
-            values={"findings": list(map(asdict, found))},
+            blocks=(Table("", ("part", "status", "found"), tuple(map(astuple, findings))),),
+            values={"findings": list(map(asdict, findings))},
             exit_code=error.exit_code if broken else 0,
         )
 
@@ -397,8 +397,8 @@ def engine() -> DoctorFinding:
     """Which engine solves the states."""
     from hdassist.solve import walk
 
-    compiled, words = walk.walk_library()
-    return DoctorFinding("engine", "ok" if compiled else "note", words)
+    compiled, description = walk.walk_library()
+    return DoctorFinding("engine", "ok" if compiled else "note", description)
 
 
 def cache() -> DoctorFinding:
@@ -411,11 +411,11 @@ def cache() -> DoctorFinding:
     key = sha256(b"doctor").hexdigest()
     kept.keep("doctor", key, b"")
     if kept.cached("doctor", key) is None:
-        words = kept.why_unsafe() or f"{kept.cache_folder()} cannot be used"
-        return DoctorFinding("cache", "note", f"{words}: no results are cached; set {kept.FOLDER} to another folder")
-    held = f"{kept.cache_folder() / kept.OWN_FOLDER}, {len(sizes)} files, {sum(sizes) / 1e6:.1f} MB"
+        message = kept.why_unsafe() or f"{kept.cache_folder()} cannot be used"
+        return DoctorFinding("cache", "note", f"{message}: no results are cached; set {kept.FOLDER} to another folder")
+    description = f"{kept.cache_folder() / kept.OWN_FOLDER}, {len(sizes)} files, {sum(sizes) / 1e6:.1f} MB"
     way = "--empty-cache removes them" if kept.keeps_answers() else f"{kept.NO_CACHE} is set: no results are cached"
-    return DoctorFinding("cache", "ok", f"{held}; {kept.FOLDER} sets another folder, {way}")
+    return DoctorFinding("cache", "ok", f"{description}; {kept.FOLDER} sets another folder, {way}")
 
 
 def surroundings(style: Style) -> DoctorFinding:
@@ -435,19 +435,21 @@ def self_test() -> DoctorFinding:
 
     try:
         drive = load_preset(PRESET)
-        found = ErrorMap(drive, M_G).extremes()
+        extremes = ErrorMap(drive, M_G).extremes()
         import numpy as np
 
-        states = pitch_locked_states(Kinematics.of(drive), np.array([*found.at_max, *found.at_min]))
+        states = pitch_locked_states(Kinematics.of(drive), np.array([*extremes.at_max, *extremes.at_min]))
         again = kinematic_error(drive, M_G, states=states, solver=_CROSS, run=UNCHECKED).range_arcsec
     except HdassistError as error:
         return DoctorFinding("self-test", "broken", error.message)
-    off = abs(found.first - STORED_F_IOR)
-    apart = abs(again - found.first)
-    told = f"{found.first:.6f} arcsec, {off:.0e} from the stored value; {_CROSS} differs by {apart:.0e}"
-    fine = off <= AGREES and apart <= 1e-3 and found.certificate.max_residual <= 1e-8
+    off = abs(extremes.first - STORED_F_IOR)
+    difference_arcsec = abs(again - extremes.first)
+    description = (
+        f"{extremes.first:.6f} arcsec, {off:.0e} from the stored value; {_CROSS} differs by {difference_arcsec:.0e}"
+    )
+    fine = off <= AGREES and difference_arcsec <= 1e-3 and extremes.certificate.max_residual <= 1e-8
     return DoctorFinding(
-        "self-test", "ok" if fine else "broken", f"{told}; residual {found.certificate.max_residual:.0e}"
+        "self-test", "ok" if fine else "broken", f"{description}; residual {extremes.certificate.max_residual:.0e}"
     )
 
 
@@ -471,8 +473,8 @@ class ExplainCommand(o.PageOptions):
         from hdassist.explaining import explained
         from hdassist.pages.data import explain_report
 
-        options = {field: words["help"] for table in o.DECLARED.values() for field, words in table.items()}
-        found = list(dict.fromkeys(entry for name in self.names for entry in explained(name, options)))
+        options = {field: option_text["help"] for table in o.DECLARED.values() for field, option_text in table.items()}
+        entries = list(dict.fromkeys(entry for name in self.names for entry in explained(name, options)))
         if out.style.ascii and not out.json:
-            found = [entry.in_latin() for entry in found]
-        return explain_report(found)
+            entries = [entry.in_latin() for entry in entries]
+        return explain_report(entries)

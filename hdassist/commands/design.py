@@ -57,12 +57,12 @@ class CheckCommand(o.PlotOptions, o.SamplingOptions, o.PitchOptions, o.LimitedDr
         drive = self.load(preset)
         measured = self.teeth(files, drive)
         torques = ", ".join(f"{M_g:g}" for M_g in drive.operation.M_g)
-        words = f"{drive.name}, {drive.gears.z_g}/{drive.gears.z_b}, {torques} N·m"
-        with out.progress(words):  # numpy is imported below
+        title = f"{drive.name}, {drive.gears.z_g}/{drive.gears.z_b}, {torques} N·m"
+        with out.progress(title):  # numpy is imported below
             from hdassist.design import check, check_states
             from hdassist.pages.check import check_report
 
-            with out.run(words, check_states(drive, measured, self.draws), self) as run:
+            with out.run(title, check_states(drive, measured, self.draws), self) as run:
                 result = check(drive, measured=measured, solver=self.solver, draws=self.draws, sure=self.sure, run=run)
         return check_report(result, self.seed)
 
@@ -308,12 +308,12 @@ class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOpt
             M_g = torque_of(drive)
 
             def one(name: str) -> Report:
-                found = reading.measured(name, drive, seed=self.seed, together=True, M_g=M_g)
-                zero = given_zero if self.zero else zero_of(found.trace, drive, start)
+                measurement = reading.measured(name, drive, seed=self.seed, together=True, M_g=M_g)
+                zero = given_zero if self.zero else zero_of(measurement.trace, drive, start)
                 fitted = (start is None, zero is None)
-                asked = replace(self.alignment(), start_deg=start or 0.0, zero_deg=zero or 0.0, fitted=fitted)
-                with out.progress(f"{drive.name}, {found.trace.file}", FIT_STATES) as progress:
-                    result = compare(found, drive, M_g=M_g, asked=asked, run=Run(progress=progress))
+                alignment = replace(self.alignment(), start_deg=start or 0.0, zero_deg=zero or 0.0, fitted=fitted)
+                with out.progress(f"{drive.name}, {measurement.trace.file}", FIT_STATES) as progress:
+                    result = compare(measurement, drive, M_g=M_g, asked=alignment, run=Run(progress=progress))
                 return comparison_report(result)
 
             answers = run_each("compare", self.files, one, out, kind="file")
@@ -333,8 +333,8 @@ class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOpt
         Raises UsageError where traces stand among presets, or options are asked for that belong to traces.
         """
         if traces := [name for name in self.files if not is_preset(name)]:
-            words = f"cannot compare {traces[0]}, a recording, with {next(filter(is_preset, self.files))}, a preset"
-            raise UsageError(words, "name presets only (names of the library, .yaml files), or recordings only")
+            message = f"cannot compare {traces[0]}, a recording, with {next(filter(is_preset, self.files))}, a preset"
+            raise UsageError(message, "name presets only (names of the library, .yaml files), or recordings only")
         plain = all(getattr(self, name) == getattr(type(self), name) for name in _OF_TRACES)
         if not plain or self.only(o.TraceOptions) != o.TraceOptions(budget=[]):
             raise UsageError(
@@ -354,8 +354,8 @@ class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOpt
                 from hdassist.variants import at_common_torques, compare_drives, estimate_comparison
 
                 drives = at_common_torques([self._limited(name) for name in names])
-                words = ", ".join(drive.name for drive in drives)
-                with out.run(words, estimate_comparison(drives, self.draws), self) as run:
+                title = ", ".join(drive.name for drive in drives)
+                with out.run(title, estimate_comparison(drives, self.draws), self) as run:
                     result = compare_drives(drives, draws=self.draws, run=run)
             for text in comparison_warnings(result):
                 warn(text)
@@ -427,8 +427,8 @@ class ReportCommand(o.AnswerOptions, o.SamplingOptions, o.LimitedDriveOptions):
             return ".md"
         kind = Path(self.output).suffix.lower()
         if kind not in _REPORT_SUFFIXES:
-            words = f"invalid name of a report: {self.output!r}"
-            raise UsageError(words, f"use a name that ends in {' or '.join(_REPORT_SUFFIXES)}")
+            message = f"invalid name of a report: {self.output!r}"
+            raise UsageError(message, f"use a name that ends in {' or '.join(_REPORT_SUFFIXES)}")
         return kind
 
 
@@ -449,10 +449,10 @@ class DrawOptions(o.LimitedDriveOptions):
         from hdassist.preset.fields import DEVIATION_FIELDS
         from hdassist.tolerance.production import production_law
 
-        found = production_law(drive, self.distribution, chosen=chosen, known=self.known)
-        if not any(each.path == each.group and each.path in DEVIATION_FIELDS for each in found.own):
+        law = production_law(drive, self.distribution, chosen=chosen, known=self.known)
+        if not any(field.path == field.group and field.path in DEVIATION_FIELDS for field in law.own):
             raise UsageError("no field varies: all tolerances are 0", "set tolerances.e_hb or other tolerances above 0")
-        return found
+        return law
 
     def with_designs(self, out: Output, production: Production, count: int) -> tuple[Production, Samples | None]:
         """A production with the designs of so many drives, and the samples that they are of, if they differ."""
@@ -465,13 +465,13 @@ class DrawOptions(o.LimitedDriveOptions):
         """Records of so many drives of a production; progress: the bar of more work than these."""
         from hdassist.run.run import stream
 
-        found: list[RandomDrive] = []
+        drives: list[RandomDrive] = []
         bar = nullcontext(progress) if progress else out.progress(production.drive.name, count)
         with bar as progress, out.engine(self) as engine:
             for records in stream(production.records, count, jobs=self.jobs, executor=engine):
-                found += records
+                drives += records
                 progress(len(records))
-        return found
+        return drives
 
 
 def _require_limits(drive: Drive) -> list[float]:
@@ -532,16 +532,16 @@ class ToleranceCommand(o.RowsOptions, DrawOptions):
         limits = [drive.limit(M_g) for M_g in torques]
         if (self.limit or self.wanted is not None) and not any(limits):
             _require_limits(drive)
-        own = [found.range_arcsec for found in self_error(drive, torques)]
+        self_errors = [self_error_of_torque.range_arcsec for self_error_of_torque in self_error(drive, torques)]
         production = Production(
             law,
             torques,
             mounting=self.mounting,
-            limits=rooms(limits, own),
+            limits=rooms(limits, self_errors),
             seed=self.seed,
             per_design=self.per_design,
         )
-        points = tuple(map(AtTorque, torques, limits, own))
+        points = tuple(map(AtTorque, torques, limits, self_errors))
         samples = None
         summary = Summary(points=points, positions=len(production.rotations), wanted=self.wanted, sure=self.sure)
         owner = KeptOwner(
@@ -618,8 +618,8 @@ class SensitivityCommand(o.FigureOptions, DrawOptions):
         )
         production, samples = self.with_designs(out, production, self.count)
         assert samples
-        found = sensitivities(production, samples, partial(self.records, out))
-        return sensitivity_report(replace(found, law=law))
+        result = sensitivities(production, samples, partial(self.records, out))
+        return sensitivity_report(replace(result, law=law))
 
 
 _MOST_ROUNDS = 5  # of drives that try tolerances, beside the first, at most
@@ -660,13 +660,13 @@ class AllocateCommand(o.FigureOptions, DrawOptions):
         law = self.law(drive, chosen=True)
         torques = drive.operation.M_g
         limits = _require_limits(drive)
-        own = [found.range_arcsec for found in self_error(drive, torques)]
-        room = [limit - each for limit, each in zip(limits, own, strict=True)]
+        self_errors = [self_error_of_torque.range_arcsec for self_error_of_torque in self_error(drive, torques)]
+        room = [limit - self_error_arcsec for limit, self_error_arcsec in zip(limits, self_errors, strict=True)]
         if min(room) <= 0:
             worst = room.index(min(room))
-            words = f"the self error alone is {own[worst]:.1f}″ at {torques[worst]:g} N*m"
+            message = f"the self error alone is {self_errors[worst]:.1f}″ at {torques[worst]:g} N*m"
             hint = "no tolerance changes the self error: raise the limit, or change cam.W_0 or gears.j_n"
-            raise UsageError(f"{words}, which exceeds the limit {limits[worst]:g}″", hint)
+            raise UsageError(f"{message}, which exceeds the limit {limits[worst]:g}″", hint)
         production = Production(
             law, torques, mounting=self.mounting, limits=room, seed=self.seed, per_design=_DRIVES_PER_DESIGN, steps=True
         )
@@ -690,4 +690,4 @@ class AllocateCommand(o.FigureOptions, DrawOptions):
             ways = [allocator.cheapest(way) for way in turned]
         torque = worst_torque(drive, samples) if samples else 0
         gains = to_measure(law, samples, torque) if samples else ()
-        return allocate_report(allocator, ways, own, gains, torques[torque])
+        return allocate_report(allocator, ways, self_errors, gains, torques[torque])

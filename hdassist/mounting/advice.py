@@ -150,14 +150,14 @@ class Advice:
     @property
     def no_hole_better(self) -> str:
         """Why any hole is as good as any other, as model.deviations has it; empty where one may be better."""
-        found = "" if self.trials else no_hole_better(self.drive)
-        return "" if found == "turning" and self.measured and self.measured.fixed(self.drive) else found
+        reason = "" if self.trials else no_hole_better(self.drive)
+        return "" if reason == "turning" and self.measured and self.measured.fixed(self.drive) else reason
 
     @property
     def certificate(self) -> Certificate:
         """Proof of all states behind it."""
         parts = (self.curve, self.samples, self.after and self.after.samples)
-        return sum((each.certificate for each in parts if each), self.more_certificate)
+        return sum((part.certificate for part in parts if part), self.more_certificate)
 
     @property
     def cross_checks(self) -> tuple[CrossCheck, ...]:
@@ -166,8 +166,8 @@ class Advice:
 
     def position(self, place: int | None) -> Position:
         """One of the holes by its place, None: where the wheel stands; its median F'_ior over the samples."""
-        found = self.decision
-        rotation = 0.0 if place is None else found.rotations_deg[place]
+        decision = self.decision
+        rotation = 0.0 if place is None else decision.rotations_deg[place]
         drive = self.drive
         if self.after and self.after.facing[0] is not None:
             drive = drive.with_values({standing_offset(drive)[1]: self.after.facing[0]})
@@ -176,7 +176,7 @@ class Advice:
             rotation_deg=rotation,
             phase_deg=phase,
             hole=hole_of(rotation, drive.mounting.holes),
-            F_ior_arcsec=found.quantile(0.5, place),
+            F_ior_arcsec=decision.quantile(0.5, place),
         )
 
     def _position_at(self, rotation_deg: float) -> Position:
@@ -275,9 +275,9 @@ class Advice:
         doubted = self.suspected
         if not doubted:
             return None
-        beside = [trial for trial in self.trials if self.setup.point(trial) == self.setup.point(doubted)]
+        repeats = [trial for trial in self.trials if self.setup.point(trial) == self.setup.point(doubted)]
         is_outcome = self.verification is not None and doubted is self.verification.trial
-        return doubted if is_outcome or len(beside) == 1 else None
+        return doubted if is_outcome or len(repeats) == 1 else None
 
     @property
     def worths(self) -> tuple[tuple[int, float], ...]:
@@ -311,19 +311,19 @@ class Advice:
         """
         path = standing_offset(self.drive)[1]
         stated = self.drive.value(path)
-        found, spread = self.after.facing if self.after else (None, None)
-        if stated is None or found is None or spread is None or path in self.drive.uncertainty:
+        direction_deg, spread = self.after.facing if self.after else (None, None)
+        if stated is None or direction_deg is None or spread is None or path in self.drive.uncertainty:
             return None
-        off = abs((found - float(stated) + 180) % 360 - 180)
-        return (path, found, spread) if off > 3 * max(spread, 5.0) else None
+        off = abs((direction_deg - float(stated) + 180) % 360 - 180)
+        return (path, direction_deg, spread) if off > 3 * max(spread, 5.0) else None
 
     @cached_property
     def influences(self) -> tuple[Influence, ...]:
         """Shares of the variance of the logarithm of F'_ior in the best other hole over that now, by field."""
-        found = replace(self.decision, room_arcsec=())
-        if self.samples is None or (place := found.challenger) is None:
+        decision = replace(self.decision, room_arcsec=())
+        if self.samples is None or (place := decision.challenger) is None:
             return ()
-        return influences_on(self.samples.of_ranges, np.log(np.maximum(1 - found.gains(place), 1e-9)))
+        return influences_on(self.samples.of_ranges, np.log(np.maximum(1 - decision.gains(place), 1e-9)))
 
 
 def advice_states(
@@ -392,14 +392,16 @@ def advise(
         # tables leave more samples that agree with measured values
         if has_values and (not drawn.samples or drawn.samples.few):
             by_values = advise_after(drive, (), setup, draws=draws, sure=sure, cost=cost, worth=worth, run=run)
-            further = curve.certificate + drawn.certificate
+            further_certificate = curve.certificate + drawn.certificate
             if drawn.samples:
-                further += drawn.samples.certificate
-            return replace(by_values, more_certificate=by_values.more_certificate + further)
+                further_certificate += drawn.samples.certificate
+            return replace(by_values, more_certificate=by_values.more_certificate + further_certificate)
     samples = drawn.samples
     # over all torques of the samples, and over those that decide
-    whole = Decision.of(samples, positions, rooms.arcsec, sure) if samples else Decision.as_given(curve, rooms.arcsec)
-    decision = whole.of_torques(slice(len(torques))) if samples else whole
+    decision_of_all = (
+        Decision.of(samples, positions, rooms.arcsec, sure) if samples else Decision.as_given(curve, rooms.arcsec)
+    )
+    decision = decision_of_all.of_torques(slice(len(torques))) if samples else decision_of_all
     advice = Advice(
         drive=drive,
         decision=decision,
@@ -419,8 +421,8 @@ def advise(
     advice = replace(advice, decision=replace(decision, cost=cost, all_alike=all_alike))
     if not samples or advice.no_hole_better:
         return advice
-    whole = replace(whole, cost=cost, all_alike=all_alike)
-    return replace(advice, value=_first_value(drive, whole, setup, (*torques, *other_torques), run.seed))
+    decision_of_all = replace(decision_of_all, cost=cost, all_alike=all_alike)
+    return replace(advice, value=_first_value(drive, decision_of_all, setup, (*torques, *other_torques), run.seed))
 
 
 def _first_value(
@@ -600,12 +602,12 @@ def _verified(advice: Advice, values: Sequence[Trial], samples: HoleSamples) -> 
     values: the same with their torques, shape (trials,).
     samples: those of the drive.
     """
-    found = advice.decision
+    decision = advice.decision
     outcome = advice.trials[-1]
-    told = posterior_of(samples.with_free_curves(values[:-1]), values[:-1], [outcome.rotation_deg])
-    noise = np.random.default_rng([samples.seed, 4]).standard_normal(len(told.noise))
-    predicted = told.F_ior_by_torque[advice.torque_of(outcome)][:, 0]
-    read = predicted + noise * told.noise * samples.noise([outcome])
+    before_outcome = posterior_of(samples.with_free_curves(values[:-1]), values[:-1], [outcome.rotation_deg])
+    noise = np.random.default_rng([samples.seed, 4]).standard_normal(len(before_outcome.noise))
+    predicted = before_outcome.F_ior_by_torque[advice.torque_of(outcome)][:, 0]
+    read = predicted + noise * before_outcome.noise * samples.noise([outcome])
     low, high = np.quantile(read, (0.025, 0.975)).tolist()
     checked = Verification(
         trial=outcome,
@@ -618,31 +620,33 @@ def _verified(advice: Advice, values: Sequence[Trial], samples: HoleSamples) -> 
 
     def loss(trial: Trial) -> float:
         """Return the loss in the hole of a value, as a share; infinite if the hole may not be used."""
-        place = found.place(trial.rotation_deg)
+        place = decision.place(trial.rotation_deg)
         if place is None:
             return np.inf
         if checked.as_predicted or checked.is_misread:
-            return float(found.expected_loss[place])
+            return float(decision.expected_loss[place])
         is_comparable = advice.torque_of(trial) == advice.torque_of(outcome)
         return trial.F_ior_arcsec / outcome.F_ior_arcsec if is_comparable else np.inf
 
-    others = [trial for trial in advice.trials[:-1] if trial.rotation_deg != outcome.rotation_deg]
-    least = min(reversed(others), key=loss, default=outcome)
-    back = least if loss(least) + found.cost < loss(outcome) else None
+    other_trials = [trial for trial in advice.trials[:-1] if trial.rotation_deg != outcome.rotation_deg]
+    least = min(reversed(other_trials), key=loss, default=outcome)
+    back = least if loss(least) + decision.cost < loss(outcome) else None
     return replace(checked, back_to=back)
 
 
 def _of_preset(drive: Drive, setup: TrialSetup, given: Sequence[Trial | None]) -> list[Trial]:
     """Values that the preset has as measured, without those that are given once more."""
-    known = {(*setup.point(each), each.F_ior_arcsec) for each in given if each}
+    known_values = {(*setup.point(trial), trial.F_ior_arcsec) for trial in given if trial}
     return [
         Trial(e.rotation_deg, e.value, M_g=e.M_g, noise_arcsec=e.spread)
         for e in measured_errors(drive)
-        if (e.rotation_deg, e.M_g, e.value) not in known
+        if (e.rotation_deg, e.M_g, e.value) not in known_values
     ]
 
 
 def _thirds(rotations_deg: Sequence[float]) -> tuple[float, ...]:
     """Of some rotations [deg] three that lie apart as far as they can."""
-    near = [min(rotations_deg, key=lambda p: abs((p - at + 180) % 360 - 180)) for at in (0.0, 120.0, 240.0)]
-    return tuple(dict.fromkeys(near))
+    nearest_deg = [
+        min(rotations_deg, key=lambda p: abs((p - third_deg + 180) % 360 - 180)) for third_deg in (0.0, 120.0, 240.0)
+    ]
+    return tuple(dict.fromkeys(nearest_deg))

@@ -223,7 +223,7 @@ class Decision:
         """Return the probability that a hole is better than the present one, one number for all equivalent holes."""
         places = [place]
         if self.all_alike and place != self.stay:
-            places = [other for other in range(len(self.rotations_deg)) if other != self.stay]
+            places = [place for place in range(len(self.rotations_deg)) if place != self.stay]
         probabilities = [float(np.average(self.is_better(hole), weights=self.sample_weights)) for hole in places]
         return sum(probabilities) / len(probabilities)
 
@@ -245,9 +245,9 @@ class Decision:
         assert self.samples
 
         def met(F_ior_arcsec: Array) -> Array:
-            found = limits_met(np.moveaxis(F_ior_arcsec, -1, 0)[list(self.torque_places)], self.room_arcsec)
-            assert found is not None
-            return found
+            is_met = limits_met(np.moveaxis(F_ior_arcsec, -1, 0)[list(self.torque_places)], self.room_arcsec)
+            assert is_met is not None
+            return is_met
 
         if self.all_alike:
             return self.samples.probability_of_sets(met, self.sure).value
@@ -339,10 +339,10 @@ class Decision:
     def of_torques(self, some: slice) -> Decision:
         """Return the decision for some of the torques alone, by their places."""
         F_ior = self.F_ior_arcsec[some]
-        now = self.now_arcsec[some]
+        now_arcsec = self.now_arcsec[some]
         places = self.torque_places[some]
         room = self.room_arcsec[some]
-        return replace(self, F_ior_arcsec=F_ior, now_arcsec=now, room_arcsec=room, torque_places=places)
+        return replace(self, F_ior_arcsec=F_ior, now_arcsec=now_arcsec, room_arcsec=room, torque_places=places)
 
 
 # What further values bring
@@ -401,17 +401,17 @@ def value_of_measurement(
         planned = [simulation.best_candidate(simulation.prior)]
     repeated = even_rows(simulation.prior, _FUTURES)  # true drives with which all steps are simulated
     one_step = []  # F'_ior now and after one value, for every true drive
-    further = []  # excess over the best hole after two values and more, for the repeated ones
+    excess_arcsec = []  # excess over the best hole after two values and more, for the repeated ones
     for truth in range(_LOOKED_AT):
         is_repeated = truth in repeated
         expected = simulation.played(truth, planned, steps if is_repeated else 1)
         one_step.append(expected[:2])
         if is_repeated:
-            further.append(np.array(expected[2:]) - simulation.least_arcsec[truth])
+            excess_arcsec.append(np.array(expected[2:]) - simulation.least_arcsec[truth])
     # control variate: the excess over the best hole varies little, so few true drives suffice for it
-    now, after_one = np.mean(one_step, axis=0)
-    after_more = simulation.least_arcsec.mean() + np.mean(further, axis=0)
-    expected_arcsec = np.minimum.accumulate([now, after_one, *after_more])  # a value cannot harm
+    F_ior_now, after_one = np.mean(one_step, axis=0)
+    after_more = simulation.least_arcsec.mean() + np.mean(excess_arcsec, axis=0)
+    expected_arcsec = np.minimum.accumulate([F_ior_now, after_one, *after_more])  # a value cannot harm
     torque_index, hole = divmod(planned[0], len(decision.rotations_deg))
     return MeasurementValue(
         rotation_deg=decision.rotations_deg[hole],
@@ -554,7 +554,9 @@ def as_measured(decision: Decision, number: int = _LOOKED_AT, seed: int = 0) -> 
         f = F_ior[rows[:, None], columns]
         smooth = smooth_misfits(decision.rotations_deg, rng.standard_normal((number, SMOOTH_NUMBERS)))
         shown.append(np.maximum(f * scale + misfit * f.mean(axis=1, keepdims=True) * smooth, LEAST_SHOWN * f))
-    every = np.array(shown)
+    F_ior_arcsec = np.array(shown)
     stay = decision.stay
-    now = decision.now_arcsec[:, rows] if stay is None else every[..., stay]
-    return replace(decision, F_ior_arcsec=every, now_arcsec=now, sample_weights=np.ones(number), samples=None)
+    now_arcsec = decision.now_arcsec[:, rows] if stay is None else F_ior_arcsec[..., stay]
+    return replace(
+        decision, F_ior_arcsec=F_ior_arcsec, now_arcsec=now_arcsec, sample_weights=np.ones(number), samples=None
+    )

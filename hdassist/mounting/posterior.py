@@ -104,8 +104,8 @@ def _read_trial_position(
 
     Raises UsageError for all else.
     """
-    where, at, torque = name.partition("@")
-    M_g = number_of(with_decimal_points(torque)) if at else None
+    where, separator, torque = name.partition("@")
+    M_g = number_of(with_decimal_points(torque)) if separator else None
     if M_g is not None and not _is_torque(M_g):
         raise UsageError(f"invalid trial {shown(text)!r}: expected HOLE@TORQUE=VALUE, N·m", TRIAL_HINT)
     where = with_decimal_points(where)
@@ -136,8 +136,8 @@ def read_trial_or_record(
     is_number = not isnan(number_of(with_decimal_points(file)))
     if not (re.search(r"[/\\]|\.[A-Za-z]", file) or (not is_number and os.path.lexists(file))):
         return read_trial(text, drive.mounting.holes, allowed)
-    rotation, own = _read_trial_position(where.lower(), text, drive.mounting.holes, allowed)
-    greatest = reading.measured(file, drive, seed=seed, M_g=M_g if own is None else own).directions[0]
+    rotation, own_torque = _read_trial_position(where.lower(), text, drive.mounting.holes, allowed)
+    greatest = reading.measured(file, drive, seed=seed, M_g=M_g if own_torque is None else own_torque).directions[0]
     if greatest.is_bound and (covered := greatest.coverage):
         turns = covered.cam_turns
         cycle = covered.cam_turns / covered.share
@@ -147,7 +147,7 @@ def read_trial_or_record(
             "record the full mesh cycle in one sweep",
         )
     noise_arcsec = max(greatest.uncertainty_arcsec, _LEAST_NOISE)
-    return Trial(rotation, greatest.range.value, M_g=own, noise_arcsec=noise_arcsec, file=file)
+    return Trial(rotation, greatest.range.value, M_g=own_torque, noise_arcsec=noise_arcsec, file=file)
 
 
 _Places = NDArray[np.int64]
@@ -281,8 +281,10 @@ class HoleSamples:
 
     def noise(self, trials: Sequence[Trial]) -> Array:
         """Standard deviations of measured values as stated [arcsec], shape (trials,): their own, or that of all."""
-        own = [self.setup.noise_arcsec if each.noise_arcsec is None else each.noise_arcsec for each in trials]
-        return np.array(own, dtype=float)
+        noise_arcsec = [
+            self.setup.noise_arcsec if trial.noise_arcsec is None else trial.noise_arcsec for trial in trials
+        ]
+        return np.array(noise_arcsec, dtype=float)
 
     def with_free_curves(self, trials: Sequence[Trial]) -> HoleSamples:
         """Return the samples with curves over the seat that no drive made: Trials 5 in docs/theory.md.
@@ -363,12 +365,12 @@ def _numbers_near(
         squares = ((off @ np.linalg.inv(covariances)) * off).sum(axis=2)
         return np.asarray(log_shares[:, None] - 0.5 * (squares + np.linalg.slogdet(covariances)[1][:, None]))
 
-    whole = basis @ basis.T + covariances
-    log = log_shown(y[None], whole)[:, 0]
+    total = basis @ basis.T + covariances
+    log = log_shown(y[None], total)[:, 0]
     kind = rng.choice(len(log), _FREE_CURVES, p=softmax(log))
     numbers, error = (rng.standard_normal((_FREE_CURVES, n, 1)) for n in basis.T.shape)
     off = y[:, None] - basis @ numbers - np.linalg.cholesky(covariances)[kind] @ error
-    numbers = (numbers + basis.T @ np.linalg.solve(whole[kind], off))[..., 0]  # Matheron's rule
+    numbers = (numbers + basis.T @ np.linalg.solve(total[kind], off))[..., 0]  # Matheron's rule
     return numbers, np.exp(logsumexp(log) - logsumexp(log_shown(y - numbers @ basis.T, covariances), axis=0))
 
 
@@ -418,14 +420,14 @@ class HolePosterior:
 
     def decision(self, torques: Sequence[float], room_arcsec: Sequence[float | None], cost: float) -> Decision:
         """The decision among the rotations but the last one, which is 0, at torques [N*m]."""
-        every = np.array([self.F_ior_by_torque[M_g] for M_g in torques])
+        F_ior_arcsec = np.array([self.F_ior_by_torque[M_g] for M_g in torques])
         ones = np.ones(len(self.places))
-        holes = every[..., :-1]
-        now = every[..., -1]
+        holes = F_ior_arcsec[..., :-1]
+        now_arcsec = F_ior_arcsec[..., -1]
         return Decision(
             rotations_deg=self.rotations_deg[:-1],
             F_ior_arcsec=holes,
-            now_arcsec=now,
+            now_arcsec=now_arcsec,
             sample_weights=ones,
             room_arcsec=room_arcsec,
             cost=cost,
@@ -516,7 +518,7 @@ def likelier_torque(samples: HoleSamples, trials: Sequence[Trial]) -> float | No
     possible = samples.possible
     measured = np.array([t.F_ior_arcsec for t in trials]), samples.noise(trials), kernel(tried, tried)
     weight = samples.weight.ravel()[possible]
-    stated, *others = {samples.setup.point(t)[1] for t in trials}
+    stated, *other_points = {samples.setup.point(t)[1] for t in trials}
     log_probability = {
         M_g: logsumexp(
             log_likelihood_of_errors(
@@ -528,7 +530,7 @@ def likelier_torque(samples: HoleSamples, trials: Sequence[Trial]) -> float | No
     }
     likeliest = max(log_probability, key=log_probability.__getitem__)
     is_far = log_probability[likeliest] > log_probability[stated] + np.log(_FAR_LIKELIER)
-    return likeliest if is_far and not others else None
+    return likeliest if is_far and not other_points else None
 
 
 def hole_samples(
@@ -665,31 +667,31 @@ def open_prior(drive: Drive) -> DrivePrior:
     """
     belief = prior_of(drive)
     size, direction = standing_offset(drive)
-    own = "tolerances.e_hh"
-    known = {each.path: each for each in belief.fields}
-    if size not in known and not drive.number(size) > 0:
+    size_path = "tolerances.e_hh"
+    priors = {field.path: field for field in belief.fields}
+    if size not in priors and not drive.number(size) > 0:
         raise UsageError(
             f"trials need the size of the wave generator eccentricity: {size}",
             f"state the size, for example --set {size}=80; sizes up to {_WIDEST_SIZE:g} times 80 um are then sampled",
         )
     pairs = [(size, direction)]
-    if drive.number(own) or any(path not in (size, direction) for path in drive.uncertainty):
-        pairs.append((own, "phases.phi_hh"))
+    if drive.number(size_path) or any(path not in (size, direction) for path in drive.uncertainty):
+        pairs.append((size_path, "phases.phi_hh"))
     for group, turn in pairs:
         reason = f"unknown in trials: up to {_WIDEST_SIZE:g} times the preset's value"
-        if group not in known:
-            most = _WIDEST_SIZE * drive.number(group)
-            known[group] = FieldPrior(
+        if group not in priors:
+            widest_size = _WIDEST_SIZE * drive.number(group)
+            priors[group] = FieldPrior(
                 path=group,
                 distribution="even",
                 low=0.0,
-                high=most,
+                high=widest_size,
                 owner=owner_of(drive, group),
                 group=group,
                 reason=reason,
             )
-        if turn not in known:
-            known[turn] = FieldPrior(
+        if turn not in priors:
+            priors[turn] = FieldPrior(
                 path=turn,
                 distribution="even",
                 low=0.0,
@@ -698,5 +700,5 @@ def open_prior(drive: Drive) -> DrivePrior:
                 group=group,
                 reason="any direction",
             )
-    fields = tuple(known[path] for path in measures() if path in known and known[path].low < known[path].high)
+    fields = tuple(priors[path] for path in measures() if path in priors and priors[path].low < priors[path].high)
     return replace(belief, fields=fields)

@@ -178,14 +178,14 @@ class PresetField:
             return field_table()[path].bounds(ends)
         if self.kind == "choice":
             if value not in self.choices:
-                words = f"must be one of {', '.join(self.choices)}"
-                raise InvalidValueError(words, near_miss(str(value), self.choices))
+                message = f"must be one of {', '.join(self.choices)}"
+                raise InvalidValueError(message, near_miss(str(value), self.choices))
         elif self.kind in ("text", "line"):
             if not isinstance(value, str):
                 raise InvalidValueError("must be text", "put it in quotes" if isinstance(value, int | float) else "")
             if self.kind == "line" and not ("\n" not in value and 1 <= len(value) <= MAX_NAME):
-                words = f"must be one line of 1 to {MAX_NAME} characters"
-                raise InvalidValueError(words, "write a longer text in description" if value else "")
+                message = f"must be one line of 1 to {MAX_NAME} characters"
+                raise InvalidValueError(message, "write a longer text in description" if value else "")
         elif value is None:
             if not self.is_optional:
                 required = f"write a number in {self.unit}" if self.unit else ""
@@ -200,8 +200,8 @@ class PresetField:
         elif self.kind in KEYED_TABLES:
             if not isinstance(value, dict) and (like_table := KEYED_TABLES[self.kind][3]):
                 raise InvalidValueError("must be a table of keys", like_table)
-            known = set[tuple[object, ...]]()
-            return _read_items(value if isinstance(value, dict) else {"all": value}, partial(self._entry, known))
+            seen_entries = set[tuple[object, ...]]()
+            return _read_items(value if isinstance(value, dict) else {"all": value}, partial(self._entry, seen_entries))
         elif self.kind == "numbers" or (self.kind == "holes" and value != "all"):
             if isinstance(value, dict) or (self.kind == "holes" and isinstance(value, str)):
                 raise InvalidValueError(_WANTED_LISTS[self.kind])
@@ -258,10 +258,10 @@ class PresetField:
             raise InvalidValueError(
                 "must be two or more numbers, starting with the preset's own value", "for example [8950, 9020]"
             )
-        found = tuple(read_number(value, self.unit) for value in values)
-        if beyond := [value for value in found if not self.holds(value)]:
+        values_of_draws = tuple(read_number(value, self.unit) for value in values)
+        if beyond := [value for value in values_of_draws if not self.holds(value)]:
             raise InvalidValueError(f"{plain(beyond[0])} is out of range: {self.range_words(self.unit)}")
-        return found
+        return values_of_draws
 
     def bounds(self, ends: Any) -> tuple[float, float]:
         """A plausible range of the field. Raises InvalidValueError: it is none."""
@@ -374,10 +374,10 @@ class Deviation:
         return self.kind in ("cam", "seat")
 
 
-DEVIATIONS = tuple(Deviation(**each) for each in _DECLARED_FIELDS["deviations"])
-COMPOSITES = {each.part: each for each in DEVIATIONS if each.kind == "composite"}
-CAM_OFFSETS = {each.part: each for each in DEVIATIONS if each.kind == "cam"}
-DEVIATION_FIELDS = frozenset(path for each in DEVIATIONS for path in (each.size, each.direction))
+DEVIATIONS = tuple(Deviation(**row) for row in _DECLARED_FIELDS["deviations"])
+COMPOSITES = {deviation.part: deviation for deviation in DEVIATIONS if deviation.kind == "composite"}
+CAM_OFFSETS = {deviation.part: deviation for deviation in DEVIATIONS if deviation.kind == "cam"}
+DEVIATION_FIELDS = frozenset(path for deviation in DEVIATIONS for path in (deviation.size, deviation.direction))
 # sizes, by wheel, that measured pitch deviations replace
 IN_TEETH: dict[str, tuple[str, ...]] = {
     wheel: tuple(

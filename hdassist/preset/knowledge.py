@@ -117,30 +117,36 @@ _TABLES = package_table("preset/knowledge.toml")
 LAWS = {path: Law(**law) for path, law in _TABLES["laws"].items()}
 # by cam.coupling: stiffness of the cam's support and its plausible range [N/mm] at the reference diameter, and why
 _CAM_SUPPORTS: dict[str, tuple[float, float, float, str]] = _TABLES["cam_supports"]
-_PROPORTIONS = [Proportion(**each) for each in _TABLES["proportions"]]
+_PROPORTIONS = [Proportion(**row) for row in _TABLES["proportions"]]
 
 
 def implausible(drive: Drive) -> Iterator[tuple[str, str, str]]:
     """Valid fields of a drive that are far from usual: path, message with the number, usual range."""
-    for each in _PROPORTIONS:
-        value = drive.value(each.path)
-        base = drive.value(each.base)
+    for proportion in _PROPORTIONS:
+        value = drive.value(proportion.path)
+        base = drive.value(proportion.base)
         share = value / base if value and base else None
-        if share is not None and not each.low * (1 - _BOUND_ROUNDING) <= share <= each.high * (1 + _BOUND_ROUNDING):
-            words = each.words.format(value=value, base=base, share=share)
-            yield each.path, words, f"usual: {each.usual.format(low=each.low, high=each.high)}"
-    most = max(map(abs, drive.operation.M_g))
+        if share is not None and not proportion.low * (1 - _BOUND_ROUNDING) <= share <= proportion.high * (
+            1 + _BOUND_ROUNDING
+        ):
+            finding_words = proportion.words.format(value=value, base=base, share=share)
+            yield (
+                proportion.path,
+                finding_words,
+                f"usual: {proportion.usual.format(low=proportion.low, high=proportion.high)}",
+            )
+    largest_M_g = max(map(abs, drive.operation.M_g))
     rated = drive.operation.rated
     d = drive.gears.pitch_diameter
     limit = TORQUE_DENSITY[1] * d**3
     usual = f"{limit:.3g} N*m at {d:.4g} mm is the highest of catalogues: 52 N*m for size 20, ratio 100, by d^3"
     beyond = "times the rated torque of drives of this size"
-    if rated is None and most > limit:
-        words = f"{most:g} N*m is {most / limit:.3g} {beyond}"
-        yield "operation.M_g", words, f"{usual}; state operation.rated if it is different"
-    if rated is not None and most > rated * (1 + _BOUND_ROUNDING):
-        words = f"{most:g} N*m is {most / rated:.3g} times the rated torque"
-        yield "operation.M_g", words, f"operation.rated: {rated:g} N*m"
+    if rated is None and largest_M_g > limit:
+        finding_words = f"{largest_M_g:g} N*m is {largest_M_g / limit:.3g} {beyond}"
+        yield "operation.M_g", finding_words, f"{usual}; state operation.rated if it is different"
+    if rated is not None and largest_M_g > rated * (1 + _BOUND_ROUNDING):
+        finding_words = f"{largest_M_g:g} N*m is {largest_M_g / rated:.3g} times the rated torque"
+        yield "operation.M_g", finding_words, f"operation.rated: {rated:g} N*m"
     if rated is not None and rated > limit * 1.01:
         yield "operation.rated", f"{rated:g} N*m is {rated / limit:.3g} {beyond}", usual
     if drive.material.E < _LEAST_STEEL_E:
@@ -237,7 +243,7 @@ def _size_of(like: Drive, required: Requirements) -> tuple[SimilarValue, float]:
     by the cube law; without any, that of the other drive. Raises UsageError: a torque or a stiffness that no drive of
     the size has.
     """
-    own = like.gears.pitch_diameter
+    pitch_diameter = like.gears.pitch_diameter
     stiffer = 1.0
     T = required["operation.rated"].value if "operation.rated" in required else None
     K: tuple[float, ...] = required[STIFFNESS].value if STIFFNESS in required else ()
@@ -256,9 +262,11 @@ def _size_of(like: Drive, required: Requirements) -> tuple[SimilarValue, float]:
         why = f"{d:g} mm from K3 = {plain(K[-1])} N*m/rad, which increases with d^3 in catalogues"
         size = SimilarValue(d, "assumed", why)
     elif T is None:
-        return SimilarValue(own, "assumed", f"the pitch diameter of {like.name}, {own:g} mm"), stiffer
+        return SimilarValue(
+            pitch_diameter, "assumed", f"the pitch diameter of {like.name}, {pitch_diameter:g} mm"
+        ), stiffer
     else:
-        d = _rounded(own * (T / like.rated_torque) ** (1 / 3))
+        d = _rounded(pitch_diameter * (T / like.rated_torque) ** (1 / 3))
         low, high = ((T / density) ** (1 / 3) for density in reversed(TORQUE_DENSITY))
         why = f"{d:g} mm from {plain(T)} N*m, d^3 as {like.name}; catalogues have {low:.3g} to {high:.3g} mm for it"
         return SimilarValue(d, "assumed", why), stiffer
@@ -285,9 +293,9 @@ def similar(like: Drive, required: Requirements) -> dict[str, SimilarValue]:
     size, stiffer = _size_of(like, required)
     d = size.value
     s = size.value / like.gears.pitch_diameter
-    given = {path for path in field_table() if (p := path.split("."))[1] in getattr(like, p[0]).model_fields_set}
+    given_paths = {path for path in field_table() if (p := path.split("."))[1] in getattr(like, p[0]).model_fields_set}
     as_like = dict[str, SimilarValue]()
-    for path in given:  # teeth, and settings in which the drive differs from their defaults
+    for path in given_paths:  # teeth, and settings in which the drive differs from their defaults
         value = like.value(path)
         if path.startswith(("gears.z_g", "mounting.fixed", "numerics.")) and value != field_table()[path].default:
             as_like[path] = SimilarValue(value, "assumed", f"as {like.name}")
@@ -298,7 +306,7 @@ def similar(like: Drive, required: Requirements) -> dict[str, SimilarValue]:
         "gears.m": SimilarValue(m, size.kind, f"{d:.6g} mm / {teeth.value} teeth; {size.ref}"),
     }
     for path, law in LAWS.items():
-        optional = path in _WHERE_GIVEN and not (path in given and like.value(path))
+        optional = path in _WHERE_GIVEN and not (path in given_paths and like.value(path))
         if like.value(path) is not None and path != like.unused_tooth_field and not optional:
             entries[path] = _scaled(like, path, law, s, m, stiffer)
     quality = required[_QUALITY].value if _QUALITY in required else "catalogue"
@@ -332,18 +340,18 @@ def _scaled(like: Drive, path: str, law: Law, s: float, m: float, stiffer: float
     compliance = path.startswith("contact.c_")
     elastic = stiffer if stiffness else 1 / stiffer if compliance else 1.0
     in_modules = value / like.gears.m / (1000 if path == "gears.j_n" else 1) if law.by == "m" else 0.0
-    words = _SIMILAR_WORDS[law.by].format(like=like.name, s=s, value=in_modules)
+    comment = _SIMILAR_WORDS[law.by].format(like=like.name, s=s, value=in_modules)
     if law.usual is not None and not value:
         value = _rounded(law.usual * _growth(law.by, d / REFERENCE, m / _REFERENCE_MODULE))
-        words = ""
+        comment = ""
     elif isinstance(value, float):
         value = _rounded(value * factor * elastic)
     if elastic != 1 and factor:
-        words += f", {'x' if elastic > 1 else '/'} {max(elastic, 1 / elastic):.3g} for K3 at this diameter"
+        comment += f", {'x' if elastic > 1 else '/'} {max(elastic, 1 / elastic):.3g} for K3 at this diameter"
     bounds = None
     if isinstance(value, float) and (scaled := law.range_at(d, m, value)):
         bounds = _around(like, path, value, *map(_rounded, scaled))
-    return SimilarValue(value=value, kind="assumed", ref="; ".join(filter(None, (words, law.why))), range=bounds)
+    return SimilarValue(value=value, kind="assumed", ref="; ".join(filter(None, (comment, law.why))), range=bounds)
 
 
 def _around(like: Drive, path: str, value: float, low: float, high: float) -> tuple[float, float] | None:
@@ -359,13 +367,15 @@ def _shifts(like: Drive, entries: Mapping[str, SimilarValue], d: float) -> dict[
     bore = 2 * (g.root_radius - like.flexspline.h_1) / g.pitch_diameter
     m, z_g, h_f = (entries[path].value for path in ("gears.m", "gears.z_g", "gears.h_f"))
     x_g = round((bore - 1) * z_g / 2 + h_f + entries["flexspline.h_1"].value / m, 3)
-    apart = round(g.x_b - g.x_g, 4)
+    shift_difference = round(g.x_b - g.x_g, 4)
     return {
         "gears.x_g": SimilarValue(
             x_g, "assumed", f"makes the bore {bore * d:.5g} mm, as {like.name} has it by its size"
         ),
         "gears.x_b": SimilarValue(
-            round(x_g + apart, 4), "assumed", f"x_g + {apart:g}, as {like.name}; tips come clear of the mesh"
+            round(x_g + shift_difference, 4),
+            "assumed",
+            f"x_g + {shift_difference:g}, as {like.name}; tips come clear of the mesh",
         ),
     }
 
@@ -397,16 +407,16 @@ def _backlash(d: float) -> dict[str, SimilarValue]:
 
 
 def _load(like: Drive, required: Requirements, s: float, d: float) -> dict[str, SimilarValue]:
-    own = like.rated_torque
+    rated_torque = like.rated_torque
     rating = required.get("operation.rated")
     if rating is None:
-        rated = _rounded(own * s**3, 3)
+        rated = _rounded(rated_torque * s**3, 3)
         bounds = [_rounded(density * d**3, 2) for density in TORQUE_DENSITY]
         ref = f"{like.name} x d^3 = {s**3:.4g}; catalogues: {bounds[0]:g} to {bounds[1]:g} N*m"
         rating = SimilarValue(
             value=rated, kind="assumed", ref=ref, range=_around(like, "operation.rated", rated, *bounds)
         )
-    shares = tuple(_rounded(torque / own * rating.value, 3) for torque in like.operation.M_g)
+    shares = tuple(_rounded(torque / rated_torque * rating.value, 3) for torque in like.operation.M_g)
     return {
         "operation.M_g": SimilarValue(shares, "assumed", f"the shares of the rated torque that {like.name} has"),
         "operation.rated": rating,
@@ -549,9 +559,9 @@ def _coupling(coupling: str | None, shaft: str | None) -> dict[str, SimilarValue
         )
     if coupling is None:
         return {}
-    if coupling not in (words := field_table()["cam.coupling"].choices):
+    if coupling not in (choices := field_table()["cam.coupling"].choices):
         raise UsageError(
-            f"invalid --coupling {shown(coupling)}: expected one of {', '.join(words)}", near_miss(coupling, words)
+            f"invalid --coupling {shown(coupling)}: expected one of {', '.join(choices)}", near_miss(coupling, choices)
         )
     kind = "given" if coupling != "unknown" else "assumed"
     values = {"cam.coupling": SimilarValue(coupling, kind, f"--coupling {coupling}")}

@@ -183,8 +183,8 @@ class _Reader:
     def _decoded(self, text: bytes | str) -> str:
         data = text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text
         if len(data) > MOST_PRESET_BYTES:
-            words = f"the file is larger than {MOST_PRESET_BYTES // 1024} KiB"
-            raise self._end(self.last, words, hint="check that the file is a preset")
+            message = f"the file is larger than {MOST_PRESET_BYTES // 1024} KiB"
+            raise self._end(self.last, message, hint="check that the file is a preset")
         data = data.removeprefix(BOM_UTF8)
         try:
             decoded = data.decode()
@@ -270,13 +270,13 @@ class _Reader:
         for event in self._until(yaml.MappingEndEvent):
             mark = self._mark(event.start_mark)
             name = str(getattr(event, "value", ""))
-            at = (*path, name)
+            item_path = (*path, name)
             if name in table:
-                first = self.document.places[at].key
+                first = self.document.places[item_path].key
                 hint = f"it is given first in line {first.line}, column {first.column}"
-                self._find(mark, at, "duplicate key", hint=hint)
-            key = self._value(event, at, mark)
-            value = self._value(next(self.events), at, mark)
+                self._find(mark, item_path, "duplicate key", hint=hint)
+            key = self._value(event, item_path, mark)
+            value = self._value(next(self.events), item_path, mark)
             if isinstance(key, list | dict):
                 self._find(mark, path, "a key must be a single word", hint="a text or a number")
             elif not _SURROGATE.search(name):
@@ -297,14 +297,14 @@ class _Reader:
 
     def _syntax_error(self, error: Exception) -> PresetError:
         begun = getattr(error, "context_mark", None)
-        at = getattr(error, "problem_mark", None) or begun
+        error_mark = getattr(error, "problem_mark", None) or begun
         problem = str(getattr(error, "problem", None) or getattr(error, "context", None) or error)
-        other = (shown(problem, 100), "")
-        message, hint = next((words for start, words in _WORDS.items() if start in problem), other)
+        unnamed = (shown(problem, 100), "")
+        message, hint = next((description for start, description in _WORDS.items() if start in problem), unnamed)
         if "not closed" in message and begun is not None:
             opened = self._mark(begun)
             hint = f"opened in line {opened.line}, column {opened.column}"
-        return self._end(self._mark(at) if at else self.last, f"not valid YAML: {message}", hint=hint)
+        return self._end(self._mark(error_mark) if error_mark else self.last, f"not valid YAML: {message}", hint=hint)
 
 
 def path_text(path: Path) -> str:
@@ -337,24 +337,24 @@ def ordered_findings(items: Iterable[Finding]) -> list[Finding]:
     ordered = sorted(items, key=lambda f: (f.file == OVERRIDE, f.line, f.column))
     if len(ordered) > MAX_FINDINGS:
         last = ordered[MAX_FINDINGS]
-        more = len(ordered) - MAX_FINDINGS
+        unlisted = len(ordered) - MAX_FINDINGS
         ordered[MAX_FINDINGS:] = [
-            Finding(file=last.file, line=last.line, column=last.column, path="", message=f"and {more} more")
+            Finding(file=last.file, line=last.line, column=last.column, path="", message=f"and {unlisted} more")
         ]
     return ordered
 
 
 def near_miss(word: str, options: Iterable[str]) -> str:
     """A hint with the nearest name if an option looks like the word, else an empty text; case breaks ties."""
-    known = {option.lower(): option for option in options}
+    options_by_spelling = {option.lower(): option for option in options}
     word = word[:60]
 
     def likeness(option: str) -> tuple[float, float]:
-        pairs = ((option, word.lower()), (known[option], word))
+        pairs = ((option, word.lower()), (options_by_spelling[option], word))
         return (difflib.SequenceMatcher(None, *pairs[0]).ratio(), difflib.SequenceMatcher(None, *pairs[1]).ratio())
 
-    close = difflib.get_close_matches(word.lower(), known, 3, 0.6)
-    return f"the nearest name is {known[max(close, key=likeness)]}" if close else ""
+    close = difflib.get_close_matches(word.lower(), options_by_spelling, 3, 0.6)
+    return f"the nearest name is {options_by_spelling[max(close, key=likeness)]}" if close else ""
 
 
 # --- numbers with their units
@@ -392,15 +392,15 @@ def convert(text: str, unit: str) -> float:
     if match is None:
         raise _no_number(text.strip(), unit)
     number = match[1]
-    given = _normal(match[2])
-    if given == "":
+    unit_name = _normal(match[2])
+    if unit_name == "":
         raise UnitError("must be a number, not text", "leave out the quotes")
     value = float(number)
     if isinf(bounded(value)):
         raise UnitError("must be a finite number" if isinf(value) else f"must be a number up to {GREATEST:g}")
-    if looks := re.match(r"[:,_0-9]", given):
+    if looks := re.match(r"[:,_0-9]", unit_name):
         raise _no_number(text.strip(), unit, looks[0])
-    factor = _factor(given, unit)
+    factor = _factor(unit_name, unit)
     if abs(value) < _SMALLEST:
         return value * float(factor)
     return float(Decimal(number) * factor)
@@ -428,8 +428,10 @@ def read_spread(text: str, unit: str) -> tuple[float, float]:
     units = [number[2] if (number := _SPLIT.fullmatch(part)) else "" for part in match.groups()]
     common = units[0] or units[1]
     value, spread = (
-        convert(part if own else f"{part} {common}", unit) if common or not re.fullmatch(NUMBER, part) else float(part)
-        for part, own in zip(match.groups(), units, strict=True)
+        convert(part if has_unit else f"{part} {common}", unit)
+        if common or not re.fullmatch(NUMBER, part)
+        else float(part)
+        for part, has_unit in zip(match.groups(), units, strict=True)
     )
     if match[2].startswith(("-", "+")):
         raise UnitError("write the uncertainty without a sign", "for example 260 ± 10")
@@ -460,8 +462,8 @@ def read_count(value: Any) -> int:
     try:
         number = read_number(value, "")
     except InvalidValueError as fault:
-        words = fault.message.replace("a number", "a whole number").replace("pure", "whole")
-        raise replace(fault, message=words) from None
+        message = fault.message.replace("a number", "a whole number").replace("pure", "whole")
+        raise replace(fault, message=message) from None
     if number % 1:
         raise InvalidValueError("must be a whole number")
     return int(number)
@@ -469,7 +471,11 @@ def read_count(value: Any) -> int:
 
 def units_for(unit: str) -> tuple[str, ...]:
     """Every unit that converts to the given one, as messages write it; empty for a pure number."""
-    return tuple(other for other, (dimension, _) in _LISTED.items() if unit and dimension == _UNITS[unit][0])
+    return tuple(
+        unit_of_dimension
+        for unit_of_dimension, (dimension, _) in _LISTED.items()
+        if unit and dimension == _UNITS[unit][0]
+    )
 
 
 def _normal(unit: str) -> str:
@@ -481,15 +487,15 @@ def _factor(given: str, unit: str) -> Decimal:
     if not unit:
         raise UnitError("must be a number without a unit")
     dimension, own_size = _UNITS[unit]
-    other, size = _UNITS.get(given, ("", own_size))
-    if other == dimension:
+    unit_dimension, size = _UNITS.get(given, ("", own_size))
+    if unit_dimension == dimension:
         return size / own_size
     shown_unit = shown(given, 30)
     if hint := _MISTAKEN[dimension].get(given):
         raise UnitError(f"the unit {shown_unit} is ambiguous", hint)
     fitting = f"use one of {', '.join(units_for(unit))}; a number without a unit is in {unit}"
-    if other:
-        raise UnitError(f"{shown_unit} is a unit of {other}; expected a unit of {dimension}", fitting)
+    if unit_dimension:
+        raise UnitError(f"{shown_unit} is a unit of {unit_dimension}; expected a unit of {dimension}", fitting)
     raise UnitError(f"unknown unit {shown_unit}", near_miss(given[:30], units_for(unit)) or fitting)
 
 

@@ -131,10 +131,10 @@ def guide_rows(lines: Sequence[str], form: GuideForm) -> GuideRows:
     Raises DataError for a log without a section that an error can be made of.
     """
     sections = list(_sections(lines))
-    whole = max(sections, key=lambda section: section.span_s, default=_Section(_Facts()))
+    longest = max(sections, key=lambda section: section.span_s, default=_Section(_Facts()))
     unguided = max(map(_longest_unguided, sections), key=lambda section: section.span_s, default=_Section(_Facts()))
-    is_preferred = unguided.span_s >= min(_LONG_S, _PREFERRED_SHARE * whole.span_s)
-    chosen = unguided if is_preferred or not whole.is_guided else whole
+    is_preferred = unguided.span_s >= min(_LONG_S, _PREFERRED_SHARE * longest.span_s)
+    chosen = unguided if is_preferred or not longest.is_guided else longest
     if not (chosen.span_s and isfinite(chosen.facts.scale)):
         raise DataError(
             "a PHD2 guide log without a section of frames with pixel scale, times, distances and pulses",
@@ -223,7 +223,7 @@ def _declination_words(facts: _Facts, form: GuideForm) -> str:
 
 def _is_harmless(line: str) -> bool:
     """Return whether a line between frames neither moves the star nor switches guiding."""
-    is_known = any(words in line for words in _HARMLESS)
+    is_known = any(phrase in line for phrase in _HARMLESS)
     return is_known and _GUIDING_SWITCH not in line
 
 
@@ -266,8 +266,8 @@ def _guide_rate(facts: _Facts, form: GuideForm) -> _GuideRate:
     Raises DataError where none is known, or where the declination that it depends on is not.
     """
     if not isfinite(facts.declination):
-        words = "a guided section of a guide log with an unknown declination, on which the guide rate depends"
-        raise DataError(words, "--declination DEG")
+        description = "a guided section of a guide log with an unknown declination, on which the guide rate depends"
+        raise DataError(description, "--declination DEG")
     px_per_arcsec = cos(radians(facts.declination)) / facts.scale
     rates = _rates_of_log(facts, px_per_arcsec)
     if form.rate_arcsec_s is not None:
@@ -277,14 +277,14 @@ def _guide_rate(facts: _Facts, form: GuideForm) -> _GuideRate:
             origin += f", although the log states {rates[0][0]:.3g} arcsec/s {rates[0][1]}"
         return _GuideRate(stated * px_per_arcsec, 0.0, origin)
     if not rates:
-        words = "a guided section of a guide log without its guide rate"
-        raise DataError(words, "state it with --guide-rate ARCSEC/S, for example 7.52 for half the sidereal rate")
+        description = "a guided section of a guide log without its guide rate"
+        raise DataError(description, "state it with --guide-rate ARCSEC/S, for example 7.52 for half the sidereal rate")
     rate, origin = rates[0]
     uncertainty = _ONE_RATE_UNCERTAINTY
     if len(rates) > 1:
         uncertainty = max(_LEAST_RATE_UNCERTAINTY, abs(rates[1][0] / rate - 1) / 2)
-    words = f"{rate:.3g} arcsec/s {origin}, standard uncertainty {100 * uncertainty:.0f} % (assumed)"
-    return _GuideRate(rate * px_per_arcsec, uncertainty, words)
+    description = f"{rate:.3g} arcsec/s {origin}, standard uncertainty {100 * uncertainty:.0f} % (assumed)"
+    return _GuideRate(rate * px_per_arcsec, uncertainty, description)
 
 
 def _rates_of_log(facts: _Facts, px_per_arcsec: float) -> list[tuple[float, str]]:

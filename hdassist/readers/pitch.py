@@ -96,15 +96,15 @@ def read_pitch(
     precedence over remarks of the file, and flank chooses among columns for two flanks.
     Raises DataError: a file that cannot be read; PresetError: every fault of the file; UsageError: a wrong argument.
     """
-    asked = {"form": form, "sense": sense, "flank": flank}
-    given = {key: value for key, value in asked.items() if value is not None}
-    for key, value in given.items():
+    arguments = {"form": form, "sense": sense, "flank": flank}
+    stated_arguments = {key: value for key, value in arguments.items() if value is not None}
+    for key, value in stated_arguments.items():
         if value not in _CHOICES[key][0]:
             raise UsageError(f"invalid {key} {value}: expected one of {', '.join(_CHOICES[key][0])}")
     if teeth < 2:
         raise UsageError(f"invalid number of teeth {teeth}: expected two or more")
     table = read_numbers(source, ("tooth number", "deviation"))
-    stated = _Statements(table, given)
+    stated = _Statements(table, stated_arguments)
     is_table = not table.findings
     teeth_in, deviation_in = stated.columns() if is_table else (0, 0)
     unit = stated.value("unit")
@@ -158,8 +158,8 @@ class _Statements:
         if table.names_in_remark and not any(map(names_teeth, table.names)):
             table.names = ()  # a remark with as many words as there are columns
         entries = [(remark.number, remark.remark, *remark.entry) for remark in table.remarks if remark.entry]
-        words = [entry[:3] for entry in entries]
-        for line, column, name in (*words, *((table.names_line, 1, name) for name in table.names)):
+        names = [entry[:3] for entry in entries]
+        for line, column, name in (*names, *((table.names_line, 1, name) for name in table.names)):
             if table.is_latin and _CODE_PAGE.search(name):
                 table.add(line, column, "", "a name that is not UTF-8 text", name, "save the file as UTF-8")
         for line, _, word, text, column in entries:
@@ -173,18 +173,18 @@ class _Statements:
         """Value of a key: that of the argument, else that of the file, else the one that is assumed, with a note."""
         stated = self.stated[key]
         default, note = ASSUMED.get(key, ("", ""))
-        if asked := self.asked.get(key):
-            other = next((each.text for each in stated if each.value != asked), None)
-            if other is not None:
-                self.table.notes.append(f"{key} {asked} as requested; the file states {other}")
-            return asked
-        for each in stated:
-            if not each.value:
+        if argument := self.asked.get(key):
+            contradiction = next((statement.text for statement in stated if statement.value != argument), None)
+            if contradiction is not None:
+                self.table.notes.append(f"{key} {argument} as requested; the file states {contradiction}")
+            return argument
+        for statement in stated:
+            if not statement.value:
                 expected = _CHOICES[key][1] if key in _CHOICES else "the number of a tooth"
-                return self.refused(key, f"must be {expected}", default, at=each)
-            if each.value != stated[0].value:
+                return self.refused(key, f"must be {expected}", default, at=statement)
+            if statement.value != stated[0].value:
                 hint = f"line {stated[0].line} states {stated[0].text}; keep one of the two"
-                return self.refused(key, "stated twice with different values", default, hint, each)
+                return self.refused(key, "stated twice with different values", default, hint, statement)
         if not stated and note:
             self.table.notes.append(note)
         return stated[0].value if stated else default
@@ -195,17 +195,17 @@ class _Statements:
         names = self.table.names
         teeth = [index for index, name in enumerate(names) if names_teeth(name)]
         first = teeth[0] if len(teeth) == 1 else 0
-        others = [index for index in range(table.values.shape[1]) if index != first]
+        other_columns = [index for index in range(table.values.shape[1]) if index != first]
         for key, meaning in (("flank", flank_in), ("form", form_in)):
-            wanted = self.asked.get(key) or next((each.value for each in self.stated[key]), "")
-            if wanted and len(others) > 1 and names:
-                others = [index for index in others if meaning(names[index]) == wanted] or others
-        if len(others) > 1:
-            got = " and ".join(f'"{table.name(column)}"' for column in others)
+            wanted = self.asked.get(key) or next((statement.value for statement in self.stated[key]), "")
+            if wanted and len(other_columns) > 1 and names:
+                other_columns = [index for index in other_columns if meaning(names[index]) == wanted] or other_columns
+        if len(other_columns) > 1:
+            got = " and ".join(f'"{table.name(column)}"' for column in other_columns)
             line = table.names_line if names else int(table.lines[0])
-            table.add(line, 1, "", f"{len(others)} columns of deviations", got, COLUMNS_HINT)
+            table.add(line, 1, "", f"{len(other_columns)} columns of deviations", got, COLUMNS_HINT)
         elif names:
-            name = names[others[0]]
+            name = names[other_columns[0]]
             for key, value in (("form", form_in(name)), ("flank", flank_in(name)), ("unit", length_in(name))):
                 if value and value != AMBIGUOUS:
                     statement = _Statement(value=value, text=name, line=table.names_line, column=1)
@@ -213,7 +213,7 @@ class _Statements:
                 elif value and not self.stated[key] and key not in self.asked:
                     message = "state whether they are single or cumulative pitch deviations"
                     table.add(table.names_line, 1, key, message, name, _FORM_HINT)
-        return first, others[0]
+        return first, other_columns[0]
 
     def refused(self, key: str, message: str, default: str, hint: str = "", at: _Statement | None = None) -> str:
         """The default value of a key, whose statement, by default the first one, is a finding."""
@@ -251,12 +251,12 @@ def _rows_by_tooth(table: NumberTable, column: int, teeth: int) -> tuple[int, li
     wanted = range(first, first + teeth)
     beyond = sorted(row_of.keys() - set(wanted))
     missing = sorted(set(wanted) - row_of.keys())
-    for words, numbers in (("a row for tooth", beyond), ("no row for tooth", missing)):
+    for fault_words, numbers in (("a row for tooth", beyond), ("no row for tooth", missing)):
         if numbers:
             message = f"the wheel has {teeth} teeth, the file has {len(row_of)}"
             hint = "number the teeth from 0 or 1, each tooth once" if beyond else f"{teeth} rows are needed"
             row = row_of.get(numbers[0], 0)
-            table.add_at(row, column, message, f"{words} {shortened(numbers)}", hint)
+            table.add_at(row, column, message, f"{fault_words} {shortened(numbers)}", hint)
     return first, [row_of.get(number, 0) for number in wanted]
 
 
@@ -274,9 +274,9 @@ def _cumulative(
         table.notes.append(f"{name} to um")
     if is_single:
         gap = float(values.sum())
-        whole = float(np.abs(values).sum())
+        sum_of_magnitudes = float(np.abs(values).sum())
         values = np.cumsum(values - gap / len(values))
-        closes = abs(gap) <= _NOISE * whole
+        closes = abs(gap) <= _NOISE * sum_of_magnitudes
         if not closes and abs(gap) > _CLOSING * np.ptp(values):
             sizes = f"their sum is {gap:.3g} um, their curve spans {np.ptp(values):.3g} um"
             hint = "check whether they are cumulative deviations, rounded too coarsely, or measured in several passes"
@@ -341,13 +341,13 @@ class WheelFiles:
             mark = self.marks.get(name)
             notes = list(pitch.notes)
             if mark is None:
-                if (given := drive.value(f"phases.xi_{name}")) is None:
+                if (mark_of_preset := drive.value(f"phases.xi_{name}")) is None:
                     raise UsageError(
                         f"unknown direction of the mark of {file}", f"state it in deg, for example --mark-{name} 30"
                     )
-                mark = float(given)
-                words = f"the mark is at {mark:g} deg, from phases.xi_{name} of the preset"
-                notes.append(f"{words}; to change it use --mark-{name}")
+                mark = float(mark_of_preset)
+                note = f"the mark is at {mark:g} deg, from phases.xi_{name} of the preset"
+                notes.append(f"{note}; to change it use --mark-{name}")
             if name == "b" and drive.value("tolerances.e_b"):
                 notes.append(
                     "tolerances.e_b is added to the measured teeth, which is right only "

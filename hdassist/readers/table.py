@@ -161,9 +161,11 @@ class NumberTable:
     def _require_degrees(self, column: int, words: str, units: Iterable[str], named: str, asked: str | None) -> None:
         """Raise PresetError if a column in degrees, minutes and seconds has other cells, or another unit is stated."""
         name = self.name(column)
-        others = len(self.values) - self.sexagesimal[column]
-        if others > 0:
-            message = f'"{name}": {others} of {len(self.values)} rows are numbers without degrees, minutes and seconds'
+        decimal_rows = len(self.values) - self.sexagesimal[column]
+        if decimal_rows > 0:
+            message = (
+                f'"{name}": {decimal_rows} of {len(self.values)} rows are numbers without degrees, minutes and seconds'
+            )
             raise self.fault(message, "write every angle of a column in the same way")
         stated = plain_unit(asked) if asked is not None else named or foreign_unit_in(name, units)
         if "deg" not in units:
@@ -182,8 +184,12 @@ class NumberTable:
         if option:
             hint = f"state it: {option} {default}, or another unit of {quantity}"
         if foreign := foreign_unit_in(name, units):
-            other = quantity_of(foreign)
-            fault = f"a unit of {other}, not of {quantity}" if other else f"no known unit of {quantity}"
+            foreign_quantity = quantity_of(foreign)
+            fault = (
+                f"a unit of {foreign_quantity}, not of {quantity}"
+                if foreign_quantity
+                else f"no known unit of {quantity}"
+            )
             if plain_unit(foreign) == "grad":
                 fault = "a degree in German and 1/400 of a revolution elsewhere: write deg or gon"
             elif scaled_unit_in(name):  # a unit that an option states would not have the factor
@@ -196,8 +202,8 @@ class NumberTable:
         stated = [(line, entry) for line, entry in entries if entry and PITCH_KEYS.get(entry[0]) == "unit"]
         if stated and not named and quantity == "angle":
             line, (_, text, place) = stated[0]
-            words = f'the comment states the unit {text}, the name "{name}" states none'
-            self.add(line.number, place, "", words, text, hint)
+            message = f'the comment states the unit {text}, the name "{name}" states none'
+            self.add(line.number, place, "", message, text, hint)
             raise PresetError(self.findings)
 
     def in_unit(self, column: int, words: str, default: str, asked: str | None = None, option: str = "") -> _Cells:
@@ -415,12 +421,12 @@ class _Rows:
         sample = self.waiting[:SAMPLED_LINES]
         separator = separator_of([line.text for line in sample])
         cells = [cells_of(line.text, separator) for line in sample]
-        if (above := _preamble(cells)) and not _program_of([line.text for line in sample]):
-            left = shortened([line.number for line in sample[:above]])
-            self.table.notes.append(f"left out, above the line of names: lines {left}")
-            self.waiting = self.waiting[above:]
-            sample = sample[above:]
-            cells = cells[above:]
+        if (preamble_lines := _preamble(cells)) and not _program_of([line.text for line in sample]):
+            skipped = shortened([line.number for line in sample[:preamble_lines]])
+            self.table.notes.append(f"left out, above the line of names: lines {skipped}")
+            self.waiting = self.waiting[preamble_lines:]
+            sample = sample[preamble_lines:]
+            cells = cells[preamble_lines:]
         rows = [(line.number, row) for line, row in zip(sample, cells, strict=True) if has_numbers(row)]
         first = sample[0] if sample else TableLine(1, "", 0)
         if not rows:
@@ -441,7 +447,7 @@ class _Rows:
             message = f"the line of names does not fit {self.width} columns"
             hint = "write one name for each column, with the separator of the rows"
             empty = [cell.text for cell in cells[0][self.width :]]
-            if empty and all(each.text.rstrip().endswith(separator) for each in sample[1:]):
+            if empty and all(line.text.rstrip().endswith(separator) for line in sample[1:]):
                 message = f"no value is written in {', '.join(empty)}"
                 hint = "fill it in, or leave out the column"
             self.table.add(line.number, 1, "", message, line.text.strip(), hint)
@@ -537,8 +543,8 @@ class _Rows:
             value = float(cell.text.replace(",", "."))
             if abs(value) <= GREATEST:
                 return value
-            most = f"number up to {GREATEST:g}" if isfinite(value) else "finite number"
-            message = f"must be a {most}"
+            number_words = f"number up to {GREATEST:g}" if isfinite(value) else "finite number"
+            message = f"must be a {number_words}"
             hint = "check this cell"
         elif self.takes_sexagesimal:
             try:
@@ -575,10 +581,10 @@ def _preamble(cells: Sequence[Sequence[Cell]]) -> int:
     names = len(cells) - rows - 1
     if names < 1 or rows < _FOREIGN_ROWS or len(cells[names]) != len(cells[-1]) or has_numbers(cells[names]):
         return 0
-    known = [
+    is_head = [
         any(role_in(cell.text) in _SHAFTS for cell in row) and len(row) == len(cells[-1]) for row in cells[: names + 1]
     ]
-    return names if known[-1] and not any(known[:-1]) else 0
+    return names if is_head[-1] and not any(is_head[:-1]) else 0
 
 
 def _is_row(row: Sequence[Cell], width: int) -> bool:
@@ -594,7 +600,7 @@ def shortened(numbers: Sequence[int], most: int = 5) -> str:
 def _program_of(lines: Sequence[str]) -> str:
     """The file of another program that some first lines are of, in words; empty for none that is known."""
     text = "\n".join(lines[:_HEAD])
-    return next((words for pattern, words in _PROGRAMS.items() if re.search(pattern, text, re.MULTILINE)), "")
+    return next((program for pattern, program in _PROGRAMS.items() if re.search(pattern, text, re.MULTILINE)), "")
 
 
 def _readable_parts(text: TextFile, table: NumberTable, guide: GuideForm) -> Iterator[tuple[int, str]]:

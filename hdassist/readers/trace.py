@@ -123,7 +123,7 @@ def _unwrapped(angle: _Angles, wrap: float, other: _Angles | None = None) -> _An
     """
     expected = [np.zeros(len(angle))] if other is None else [other, -other]
     way, off = min(
-        ((each, np.unwrap(angle - each, period=wrap)) for each in expected),
+        ((expected_angle, np.unwrap(angle - expected_angle, period=wrap)) for expected_angle in expected),
         key=lambda pair: float(np.abs(np.diff(pair[1])).sum()),
     )
     joined = way + off
@@ -349,20 +349,20 @@ class MeasuredTrace:
         """Raise UntrustedError if the size of the errors depends on an uncertain guide rate."""
         if self.scale_uncertainty:
             share = f"{100 * self.scale_uncertainty:.0f} %"
-            words = (
+            message = (
                 f"{self.file}: the guide rate, and with it the size of the error, has a standard uncertainty of {share}"
             )
-            raise UntrustedError(words, "state the guide rate: --guide-rate ARCSEC/S")
+            raise UntrustedError(message, "state the guide rate: --guide-rate ARCSEC/S")
 
     def one_way(self, sign: int) -> MeasuredTrace:
         """The trace with its sweeps in a direction alone; 0 for both."""
-        return replace(self, sweeps=tuple(each for each in self.sweeps if each.direction == sign or not sign))
+        return replace(self, sweeps=tuple(sweep for sweep in self.sweeps if sweep.direction == sign or not sign))
 
     def without(self, rows: NDArray[np.int64]) -> MeasuredTrace:
         """The trace without some rows."""
         columns = ("cam_deg", "error_arcsec", "line", "time_s", "load")
-        given = {name: getattr(self, name) for name in columns}
-        kept: dict[str, Any] = {name: np.delete(each, rows) for name, each in given.items() if each is not None}
+        arrays = {name: getattr(self, name) for name in columns}
+        kept: dict[str, Any] = {name: np.delete(values, rows) for name, values in arrays.items() if values is not None}
         return replace(self, **kept, sweeps=tuple(sweeps(kept["cam_deg"])))
 
 
@@ -386,7 +386,7 @@ def read_record(source: Readable, form: TraceForm) -> NumberTable:
     try:
         table.require_sound()
     except PresetError as error:
-        if not form.robust and len(table.lines) >= _FEWEST_ROWS and any(each.path for each in table.findings):
+        if not form.robust and len(table.lines) >= _FEWEST_ROWS and any(finding.path for finding in table.findings):
             error.hint = "use --robust to leave out rows that are not readings"
         raise
     if table.left_out:
@@ -401,19 +401,19 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
     encoders.
     Raises PresetError: the first fault of its angles; DataError: no ratio; UsageError: one column for two.
     """
-    first, other = _columns(table, form)
+    first, second = _columns(table, form)
     if len(table.lines) < _FEWEST_ROWS:
         raise table.fault(
             f"rows: {len(table.lines)}", f"a recording needs at least {_FEWEST_ROWS} rows", 0, first.index
         )
-    if ratio is None and "output" in (first.shaft, other.shaft):
+    if ratio is None and "output" in (first.shaft, second.shaft):
         message = f"{table.file}: the ratio is needed to relate output and input"
         raise DataError(message, "--ratio 100, or --drive PRESET")
     per_turn = abs(ratio or 1)
-    angle, readings = (table.values[:, column.index].copy() for column in (first, other))
+    angle, readings = (table.values[:, column.index].copy() for column in (first, second))
     time_s = _beside(table, "time", "s")
     torque = _beside(table, "torque", "N·m")
-    used = {first.index, other.index, *(k for k, role in enumerate(table.roles) if role in ("time", "torque"))}
+    used = {first.index, second.index, *(k for k, role in enumerate(table.roles) if role in ("time", "torque"))}
     unused = [
         f'"{name}" ({table.values[:, k].min():.6g} to {table.values[:, k].max():.6g})'
         for k, name in enumerate(table.names)
@@ -421,14 +421,14 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
     ]
     table.notes += [f"not used: {', '.join(unused)}"] if unused else []
     table.values = np.empty((0, 0))  # a long trace takes no more memory than it needs
-    output = _angle(table, other, readings, form.wrap) if other.shaft else None
+    output = _angle(table, second, readings, form.wrap) if second.shaft else None
     cam = _angle(table, first, angle, form.wrap, None if output is None else output * per_turn)
     if first.shaft == "output":
         cam *= per_turn
-    far = _leaping(readings * (other.size / _ARCSEC_PER_DEG) if output is None else output)
+    far = _leaping(readings * (second.size / _ARCSEC_PER_DEG) if output is None else output)
     if form.robust:
         leaps = _leaping(cam)
-        for column, rows in ((first, leaps), (other, far)):
+        for column, rows in ((first, leaps), (second, far)):
             if rows.any():
                 named = shortened(table.lines[rows].tolist())
                 table.notes.append(f'left out, "{table.name(column.index)}" jumps and returns: lines {named}')
@@ -436,28 +436,28 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
         table.lines = table.lines[kept]
         cam = cam[kept]
         readings = readings[kept]
-        output, time_s, torque = (None if each is None else each[kept] for each in (output, time_s, torque))
+        output, time_s, torque = (None if values is None else values[kept] for values in (output, time_s, torque))
     if not np.ptp(readings):
-        raise table.fault("the column is constant", "check the column of the error", 0, other.index)
-    error = readings * other.size
+        raise table.fault("the column is constant", "check the column of the error", 0, second.index)
+    error = readings * second.size
     sense = 0
     in_time = False
     by_cam = 0.0
     dithered = False
-    step = _step(readings) * abs(other.size)
+    step = _step(readings) * abs(second.size)
     if output is not None:
-        error, sense = _second(table, other.index, output, cam, per_turn)
+        error, sense = _second(table, second.index, output, cam, per_turn)
         if not step:
             step = _step_in_time(cam, output, per_turn)
             in_time = step > 0
-        if first.in_counts or other.in_counts:
+        if first.in_counts or second.in_counts:
             by_cam = abs(first.size) / per_turn * first.in_counts
-            by_output = abs(other.size) * other.in_counts
+            by_output = abs(second.size) * second.in_counts
             in_time = in_time or _is_even(cam, max(_COUNTS_APART * by_cam, by_output) * per_turn / _ARCSEC_PER_DEG)
             dithered = not (step or in_time)
             step = max(step, hypot(by_cam, by_output))
     if ratio is not None:
-        _require_ratio(table, other.index, cam, error, per_turn, sense)
+        _require_ratio(table, second.index, cam, error, per_turn, sense)
     if form.speed is not None and not table.deg_per_s and time_s is None:
         table.deg_per_s = form.speed / _ARCSEC_PER_DEG * (1.0 if first.shaft == "output" else per_turn)
     try:
@@ -470,16 +470,16 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
         if row is not None:
             leap = float(error[row] - error[row - 1]) / _ARCSEC_PER_DEG
             message = f"the error spans {reach / _ARCSEC_PER_DEG:.3g} deg: here it jumps by {leap:.3g} deg and stays"
-            raise table.fault(message, _RESTART_HINT, row, other.index)
+            raise table.fault(message, _RESTART_HINT, row, second.index)
         row = int(np.abs(error - np.median(error)).argmax())
         message = f"the error spans {reach / _ARCSEC_PER_DEG:.3g} deg"
         leaves_out = "; --robust leaves out single ones" if far.any() else ""
         raise table.fault(
-            message, f"check the column of the error, its unit and the ratio{leaves_out}", row, other.index
+            message, f"check the column of the error, its unit and the ratio{leaves_out}", row, second.index
         )
-    left = len(cam) - sum(map(len, moves))
-    if left:
-        table.notes.append(f"left out, turning points and short moves: {left} of {len(cam)} rows")
+    row_count = len(cam) - sum(map(len, moves))
+    if row_count:
+        table.notes.append(f"left out, turning points and short moves: {row_count} of {len(cam)} rows")
     return MeasuredTrace(
         file=table.file,
         sha256=table.sha256,
@@ -539,11 +539,11 @@ def _second(table: NumberTable, column: int, output: Array, cam: Array, ratio: f
     slope = float(centred @ output / (centred @ centred))
     if np.ptp(cam) >= 360 and abs(abs(slope) * ratio - 1) > _SLIP:
         for way in (1, -1):
-            apart = output - way * cam / ratio
-            if (row := _leap_in(apart)) is not None:
-                leap = f"{apart[row] - apart[row - 1]:.4g} deg"
-                words = f"the angles of the two shafts jump apart by {leap}; an encoder was restarted or lost counts"
-                raise table.fault(words, _RESTART_HINT, row, column)
+            difference = output - way * cam / ratio
+            if (row := _leap_in(difference)) is not None:
+                leap = f"{difference[row] - difference[row - 1]:.4g} deg"
+                message = f"the angles of the two shafts jump apart by {leap}; an encoder was restarted or lost counts"
+                raise table.fault(message, _RESTART_HINT, row, column)
         turns = f"the input rotates {1 / abs(slope):.5g} times as far" if slope else "the output does not rotate"
         raise table.fault(f"{turns}, the ratio is {ratio:g}", "check the units, the ratio and the columns", 0, column)
     sense = 1 if slope > 0 else -1
@@ -564,18 +564,18 @@ def _require_ratio(table: NumberTable, column: int, cam: Array, error: Array, ra
     centred = cam - cam.mean()
     slope = float(centred @ error / (centred @ centred))  # arcsec per degree of the cam
     ramp = abs(slope) * float(np.ptp(cam))
-    rest = float(np.ptp(error - slope * centred))
+    residual_range = float(np.ptp(error - slope * centred))
     signs = (sense,) if sense else (1, -1)
     speeds = [1 / ratio + sign * slope / _ARCSEC_PER_DEG for sign in signs]  # of the output, over that of the cam
-    if ramp < _RAMP_OVER_REST * rest or abs(speeds[0] * ratio - 1) < _RAMP_OF_RATIO:
+    if ramp < _RAMP_OVER_REST * residual_range or abs(speeds[0] * ratio - 1) < _RAMP_OF_RATIO:
         return
     fitting = [1 / speed for speed in speeds if speed > 0]
     if not fitting:
         return
-    words = " or ".join(f"{fit:.3f}" for fit in fitting)
+    ratios_text = " or ".join(f"{fit:.3f}" for fit in fitting)
     hint = "use --ratio, or a preset, with the ratio that fits" + _cause_of_ratio(fitting, ratio)
     grows = f"the error grows by {ramp:.5g} arcsec over {np.ptp(cam) / WHOLE_TURN_DEG:.3g} input revolutions"
-    raise table.fault(f"{grows}: the ratio that fits is {words}, not {ratio:g}", hint, 0, column)
+    raise table.fault(f"{grows}: the ratio that fits is {ratios_text}, not {ratio:g}", hint, 0, column)
 
 
 def _cause_of_ratio(fitting: Sequence[float], ratio: float) -> str:
@@ -598,16 +598,16 @@ def _leap_in(values: Array) -> int | None:
     """The row at which values leap by most of their range and stay there; None without one, and with several."""
     steps = np.diff(values)
     row = int(np.abs(steps).argmax())
-    rest = np.concatenate([values[: row + 1], values[row + 1 :] - steps[row]])
-    return row + 1 if np.ptp(rest) < _LEAP_REST * abs(steps[row]) else None
+    without_step = np.concatenate([values[: row + 1], values[row + 1 :] - steps[row]])
+    return row + 1 if np.ptp(without_step) < _LEAP_REST * abs(steps[row]) else None
 
 
 def _even_step(levels: Array, least: float) -> float:
     """Step of rising levels that lie on even steps, but for ends closer than the least; 0 without such a step."""
-    apart = np.diff(levels)
-    apart = apart[apart > least]
-    step = float(apart.min(initial=np.inf))
-    return step if len(apart) and np.abs(apart / step - np.rint(apart / step)).max() < _ROUNDED_STEP else 0.0
+    spacing = np.diff(levels)
+    spacing = spacing[spacing > least]
+    step = float(spacing.min(initial=np.inf))
+    return step if len(spacing) and np.abs(spacing / step - np.rint(spacing / step)).max() < _ROUNDED_STEP else 0.0
 
 
 def _step(readings: Array) -> float:
@@ -662,22 +662,24 @@ def _columns(table: NumberTable, form: TraceForm) -> tuple[_TraceColumn, _TraceC
     shaft: _Shaft = form.angle_of or ("output" if kinds[angle] == "output" else "cam")
     kinds[angle] = ""
     by_second = form.second is not None or (form.error is None and "error" not in kinds and "output" in kinds)
-    option, asked, kind = ("second", form.second, "output") if by_second else ("error", form.error, "error")
-    other = _column(table, asked, kinds, kind, option)
-    if other == angle:
+    option, column_name, kind = ("second", form.second, "output") if by_second else ("error", form.error, "error")
+    second_column = _column(table, column_name, kinds, kind, option)
+    if second_column == angle:
         raise UsageError(f"one column cannot be both: {table.name(angle)}", f"columns: {table.listed}")
     if by_second and shaft == "output":
         raise table.fault("no column of input angles", "select one with --angle NAME --angle-of cam")
     first, second = (*form.angle_units, None, None)[:_ENCODERS]
     if is_time:
         return _by_time(table, angle, form), _in_unit(
-            table, other, None, "error", form.error_unit, "arcsec", "--error-unit"
+            table, second_column, None, "error", form.error_unit, "arcsec", "--error-unit"
         )
     angles = _in_unit(table, angle, shaft, f"{shaft} angle", first, "deg", "--angle-unit")
     if by_second:
-        words = "output angle, second encoder"
-        return angles, _in_unit(table, other, "output", words, second, angles.unit.removeprefix("-"), "--angle-unit")
-    return angles, _in_unit(table, other, None, "error", form.error_unit, "arcsec", "--error-unit")
+        description = "output angle, second encoder"
+        return angles, _in_unit(
+            table, second_column, "output", description, second, angles.unit.removeprefix("-"), "--angle-unit"
+        )
+    return angles, _in_unit(table, second_column, None, "error", form.error_unit, "arcsec", "--error-unit")
 
 
 def _is_time(table: NumberTable, index: int, kind: str, form: TraceForm) -> bool:
@@ -729,14 +731,14 @@ def _column(table: NumberTable, asked: str | None, kinds: Sequence[str], kind: s
         if asked.isascii() and asked.isdecimal() and 0 < int(asked) <= table.values.shape[1]:
             return int(asked) - 1
         raise table.fault(f"no column {asked}", "give the name or number of a column")
-    candidates = [index for index, own in enumerate(kinds) if own == kind]
+    candidates = [index for index, column_kind in enumerate(kinds) if column_kind == kind]
     if len(candidates) == 1:
         return candidates[0]
-    words = {"angle": "input or output angles", "error": "errors", "second": "output angles"}[option]
+    description = {"angle": "input or output angles", "error": "errors", "second": "output angles"}[option]
     several = ": " + ", ".join(f'"{table.name(i)}"' for i in candidates) if candidates else " by its name"
     hint = f"select the column with --{option} NAME or its number"
     count = f"{len(candidates)} columns" if candidates else "no column"
-    raise table.fault(f"{count} of {words}{several}", hint)
+    raise table.fault(f"{count} of {description}{several}", hint)
 
 
 def _in_unit(

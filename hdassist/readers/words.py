@@ -91,7 +91,7 @@ def role_in(name: str) -> str:
     if field := _epics_field_in(name):
         return _EPICS_ROLES[field]
     spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name).lower()
-    return next((role for role, words in _ROLES.items() if re.search(_WORD.format(words), spaced)), "")
+    return next((role for role, pattern in _ROLES.items() if re.search(_WORD.format(pattern), spaced)), "")
 
 
 def _epics_field_in(name: str) -> str:
@@ -125,11 +125,11 @@ def run_side_in(name: str) -> int:
 
     A sign is a side only at the end of a word, as in "run 1 -".
     """
-    words = re.sub(r"[\[(][^\])]*[\])]", " ", name.lower().replace("_", " "))
+    plain_name = re.sub(r"[\[(][^\])]*[\])]", " ", name.lower().replace("_", " "))
     sides = []
     for side, key in ((1, "forward"), (-1, "backward")):
         spelled, _, signs = _RUNS[key].rpartition("|")
-        if re.search(_WORD.format(spelled), words) or re.search(rf"{signs}(?=\s|$)", words):
+        if re.search(_WORD.format(spelled), plain_name) or re.search(rf"{signs}(?=\s|$)", plain_name):
             sides.append(side)
     if len(sides) == 1:
         return sides[0]
@@ -144,13 +144,13 @@ def is_numbered_run(name: str) -> bool:
 
 def form_in(text: str) -> str:
     """Form of pitch deviations by a name: cumulative, single, ambiguous, or empty without one."""
-    return next((each["form"] for each in _TABLE["forms"] if re.search(each["words"], text)), "")
+    return next((row["form"] for row in _TABLE["forms"] if re.search(row["words"], text)), "")
 
 
 def flank_in(text: str) -> str:
     """Flank by a name: left, right, or empty for none or both."""
-    found = [flank for flank, words in _FLANKS.items() if re.search(words, text.lower())]
-    return found[0] if len(found) == 1 else ""
+    flanks = [flank for flank, pattern in _FLANKS.items() if re.search(pattern, text.lower())]
+    return flanks[0] if len(flanks) == 1 else ""
 
 
 def names_teeth(text: str) -> bool:
@@ -176,8 +176,8 @@ def _unit_texts(name: str) -> tuple[list[str], list[str]]:
 
     Units of several words, as "arc min", are one.
     """
-    for words, unit in _JOINED:
-        name = words.sub(f" {unit} ", name)
+    for pattern, unit in _JOINED:
+        name = pattern.sub(f" {unit} ", name)
     marked = ["".join(match.groups("")).strip() for match in _IN_BRACKETS.finditer(name)]
     return marked, [word for word in re.split(r"[\s_()\[\],;/]+", name) if word]
 
@@ -187,8 +187,8 @@ def scaled_unit_in(name: str) -> str:
 
     Such a text is no unit: readings in it are another number of times as large, or of another quantity.
     """
-    for words, unit in _JOINED:
-        name = words.sub(f" {unit} ", name)
+    for pattern, unit in _JOINED:
+        name = pattern.sub(f" {unit} ", name)
     for match in _IN_BRACKETS.finditer(name):
         text = " ".join("".join(match.groups("")).split())
         if _SCALED_IN_BRACKETS.fullmatch(text):
@@ -205,13 +205,13 @@ def unit_in(name: str, units: Iterable[str] = ANGLES) -> str:
     if scaled_unit_in(name):
         return ""
     plain = {plain_unit(unit): unit for unit in units}
-    marked, words = _unit_texts(name)
+    marked, unit_texts = _unit_texts(name)
     if "deg" in plain and _GERMAN.search(name):
         plain[_AMBIGUOUS_DEGREE] = plain["deg"]
     for text in marked:
         if unit := plain.get(plain_unit(text)):
             return unit
-    for word in words:
+    for word in unit_texts:
         is_long = len(word) >= _LEAST_BARE or word.lower() in _SPELLED or word.lower() in _LETTERS["own"]
         if is_long and word != "in" and (unit := plain.get(plain_unit(word))):
             return unit
@@ -228,18 +228,18 @@ def foreign_unit_in(name: str, units: Iterable[str] = ANGLES) -> str:
         return scaled
     if unit_in(name, units):
         return ""
-    marked, words = _unit_texts(name)
+    marked, unit_texts = _unit_texts(name)
     for text in marked:
         is_formula = len(text) > _LONGEST_UNIT or re.search(r"[=+]|\s[-−]\s|\s\S+\s", text)
         is_remark = " " in text and "[" not in name  # as (1st run)
         is_part = f"/{text}" in name.replace(" ", "") and len(text) < _LEAST_BARE
         if text and not (is_formula or is_remark or is_part or role_in(text) or _NO_UNIT.fullmatch(text)):
             return text
-    known = {plain_unit(unit) for unit in (*ANGLES, *TORQUES, *TIMES, COUNTS, *chain(*_FOREIGN.values()))}
-    known.add(_AMBIGUOUS_DEGREE)
-    for before, word in pairwise(["", *words]):
+    known_units = {plain_unit(unit) for unit in (*ANGLES, *TORQUES, *TIMES, COUNTS, *chain(*_FOREIGN.values()))}
+    known_units.add(_AMBIGUOUS_DEGREE)
+    for before, word in pairwise(["", *unit_texts]):
         is_word = (len(word) >= _LEAST_BARE and word != "in") or word.lower() in _LETTERS["foreign"]
-        if is_word and plain_unit(word) in known and isnan(number_of(before)):
+        if is_word and plain_unit(word) in known_units and isnan(number_of(before)):
             return word
     return ""
 
@@ -248,8 +248,8 @@ def quantity_of(unit: str) -> str:
     """Return the quantity that a unit measures, empty for a unit that is not known."""
     plain = plain_unit(unit)
     tables: dict[str, Iterable[str]] = {"angle": ANGLES, "torque": TORQUES, "time": TIMES, **_FOREIGN}
-    found = (quantity for quantity, units in tables.items() if plain in map(plain_unit, units))
-    return next(found, "")
+    quantities = (quantity for quantity, units in tables.items() if plain in map(plain_unit, units))
+    return next(quantities, "")
 
 
 def length_in(name: str) -> str:
@@ -257,10 +257,10 @@ def length_in(name: str) -> str:
     for text in re.findall(r"\[([^\]]*)\]", name):
         if not form_in(text) and not flank_in(text):
             return plain_unit(text)
-    known = (*_LENGTHS["metric"], *_LENGTHS["inches"], *ANGLES)
-    if unit := unit_in(name, known):
+    known_units = (*_LENGTHS["metric"], *_LENGTHS["inches"], *ANGLES)
+    if unit := unit_in(name, known_units):
         return unit
-    foreign = foreign_unit_in(name, known)
+    foreign = foreign_unit_in(name, known_units)
     return "" if form_in(foreign) or flank_in(foreign) else foreign
 
 
@@ -336,14 +336,14 @@ class TableLine(NamedTuple):
 def cells_of(line: str, separator: str) -> list[Cell]:
     """Cells of a line; empty ones at its end are left out."""
     cells = []
-    at = len(line) - len(line.lstrip())
+    start = len(line) - len(line.lstrip())
     end = len(line.rstrip())
-    while at <= end and (match := _CELLS[separator].search(line, at, end)):
+    while start <= end and (match := _CELLS[separator].search(line, start, end)):
         text = match[1].strip()
         if len(text) > 1 and text.startswith('"') and text.endswith('"'):
             text = text[1:-1].replace('""', '"').strip()
         cells.append(Cell(text, match.start(1) + 1))
-        at = match.end() if separator == " " else (line.find(separator, match.end(), end) + 1 or end + 1)
+        start = match.end() if separator == " " else (line.find(separator, match.end(), end) + 1 or end + 1)
     while cells and not cells[-1].text:
         cells.pop()
     return cells
@@ -392,7 +392,7 @@ def names_in(line: str, width: int, separator: str) -> tuple[str, ...] | None:
     """Names of the columns in a line above the rows, separated as these are or otherwise; None if they do not fit."""
     by_marks = (tuple(cell.text for cell in cells_of(line, mark)) for mark in dict.fromkeys((separator, *";\t,")))
     # a unit belongs to the name before it
-    by_blanks = (tuple(re.split(apart, line.strip())) for apart in (r"\s{2,}", r"\s+(?![\[(/])(?<!/)(?<!/\s)"))
+    by_blanks = (tuple(re.split(separator, line.strip())) for separator in (r"\s{2,}", r"\s+(?![\[(/])(?<!/)(?<!/\s)"))
     return next((names for names in chain(by_marks, by_blanks) if len(names) == width), None)
 
 

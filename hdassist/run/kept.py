@@ -83,8 +83,8 @@ class KeptOwner(ClosedRecord):
     def require_same(self, now: KeptOwner, path: str) -> None:
         """Raise UsageError, with the differences, where the records of a file are not those of the owner now."""
         before, after = (json.loads(json.dumps(asdict(owner))) for owner in (self, now))
-        for each, name in product((before, after), ("inputs", "options")):
-            each |= {f"{name}.{key}": value for key, value in each.pop(name).items()}
+        for inputs, name in product((before, after), ("inputs", "options")):
+            inputs |= {f"{name}.{key}": value for key, value in inputs.pop(name).items()}
         differences = [
             f"{key}: {_short(before.get(key))} there, {_short(after.get(key))} here"
             for key in sorted(before.keys() | after.keys())
@@ -172,9 +172,9 @@ class Kept(Generic[_RecordT]):
         lines = _lines(self._descriptor)
         read = self._kind.read(lines, _checksum_of(next(lines, b"")), str(self._path))
         for _ in range(self.done):
-            if (found := next(read, None)) is None:
+            if (record := next(read, None)) is None:
                 raise self._lost()
-            yield found[0]
+            yield record[0]
 
     def rewrite(self, records: Iterable[_RecordT]) -> None:
         """Put records of this run's owner in place of all that the file has; until then it stays as it is."""
@@ -188,11 +188,11 @@ class Kept(Generic[_RecordT]):
         """Rewrite a file that has its own lock: the new one is locked before it gets the name."""
         with (
             _writing(path),
-            in_place_of(path) as beside,
-            at_stop(partial(beside.unlink, missing_ok=True)),
+            in_place_of(path) as part_file,
+            at_stop(partial(part_file.unlink, missing_ok=True)),
         ):
-            descriptor, lock = _locked(str(beside))
-            fresh = Kept(_path=str(beside), _descriptor=descriptor, _lock=lock, _owner=self._owner, _kind=self._kind)
+            descriptor, lock = _locked(str(part_file))
+            fresh = Kept(_path=str(part_file), _descriptor=descriptor, _lock=lock, _owner=self._owner, _kind=self._kind)
             fresh.begin()
             fresh.append(records)
         os.close(self._descriptor)
@@ -205,13 +205,13 @@ class Kept(Generic[_RecordT]):
         try:
             with (
                 _writing(path),
-                in_place_of(path) as beside,
-                at_stop(partial(beside.unlink, missing_ok=True)),
+                in_place_of(path) as part_file,
+                at_stop(partial(part_file.unlink, missing_ok=True)),
             ):
-                descriptor = _opened(str(beside))
+                descriptor = _opened(str(part_file))
                 try:
                     fresh = Kept(
-                        _path=str(beside),
+                        _path=str(part_file),
                         _descriptor=descriptor,
                         _lock=self._lock,
                         _owner=self._owner,
@@ -240,15 +240,15 @@ class Kept(Generic[_RecordT]):
         if self._path is None:
             return
         with suppress(OSError):
-            there = Path(self._path).stat()
-            if os.path.samestat(there, os.fstat(self._descriptor)) and there.st_size >= self._size:
+            status = Path(self._path).stat()
+            if os.path.samestat(status, os.fstat(self._descriptor)) and status.st_size >= self._size:
                 return
         raise self._lost()
 
     def _lost(self) -> DataError:
-        words = f"{self._path} was removed, replaced or cut during this run"
+        message = f"{self._path} was removed, replaced or cut during this run"
         return DataError(
-            words, "run the command again, and do not change the file during the run", Fault.FILE_UNWRITABLE
+            message, "run the command again, and do not change the file during the run", Fault.FILE_UNWRITABLE
         )
 
     def begin(self) -> None:
@@ -268,8 +268,8 @@ class Kept(Generic[_RecordT]):
         first = next(lines, b"")
         if not first.endswith(b"\n") and _sealed(asdict(self._owner), b"").startswith(first):
             return self.begin()  # empty, or begun by a run that was killed
-        found, self._checksum = _owner_of(first, name)
-        found.require_same(self._owner, name)
+        owner, self._checksum = _owner_of(first, name)
+        owner.require_same(self._owner, name)
         self._size = len(first)
         for _, line in self._kind.read(lines, self._checksum, name):
             self.done = self.done + 1
@@ -287,9 +287,9 @@ class Kept(Generic[_RecordT]):
     def _write(self, data: bytes, records: int = 0) -> None:
         self.require_there()
         with _writing(self._path, "" if self._path is None else "resume with the same command"):
-            left = memoryview(data)
-            while left:
-                left = left[os.write(self._descriptor, left) :]
+            remaining = memoryview(data)
+            while remaining:
+                remaining = remaining[os.write(self._descriptor, remaining) :]
             self.done += records
             if self._path is not None:
                 os.fsync(self._descriptor)
@@ -334,10 +334,10 @@ def read_kept(data: bytes, name: str, kind: RecordKind[_RecordT]) -> list[_Recor
     """Records of a file that is only read; None where it is not of this form. Raises DataError as `open_kept` does."""
     lines = BytesIO(data)
     try:
-        _, above = _owner_of(lines.readline(), name)
+        _, previous = _owner_of(lines.readline(), name)
     except UsageError:
         return None
-    return [record for record, _ in kind.read(lines, above, name)]
+    return [record for record, _ in kind.read(lines, previous, name)]
 
 
 def _locked(path: str | None, patience: float = LOCK_PATIENCE) -> tuple[int, int]:
@@ -384,8 +384,8 @@ def _held(place: str, path: str, patience: float) -> int:
             except BlockingIOError:
                 if time.monotonic() - begun > patience:
                     os.close(descriptor)  # Windows removes no open file
-                    words = f"{path} is being written by another run"
-                    raise UsageError(words, "wait for it to end, or name another file") from None
+                    message = f"{path} is being written by another run"
+                    raise UsageError(message, "wait for it to end, or name another file") from None
                 time.sleep(0.05)
             os.close(descriptor)
 
@@ -464,8 +464,8 @@ def why_invalid(error: Exception) -> str:
         return "nested too deep" if isinstance(error, RecursionError) else str(error)
     first = error.errors(include_url=False)[0]
     where = ".".join(str(key) or "''" for key in first["loc"])
-    words = validation_words(first["msg"])
-    return f"{where}: {words}" if where else words
+    reason = validation_words(first["msg"])
+    return f"{where}: {reason}" if where else reason
 
 
 def _short(value: Any) -> str:
@@ -553,14 +553,14 @@ def keep(kind: str, key: str, data: bytes) -> None:
     line = _first_line(key, data)
     if len(line) + len(data) >= _LARGEST_FILE:
         return
-    beside = f".{name}.{secrets.token_hex(4)}.part"
+    part_name = f".{name}.{secrets.token_hex(4)}.part"
     with suppress(*_UNUSABLE), _own_folder(makes=True) as folder:
         try:
-            folder.write(beside, line + b"\n" + data)
-            folder.replace(beside, name)
+            folder.write(part_name, line + b"\n" + data)
+            folder.replace(part_name, name)
         except BaseException:
             with suppress(OSError):
-                folder.remove(beside)
+                folder.remove(part_name)
             raise
         _prune(folder, MOST, _OLDEST_LEFT * MOST)
 
@@ -573,9 +573,9 @@ def kept_answer(
     Arguments: depends, all that decides it, as JSON; adapter, its type.
     """
     answer = KeptAnswer(kind, depends, adapter)
-    if (found := answer.found()) is None:
-        answer.keep(found := compute())
-    return found
+    if (value := answer.found()) is None:
+        answer.keep(value := compute())
+    return value
 
 
 @dataclass(frozen=True)

@@ -77,9 +77,9 @@ class Run:
         """
         if self.executor:
             return (getattr(self.executor, "beside", None) or self.executor).submit(function, *arguments)
-        found: Future[_ResultT] = Future()
-        found.set_result(function(*arguments))
-        return found
+        future: Future[_ResultT] = Future()
+        future.set_result(function(*arguments))
+        return future
 
     @property
     def at_a_time(self) -> int:
@@ -137,9 +137,9 @@ def _same_there(
     installation: _Installation, expected: object, task: Callable[..., Any], args: tuple[Any, ...], more: dict[str, Any]
 ) -> Any:
     """Do a task on a worker. Raises UntrustedError: its installation is not that of the process that asks."""
-    if (found := installation()) != expected:
-        words = f"the worker on {platform.node()} has another installation: {found}, not {expected}"
-        raise UntrustedError(words, "install the same versions on all machines", Fault.WORKERS_LOST)
+    if (worker_installation := installation()) != expected:
+        message = f"the worker on {platform.node()} has another installation: {worker_installation}, not {expected}"
+        raise UntrustedError(message, "install the same versions on all machines", Fault.WORKERS_LOST)
     return task(*args, **more)
 
 
@@ -157,21 +157,21 @@ def cluster(name: str, jobs: int, installation: _Installation) -> Iterator[Clust
     try:
         engine = _dask_cluster(address, jobs, installation)
     except ImportError as error:
-        words = f"--executor dask needs a package that is not installed: {error.name or error}"
-        raise UsageError(words, command_line(["pip", "install", "hdassist[dask]"])) from None
+        message = f"--executor dask needs a package that is not installed: {error.name or error}"
+        raise UsageError(message, command_line(["pip", "install", "hdassist[dask]"])) from None
     except Exception as error:  # dask and its transports raise errors of many types when they cannot connect
-        words = f"cannot reach or start {name}: {str(error) or type(error).__name__}"
+        message = f"cannot reach or start {name}: {str(error) or type(error).__name__}"
         raise DataError(
-            words, "check that its scheduler is running and reachable from this machine", Fault.SYSTEM_LIMITS
+            message, "check that its scheduler is running and reachable from this machine", Fault.SYSTEM_LIMITS
         ) from None
     try:
         yield engine
     except Exception as error:
         if type(error).__module__.partition(".")[0] not in ("distributed", "dask", "concurrent"):
             raise
-        words = f"dask has lost the work: {str(error) or type(error).__name__}"
+        message = f"dask has lost the work: {str(error) or type(error).__name__}"
         hint = "see the log of its scheduler; then resume with the same command"
-        raise UntrustedError(words, hint, Fault.WORKERS_LOST) from None
+        raise UntrustedError(message, hint, Fault.WORKERS_LOST) from None
 
 
 _clusters = ExitStack()  # closes the clusters that this process has begun or is connected to
@@ -300,8 +300,8 @@ def _timed(work: bytes, first: int, last: int) -> tuple[float, list[Any]]:
 @lru_cache(maxsize=1)
 def _unpickled(work: bytes) -> _Work:
     """The work, unpickled once in each process: its caches stay from chunk to chunk."""
-    found: _Work = pickle.loads(work)
-    return found
+    function: _Work = pickle.loads(work)
+    return function
 
 
 # --- processes of this machine
@@ -325,13 +325,15 @@ def workers(jobs: int) -> Iterator[Executor]:
             try:
                 executor.begin()
             except (OSError, RuntimeError, EOFError) as error:
-                words = f"cannot start worker processes: {getattr(error, 'strerror', None) or error}"
-                raise DataError(words, limits_hint("check the free memory and the limits shown by ulimit -a")) from None
+                message = f"cannot start worker processes: {getattr(error, 'strerror', None) or error}"
+                raise DataError(
+                    message, limits_hint("check the free memory and the limits shown by ulimit -a")
+                ) from None
             yield executor
         except BrokenExecutor:
-            words = "a worker process was killed; there is no result"
+            message = "a worker process was killed; there is no result"
             hint = "if memory ran out, reduce --jobs"
-            raise UntrustedError(words, hint, Fault.WORKERS_LOST) from None
+            raise UntrustedError(message, hint, Fault.WORKERS_LOST) from None
         finally:
             executor.end()
 
@@ -353,8 +355,8 @@ class _Worker:
             self._received()
             self.is_there = True
         self.pipe.send(task)
-        is_done, found = self._received()
-        return is_done, found
+        is_done, result = self._received()
+        return is_done, result
 
     def _received(self) -> Any:
         if self.pipe not in connection.wait([self.pipe, self.sentinel]):
@@ -392,15 +394,15 @@ class Processes(ThreadPoolExecutor):
             with stops_held_back():
                 forkserver.ensure_running()
         pools = [self.beside, self] if self.beside else [self]
-        every = [pool for pool in pools for _ in range(pool.size)]
-        for pool in every:
-            here, there = context.Pipe()
-            process = context.Process(target=_work, args=(here, there, os.getpid()))
-            with there, nullcontext() if way == "forkserver" else stops_held_back():
+        pool_of_worker = [pool for pool in pools for _ in range(pool.size)]
+        for pool in pool_of_worker:
+            own_end, worker_end = context.Pipe()
+            process = context.Process(target=_work, args=(own_end, worker_end, os.getpid()))
+            with worker_end, nullcontext() if way == "forkserver" else stops_held_back():
                 process.start()
             pool._processes.append(process)
-            pool._idle.put(_Worker(here, process.sentinel))
-        for pool in every:
+            pool._idle.put(_Worker(own_end, process.sentinel))
+        for pool in pool_of_worker:
             pool.submit(abs, 0)
 
     def submit(self, task: Callable[..., Any], /, *args: Any, **more: Any) -> Future[Any]:
@@ -413,15 +415,15 @@ class Processes(ThreadPoolExecutor):
         """The answer of a process to a task; where one is lost all others end too."""
         worker = self._idle.get()
         try:
-            is_done, found = worker.answer(task)
+            is_done, result = worker.answer(task)
         except (EOFError, OSError):
             self.kill()
             raise BrokenExecutor from None
         finally:
             self._idle.put(worker)
         if is_done:
-            return found
-        raise found
+            return result
+        raise result
 
     def kill(self) -> None:
         """End the processes now."""
@@ -450,11 +452,11 @@ def _work(here: Connection, there: Connection, parent: int) -> None:
         there.send(None)
     while True:
         try:
-            task, args, more = there.recv()
+            task, args, further = there.recv()
         except (EOFError, OSError):
             return
         try:
-            there.send((True, task(*args, **more)))
+            there.send((True, task(*args, **further)))
         except Exception as error:  # whatever a task raises is raised where its result is asked for
             error.add_note("".join(traceback.format_exception(error)))  # for --debug: a traceback cannot be pickled
             with suppress(OSError):  # the process that asked has ended

@@ -78,9 +78,9 @@ def _end(number: int, _: FrameType | None) -> None:
         if _is_waiting:
             raise KeyboardInterrupt
         return
-    for other in STOPS:
-        if signal.getsignal(other) is _end:
-            signal.signal(other, signal.SIG_DFL)  # one more ends it, whatever hangs below
+    for stop in STOPS:
+        if signal.getsignal(stop) is _end:
+            signal.signal(stop, signal.SIG_DFL)  # one more ends it, whatever hangs below
     end_now(number)
 
 

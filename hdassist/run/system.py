@@ -168,17 +168,17 @@ def private_folder(named: Path, own: str, *, makes: bool) -> Iterator[PrivateFol
         yield _folder_of_profile(named / own, makes=makes)
         return
     user = os.geteuid()
-    above = os.open(named, os.O_RDONLY | os.O_DIRECTORY)
+    parent = os.open(named, os.O_RDONLY | os.O_DIRECTORY)
     try:
-        about = os.fstat(above)
+        about = os.fstat(parent)
         if about.st_uid not in (user, 0) or about.st_mode & _OTHERS_MAY_WRITE:
             raise UnsafeFolderError(f"another user can write to {named}")
         if makes:
             with suppress(FileExistsError):
-                os.mkdir(own, 0o700, dir_fd=above)
-        folder = os.open(own, os.O_RDONLY | os.O_DIRECTORY | _AS_IT_IS, dir_fd=above)
+                os.mkdir(own, 0o700, dir_fd=parent)
+        folder = os.open(own, os.O_RDONLY | os.O_DIRECTORY | _AS_IT_IS, dir_fd=parent)
     finally:
-        os.close(above)
+        os.close(parent)
     try:
         about = os.fstat(folder)
         if about.st_uid != user or about.st_mode & _OTHERS_MAY_WRITE:
@@ -345,11 +345,11 @@ def hear_in_loop(loop: AbstractEventLoop, action: Callable[[int], None]) -> None
     numbers = [number for number in STOPS if signal.Signals(number).name != "SIGHUP"]
 
     def once(number: int) -> None:
-        for other in numbers:
+        for further_number in numbers:
             if sys.platform != "win32":
-                loop.remove_signal_handler(other)
-            elif signal.getsignal(other) is not signal.SIG_IGN:
-                signal.signal(other, signal.SIG_DFL)
+                loop.remove_signal_handler(further_number)
+            elif signal.getsignal(further_number) is not signal.SIG_IGN:
+                signal.signal(further_number, signal.SIG_DFL)
         action(number)
 
     for number in numbers:

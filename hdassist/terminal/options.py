@@ -43,14 +43,14 @@ def _declared_parameter(
     is_required: bool = False,
     names: Sequence[str] = (),
     section: str | None = None,
-    **words: Any,
+    **parameters: Any,
 ) -> Any:
     """The type of a field together with its option, or argument, as options.toml declares that."""
     if get_origin(kind) is list and not is_required:
-        words = {"default_factory": list, "show_default": False} | words
+        parameters = {"default_factory": list, "show_default": False} | parameters
     if is_argument:
-        return Annotated[kind, typer.Argument(**words)]
-    return Annotated[kind, typer.Option(*names or [option_name(field)], rich_help_panel=section, **words)]
+        return Annotated[kind, typer.Argument(**parameters)]
+    return Annotated[kind, typer.Option(*names or [option_name(field)], rich_help_panel=section, **parameters)]
 
 
 def option_name(field: str) -> str:
@@ -79,7 +79,7 @@ class OptionGroup:
     @classmethod
     def typed(cls, field: str, value: object) -> str:
         """A field with its value as it is typed: the option, or the value alone of an argument."""
-        tables = [DECLARED.get(each.__name__, {}) for each in cls.__mro__]
+        tables = [DECLARED.get(base.__name__, {}) for base in cls.__mro__]
         declared: dict[str, Any] = next((table[field] for table in [*tables, DECLARED["any"]] if field in table), {})
         if declared.get("is_argument"):
             return str(value)
@@ -91,14 +91,14 @@ class OptionGroup:
 
     def only(self, part: type[_PartT]) -> _PartT:
         """The options of one of the groups that a command is made of, or of a dataclass with the same fields."""
-        names = [each.name for each in fields(part)]  # type: ignore[arg-type]  # a dataclass, which a type variable cannot ask for
+        names = [field.name for field in fields(part)]  # type: ignore[arg-type]  # a dataclass, which a type variable cannot ask for
         return part(**{name: getattr(self, name) for name in names})
 
     def given(self) -> Iterator[tuple[str, object]]:
         """Name and value of each option that differs from its default, those of a list one by one."""
-        every = ((f, getattr(self, f.name)) for f in fields(self))
-        each = ((f, item) for f, value in every for item in (value if isinstance(value, list) else [value]))
-        return ((f.name, item) for f, item in each if item != f.default)
+        values_of_fields = ((f, getattr(self, f.name)) for f in fields(self))
+        items = ((f, item) for f, value in values_of_fields for item in (value if isinstance(value, list) else [value]))
+        return ((f.name, item) for f, item in items if item != f.default)
 
 
 class PageOptions(OptionGroup):
@@ -129,15 +129,15 @@ class PageOptions(OptionGroup):
         import sys
 
         paths = {name: path for name in self.beside if (path := getattr(self, name, None)) is not None}
-        asked = {**paths, "json": self.answer_file if self.json else None}
-        if len(printed := [option_name(name) for name, path in asked.items() if path == "-"]) > 1:
-            words = f"only one of {' and '.join(printed)} can use standard output"
-            raise UsageError(words, f"write one to a file: {printed[0]} FILE")
+        paths_by_form = {**paths, "json": self.answer_file if self.json else None}
+        if len(printed := [option_name(name) for name, path in paths_by_form.items() if path == "-"]) > 1:
+            message = f"only one of {' and '.join(printed)} can use standard output"
+            raise UsageError(message, f"write one to a file: {printed[0]} FILE")
         for path in (self.answer_file, *paths.values()):
             take_output(path, self.replaces(path))
 
-        alike = {field.name for field in fields(Output)} & vars(self).keys()  # options that an Output has too
-        options = {name: getattr(self, name) for name in alike}
+        shared_names = {field.name for field in fields(Output)} & vars(self).keys()  # options that an Output has too
+        options = {name: getattr(self, name) for name in shared_names}
         style = Style.of(sys.stdout, ascii=self.ascii, no_color=self.no_color)
         if self.answer_file != "-":
             style = Style(style.ascii, codes=False, width=PIPE_WIDTH)
@@ -226,10 +226,10 @@ class DriveOptions(OptionGroup):
         from hdassist.preset.fields import AskedOption
 
         command = self.command_name()
-        others = _OF_DRIVES | _OF_RUNS
-        others |= {each.name for group in _OF_PAGES for each in fields(group)}
-        given = [(name, value) for name, value in self.given() if name not in others]
-        return tuple(AskedOption(command, name, self.typed(name, value)) for name, value in given)
+        other_names = _OF_DRIVES | _OF_RUNS
+        other_names |= {field.name for group in _OF_PAGES for field in fields(group)}
+        stated_options = [(name, value) for name, value in self.given() if name not in other_names]
+        return tuple(AskedOption(command, name, self.typed(name, value)) for name, value in stated_options)
 
 
 class LoadedDriveOptions(DriveOptions):
@@ -295,9 +295,9 @@ class LimitedDriveOptions(LoadedDriveOptions):
         torques = drive.operation.M_g
         for limit in self.limits:
             if limit.torque is not None and limit.torque not in torques:
-                at = ", ".join(f"{M_g:g}" for M_g in torques)
+                torque_list = ", ".join(f"{M_g:g}" for M_g in torques)
                 raise UsageError(
-                    f"--limit {limit}: {drive.name} is not computed at {limit.torque:g} N*m, but at {at}",
+                    f"--limit {limit}: {drive.name} is not computed at {limit.torque:g} N*m, but at {torque_list}",
                     f"--torque {limit.torque:g}",
                 )
         return drive
@@ -322,12 +322,12 @@ class PitchOptions(OptionGroup):
 
     def wheels_of_one(self, presets: Sequence[str]) -> WheelFiles:
         """The files, if any. Raises UsageError for options that cannot be meant, before any is read."""
-        found = self.wheels()
-        found.require_sound()
-        if found.files and len(presets) > 1:
+        wheels = self.wheels()
+        wheels.require_sound()
+        if wheels.files and len(presets) > 1:
             raise UsageError("measured teeth belong to one drive", "check one drive at a time")
-        stdin_once(*presets, *found.files.values())
-        return found
+        stdin_once(*presets, *wheels.files.values())
+        return wheels
 
     @staticmethod
     def teeth(files: WheelFiles, drive: Drive) -> MeasuredTeeth | None:
@@ -411,11 +411,11 @@ def limits_of_options(texts: Sequence[str], only: str = "") -> tuple[LimitText, 
     """
     from hdassist.acceptance.limits import LimitText
 
-    found = [LimitText.parse(text, "--limit") for text in texts]
-    for limit in found:
+    limits = [LimitText.parse(text, "--limit") for text in texts]
+    for limit in limits:
         if only and limit.name.partition("@")[0] != only:
             raise UsageError(f"--limit {limit}: expected a limit of {only}", "use hdassist accept for other limits")
-    return tuple(sorted(found, key=lambda limit: limit.torque is not None))
+    return tuple(sorted(limits, key=lambda limit: limit.torque is not None))
 
 
 def _is_no_load(text: str) -> bool:
@@ -457,9 +457,9 @@ def torque_overrides(texts: Sequence[str | None]) -> list[str]:
     """
     from hdassist.preset.knowledge import option_value
 
-    given = [text for text in texts if text is not None]
-    torques = [option_value("--torque", text, "N*m") for text in given]
-    for text, torque in zip(given, torques, strict=True):
+    stated_texts = [text for text in texts if text is not None]
+    torques = [option_value("--torque", text, "N*m") for text in stated_texts]
+    for text, torque in zip(stated_texts, torques, strict=True):
         if not 0 < abs(torque) <= 1e7:
             hint = "check, trace, mount and others take 0 as no load" if not torque else ""
             raise UsageError(f"invalid --torque {text}: expected a torque in N*m up to 1e7, other than 0", hint)

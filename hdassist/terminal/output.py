@@ -95,10 +95,10 @@ class Output:
         """
         from hdassist.run.run import CROSS_SOLVER, Run
 
-        given = {"jobs": None, "seed": 0, "cross_check": CROSS_SOLVER, "solver": None} | vars(options)
-        alone = given["jobs"] is None or given["solver"] is not None
+        values = {"jobs": None, "seed": 0, "cross_check": CROSS_SOLVER, "solver": None} | vars(options)
+        alone = values["jobs"] is None or values["solver"] is not None
         with self.progress(words, states) as progress, nullcontext() if alone else self.workers(options) as executor:
-            yield Run(executor=executor, progress=progress, seed=given["seed"], cross_check=given["cross_check"])
+            yield Run(executor=executor, progress=progress, seed=values["seed"], cross_check=values["cross_check"])
 
     @contextmanager
     def engine(self, options: object) -> Iterator[Executor | None]:
@@ -119,9 +119,9 @@ class Output:
 
         with (
             self.engine(options) as engine,
-            nullcontext(engine) if engine else workers(getattr(options, "jobs", 0)) as own,
+            nullcontext(engine) if engine else workers(getattr(options, "jobs", 0)) as new_engine,
         ):
-            yield own
+            yield new_engine
 
     @contextmanager
     def progress(self, words: str, total: int | None = None) -> Iterator[ProgressBar]:
@@ -158,8 +158,8 @@ class ProgressBar:
         """Move on by work that was done."""
         if self._bar:
             self._bar.advance(_TASK, done)
-            if (now := time.monotonic()) > self._next:
-                self._next = now + _REDRAWN
+            if (now_s := time.monotonic()) > self._next:
+                self._next = now_s + _REDRAWN
                 self._bar.start()
                 self._bar.refresh()
 
@@ -349,12 +349,12 @@ def _note_time(report: Report, begun: float, name: str) -> None:
     from hdassist.terminal.words import proof
 
     certificate = report.certificate
-    words = proof(report.certificate)
+    note = proof(report.certificate)
     if isinstance(certificate, Certificate):
         residuals = list(vars(certificate).items())[1:]
-        words += "".join(f", {name.replace('_', ' ')} {value:.1g}" for name, value in residuals)
+        note += "".join(f", {name.replace('_', ' ')} {value:.1g}" for name, value in residuals)
     seconds = f"{time.monotonic() - begun:.1f} s"
-    say(f"{report.subject or name}: {seconds}" + (f", {words}; engine: {walk_library()[1]}" if words else ""))
+    say(f"{report.subject or name}: {seconds}" + (f", {note}; engine: {walk_library()[1]}" if note else ""))
 
 
 def give(
@@ -382,8 +382,8 @@ def give(
             from hdassist.terminal.page import report_page
 
             shown = partial(report_page, style=out.style, plots=out.plot, details=out.details)
-            made = [made_or("page", partial(shown, each), partial(getattr, each, "line")) for each in pages]
-            out.human(Group(*[part for page in made for part in (page, "")][:-1], *below))
+            texts = [made_or("page", partial(shown, page), partial(getattr, page, "line")) for page in pages]
+            out.human(Group(*[part for page in texts for part in (page, "")][:-1], *below))
         else:
             lines = "".join(f"{report.line}\n" for report in pages)
             out.text(out.style.text(lines) if out.style.ascii else lines)

@@ -110,9 +110,9 @@ def report_page(report: Report, style: Style, *, plots: bool = True, details: bo
     head = _PageText(style.text(report.head), "bold")
     if report.verdict:
         head.append(": ").append(word(report.verdict, style))
-    more = (*report.details, *_certificate_facts(report.certificate, report.cross_checks))
-    blocks = [*report.blocks, *(more if details else ())]
-    hidden = "" if details or not more else "--details"
+    further_blocks = (*report.details, *_certificate_facts(report.certificate, report.cross_checks))
+    blocks = [*report.blocks, *(further_blocks if details else ())]
+    hidden = "" if details or not further_blocks else "--details"
     proven = proof(report.certificate, report.cross_checks)
     verified = ("verified", f"{proven} ({hidden})" if hidden else proven)
     last = Facts.of([verified if proven else ("more", hidden)])
@@ -151,7 +151,7 @@ def block_on_page(block: Block, style: Style, plots: bool = True) -> Iterator[Re
             yield Group(Text(style.text(block.title), style="bold"), *parts[:1])
             yield from parts[1:]
         case Tiles():
-            yield _labelled(Facts(tuple((label, f"{value} {below}") for label, value, below in block.rows)), style)
+            yield _labelled(Facts(tuple((label, f"{value} {note}") for label, value, note in block.rows)), style)
         case _ if isinstance(block, Figure) and plots:
             if text := in_characters(block, style):
                 yield Text(text)
@@ -180,16 +180,18 @@ def _tables(block: Table, style: Style) -> Iterator[RenderableType]:
     options = screen.options.update(width=_ANY_WIDTH)
     title = _PageText("\n".join(style.text(line) for line in (block.title, *block.notes) if line))
     title.stylize("bold", 0, len(style.text(block.title)))
-    left = list(range(1, len(block.heads)))
-    while left or title:
-        narrower = [(left, {}), (left, {"is_tight": True})]
-        narrower += [(left[:count], {"is_tight": True, "folds": True}) for count in range(len(left), 0, -1)]
+    columns_left = list(range(1, len(block.heads)))
+    while columns_left or title:
+        narrower = [(columns_left, {}), (columns_left, {"is_tight": True})]
+        narrower += [
+            (columns_left[:count], {"is_tight": True, "folds": True}) for count in range(len(columns_left), 0, -1)
+        ]
         for columns, ways in narrower:
             table = _table(block, [0, *columns], style, **ways)
             if Measurement.get(screen, options, table).minimum <= style.width:
                 break
         yield Group(title, table) if title else table
-        left = left[len(columns) :]
+        columns_left = columns_left[len(columns) :]
         title = _PageText("")
 
 
@@ -198,7 +200,7 @@ def _table(block: Table, columns: list[int], style: Style, *, is_tight: bool = F
 
     Columns of a tight one are near, and its heads wrap; where it folds, brackets stand below their numbers.
     """
-    found = RichTable(
+    table = RichTable(
         box=_ASCII_HEAD if style.ascii else box.SIMPLE_HEAD,
         pad_edge=False,
         show_edge=False,
@@ -216,11 +218,11 @@ def _table(block: Table, columns: list[int], style: Style, *, is_tight: bool = F
         wraps = is_words and any(" " in cell for cell in (head, *cells))
         least = None if wraps else max(map(cell_len, (*head.split("\n"), *lines)))
         justify: JustifyMethod = "left" if is_words else "right"
-        found.add_column(head, justify=justify, overflow="fold", no_wrap=not wraps, min_width=least)
+        table.add_column(head, justify=justify, overflow="fold", no_wrap=not wraps, min_width=least)
         columns_of_cells.append(cells)
     for cells_of_row in zip(*columns_of_cells, strict=True):
-        found.add_row(*(_PageText(cell, _STYLES.get(tone_of(cell), "")) for cell in cells_of_row))
-    return found
+        table.add_row(*(_PageText(cell, _STYLES.get(tone_of(cell), "")) for cell in cells_of_row))
+    return table
 
 
 def _certificate_facts(found: ReportProof | None, cross_checks: Iterable[CrossCheck | None]) -> Iterator[Facts]:
@@ -231,8 +233,8 @@ def _certificate_facts(found: ReportProof | None, cross_checks: Iterable[CrossCh
             ("mesh positions that needed a fallback", f"{found.fallbacks}"),
         ]
         bound = f", share of its scale, at most {TOLERANCE:.0e}"
-        rows += [(f"{words}{bound}", f"{getattr(found, name):.1e}") for name, words in _RESIDUALS.items()]
+        rows += [(f"{label}{bound}", f"{getattr(found, name):.1e}") for name, label in _RESIDUALS.items()]
         if cross := certificate_object(found, cross_checks)["cross_check"]:
-            words = f"{cross['states']} solved again with {cross['solver']}: difference, at most {CROSS_TOLERANCE:g}″"
-            rows.append((words, f"{cross['max_difference_arcsec']:.1e}″"))
+            label = f"{cross['states']} solved again with {cross['solver']}: difference, at most {CROSS_TOLERANCE:g}″"
+            rows.append((label, f"{cross['max_difference_arcsec']:.1e}″"))
         yield Facts(tuple(rows))

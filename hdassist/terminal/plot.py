@@ -45,7 +45,7 @@ def curve(style: Style, drawn: Curve) -> str:
     """
     frame = _Frame.around(style, drawn)
     fine = frame if style.ascii else frame.finer(_DOTS.shape)
-    dots, *others = (
+    dots, *further_series = (
         np.logical_or.reduce(
             [
                 fine.dots(*line)
@@ -56,12 +56,12 @@ def curve(style: Style, drawn: Curve) -> str:
     )
     title = drawn.y_label
     under = dict.fromkeys(f"{sign(mark, style)}: {mark.words}" for mark in drawn.marks)
-    for x, *both in drawn.whiskers:
-        column, (last, first) = fine.place(x, both)
+    for x, *ends in drawn.whiskers:
+        column, (last, first) = fine.place(x, ends)
         dots[first : last + 1, column] = True
     cells = np.where(dots, "*", " ").tolist() if style.ascii else dots_to_braille(dots)
-    for other in others:
-        second = other & ~dots
+    for dots_of_series in further_series:
+        second = dots_of_series & ~dots
         if style.ascii:
             cells = np.array([*" *o"])[dots + 2 * second].tolist()
         else:
@@ -76,8 +76,8 @@ def curve(style: Style, drawn: Curve) -> str:
 
 def sign(mark: CurveMark, style: Style) -> str:
     """The sign of a mark, the same on every page: by its words, else their first letter."""
-    found = MARK_SIGNS.get(mark.words, mark.words[0].upper())
-    return "o" if style.ascii and not found.isascii() else found
+    letter = MARK_SIGNS.get(mark.words, mark.words[0].upper())
+    return "o" if style.ascii and not letter.isascii() else letter
 
 
 @dataclass(frozen=True)
@@ -101,11 +101,11 @@ class _Frame:
         if high - low <= _FLAT * max(1.0, abs(low), abs(high)):
             low = low - 1
             high = high + 1
-        beside = [] if figure.limit is None else [figure.limit]
-        for near in [*beside, 0.0] if figure.from_zero else beside:
-            if low - _FAR * (high - low) <= near <= high + _FAR * (high - low):
-                low = min(low, near)
-                high = max(high, near)
+        nearby = [] if figure.limit is None else [figure.limit]
+        for value in [*nearby, 0.0] if figure.from_zero else nearby:
+            if low - _FAR * (high - low) <= value <= high + _FAR * (high - low):
+                low = min(low, value)
+                high = max(high, value)
         rows = max(figure.rows + 1, _TALL_ROWS * (style.height >= _TALL))
         margin = max(7, *(len(f"{tick:g}") for tick in _ticks_within(low, high, rows // 2)))
         return cls(figure, low, high, style.width - margin - 2, rows, margin)
@@ -128,8 +128,8 @@ class _Frame:
             finer_x = np.linspace(x[0], x[-1], 4 * self.columns)
             y = np.interp(finer_x, x, y)
             x = finer_x
-        there = np.isfinite(y)
-        place, row = self.place(x[there], y[there])
+        is_finite = np.isfinite(y)
+        place, row = self.place(x[is_finite], y[is_finite])
         dots = np.zeros((self.rows, self.columns), dtype=bool)
         last: list[int] = []  # of the column before: joined to it, a steep curve has no holes
         for column in range(self.columns):
@@ -147,11 +147,11 @@ class _Frame:
         for tick in _ticks_within(self.low, self.high, self.rows // 2):
             numbers.setdefault(int(self.place(figure.x[0], tick)[1]), f"{tick:g} {mark}")
         if figure.limit is not None:
-            words = f" {figure.limit:.4g} "
+            limit_text = f" {figure.limit:.4g} "
             if self.low <= figure.limit <= self.high:
-                self._draw_limit(cells, floor, words)
+                self._draw_limit(cells, floor, limit_text)
             else:
-                title += f"; limit {words.strip()} lies {'above' if figure.limit > self.high else 'below'}"
+                title += f"; limit {limit_text.strip()} lies {'above' if figure.limit > self.high else 'below'}"
         lines = [line.replace(_UNBROKEN, " ") for line in textwrap.wrap(style.text(title), style.width)]
         for k, cell in enumerate(cells):
             number = numbers.get(k, f" {side}")
@@ -159,8 +159,8 @@ class _Frame:
         indent = f"{'':{self.margin + 2}}"
         lines.append(indent[:-1] + corner + floor * self.columns)
         lines.append(indent + self._x_numbers())
-        below = textwrap.wrap(style.text(x_label), self.columns)
-        lines += [indent + line.center(self.columns).rstrip() for line in below]
+        label_lines = textwrap.wrap(style.text(x_label), self.columns)
+        lines += [indent + line.center(self.columns).rstrip() for line in label_lines]
         return "\n".join(lines)
 
     def _draw_limit(self, cells: list[list[str]], floor: str, words: str) -> None:
@@ -231,10 +231,10 @@ def _ticks_within(low: float, high: float, count: int) -> list[float]:
 def seat_in_characters(seat: Seat) -> str:
     """Return the seat seen from the wave generator side, without its legend; the hole to go to stands in brackets."""
     canvas = [[" "] * SEAT_WIDTH for _ in range(_SEAT_HEIGHT)]
-    each = ceil(len(seat.holes) / _NUMBERED_IN_TEXT)
+    number_step = ceil(len(seat.holes) / _NUMBERED_IN_TEXT)
     goals = [place.angle_deg for place in seat.places if place.kind == "best"]
     for hole in seat.holes:
-        label = "." if hole.number % each else str(hole.number)
+        label = "." if hole.number % number_step else str(hole.number)
         if any(abs(hole.angle_deg - goal) < 1e-6 for goal in goals):
             label = f"[{hole.number}]"
         _put(canvas, hole.angle_deg, label if hole.usable else seat.barred, 1.0)

@@ -128,7 +128,7 @@ def made_or(name: str, make: Callable[[], _Made], instead: Callable[[], _Made]) 
 
 def console(stream: TextIO, style: Style) -> Console:
     """A rich console that writes to a stream with a style."""
-    found: Console = _console_class()(
+    console_of_stream: Console = _console_class()(
         file=stream,
         width=style.width,
         color_system="auto" if style.codes else None,
@@ -140,7 +140,7 @@ def console(stream: TextIO, style: Style) -> Console:
         legacy_windows=False,
         seven_bits=style.ascii,
     )
-    return found
+    return console_of_stream
 
 
 @cache
@@ -201,8 +201,8 @@ _PARQUET_ROWS = 100_000  # that are held in memory at a time
 def require_parquet(path: str) -> None:
     """Raise UsageError where the package that writes Parquet is not installed, or no file is named for it."""
     if not find_spec("pyarrow"):
-        words = "--parquet needs a package that is not installed: pyarrow"
-        raise UsageError(words, command_line(["pip", "install", "hdassist[parquet]"]))
+        message = "--parquet needs a package that is not installed: pyarrow"
+        raise UsageError(message, command_line(["pip", "install", "hdassist[parquet]"]))
     if path == "-" or _is_device(Path(path)):
         raise UsageError("--parquet needs the name of a file, not a stream", "--parquet FILE")
 
@@ -223,14 +223,14 @@ def write_parquet(
     named = [(name, types[kind]) for name, kind in columns.items()]
     schema = pyarrow.schema(named, {"hdassist": json.dumps(owner)})
     require_writable(path, force)
-    left = iter(rows)
+    remaining_rows = iter(rows)
     try:
         with (
-            in_place_of(path) as beside,
-            at_stop(partial(beside.unlink, missing_ok=True)),
-            ParquetWriter(beside, schema) as writer,
+            in_place_of(path) as part_file,
+            at_stop(partial(part_file.unlink, missing_ok=True)),
+            ParquetWriter(part_file, schema) as writer,
         ):
-            while chunk := list(islice(left, _PARQUET_ROWS)):
+            while chunk := list(islice(remaining_rows, _PARQUET_ROWS)):
                 cells = map(pyarrow.array, zip(*chunk, strict=True), schema.types)
                 writer.write_table(pyarrow.Table.from_arrays(list(cells), schema=schema))
     except OSError as error:
@@ -273,8 +273,8 @@ def put_text(path: str, text: str) -> None:
             with open(target, "wb", opener=_at_once) as stream:
                 stream.write(data)
         else:
-            with in_place_of(target) as beside, at_stop(partial(beside.unlink, missing_ok=True)):
-                descriptor = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
+            with in_place_of(target) as part_file, at_stop(partial(part_file.unlink, missing_ok=True)):
+                descriptor = os.open(part_file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
                 with open(descriptor, "wb") as stream:  # noqa: PTH123 (a descriptor has no path)
                     stream.write(data)
     except OSError as error:

@@ -49,16 +49,16 @@ def again(command: str, drive: Drive | None, *more: str) -> str:
 
     It has the options that were given to the command of that name, and of others those that it takes over.
     """
-    words = ["PRESET"]
+    command_words = ["PRESET"]
     if drive:
         origin = drive.origin
-        asked = [
+        asked_options = [
             text
             for asker, field, text in origin.asked
             if command in (asker, *TAKEN_OVER.get(field, ())) and not {*_OPTION.findall(text)} & {*more}
         ]
-        words = [preset_argument(drive), *_options(command, origin.overrides), *asked]
-    return command_line(["hdassist", command, *words, *more])
+        command_words = [preset_argument(drive), *_options(command, origin.overrides), *asked_options]
+    return command_line(["hdassist", command, *command_words, *more])
 
 
 def preset_argument(drive: Drive) -> str:
@@ -86,10 +86,10 @@ def proof(found: ReportProof | None, cross_checks: Iterable[CrossCheck | None] =
     """
     if not found or not found.states:
         return ""
-    words = f"{thousands(found.states)} mesh positions, residual {found.max_residual:.0e}"
+    text = f"{thousands(found.states)} mesh positions, residual {found.max_residual:.0e}"
     if crosses := [cross for cross in cross_checks if cross]:
-        words += f", {sum(cross.states for cross in crosses)} also by {crosses[0].solver}"
-    return words
+        text += f", {sum(cross.states for cross in crosses)} also by {crosses[0].solver}"
+    return text
 
 
 def thousands(count: int) -> str:
@@ -123,20 +123,24 @@ def field_unit(path: str) -> str:
 
 def influence_words(found: Sequence[Influence], result: str = "F'_ior") -> str:
     """Return the largest contributions to the variance of a result, by field; empty without any."""
-    shares = [f"{named(each.group)}: {100 * each.share:.0f} %" for each in found[:_REPORTED] if each.share >= 0.005]
+    shares = [
+        f"{named(influence.group)}: {100 * influence.share:.0f} %"
+        for influence in found[:_REPORTED]
+        if influence.share >= 0.005
+    ]
     return f"to the variance of {result}: {'; '.join(shares)}" if shares else ""
 
 
 def measure_words(found: Sequence[MeasurementGain], M_g: float) -> str:
     """Return the best measurements, and by how much each narrows the spread of F'_ior at a torque [N*m]."""
-    words: list[str] = []
-    for each in found[:_REPORTED]:
-        field = field_table().get(each.measured.replace("stiffness.", "measured."))
+    texts: list[str] = []
+    for gain in found[:_REPORTED]:
+        field = field_table().get(gain.measured.replace("stiffness.", "measured."))
         how = f", {field.how}" if field and field.how else ""
-        name = each.measured if how and words else named(each.measured)  # the first in words, others by their path
-        effect = "" if words else f"narrows the spread of F'_ior at {M_g:g} N·m "
-        words.append(f"{name}{how}: {effect}by {100 * each.gain:.0f} %")
-    return "; ".join(words)
+        name = gain.measured if how and texts else named(gain.measured)  # the first in words, others by their path
+        effect = "" if texts else f"narrows the spread of F'_ior at {M_g:g} N·m "
+        texts.append(f"{name}{how}: {effect}by {100 * gain.gain:.0f} %")
+    return "; ".join(texts)
 
 
 def more_draws(samples: Samples) -> str:
@@ -171,8 +175,10 @@ class Texts:
 
     def variant(self, name: str) -> Texts:
         """The same with the entries "name.key" in place of those of the key."""
-        words = {key.removeprefix(f"{name}."): text for key, text in self.entries.items() if key.startswith(f"{name}.")}
-        return replace(self, entries={**self.entries, **words})
+        entries = {
+            key.removeprefix(f"{name}."): text for key, text in self.entries.items() if key.startswith(f"{name}.")
+        }
+        return replace(self, entries={**self.entries, **entries})
 
     def number(self, value: float, form: str = "g") -> str:
         """A number with the decimal point of the language."""
@@ -222,6 +228,6 @@ WHEEL_WORDS = {"b": "circular spline", "g": "flexspline"}
 
 def heading(measured: MeasuredTeeth | None) -> str:
     """Return the end of a heading that names the wheels with measured teeth; empty without any."""
-    found = measured.by_name.items() if measured else ()
-    words = ", ".join(f"{WHEEL_WORDS[name]} ({shown(wheel.pitch.file)})" for name, wheel in found)
-    return f"; measured teeth: {words}" if words else ""
+    wheels = measured.by_name.items() if measured else ()
+    wheel_list = ", ".join(f"{WHEEL_WORDS[name]} ({shown(wheel.pitch.file)})" for name, wheel in wheels)
+    return f"; measured teeth: {wheel_list}" if wheel_list else ""

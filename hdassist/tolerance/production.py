@@ -103,11 +103,11 @@ class ProductionLaw:
         """The same law with some tolerances that many times as great; bounds that are assumed from these follow."""
         high = {f.path: f.high * factors[f.path] for f in self.tolerances if f.path in factors}
         following = {f.path: f for f in prior_of(self.drive.with_values(high)).fields}
-        own = (
+        own_fields = (
             replace(f, high=high.get(f.path, f.high)) if isinstance(f, TolerancedSize) else following.get(f.path, f)
             for f in self.own
         )
-        return replace(self, own=tuple(own))
+        return replace(self, own=tuple(own_fields))
 
     def following(self, path: str) -> list[str]:
         """Paths of the sizes whose bound is assumed from a tolerance, by its path."""
@@ -137,14 +137,14 @@ def production_law(
         )
     priors = {field.path: field for field in prior_of(drive).fields}
     assumed = {assumption.path for assumption in assumptions(drive)} if chosen else set()
-    own: list[FieldPrior] = []
+    own_fields: list[FieldPrior] = []
     for deviation in DEVIATIONS:
         high = drive.number(deviation.size)
         is_prior = deviation.size in priors and not (deviation.size in assumed and high)
         if not (is_prior or high > 0):
             continue
-        if not any(field.path == deviation.size for field in own):  # orders of a wheel's pitch share their size
-            own.append(
+        if not any(field.path == deviation.size for field in own_fields):  # orders of a wheel's pitch share their size
+            own_fields.append(
                 priors[deviation.size]
                 if is_prior
                 else TolerancedSize(
@@ -158,12 +158,12 @@ def production_law(
                     law=law,
                 )
             )
-        given = drive.value(deviation.direction) is not None
-        if given and deviation.direction in priors:
-            own.append(priors[deviation.direction])
+        has_direction = drive.value(deviation.direction) is not None
+        if has_direction and deviation.direction in priors:
+            own_fields.append(priors[deviation.direction])
         elif deviation.direction not in known:
             reason = "parts are combined at random"
-            own.append(
+            own_fields.append(
                 FieldPrior(
                     path=deviation.direction,
                     distribution="even",
@@ -174,10 +174,10 @@ def production_law(
                     reason=reason,
                 )
             )
-    others = [prior for prior in priors.values() if prior.path not in DEVIATION_FIELDS]
-    clearances = tuple(f for f in others if f.distribution == "normal" and f.owner != "design")
-    shared = tuple(f for f in others if f not in clearances)
-    return ProductionLaw(drive, shared, (*own, *clearances))
+    other_fields = [prior for prior in priors.values() if prior.path not in DEVIATION_FIELDS]
+    clearances = tuple(f for f in other_fields if f.distribution == "normal" and f.owner != "design")
+    shared = tuple(f for f in other_fields if f not in clearances)
+    return ProductionLaw(drive, shared, (*own_fields, *clearances))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -255,21 +255,21 @@ class Production:
         if not self.law.shared:
             return replace(self, designs=(({}, 1.0),)), None
         count = self.design_of(drives - 1) + 1
-        most = _DRAWS_PER_DESIGN * count
+        most_draws = _DRAWS_PER_DESIGN * count
         samples = draw_samples(
             self.law.joint,
             self.torques,
             evidence=evidence_of(self.drive, of_type=True),
             enough=lambda so_far: len(so_far.weights) >= count,
             effort=SamplingEffort(
-                effective=1, settling_draws=most, most_draws=most, batch=min(count, max(16, count // 4))
+                effective=1, settling_draws=most_draws, most_draws=most_draws, batch=min(count, max(16, count // 4))
             ),
             run=replace(run, seed=self.seed),
         )
         if len(samples.weights) < count:
-            words = f"{len(samples.weights)} of {samples.draws} sampled designs agree with the reference data"
+            message = f"{len(samples.weights)} of {samples.draws} sampled designs agree with the reference data"
             raise UntrustedError(
-                f"{words}, {count} are required", "narrow the assumed ranges, or reduce the number of drives"
+                f"{message}, {count} are required", "narrow the assumed ranges, or reduce the number of drives"
             )
         paths = [field.path for field in self.law.shared]
         drawn = samples.values()
@@ -282,17 +282,17 @@ class Production:
     def records(self, first: int, last: int) -> list[RandomDrive]:
         """Records of drives first to last - 1, whatever else is or was computed."""
         records = []
-        made: list[tuple[Drive, list[ErrorMap]]] = []
+        drives: list[tuple[Drive, list[ErrorMap]]] = []
 
         def maps(drive: Drive) -> list[ErrorMap]:
-            if not made or made[0][0] != drive:  # drives of a design share a contact system
-                made[:] = [(drive, error_maps(drive, self.torques))]
-            return made[0][1]
+            if not drives or drives[0][0] != drive:  # drives of a design share a contact system
+                drives[:] = [(drive, error_maps(drive, self.torques))]
+            return drives[0][1]
 
         for k in range(first, last):
             design, weight = self.designs[self.design_of(k)]
-            own = self.law.values(self.seed, k)
-            about = RandomDrive(design=self.design_of(k), weight=weight, values={**design, **own})
+            own_values = self.law.values(self.seed, k)
+            about = RandomDrive(design=self.design_of(k), weight=weight, values={**design, **own_values})
             try:
                 records.append(replace(about, **self._solved(about.values, maps)))
             except HdassistError as error:

@@ -151,8 +151,8 @@ def worst_torque(drive: Drive, samples: Samples) -> int:
     samples of random drives, each of a design of its own.
     """
     limits = [drive.limit(M_g) or 0.0 for M_g in samples.torques]
-    now = [weighted_quantile(column, samples.weights, _HIGH_SHARE) for column in samples.F_ior_arcsec.T]
-    return int(np.argmax(np.array(now) / (limits if all(limits) else 1)))
+    now_arcsec = [weighted_quantile(column, samples.weights, _HIGH_SHARE) for column in samples.F_ior_arcsec.T]
+    return int(np.argmax(np.array(now_arcsec) / (limits if all(limits) else 1)))
 
 
 def to_measure(law: ProductionLaw, samples: Samples, torque: int) -> tuple[MeasurementGain, ...]:
@@ -174,14 +174,16 @@ def _tightened(path: str, F_ior: Array, then: Array, weights: Array, *, proven: 
     resampled = np.random.default_rng(0).integers(0, len(F_ior), (_RESAMPLES, len(F_ior)))
     steps = []
     for before, after in zip(F_ior.T, then.T, strict=True):
-        now, here = (weighted_quantile(values, weights, _HIGH_SHARE) for values in (before, after))
+        now_quantile, then_quantile = (weighted_quantile(values, weights, _HIGH_SHARE) for values in (before, after))
         gains = [
             weighted_quantile(before[rows], weights[rows], _HIGH_SHARE)
             - weighted_quantile(after[rows], weights[rows], _HIGH_SHARE)
             for rows in resampled
         ]
-        low, high = now - np.quantile(gains, _ENDS[::-1])
-        steps.append(Tightened(path=path, now=now, then=here, low=float(low), high=float(high), proven=proven))
+        low, high = now_quantile - np.quantile(gains, _ENDS[::-1])
+        steps.append(
+            Tightened(path=path, now=now_quantile, then=then_quantile, low=float(low), high=float(high), proven=proven)
+        )
     return steps
 
 
@@ -209,15 +211,15 @@ def tolerances(drive: Drive, law: ProductionLaw) -> tuple[_Tolerance, ...]:
     choices = []
     for size in law.tolerances:
         cost = drive.cost.get(size.path)
-        now = size.high
-        least = cost.least if cost and cost.least is not None else _TIGHTER * now
-        most = max(_LOOSER * now, least)
+        present = size.high
+        least = cost.least if cost and cost.least is not None else _TIGHTER * present
+        loosest = max(_LOOSER * present, least)
         choices.append(
             _Tolerance(
                 path=size.path,
-                now=now,
+                now=present,
                 least=least,
-                most=most,
+                most=loosest,
                 law=cost or CostLaw.of_defaults(),
                 assumed_law=cost is None,
             )
@@ -294,10 +296,10 @@ class Allocator:
             values = sought
             records, tried = self._tried(turned, values, attempt)
             attempts.append(tried)
-            below = self._ratio_of(records, values)(values)
+            ratio = self._ratio_of(records, values)(values)
             at_least = np.all(values <= self.bounds[0] * (1 + _LIMIT_AGREES))
             at_most = np.all(values >= self.bounds[1] * (1 - _LIMIT_AGREES))
-            if (tried.fits and (below > aim - _LIMIT_AGREES or at_most)) or (at_least and not tried.fits):
+            if (tried.fits and (ratio > aim - _LIMIT_AGREES or at_most)) or (at_least and not tried.fits):
                 break
             aim *= 1.0 if tried.fits else _STRICTER
         verified = [allocation for allocation in attempts if allocation.fits]
@@ -360,12 +362,12 @@ class Allocator:
         Raises UntrustedError: no drive has an answer.
         """
         solved = np.array([record.refused is None and record.tighter is not None for record in records])
-        some = [record for record, is_solved in zip(records, solved, strict=True) if is_solved]
-        if not some:
+        solved_records = [record for record, is_solved in zip(records, solved, strict=True) if is_solved]
+        if not solved_records:
             raise UntrustedError(f"none of {len(records)} drives has a result: {records[0].refused}")
-        F_ior = np.array([record.best_F_ior_arcsec for record in some])
+        F_ior = np.array([record.best_F_ior_arcsec for record in solved_records])
         law = self.production.law
-        tighter = {path: np.array([(record.tighter or {})[path] for record in some]) for path in law.sizes}
+        tighter = {path: np.array([(record.tighter or {})[path] for record in solved_records]) for path in law.sizes}
         slopes = np.stack(
             [
                 sum((F_ior - tighter[path] for path in law.following(choice.path)), F_ior - tighter[choice.path])
@@ -381,7 +383,7 @@ class Allocator:
             scaled = np.maximum(F_ior + np.einsum("p,dpt->dt", values / now - 1, slopes), _LEAST_SHARE_LEFT * F_ior)
             ratios = np.full(len(records), _UNSOLVED_RATIO)
             ratios[solved] = np.max(np.maximum(scaled, RESOLVED_ERROR) / np.array(self.rooms), axis=1)
-            held = [float(np.quantile(ratios[designs == k], self.wanted, method="hazen")) for k in places]
-            return weighted_quantile(np.array(held), weights, self.sure)
+            shares = [float(np.quantile(ratios[designs == k], self.wanted, method="hazen")) for k in places]
+            return weighted_quantile(np.array(shares), weights, self.sure)
 
         return ratio

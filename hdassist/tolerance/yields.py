@@ -68,14 +68,14 @@ class YieldBelief:
         value = 1 - float(self._mixture(np.array([wanted]))[0])
         passed, failed = self._counts
         least = 1 - betainc(passed, failed + 1, wanted) if passed else 0.0
-        most = 1 - betainc(passed + 1, failed, wanted) if failed else 1.0
+        highest = 1 - betainc(passed + 1, failed, wanted) if failed else 1.0
         if len(self.weights) == 1:
-            return Probability(value, min(value, float(least)), max(value, float(most)))
+            return Probability(value, min(value, float(least)), max(value, float(highest)))
         a, b, chance = self._posterior(*self._kinds())
         shares = 1 - betainc(a, b, wanted)
         of_designs = probability_by_share(value, effective_number(self.weights))
         low, high = (weighted_quantile(shares, chance, share) for share in (YIELD_TAIL, 1 - YIELD_TAIL))
-        ends = min(of_designs.low, value, low, least), max(of_designs.high, value, high, most)
+        ends = min(of_designs.low, value, low, least), max(of_designs.high, value, high, highest)
         return Probability(value, *map(float, ends))
 
     @property
@@ -95,8 +95,8 @@ class YieldBelief:
         a, b, chance = self._posterior(kinds, weights)
         passed = kinds[:, 0]
         failed = kinds[:, 1] - kinds[:, 0]
-        below = betainc(a[:, None, None] + passed[:, None], b[:, None, None] + failed[:, None], yields)
-        return np.asarray(np.einsum("g,k,gky->y", chance, weights, below))
+        probability_below = betainc(a[:, None, None] + passed[:, None], b[:, None, None] + failed[:, None], yields)
+        return np.asarray(np.einsum("g,k,gky->y", chance, weights, probability_below))
 
     def _kinds(self) -> tuple[NDArray[np.integer], Array]:
         """Numbers of passed drives and of drives that designs have, shape (kinds, 2), and the weight of each."""
@@ -180,8 +180,10 @@ class Summary:
             self.weights.append(record.weight)
             self.states += record.states
             self.max_residual = max(self.max_residual, record.max_residual)
-            for point, now, best in zip(self.points, record.F_ior_arcsec, record.best_F_ior_arcsec, strict=True):
-                point.as_built.append(now)
+            for point, F_ior_arcsec, best in zip(
+                self.points, record.F_ior_arcsec, record.best_F_ior_arcsec, strict=True
+            ):
+                point.as_built.append(F_ior_arcsec)
                 point.best.append(best)
 
     @property
@@ -247,5 +249,7 @@ def rooms(limits: Sequence[float | None], self_errors: Sequence[float]) -> list[
 
     None alone where no torque has one, or one is not above the self error.
     """
-    left = [None if limit is None else limit - own for limit, own in zip(limits, self_errors, strict=True)]
-    return left if min((room for room in left if room is not None), default=0) > 0 else None
+    rooms_arcsec = [
+        None if limit is None else limit - self_error for limit, self_error in zip(limits, self_errors, strict=True)
+    ]
+    return rooms_arcsec if min((room for room in rooms_arcsec if room is not None), default=0) > 0 else None
