@@ -362,7 +362,9 @@ def _checks(advice: Advice, say: Texts) -> list[str]:
     where = hole_place(chosen, say)
     parts = {"wheel": wheel(drive, say), "place": where, "turn": turn(chosen, say), "start": start_of_count(drive, say)}
     checks = [say(f"checks.{name}", **parts) for name in ("clean", "pilot", *place, "free", "screws", "mesh")]
-    return [*checks, say("checks.correction", where=where)] if advice.correction else checks
+    if advice.correction:
+        checks.append(say("checks.correction", where=where))
+    return checks
 
 
 def warnings_of(drive: Drive, say: Texts) -> tuple[str, ...]:

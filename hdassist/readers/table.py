@@ -17,6 +17,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isfinite, nan
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -420,55 +421,92 @@ class _Rows:
         """
         sample = self.waiting[:SAMPLED_LINES]
         separator = separator_of([line.text for line in sample])
+        sample = self._without_preamble(sample, separator)
         cells = [cells_of(line.text, separator) for line in sample]
-        if (preamble_lines := _preamble(cells)) and not _program_of([line.text for line in sample]):
-            skipped = shortened([line.number for line in sample[:preamble_lines]])
-            self.table.notes.append(f"left out, above the line of names: lines {skipped}")
-            self.waiting = self.waiting[preamble_lines:]
-            sample = sample[preamble_lines:]
-            cells = cells[preamble_lines:]
+        self._settle_width(sample, cells)
+        has_names = not has_numbers(cells[0])
+        self._settle_names(sample, cells[0], separator, has_names=has_names)
+        self.separator = separator
+        self._settle_decimal(cells)
+        lines = self.waiting[1:] if has_names else self.waiting
+        self.waiting = []
+        self._read(lines)
+        self._refuse_foreign(sample, lines)
+
+    def _without_preamble(self, sample: list[TableLine], separator: str) -> list[TableLine]:
+        """Return a sample of the waiting lines from the line of names on; lines above it are left out, with a note."""
+        cells = [cells_of(line.text, separator) for line in sample]
+        preamble_lines = _preamble(cells)
+        if not preamble_lines or _program_of([line.text for line in sample]):
+            return sample
+        skipped = shortened([line.number for line in sample[:preamble_lines]])
+        self.table.notes.append(f"left out, above the line of names: lines {skipped}")
+        self.waiting = self.waiting[preamble_lines:]
+        return sample[preamble_lines:]
+
+    def _settle_width(self, sample: Sequence[TableLine], cells: Sequence[Sequence[Cell]]) -> None:
+        """Settle the number of columns, that of most rows. Raises PresetError for no rows, or too few columns."""
         rows = [(line.number, row) for line, row in zip(sample, cells, strict=True) if has_numbers(row)]
-        first = sample[0] if sample else TableLine(1, "", 0)
         if not rows:
+            first = sample[0] if sample else TableLine(1, "", 0)
             hint = f"rows of {', '.join(self.needs)}" if self.needs else "check that this is the file with the table"
             self._refuse(first.number, "no rows of numbers in the file", first.text.strip(), hint)
-        row_line, row = rows[0]
+        first_number, first_row = rows[0]
         self.width = Counter(len(row) for _, row in rows).most_common(1)[0][0]
         if self.width < len(self.needs):
             message = f"{self.width} column, needs {len(self.needs)}: {', '.join(self.needs)}"
-            self._refuse(row_line, message, row_text(row), "separate columns by ; or , or tabs or blanks")
-        named = not has_numbers(cells[0])
-        line = first if named else self.above
-        if line and (names := names_in(line.text if named else line.words, self.width, separator)):
+            hint = "separate columns by ; or , or tabs or blanks"
+            self._refuse(first_number, message, row_text(first_row), hint)
+
+    def _settle_names(
+        self, sample: Sequence[TableLine], first_cells: Sequence[Cell], separator: str, *, has_names: bool
+    ) -> None:
+        """Settle the names of the columns.
+
+        Args:
+            sample: first lines.
+            first_cells: cells of the first line.
+            separator: of cells.
+            has_names: whether the first line is that of names; otherwise a remark above the rows may have them.
+        """
+        line = sample[0] if has_names else self.above
+        if line is None:
+            return
+        names = names_in(line.text if has_names else line.words, self.width, separator)
+        if names:
             self.table.names = names
             self.table.names_line = line.number
-            self.table.names_in_remark = not named
-        elif line and named:
+            self.table.names_in_remark = not has_names
+        elif has_names:
             message = f"the line of names does not fit {self.width} columns"
             hint = "write one name for each column, with the separator of the rows"
-            empty = [cell.text for cell in cells[0][self.width :]]
-            if empty and all(line.text.rstrip().endswith(separator) for line in sample[1:]):
+            empty = [cell.text for cell in first_cells[self.width :]]
+            if empty and all(row.text.rstrip().endswith(separator) for row in sample[1:]):
                 message = f"no value is written in {', '.join(empty)}"
                 hint = "fill it in, or leave out the column"
             self.table.add(line.number, 1, "", message, line.text.strip(), hint)
-        self.separator = separator
-        self._settle_decimal(cells)
-        lines = self.waiting[named:]
-        self.waiting = []
-        self._read(lines)
-        faulty = {finding.line for finding in self.table.findings}
-        head = sum(line.number < self.lines[0] for line in lines) if self.lines else 0
-        faulty &= {line.number for line in lines}
-        if (len(faulty) >= _FOREIGN_ROWS and 2 * len(faulty) > len(lines)) or head >= _FOREIGN_HEAD:
-            self.table.findings.clear()
-            program = _program_of([line.text for line in sample]) or "check whether this is a file of another program"
-            message = (
-                f"not a table of numbers: {len(faulty)} of the first {len(lines)} lines are not rows of {self.width}"
-            )
-            hint = f"{program}; write one line of names above rows of numbers, like {';'.join(self.needs)}"
-            self._refuse(first.number, message, first.text.strip(), hint)
 
-    def _refuse(self, line: int, message: str, got: str, hint: str) -> None:
+    def _refuse_foreign(self, sample: Sequence[TableLine], lines: Sequence[TableLine]) -> None:
+        """Raise PresetError if so many of the first lines are no rows that the file is of another program.
+
+        Args:
+            sample: first lines.
+            lines: those that were read as rows.
+        """
+        head = sum(line.number < self.lines[0] for line in lines) if self.lines else 0
+        faulty = {finding.line for finding in self.table.findings}
+        faulty &= {line.number for line in lines}
+        is_mostly_faulty = len(faulty) >= _FOREIGN_ROWS and 2 * len(faulty) > len(lines)
+        if not is_mostly_faulty and head < _FOREIGN_HEAD:
+            return
+        self.table.findings.clear()
+        program = _program_of([line.text for line in sample]) or "check whether this is a file of another program"
+        message = f"not a table of numbers: {len(faulty)} of the first {len(lines)} lines are not rows of {self.width}"
+        hint = f"{program}; write one line of names above rows of numbers, like {';'.join(self.needs)}"
+        self._refuse(sample[0].number, message, sample[0].text.strip(), hint)
+
+    def _refuse(self, line: int, message: str, got: str, hint: str) -> NoReturn:
+        """Raise PresetError with the findings of the table, or with this one if it has none."""
         if not self.table.findings:
             self.table.add(line, 1, "", message, got, hint)
         raise PresetError([])

@@ -394,14 +394,105 @@ def read_record(source: Readable, form: TraceForm) -> NumberTable:
     return table
 
 
-def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) -> MeasuredTrace:
-    """The measured trace in a table, whose values it takes away.
+@dataclass(frozen=True, eq=False)
+class _Readings:
+    """Readings of a table in the order of its rows, shape (rows,) each."""
 
-    Arguments: form of the columns; ratio, cam turns per output turn, needed for angles of the output and for two
-    encoders.
-    Raises PresetError: the first fault of its angles; DataError: no ratio; UsageError: one column for two.
+    cam_deg: Array  # without wraps
+    second: Array  # of the column of the error or of the second encoder, in its unit
+    output_deg: Array | None  # of the second encoder, without wraps
+    time_s: Array | None
+    torque: Array | None
+
+    def of_rows(self, rows: NDArray[np.bool_]) -> _Readings:
+        """Return the readings of some rows."""
+        return _Readings(
+            cam_deg=self.cam_deg[rows],
+            second=self.second[rows],
+            output_deg=None if self.output_deg is None else self.output_deg[rows],
+            time_s=None if self.time_s is None else self.time_s[rows],
+            torque=None if self.torque is None else self.torque[rows],
+        )
+
+
+@dataclass(frozen=True)
+class _Resolution:
+    """Resolution of the error, as in MeasuredTrace."""
+
+    step_arcsec: float
+    in_time: bool = False
+    cam_step_arcsec: float = 0.0
+    dithered: bool = False
+
+
+def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) -> MeasuredTrace:
+    """Return the measured trace in a table, whose values it takes away.
+
+    Args:
+        table: its rows.
+        form: of the columns.
+        ratio: input revolutions per output revolution, needed for angles of the output and for two encoders.
+
+    Raises PresetError for the first fault of its angles, DataError without a ratio, UsageError for one column with two
+    roles.
     """
     first, second = _columns(table, form)
+    _require_rows_and_ratio(table, first, second, ratio)
+    per_turn = abs(ratio or 1)
+    readings = _readings_of(table, form, first, second, per_turn)
+    # rows at which the second column jumps and returns
+    if readings.output_deg is None:
+        far = _leaping(readings.second * (second.size / _ARCSEC_PER_DEG))
+    else:
+        far = _leaping(readings.output_deg)
+    if form.robust:
+        readings = _without_leaps(table, readings, {first.index: _leaping(readings.cam_deg), second.index: far})
+    if not np.ptp(readings.second):
+        raise table.fault("the column is constant", "check the column of the error", 0, second.index)
+    if readings.output_deg is None:
+        error = readings.second * second.size
+        sense = 0
+    else:
+        error, sense = _second(table, second.index, readings.output_deg, readings.cam_deg, per_turn)
+    resolution = _resolution(readings, first, second, per_turn)
+    if ratio is not None:
+        _require_ratio(table, second.index, readings.cam_deg, error, per_turn, sense)
+    turns_of_angle = per_turn if first.shaft == "output" else 1
+    if form.speed is not None and not table.deg_per_s and readings.time_s is None:
+        table.deg_per_s = form.speed / _ARCSEC_PER_DEG * (1.0 if first.shaft == "output" else per_turn)
+    try:
+        moves = sweeps(readings.cam_deg)
+    except AngleError as fault:
+        raise table.fault(fault.message, fault.hint, fault.row, first.index) from None
+    _require_small_error(table, second.index, error, moves, has_far_readings=bool(far.any()))
+    row_count = len(error) - sum(map(len, moves))
+    if row_count:
+        table.notes.append(f"left out, turning points and short moves: {row_count} of {len(error)} rows")
+    return MeasuredTrace(
+        file=table.file,
+        sha256=table.sha256,
+        cam_deg=readings.cam_deg,
+        error_arcsec=error,
+        line=table.lines,
+        step_arcsec=resolution.step_arcsec,
+        sweeps=tuple(moves),
+        notes=tuple(table.notes),
+        angle_of=first.shaft or "cam",
+        sense=sense,
+        in_time=resolution.in_time,
+        robust=form.robust,
+        time_s=readings.time_s,
+        load=readings.torque,
+        cam_step_arcsec=resolution.cam_step_arcsec,
+        dithered=resolution.dithered,
+        is_lower_bound=table.is_lower_bound,
+        scale_uncertainty=table.scale_uncertainty,
+        turns_per_s=table.deg_per_s / WHOLE_TURN_DEG * turns_of_angle,
+    )
+
+
+def _require_rows_and_ratio(table: NumberTable, first: _TraceColumn, second: _TraceColumn, ratio: float | None) -> None:
+    """Raise PresetError for a table of few rows, DataError if its columns need a ratio that is not stated."""
     if len(table.lines) < _FEWEST_ROWS:
         raise table.fault(
             f"rows: {len(table.lines)}", f"a recording needs at least {_FEWEST_ROWS} rows", 0, first.index
@@ -409,8 +500,23 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
     if ratio is None and "output" in (first.shaft, second.shaft):
         message = f"{table.file}: the ratio is needed to relate output and input"
         raise DataError(message, "--ratio 100, or --drive PRESET")
-    per_turn = abs(ratio or 1)
-    angle, readings = (table.values[:, column.index].copy() for column in (first, second))
+
+
+def _readings_of(
+    table: NumberTable, form: TraceForm, first: _TraceColumn, second: _TraceColumn, per_turn: float
+) -> _Readings:
+    """Return the readings of a table, without wraps, and note its unused columns.
+
+    Args:
+        table: its values are taken away, as a long trace needs much memory.
+        form: its wrap joins angles.
+        first: column of the angle.
+        second: column of the error or of the second encoder.
+        per_turn: input revolutions per output revolution.
+
+    Raises PresetError for angles that cannot be joined.
+    """
+    angle, second_values = (table.values[:, column.index].copy() for column in (first, second))
     time_s = _beside(table, "time", "s")
     torque = _beside(table, "torque", "N·m")
     used = {first.index, second.index, *(k for k, role in enumerate(table.roles) if role in ("time", "torque"))}
@@ -419,88 +525,78 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
         for k, name in enumerate(table.names)
         if k not in used
     ]
-    table.notes += [f"not used: {', '.join(unused)}"] if unused else []
-    table.values = np.empty((0, 0))  # a long trace takes no more memory than it needs
-    output = _angle(table, second, readings, form.wrap) if second.shaft else None
-    cam = _angle(table, first, angle, form.wrap, None if output is None else output * per_turn)
+    if unused:
+        table.notes.append(f"not used: {', '.join(unused)}")
+    table.values = np.empty((0, 0))
+    output_deg = None
+    expected_deg = None  # of the input, by the second encoder
+    if second.shaft:
+        output_deg = _angle(table, second, second_values, form.wrap)
+        expected_deg = output_deg * per_turn
+    cam_deg = _angle(table, first, angle, form.wrap, expected_deg)
     if first.shaft == "output":
-        cam *= per_turn
-    far = _leaping(readings * (second.size / _ARCSEC_PER_DEG) if output is None else output)
-    if form.robust:
-        leaps = _leaping(cam)
-        for column, rows in ((first, leaps), (second, far)):
-            if rows.any():
-                named = shortened(table.lines[rows].tolist())
-                table.notes.append(f'left out, "{table.name(column.index)}" jumps and returns: lines {named}')
-        kept = ~(leaps | far)
-        table.lines = table.lines[kept]
-        cam = cam[kept]
-        readings = readings[kept]
-        output, time_s, torque = (None if values is None else values[kept] for values in (output, time_s, torque))
-    if not np.ptp(readings):
-        raise table.fault("the column is constant", "check the column of the error", 0, second.index)
-    error = readings * second.size
-    sense = 0
+        cam_deg *= per_turn
+    return _Readings(cam_deg=cam_deg, second=second_values, output_deg=output_deg, time_s=time_s, torque=torque)
+
+
+def _without_leaps(table: NumberTable, readings: _Readings, leaps: dict[int, NDArray[np.bool_]]) -> _Readings:
+    """Return readings, and lines of the table, without rows that leap and return; leaps: by column number."""
+    for column, rows in leaps.items():
+        if rows.any():
+            lines = shortened(table.lines[rows].tolist())
+            table.notes.append(f'left out, "{table.name(column)}" jumps and returns: lines {lines}')
+    is_kept = ~np.logical_or.reduce([*leaps.values()])
+    table.lines = table.lines[is_kept]
+    return readings.of_rows(is_kept)
+
+
+def _resolution(readings: _Readings, first: _TraceColumn, second: _TraceColumn, per_turn: float) -> _Resolution:
+    """Return the resolution of the error; per_turn: input revolutions per output revolution."""
+    step_arcsec = _step(readings.second) * abs(second.size)
+    if readings.output_deg is None:
+        return _Resolution(step_arcsec=step_arcsec)
     in_time = False
-    by_cam = 0.0
-    dithered = False
-    step = _step(readings) * abs(second.size)
-    if output is not None:
-        error, sense = _second(table, second.index, output, cam, per_turn)
-        if not step:
-            step = _step_in_time(cam, output, per_turn)
-            in_time = step > 0
-        if first.in_counts or second.in_counts:
-            by_cam = abs(first.size) / per_turn * first.in_counts
-            by_output = abs(second.size) * second.in_counts
-            in_time = in_time or _is_even(cam, max(_COUNTS_APART * by_cam, by_output) * per_turn / _ARCSEC_PER_DEG)
-            dithered = not (step or in_time)
-            step = max(step, hypot(by_cam, by_output))
-    if ratio is not None:
-        _require_ratio(table, second.index, cam, error, per_turn, sense)
-    if form.speed is not None and not table.deg_per_s and time_s is None:
-        table.deg_per_s = form.speed / _ARCSEC_PER_DEG * (1.0 if first.shaft == "output" else per_turn)
-    try:
-        moves = sweeps(cam)
-    except AngleError as wrong:
-        raise table.fault(wrong.message, wrong.hint, wrong.row, first.index) from None
-    reach = max((float(np.ptp(error[move.rows])) for move in moves), default=0.0)
-    if reach > LARGEST_ERROR:
-        row = _leap_in(error)
-        if row is not None:
-            leap = float(error[row] - error[row - 1]) / _ARCSEC_PER_DEG
-            message = f"the error spans {reach / _ARCSEC_PER_DEG:.3g} deg: here it jumps by {leap:.3g} deg and stays"
-            raise table.fault(message, _RESTART_HINT, row, second.index)
-        row = int(np.abs(error - np.median(error)).argmax())
-        message = f"the error spans {reach / _ARCSEC_PER_DEG:.3g} deg"
-        leaves_out = "; --robust leaves out single ones" if far.any() else ""
-        raise table.fault(
-            message, f"check the column of the error, its unit and the ratio{leaves_out}", row, second.index
-        )
-    row_count = len(cam) - sum(map(len, moves))
-    if row_count:
-        table.notes.append(f"left out, turning points and short moves: {row_count} of {len(cam)} rows")
-    return MeasuredTrace(
-        file=table.file,
-        sha256=table.sha256,
-        cam_deg=cam,
-        error_arcsec=error,
-        line=table.lines,
-        step_arcsec=step,
-        sweeps=tuple(moves),
-        notes=tuple(table.notes),
-        angle_of=first.shaft or "cam",
-        sense=sense,
+    if not step_arcsec:
+        step_arcsec = _step_in_time(readings.cam_deg, readings.output_deg, per_turn)
+        in_time = step_arcsec > 0
+    if not (first.in_counts or second.in_counts):
+        return _Resolution(step_arcsec=step_arcsec, in_time=in_time)
+    cam_step_arcsec = abs(first.size) / per_turn if first.in_counts else 0.0
+    output_step_arcsec = abs(second.size) if second.in_counts else 0.0
+    largest_arcsec = max(_COUNTS_APART * cam_step_arcsec, output_step_arcsec)
+    in_time = in_time or _is_even(readings.cam_deg, largest_arcsec * per_turn / _ARCSEC_PER_DEG)
+    return _Resolution(
+        step_arcsec=max(step_arcsec, hypot(cam_step_arcsec, output_step_arcsec)),
         in_time=in_time,
-        robust=form.robust,
-        time_s=time_s,
-        load=torque,
-        cam_step_arcsec=by_cam,
-        dithered=dithered,
-        is_lower_bound=table.is_lower_bound,
-        scale_uncertainty=table.scale_uncertainty,
-        turns_per_s=table.deg_per_s / WHOLE_TURN_DEG * (per_turn if first.shaft == "output" else 1),
+        cam_step_arcsec=cam_step_arcsec,
+        dithered=not (step_arcsec or in_time),
     )
+
+
+def _require_small_error(
+    table: NumberTable, column: int, error: Array, moves: Sequence[_AngleSweep], *, has_far_readings: bool
+) -> None:
+    """Raise PresetError for an error over more than LARGEST_ERROR, at the row where it leaps or is largest.
+
+    Args:
+        table: for the place of the fault.
+        column: of the error or of the second encoder.
+        error: of each row [arcsec], shape (rows,).
+        moves: of the shaft.
+        has_far_readings: whether single readings lie far off the others.
+    """
+    reach = max((float(np.ptp(error[move.rows])) for move in moves), default=0.0)
+    if reach <= LARGEST_ERROR:
+        return
+    spans = f"the error spans {reach / _ARCSEC_PER_DEG:.3g} deg"
+    row = _leap_in(error)
+    if row is not None:
+        leap = float(error[row] - error[row - 1]) / _ARCSEC_PER_DEG
+        message = f"{spans}: here it jumps by {leap:.3g} deg and stays"
+        raise table.fault(message, _RESTART_HINT, row, column)
+    row = int(np.abs(error - np.median(error)).argmax())
+    leaves_out = "; --robust leaves out single ones" if has_far_readings else ""
+    raise table.fault(spans, f"check the column of the error, its unit and the ratio{leaves_out}", row, column)
 
 
 def _angle(

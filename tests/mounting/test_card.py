@@ -304,7 +304,8 @@ def doubtful() -> list[Advice]:
     free = advice_of(alike, overrides=("mounting.holes=0",))
     left = sampled(CARDS["plain"])
     left = replace(left, decision=replace(left.decision, rotations_deg=tuple(k + 30.0 for k in range(0, 360, 30))))
-    return [odd, replace(odd, after=several), some, free, left]
+    corrected = replace(CARDS["sampled"], compensated=("cam", CARDS["sampled"].decision))
+    return [odd, replace(odd, after=several), some, free, left, corrected]
 
 
 def test_no_text_of_the_catalogue_is_unused(monkeypatch):
