@@ -10,10 +10,11 @@ import numpy as np
 from hdassist.correction.forms import form_words
 from hdassist.errors import Verdict
 from hdassist.model.deviations import unknown_names
+from hdassist.model.geometry import Array
 from hdassist.mounting.advice import UNSHOWN_VALUES, Advice, Verification
 from hdassist.mounting.decision import FEWEST_SURE, FEWEST_VALUES, LEVELS
 from hdassist.mounting.positions import MountingCurve, bare, hole_of, named_position
-from hdassist.mounting.posterior import Trial
+from hdassist.mounting.posterior import HolePosterior, Trial
 from hdassist.pages.card import (
     ENGLISH,
     TRADE,
@@ -148,7 +149,8 @@ def mount_warnings(advice: Advice, say: Texts = ENGLISH) -> tuple[str, ...]:
 def _warnings_of_values(advice: Advice, say: Texts) -> Iterator[str]:
     """Yield warnings about measured values in the language of the texts."""
     yield from advice.samples.remarks if advice.samples else ()
-    if not (after := advice.after):
+    after = advice.after
+    if not after:
         return
     if after.samples.few:
         yield (
@@ -161,35 +163,50 @@ def _warnings_of_values(advice: Advice, say: Texts) -> Iterator[str]:
         stated = say.torque(advice.torques_of_values[0])
         yield say("warning.torque", likelier=say.torque(M_g), stated=stated, M_g=f"{M_g:g}")
     if trial := advice.suspected:
-        odds = float(after.misread[advice.trials.index(trial)])
-        name = "warning.misread" if odds > 0.5 else "warning.misread_of_several"
-        yield say(name, value=_measured(advice, trial, say), share=say.percent(odds))
-    for trial in advice.trials:
-        predicted = after.samples.predicted(trial)
-        if predicted.is_above or predicted.is_below:
-            ends = (say.number(predicted.low_arcsec, ".3g"), say.number(predicted.high_arcsec, ".3g"))
-            name = "warning.above_range" if predicted.is_above else "warning.below_range"
-            yield say(name, value=_measured(advice, trial, say), low=ends[0], high=ends[1])
+        probability = float(after.misread[advice.trials.index(trial)])
+        name = "warning.misread" if probability > 0.5 else "warning.misread_of_several"
+        yield say(name, value=_measured(advice, trial, say), share=say.percent(probability))
+    yield from _out_of_range_warnings(advice, after, say)
     if after.by_values > UNSHOWN_VALUES:
         yield say("warning.by_values", share=say.percent(after.by_values))
     elif advice.contradicted:
-        path, direction_deg, spread = advice.contradicted
-        stated = say.angle(advice.drive.number(path))
+        path, direction_deg, spread_deg = advice.contradicted
         yield say(
             "warning.contradicted",
             found=say.angle(round(direction_deg)),
-            spread=say.angle(round(spread)),
-            stated=stated,
+            spread=say.angle(round(spread_deg)),
+            stated=say.angle(advice.drive.number(path)),
         )
-    for k, a in enumerate(advice.trials):
-        for b in advice.trials[:k]:
-            noise = float(np.linalg.norm(after.samples.noise((a, b))))
-            is_same_place = advice.setup.point(a) == advice.setup.point(b)
-            if is_same_place and abs(a.F_ior_arcsec - b.F_ior_arcsec) > _APART * noise:
-                values = f"{measured_value(b, say)}″, {measured_value(a, say)}″"
-                where = _where(advice, a.rotation_deg, say)
-                stated = say.number(advice.setup.noise_arcsec)
-                yield say("warning.repeats", where=where, values=values, noise=stated)
+    yield from _repeat_warnings(advice, after, say)
+
+
+def _out_of_range_warnings(advice: Advice, after: HolePosterior, say: Texts) -> Iterator[str]:
+    """Yield a warning about each value outside its predicted range."""
+    for trial in advice.trials:
+        predicted = after.samples.predicted(trial)
+        if predicted.is_above or predicted.is_below:
+            yield say(
+                "warning.above_range" if predicted.is_above else "warning.below_range",
+                value=_measured(advice, trial, say),
+                low=say.number(predicted.low_arcsec, ".3g"),
+                high=say.number(predicted.high_arcsec, ".3g"),
+            )
+
+
+def _repeat_warnings(advice: Advice, after: HolePosterior, say: Texts) -> Iterator[str]:
+    """Yield a warning about each two values of a place that differ by more than their noise explains."""
+    for k, later in enumerate(advice.trials):
+        for earlier in advice.trials[:k]:
+            if advice.setup.point(later) != advice.setup.point(earlier):
+                continue
+            noise_arcsec = float(np.linalg.norm(after.samples.noise((later, earlier))))
+            if abs(later.F_ior_arcsec - earlier.F_ior_arcsec) > _APART * noise_arcsec:
+                yield say(
+                    "warning.repeats",
+                    where=_where(advice, later.rotation_deg, say),
+                    values=f"{measured_value(earlier, say)}″, {measured_value(later, say)}″",
+                    noise=say.number(advice.setup.noise_arcsec),
+                )
 
 
 def _where(advice: Advice, rotation_deg: float, say: Texts = ENGLISH) -> str:
@@ -357,40 +374,51 @@ def _elsewhere(advice: Advice) -> str:
 def _facts(advice: Advice, *, carded: bool) -> Iterator[Fact]:
     """Yield the best hole for each torque, limits, and the next command, a label and a text each."""
     decision = advice.decision
-    drive = advice.drive
-    chosen_deg = advice.chosen.rotation_deg
-    alone = [p.rotation_deg for p in advice.by_torque]
-    if advice.names_hole and not advice.verification and any(place != alone[0] for place in alone):
+    best_deg = [position.rotation_deg for position in advice.by_torque]
+    if advice.names_hole and not advice.verification and any(angle_deg != best_deg[0] for angle_deg in best_deg):
         texts_by_torque = (
-            f"{M_g:g} N·m: {hole_place(p)}" for M_g, p in zip(advice.torques, advice.by_torque, strict=True)
+            f"{M_g:g} N·m: {hole_place(position)}"
+            for M_g, position in zip(advice.torques, advice.by_torque, strict=True)
         )
         yield "best hole for each torque", "; ".join(texts_by_torque)
     if decision.stay is None:
-        yield "not allowed", f"{start_of_count(drive)}, so the {wheel(drive)} has to move"
-    if decision.is_sampled and (kept := decision.probability_kept) is not None and not advice.correction:
-        limits = [f"{limit:g}″ at {M_g:g} N·m" for M_g in advice.torques if (limit := drive.limit(M_g)) is not None]
-        stays = ""
-        if chosen_deg and decision.stay is not None and advice.names_hole:
-            stays = f"; {start_of_count(drive)}: {100 * kept[decision.stay]:.0f} %"
-        goal = hole_place(advice.chosen) if advice.names_hole else "any hole"
-        event = f"{goal} meets {', '.join(limits)} (F'_ior + self error)"
-        yield "limit", f"probability that {event}: {100 * kept[decision.best]:.0f} %{stays}"
+        yield "not allowed", f"{start_of_count(advice.drive)}, so the {wheel(advice.drive)} has to move"
+    if decision.is_sampled and not advice.correction and decision.probability_kept is not None:
+        yield "limit", _limit_words(advice, decision.probability_kept)
     if advice.unknown and not decision.is_sampled:
         yield "unknown", f"taken as 0: {unknown_names(advice.unknown)}"
     if advice.verification:
         return
     if advice.next and not advice.measured:
-        if advice.trials:
-            M_g = advice.next_torque
-            name = _name(advice, advice.next.rotation_deg)
-            if M_g != advice.setup.M_g:
-                name += f"@{M_g:g}"
-            names = [name]
-        else:
-            names = [_name(advice, p.rotation_deg) for p in advice.to_try]
-        yield "next", again("mount", drive, *(f"{name}=F_IOR" for name in names))
+        yield "next", again("mount", advice.drive, *(f"{name}=F_IOR" for name in _next_names(advice)))
     elif not carded:
-        yield "next", again("mount", drive, "--card", "card.html")
+        yield "next", again("mount", advice.drive, "--card", "card.html")
+
+
+def _limit_words(advice: Advice, probability_met: Array) -> str:
+    """Return the probability of meeting the limits in the chosen hole, and in hole 0 if the wheel is to leave it.
+
+    probability_met: of the limits, by hole, shape (holes,).
+    """
+    drive = advice.drive
+    decision = advice.decision
+    limits = [f"{limit:g}″ at {M_g:g} N·m" for M_g in advice.torques if (limit := drive.limit(M_g)) is not None]
+    stays = ""
+    if advice.chosen.rotation_deg and decision.stay is not None and advice.names_hole:
+        stays = f"; {start_of_count(drive)}: {100 * probability_met[decision.stay]:.0f} %"
+    goal = hole_place(advice.chosen) if advice.names_hole else "any hole"
+    event = f"{goal} meets {', '.join(limits)} (F'_ior + self error)"
+    return f"probability that {event}: {100 * probability_met[decision.best]:.0f} %{stays}"
+
+
+def _next_names(advice: Advice) -> list[str]:
+    """Return the positions to measure next, as the command line takes them."""
+    if not advice.trials or not advice.next:
+        return [_name(advice, position.rotation_deg) for position in advice.to_try]
+    name = _name(advice, advice.next.rotation_deg)
+    if advice.next_torque != advice.setup.M_g:
+        name += f"@{advice.next_torque:g}"
+    return [name]
 
 
 def _name(advice: Advice, rotation_deg: float) -> str:
@@ -426,49 +454,57 @@ def _more_facts(advice: Advice) -> Iterator[Fact]:
 def _positions_table(advice: Advice, places: Sequence[int], title: str = "") -> Table:
     """Return a table of some holes, by their places: F'_ior, median and range, and the probabilities of the hole."""
     decision = advice.decision
+    is_sampled = decision.is_sampled
+    stands_for_all = decision.all_alike and not title  # one row stands for all holes
+    names = _names_of_places(advice)
     rows = []
+    for place in places:
+        label = "" if stands_for_all else names.get(place, "")
+        rows.append(_position_row(advice, place, label, stands_for_all=stands_for_all))
+    spread = ": median (5 to 95 %)" if is_sampled else ""
+    if stands_for_all:
+        spread += " in any hole"
+    residual = f"residual F'_ior ({form_words(advice.correction)})" if advice.correction else "F'_ior"
+    torque_heads = (f"at {M_g:g} N·m" for M_g in advice.torques)
+    place_head, counted = ("hole", "holes") if advice.drive.mounting.holes else ("angle, °", "angles")
+    probability_heads = ("P(better)", "P(within 5 %)") if is_sampled else ()
+    notes = []
+    if is_sampled:
+        better = f"better: than {start_of_count(advice.drive)} by > {100 * decision.cost:g} %"
+        notes.append(f"P: probability, %; {better}; within 5 %: of the best hole")
+    governing = ", governing torque" if len(advice.torques) > 1 else ""
+    expected = "expected " if is_sampled else ""
+    notes.append(f"excess: {expected}over best hole{governing}; {counted} count counter-clockwise")
+    title_start = f"{title}: " if title else ""
+    return Table(
+        f"{title_start}{residual}, ″{spread}",
+        ("", place_head, *torque_heads, *probability_heads, "excess, %"),
+        tuple(rows),
+        notes=tuple(notes),
+    )
+
+
+def _names_of_places(advice: Advice) -> dict[int | None, str]:
+    """Return the names of the present, the worst and the best hole, by their places."""
+    decision = advice.decision
     names = {decision.stay: _standing(advice)}
     if advice.names_hole:
+        # the best hole has its name even if it is the present one
         names = {decision.ranked[-1]: "worst", **names, decision.best: "best"}
     if advice.verification:
         names[decision.best] = _VERIFICATION_WORDS[advice.verification.verdict].lower()
-    sampled = decision.is_sampled
-    for place in places:
-        action = decision.action(place)
-        cells = [
-            f"{middle:.2f} ({low:.1f}-{high:.1f})" if sampled else f"{middle:.2f}"
-            for low, middle, high in zip(*action.F_ior_arcsec.values(), strict=True)
-        ]
-        shares = []
-        if sampled:
-            shares = [f"{100 * action.probability_better:.0f}", f"{100 * action.probability_good:.0f}"]
-        hole = bare(action.rotation_deg, advice.drive.mounting.holes)
-        label = names.get(place, "")
-        if decision.all_alike and not title:  # one row stands for all holes
-            label = ""
-            hole = _ANY_LINE
-        rows.append((label, hole, *cells, *shares, f"{100 * action.expected_loss:.1f}"))
-    spread = ": median (5 to 95 %)" if sampled else ""
-    if decision.all_alike and not title:
-        spread += " in any hole"
-    residual = f"residual F'_ior ({form_words(advice.correction)})" if advice.correction else "F'_ior"
-    heads = (f"at {M_g:g} N·m" for M_g in advice.torques)
-    where, counted = ("hole", "holes") if advice.drive.mounting.holes else ("angle, °", "angles")
-    of_shares = ("P(better)", "P(within 5 %)") if sampled else ()
-    start = start_of_count(advice.drive)
-    better = f"better: than {start} by > {100 * decision.cost:g} %; within 5 %: of the best hole"
-    governing = ", governing torque" if len(advice.torques) > 1 else ""
-    excess = f"excess: {'expected ' if sampled else ''}over best hole{governing}; {counted} count counter-clockwise"
-    first = f"{title}: " if title else ""
-    return Table(
-        f"{first}{residual}, ″{spread}",
-        ("", where, *heads, *of_shares, "excess, %"),
-        tuple(rows),
-        notes=(
-            *((f"P: probability, %; {better}",) if sampled else ()),
-            excess,
-        ),
-    )
+    return names
+
+
+def _position_row(advice: Advice, place: int, label: str, *, stands_for_all: bool) -> tuple[str, ...]:
+    """Return the row of a hole: label, hole, F'_ior at each torque, probabilities and excess."""
+    action = advice.decision.action(place)
+    cells = [label, _ANY_LINE if stands_for_all else bare(action.rotation_deg, advice.drive.mounting.holes)]
+    for low, middle, high in zip(*action.F_ior_arcsec.values(), strict=True):
+        cells.append(f"{middle:.2f} ({low:.1f}-{high:.1f})" if advice.decision.is_sampled else f"{middle:.2f}")
+    if advice.decision.is_sampled:
+        cells += [f"{100 * action.probability_better:.0f}", f"{100 * action.probability_good:.0f}"]
+    return (*cells, f"{100 * action.expected_loss:.1f}")
 
 
 def _standing(advice: Advice) -> str:
@@ -479,58 +515,33 @@ def _standing(advice: Advice) -> str:
 def _position_curves(advice: Advice) -> Iterator[Curve]:
     """Yield F'_ior over positions of the wheel at each torque: nominal drive, ranges over samples, values, limit."""
     decision = advice.decision
-    holes = advice.drive.mounting.holes
     curve = advice.curve
-    per = 360 / holes if holes else 1.0
-    sampled = decision.is_sampled
-    turns = np.array(decision.rotations_deg)
-    if (len(turns) < 2 and (not curve or len(curve.rotation_deg) < 2)) or advice.no_hole_better == "standing":
+    places = range(len(decision.rotations_deg))
+    has_curve = curve is not None and len(curve.rotation_deg) > 1
+    if (len(places) < 2 and not has_curve) or advice.no_hole_better == "standing":
         return
-    ends = [np.array([decision.quantile(level, place) for place in range(len(turns))]) for level in LEVELS.values()]
-    present = _standing(advice)
-    next_words = "next"
-    rooms = decision.room_arcsec or [None] * len(advice.torques)
-    marked = {present: advice.current, "best": advice.chosen}
-    if advice.next and advice.names_hole and advice.next.rotation_deg == marked["best"].rotation_deg:
-        del marked["best"]
-        next_words = "best and next"
+    # percentiles by place and torque, shape (places, torques) each
+    low, middle, high = (np.array([decision.quantile(level, place) for place in places]) for level in LEVELS.values())
+    holes = advice.drive.mounting.holes
+    turns = np.array(decision.rotations_deg) / _turn_unit(advice)
+    rooms = decision.room_arcsec or [None for _ in advice.torques]
     for k, (M_g, limit) in enumerate(zip(advice.torques, rooms, strict=True)):
-        x = turns / per
-        line = ends[1][:, k]
-        as_given = curve is not None and not sampled and len(curve.rotation_deg) > len(turns)
-        if as_given and curve:
+        x = turns
+        y = middle[:, k]
+        if curve and not decision.is_sampled and len(curve.rotation_deg) > len(places):
             order = np.argsort(curve.rotation_deg)
-            x = curve.rotation_deg[order] / per
-            line = curve.F_ior_arcsec[k, order]
-        tried = [t for t in advice.trials if advice.torque_of(t) == M_g]
-        marks = [CurveMark(x=t.rotation_deg / per, y=t.F_ior_arcsec, words="measured", kind="now") for t in tried]
-        if advice.names_hole:
-            marks += [
-                CurveMark(
-                    x=p.rotation_deg / per, y=p.F_ior_arcsec[k], words=name, kind="now" if name == present else "target"
-                )
-                for name, p in marked.items()
-            ]
-        next_place = decision.place(advice.next.rotation_deg) if advice.next else None
-        if next_place is not None:
-            marks.append(
-                CurveMark(x=turns[next_place] / per, y=float(ends[1][next_place, k]), words=next_words, kind="target")
-            )
-        notes = []
-        if sampled:
-            notes.append("median, 5 to 95 %")
-        elif advice.unknown:
-            notes.append("unknown inputs as 0")
-        if limit is not None:
-            notes.append(f"line: {limit:.4g} (limit {advice.drive.limit(M_g):g} minus self error)")
+            x = curve.rotation_deg[order] / _turn_unit(advice)
+            y = curve.F_ior_arcsec[k, order]
+        whiskers: tuple[tuple[float, float, float], ...] = ()
+        if decision.is_sampled:
+            whiskers = tuple(zip(turns.tolist(), low[:, k].tolist(), high[:, k].tolist(), strict=True))
         yield Curve(
             x=x,
-            y=line,
+            y=y,
             x_label="hole" if holes else "angle, °",
-            y_label="; ".join([f"F'_ior at {M_g:g} N·m, ″", *notes]),
-            whiskers=tuple(zip((turns / per).tolist(), ends[0][:, k].tolist(), ends[2][:, k].tolist(), strict=True))
-            * sampled,
-            marks=tuple(marks),
+            y_label="; ".join([f"F'_ior at {M_g:g} N·m, ″", *_curve_notes(advice, M_g, limit)]),
+            whiskers=whiskers,
+            marks=tuple(_curve_marks(advice, k, middle[:, k])),
             limit=limit,
             points=bool(holes),
             from_zero=True,
@@ -538,27 +549,81 @@ def _position_curves(advice: Advice) -> Iterator[Curve]:
         )
 
 
+def _turn_unit(advice: Advice) -> float:
+    """Return the angle [deg] of a step on the axis of positions: the pitch of the holes, or 1."""
+    holes = advice.drive.mounting.holes
+    return 360 / holes if holes else 1.0
+
+
+def _curve_notes(advice: Advice, M_g: float, limit: float | None) -> Iterator[str]:
+    """Yield notes on the curve at a torque; limit: drawn as a line [arcsec]."""
+    if advice.decision.is_sampled:
+        yield "median, 5 to 95 %"
+    elif advice.unknown:
+        yield "unknown inputs as 0"
+    if limit is not None:
+        yield f"line: {limit:.4g} (limit {advice.drive.limit(M_g):g} minus self error)"
+
+
+def _curve_marks(advice: Advice, torque: int, middle_arcsec: Array) -> Iterator[CurveMark]:
+    """Yield the marks of the curve at a torque: measured values, the present and the best hole, and the next one.
+
+    Args:
+        advice: the choice.
+        torque: index of the torque.
+        middle_arcsec: median of F'_ior in each place [arcsec], shape (places,).
+    """
+    per_step = _turn_unit(advice)
+    M_g = advice.torques[torque]
+    for trial in advice.trials:
+        if advice.torque_of(trial) == M_g:
+            yield CurveMark(x=trial.rotation_deg / per_step, y=trial.F_ior_arcsec, words="measured", kind="now")
+    next_is_best = bool(advice.next and advice.names_hole and advice.next.rotation_deg == advice.chosen.rotation_deg)
+    positions = []
+    if advice.names_hole:
+        positions.append((_standing(advice), advice.current, "now"))
+        if not next_is_best:
+            positions.append(("best", advice.chosen, "target"))
+    for name, position, kind in positions:
+        yield CurveMark(x=position.rotation_deg / per_step, y=position.F_ior_arcsec[torque], words=name, kind=kind)
+    next_place = advice.decision.place(advice.next.rotation_deg) if advice.next else None
+    if next_place is not None:
+        next_deg = advice.decision.rotations_deg[next_place]
+        yield CurveMark(
+            x=next_deg / per_step,
+            y=float(middle_arcsec[next_place]),
+            words="best and next" if next_is_best else "next",
+            kind="target",
+        )
+
+
 def _values(advice: Advice, seed: int) -> Json:
-    """One shape, whatever was given."""
-    decision = advice.decision
+    """Return the values of an advice, with the same keys whatever was given."""
     curve = advice.curve
     after = advice.after
-    positions = [  # with F'_ior at each torque, and how good each is
-        attributes(advice.position(place), "hole", "phase_deg") | asdict(decision.action(place))
-        for place in range(len(decision.rotations_deg))
-    ]
-    checked = advice.verification
-    setup = advice.setup
+    return {
+        **_choice_values(advice),
+        **_gain_values(advice),
+        "samples": samples_object(advice.samples),
+        "effective_samples": after.effective if after else advice.decision.effective,
+        "curves": [] if curve is None else [_curve(curve, k) for k in range(len(curve.torques))],
+        "now": _present_ranges(advice),
+        "compensated": _compensated(advice),
+        "trials": _trials(advice),
+        "offset": _offset(advice.after),
+        "verification": _verification(advice),
+        "pitch": pitch_object(advice.measured),
+        "unknown": unknown_objects(advice.unknown),
+        "seed": seed,
+    }
+
+
+def _choice_values(advice: Advice) -> Json:
+    """Return the choice and every position."""
+    decision = advice.decision
     goal = _goal(advice)
-    probability = decision.probability if decision.is_sampled else None
-    F_ior_now = [
-        {"M_g_Nm": M_g, **dict(zip(LEVELS, decision.range_of(F_ior), strict=True))}
-        for M_g, F_ior in zip(advice.torques, decision.now_arcsec, strict=True)
-    ]
-    spans = [decision.range_of(F_ior.max(axis=1) / F_ior.min(axis=1))[::2] for F_ior in decision.F_ior_arcsec]
-    size = after.offset[0] if after else np.zeros(0)
-    facing, facing_sd = after.facing if after else (None, None)
-    misread = zip(advice.trials, after.misread if after else (), strict=True)
+    # of the largest F'_ior over the smallest, at each torque
+    ratio_ranges = [decision.range_of(F_ior.max(axis=1) / F_ior.min(axis=1))[::2] for F_ior in decision.F_ior_arcsec]
     return {
         **attributes(advice, "word", M_g_Nm="torques", probability_needed="sure"),
         **attributes(advice, "current"),
@@ -568,14 +633,23 @@ def _values(advice: Advice, seed: int) -> Json:
         "best_bet": goal,
         "destination": _destination(advice),
         "worst": advice.ranked[-1],
-        "probability": probability,
+        "probability": decision.probability if decision.is_sampled else None,
         "instruction": instruction_of(advice),
-        "positions": positions,
-        "worst_over_best": spans,
-        "by_torque": [
-            {"torque_Nm": M_g, **attributes(place, "hole", "rotation_deg")}
-            for M_g, place in zip(advice.torques, advice.by_torque, strict=True)
+        "positions": [
+            attributes(advice.position(place), "hole", "phase_deg") | asdict(decision.action(place))
+            for place in range(len(decision.rotations_deg))
         ],
+        "worst_over_best": ratio_ranges,
+        "by_torque": [
+            {"torque_Nm": M_g, **attributes(position, "hole", "rotation_deg")}
+            for M_g, position in zip(advice.torques, advice.by_torque, strict=True)
+        ],
+    }
+
+
+def _gain_values(advice: Advice) -> Json:
+    """Return what further values and a turn are expected to bring, and on what that depends."""
+    return {
         "next": _next(advice),
         "worth": [{"values": count, "F_ior_arcsec": F_ior} for count, F_ior in advice.worths],
         "suspected": advice.suspected and _trial(advice, advice.suspected),
@@ -583,33 +657,58 @@ def _values(advice: Advice, seed: int) -> Json:
         "gain": dict(zip(LEVELS, advice.gain_range, strict=True)),
         "to_try": advice.to_try if advice.next and not advice.trials else [],
         "influence": influence_objects(advice.influences),
-        "samples": samples_object(advice.samples),
-        "effective_samples": after.effective if after else decision.effective,
-        "curves": [] if curve is None else [_curve(curve, k) for k in range(len(curve.torques))],
-        "now": F_ior_now if decision.is_sampled else None,
-        "compensated": _compensated(advice),
-        "trials": {
-            **attributes(setup, "noise_arcsec", M_g_Nm="M_g"),
-            "noise_found_arcsec": setup.noise_arcsec * float(after.noise.mean()) if after else None,
-            "measured": [{**_trial(advice, trial), "probability_misread": odds} for trial, odds in misread],
-            "probability_by_values_alone": after.by_values if after else None,
-        },
-        "offset": {
-            "size_um": float(size.mean()) if len(size) else None,
-            "size_sd_um": float(size.std()) if len(size) else None,
-            "direction_deg": facing,
-            "direction_sd_deg": facing_sd,
-        },
-        "verification": checked
-        and {
-            **_trial(advice, checked.trial),
-            **attributes(checked, "mean_arcsec", "low_arcsec", "high_arcsec", "as_predicted"),
-            "verdict": checked.verdict,
-            "position": _trial(advice, checked.goal),
-        },
-        "pitch": pitch_object(advice.measured),
-        "unknown": unknown_objects(advice.unknown),
-        "seed": seed,
+    }
+
+
+def _present_ranges(advice: Advice) -> list[Json] | None:
+    """Return the range of F'_ior as the wheel stands, at each torque; None without samples."""
+    decision = advice.decision
+    if not decision.is_sampled:
+        return None
+    return [
+        {"M_g_Nm": M_g, **dict(zip(LEVELS, decision.range_of(F_ior), strict=True))}
+        for M_g, F_ior in zip(advice.torques, decision.now_arcsec, strict=True)
+    ]
+
+
+def _trials(advice: Advice) -> Json:
+    """Return the measured values, and how they agree with the samples."""
+    after = advice.after
+    setup = advice.setup
+    probabilities = after.misread if after else ()
+    return {
+        **attributes(setup, "noise_arcsec", M_g_Nm="M_g"),
+        "noise_found_arcsec": setup.noise_arcsec * float(after.noise.mean()) if after else None,
+        "measured": [
+            {**_trial(advice, trial), "probability_misread": probability}
+            for trial, probability in zip(advice.trials, probabilities, strict=True)
+        ],
+        "probability_by_values_alone": after.by_values if after else None,
+    }
+
+
+def _offset(after: HolePosterior | None) -> Json:
+    """Return the eccentricity of the wave generator after measured values, mean and standard deviation."""
+    size_um = after.offset[0] if after else np.zeros(0)  # of each sample
+    direction_deg, direction_sd_deg = after.facing if after else (None, None)
+    return {
+        "size_um": float(size_um.mean()) if len(size_um) else None,
+        "size_sd_um": float(size_um.std()) if len(size_um) else None,
+        "direction_deg": direction_deg,
+        "direction_sd_deg": direction_sd_deg,
+    }
+
+
+def _verification(advice: Advice) -> Json | None:
+    """Return the verification of the choice; None without one."""
+    verification = advice.verification
+    if not verification:
+        return None
+    return {
+        **_trial(advice, verification.trial),
+        **attributes(verification, "mean_arcsec", "low_arcsec", "high_arcsec", "as_predicted"),
+        "verdict": verification.verdict,
+        "position": _trial(advice, verification.goal),
     }
 
 
