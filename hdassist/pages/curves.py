@@ -68,48 +68,39 @@ def trace_report(drive: Drive, trace: Trace, seed: int, speed: float | None = No
     speed: that of the output [arcsec/s], for the slope.
     """
     error = trace.error
-    cycle = error.kinematics.cycle_cam_revolutions
-    is_part = trace.revolutions < cycle
-    is_measured = drive.measured != Measured.of_defaults()
-    whole_cycle_options = ("-n", str(cycle), "--phi-g0", f"{trace.start_deg:g}")
-    next_ = again("trace", drive, *whole_cycle_options) if is_part else again("mount", drive)
-    turns = f"{error.M_g:g} N·m, {trace.revolutions} input revolution{'' if trace.revolutions == 1 else 's'}"
+    is_part = trace.revolutions < error.kinematics.cycle_cam_revolutions
     moving = "phi_g0" if error.kinematics.fixed == "rigid" else "phi_b0"
-    start = f"{turns} from {moving} = {trace.start_deg:g}°"
-    title = "orders: amplitude·cos(order·phi_h + phase)"
-    shown = [order for order in trace.orders if order.amplitude_arcsec >= _LEAST_SHOWN]
-    orders = sorted(shown, key=lambda o: -o.amplitude_arcsec)
-    listed = sorted(orders[:_LISTED_ORDERS], key=lambda o: o.per_cam_rev)
+    revolutions = "revolution" if trace.revolutions == 1 else "revolutions"
+    start = f"{error.M_g:g} N·m, {trace.revolutions} input {revolutions} from {moving} = {trace.start_deg:g}°"
+    largest = sorted(
+        (order for order in trace.orders if order.amplitude_arcsec >= _LEAST_SHOWN),
+        key=lambda order: -order.amplitude_arcsec,
+    )
+    listed = sorted(largest[:_LISTED_ORDERS], key=lambda order: order.per_cam_rev)
     y_label = f"kinematic error F_kpp at {error.M_g:g} N·m, ″"
     angles = {f"{name}_deg": np.degrees(getattr(error.states, name)) for name in ("phi_h", "phi_g", "phi_b")}
-    why = []
-    if is_measured:
-        why.append("Values of the preset: measurements of the drive are not taken into account.")
-    if is_part:
-        part = f"{trace.revolutions} of the {cycle} input revolutions of the full cycle"
-        why.append(f"{part}: F'_ior is at least as large.")
-    if unknowns(drive):
-        why.append(_UNKNOWN_AS_ZERO)
     return Report(
         command="trace",
         drive=drive,
         head=f"{drive.name} (nominal), {start}{heading(trace.measured)}",
         verdict=f"range {error.range_arcsec:.2f}″",
-        why=tuple(why),
+        why=tuple(_limits_of_trace(drive, trace, is_part=is_part)),
         blocks=(
-            *([Table.by_row("", quantity_table("trace.page"), orders[:_NAMED_ORDERS])] if orders else []),
+            *([Table.by_row("", quantity_table("trace.page"), largest[:_NAMED_ORDERS])] if largest else []),
             Facts.of(
                 [
                     ("gravity", _along_words(trace.along)),
                     ("assumed", on_what(drive)),
                     ("unknown", not_known(drive)),
-                    ("next", next_),
+                    ("next", _next(drive, trace, is_part=is_part)),
                 ]
             ),
             curve_of_turns(error.states.phi_h / (2 * np.pi), error.error_arcsec, y_label),
         ),
         details=(
-            Table.by_row(f"{title}, the {_LISTED_ORDERS} largest", ORDER_QUANTITIES, listed),
+            Table.by_row(
+                f"orders: amplitude·cos(order·phi_h + phase), the {_LISTED_ORDERS} largest", ORDER_QUANTITIES, listed
+            ),
             Paragraph(order_legend(drive)),
             Facts.of([("slope", slope_words(trace.slope_arcsec_per_deg, 0.0, speed))]),
         ),
@@ -134,6 +125,26 @@ def trace_report(drive: Drive, trace: Trace, seed: int, speed: float | None = No
         line=f"{error.range_arcsec:.2f} arcsec",
         warnings=(*drive.origin.warnings, *unknown_notes(drive)),
     )
+
+
+def _limits_of_trace(drive: Drive, trace: Trace, *, is_part: bool) -> Iterator[str]:
+    """Yield what a trace leaves out; is_part: whether it is shorter than the full mesh cycle."""
+    if drive.measured != Measured.of_defaults():
+        yield "Values of the preset: measurements of the drive are not taken into account."
+    if is_part:
+        cycle = trace.error.kinematics.cycle_cam_revolutions
+        part = f"{trace.revolutions} of the {cycle} input revolutions of the full cycle"
+        yield f"{part}: F'_ior is at least as large."
+    if unknowns(drive):
+        yield _UNKNOWN_AS_ZERO
+
+
+def _next(drive: Drive, trace: Trace, *, is_part: bool) -> str:
+    """Return the next command: the trace of the full mesh cycle after one of a part."""
+    if not is_part:
+        return again("mount", drive)
+    cycle = trace.error.kinematics.cycle_cam_revolutions
+    return again("trace", drive, "-n", str(cycle), "--phi-g0", f"{trace.start_deg:g}")
 
 
 def _along_words(along: ErrorAlong | None) -> str:

@@ -461,42 +461,35 @@ def bench_report(
 ) -> Report:
     """Return the quantities of approached positions, or of torque loops.
 
-    Arguments: record; seed of the drawn approaches.
-    drive: the drive for its rated torque, None where it is unknown.
-    options: those by which the file was read, for the next command.
+    Args:
+        record: the approaches, or the loops.
+        drive: for its rated torque, None if it is unknown.
+        seed: of the drawn approaches.
+        options: those by which the file was read, for the next command.
     """
     table = record.table
     places: tuple[PlaceLoop, ...] = ()
+    positions = None
+    iso230 = None
     if isinstance(record, PositionRecord):
         quantities = position_quantities(record, seed=seed)
+        positions = seen_range(record, quantities)
+        iso230 = positioning_test(record)
     else:
-        greatest = float(abs(record.torque_Nm).max())
-        rated = drive.operation.rated if drive else None
-        by = "the preset"
-        if rated is None:
-            hint = f"{drive.name} has no operation.rated" if drive else "--drive PRESET for its own"
-            rated = greatest
-            by = f"the largest of the loop; {hint}"
-        table.notes.append(f"rated torque {rated:g} N·m: {by}")
-        places = place_loops(record, rated)
+        places = place_loops(record, _rated_torque(record, drive))
         quantities = loop_quantities(places)
-    first = quantities[0]
     unsure = [quantity for quantity in quantities if quantity.uncertainty_arcsec is not None]
-    positions = seen_range(record, quantities) if isinstance(record, PositionRecord) else None
-    iso230 = positioning_test(record) if isinstance(record, PositionRecord) else None
-    verdict = f"{_CHECKS[first.name].words} {first.arcsec:.2f}″"
-    values = [f"{q.name} {q.arcsec:.2f}{f' ± {_expanded(q):.2f}' if q in unsure else ''}″" for q in quantities]
+    verdict = f"{_CHECKS[quantities[0].name].words} {quantities[0].arcsec:.2f}″"
+    lines = [f"{q.name} {q.arcsec:.2f}{f' ± {_expanded(q):.2f}' if q in unsure else ''}″" for q in quantities]
     if positions is None and iso230 and iso230.figure("B"):
         verdict = _reversal_verdict(iso230)
-        values = [verdict, *values]
+        lines.insert(0, verdict)
     once = "each position was approached once: its uncertainty is unknown, and scatter widens the range"
-    option_words = [word for q in unsure for word in ("--value", f"{q.name}={q.arcsec:.3g}±{_expanded(q):.2g}")]
-    planned = positions and positions.M_g
-    if planned and table.file != STDIN:  # all of it by one option
-        budget = ["--budget", "encoder=U,coupling=U,reseating=U,temperature=U"]
-        option_words = ["--measured", f"{planned:.15g}={table.file}", "--measured-only", *options, *budget]
-    unlimited = [q.name for q in unsure if drive is None or getattr(drive.acceptance, q.name) is None]
-    option_words += [word for name in unlimited for word in ("--limit", f"{name}=LIMIT")]
+    facts = [
+        ("F'_ior", _seen_words(positions) if positions else ""),
+        ("read as", "; ".join(table.notes)),
+        ("next", _accept_command(table.file, drive, unsure, positions, options)),
+    ]
     return Report(
         command="measure",
         drive=drive,
@@ -506,13 +499,7 @@ def bench_report(
             Table.by_row("", _STATED_COLUMNS, quantities),
             *([_iso230_table(iso230)] if iso230 else []),
             *([Table.by_row("places", _PLACES, places)] if len(places) > 1 else []),
-            Facts.of(
-                [
-                    ("F'_ior", _seen_words(positions) if positions else ""),
-                    ("read as", "; ".join(table.notes)),
-                    ("next", again("accept", drive, *option_words) if option_words and table.file != STDIN else ""),
-                ]
-            ),
+            Facts.of(facts),
         ),
         details=(Lines("definitions", tuple(f"{_CHECKS[q.name].words}: {_CHECKS[q.name].tests}" for q in quantities)),),
         values={
@@ -524,10 +511,52 @@ def bench_report(
             "places": as_objects(_PLACES, places),
             "seed": seed,
         },
-        line=", ".join(values),
+        line=", ".join(lines),
         about=table.file,
         warnings=(once,) if len(unsure) < len(quantities) else (),
     )
+
+
+def _rated_torque(record: LoopRecord, drive: Drive | None) -> float:
+    """Return the rated torque [N*m] for torque loops, with a note: that of the drive, or the largest of the loops."""
+    rated = drive.operation.rated if drive else None
+    basis = "the preset"
+    if rated is None:
+        hint = f"{drive.name} has no operation.rated" if drive else "--drive PRESET for its own"
+        rated = float(abs(record.torque_Nm).max())
+        basis = f"the largest of the loop; {hint}"
+    record.table.notes.append(f"rated torque {rated:g} N·m: {basis}")
+    return rated
+
+
+def _accept_command(
+    file: str,
+    drive: Drive | None,
+    quantities: Sequence[StatedQuantity],
+    positions: SeenRange | None,
+    options: Sequence[str],
+) -> str:
+    """Return the command that accepts a drive by some quantities; empty without any, or for standard input.
+
+    Args:
+        file: of the record.
+        drive: the drive, None if it is unknown.
+        quantities: those with an uncertainty.
+        positions: what approached positions tell of F'_ior.
+        options: those by which the file was read.
+    """
+    if positions and positions.M_g and file != STDIN:  # all of it by one option
+        budget = ["--budget", "encoder=U,coupling=U,reseating=U,temperature=U"]
+        arguments = ["--measured", f"{positions.M_g:.15g}={file}", "--measured-only", *options, *budget]
+    else:
+        arguments = []
+        for quantity in quantities:
+            value = f"{quantity.name}={quantity.arcsec:.3g}±{_expanded(quantity):.2g}"
+            arguments += ["--value", value]
+    for quantity in quantities:
+        if drive is None or getattr(drive.acceptance, quantity.name) is None:
+            arguments += ["--limit", f"{quantity.name}=LIMIT"]
+    return again("accept", drive, *arguments) if arguments and file != STDIN else ""
 
 
 def _reversal_verdict(test: PositioningTest) -> str:

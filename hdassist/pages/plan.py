@@ -11,6 +11,7 @@ from hdassist.planning import SEEN_SHARE, PlanChoice, PlannedTest
 from hdassist.report import (
     Curve,
     CurveMark,
+    Fact,
     Facts,
     Lines,
     Report,
@@ -58,44 +59,26 @@ def plan_report(choice: PlanChoice, record: str) -> Report:
     """Return the sufficient tests of F'_ior of a drive, and the share that the first of the plans captures."""
     drive = choice.drive
     drives = choice.drives
-    first = choice.judged[0].plan
     limit = drive.limit(choice.M_g)
-    F_ior = drives.percentiles(drives.F_ior_arcsec)
-    if choice.samples and not drives.travel:  # the range that every page has
-        belief = ErrorBelief.of(choice.samples, drive.operation.M_g.index(choice.M_g))
-        F_ior = belief.p5, belief.p50, belief.p95
-    sufficient = " or ".join(_test_words(judged.plan.name) for judged in choice.enough)
-    unsure = [_test_words(judged.plan.name) for judged in choice.judged if judged.verdict is Verdict.INCONCLUSIVE]
-    word = {Verdict.PASS: "sufficient", Verdict.FAIL: "not sufficient"}.get(choice.verdict, "possibly sufficient")
-    answer = f"{word}: {_test_words(first.name) if choice.asked else sufficient or ' or '.join(unsure)}"
-    if not choice.asked and choice.verdict is Verdict.FAIL:
-        answer = "none of these tests is sufficient"
-    lines = [line for line in choice.lines if not line.seen_as and line.variance_share >= _LARGE_LINE]
-    often = ", ".join(f"{line.per_output_turn:g} ({_percent(line.variance_share)} %)" for line in lines)
-    blind = f"to components that repeat {often} times per output revolution (share of the mean square of the error)"
-    travel = ["--travel", f"{360 * drives.travel:.6g}"] if drives.travel else []
-    facts = (
-        ("blind", blind if lines else ""),
-        ("sufficient", sufficient if choice.asked else ""),
-        ("duration", _duration(choice.test) if choice.asked or limit else ""),
-        ("verdict", _verdicts(choice.test)),
-        ("open", more_draws(choice.samples) if choice.samples and unsure else ""),
-        ("next", command_line(["hdassist", "measure", record, "--drive", preset_argument(drive), *travel])),
-    )
+    F_ior = _F_ior_range(choice)
+    answer = _answer(choice)
+    head = f"{drive.name}, test at {choice.M_g:g} N·m"
+    if limit:
+        head += f", limit {limit:g}″"
     return Report(
         command="plan",
         drive=drive,
-        head=f"{drive.name}, test at {choice.M_g:g} N·m" + (f", limit {limit:g}″" if limit else ""),
+        head=head,
         verdict=answer,
         why=tuple(_why(choice, F_ior)),
         blocks=(
             Table.by_row("", _PLAN_QUANTITIES[: 7 if limit else 5], choice.judged),
-            Facts.of(facts),
+            Facts.of(_facts(choice, record)),
             seen_curve(choice),
         ),
         details=(
             Table.by_row(
-                f"spectral lines of the error in {_test_words(first.name)}; share: of the mean square",
+                f"spectral lines of the error in {_test_words(choice.judged[0].plan.name)}; share: of the mean square",
                 _LINE_QUANTITIES,
                 choice.lines,
             ),
@@ -120,6 +103,50 @@ def plan_report(choice: PlanChoice, record: str) -> Report:
         warnings=(*drive.origin.warnings, *(choice.samples.remarks if choice.samples else unknown_notes(drive))),
         exit_code=choice.verdict.exit_code,
     )
+
+
+def _F_ior_range(choice: PlanChoice) -> tuple[float, float, float]:
+    """Return the 5th percentile, median and 95th percentile of F'_ior [arcsec] over the drives of a choice."""
+    if choice.samples and not choice.drives.travel:  # the range that every page has
+        belief = ErrorBelief.of(choice.samples, choice.drive.operation.M_g.index(choice.M_g))
+        return belief.p5, belief.p50, belief.p95
+    return choice.drives.percentiles(choice.drives.F_ior_arcsec)
+
+
+def _sufficient_tests(choice: PlanChoice) -> str:
+    """Return the tests that are sufficient, in words; empty without one."""
+    return " or ".join(_test_words(judged.plan.name) for judged in choice.enough)
+
+
+def _unsure_tests(choice: PlanChoice) -> list[str]:
+    """Return the tests of which the samples do not decide whether they are sufficient, in words."""
+    return [_test_words(judged.plan.name) for judged in choice.judged if judged.verdict is Verdict.INCONCLUSIVE]
+
+
+def _answer(choice: PlanChoice) -> str:
+    """Return whether the planned test is sufficient, or which tests are."""
+    if not choice.asked and choice.verdict is Verdict.FAIL:
+        return "none of these tests is sufficient"
+    word = {Verdict.PASS: "sufficient", Verdict.FAIL: "not sufficient"}.get(choice.verdict, "possibly sufficient")
+    if choice.asked:
+        tests = _test_words(choice.judged[0].plan.name)
+    else:
+        tests = _sufficient_tests(choice) or " or ".join(_unsure_tests(choice))
+    return f"{word}: {tests}"
+
+
+def _facts(choice: PlanChoice, record: str) -> Iterator[Fact]:
+    """Yield facts about the test, a label and a text each; record: file of the next command."""
+    lines = [line for line in choice.lines if not line.seen_as and line.variance_share >= _LARGE_LINE]
+    often = ", ".join(f"{line.per_output_turn:g} ({_percent(line.variance_share)} %)" for line in lines)
+    blind = f"to components that repeat {often} times per output revolution (share of the mean square of the error)"
+    yield "blind", blind if lines else ""
+    yield "sufficient", _sufficient_tests(choice) if choice.asked else ""
+    yield "duration", _duration(choice.test) if choice.asked or choice.drive.limit(choice.M_g) else ""
+    yield "verdict", _verdicts(choice.test)
+    yield "open", more_draws(choice.samples) if choice.samples and _unsure_tests(choice) else ""
+    travel = ["--travel", f"{360 * choice.drives.travel:.6g}"] if choice.drives.travel else []
+    yield "next", command_line(["hdassist", "measure", record, "--drive", preset_argument(choice.drive), *travel])
 
 
 def _why(choice: PlanChoice, F_ior_arcsec: tuple[float, float, float]) -> Iterator[str]:
