@@ -21,8 +21,10 @@ if TYPE_CHECKING:
     from hdassist.correction.forms import CorrectionForm
     from hdassist.correction.records import RecordedError
     from hdassist.correction.writers import ControllerFormat
-    from hdassist.measuring.measure import Measurement
+    from hdassist.measuring.measure import LoggedJoint, Measurement
+    from hdassist.model.deviations import MeasuredTeeth
     from hdassist.mounting.advice import Advice
+    from hdassist.mounting.posterior import Trial, TrialSetup
     from hdassist.preset.fields import Drive
     from hdassist.terminal.words import Texts
 
@@ -120,7 +122,7 @@ class MountCommand(
         return CardFile(path=path, say=say, serial=self.serial or "", ascii=plain, force=out.force)
 
     def _advice(self, out: Output) -> Advice:
-        """The advice by the preset alone, or after measured values."""
+        """Return the advice by the preset alone, or after measured values."""
         files = self.wheels_of_one([self.preset])
         drive = self.load(self.preset)
         reading = self.reading()
@@ -133,43 +135,72 @@ class MountCommand(
         if self.verify is not None:
             outcome = read_trial_or_record(self.verify, drive, reading, trial_M_g, self.seed, drive.mounting.allowed)
         has_values = bool(trials or outcome)
+        self._require_combinable(has_values=has_values, has_teeth=bool(files.files))
+        heaviest = () if self.trial_torque else (max(drive.operation.M_g, key=abs),)
+        setup = TrialSetup(trial_M_g, self.noise, heaviest)
+        measured = self.teeth(files, drive)
+        if has_values:
+            return self._advice_after(out, drive, trials, outcome, setup)
+        return self._advice_before(out, drive, measured, setup)
+
+    def _require_combinable(self, *, has_values: bool, has_teeth: bool) -> None:
+        """Raise UsageError for options that cannot be combined with measured values, or with measured teeth."""
         for option in ("step", "compensated", "pitch_b", "pitch_g"):
             if has_values and getattr(self, option) is not None:
                 raise UsageError(
                     f"{o.option_name(option)} cannot be combined with measured values", "leave out one of the two"
                 )
-        if self.compensated and files.files:
+        if self.compensated and has_teeth:
             raise UsageError(
                 "--compensated cannot be combined with measured teeth", "leave out --pitch-b and --pitch-g"
             )
 
+    def _decision_options(self) -> dict[str, Any]:
+        """Return the options of a choice, as advise and advise_after take them."""
         from hdassist.belief.holes import LEAST_GAIN
-        from hdassist.mounting.advice import advice_states, advise, advise_after
 
-        measured = self.teeth(files, drive)
-        torques = drive.operation.M_g
-        rotations = [] if has_values else _rotations(drive, self.step)
-        heaviest = () if self.trial_torque else (max(torques, key=abs),)
-        setup = TrialSetup(trial_M_g, self.noise, heaviest)
-        states = advice_states(drive, len(rotations), draws=self.draws, measured=measured, trials=has_values)
-        if self.compensated:
-            from hdassist.correction.correct import advice_corrected, corrected_states
-            from hdassist.correction.forms import form_of_text
-
-            form = form_of_text(self.compensated)
-            states += corrected_states(drive, len(rotations), self.draws)
-        other_torques = torques  # at which values without a torque may have been measured
-        if has_values and self.torque and self.preset != "-":
-            other_torques = replace(self, torque=[], limit=[]).load(self.preset).operation.M_g
         cost = LEAST_GAIN if self.bolted is None else self.bolted / 100
-        wanted: Any = {"draws": self.draws, "sure": self.sure or SURE, "cost": cost, "worth": self.worth / 100}
+        return {"draws": self.draws, "sure": self.sure or SURE, "cost": cost, "worth": self.worth / 100}
+
+    def _advice_after(
+        self, out: Output, drive: Drive, trials: Sequence[Trial], outcome: Trial | None, setup: TrialSetup
+    ) -> Advice:
+        """Return the advice after measured values; outcome: last value, measured after an advice from the others."""
+        from hdassist.mounting.advice import advice_states, advise_after
+
+        # torques at which values without a torque may have been measured
+        other_torques = drive.operation.M_g
+        if self.torque and self.preset != "-":
+            other_torques = replace(self, torque=[], limit=[]).load(self.preset).operation.M_g
+        states = advice_states(drive, 0, draws=self.draws, trials=True)
         with out.run(drive.name, states, self) as run:
-            if has_values:
-                return advise_after(
-                    drive, trials, setup, outcome=outcome, other_torques=other_torques, run=run, **wanted
-                )
-            advice = advise(drive, rotations, measured=measured, setup=setup, run=run, **wanted)
-            return advice_corrected(advice, form, self.draws, run) if self.compensated else advice
+            return advise_after(
+                drive,
+                trials,
+                setup,
+                outcome=outcome,
+                other_torques=other_torques,
+                run=run,
+                **self._decision_options(),
+            )
+
+    def _advice_before(self, out: Output, drive: Drive, measured: MeasuredTeeth | None, setup: TrialSetup) -> Advice:
+        """Return the advice by the preset alone; measured: wheels in place of harmonics."""
+        from hdassist.mounting.advice import advice_states, advise
+
+        rotations = _rotations(drive, self.step)
+        states = advice_states(drive, len(rotations), draws=self.draws, measured=measured)
+        if not self.compensated:
+            with out.run(drive.name, states, self) as run:
+                return advise(drive, rotations, measured=measured, setup=setup, run=run, **self._decision_options())
+        from hdassist.correction.correct import advice_corrected, corrected_states
+        from hdassist.correction.forms import form_of_text
+
+        form = form_of_text(self.compensated)
+        states += corrected_states(drive, len(rotations), self.draws)
+        with out.run(drive.name, states, self) as run:
+            advice = advise(drive, rotations, measured=measured, setup=setup, run=run, **self._decision_options())
+            return advice_corrected(advice, form, self.draws, run)
 
 
 def _rotations(drive: Drive, step: float | None) -> list[float]:
@@ -319,19 +350,15 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
             joints = [LoggedJoint.of(text) for text in self.joint]
             if joints and (drive or self.ratio or self.archive):
                 raise UsageError("--joint states the ratio of each joint", "leave out --ratio, --drive and --archive")
-            done: list[Measurement] = []
+            measurements: list[Measurement] = []
 
-            def one(name: str) -> Report:
-                file, joint = logged.get(name, (name, None))
-                next_options = self.words_of_reading()
-                if self.seed:
-                    next_options.append(self.typed("seed", self.seed))
-                ratio = self.ratio
+            def report_of(name: str) -> Report:
+                file, joint = joints_by_name.get(name, (name, None))
+                next_options = self._next_options(joint)
+                ratio = joint.ratio if joint else self.ratio
                 read = form.measured_or_bench
                 if joint:
-                    ratio = joint.ratio
                     read = replace(form, angle=joint.angle, second=joint.second).measured
-                    next_options += [f"--angle={joint.angle}", f"--second={joint.second}"]
                 travel = self.travel or (drive and drive.acceptance.travel)
                 result = read(file, drive, ratio, seed=self.seed, travel_deg=travel, shafts=shafts)
                 if not isinstance(result, Measurement):
@@ -341,7 +368,7 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
                             "use --archive with recordings only",
                         )
                     return bench_report(result, drive, self.seed, next_options)
-                done.append(result)
+                measurements.append(result)
                 take(result)
                 speed = form.output_speed(result.gearing.ratio) if result.gearing else self.speed
                 report = measure_report(result, drive, next_options, speed)
@@ -350,10 +377,22 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
                 values = {"joint": joint.name, **report.values}
                 return replace(report, head=f"joint {joint.name}, {report.head}", about=name, values=values)
 
-            logged = {f"{file}: {joint.name}": (file, joint) for file in self.files for joint in joints}
-            answers = run_each("measure", [*logged] or self.files, one, out, kind="file")
-            repeat_values, joint_rows = repeats(done) if not joints else ({}, joint_lines(answers, done))
-        return give("measure", answers, out, more=repeat_values, below=joint_rows)
+            joints_by_name = {f"{file}: {joint.name}": (file, joint) for file in self.files for joint in joints}
+            answers = run_each("measure", [*joints_by_name] or self.files, report_of, out, kind="file")
+            repeat_values, lines = repeats(measurements)
+            if joints:  # of one drive each, so they are no repeats
+                repeat_values = {}
+                lines = joint_lines(answers, measurements)
+        return give("measure", answers, out, more=repeat_values, below=lines)
+
+    def _next_options(self, joint: LoggedJoint | None) -> list[str]:
+        """Return the options by which a recording, or a joint of it, was read, as a next command takes them."""
+        options = self.words_of_reading()
+        if self.seed:
+            options.append(self.typed("seed", self.seed))
+        if joint:
+            options += [f"--angle={joint.angle}", f"--second={joint.second}"]
+        return options
 
 
 class ControllerOptions(o.OptionGroup):

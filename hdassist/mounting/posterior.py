@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from math import isnan
@@ -46,7 +46,7 @@ from hdassist.belief.proposals import (
     tabled_errors,
     turned_errors,
 )
-from hdassist.belief.samples import EFFECTIVE_SAMPLES, FEWEST_SAMPLES, SamplingEffort, draw_samples
+from hdassist.belief.samples import EFFECTIVE_SAMPLES, FEWEST_SAMPLES, Samples, SamplingEffort, draw_samples
 from hdassist.error.error_map import Mesh, error_maps, searchable
 from hdassist.errors import HdassistError, UntrustedError, UsageError
 from hdassist.files import number_of, with_decimal_points
@@ -165,6 +165,7 @@ _FREE_SHARE = 0.5  # probability before any value that no drive of the preset sh
 # curves of no drive, and times that their waves go around the seat
 _FREE_CURVES = 1024
 _FREE_ORDERS = 4
+_FREE_CURVE_ORDERS = np.arange(1, _FREE_ORDERS + 1)
 _FREE_LEVEL = 1.0  # standard deviation of the logarithm of their level
 _FREE_NEAR = 0.01  # of a value: within that of it they are drawn as densely, however little noise is stated
 _STATED_SHARE = 0.5  # probability before any value that the standing offset is as the preset states it
@@ -308,33 +309,28 @@ class HoleSamples:
 
         The curves have shape (_FREE_CURVES, directions) [arcsec].
         """
-        log_F = np.log(self.F_ior_arcsec)
+        log_F = np.log(self.F_ior_arcsec)  # (samples, directions)
         sample_share = self.weight.sum(axis=1)
         level = sample_share @ log_F.mean(axis=1)
-        count = log_F.shape[1]
-        order = np.arange(1, _FREE_ORDERS + 1)
+        directions = log_F.shape[1]
         spectrum = np.fft.rfft(log_F)
-        amplitudes = np.sqrt(sample_share @ np.square(2 / count * np.abs(spectrum)))  # root mean square
-        sizes = np.array([_FREE_LEVEL, *np.tile(amplitudes[order] / np.sqrt(2), 2)])
-
-        def series(angles: Array) -> Array:
-            """Return the logarithms of a curve over its level for a unit of each number, shape (angles, numbers)."""
-            turn = np.multiply.outer(angles, order)
-            return np.asarray(sizes * np.hstack([np.ones((len(angles), 1)), np.cos(turn), np.sin(turn)]))
-
+        # root mean square of the amplitude of each order over the samples
+        amplitudes = np.sqrt(sample_share @ np.square(2 / directions * np.abs(spectrum)))
+        # standard deviations of the numbers: level, cosine and sine of each order
+        sizes = np.array([_FREE_LEVEL, *np.tile(amplitudes[_FREE_CURVE_ORDERS] / np.sqrt(2), 2)])
         points = [self.setup.point(trial) for trial in trials]
-        turns = [turn for turn, _ in points]
         measured = np.array([trial.F_ior_arcsec for trial in trials])
         torque_levels = np.array([self.levels[M_g] for _, M_g in points])
         kinds = error_kinds(len(trials), LOG_NOISES)
         numbers, density = _numbers_near(
-            series(-np.radians(turns)),
+            sizes * _harmonics(-np.radians([turn_deg for turn_deg, _ in points])),
             np.log(measured / torque_levels) - level,
             self._log_covariances(trials, kinds),
             np.array([kind.log_share for kind in kinds]),
             np.random.default_rng([self.seed, 3]),
         )
-        curves = np.exp(level + numbers @ series(2 * np.pi * np.arange(count) / count).T)
+        basis = sizes * _harmonics(2 * np.pi * np.arange(directions) / directions)  # (directions, numbers)
+        curves = np.exp(level + numbers @ basis.T)
         return curves, _FREE_SHARE / _FREE_CURVES * density
 
     def _log_covariances(self, trials: Sequence[Trial], kinds: Sequence[ErrorKind]) -> Array:
@@ -349,6 +345,12 @@ class HoleSamples:
             noise = np.diag((kind.spreads(stated, measured) / measured) ** 2 + _FREE_NEAR**2)
             covariances.append(SCALE**2 + kind.misfit**2 * correlation + noise)
         return np.array(covariances)
+
+
+def _harmonics(angles: Array) -> Array:
+    """Return 1 and the cosines and sines of the orders of free curves at angles [rad], shape (angles, numbers)."""
+    order_angles = np.multiply.outer(angles, _FREE_CURVE_ORDERS)
+    return np.hstack([np.ones((len(angles), 1)), np.cos(order_angles), np.sin(order_angles)])
 
 
 def _numbers_near(
@@ -435,20 +437,72 @@ class HolePosterior:
         )
 
 
+@dataclass(frozen=True, eq=False)
+class _ErrorDraws:
+    """Kinds of error and samples, drawn together by their likelihood after values."""
+
+    kind: NDArray[np.int64]  # index of the kind of each draw, shape (draws,)
+    places: NDArray[np.int64]  # of the sample and direction of each draw, shape (draws,)
+    kind_weight: Array  # probability of each kind, shape (kinds,)
+    effective: float  # effective sample size
+
+
 def posterior_of(
     samples: HoleSamples, trials: Sequence[Trial], rotations_deg: Sequence[float], kinds: Sequence[ErrorKind] = ()
 ) -> HolePosterior:
-    """Draws of F'_ior in positions [deg] after values, of which there may be none: Trials 4 in docs/theory.md.
+    """Draw F'_ior in positions after values, of which there may be none: Trials 4 in docs/theory.md.
 
     A kind of error and a sample are drawn by their likelihood together, then F'_ior given both by equation (1) of
-    belief/evidence.py, at all torques of the samples. Argument: kinds of error that values may have, all of them
-    without it.
+    belief/evidence.py, at all torques of the samples.
+
+    Args:
+        samples: of the drive.
+        trials: values.
+        rotations_deg: positions [deg].
+        kinds: of error that values may have, by default all.
     """
     torques = tuple(samples.F_ior_by_torque)
     points = [samples.setup.point(trial) for trial in trials]
     measured = np.array([trial.F_ior_arcsec for trial in trials])
     stated = samples.noise(trials)
     kinds = kinds or error_kinds(len(trials), LOG_NOISES)
+    drawn = _drawn_errors(samples, points, measured, stated, kinds)
+    misfit = np.array([error_kind.misfit for error_kind in kinds])[drawn.kind]  # (draws,)
+    noise = np.array([error_kind.noise for error_kind in kinds])[drawn.kind]  # (draws,)
+    spread = np.array([error_kind.spreads(stated, measured) for error_kind in kinds])[drawn.kind]  # (draws, trials)
+    variance = (misfit**2 + samples.read_error**2) * samples.mean(drawn.places) ** 2
+    hole_points = [(turn, M_g) for M_g in torques for turn in rotations_deg]
+    all_points = [*hole_points, *points]
+    normals = _posterior_normals(samples, all_points, spread.shape)
+    F_ior, scale = errors_of_drive(
+        samples.at(all_points, drawn.places), measured, variance, spread, samples.correlation(all_points), normals
+    )
+    misread_trial = np.array([error_kind.misread for error_kind in kinds])
+    return HolePosterior(
+        samples=samples,
+        places=drawn.places,
+        misfit=misfit,
+        noise=noise,
+        scale=scale,
+        rotations_deg=tuple(rotations_deg),
+        F_ior_by_torque=dict(zip(torques, np.split(F_ior, len(torques), axis=1), strict=True)),
+        effective=drawn.effective,
+        misread=np.array([drawn.kind_weight[misread_trial == k].sum() for k in range(len(trials))]),
+    )
+
+
+def _drawn_errors(
+    samples: HoleSamples, points: Sequence[Point], measured: Array, stated: Array, kinds: Sequence[ErrorKind]
+) -> _ErrorDraws:
+    """Draw kinds of error and samples by their likelihood, _POSTERIOR_DRAWS at even quantiles.
+
+    Args:
+        samples: of the drive.
+        points: turn [deg] and torque [N*m] of each value.
+        measured: values [arcsec], shape (trials,).
+        stated: standard deviation of their noise [arcsec], shape (trials,).
+        kinds: of error that values may have.
+    """
     possible = samples.possible
     log_likelihood = log_likelihoods(
         kinds,
@@ -459,33 +513,15 @@ def posterior_of(
         samples.mean(possible),
         samples.read_error,
     )
-    weight = softmax(np.log(samples.weight.ravel()[possible]) + log_likelihood)  # shape (kinds, places)
+    weight = softmax(np.log(samples.weight.ravel()[possible]) + log_likelihood)  # (kinds, places)
     quantiles = (np.arange(_POSTERIOR_DRAWS) + 0.5) / _POSTERIOR_DRAWS
     cell = np.minimum(np.searchsorted(np.cumsum(weight), quantiles), weight.size - 1)
     kind, row = np.divmod(cell, weight.shape[1])
-    places = possible[row]
-    misfit = np.array([error_kind.misfit for error_kind in kinds])[kind]  # shape (draws,)
-    noise = np.array([error_kind.noise for error_kind in kinds])[kind]
-    spread = np.array([error_kind.spreads(stated, measured) for error_kind in kinds])[kind]
-    variance = (misfit**2 + samples.read_error**2) * samples.mean(places) ** 2
-    hole_points = [(turn, M_g) for M_g in torques for turn in rotations_deg]
-    all_points = [*hole_points, *points]
-    normals = _posterior_normals(samples, all_points, spread.shape)
-    F_ior, scale = errors_of_drive(
-        samples.at(all_points, places), measured, variance, spread, samples.correlation(all_points), normals
-    )
-    kind_weight = weight.sum(axis=1)
-    misread_trial = np.array([error_kind.misread for error_kind in kinds])
-    return HolePosterior(
-        samples=samples,
-        places=places,
-        misfit=misfit,
-        noise=noise,
-        scale=scale,
-        rotations_deg=tuple(rotations_deg),
-        F_ior_by_torque=dict(zip(torques, np.split(F_ior, len(torques), axis=1), strict=True)),
+    return _ErrorDraws(
+        kind=kind,
+        places=possible[row],
+        kind_weight=weight.sum(axis=1),
         effective=float(1 / np.square(weight.sum(axis=0)).sum()),
-        misread=np.array([kind_weight[misread_trial == k].sum() for k in range(len(trials))]),
     )
 
 
@@ -542,11 +578,18 @@ def hole_samples(
     table: TableEffort = TableEffort(),
     run: Run = Run(),
 ) -> HoleSamples:
-    """Samples of all that is not known of a drive, its standing offset among it, by the preset's evidence.
+    """Draw samples of the uncertain inputs of a drive, its standing offset among them, by the preset's evidence.
 
-    Arguments: torques [N*m] beside that of the setup; draws, effective samples of the belief that they are worth; table
-    of each system; run, its seed among it. Raises UsageError for a drive with rolling balls or without an offset,
-    UntrustedError where too few draws are drives that agree with the evidence.
+    Args:
+        drive: the drive.
+        torques: [N*m], besides that of the setup.
+        setup: how holes are measured.
+        draws: effective sample size of the belief that they are worth.
+        table: of each system.
+        run: processes, progress and seed.
+
+    Raises UsageError for a drive with rolling balls or without an offset, UntrustedError if too few draws are drives
+    that agree with the evidence.
     """
     if not searchable(drive):
         raise UsageError("trials need bearing.ball_motion: locked", "bearing.ball_motion: locked")
@@ -561,33 +604,9 @@ def hole_samples(
         count = 1
     other_torques = {*setup.others, *torques} - {setup.M_g}
     all_torques = (setup.M_g, *sorted(other_torques))  # the random numbers of a torque depend on its place
-    samples = draw_samples(
-        systems,
-        (),
-        evidence=tuple(evidence for evidence in evidence_of(drive) if not evidence.M_g),
-        effort=SamplingEffort(
-            effective=count,
-            settling_draws=count,
-            most_draws=_DRAWS_A_TABLE * count,
-            batch=min(16, count),
-            least=min(FEWEST_SAMPLES, count),
-            for_action=True,
-        ),
-        run=run,
-    )
-    weights = list[float]()
-    tables = list[TabledErrors]()
+    samples = _system_samples(drive, systems, count, run)
     solve = partial(_tabled, prior, believed, all_torques, table, run.seed)
-    solved_tables = run.map(solve, range(len(samples.weights)), samples.values())
-    for weight, errors in zip(samples.weights.tolist(), solved_tables, strict=True):
-        if errors:
-            weights.append(weight)
-            tables.append(errors)
-            run.solved(errors.certificate.states)
-    if not tables:
-        raise UntrustedError(
-            "no sampled drive has a result at the torque of the trials", "find the reason with hdassist check"
-        )
+    weights, tables = _solved_tables(samples, solve, run)
     log_missed = np.concatenate([errors.log_missed for errors in tables], axis=1)  # (torques, compared)
     F_ior = np.concatenate([errors.F_ior_arcsec for errors in tables], axis=1)  # (torques, samples, directions)
     weight = _sample_weights(drive, prior, believed is not None, weights, tables, F_ior)
@@ -604,6 +623,58 @@ def hole_samples(
         certificate=sum((errors.certificate for errors in tables), samples.certificate),
         few=samples.few,
     )
+
+
+def _system_samples(drive: Drive, systems: DrivePrior, count: int, run: Run) -> Samples:
+    """Draw samples of the fields of the contact systems, all but deviations.
+
+    Args:
+        drive: its evidence weighs the samples.
+        systems: prior of the fields.
+        count: effective sample size.
+        run: processes, progress and seed.
+    """
+    return draw_samples(
+        systems,
+        (),
+        evidence=tuple(evidence for evidence in evidence_of(drive) if not evidence.M_g),
+        effort=SamplingEffort(
+            effective=count,
+            settling_draws=count,
+            most_draws=_DRAWS_A_TABLE * count,
+            batch=min(16, count),
+            least=min(FEWEST_SAMPLES, count),
+            for_action=True,
+        ),
+        run=run,
+    )
+
+
+def _solved_tables(
+    samples: Samples, solve: Callable[[int, Mapping[str, float]], TabledErrors | None], run: Run
+) -> tuple[list[float], list[TabledErrors]]:
+    """Solve the errors of each system.
+
+    Args:
+        samples: of the systems.
+        solve: returns the errors of a system by its number and values, None if it has none.
+        run: processes and progress.
+
+    Returns the weights of the systems with a result, and their errors. Raises UntrustedError if none has one.
+    """
+    weights: list[float] = []
+    tables: list[TabledErrors] = []
+    solved_tables = run.map(solve, range(len(samples.weights)), samples.values())
+    for weight, errors in zip(samples.weights.tolist(), solved_tables, strict=True):
+        if errors:
+            weights.append(weight)
+            tables.append(errors)
+            run.solved(errors.certificate.states)
+    if not tables:
+        raise UntrustedError(
+            "no sampled drive has a result at the torque of the trials", "find the reason with hdassist check"
+        )
+    return weights, tables
 
 
 def _sample_weights(
