@@ -331,15 +331,15 @@ def steps_facts(check: DesignCheck, most_lines: int = _SCREEN_LINES) -> Iterator
     questions = [step for step in check.steps if step.is_question]
     point, purpose, value, _ = _before_steps(check)
     lines = [f"{_step_words(step, check.drive)}: {_outcome_words(step, point)}" for step in options[:_SHOWN_OPTIONS]]
-    asked = [f"{_step_words(step, check.drive)} {_outcome_words(step, point)}" for step in questions[:1]]
+    question_lines = [f"{_step_words(step, check.drive)} {_outcome_words(step, point)}" for step in questions[:1]]
     head = [f"{purpose} ({value}):"] if lines else []
-    contents = [(lines, asked), (lines[:2], asked), (lines, []), (lines[:2], []), (lines[:1], [])]
+    contents = [(lines, question_lines), (lines[:2], question_lines), (lines, []), (lines[:2], []), (lines[:1], [])]
     fitting = [content for content in contents if _wrapped_lines([*head, *content[0], *content[1]]) <= most_lines]
-    lines, asked = fitting[0] if fitting else contents[-1]
+    lines, question_lines = fitting[0] if fitting else contents[-1]
     if lines:
         yield "options", "\n".join([*head, *lines])
-    if asked:
-        yield "to clarify", "\n".join(asked)
+    if question_lines:
+        yield "to clarify", "\n".join(question_lines)
 
 
 def _wrapped_lines(texts: Sequence[str], columns: int = _SCREEN_COLUMNS - _LABEL_COLUMNS) -> int:
