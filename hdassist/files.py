@@ -267,7 +267,7 @@ def _near_by(path: Path) -> str:
     try:
         close = _near_files(path)
     except (OSError, ValueError):
-        return f"there is no directory {path.parent} either"
+        return f"the directory {path.parent} does not exist either"
     return f"the nearest name is {' or '.join(close)}" if close else "check the path"
 
 

@@ -311,7 +311,7 @@ def read_answers(path: str) -> list[AcceptAnswer]:
         content = json.loads(data.decode("utf-8", "replace"))
         json.dumps(content, allow_nan=False)
     except (ValueError, RecursionError) as fault:
-        raise DataError(f"{file}: no JSON: {fault}", hint) from None
+        raise DataError(f"{file}: not JSON: {fault}", hint) from None
     content = content.get("results", [content]) if isinstance(content, dict) else []
     if not (content and isinstance(content, list)):
         raise DataError(f"{file}: the file contains no results", hint)

@@ -69,10 +69,10 @@ class MountCommand(
     repeat. --verify compares the outcome with its prediction. It recommends to keep the hole (exit code 0), to go back
     to another hole (3), or to measure again, because the outcome is probably a reading error (6).
 
-    --bolted sets the percentage that a turn has to gain if the drive is already assembled. --compensated chooses the
-    hole by the residual error after a stored correction (hdassist compensate), which is computed for each hole and
-    torque. --pitch-b and --pitch-g read the measured deviation of each tooth, beginning at the marked tooth. Every mesh
-    position is then solved, and no input is sampled. hdassist trials is the same command.
+    --bolted sets the percentage by which another hole must reduce F'_ior if the drive is already assembled.
+    --compensated chooses the hole by the residual error after a stored correction (hdassist compensate), which is
+    computed for each hole and torque. --pitch-b and --pitch-g read the measured deviation of each tooth, beginning at
+    the marked tooth. Every mesh position is then solved, and no input is sampled. hdassist trials is the same command.
     """
 
     preset: str

@@ -301,7 +301,7 @@ def _from_any_zero(off_arcsec: Array) -> Array:
 def _require_deviations(table: NumberTable, deviation_arcsec: Array) -> None:
     """Raise DataError for readings that are too far apart to be deviations [arcsec], shape (rows,)."""
     if (extent := float(np.ptp(deviation_arcsec))) > LARGEST_ERROR:
-        hint = "write output angles in deg there, and deviations in a column deviation_arcsec"
+        hint = "write output angles in deg in this column, and deviations in a column deviation_arcsec"
         raise DataError(f"{table.file}: readings differ from their targets by up to {extent:.3g}″", hint)
 
 

@@ -182,7 +182,7 @@ def _tables(answer: AcceptAnswer) -> Iterator[Table]:
         "measured": f"measured: {_RULE_WORDS[answer.rule.measured]}",
         "stated": f"reported values: {_RULE_WORDS[answer.rule.measured]}",
         "predicted": f"predicted: PASS from a probability of {100 * answer.rule.sure:g} %; "
-        "a prediction is no statement of conformity" + (f"; measured teeth: {teeth}" if teeth else ""),
+        "a prediction is not a statement of conformity" + (f"; measured teeth: {teeth}" if teeth else ""),
     }
     for basis, title in titles.items():
         checks = [check for check in _shown_checks(answer) if (check.basis or "measured") == basis]

@@ -155,7 +155,8 @@ def _why(result: Comparison) -> str:
     explained = best.explained_share
     share = "a clear part of the difference" if explained is None else f"{100 * explained:.1f} % of the difference"
     if kind == "several":
-        return f"{len(best.deviations)} deviations together explain {share}, no single one does. The residual is noise."
+        deviations = f"{len(best.deviations)} deviations together, and no single one,"
+        return f"{deviations} explain {share}. The residual is noise."
     fitted = named(best.deviations[0])
     if best.changes:
         size, direction = _size_and_direction(best.changes[0])

@@ -248,7 +248,7 @@ def sheet_report(choice: PlanChoice, serial: str = "", file: str = "") -> Report
     steps = (
         f"Load the output with a constant torque of {choice.M_g:g} N·m, as in use (positive: counter-clockwise).",
         f"Warm up for {run.warm_up_min:g} min at an input speed of {run.cam_rpm:g} rpm. Write down the temperature.",
-        f"Start at any output angle, which is 0. Move back by {lead} first, and by as much before each reversal.",
+        f"Start at any output angle, which is 0. First move back by {lead}. Before each reversal, move on by {lead}.",
         f"Approach each position {ways}, {run.repeats} {times}. Never overshoot a position.",
         f"Wait {run.dwell_s:g} s, then read the output. Write down the temperature again at the end.",
     )

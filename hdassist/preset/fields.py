@@ -256,7 +256,7 @@ class PresetField:
         """Equally likely values of the field. Raises InvalidValueError: they are none."""
         if not isinstance(values, list) or len(values) < 2:
             raise InvalidValueError(
-                "must be two or more numbers, starting with the preset's own value", "for example [8950, 9020]"
+                "must be two or more numbers, beginning with the preset's own value", "for example [8950, 9020]"
             )
         values_of_draws = tuple(read_number(value, self.unit) for value in values)
         if beyond := [value for value in values_of_draws if not self.holds(value)]:

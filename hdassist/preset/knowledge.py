@@ -150,7 +150,7 @@ def implausible(drive: Drive) -> Iterator[tuple[str, str, str]]:
     if rated is not None and rated > limit * 1.01:
         yield "operation.rated", f"{rated:g} N*m is {rated / limit:.3g} {beyond}", usual
     if drive.material.E < _LEAST_STEEL_E:
-        message = f"{drive.material.E:g} MPa is no steel: contact.* are those of steel, and creep is not in the model"
+        message = f"{drive.material.E:g} MPa is not steel: contact.* apply to steel, and creep is not modelled"
         yield "material.E", message, "usual: 200000 to 212000 MPa; results for a drive of plastic are not validated"
     yield from _implausible_stiffnesses(drive)
 

@@ -122,7 +122,7 @@ def made_or(name: str, make: Callable[[], _Made], instead: Callable[[], _Made]) 
     except Exception as error:  # whatever breaks a figure: the answer beside it stands
         if os.environ.get(_STRICT):
             raise
-        say(f"warning: no {name}, the answer stands: {type(error).__name__}: {error} (a bug in hdassist)")
+        say(f"warning: no {name}, the result is not affected: {type(error).__name__}: {error} (a bug in hdassist)")
         return instead()
 
 

@@ -358,7 +358,7 @@ def test_replay_compares_verdicts_numbers_and_codes_and_no_words(folder, here):
         (["lot.csv", "--resume"], 2, "--jsonl FILE"),
         (["vzp160", "--resume", "--jsonl", "x"], 2, "--preset, --jsonl and --resume apply to lots only"),
         (["none.csv"], 4, "no such file: none.csv"),
-        (["--replay", "lot.csv"], 4, "no JSON"),
+        (["--replay", "lot.csv"], 4, "not JSON"),
         (["--replay", "none.json"], 4, "no such file: none.json"),
         (
             ["--replay", "x.json", "--limit", "F_ior=3"],

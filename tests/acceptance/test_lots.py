@@ -294,7 +294,7 @@ def test_answers_that_cannot_be_are_refused(tmp_path, told, path, value):
 )
 @pytest.mark.parametrize("value", [float("inf"), float("nan")])
 def test_numbers_that_are_none_are_no_answer(tmp_path, told, path, value):
-    with pytest.raises(DataError, match=r"a\.json: no JSON: Out of range"):
+    with pytest.raises(DataError, match=r"a\.json: not JSON: Out of range"):
         read_answers(changed(tmp_path, told, path, value))
 
 

@@ -242,7 +242,7 @@ def test_optional_fields_may_be_empty() -> None:
         ([], "uncertainty: {gears.m: -1 um}\n", ["my.yaml:9:24: uncertainty.gears.m: out of range: "
          "0 mm or more (got -1 um; that is -0.001 mm)"]),
         ([], "fit: {gears.m: 0.8}\n", ["my.yaml:9:16: fit.gears.m: "
-         "must be two or more numbers, starting with the preset's own value (got 0.8; for example [8950, 9020])"]),
+         "must be two or more numbers, beginning with the preset's own value (got 0.8; for example [8950, 9020])"]),
         ([], "fit: {gears.m: [0.8, 9]}\n",
          ["my.yaml:9:16: fit.gears.m: 9 is out of range: 0.05 to 5 mm (got a list)"]),
         ([], "fit: {gears.m: [0.8, .nan]}\n", ["my.yaml:9:16: fit.gears.m: must be a finite number (got a list)"]),
@@ -392,5 +392,5 @@ def test_a_deviation_that_is_not_given_is_not_known() -> None:
 
 
 def test_an_uncertainty_needs_a_value() -> None:
-    with pytest.raises(PresetError, match=r"my\.yaml:9:\d+: uncertainty\.phases\.xi_b: an uncertainty without its"):
+    with pytest.raises(PresetError, match=r"my\.yaml:9:\d+: uncertainty\.phases\.xi_b: an uncertainty without a value"):
         load(more="uncertainty: {phases.xi_b: 10}\n")

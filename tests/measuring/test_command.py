@@ -178,7 +178,7 @@ def test_a_plot_or_a_page_that_fails_takes_no_answer_with_it(rig, monkeypatch):
         page = run(*command, cwd=rig)
         monkeypatch.undo()
         assert (page.returncode, page.stdout.split()) == (0, left)
-        said = f"warning: no {kind}, the answer stands: ZeroDivisionError: no room (a bug in hdassist)\n"
+        said = f"warning: no {kind}, the result is not affected: ZeroDivisionError: no room (a bug in hdassist)\n"
         assert page.stderr == said
 
 
