@@ -105,12 +105,13 @@ def test_measure(tmp_path: Path):
         assert words in output
     for words in ("agrees", "explained by one deviation", "mirrored --error-is output-cam"):
         assert words in output
+    assert "the ratio that fits is 101.000" in output
     assert json.loads((tmp_path / "cycle.json").read_text())["schema"] == "hdassist.measure/1"
 
 
 def test_files(tmp_path: Path):
     output = output_of("files.md", tmp_path)
-    for recording in ("guided.txt", "counts.csv", "moteus.csv"):
+    for recording in ("guided.txt", "counts.csv", "moteus.csv", "epics.csv", "sexagesimal.csv"):
         assert recording in output
 
 

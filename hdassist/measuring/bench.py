@@ -390,7 +390,8 @@ def place_loops(record: LoopRecord, rated: float) -> tuple[PlaceLoop, ...]:
             branches = sweeps(points[0] * WHOLE_TURN_DEG / max(np.ptp(points[0]), TINY))
         except AngleError:
             raise DataError(
-                f"{where}: the torque does not increase and decrease in complete branches", _LOOP_HINT
+                f"{where}: the torque does not increase and decrease in complete branches",
+                f"{_LOOP_HINT}; for a recording over the input angle, select its columns with --angle and --second",
             ) from None
         sides = []
         for way, words in ((1, "rising"), (-1, "falling")):

@@ -83,6 +83,14 @@ def test_a_torque_loop_of_moteus_is_read_in_revolutions(tmp_path: Path) -> None:
     assert own["quantities"][0]["value_arcsec"] > 100
 
 
+def test_a_recording_of_moteus_with_a_torque_needs_its_columns(tmp_path: Path) -> None:
+    columns = [TIME_S, CAM_DEG / 360, np.full(len(CAM_DEG), 0.2), OUTPUT_DEG / 360]
+    (tmp_path / "log.csv").write_text(text(columns, "TIME,POSITION,TORQUE,ENCODER_1_POSITION", digits=9))
+    done = run("measure", "log.csv", "--ratio", "100", cwd=tmp_path)
+    assert done.returncode == 4
+    assert "--angle and --second" in done.stderr
+
+
 def test_other_names_are_not_those_of_these_programs() -> None:
     assert not is_of_moteus(["time", "position", "torque"])
     assert not is_of_moteus(["POSITION", "ERROR"])
