@@ -62,24 +62,25 @@ from hdassist.terminal.words import texts
 
 _EXPLAINED = """\
 SCREEN
-At the top: F'_ior, the peak-to-peak kinematic error over the full mesh cycle, at each torque: median, 5th and 95th \
-percentile over the uncertain inputs; the limit, the verdict of check, the margin from the 95th percentile to the \
-limit, and the probability that the limit is met; the change from the preset, or from the pinned drive; and F'_ior in \
-the best hole. Each torque has its own bar: ─◌─ the first, ═▫═ the second.
+The top shows F'_ior (the peak-to-peak kinematic error over the full mesh cycle) at each torque: median, 5th and 95th \
+percentile over the uncertain inputs. It also shows the limit, the verdict of check, the margin from the 95th \
+percentile to the limit, and the probability that the limit is met. The change is that from the preset, or from the \
+pinned drive; the best hole is shown with its F'_ior. Bars of the first torque look like ─◌─, of the second like ═▫═.
 
-After a change the previous result remains, marked old, next to a typical drive before and after the change.
+After a change the previous result remains visible, marked old. Next to it is F'_ior of a typical drive before and \
+after the change.
 
-Holes: F'_ior with the fixed wheel in each hole, counted counter-clockwise from hole 0, seen from the wave generator \
-side. Bars extend from the 5th to the 95th percentile, on one scale for all torques.
+Holes: F'_ior with the fixed wheel in each hole. Holes count counter-clockwise from hole 0, seen from the wave \
+generator side. Bars extend from the 5th to the 95th percentile, on one scale for all torques.
 N now, B best, W worst, ? measure next, ◆ measured, x not allowed, o looked at, │ limit.
 
 Why: the contributions of the inputs to the variance, the options, and the questions to clarify.
 
 VERIFICATION OF A NUMBER
-REFINED ○ □  the extremes of the cycle were searched for.
+REFINED ○ □  the extremes of the cycle were found by a search.
 PROVEN ● ■  every mesh position of the cycle was solved and verified.
 90 % RANGE ◌ ▫  median, and 5th to 95th percentile over the uncertain inputs.
-A card is written only from the advice of mount, and only if mount would write one.
+The card is that of mount, and it is written only if mount would write it for this drive.
 
 INPUTS
 ? uncertain, * changed here. After the value: a plausible step, and its change of F'_ior [arcsec] for a \
@@ -97,8 +98,8 @@ Tab      next pane
 b        best hole
 0        present hole
 m        next torque, marked ▸ at the top
-e        enter known data of the drive: stiffness, F'_ior in a hole, a recording, a limit; with F'_ior in several \
-holes at the smallest torque the recommendation is that of mount after measured values
+e        enter known data of the drive: stiffness, F'_ior in a hole, a recording, a limit. With F'_ior in several \
+holes at the smallest torque, the recommendation is that of mount after measured values
 Enter    edit a field
 + -      a step
 o        inputs by group or by change
@@ -106,7 +107,7 @@ u r      undo, redo
 p        pin the present drive, for comparison
 c w s    write the card, the report, the preset
 g y      write a picture, copy the command line
-q        quit: the command that returns to the session is printed
+q        quit, and print the command that restores the session
 """
 
 
@@ -580,10 +581,10 @@ class Explorer(_Exporting):
         """Ask for known data of the drive: a stiffness, a value measured in a hole, a limit or a recording."""
         session = self.session
         hint = (
-            f"K_1=3.1e4 lost_motion=50; h4=31 +- 2, F'_ior in a hole at {session.trial_torque:g} N·m; h4@80=31; "
-            f"supports.C_3=5200 +- 260; limit=45; or the path of a recording in {session.here}. +- is the "
-            f"expanded uncertainty (k = 2), of F'_ior {2 * state.TRIALS.noise:g} if omitted; a name without a value, "
-            f"as h4=, removes it."
+            f"For example K_1=3.1e4 lost_motion=50, h4=31 +- 2 (F'_ior in a hole at {session.trial_torque:g} N·m), "
+            f"h4@80=31, supports.C_3=5200 +- 260, limit=45, or the path of a recording in {session.here}. +- is the "
+            f"expanded uncertainty (k = 2); for F'_ior the default is {2 * state.TRIALS.noise:g}. A name without a "
+            "value (h4=) removes the entry."
         )
         self._ask_change("known data of this drive", "", hint, state.with_evidence)
 
