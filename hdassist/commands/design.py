@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import time
+from collections.abc import Iterator, Sequence
 from contextlib import closing, nullcontext
 from dataclasses import asdict, replace
 from functools import partial
@@ -624,6 +625,8 @@ class SensitivityCommand(o.FigureOptions, DrawOptions):
 
 _MOST_ROUNDS = 5  # of drives that try tolerances, beside the first, at most
 _DRIVES_PER_DESIGN = 5  # of many designs few drives each tell more than the reverse
+_TIMED_DRIVES = 3  # that are solved first, to estimate the time of all
+_SHORT_TIME = 10.0  # s, of which nothing is said
 
 
 class AllocateCommand(o.FigureOptions, DrawOptions):
@@ -676,6 +679,7 @@ class AllocateCommand(o.FigureOptions, DrawOptions):
             )
         production, samples = self.with_designs(out, production, self.count)
         turned = (False, True) if self.mounting else (False,)
+        self._say_time([replace(production, mounting=is_turned) for is_turned in turned])
         with out.progress(f"{drive.name}, at most", len(turned) * (1 + _MOST_ROUNDS) * self.count) as progress:
             records = partial(self.records, out, progress=progress)
             allocator = Allocator(
@@ -691,3 +695,23 @@ class AllocateCommand(o.FigureOptions, DrawOptions):
         torque = worst_torque(drive, samples) if samples else 0
         gains = to_measure(law, samples, torque) if samples else ()
         return allocate_report(allocator, ways, self_errors, gains, torques[torque])
+
+    def _say_time(self, productions: Sequence[Production]) -> None:
+        """Write on stderr how long the search takes at most, from the time of a few drives of its productions.
+
+        Nothing is written of a short search, or of one whose drives are solved by an executor.
+        """
+        from hdassist.run.run import count
+
+        if self.executor:
+            return
+        most_drives = (1 + _MOST_ROUNDS) * self.count
+        seconds = 0.0
+        for production in productions:
+            start = time.perf_counter()
+            production.records(0, _TIMED_DRIVES)
+            seconds += (time.perf_counter() - start) / _TIMED_DRIVES * most_drives / count(self.jobs)
+        if seconds > _SHORT_TIME:
+            duration = f"{seconds:.0f} s" if seconds < 100 else f"{seconds / 60:.0f} min"
+            drives = len(productions) * most_drives
+            say(f"time: up to {duration} for at most {drives} random drives; -n sets their number in a round")

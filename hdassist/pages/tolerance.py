@@ -214,9 +214,9 @@ def _reasons(summary: Summary) -> Iterator[str]:
     elif summary.positions > 1 and not summary.has_limit:
         off = []
         for point in summary.points:
-            low, median, high = -100 * np.quantile(point.gains(), [share for *_, share in _PERCENTILES])
-            off.append(f"{median:+z.0f} % ({low:+z.0f} to {high:+z.0f}) at {point.M_g:g} N·m")
-        yield f"Change of F'_ior in the best hole, median (5 to 95 %): {', '.join(off)}"
+            low, median, high = 100 * np.quantile(point.gains(), [share for *_, share in _PERCENTILES])
+            off.append(f"{median:z.0f} % ({low:z.0f} to {high:z.0f}) at {point.M_g:g} N·m")
+        yield f"Reduction of F'_ior by the best hole, median (5 to 95 % of the drives): {', '.join(off)}"
 
 
 def _share_below(drives: Sequence[_MountedDrives]) -> Curve:
@@ -316,13 +316,19 @@ class _FieldEffect:
     tightened: Tightened | None
 
 
+_TIGHTENED_KEYS = ("now", "then", "low", "high", "proven", "reduction", "reduction_low", "reduction_high")
 _EFFECT_CSV = quantity_table("sensitivity.csv")
 _EFFECT_COLUMNS = quantity_table(
     "sensitivity.page",
     words=named,
     whole_percent=lambda share: f"{100 * share:.0f}",
-    gain=lambda way: f"{'' if way.proven else '≤ '}{way.gain:.2f}",
+    reduction=lambda way: _reduction_words(way) if way.proven else f"≤ {_reduction_words(way)}",
 )
+
+
+def _reduction_words(way: Tightened, unit: str = "") -> str:
+    """Return the reduction of the 95th percentile by a tighter tolerance with its interval, in per cent."""
+    return f"{100 * way.reduction:z.0f}{unit} ({100 * way.reduction_low:z.0f} to {100 * way.reduction_high:z.0f})"
 
 
 def sensitivity_report(found: Sensitivities) -> Report:
@@ -357,7 +363,7 @@ def sensitivity_report(found: Sensitivities) -> Report:
                     "M_g_Nm": M_g,
                     "F_ior_arcsec": {f"p{p}": samples.percentile(p / 100, t) for p in (5, 50, 95)},
                     "influence": influence_objects(found.influences[t]),
-                    "tighter": objects(found.tightened[t], "now", "then", "low", "high", "proven", field="path"),
+                    "tighter": objects(found.tightened[t], *_TIGHTENED_KEYS, field="path"),
                 }
                 for t, M_g in enumerate(torques)
             ],
@@ -378,11 +384,12 @@ def _answer(found: Sensitivities) -> tuple[str, str, str]:
     """Return the tolerance to tighten first and the gain, or the reason for none, and the field to measure instead."""
     first = found.first
     largest = found.largest
-    percentile = f"the 95th percentile of F'_ior ({first.now:.2f}″)"
+    percentile = f"the 95th percentile of F'_ior ({first.now:.1f}″)"
     if found.is_worth_tightening:
-        gain = f"{first.gain:.2f}″ ({first.now - first.high:.2f} to {first.now - first.low:.2f})"
-        return named(first.path), f"If it is {_STEP_WORDS}, {percentile} decreases by {gain}.", ""
-    reason = f"A tolerance {_STEP_WORDS} reduces {percentile} by at most {max(first.gain, 0):.2f}″."
+        reduction = _reduction_words(first, " %")
+        return named(first.path), f"If it is {_STEP_WORDS}, {percentile} decreases by {reduction}.", ""
+    largest_reduction = max(0.0, *(way.reduction_high for way in found.tightened[found.worst]))
+    reason = f"A tolerance {_STEP_WORDS} reduces {percentile} by at most {100 * largest_reduction:.0f} %."
     if largest and largest.group not in {way.path for way in found.tightened[found.worst]}:
         share = f"It contributes {100 * largest.share:.0f} % of the variance of F'_ior."
         return f"no tolerance, measure {named(largest.group)}", f"{share} {reason}", largest.group

@@ -60,6 +60,25 @@ class Tightened:
         """Decrease of the percentile by the step [arcsec]."""
         return self.now - self.then
 
+    @property
+    def reduction(self) -> float:
+        """Decrease of the percentile by the step, as a share of it."""
+        return self._decrease(self.then)
+
+    @property
+    def reduction_low(self) -> float:
+        """Lower end of the Monte Carlo interval of the reduction, as a share."""
+        return self._decrease(self.high)
+
+    @property
+    def reduction_high(self) -> float:
+        """Upper end of the Monte Carlo interval of the reduction, as a share."""
+        return self._decrease(self.low)
+
+    def _decrease(self, percentile: float) -> float:
+        """Return the decrease from the percentile now to another one [arcsec], as a share; 0 if there is no error."""
+        return 1 - percentile / self.now if self.now else 0.0
+
 
 @dataclass(frozen=True, eq=False)
 class Sensitivities:

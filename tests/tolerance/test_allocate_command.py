@@ -5,6 +5,7 @@ import re
 
 import pytest
 
+from hdassist.commands import design
 from tests.process import TINY, in_a_line, run
 
 FEW = ("--torque", "4", "--limit", "1950", "--yield", "0.9", "-n", "40", "--as-built", "--jobs", "1")
@@ -32,6 +33,14 @@ def test_the_page_and_json_have_costs_and_what_was_tried() -> None:
     assert way["yield"]["low"] <= way["yield"]["high"]
     assert way["probability"]["low"] >= answer["sure"]
     assert "tolerances.F_i2" in answer["warnings"][0]
+
+
+@pytest.mark.parametrize(("short_s", "lines"), [(0.0, 1), (3600.0, 0)])
+def test_the_time_of_a_long_search_is_estimated_on_stderr(monkeypatch, short_s: float, lines: int) -> None:
+    monkeypatch.setattr(design, "_SHORT_TIME", short_s)
+    done = run("allocate", TINY, *FEW, *KNOWN, *FIXED, "-n", "20", "--json")
+    estimates = re.findall(r"^time: up to \d+ (?:s|min) for at most 120 random drives", done.stderr, flags=re.MULTILINE)
+    assert len(estimates) == lines
 
 
 def test_what_no_tolerances_reach_fails_and_says_why() -> None:

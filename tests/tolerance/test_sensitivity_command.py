@@ -37,6 +37,9 @@ def test_json_has_influences_and_what_tighter_tolerances_bring(as_json: subproce
     assert point["tighter"][0]["proven"]
     assert point["F_ior_arcsec"]["p5"] < point["F_ior_arcsec"]["p50"] < point["F_ior_arcsec"]["p95"]
     assert all(0 < each["share"] <= 1 for each in point["influence"])
+    first = point["tighter"][0]
+    assert first["reduction"] == pytest.approx((first["now"] - first["then"]) / first["now"])
+    assert 0 < first["reduction_low"] < first["reduction"] < first["reduction_high"] < 1
     assert answer["samples"]["effective"] >= 16
     assert answer["drives"] >= 32
 
