@@ -324,8 +324,11 @@ def workers(jobs: int) -> Iterator[Executor]:
         try:
             try:
                 executor.begin()
+            except BrokenExecutor:  # a process was ended while others were begun
+                raise
             except (OSError, RuntimeError, EOFError) as error:
-                message = f"cannot start worker processes: {getattr(error, 'strerror', None) or error}"
+                reason = getattr(error, "strerror", None) or str(error) or "a process ended before it began"
+                message = f"cannot start worker processes: {reason}"
                 raise DataError(
                     message, limits_hint("check the free memory and the limits shown by ulimit -a")
                 ) from None

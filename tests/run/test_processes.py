@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from hdassist.cli import THREADS
-from hdassist.errors import DataError, UntrustedError
+from hdassist.errors import DataError, Fault, UntrustedError
 from hdassist.run import run as module
 from hdassist.run.run import Run, count, workers
 from hdassist.run.system import start_method
@@ -208,3 +208,10 @@ def test_processes_that_cannot_begin_are_a_data_error(monkeypatch, fault):
     monkeypatch.setattr("hdassist.run.run.Processes.begin", lambda *_: refuse(fault))
     with pytest.raises(DataError, match=r"cannot start worker processes.*(No space left|new thread)"), workers(1):
         pass
+
+
+def test_a_process_lost_while_others_begin_is_no_data_error(monkeypatch):
+    monkeypatch.setattr("hdassist.run.run.Processes.begin", lambda *_: refuse(BrokenExecutor()))
+    with pytest.raises(UntrustedError) as error, workers(1):
+        pass
+    assert error.value.fault is Fault.WORKERS_LOST
