@@ -70,6 +70,11 @@ class Evidence:
         return np.asarray(-(_FREEDOM + 1) / 2 * np.log1p(deviation**2 / _FREEDOM))
 
 
+def is_error_measured(drive: Drive) -> bool:
+    """Return whether the preset of a drive states values of F'_ior that were measured on it."""
+    return any(figure.M_g for figure in evidence_of(drive))
+
+
 def evidence_of(drive: Drive, *, of_type: bool = False) -> tuple[Evidence, ...]:
     """Evidence that a preset has on a drive: its `catalogue`, and values `measured` on it.
 

@@ -32,7 +32,7 @@ from hdassist.belief.effects import (
     searched,
     turned_directions,
 )
-from hdassist.belief.evidence import evidence_of
+from hdassist.belief.evidence import evidence_of, is_error_measured
 from hdassist.belief.holes import FREE_STEP_DEG, NO_ERROR, chosen_hole, governing_share, limits_met, losses_of
 from hdassist.belief.prior import DrivePrior
 from hdassist.belief.samples import Samples, turned_samples
@@ -144,7 +144,7 @@ def steps_of(
     if not searchable(drive):
         return (), EMPTY
     basis = OptionSamples.of(prior, samples, torque, left_arcsec[torque], sure)
-    is_measured = any(each.M_g for each in evidence_of(drive)) and samples is not None
+    is_measured = is_error_measured(drive) and samples is not None
     if samples is not None and not (samples.sets_arcsec[:, :, torque] > 0).all():
         return (), EMPTY
     edits = [*tightened(prior), *coupled(prior)]

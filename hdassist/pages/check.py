@@ -9,7 +9,7 @@ from textwrap import wrap
 
 import numpy as np
 
-from hdassist.belief.evidence import evidence_of
+from hdassist.belief.evidence import evidence_of, is_error_measured
 from hdassist.belief.options import Outcome, Step
 from hdassist.belief.prior import DrivePrior
 from hdassist.belief.samples import Samples
@@ -297,6 +297,10 @@ _SCREEN_COLUMNS = 80
 _LABEL_COLUMNS = len("to clarify  ")
 _LINES_OF_OTHERS = 15  # head, table without its rows, next command, plot, verification, and the empty lines between
 _DERIVED = "with a tolerance, the deviations derived from it are reduced too"
+_NOT_LISTED = (
+    "not listed, because F'_ior of this drive was measured: another hole, for which mount computes F'_ior, and a "
+    "better accuracy, because the drive exists already"
+)
 _COUPLING_ANSWERS = {"oldham": "Oldham coupling", "solid": "solid hub"}
 
 
@@ -311,8 +315,10 @@ def steps_tables(check: DesignCheck) -> Iterator[Table]:
         rows = [
             (_step_words(step, check.drive), _outcome_words(step, point), _carried_out(step, check)) for step in options
         ]
-        notes = (_DERIVED,) if any(step.kind == "tolerance" for step in options) else ()
-        yield Table(f"options {purpose} ({value})", ("option", outcome, "how"), tuple(rows), notes=notes)
+        notes = [_DERIVED] if any(step.kind == "tolerance" for step in options) else []
+        if check.samples and is_error_measured(check.drive):
+            notes.append(_NOT_LISTED)
+        yield Table(f"options {purpose} ({value})", ("option", outcome, "how"), tuple(rows), notes=tuple(notes))
     if questions:
         question_rows = tuple((_step_words(step, check.drive), _outcome_words(step, point)) for step in questions)
         title = f"questions to clarify, at {point.M_g:g} N·m ({value})"

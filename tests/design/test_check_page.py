@@ -83,6 +83,18 @@ def plain():
     return run("check", TINY, "--ascii")
 
 
+@pytest.mark.thorough
+def test_a_drive_with_a_measured_error_states_why_no_hole_is_an_option():
+    inputs = ("supports.C_3=2000 ± 400", "phases.xi_b=90 ± 20")
+    asked = ("check", TINY, "--torque", "4", "--draws", "16", *(word for text in inputs for word in ("--set", text)))
+    kinds, pages = [], []
+    for measured in ((), ("--set", "measured.F_ior.h0@4=130 ± 6")):
+        kinds.append({step["kind"] for step in json.loads(run(*asked, *measured, "--json").stdout)["steps"]})
+        pages.append(in_a_line(run(*asked, *measured, "--details").stdout))
+    assert ["hole" in each for each in kinds] == [True, False]
+    assert ["not listed, because F'_ior" in page for page in pages] == [False, True]
+
+
 def test_ascii_option(plain, human):
     assert plain.returncode == 0
     assert plain.stdout.isascii()
