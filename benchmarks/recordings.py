@@ -12,8 +12,8 @@ recorded cycle. A line off the orders comes back with another phase in the next 
 cycle, FAIL by the one in which the line adds most, and the interval may end in between.
 
 `--measure`: the recordings are files, and `accept` decides, with a budget of 0. Those of the whole cycle and of parts
-have lost rows, single readings far off and a step of the level in every fourth, which `measure` cleans. A whole cycle
-is judged by the interval of `measure`, a part by its two ends.
+have lost rows, single readings far off and a step of the level in every fourth, which `measure` cleans. The interval is
+that of `measure`.
 
 `--solved`: so many hidden drives of benchmarks/honesty.py, solved over the full cycle, are recorded four times each:
 the whole cycle, split, and twice a part of it.
@@ -33,7 +33,7 @@ from benchmarks.sizes import solved_cycle
 from hdassist.acceptance.decision import AcceptedValue, CoveredCycle, decide
 from hdassist.acceptance.limits import F_IOR, Limit
 from hdassist.errors import SURE, HdassistError, Verdict
-from hdassist.measuring.full_cycle import full_cycle
+from hdassist.measuring.full_cycle import with_full_cycle
 from hdassist.measuring.measure import SweepResult, measure
 from hdassist.measuring.orders import STATED
 from hdassist.model.geometry import Array
@@ -177,7 +177,7 @@ def file_of(turns: Array, error: Array) -> bytes:
 class MeasuredFigure:
     """F'_ior of a file by `measure` and `accept`, as range_figure gives it.
 
-    interval_arcsec: 95 % interval, of a part its two ends.
+    interval_arcsec: 95 % interval.
     direction: of the greatest F'_ior.
     cycle: what it covers of the full cycle, None if the model does not hold there.
     """
@@ -202,17 +202,14 @@ def measured_figure(rng: np.random.Generator, recording: Recording, kind: str) -
     try:
         trace = read_trace(BytesIO(file_of(turns, error)), TraceForm(robust=True))
         result = measure(trace, ratio=recording.ratio, stated=dict.fromkeys(STATED, 0.0), may_be_noise=True)
+        result = with_full_cycle(result)
     except HdassistError:
         return None
     direction = result.greatest
-    found = full_cycle(result, direction)
-    if isinstance(found, str):
-        if direction.is_bound:
-            return None
-        return MeasuredFigure(interval_arcsec=direction.interval_arcsec, direction=direction, cycle=None)
-    interval = found.interval_arcsec if direction.is_bound else direction.interval_arcsec
-    cycle = CoveredCycle.of(direction, found, recording.ratio)
-    return MeasuredFigure(interval_arcsec=interval, direction=direction, cycle=cycle)
+    if direction.by_model is None and direction.is_bound:
+        return None
+    cycle = CoveredCycle.of(direction, recording.ratio) if direction.by_model else None
+    return MeasuredFigure(interval_arcsec=direction.interval_arcsec, direction=direction, cycle=cycle)
 
 
 @dataclass

@@ -28,7 +28,7 @@ from hdassist.acceptance.limits import F_IOR, Limit, limits_of
 from hdassist.acceptance.request import Inputs, LotRow, Request
 from hdassist.errors import GUARD, SEVERITY, DataError, HdassistError, UsageError, Verdict, worst
 from hdassist.measuring.fit import COVERAGE_FACTOR
-from hdassist.measuring.full_cycle import full_cycle
+from hdassist.measuring.full_cycle import with_full_cycle
 from hdassist.measuring.measure import Measurement, SweepResult
 from hdassist.model.deviations import unknown_names
 from hdassist.readers.table import NO_UNIT
@@ -49,7 +49,9 @@ def accept(
     nothing measured without a prediction, or an order that the full cycle does not have; UsageError: such an
     order on the command line.
     """
-    drive, measured = inputs.drive, inputs.measurements
+    drive = inputs.drive
+    measured = {M_g: with_full_cycle(measurement) for M_g, measurement in inputs.measurements.items()}
+    inputs = replace(inputs, measurements=measured)
     limits, rule = limits_of(drive), drive.acceptance.rule
     left = inputs.unmeasured
     if predictions is None and len(left) == len(limits) and not request.strict:
@@ -128,10 +130,9 @@ def _covered_cycle(limit: Limit, measurement: Measurement, direction: SweepResul
     """
     if limit.check is not F_IOR or measurement.gearing is None:
         return None
-    cycle = full_cycle(measurement, direction)
-    if isinstance(cycle, str) and not direction.is_bound:
+    if isinstance(direction.full_cycle, str) and not direction.is_bound:
         return None
-    return CoveredCycle.of(direction, cycle, measurement.gearing.ratio)
+    return CoveredCycle.of(direction, measurement.gearing.ratio)
 
 
 def _open_by_sharing(decision: DecidedCheck, others: Sequence[str]) -> DecidedCheck:

@@ -39,9 +39,9 @@ from hdassist.errors import GUARD, SURE, UsageError, Verdict
 from hdassist.files import number_of, with_decimal_points
 from hdassist.measuring.bench import SeenRange
 from hdassist.measuring.fit import COVERAGE_FACTOR
-from hdassist.measuring.full_cycle import LEAST_SHARE_OF_PASS, FullCycle
+from hdassist.measuring.full_cycle import LEAST_SHARE_OF_PASS
 from hdassist.measuring.measure import SweepResult
-from hdassist.measuring.orders import UncertaintySource, combined
+from hdassist.measuring.orders import FullCycle, UncertaintySource, combined
 from hdassist.model.deviations import MeasuredTeeth, unknowns
 from hdassist.model.geometry import Array, Kinematics
 from hdassist.preset.fields import Drive
@@ -292,6 +292,9 @@ class CoveredCycle(ClosedRecord):
     """The share of the full cycle that a recording covers, and what its model says about the full cycle.
 
     share: of the cycle, 0 to 1.
+    interval: 95 % interval of F'_ior of the full cycle [arcsec], as `measure` gives it; None if the model does not
+        hold.
+    at_least: largest limit that F'_ior exceeds with a probability of 95 % [arcsec]; None as for the interval.
     at_most: smallest limit that F'_ior of the full cycle meets with a probability of 95 % [arcsec]; None if the share
         is too small to pass a drive, or if the model does not hold.
     record_next_deg: angles of the output between which a recording would narrow F'_ior most; None if not known.
@@ -302,24 +305,33 @@ class CoveredCycle(ClosedRecord):
     at_most: float | None
     record_next_deg: tuple[float, float] | None
     why_open: str = ""
+    interval: tuple[float, float] | None = None
+    at_least: float | None = None
 
     @classmethod
-    def of(cls, sweep: SweepResult, cycle: FullCycle | str, ratio: float) -> CoveredCycle:
+    def of(cls, sweep: SweepResult, ratio: float) -> CoveredCycle:
         """Return what a direction of a measurement covers.
 
-        sweep: the direction.
-        cycle: F'_ior of its full cycle, or why there is none.
+        sweep: the direction, with its full cycle.
         ratio: input revolutions per output revolution.
         """
         share = sweep.coverage.share if sweep.coverage else 0.0
-        if isinstance(cycle, str):
-            return cls(share=share, at_most=None, record_next_deg=None, why_open=cycle)
+        cycle = sweep.full_cycle
+        if not isinstance(cycle, FullCycle):
+            return cls(share=share, at_most=None, record_next_deg=None, why_open=cycle or "")
         first, last = cycle.record_next_rev or (0.0, 0.0)
         next_deg = (360 * first / ratio, 360 * last / ratio) if cycle.record_next_rev else None
         why = ""
         if cycle.at_most_arcsec is None:
             why = f"{100 * share:.3g} % of the cycle recorded, PASS needs {100 * LEAST_SHARE_OF_PASS:.3g} %"
-        return cls(share=share, at_most=cycle.at_most_arcsec, record_next_deg=next_deg, why_open=why)
+        return cls(
+            share=share,
+            at_most=cycle.at_most_arcsec,
+            record_next_deg=next_deg,
+            why_open=why,
+            interval=cycle.interval_arcsec,
+            at_least=cycle.at_least_arcsec,
+        )
 
     @property
     def advice(self) -> str:
@@ -433,7 +445,7 @@ def _amplitude(sweep: SweepResult, order: float) -> tuple[float, float, float] |
 # values of checks by their code, from a direction of a trace and the order: with its standard uncertainty, and by how
 # much lines off the orders may make it greater in another cycle; None where the trace does not have it
 MEASURED: dict[str, Callable[[SweepResult, float], tuple[float, float, float] | None]] = {
-    "F_IOR": lambda found, _: (found.range.value, found.uncertainty_arcsec, found.range.rise),
+    "F_IOR": lambda found, _: (found.F_ior_arcsec, found.uncertainty_arcsec, found.range.rise),
     "TURN_RANGE": lambda of, _: (of.revolution.value, of.revolution.uncertainty, of.revolution.rise),
     "ORDER": _amplitude,
 }
@@ -461,7 +473,7 @@ def decide(limit: Limit, held: AcceptedValue, rule: Rule, sure: float) -> Decide
     """Decide on a value by a rule; sure: probability of meeting a limit that PASS of a prediction needs."""
     known = held.value is not None and held.basis != "predicted"
     held = replace(held, expanded_uncertainty=(held.expanded_uncertainty or 0.0) if known else None)
-    guard = GUARD * (held.expanded_uncertainty or 0.0) / COVERAGE_FACTOR if rule == "guard" else 0.0
+    guard = _guard_band(held) if rule == "guard" else 0.0
     room = margin = None if held.value is None else limit.room(held.value)
     verdict, reason = _verdict(held, room, guard, rule, sure)
     if held.at_most is not None and verdict is not Verdict.FAIL:
@@ -476,6 +488,16 @@ def decide(limit: Limit, held: AcceptedValue, rule: Rule, sure: float) -> Decide
         verdict=verdict,
         reason=reason or None,
     )
+
+
+def _guard_band(held: AcceptedValue) -> float:
+    """Return the distance below a value at which a limit is exceeded with a probability of 95 %.
+
+    The model of a recording states it; else it is a multiple of the standard uncertainty.
+    """
+    if held.full_cycle and held.full_cycle.at_least is not None and held.value is not None:
+        return held.value - held.full_cycle.at_least
+    return GUARD * (held.expanded_uncertainty or 0.0) / COVERAGE_FACTOR
 
 
 def _verdict(known: AcceptedValue, room: float | None, guard: float, rule: Rule, sure: float) -> tuple[Verdict, str]:

@@ -334,6 +334,7 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
         out = self.open()
         with out.progress(self.files[0] if self.files else ""):  # words before numpy is imported
             from hdassist.loading import load_preset
+            from hdassist.measuring.full_cycle import with_full_cycle
             from hdassist.measuring.measure import LoggedJoint, Measurement
             from hdassist.measuring.orders import gearing_of
             from hdassist.measuring.shafts import parse_shafts
@@ -368,6 +369,7 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
                             "use --archive with recordings only",
                         )
                     return bench_report(result, drive, self.seed, next_options)
+                result = with_full_cycle(result)
                 measurements.append(result)
                 take(result)
                 speed = form.output_speed(result.gearing.ratio) if result.gearing else self.speed

@@ -114,7 +114,7 @@ def add_to_archive(folder: str, conditions: Json, found: Measurement) -> bool:
                 {
                     **about,
                     "direction": each.direction,
-                    "F_ior_arcsec": each.range.value,
+                    "F_ior_arcsec": each.F_ior_arcsec,
                     "standard_uncertainty_arcsec": each.uncertainty_arcsec,
                     "low_arcsec": each.interval_arcsec[0],
                     "high_arcsec": each.interval_arcsec[1],

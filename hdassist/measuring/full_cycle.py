@@ -1,25 +1,28 @@
-"""F'_ior of the full cycle from a recording that is part of it.
+"""F'_ior of the full cycle by the model of `hdassist.recording`, for whole cycles and for parts.
 
-The rules of `orders` give a lower bound there. The model of `hdassist.recording` also gives an upper end: what the
-prior of the waves leaves open at places without readings. There is no value in between, because that would be one of
-the prior, which is cautious. The recording passes through the cleaning of `measure` first: spikes and steps are
-removed, and a lag and a wind-up are taken off, so that the model gets the averages of the fit. The lower end stays that
-of the rules, so every command gives the same lower bound.
+The rules of `orders` give the range of fitted orders at the recorded angles. The model also contains the waves that
+these orders leave out, above all those of rough teeth, and for a part of the cycle what the prior of the waves leaves
+open at places without readings. Hence two ends: the lower one is of visited places, the upper one of the cycle. Of a
+part there is no value of the cycle in between, because that would be one of the prior, which is cautious: the value
+stated is that of the recorded part. The recording passes
+through the cleaning of `measure` first: spikes and steps are removed, and a lag and a wind-up are taken off, so that
+the model gets the averages of the fit. Sources of the budget that it does not contain widen both ends.
 
-For a verdict one number counts: `at_most_arcsec`, the smallest limit that F'_ior of the full cycle meets with a
-probability of 95 %. It is given from a third of the cycle on (`LEAST_SHARE_OF_PASS`). Over less of it, the prior alone
+`measure` and `accept` state this one interval. For a verdict two further numbers count: `at_most_arcsec`, the smallest
+limit that F'_ior of the full cycle meets with a probability of 95 %, and `at_least_arcsec`, the largest one that it
+exceeds. The former is given from a third of the cycle on (`LEAST_SHARE_OF_PASS`). Over less of it, the prior alone
 decides whether the remainder is like the recorded part. Lines off the orders that the fit of `measure` names have to
 find room in it too, since in another cycle their peaks may meet those of the curve.
 
 The model holds only in its domain, and `reason_outside` is the one place that states it: the cycle and the size of the
 error are known, F'_ior counts over all of the cycle, one direction, one torque, a recording of 12 % of the cycle or
 more, slow terms that are not much larger than the error of the orders (they may come from a wrong ratio), and enough
-effective samples. Outside it there is no upper end.
+effective samples. Outside it the range of the fitted orders is what is known.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import replace
 from math import hypot
 
 import numpy as np
@@ -27,7 +30,8 @@ import numpy as np
 from hdassist.errors import GUARD, SURE, DataError, UntrustedError
 from hdassist.measuring.fit import COVERAGE_FACTOR
 from hdassist.measuring.measure import Measurement, SweepResult
-from hdassist.recording.figures import part_to_record, range_figure
+from hdassist.measuring.orders import FullCycle
+from hdassist.recording.figures import RangeFigure, part_to_record, range_figure
 from hdassist.recording.positions import Recording, recording_from_columns
 from hdassist.recording.posterior import posterior_of_recording
 from hdassist.recording.waves import BLOCKS_PER_REV
@@ -40,22 +44,15 @@ _MOST_BLOCKS = 30_000  # of readings: three cycles of ratio 100; the design of m
 _PAUSE = 1e6  # rows between two levels, so that each is a run of its own
 
 
-@dataclass(frozen=True)
-class FullCycle:
-    """F'_ior of the full cycle.
+def with_full_cycle(result: Measurement) -> Measurement:
+    """Return a measurement whose directions have F'_ior of the full cycle, that of the greatest one first.
 
-    interval_arcsec: lower bound of the recording and upper end over the cycle, 95 %.
-    record_next_rev: part of the cycle that would narrow the interval most, as input revolutions of the recorded angles
-        modulo the cycle; None if there is none.
-    effective_samples: number of independent samples of the range.
-    at_most_arcsec: smallest limit that F'_ior meets with a probability of 95 %; None if too little of the cycle was
-        recorded to pass a drive.
+    result: a measurement; one that has it already is returned as it is.
     """
-
-    interval_arcsec: tuple[float, float]
-    record_next_rev: tuple[float, float] | None
-    effective_samples: float
-    at_most_arcsec: float | None
+    if all(direction.full_cycle is not None for direction in result.directions):
+        return result
+    directions = [replace(each, full_cycle=full_cycle(result, each)) for each in result.directions]
+    return replace(result, directions=tuple(sorted(directions, key=lambda each: -each.F_ior_arcsec)))
 
 
 def reason_outside(result: Measurement, sweep: SweepResult) -> str:
@@ -83,7 +80,7 @@ def full_cycle(result: Measurement, sweep: SweepResult) -> FullCycle | str:
     """Return F'_ior of the full cycle, or why there is none.
 
     result: a measurement.
-    sweep: one of its directions, whose F'_ior is a lower bound.
+    sweep: one of its directions.
     """
     reason = reason_outside(result, sweep)
     if reason or result.gearing is None:
@@ -95,18 +92,69 @@ def full_cycle(result: Measurement, sweep: SweepResult) -> FullCycle | str:
     figure = range_figure(posterior, seed=result.seed)
     if figure.whole_effective < _FEWEST_EFFECTIVE:
         return "the model of the full cycle has too few effective samples"
-    median, others = figure.median_arcsec, sweep.range.others
-    upper = median + hypot(figure.interval_arcsec[1] - median, COVERAGE_FACTOR * others)
-    if upper < sweep.range.value:
+    ends = _Ends(figure, sweep.range.others)
+    low, high = ends.interval_arcsec
+    if high < sweep.range.value:
         return "the model of the full cycle contradicts the range of the recorded part"
-    at_most = median + hypot(figure.upper_arcsec(SURE) - median, GUARD * others)
+    with_lines = sweep.range.value + sweep.range.rise
     is_enough = sweep.coverage is not None and sweep.coverage.share >= LEAST_SHARE_OF_PASS
     return FullCycle(
-        interval_arcsec=(sweep.interval_arcsec[0], upper),
+        value_arcsec=figure.median_seen_arcsec if sweep.is_bound else figure.median_recorded_arcsec,
+        interval_arcsec=(low, max(high, with_lines)),
+        standard_uncertainty_arcsec=ends.part_uncertainty_arcsec if sweep.is_bound else ends.cycle_uncertainty_arcsec,
+        at_least_arcsec=ends.at_least_arcsec,
+        at_most_arcsec=max(ends.at_most_arcsec, with_lines) if is_enough else None,
         record_next_rev=part_to_record(posterior),
         effective_samples=figure.whole_effective,
-        at_most_arcsec=max(at_most, sweep.range.value + sweep.range.rise) if is_enough else None,
     )
+
+
+class _Ends:
+    """Ends of F'_ior by the samples of the model, with the sources of uncertainty that these do not contain.
+
+    figure: the samples. others: standard uncertainty by those sources [arcsec].
+    """
+
+    def __init__(self, figure: RangeFigure, others: float) -> None:
+        self._figure = figure
+        self._others = others
+
+    @property
+    def interval_arcsec(self) -> tuple[float, float]:
+        """95 % interval, not below 0."""
+        low, high = self._figure.interval_arcsec
+        return self._lower(low, COVERAGE_FACTOR), self._upper(high, COVERAGE_FACTOR)
+
+    @property
+    def at_least_arcsec(self) -> float:
+        """Largest limit that is exceeded with a probability of 95 %."""
+        return self._lower(self._figure.lower_arcsec(SURE), GUARD)
+
+    @property
+    def at_most_arcsec(self) -> float:
+        """Smallest limit that is met with a probability of 95 %."""
+        return self._upper(self._figure.upper_arcsec(SURE), GUARD)
+
+    @property
+    def cycle_uncertainty_arcsec(self) -> float:
+        """Standard uncertainty of F'_ior by the samples alone: a quarter of their 95 % interval."""
+        low, high = self._figure.interval_arcsec
+        return (high - low) / (2 * COVERAGE_FACTOR)
+
+    @property
+    def part_uncertainty_arcsec(self) -> float:
+        """Standard uncertainty of the range of the recorded part by the samples alone, below its median."""
+        return (self._figure.median_seen_arcsec - self._figure.interval_arcsec[0]) / COVERAGE_FACTOR
+
+    def _lower(self, end: float, factor: float) -> float:
+        """Return a lower end with as many standard uncertainties of the other sources below it as in its interval."""
+        median = self._figure.median_seen_arcsec
+        return max(0.0, median - hypot(median - end, factor * self._others))
+
+    def _upper(self, end: float, factor: float) -> float:
+        """Return an upper end in the same way."""
+        median = self._figure.median_arcsec
+        return median + hypot(end - median, factor * self._others)
 
 
 def cleaned_recording(sweep: SweepResult, ratio: float) -> Recording:

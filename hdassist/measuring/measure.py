@@ -18,11 +18,13 @@ from hdassist.measuring.orders import (
     BEATS,
     DEFAULT_ORDERS,
     FULL_SHARE,
+    SCATTER,
     STATED,
     USUAL_RATIO,
     WHOLE_TURN,
     WIND_UP,
     Coverage,
+    FullCycle,
     Gearing,
     MeasuredOrder,
     Range,
@@ -106,6 +108,8 @@ class SweepResult:
     coverage: None where the ratio is not known; sources: of the uncertainty of F'_ior; torques: the least, the mean and
     the greatest, where the orders change with it, and torque_miss_arcsec, the most that lines between them miss.
     is_scale_bound: whether all errors may be larger by one factor. shafts: components of stated shafts.
+    full_cycle: F'_ior of the full cycle by the model of the recording, or why there is none (with_full_cycle); None
+    before. Its value and its interval are then those of F'_ior.
     """
 
     direction: int
@@ -125,6 +129,7 @@ class SweepResult:
     torque_miss_arcsec: float | None = None
     is_scale_bound: bool = False
     shafts: tuple[ShaftComponent, ...] = ()
+    full_cycle: FullCycle | str | None = None
 
     @property
     def bins(self) -> Bins:
@@ -132,14 +137,37 @@ class SweepResult:
         return self.fit.bins
 
     @property
+    def by_model(self) -> FullCycle | None:
+        """F'_ior by the model of the recording; None without."""
+        return self.full_cycle if isinstance(self.full_cycle, FullCycle) else None
+
+    @property
+    def F_ior_arcsec(self) -> float:
+        """F'_ior; of a lower bound the range of the recorded part."""
+        return self.by_model.value_arcsec if self.by_model else self.range.value
+
+    @property
+    def budget(self) -> tuple[UncertaintySource, ...]:
+        """Sources of the uncertainty of F'_ior: that of the model takes the place of the scatter of fitted orders."""
+        if self.by_model is None:
+            return self.sources
+        by_model = self.by_model.standard_uncertainty_arcsec
+        model = UncertaintySource("model", by_model, "noise and waves of the teeth, by the model of the recording")
+        return (model, *(source for source in self.sources if source.name not in SCATTER))
+
+    @property
     def uncertainty_arcsec(self) -> float:
         """Combined standard uncertainty of F'_ior."""
-        return self.range.uncertainty
+        return combined(self.budget)
 
     @property
     def interval_arcsec(self) -> tuple[float, float]:
-        """F'_ior less and plus its expanded uncertainty, k = 2, and above that the rise by lines in another cycle."""
-        return self.range.interval
+        """95 % interval of F'_ior of the full cycle.
+
+        Without the model: F'_ior less and plus its expanded uncertainty, k = 2, and above that the rise by lines in
+        another cycle; of a lower bound that of the recorded part.
+        """
+        return self.by_model.interval_arcsec if self.by_model else self.range.interval
 
     @property
     def is_part(self) -> bool:
@@ -209,7 +237,7 @@ class Measurement:
     @property
     def F_ior_arcsec(self) -> float:
         """F'_ior: the greater one of both directions."""
-        return self.greatest.range.value
+        return self.greatest.F_ior_arcsec
 
 
 def measure(

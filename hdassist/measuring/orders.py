@@ -63,6 +63,7 @@ STATED = {  # sources that a single record cannot show
     "temperature": "temperature of drive and test rig (operation.dT)",
 }
 WIND_UP = "wind-up"
+SCATTER = ("noise", "bias correction")  # sources of the range of fitted orders, by its readings alone
 _POINTS_PER_PERIOD = 16  # points in a period of the highest order
 GAP_PERIODS = 0.5  # periods of the highest declared order: between readings as near as that the curve is followed
 _BRIDGED_TURNS = 1 / 8  # of the cam: angles between readings further apart were not visited
@@ -442,6 +443,30 @@ class Range:
         """Return the range minus and plus its expanded uncertainty; the rise is added to the upper end."""
         reach = COVERAGE_FACTOR * self.uncertainty
         return max(0.0, self.value - reach), self.value + self.rise + reach
+
+
+@dataclass(frozen=True)
+class FullCycle:
+    """F'_ior of the full cycle by the model of a recording.
+
+    value_arcsec: best estimate; if a part of the cycle was recorded, that of the range of this part.
+    interval_arcsec: 95 % interval: its lower end is of visited places, its upper end of the cycle.
+    standard_uncertainty_arcsec: of the value by the model alone, without the other sources of the budget.
+    at_least_arcsec: largest limit that F'_ior exceeds with a probability of 95 %.
+    at_most_arcsec: smallest limit that F'_ior meets with a probability of 95 %; None if too little of the cycle was
+        recorded to pass a drive.
+    record_next_rev: part of the cycle that would narrow the interval most, as input revolutions of the recorded angles
+        modulo the cycle; None if there is none.
+    effective_samples: number of independent samples of the range.
+    """
+
+    value_arcsec: float
+    interval_arcsec: tuple[float, float]
+    standard_uncertainty_arcsec: float
+    at_least_arcsec: float
+    at_most_arcsec: float | None
+    record_next_rev: tuple[float, float] | None
+    effective_samples: float
 
 
 def visited_angles(fit: TraceFit) -> tuple[Array, int]:

@@ -59,16 +59,31 @@ def _value(check: DecidedCheck) -> str | None:
     """Return the value; for a lower bound the lower end of its interval, as `hdassist measure` shows it."""
     if check.value is None or check.extent != "at least":
         return None if check.value is None else number(check.value, check)
-    return f"≥ {number(max(0.0, check.value - (check.expanded_uncertainty or 0.0)), check)}"
+    interval = _interval(check)
+    low = interval[0] if interval else max(0.0, check.value - (check.expanded_uncertainty or 0.0))
+    return f"≥ {number(low, check)}"
 
 
-def _beside(name: str) -> Callable[[DecidedCheck], str | None]:
+def _interval(check: DecidedCheck) -> tuple[float, float] | None:
+    """Return the 95 % interval by the model of a recording; None without."""
+    return check.full_cycle.interval if check.full_cycle else None
+
+
+def _of_value(name: str) -> Callable[[DecidedCheck], str | None]:
     """Return the cell of a number that a lower bound does not have."""
     return lambda d: None if (value := getattr(d, name)) is None or d.extent == "at least" else number(value, d)
 
 
-def _range(check: DecidedCheck, belief: Belief) -> str:
-    return f"{number(belief.p5, check)} to {number(belief.p95, check)}"
+def _without_interval(name: str) -> Callable[[DecidedCheck], str | None]:
+    """Return the cell of a number that a lower bound does not have, nor a value whose interval is shown."""
+    cell_of = _of_value(name)
+    return lambda d: None if _interval(d) else cell_of(d)
+
+
+def _range(check: DecidedCheck) -> str | None:
+    """Return the ends of a prediction, 5 to 95 %, or those of the 95 % interval of a recording; None without."""
+    ends = (check.belief.p5, check.belief.p95) if check.belief else _interval(check)
+    return ends and f"{number(ends[0], check)} to {number(ends[1], check)}"
 
 
 def _bound(limit: Limit) -> str:
@@ -86,11 +101,11 @@ _DECISION_COLUMNS: Quantities[DecidedCheck] = (
     Quantity("check", value=lambda d: f"{_shown_label(d)},{_unit(d).replace('″', ' ″')}"),
     Quantity("verdict", digits=str),
     Quantity("value", value=_value),
-    Quantity("expanded_uncertainty", "± (k=2)", value=_beside("expanded_uncertainty")),
-    Quantity("range", "5 to 95 %", value=lambda d: d.belief and _range(d, d.belief)),
+    Quantity("expanded_uncertainty", "± (k=2)", value=_without_interval("expanded_uncertainty")),
+    Quantity("range", "5 to 95 %", value=_range),
     Quantity("limit", value=_bound),
-    Quantity("margin", value=_beside("margin")),
-    Quantity("guard", "guard band", value=lambda d: _beside("guard")(d) if d.guard else None),
+    Quantity("margin", value=_of_value("margin")),
+    Quantity("guard", "guard band", value=lambda d: _without_interval("guard")(d) if d.guard else None),
     Quantity("kept", "P(met)", value=lambda d: d.belief and f"{100 * d.belief.probability:.0f} %"),
 )
 
@@ -190,6 +205,9 @@ def _tables(answer: AcceptAnswer) -> Iterator[Table]:
         columns = [q for q in _DECISION_COLUMNS if q.key != less and {*map(q.text, checks)} - {NO_VALUE}]
         predicted = basis == "predicted" and all(check.belief for check in checks)
         columns = [replace(q, label="median") if predicted and q.key == "value" else q for q in columns]
+        columns = [
+            replace(q, label="95 % interval") if basis == "measured" and q.key == "range" else q for q in columns
+        ]
         yield Table.by_row(title, columns, checks)
 
 
@@ -247,7 +265,7 @@ def _sentence(check: DecidedCheck) -> str:
         return f"{_shown_label(check)}: no value, limit {_bound(check)}{_unit(check)}"
     spread = f" ± {cells['expanded_uncertainty']}" if cells["expanded_uncertainty"] else ""
     value = cells["value"] + spread + (f" ({cells['range']})" if cells["range"] else "")
-    if check.at_most is not None and check.verdict != "FAIL":
+    if check.at_most is not None and check.verdict != "FAIL" and not cells["range"]:
         value += f" to {check.at_most:.4g}"
     labels = {"limit": "limit", "margin": "margin", "guard": "guard band", "kept": "probability that it is met"}
     further = [f"{label} {cells[name]}" for name, label in labels.items() if cells[name]]

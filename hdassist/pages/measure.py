@@ -24,10 +24,9 @@ from hdassist.measuring.bench import (
     seen_range,
 )
 from hdassist.measuring.fit import COVERAGE_FACTOR, SLOWEST_ORDER
-from hdassist.measuring.full_cycle import FullCycle, full_cycle
 from hdassist.measuring.iso230 import FEWEST_APPROACHES, PositioningTest, positioning_test
 from hdassist.measuring.measure import Measurement, SweepResult
-from hdassist.measuring.orders import FULL_SHARE, GAP_PERIODS, STATED, MeasuredOrder, UncertaintySource
+from hdassist.measuring.orders import FULL_SHARE, GAP_PERIODS, STATED, FullCycle, MeasuredOrder, UncertaintySource
 from hdassist.measuring.slopes import RecordedTorque, Reversal
 from hdassist.pages.curves import curve_of_turns, slope_words
 from hdassist.preset.fields import Drive
@@ -103,15 +102,14 @@ def measure_report(
     gearing = result.gearing
     reversal = result.reversal
     lag = result.lag
-    cycles = [full_cycle(result, sweep) if sweep.is_bound else None for sweep in result.directions]
     return Report(
         command="measure",
         drive=drive,
         head=f"{trace.file}, {len(trace.line)} rows" + (f", {drive.name}" if drive else ""),
         verdict=f"F'_ior at least {first_sweep.interval_arcsec[0]:.2f}″ (lower bound)"
         if first_sweep.is_bound
-        else f"F'_ior {first_sweep.range.value:.2f}″{travel}",
-        why=(*_lower_bound(result, first_sweep), *_full_cycle_words(result, cycles[0])),
+        else f"F'_ior {first_sweep.F_ior_arcsec:.2f}″{travel}",
+        why=(*_lower_bound(result, first_sweep), *_full_cycle_words(result, first_sweep)),
         blocks=(
             Table.by_row("", _columns(first_sweep), result.directions),
             *([_shaft_table(first_sweep)] if first_sweep.shafts else []),
@@ -134,7 +132,7 @@ def measure_report(
             "notes": list(result.notes),
             "cycle": gearing and as_object(_CYCLE, gearing),
             "F_ior_arcsec": result.F_ior_arcsec,
-            "directions": [_sweep(*sweep) for sweep in zip(result.directions, cycles, strict=True)],
+            "directions": [_sweep(sweep) for sweep in result.directions],
             "reversal_error": reversal and asdict(reversal),
             "encoder_lag": lag and asdict(lag),
             "torque": result.torque and asdict(result.torque),
@@ -175,14 +173,15 @@ def _lower_bound(result: Measurement, found: SweepResult) -> Iterator[str]:
             yield f"Rows are missing: gaps of more than {gap:.3g}° between readings are not covered."
 
 
-def _full_cycle_words(result: Measurement, found: FullCycle | str | None) -> Iterator[str]:
-    """Yield F'_ior of the full mesh cycle and the part to record next; nothing without a model of the cycle."""
-    if not isinstance(found, FullCycle) or result.gearing is None:
+def _full_cycle_words(result: Measurement, direction: SweepResult) -> Iterator[str]:
+    """Yield F'_ior of the full mesh cycle and the part to record next, for a part of the cycle with a model."""
+    cycle = direction.by_model
+    if cycle is None or result.gearing is None or not direction.is_bound:
         return
-    low, high = found.interval_arcsec
+    low, high = cycle.interval_arcsec
     yield f"Predicted F'_ior over the full mesh cycle: {low:.1f} to {high:.1f}″ (95 % interval)."
-    if found.record_next_rev:
-        first, last = (360 * turns / result.gearing.ratio for turns in found.record_next_rev)
+    if cycle.record_next_rev:
+        first, last = (360 * turns / result.gearing.ratio for turns in cycle.record_next_rev)
         yield f"To narrow this interval, record the output from {first:.0f} to {last:.0f}° next."
 
 
@@ -360,24 +359,25 @@ def _details(found: SweepResult) -> Iterator[ReportSection]:
     greatest = sorted(found.orders, key=lambda o: -o.amplitude_arcsec)[:_LISTED_ORDERS]
     title = f"orders: amplitude·cos(order·angle + phase), the {len(greatest)} largest of {len(found.orders)}"
     orders = Table.by_row(title, shown, sorted(greatest, key=lambda o: o.per_cam_rev))
-    stated = all(source.arcsec is not None for source in found.sources if source.name in STATED)
+    stated = all(source.arcsec is not None for source in found.budget if source.name in STATED)
     together = UncertaintySource(
         "combined", found.uncertainty_arcsec, "" if stated else f"without the sources marked {NO_VALUE}"
     )
     title = f"standard uncertainty of F'_ior (95 % intervals: k = {COVERAGE_FACTOR:g})"
-    budget = Table.by_row(title, _BUDGET, [*found.sources, together])
+    budget = Table.by_row(title, _BUDGET, [*found.budget, together])
     title = "orders of the input, each with its sidebands"
     together_with_beats = Table.by_row(title, (*_ORDER_COLUMNS[:3], *shown[4:]), found.orders_of_cam)
     yield ReportSection(f"{_DIRECTION_NAMES[found.direction]} input angle", (together_with_beats, orders, budget))
 
 
-def _sweep(found: SweepResult, cycle: FullCycle | str | None) -> Json:
-    """Return one direction as a JSON object; cycle: F'_ior of the full cycle, or the reason why it is missing."""
+def _sweep(found: SweepResult) -> Json:
+    """Return one direction as a JSON object, with F'_ior of the full cycle, or the reason why it is missing."""
+    cycle = found.full_cycle
     return {
         **as_object(_SWEEP_QUANTITIES, found),
         **{name: as_objects(_ORDER_COLUMNS, getattr(found, name)) for name in ("orders", "orders_of_cam", "lines")},
         "shafts": as_objects(_SHAFTS, found.shafts),
-        "budget": as_objects(_BUDGET, found.sources),
+        "budget": as_objects(_BUDGET, found.budget),
         "torques": [asdict(torque) for torque in found.torques],
         "torque_miss_arcsec": found.torque_miss_arcsec,
         "full_cycle": asdict(cycle) if isinstance(cycle, FullCycle) else None,
@@ -386,13 +386,14 @@ def _sweep(found: SweepResult, cycle: FullCycle | str | None) -> Json:
 
 
 def _line(found: SweepResult) -> str:
-    """Return F'_ior with its expanded uncertainty; for a lower bound the lower end of its interval."""
+    """Return F'_ior with the reach of its 95 % interval; for a lower bound the lower end of this."""
     if found.is_bound:
         return f">= {found.interval_arcsec[0]:.2f}″"
-    reach = COVERAGE_FACTOR * found.uncertainty_arcsec
-    rise = found.range.rise
-    spread = f"+{reach + rise:.2f} -{reach:.2f}" if rise else f"± {reach:.2f}"
-    return f"{found.range.value:.2f} {spread}″"
+    low, high = found.interval_arcsec
+    above = f"{high - found.F_ior_arcsec:.2f}"
+    below = f"{found.F_ior_arcsec - low:.2f}"
+    spread = f"± {below}" if above == below else f"+{above} -{below}"
+    return f"{found.F_ior_arcsec:.2f} {spread}″"
 
 
 def _csv(result: Measurement) -> CsvTable:
@@ -428,7 +429,9 @@ def joint_lines(reports: Sequence[Report], results: Sequence[Measurement]) -> li
             continue
         first_sweep = next(measured).directions[0]
         share = f"{100 * first_sweep.coverage.share:.1f}" if first_sweep.coverage else NO_VALUE
-        value = f"{'at least ' if first_sweep.is_bound else ''}{first_sweep.range.value:.2f}"
+        value = f"{first_sweep.F_ior_arcsec:.2f}"
+        if first_sweep.is_bound:
+            value = f"at least {first_sweep.interval_arcsec[0]:.2f}"
         rows.append((str(report.values["joint"]), value, _ends_text(first_sweep.interval_arcsec), share))
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]

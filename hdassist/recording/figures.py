@@ -56,12 +56,14 @@ class RangeFigure:
     """F'_ior over the cycle or a travel.
 
     whole_arcsec: samples of the range over all places (R12), shape (draws,).
+    recorded_arcsec: the same with lines at the phases that were recorded, shape (draws,).
     seen_arcsec: samples of the range over visited places (R13), shape (draws,); zeros if no place was visited.
     visited_share: share of the places with readings, 0 to 1.
     whole_effective, seen_effective: number of effective samples of either range.
     """
 
     whole_arcsec: Array
+    recorded_arcsec: Array
     seen_arcsec: Array
     visited_share: float
     whole_effective: float
@@ -73,10 +75,23 @@ class RangeFigure:
         return float(np.median(self.whole_arcsec))
 
     @property
+    def median_recorded_arcsec(self) -> float:
+        """Median of the range over all places of the recorded cycle: the best estimate if it was recorded whole."""
+        return float(np.median(self.recorded_arcsec))
+
+    @property
+    def median_seen_arcsec(self) -> float:
+        """Median of the range over visited places."""
+        return float(np.median(self.seen_arcsec))
+
+    @property
     def interval_arcsec(self) -> tuple[float, float]:
         """95 % interval: from the lower end over visited places to the upper end over all places."""
-        low = float(np.quantile(self.seen_arcsec, 1 - _far_share(1 - _TAIL, self.seen_effective)))
-        return low, self.upper_arcsec(1 - _TAIL)
+        return self.lower_arcsec(1 - _TAIL), self.upper_arcsec(1 - _TAIL)
+
+    def lower_arcsec(self, share: float) -> float:
+        """Return the value that a share of the samples over visited places exceeds, at its far end (R15)."""
+        return float(np.quantile(self.seen_arcsec, 1 - _far_share(share, self.seen_effective)))
 
     def upper_arcsec(self, share: float) -> float:
         """Return the quantile of the range over all places for a share of the samples, at its far end (R15)."""
@@ -170,17 +185,20 @@ def range_figure(
     whole_effective, seen_effective = effective_samples(whole_range), effective_samples(seen_range)
     rest = _rest(posterior, seed)
     lines = 2 * posterior.line_amplitudes.sum(axis=1)
+    recorded_range = whole_range
     if seen.any():
         mean_curve = cycle_curves(posterior.amplitudes.mean(axis=0)[None], posterior.pairs, posterior.cycle)[0]
         mean_range = min(float(np.ptp(mean_curve[seen])), float(at_blocks.range(mean_curve[None])[0]))
         excess = float(seen_range.mean()) - mean_range
         if len(posterior.lines):
             seen_range = np.asarray(np.ptp(posterior.block_curves[:, at_blocks.inside], axis=1))
+        recorded_range = np.maximum(whole_range, seen_range) - excess
         flank = _flank(posterior, mean_curve, at_blocks)
         seen_range = np.minimum(seen_range + np.minimum(rest, 0.0) + flank - excess, posterior.readings_range)
         whole_range = whole_range - excess
     return RangeFigure(
         whole_arcsec=np.maximum(whole_range + lines + rest, 0.0),
+        recorded_arcsec=np.maximum(recorded_range + rest, 0.0),
         seen_arcsec=np.maximum(seen_range, 0.0),
         visited_share=float(seen.sum() / in_travel.sum()),
         whole_effective=whole_effective,

@@ -10,7 +10,7 @@ from hdassist.acceptance.decision import GUARD
 from hdassist.acceptance.limits import limits_of
 from hdassist.acceptance.request import Request, torque_and_file
 from hdassist.errors import DataError, UsageError
-from hdassist.measuring.full_cycle import full_cycle
+from hdassist.measuring.full_cycle import full_cycle, with_full_cycle
 from hdassist.measuring.measure import measure
 from hdassist.measuring.orders import STATED
 from hdassist.pages.accept import accept_report
@@ -151,8 +151,27 @@ def test_a_whole_cycle_passes_by_the_upper_end_of_its_model():
         assert (check.extent, check.margin) == ("whole", pytest.approx(limit - check.value))
         assert check.full_cycle.at_most == at_most
     assert verdicts == ["INCONCLUSIVE", "PASS"]
-    simple = small(f"F_ior@4={measured[4.0].F_ior_arcsec + 0.001!r}", overrides=("acceptance.rule=simple",))
+    value = with_full_cycle(measured[4.0]).F_ior_arcsec
+    simple = small(f"F_ior@4={value + 0.001!r}", overrides=("acceptance.rule=simple",))
     assert accept(simple, measured, measured_only=True).verdict == "PASS"  # up to the limit, as its name says
+
+
+@pytest.mark.parametrize("turns", [CYCLE, CYCLE // 2])
+def test_accept_states_the_interval_of_measure(turns):
+    result = measure(rig(turns), drive=small(), stated=NOTHING)
+    (direction,) = with_full_cycle(result).directions
+    (check,) = accept(small("F_ior@4=1000"), {4.0: result}, measured_only=True).checks
+    assert check.value == direction.F_ior_arcsec
+    assert check.full_cycle.interval == direction.interval_arcsec
+
+
+def test_a_whole_cycle_fails_by_the_lower_end_of_its_model():
+    measured = {4.0: measure(rig(CYCLE), drive=small(), stated=NOTHING)}
+    at_least = full_cycle(measured[4.0], measured[4.0].greatest).at_least_arcsec
+    assert at_least < whole_range(CURVE, CYCLE)
+    limits = at_least - 0.01, at_least + 0.01
+    found = [accept(small(f"F_ior@4={limit!r}"), measured, measured_only=True).verdict for limit in limits]
+    assert found == ["FAIL", "INCONCLUSIVE"]
 
 
 def test_a_part_in_one_direction_does_not_stop_the_whole_cycle_in_the_other():
@@ -180,7 +199,7 @@ def test_the_worse_verdict_of_two_directions_counts():
 
 
 def test_remarks_that_count():
-    drive = small("F_ior@4=50", overrides=("operation.rated=3",))
+    drive = small("F_ior@4=25", overrides=("operation.rated=3",))
     noisy = accept(drive, {4.0: measure(rig(CYCLE, noise=12.0), drive=drive)})
     codes = [note.code for note in noisy.remarks]
     assert "UNCERTAINTY" in codes

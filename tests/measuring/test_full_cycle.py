@@ -6,8 +6,9 @@ from io import BytesIO
 import numpy as np
 import pytest
 
-from hdassist.measuring.full_cycle import FullCycle, cleaned_recording, full_cycle, reason_outside
+from hdassist.measuring.full_cycle import cleaned_recording, full_cycle, reason_outside, with_full_cycle
 from hdassist.measuring.measure import measure
+from hdassist.measuring.orders import FullCycle
 from hdassist.readers.trace import read_trace
 from tests.process import run
 
@@ -54,8 +55,8 @@ def test_a_part_of_the_cycle_has_both_ends(share):
     found = full_cycle(result, sweep)
     assert isinstance(found, FullCycle)
     low, high = found.interval_arcsec
-    assert low == sweep.interval_arcsec[0]  # one number for "at least", in every command
-    assert low < TRUE < high
+    assert low < found.value_arcsec < TRUE < high
+    assert low < found.at_least_arcsec < found.value_arcsec
     first, last = found.record_next_rev
     assert share * RATIO - 1 <= first < last <= RATIO
 
@@ -116,6 +117,33 @@ def test_more_readings_than_the_model_takes_are_refused_by_name(monkeypatch):
     assert isinstance(full_cycle(result, result.greatest), FullCycle)
 
 
+def roughness(turns):
+    """Error of rough teeth [arcsec] at input angles [rev]: many small waves beyond the fitted orders."""
+    rng = np.random.default_rng(0)
+    waves = [(order + beat / RATIO, rng.uniform(0, 2 * np.pi)) for order in range(13, 18) for beat in range(-8, 9)]
+    return sum(0.2 * np.cos(2 * np.pi * per_rev * turns + phase) for per_rev, phase in waves)
+
+
+def test_a_whole_cycle_contains_waves_that_the_fitted_orders_leave_out():
+    turns, fine = turns_of(1.0), np.arange(0, RATIO, 1 / 500)
+    result = measured(turns, true_error(turns) + roughness(turns))
+    true = float(np.ptp(true_error(fine) + roughness(fine)))
+    assert result.greatest.interval_arcsec[1] < true  # of the fitted orders
+    low, high = with_full_cycle(result).greatest.interval_arcsec
+    assert low < true < high
+
+
+def test_sources_that_the_model_does_not_contain_widen_both_ends():
+    turns = turns_of(1.0)
+    trace = read_trace(BytesIO(file_of(turns)))
+    plain, budgeted = (
+        with_full_cycle(measure(trace, ratio=RATIO, stated=stated)).greatest for stated in ({}, {"encoder": 1.0})
+    )
+    assert budgeted.interval_arcsec[0] < plain.interval_arcsec[0] - 1.0
+    assert budgeted.interval_arcsec[1] > plain.interval_arcsec[1] + 1.0
+    assert budgeted.uncertainty_arcsec == pytest.approx(np.hypot(plain.uncertainty_arcsec, 1.0), rel=0.01)
+
+
 def test_json_has_the_interval_or_the_reason(tmp_path):
     for name, share in (("part", 0.6), ("whole", 1.0), ("short", 0.1)):
         (tmp_path / f"{name}.csv").write_bytes(file_of(turns_of(share)))
@@ -124,8 +152,9 @@ def test_json_has_the_interval_or_the_reason(tmp_path):
         json.loads(run("measure", f"{name}.csv", *options, cwd=tmp_path).stdout)["directions"][0]
         for name in ("part", "whole", "short")
     )
-    assert part["full_cycle"]["interval_arcsec"][0] == pytest.approx(part["interval_arcsec"][0])
-    assert part["full_cycle_missing"] is None
-    assert whole["full_cycle"] is whole["full_cycle_missing"] is None
+    for found in (part, whole):
+        assert found["full_cycle"]["interval_arcsec"] == found["interval_arcsec"]
+        assert found["full_cycle"]["value_arcsec"] == found["F_ior_arcsec"]
+        assert found["full_cycle_missing"] is None
     assert short["full_cycle"] is None
     assert short["full_cycle_missing"]
