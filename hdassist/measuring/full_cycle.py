@@ -4,7 +4,8 @@ The rules of `orders` give the range of fitted orders at the recorded angles. Th
 these orders leave out, above all those of rough teeth, and for a part of the cycle what the prior of the waves leaves
 open at places without readings. Hence two ends: the lower one is of visited places, the upper one of the cycle. Of a
 part there is no value of the cycle in between, because that would be one of the prior, which is cautious: the value
-stated is that of the recorded part. The recording passes
+stated is that of the recorded part, and its lower end is the lower one of the model and of the fitted orders. The
+recording passes
 through the cleaning of `measure` first: spikes and steps are removed, and a lag and a wind-up are taken off, so that
 the model gets the averages of the fit. Sources of the budget that it does not contain widen both ends.
 
@@ -94,6 +95,10 @@ def full_cycle(result: Measurement, sweep: SweepResult) -> FullCycle | str:
         return "the model of the full cycle has too few effective samples"
     ends = _Ends(figure, sweep.range.others)
     low, high = ends.interval_arcsec
+    at_least = ends.at_least_arcsec
+    if sweep.is_bound:  # steep waves of no drive: on parts of them the model alone was up to 2 % too high
+        low = min(low, sweep.range.interval[0])
+        at_least = min(at_least, sweep.range.value - GUARD * sweep.range.uncertainty)
     if high < sweep.range.value:
         return "the model of the full cycle contradicts the range of the recorded part"
     with_lines = sweep.range.value + sweep.range.rise
@@ -102,7 +107,7 @@ def full_cycle(result: Measurement, sweep: SweepResult) -> FullCycle | str:
         value_arcsec=figure.median_seen_arcsec if sweep.is_bound else figure.median_recorded_arcsec,
         interval_arcsec=(low, max(high, with_lines)),
         standard_uncertainty_arcsec=ends.part_uncertainty_arcsec if sweep.is_bound else ends.cycle_uncertainty_arcsec,
-        at_least_arcsec=ends.at_least_arcsec,
+        at_least_arcsec=at_least,
         at_most_arcsec=max(ends.at_most_arcsec, with_lines) if is_enough else None,
         record_next_rev=part_to_record(posterior),
         effective_samples=figure.whole_effective,
