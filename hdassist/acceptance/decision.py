@@ -500,6 +500,13 @@ def _guard_band(held: AcceptedValue) -> float:
     return GUARD * (held.expanded_uncertainty or 0.0) / COVERAGE_FACTOR
 
 
+def _below(held: AcceptedValue) -> float:
+    """Return the distance of the lower end of the 95 % interval below a value."""
+    if held.full_cycle and held.full_cycle.interval and held.value is not None:
+        return held.value - held.full_cycle.interval[0]
+    return held.expanded_uncertainty or 0.0
+
+
 def _verdict(known: AcceptedValue, room: float | None, guard: float, rule: Rule, sure: float) -> tuple[Verdict, str]:
     """The verdict on a value by its room to the limit, and why where that is not plain."""
     if known.extent == "between torques":
@@ -521,7 +528,7 @@ def _verdict(known: AcceptedValue, room: float | None, guard: float, rule: Rule,
     if room < -guard:
         if known.extent == "at most":
             return Verdict.INCONCLUSIVE, OF_TRAVEL
-        within = known.extent == "at least" and room + (known.expanded_uncertainty or 0.0) > 0
+        within = known.extent == "at least" and room + _below(known) > 0
         return Verdict.FAIL, f"the estimate {known.value:.4g} is beyond the limit by its rule" * within
     strict = rule == "guard" and known.basis != "predicted"
     if known.extent == "at least":
