@@ -390,9 +390,9 @@ def _line(found: SweepResult) -> str:
     if found.is_bound:
         return f">= {found.interval_arcsec[0]:.2f}″"
     low, high = found.interval_arcsec
-    above = f"{high - found.F_ior_arcsec:.2f}"
-    below = f"{found.F_ior_arcsec - low:.2f}"
-    spread = f"± {below}" if above == below else f"+{above} -{below}"
+    upper_reach = f"{high - found.F_ior_arcsec:.2f}"
+    lower_reach = f"{found.F_ior_arcsec - low:.2f}"
+    spread = f"± {lower_reach}" if upper_reach == lower_reach else f"+{upper_reach} -{lower_reach}"
     return f"{found.F_ior_arcsec:.2f} {spread}″"
 
 
