@@ -156,7 +156,7 @@ def _why(result: Comparison) -> str:
     share = "a clear part of the difference" if explained is None else f"{100 * explained:.1f} % of the difference"
     if kind == "several":
         deviations = f"{len(best.deviations)} deviations together, and no single one,"
-        return f"{deviations} explain {share}. The residual is noise."
+        return f"{deviations} explain {share}. The residual is consistent with noise."
     fitted = named(best.deviations[0])
     if best.changes:
         size, direction = _size_and_direction(best.changes[0])
@@ -165,7 +165,7 @@ def _why(result: Comparison) -> str:
             fitted += f" at {direction}°"
     if kind == "unexplained":
         return f"The best single deviation, {fitted}, explains {share}. The residual exceeds the noise."
-    return f"{fitted}, explains {share}. The residual is noise."
+    return f"{fitted}, explains {share}. The residual is consistent with noise."
 
 
 def _facts(result: Comparison) -> Iterator[Fact]:

@@ -525,7 +525,7 @@ def _rated_torque(record: LoopRecord, drive: Drive | None) -> float:
     rated = drive.operation.rated if drive else None
     basis = "the preset"
     if rated is None:
-        hint = f"{drive.name} has no operation.rated" if drive else "--drive PRESET for its own"
+        hint = f"{drive.name} has no operation.rated" if drive else "--drive PRESET states its own"
         rated = float(abs(record.torque_Nm).max())
         basis = f"the largest of the loop; {hint}"
     record.table.notes.append(f"rated torque {rated:g} N·m: {basis}")

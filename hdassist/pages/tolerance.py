@@ -186,7 +186,7 @@ def _best_of(summary: Summary, drives: Sequence[_MountedDrives]) -> str:
         return ""
     reference = "its limit" if summary.has_limit else "the value as assembled"
     hole = f"one hole per drive for all torques, with the smallest F'_ior relative to {reference} at the worst torque"
-    return f"{hole}. At a single torque it may be worse than as assembled"
+    return f"{hole}. At a single torque this hole may be worse than the hole as assembled"
 
 
 def _law_warnings(law: ProductionLaw) -> tuple[str, ...]:
@@ -387,11 +387,11 @@ def _answer(found: Sensitivities) -> tuple[str, str, str]:
     percentile = f"the 95th percentile of F'_ior ({first.now:.1f}″)"
     if found.is_worth_tightening:
         reduction = _reduction_words(first, " %")
-        return named(first.path), f"If it is {_STEP_WORDS}, {percentile} decreases by {reduction}.", ""
+        return named(first.path), f"If this tolerance is {_STEP_WORDS}, {percentile} decreases by {reduction}.", ""
     largest_reduction = max(0.0, *(way.reduction_high for way in found.tightened[found.worst]))
     reason = f"A tolerance {_STEP_WORDS} reduces {percentile} by at most {100 * largest_reduction:.0f} %."
     if largest and largest.group not in {way.path for way in found.tightened[found.worst]}:
-        share = f"It contributes {100 * largest.share:.0f} % of the variance of F'_ior."
+        share = f"This field contributes {100 * largest.share:.0f} % of the variance of F'_ior."
         return f"no tolerance, measure {named(largest.group)}", f"{share} {reason}", largest.group
     return _UNDECIDED, reason, ""
 
@@ -510,7 +510,7 @@ def _words(way: Allocation, found: Allocator) -> str:
     """Return in words whether a way to build reaches the yield, its cost, and its probability."""
     how = "In the best holes" if way.turned else "As assembled"
     none = "no tolerances reach the yield" if way.verdict is Verdict.FAIL else "no tolerances are recommended"
-    cost = f"cost {way.cost:.2f}" if way.fits else f"{none}; the best that were found cost {way.cost:.2f}"
+    cost = f"cost {way.cost:.2f}" if way.fits else f"{none}; the best tolerances found cost {way.cost:.2f}"
     return (
         f"{how}: {cost}; {100 * way.tried.share:.1f} % of "
         f"{way.tried.drives.sum()} further random drives meet the limits. Probability of a yield of at least "

@@ -420,7 +420,7 @@ def sexagesimal_degrees(text: str, *, by_colons: bool) -> float | None:
     minutes = float(minutes_text.replace(",", "."))
     seconds = float(seconds_text.replace(",", ".") or 0.0)
     if minutes >= _SIXTY or seconds >= _SIXTY:
-        raise ValueError("60 or more minutes or seconds")
+        raise ValueError("minutes or seconds of 60 or more")
     degrees = float(match["degrees"]) + minutes / _SIXTY + seconds / _SIXTY**2
     return -degrees if match["sign"] in ("-", "−") else degrees
 

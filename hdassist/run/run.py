@@ -169,7 +169,7 @@ def cluster(name: str, jobs: int, installation: _Installation) -> Iterator[Clust
     except Exception as error:
         if type(error).__module__.partition(".")[0] not in ("distributed", "dask", "concurrent"):
             raise
-        message = f"dask has lost the work: {str(error) or type(error).__name__}"
+        message = f"dask lost the work: {str(error) or type(error).__name__}"
         hint = "see the log of its scheduler; then resume with the same command"
         raise UntrustedError(message, hint, Fault.WORKERS_LOST) from None
 

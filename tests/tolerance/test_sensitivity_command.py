@@ -20,7 +20,7 @@ def test_the_first_line_says_what_to_tighten_and_fits_a_terminal() -> None:
     assert done.returncode == 0, done.stderr
     words = in_a_line(done.stdout)
     field = "single-flank composite deviation F'_i2 of the circular spline (tolerances.F_i2)"
-    assert words.startswith(f"tiny, tighten first at 4 N*m: {field} If it is 20 % tighter, the 95th percentile")
+    assert words.startswith(f"tiny, tighten first at 4 N*m: {field} If this tolerance is 20 % tighter, ")
     for part in ("95th percentile", "tolerances.F_i1", "verified", "next hdassist allocate", " --limit LIMIT "):
         assert part in words
     assert len(done.stdout.splitlines()) <= 24
