@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from math import floor, isfinite, log10
 
 from hdassist.belief.evidence import measured_errors
+from hdassist.belief.holes import FREE_STEP_DEG
 from hdassist.errors import UsageError
 from hdassist.files import number_of, read_preset
 from hdassist.loading import OVERRIDE_PLACE, load_text
@@ -83,7 +84,7 @@ class Session:
     @property
     def positions(self) -> tuple[float, ...]:
         """Turns [deg] that the wheel can be looked at in."""
-        holes = self.drive.mounting.holes or 72
+        holes = self.drive.mounting.holes or round(360 / FREE_STEP_DEG)
         return tuple(360 * k / holes for k in range(holes))
 
     def command(self, name: str = "") -> str:
