@@ -34,8 +34,9 @@ _AROUND = 5  # readings, at least, through which a parabola is laid
 TINY = 1e-30  # N*m
 _LOOP_HINT = "load from -T_0 to T_0 and back, with T_0 the rated torque"
 _LEAST_CHANCE = 0.975  # that a range is at least its lower confidence limit
-_PLAN = re.compile(  # as hdassist plan names it
-    r"(?P<drive>.*), (?P<count>[0-9]{1,9}) positions(?: over (?P<turns>[0-9.e+-]+) output turns)?(?P<both> both ways)?"
+_PLAN = re.compile(  # as hdassist plan names it, also in earlier versions (turns, both ways)
+    r"(?P<drive>.*), (?P<count>[0-9]{1,9}) positions"
+    r"(?: over (?P<turns>[0-9.e+-]+) output (?:revolutions|turns))?(?P<both> both ways| from both sides)?"
 )
 _PLANNED_NEAR = 0.05  # of the step between positions: how far an approached position may lie off a planned one
 _ANGLE_ROLES = ("twist", "actual", "angle", "output")  # contents of a column of angles of the output

@@ -37,7 +37,12 @@ def _percent(share: float) -> str:
 
 def _test_words(name: str) -> str:
     """Return the name of a test for pages, from its name in JSON ("record of 10 cam turns")."""
-    words_of_json = {"record of": "recording of", "cam turn": "input revolution", "output turn": "output revolution"}
+    words_of_json = {
+        "record of": "recording of",
+        "cam turn": "input revolution",
+        "output turn": "output revolution",
+        "both ways": "from both sides",
+    }
     for json_word, page_word in words_of_json.items():
         name = name.replace(json_word, page_word)
     return name
@@ -219,7 +224,7 @@ def approach_csv(choice: PlanChoice) -> str:
     return (
         "\n".join(
             [
-                f"# plan: {choice.drive.name}, {test.judged.plan.name}",
+                f"# plan: {choice.drive.name}, {_test_words(test.judged.plan.name)}",
                 f"# torque: {choice.M_g:.15g}",
                 f"# sees: {shares}",
                 f"# uncertainty: {test.uncertainty_arcsec:.4g}",

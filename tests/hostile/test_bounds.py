@@ -85,6 +85,13 @@ def test_a_plan_that_cannot_be_carried_out_promises_no_share(plan: str, folder: 
     assert run("accept", "small.yaml", *words, cwd=folder).returncode == 6
 
 
+@pytest.mark.parametrize("words", ["", " over 1 output turns", " over 1 output revolutions"])
+def test_a_plan_is_read_in_the_words_of_any_version(words: str, folder: Path) -> None:
+    (folder / "read.csv").write_text(sheet().replace("12 positions", f"12 positions{words}"))
+    limit = ["--limit", "F_ior@1=60", "--measured", "1=read.csv", "--measured-only", "--budget", BUDGET]
+    assert run("accept", "small.yaml", *limit, cwd=folder).returncode == 0
+
+
 def test_one_row_that_is_left_out_leaves_none(folder: Path) -> None:
     (folder / "one.csv").write_text("cam_deg,error_arcsec\ninf,2.0\n")
     done = run("measure", "one.csv", "--robust", cwd=folder)
