@@ -85,8 +85,8 @@ The card is that of mount, and it is written only if mount would write it for th
 INPUTS
 ? uncertain, * changed here. After the value: a plausible step, and its change of F'_ior [arcsec] for a \
 typical drive. If a field is uncertain, a step is about one standard deviation. Fields in which the pinned drive \
-differs come first, with the step to its value; then the fields with the largest change, in an order that remains \
-until o sorts them again.
+differs come first, with the step to its value; then the fields with the largest change, in a sequence that stays \
+the same until o sorts them again.
 Enter edits; an empty value reverts a change. Numbers of teeth change together: 120, or the ratio, 60:1.
 k changes x_b with W_0, so that the flank clearance remains the same.
 

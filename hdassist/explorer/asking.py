@@ -71,7 +71,7 @@ class Known:
     def without(self) -> str:
         """What stands in place of an answer that is not there, with the reason where there is none."""
         if self.failed:
-            return visible(f"no answer: {self.failed.message}\n{self.failed.hint}")
+            return visible(f"no result: {self.failed.message}\n{self.failed.hint}")
         full = round(_BAR_COLUMNS * self.done)
         return f"computing … {'━' * full}{'─' * (_BAR_COLUMNS - full)} {100 * self.done:.0f} %"
 

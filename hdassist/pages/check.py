@@ -322,7 +322,7 @@ def steps_tables(check: DesignCheck) -> Iterator[Table]:
     if questions:
         question_rows = tuple((_step_words(step, check.drive), _outcome_words(step, point)) for step in questions)
         title = f"questions to clarify, at {point.M_g:g} N·m ({value})"
-        yield Table(title, ("to clarify", f"{outcome}, by answer"), question_rows)
+        yield Table(title, ("to clarify", f"{outcome}, for each reply"), question_rows)
 
 
 def steps_facts(check: DesignCheck, most_lines: int = _SCREEN_LINES) -> Iterator[Fact]:

@@ -36,7 +36,7 @@ def test_evidence_that_cannot_be_is_refused_where_it_is_entered() -> None:
 @pytest.mark.thorough
 def test_a_drive_that_cannot_be_computed_is_said_and_the_next_one_is_computed() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
-        assert app.known.failed is not None and "no answer" in screen(app)
+        assert app.known.failed is not None and "no result" in screen(app)
         assert app.known.failed.message[:30] in screen(app) and "computing" not in screen(app)
         await to_lever(app, pilot, "operation.M_g")
         await pilot.press("enter")
