@@ -31,13 +31,25 @@ _Formatter: TypeAlias = Any
 
 _OTHERS = "Options"
 _SECTIONS = (  # of options, in their order; sections of commands stand before them
-    "Arguments", _OTHERS, "Drive", "Recording", "Measured teeth", "Trials", "Card", "Test sheet", "Lot", "Archive",
-    "Controller", "Output", "Advanced",
-)  # fmt: skip
+    "Arguments",
+    _OTHERS,
+    "Drive",
+    "Recording",
+    "Measured teeth",
+    "Trials",
+    "Card",
+    "Test sheet",
+    "Lot",
+    "Archive",
+    "Controller",
+    "Output",
+    "Advanced",
+)
 _NOTE = re.compile(r"  \[(?:default: )?\(?([^;\]]*?)\)?(?:; [^\]]*)?\]$")  # default and range, as typer writes them
 _WIDEST = 31  # columns of names of options: --limit [NAME@TORQUE=]VALUE ...
 _ADDRESSES = 512_000_000  # bytes: with less OpenBLAS waits for ever while it is loaded, or ends the process
-_SECTION_COLUMNS, _NAME_COLUMNS = 12, 13  # of the start page
+_SECTION_COLUMNS = 12  # of the start page
+_NAME_COLUMNS = 13  # of the start page
 _LONGEST_SENTENCE = 1000  # characters: no first sentence of a help text is longer
 
 
@@ -144,7 +156,7 @@ def _row(parameter: Any, ctx: _Context) -> Row:
     record = parameter.get_help_record(ctx)
     if kind != _OTHERS:
         return kind, record and (record[0].partition(" <")[0], _NOTE.sub("", record[1]))
-    dots = " ..." * bool(getattr(parameter, "multiple", False))
+    dots = " ..." if getattr(parameter, "multiple", False) else ""
     return parameter.rich_help_panel or kind, record and (record[0] + dots, _NOTE.sub(_default, record[1]))
 
 
@@ -200,13 +212,15 @@ def module_of(name: str) -> str:
 @cache
 def _loaded(name: str) -> Any:
     """A command, by name, loaded when it is called."""
-    name, module = OTHER_NAMES.get(name, name), import_module(module_of(name))
+    module = import_module(module_of(name))
+    name = OTHER_NAMES.get(name, name)
     if name == "presets":
         words = "List, show, validate and create drive presets."
         app = typer.Typer(name=name, cls=_Commands, help=words, no_args_is_help=True, **_OPTIONS)
         classes = {part: f"Presets{part.title()}Command" for part in _PRESETS}
     else:
-        app, classes = typer.Typer(**_OPTIONS), {name: f"{name.title()}Command"}
+        app = typer.Typer(**_OPTIONS)
+        classes = {name: f"{name.title()}Command"}
     for each, class_name in classes.items():
         app.command(each, cls=Command)(getattr(module, class_name))
     return typer.main.get_command(app)
@@ -317,7 +331,8 @@ def run_command_line() -> None:
         sys.exit(app(prog_name="hdassist", standalone_mode=False))
     except _ClickException as error:
         wrong: Any = error
-        shown, hint = io.StringIO(), ""
+        shown = io.StringIO()
+        hint = ""
         if hasattr(wrong, "possibilities"):  # options like one that is none
             hint = _REMEDIES.get(getattr(wrong, "option_name", ""), "")
             wrong.possibilities = wrong.possibilities if not hint else ()
@@ -374,21 +389,18 @@ def _as_known(error: Exception) -> HdassistError:
     if isinstance(error, HdassistError):
         return error
     if isinstance(error, MemoryError):
-        words, hint = "not enough memory for a result", "reduce --jobs"
+        words = "not enough memory for a result"
+        hint = "reduce --jobs"
         return UntrustedError(words, hint, Fault.MEMORY_SHORT)
     number = error.errno if isinstance(error, OSError) else None
     if number in _DEVICE_FAULTS:  # typer writes help and version; files say it themselves
         silence()  # or the rest of the buffer fails once more at the end
-        words, hint = (
-            f"cannot write: {os.strerror(number)}",
-            "check that standard output is open and its device is not full",
-        )
+        words = f"cannot write: {os.strerror(number)}"
+        hint = "check that standard output is open and its device is not full"
         return DataError(words, hint, Fault.FILE_UNWRITABLE)
     if number in _SCARCE:
-        words, hint = (
-            f"the system refused a resource: {os.strerror(number)}",
-            limits_hint("see the limits of a process with ulimit -a"),
-        )
+        words = f"the system refused a resource: {os.strerror(number)}"
+        hint = limits_hint("see the limits of a process with ulimit -a")
         return DataError(words, hint, Fault.SYSTEM_LIMITS)
     words = f"internal error: {type(error).__name__}: {error}"
     return HdassistError(words, "report this bug in hdassist, with the traceback that --debug shows")
@@ -424,4 +436,5 @@ def _open_streams() -> None:
     if isinstance(bare, io.RawIOBase):
         stream: Any = sys.stdout
         sys.stdout = io.TextIOWrapper(io.BufferedWriter(bare), encoding=stream.encoding, errors=stream.errors)
-    sys.stdout, sys.stderr = pipe_stream(sys.stdout), pipe_stream(sys.stderr)
+    sys.stdout = pipe_stream(sys.stdout)
+    sys.stderr = pipe_stream(sys.stderr)

@@ -69,8 +69,17 @@ _GREEK = {
     "″": "arcsec",
 }
 _LATIN = dict(zip("абвгдеёзийклмнопрстуфыэ", "abvgdeeziiklmnoprstufye", strict=True)) | {  # as in passports
-    "ж": "zh", "х": "kh", "ц": "ts", "ч": "ch", "ш": "sh", "щ": "shch", "ю": "iu", "я": "ia", "ъ": "", "ь": "",
-}  # fmt: skip
+    "ж": "zh",
+    "х": "kh",
+    "ц": "ts",
+    "ч": "ch",
+    "ш": "sh",
+    "щ": "shch",
+    "ю": "iu",
+    "я": "ia",
+    "ъ": "",
+    "ь": "",
+}
 _LONGEST_NAME = 60  # characters of a name that are compared with others
 _LONGEST_PHRASE = 12  # words of a phrase whose parts are looked up
 
@@ -87,7 +96,7 @@ class Entry:
     def in_latin(self) -> Entry:
         """Return the entry with Cyrillic and Greek letters transliterated, for terminals that show 7 bits."""
         facts = tuple((label, latin(text)) for label, text in self.facts)
-        return Entry(self.kind, tuple(map(latin, self.names)), latin(self.words), facts)
+        return Entry(kind=self.kind, names=tuple(map(latin, self.names)), words=latin(self.words), facts=facts)
 
 
 def latin(text: str) -> str:
@@ -119,25 +128,32 @@ def _entries() -> Iterator[Entry]:
             limit = (("limit", f"acceptance.{item.field}, the {how} value allowed, {item.unit.replace('*', '·')}"),)
             names = (code, item.words)
         meaning = (("tests", item.tests), ("goes wrong", item.wrong), ("change", item.change))
-        yield Entry("check" if isinstance(item, Check) else "remark", names, item.words, (*limit, *meaning))
+        yield Entry(
+            kind="check" if isinstance(item, Check) else "remark",
+            names=names,
+            words=item.words,
+            facts=(*limit, *meaning),
+        )
     for term in TERMS:
         russian = tuple(term.russian.split(", ")) if term.russian else ()
         facts = (("Russian", term.russian), ("unit", term.unit), ("also", ", ".join(term.others)))
-        yield Entry("quantity or word", (term.word, *russian, *term.others), term.meaning, _given(facts))
+        yield Entry(
+            kind="quantity or word", names=(term.word, *russian, *term.others), words=term.meaning, facts=_given(facts)
+        )
     for names, words in _WORDS_OF_PAGES.items():
         yield Entry("quantity or word", names, words)
     for each in SYMBOLS:
         of_symbol = (("in the code", each.code.replace("`", "")), ("unit", each.unit))
         for name in each.paper:
             shared = f"{', '.join(each.paper)}: {each.words}" if len(each.paper) > 1 else each.words
-            yield Entry("symbol", (name,), shared, _given(of_symbol))
+            yield Entry(kind="symbol", names=(name,), words=shared, facts=_given(of_symbol))
     for section, model in sections():
         keys = ", ".join(model.model_fields)
-        yield Entry("section", (section,), str(model.__doc__).rstrip("."), (("fields", keys),))
+        yield Entry(kind="section", names=(section,), words=str(model.__doc__).rstrip("."), facts=(("fields", keys),))
     for path, field in field_table().items():
-        yield Entry("field", (path, path.split(".")[1]), field.meaning, _given(_of_field(field)))
+        yield Entry(kind="field", names=(path, path.split(".")[1]), words=field.meaning, facts=_given(_of_field(field)))
     for fault, told in FAULTS.items():
-        yield Entry("error", (str(fault),), told.meaning, (("change", told.change),))
+        yield Entry(kind="error", names=(str(fault),), words=told.meaning, facts=(("change", told.change),))
 
 
 def _of_field(field: PresetField) -> tuple[tuple[str, str], ...]:
@@ -181,7 +197,8 @@ def explained(name: str, options: Mapping[str, str] | None = None) -> list[Entry
     Argument: help of the options of commands, by their fields. Raises UsageError: an unknown name; its hint has the
     nearest names.
     """
-    spelling, known = _normal_spelling(name), _by_spelling()
+    spelling = _normal_spelling(name)
+    known = _by_spelling()
     stem = spelling.removesuffix("s")
     alike = known.get(spelling) or known.get(stem, [])
     exact = [entry for entry in alike if name in entry.names]

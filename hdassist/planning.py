@@ -30,15 +30,19 @@ from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.answers import EMPTY, Certificate
 
 _QUOTED_POSITIONS = 12  # of a test as makers quote it
-_FEWEST_POSITIONS, _MOST_A_CAM_TURN = 6, 5  # positions that are tried, from and up to
-_RANDOM_STARTS, _LEAST_STARTS = 256, 16  # random starts over all samples, and of each, at least
+_FEWEST_POSITIONS = 6  # that are tried
+_MOST_A_CAM_TURN = 5  # positions that are tried, for each input revolution
+_RANDOM_STARTS = 256  # over all samples
+_LEAST_STARTS = 16  # of each sample
 _LEAST_ARCSEC = 1e-9  # of an error: of a lesser one all is seen
 _LISTED_LINES = 12  # the largest
 _NEVER = Probability(0.0, 0.0, 0.0)  # of a test that sees all: no chance is in it
 SEEN_SHARE = 0.95  # of F'_ior, that a test sees which is enough where there is no limit
 _ROUGH_NOISE = 0.03  # of a composite deviation F'_i: greatest rms of single teeth; evenly from none, a guess
-_ROUGH_ORDERS, _ROUGH_SIZE = range(5, 13), 0.1  # around a wheel; scale of Rayleigh's law over order
-_ROUGH_WHEELS, _ROUGH_UM = 8, 50.0  # drawn of each kind; F'_i at which they are solved
+_ROUGH_ORDERS = range(5, 13)  # around a wheel
+_ROUGH_SIZE = 0.1  # scale of Rayleigh's law over the order
+_ROUGH_WHEELS = 8  # drawn of each kind
+_ROUGH_UM = 50.0  # F'_i at which they are solved
 
 
 @dataclass(frozen=True)
@@ -58,13 +62,15 @@ class ReadingPlan:
     @classmethod
     def positions(cls, readings: int, turns: float = 1.0, both: bool = False) -> ReadingPlan:
         """Positions spread evenly over turns of the output."""
-        over = f" over {turns:.4g} output turns" * (turns != 1)
-        return cls(f"{readings} positions{over}{' both ways' * both}", readings, turns / readings, both)
+        over = "" if turns == 1 else f" over {turns:.4g} output turns"
+        ways = " both ways" if both else ""
+        name = f"{readings} positions{over}{ways}"
+        return cls(name=name, readings=readings, step_turns=turns / readings, both=both)
 
     @classmethod
     def record(cls, cam_turns: float, ratio: float) -> ReadingPlan:
         """A record over turns of the cam, of which there are so many in a turn of the output."""
-        name = f"record of {cam_turns:.4g} cam turn{'s' * (cam_turns != 1)}"
+        name = f"record of {cam_turns:.4g} cam turn{'' if cam_turns == 1 else 's'}"
         return cls(name, max(round(cam_turns * POINTS_A_TURN), 2), 1 / POINTS_A_TURN / ratio, is_record=True)
 
     def sees_all(self, output_turns: float) -> bool:
@@ -167,14 +173,16 @@ class DrivesUnderTest:
 
     def seen_shares(self, plan: ReadingPlan, starts: Array) -> Array:
         """Share of F'_ior that a plan sees from starts, shares of the cycle, shape (drives, starts)."""
-        steps, points = np.arange(plan.readings) * plan.step_turns / self.cycle_output, self.curves.shape[1]
+        steps = np.arange(plan.readings) * plan.step_turns / self.cycle_output
+        points = self.curves.shape[1]
         at = (np.rint((start[:, None] + steps) * points).astype(np.int64) % points for start in starts)
         seen = [np.ptp(curve[places], axis=1) for curve, places in zip(self.curves, at, strict=True)]
         return np.asarray((np.array(seen) + _LEAST_ARCSEC) / (self.F_ior_arcsec + _LEAST_ARCSEC))
 
     def judge(self, plan: ReadingPlan) -> _PlanJudgement:
         """The part that a plan sees, and how often its verdict is wrong."""
-        demands, shares = self.demands, self.seen_shares(plan, self.starts)
+        demands = self.demands
+        shares = self.seen_shares(plan, self.starts)
         rng = np.random.default_rng(self.seed)
         rng.random(self.starts.shape)  # which the starts are
         seen = self.percentiles(shares)
@@ -182,15 +190,20 @@ class DrivesUnderTest:
         sees_all = plan.sees_all(self.travel or self.cycle_output)
         if self.left_arcsec is None:
             missed = _NEVER if sees_all else self.probability(shares < SEEN_SHARE)
-            return _PlanJudgement(plan, seen, None, None, self._verdict(missed.low, missed.high))
+            return _PlanJudgement(
+                plan=plan, seen=seen, false_pass=None, false_fail=None, verdict=self._verdict(missed.low, missed.high)
+            )
         read = (shares * self.F_ior_arcsec + noise) / (seen[1] if demands.corrected else 1)
-        passed, good = read <= self.left_arcsec, self.F_ior_arcsec <= self.left_arcsec
+        passed = read <= self.left_arcsec
+        good = self.F_ior_arcsec <= self.left_arcsec
         is_exact = sees_all and not demands.noise_arcsec
         false_pass, false_fail = (
             _NEVER if is_exact else self.probability(each) for each in (passed & ~good, good & ~passed)
         )
         low, high = (max(getattr(each, end) for each in (false_pass, false_fail)) for end in ("low", "high"))
-        return _PlanJudgement(plan, seen, false_pass, false_fail, self._verdict(low, high))
+        return _PlanJudgement(
+            plan=plan, seen=seen, false_pass=false_pass, false_fail=false_fail, verdict=self._verdict(low, high)
+        )
 
     def test_of(self, judged: _PlanJudgement, run: ApproachRun, ratio: float, limit: float | None) -> PlannedTest:
         """The test of a judged plan; ratio: cam turns an output turn; limit: with the self error.
@@ -199,15 +212,18 @@ class DrivesUnderTest:
         beyond the limit by its guard band fails, as a test sees no more than there is.
         """
         guard = GUARD * self.demands.noise_arcsec
-        planned = PlannedTest(judged, run, ratio, self.demands.noise_arcsec)
+        planned = PlannedTest(judged=judged, run=run, ratio=ratio, uncertainty_arcsec=self.demands.noise_arcsec)
         if self.left_arcsec is None or limit is None:
             return planned
-        own, least = limit - self.left_arcsec, judged.seen[0]
-        passes, fails = max(limit * least - guard, 0.0), limit + guard
+        own = limit - self.left_arcsec
+        least = judged.seen[0]
+        passes = max(limit * least - guard, 0.0)
+        fails = limit + guard
         rng = np.random.default_rng([self.seed, 1])
         read = self.seen_shares(judged.plan, self.starts) * self.F_ior_arcsec + own
         read += self.demands.noise_arcsec * rng.standard_normal(read.shape)
-        passing, failing = self.probability(read <= passes), self.probability(read > fails)
+        passing = self.probability(read <= passes)
+        failing = self.probability(read > fails)
         return replace(planned, passes_up_to=passes, fails_beyond=fails, passing=passing, failing=failing)
 
     def _verdict(self, low: float, high: float) -> Verdict:
@@ -282,7 +298,8 @@ class PlannedTest:
     @property
     def minutes(self) -> float:
         """Duration, warm-up included."""
-        run, passes = self.run, self.readings // self.judged.plan.readings
+        run = self.run
+        passes = self.readings // self.judged.plan.readings
         first, turn_back, apart = self._moves_min
         moving = first + (passes - 1) * turn_back + (self.readings - passes) * apart
         return run.warm_up_min + moving + self.readings * run.dwell_s / 60
@@ -290,16 +307,20 @@ class PlannedTest:
     @property
     def _moves_min(self) -> tuple[float, float, float]:
         """Duration [min] of the move to the first reading of all, to that of each later pass, and to any other."""
-        plan, run = self.judged.plan, self.run
-        lead, apart = run.lead_turns / run.cam_rpm, plan.step_turns * self.ratio / run.cam_rpm
+        plan = self.judged.plan
+        run = self.run
+        lead = run.lead_turns / run.cam_rpm
+        apart = plan.step_turns * self.ratio / run.cam_rpm
         # a pass one way begins where the last began
         return lead, 2 * lead + (0.0 if plan.both else apart * (plan.readings - 1)), apart
 
     @property
     def approaches(self) -> tuple[Array, Array, Array]:
         """Minute at which each reading is taken, target [deg] of the output, and side 1 or -1; all in their order."""
-        plan, run = self.judged.plan, self.run
-        forth, ways = 360 * plan.step_turns * np.arange(plan.readings), 1 + plan.both
+        plan = self.judged.plan
+        run = self.run
+        forth = 360 * plan.step_turns * np.arange(plan.readings)
+        ways = 1 + plan.both
         target = np.tile(np.concatenate([forth, forth[::-1]][:ways]), run.repeats)
         side = np.tile(np.repeat([1, -1][:ways], plan.readings), run.repeats)
         first, turn_back, apart = self._moves_min
@@ -367,19 +388,25 @@ def choose_plan(
     rooms = limits_left(drive, torques, run)
     left = rooms.arcsec
     place = next((k for k, each in enumerate(left) if each is not None), 0)
-    prior, weights = prior_of(drive), np.ones(1)
+    prior = prior_of(drive)
+    weights = np.ones(1)
     samples = drive_samples(prior, left, draws=draws, run=run) if prior.fields and draws else None
     lines = error_lines(drive, torques[place], samples.values() if samples else [{}], run)
-    curves, proof = lines.curves, rooms.certificate + lines.certificate
+    curves = lines.curves
+    proof = rooms.certificate + lines.certificate
     F_ior = np.ptp(curves, axis=1, keepdims=True)
     if samples:  # F'_ior as every page has it
-        weights, proof, F_ior = samples.weights, proof + samples.certificate, samples.F_ior_arcsec[:, [place]]
+        weights = samples.weights
+        proof = proof + samples.certificate
+        F_ior = samples.F_ior_arcsec[:, [place]]
     rough = rough_curves(drive, torques[place], samples.values() if samples else [{}], curves.shape[1], run)
     curves += rough.arcsec
     proof += rough.certificate
     curves *= F_ior / np.maximum(np.ptp(curves, axis=1, keepdims=True), _LEAST_ARCSEC)
-    cycle, ratio = lines.kinematics.cycle_cam_revolutions, abs(lines.kinematics.u)
-    output, used = round(cycle / ratio), (travel_deg or drive.acceptance.travel) / 360
+    cycle = lines.kinematics.cycle_cam_revolutions
+    ratio = abs(lines.kinematics.u)
+    output = round(cycle / ratio)
+    used = (travel_deg or drive.acceptance.travel) / 360
     travel = used if used < output - 1e-9 else None
     room = left[place]
     stated = samples.probability_within(room, place).complement if samples and room is not None and not travel else None
@@ -402,11 +429,27 @@ def choose_plan(
     fewest, shortest = ([each for each in some if each.verdict is Verdict.PASS][:1] for some in (scan, records))
     own = [drives.judge(asked)] if asked else []
     shown = [*own, scan[_QUOTED_POSITIONS - _FEWEST_POSITIONS], *fewest, *records]
-    judged, enough = tuple({each.plan: each for each in shown}.values()), (*fewest, *shortest)
-    seen, verdict = _lines_seen(lines, drives, judged[0].plan), [*own, *enough, records[-1]][0].verdict
-    M_g, carried = torques[place], [*own, *fewest, judged[0]][0]
+    judged = tuple({each.plan: each for each in shown}.values())
+    enough = (*fewest, *shortest)
+    seen = _lines_seen(lines, drives, judged[0].plan)
+    verdict = [*own, *enough, records[-1]][0].verdict
+    M_g = torques[place]
+    carried = [*own, *fewest, judged[0]][0]
     planned = drives.test_of(carried, test, ratio, drive.limit(M_g))
-    return PlanChoice(drive, M_g, drives, bool(own), judged, enough, scan, seen, samples, proof, verdict, planned)
+    return PlanChoice(
+        drive=drive,
+        M_g=M_g,
+        drives=drives,
+        asked=bool(own),
+        judged=judged,
+        enough=enough,
+        over_positions=scan,
+        lines=seen,
+        samples=samples,
+        certificate=proof,
+        verdict=verdict,
+        test=planned,
+    )
 
 
 @dataclass(frozen=True)
@@ -431,11 +474,13 @@ def rough_curves(
     that of the other; of some wheels, in a random position in each drive. Arguments: M_g [N*m]; changes of the drive by
     path; points of the cycle; run, its seed among it.
     """
-    rng, kinematics = np.random.default_rng([run.seed, 2]), Kinematics.of(drive)
+    rng = np.random.default_rng([run.seed, 2])
+    kinematics = Kinematics.of(drive)
     proof = EMPTY
     smooth = drive.with_values({each.size: 0.0 for each in DEVIATIONS})
     state, part = np.divmod(np.arange(points) * kinematics.cycle_states / points, 1)
-    index, curves = state.astype(np.int64), np.zeros((len(changes), points))
+    index = state.astype(np.int64)
+    curves = np.zeros((len(changes), points))
     for wheel, z, k in (("g", drive.gears.z_g, 1), ("b", drive.gears.z_b, 2)):
         composite, pitch = (
             np.array([change.get(path, drive.number(path)) for change in changes])
@@ -444,18 +489,21 @@ def rough_curves(
         sizes = np.where(pitch, 0.0, composite / _ROUGH_UM)
         if not sizes.any():
             continue
-        errors, turn = [], 2 * np.pi * np.arange(z) / z
+        errors = []
+        turn = 2 * np.pi * np.arange(z) / z
         for _ in range(_ROUGH_WHEELS):
             teeth = rng.uniform(0, _ROUGH_NOISE) * rng.standard_normal(z)
             for order in _ROUGH_ORDERS:
                 teeth += _ROUGH_SIZE * rng.rayleigh() / order / 2 * np.cos(order * turn - 2 * np.pi * rng.random())
-            states, rough = pitch_locked_states(kinematics, np.arange(z)), ToothDeviations(**{wheel: _ROUGH_UM * teeth})
+            states = pitch_locked_states(kinematics, np.arange(z))
+            rough = ToothDeviations(**{wheel: _ROUGH_UM * teeth})
             found = kinematic_error(smooth, M_g, states=states, teeth=rough, run=UNCHECKED)
             proof += found.certificate
             run.solved(found.certificate.states)
             errors.append(found.error_arcsec - found.error_arcsec.mean())
         for curve, size in zip(curves, sizes, strict=True):
-            error, first = errors[rng.integers(_ROUGH_WHEELS)], rng.integers(z)
+            error = errors[rng.integers(_ROUGH_WHEELS)]
+            first = rng.integers(z)
             at = (index + first) % z
             curve += size * (error[at] * (1 - part) + error[(at + 1) % z] * part)
     return _RoughCurves(curves, proof)

@@ -67,7 +67,8 @@ class Quantity(Generic[T]):
 
     def text(self, thing: T) -> str:
         """The quantity as a table shows it."""
-        value, digits = self.of(thing), self._number[1] if self.digits is None else self.digits
+        value = self.of(thing)
+        digits = self._number[1] if self.digits is None else self.digits
         if value is None:
             return NO_VALUE
         return digits(value) if callable(digits) else format(value, digits) if digits else str(value)
@@ -75,7 +76,9 @@ class Quantity(Generic[T]):
     @property
     def words(self) -> str:
         """Label with unit."""
-        name = self.key.rpartition(".")[2].removesuffix(f"_{self._end}" * bool(self._number[0]))
+        name = self.key.rpartition(".")[2]
+        if self._number[0]:
+            name = name.removesuffix(f"_{self._end}")
         label = name.replace("_", " ").replace("F ior", "F'_ior") if self.label is None else self.label
         unit = self._number[0] if self.unit is None else self.unit
         return f"{label}, {unit}" if unit else label
@@ -103,7 +106,8 @@ def quantity_table(table: str, **functions: Callable[[Any], Any]) -> Quantities[
     page, name = table.split(".")
     found = []
     for key, declared in declared_quantities()[page][name].items():
-        value, digits = declared.get("value", key), declared.get("digits")
+        value = declared.get("value", key)
+        digits = declared.get("digits")
         shown = declared.get("label"), declared.get("unit"), functions.get(digits or "", digits)
         found.append(Quantity[Any](key, *shown, functions.get(value, value)))
     return tuple(found)
@@ -137,8 +141,10 @@ _TONES = {  # of verdicts and of labels of facts; any other has none
     **dict.fromkeys(("PASS", "TURN", "LEAVE", "KEEP"), "good"),
     **dict.fromkeys(("FAIL", "GO BACK", "MISSED", "broken"), "bad"),
     **dict.fromkeys(("INCONCLUSIVE", "BEST BET", "ANY HOLE"), "open"),
-    "next": "loud", "verified": "quiet", "more": "quiet",
-}  # fmt: skip
+    "next": "loud",
+    "verified": "quiet",
+    "more": "quiet",
+}
 
 
 def tone_of(words: str) -> str:
@@ -267,7 +273,11 @@ class Curve:
     @property
     def ends(self) -> tuple[float, float]:
         """The least and the greatest value of an axis that holds its limit, and 0 where it begins there, too."""
-        values = [*self.extent, *[0.0] * self.from_zero, *([] if self.limit is None else [self.limit])]
+        values = [*self.extent]
+        if self.from_zero:
+            values.append(0.0)
+        if self.limit is not None:
+            values.append(self.limit)
         return min(values), max(values)
 
 

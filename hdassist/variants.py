@@ -56,9 +56,17 @@ _REPORTED_FIELDS = 3
 # have no bearing on F'_ior at a torque: loads, evidence, limits, the seat's holes, resolution of other answers,
 # uncertainties
 _UNRELATED = (
-    "operation.M_g", "operation.rated", "catalogue.", "measured.", "acceptance.", "mounting.holes",
-    "mounting.first_hole", "mounting.allowed", "numerics.n_phase", "uncertainty.",
-)  # fmt: skip
+    "operation.M_g",
+    "operation.rated",
+    "catalogue.",
+    "measured.",
+    "acceptance.",
+    "mounting.holes",
+    "mounting.first_hole",
+    "mounting.allowed",
+    "numerics.n_phase",
+    "uncertainty.",
+)
 _FieldRow = tuple[ResolvedField, ...]  # a field of each drive
 
 
@@ -166,7 +174,8 @@ class DrivePairs:
         marginals = ((self.weights.sum(1 - k), (self.weights * inside).sum(1 - k)) for k in self.sampled)
         found = [probability_of(hits / np.maximum(of, _LEAST_WEIGHT), of) for of, hits in marginals]
         value = float(np.average(inside, weights=self.weights))
-        low, high = min((p.low for p in found), default=value), max((p.high for p in found), default=value)
+        low = min((p.low for p in found), default=value)
+        high = max((p.high for p in found), default=value)
         return Probability(value, low, high, few=True)
 
 
@@ -191,7 +200,8 @@ def differently_open(first: Drive, second: Drive) -> list[str]:
         fields = prior_of(drive).fields
         return {f.path: drive.value(f.path) is not None and (f.distribution, f.low, f.high, f.draws) for f in fields}
 
-    one, other = open_fields(first), open_fields(second)
+    one = open_fields(first)
+    other = open_fields(second)
     return [path for path in one | other if one.get(path) != other.get(path)]
 
 
@@ -199,7 +209,9 @@ class _Believed:
     """What is not known of a checked drive, its samples, and F'_ior of these or of the drive itself."""
 
     def __init__(self, check: DesignCheck) -> None:
-        self.drive, self.prior, self.evidence = check.drive, prior_of(check.drive), evidence_of(check.drive)
+        self.drive = check.drive
+        self.prior = prior_of(check.drive)
+        self.evidence = evidence_of(check.drive)
         self.samples = check.samples.of_ranges if check.samples else None
         known = np.array([[point.F_ior_or_error for point in check.points]])
         self.F_ior_arcsec = self.samples.F_ior_arcsec if self.samples else known  # (samples, torques)
@@ -221,36 +233,53 @@ def drawn_pairs(
     nothing that moves F'_ior differs; count, pairs that are drawn. Raises UntrustedError where an answer cannot be
     trusted.
     """
-    one, other = _Believed(first), _Believed(second)
+    one = _Believed(first)
+    other = _Believed(second)
     rows, others = (even_rows(side.weights, count if one.samples or other.samples else 1) for side in (one, other))
     drives = tuple(zip(one.drives(rows), other.drives(others), strict=True))
     if same:
-        return DrivePairs(one.F_ior_arcsec, one.F_ior_arcsec, np.diag(one.weights), drives)
+        return DrivePairs(
+            before_arcsec=one.F_ior_arcsec, after_arcsec=one.F_ior_arcsec, weights=np.diag(one.weights), drives=drives
+        )
     measured = any(figure.M_g for figure in other.evidence)
     if one.samples and other.samples and not measured and {*one.evidence} <= {*other.evidence}:
         with suppress(UntrustedError):
             return _paired(one, other, rows, run)
     sampled = tuple(k for k, side in enumerate((one, other)) if side.samples)
-    return DrivePairs(one.F_ior_arcsec, other.F_ior_arcsec, np.outer(one.weights, other.weights), drives, sampled)
+    return DrivePairs(
+        before_arcsec=one.F_ior_arcsec,
+        after_arcsec=other.F_ior_arcsec,
+        weights=np.outer(one.weights, other.weights),
+        drives=drives,
+        sampled=sampled,
+    )
 
 
 def _paired(one: _Believed, other: _Believed, rows: Indices, run: Run) -> DrivePairs:
     """Pairs of some samples of a first drive, each with a drive alike. Raises UntrustedError where too few agree."""
     assert one.samples and other.samples
-    shares, count = one.samples.shares[rows], len(rows)
-    paths, apart = [field.path for field in one.prior.fields], differently_open(one.drive, other.drive)
+    shares = one.samples.shares[rows]
+    count = len(rows)
+    paths = [field.path for field in one.prior.fields]
+    apart = differently_open(one.drive, other.drive)
     paired = other.prior.joined(np.random.default_rng(run.seed).random((count, len(other.prior.fields) + 1)))
     for k, field in enumerate(other.prior.fields):
         if field.path not in apart:
             paired[:, k] = shares[:, paths.index(field.path)]
     paired[:, -1] = 0  # each goes on to F'_ior
-    samples, proof = other.samples, EMPTY
+    samples = other.samples
+    proof = EMPTY
     if one.evidence or other.evidence or not np.array_equal(paired[:, :-1], samples.shares):
         prior = _PairedPrior(other.drive, other.prior.fields, paired=paired)
         samples = draw_samples(
-            prior, samples.torques, evidence=other.evidence, further=_no_figures, enough=lambda _: False,
-            effort=SamplingEffort(1, count, count), run=run,
-        )  # fmt: skip
+            prior,
+            samples.torques,
+            evidence=other.evidence,
+            further=_no_figures,
+            enough=lambda _: False,
+            effort=SamplingEffort(1, count, count),
+            run=run,
+        )
         proof = samples.certificate
     solved = np.flatnonzero([draw.F_ior_arcsec is not None for draw in samples.made])
     figures = [[draw.figures for draw in of.made if draw.F_ior_arcsec is not None] for of in (one.samples, samples)]
@@ -261,17 +290,25 @@ def _paired(one: _Believed, other: _Believed, rows: Indices, run: Run) -> DriveP
     weights = np.exp(np.array(gain) - max(gain))
     if effective_number(weights) < _LEAST_EFFECTIVE * count:
         raise UntrustedError("too few pairs of samples agree with the reference data of both drives")
-    of_one, of_other = np.full(count, 1 / count), np.zeros(count)
+    of_one = np.full(count, 1 / count)
+    of_other = np.zeros(count)
     of_other[solved] = weights / weights.sum()
     alike = np.minimum(of_one, of_other)
-    joint, left = np.diag(alike), 1 - alike.sum()
+    joint = np.diag(alike)
+    left = 1 - alike.sum()
     if left > 0:
         joint += np.outer(of_one - alike, of_other - alike) / left
     chosen = solved[even_rows(weights, count)]
     others = map(other.drive.with_values, samples.values(even_rows(weights, count)))
     drives = zip(one.drives(rows[chosen]), others, strict=True)
     before = one.F_ior_arcsec[rows]
-    return DrivePairs(before, samples.F_ior_arcsec, joint[:, solved], tuple(drives), certificate=proof)
+    return DrivePairs(
+        before_arcsec=before,
+        after_arcsec=samples.F_ior_arcsec,
+        weights=joint[:, solved],
+        drives=tuple(drives),
+        certificate=proof,
+    )
 
 
 def _no_figures(_drive: Drive) -> tuple[dict[str, float], Certificate]:
@@ -436,7 +473,7 @@ def compare_drives(drives: Sequence[Drive], *, draws: int = EFFECTIVE_SAMPLES, r
     answers = [drive_changes(first, other, pairs=min(draws, _DRAWN_PAIRS), run=run) for other in others]
     changes, proofs = zip(*answers, strict=True)
     proof = sum(proofs, sum((sheet.certificate for sheet in sheets), EMPTY))
-    return DrivesComparison(sheets, differing_rows(drives), changes, proof)
+    return DrivesComparison(sheets=sheets, differing=differing_rows(drives), changes=changes, certificate=proof)
 
 
 def drive_changes(
@@ -452,7 +489,8 @@ def drive_changes(
     loads = [checked.drive.operation.M_g for checked in (first, second)]
     same = not differing and loads[0] == loads[1] and evidence_of(first.drive) == evidence_of(second.drive)
     sampled_pairs = drawn_pairs(first, second, same=same, count=pairs, run=run)
-    proof, drives = sampled_pairs.certificate, sampled_pairs.drives[:_SINGLE_PAIRS]
+    proof = sampled_pairs.certificate
+    drives = sampled_pairs.drives[:_SINGLE_PAIRS]
     # bounds of what is unknown hang on other fields
     open_ = [field.path for field in prior_of(second.drive).fields]
     moved = [path for path in open_ if any(one.value(path) != other.value(path) for one, other in drives)]
@@ -493,18 +531,19 @@ def drive_changes(
     single = largest_first(screened[:_REPORTED_FIELDS], len(drives))
     undrawn = any(point.F_ior_arcsec is None for point in (*first.points, *second.points))
     rows, columns = np.nonzero(sampled_pairs.weights)
+    is_unknown = undrawn and not same
     changes = DriveChanges(
-        len(sampled_pairs.drives),
-        (UNKNOWN,) * len(first.points) if undrawn and not same else sampled_pairs.senses(),
-        (None,) * len(first.points) if undrawn and not same else sampled_pairs.probabilities_less(),
-        ErrorChange.of(
+        pairs=len(sampled_pairs.drives),
+        F_ior_is=tuple(UNKNOWN for _ in first.points) if is_unknown else sampled_pairs.senses(),
+        probability_better=tuple(None for _ in first.points) if is_unknown else sampled_pairs.probabilities_less(),
+        together=ErrorChange.of(
             "",
             sampled_pairs.before_arcsec[rows],
             sampled_pairs.after_arcsec[columns],
             sampled_pairs.weights[rows, columns],
         ),
-        tuple(single),
-        tuple(path for path in paths if path not in screened),
+        single=tuple(single),
+        not_alone=tuple(path for path in paths if path not in screened),
     )
     return changes, proof
 

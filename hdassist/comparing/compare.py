@@ -109,8 +109,12 @@ class _Conclusion:
 
 def _explanation(fit: VectorFit, base: VectorFit, fitter: VectorFitter) -> Explanation:
     """A fit in terms of the preset; states are not solved beyond the fit itself."""
-    record, drive, unknowns, more = fitter.record, fitter.drive, len(fit.free), len(fit.free) - len(base.free)
-    freedom, before = record.freedom(unknowns), base.chi_square - record.freedom(len(base.free))
+    record = fitter.record
+    drive = fitter.drive
+    unknowns = len(fit.free)
+    more = len(fit.free) - len(base.free)
+    freedom = record.freedom(unknowns)
+    before = base.chi_square - record.freedom(len(base.free))
     excess = max(1.0, fit.chi_square / freedom)
     changes = [change for i in range(len(fit.fitted)) if (change := _change(fit, i, excess * fit.covariance, drive))]
     names = _not_told_apart(fit)
@@ -140,20 +144,30 @@ def _polar(fit: VectorFit, i: int) -> Array:
 
 def _change(fit: VectorFit, i: int, covariance: Array, drive: Drive) -> VectorChange | None:
     """New value of the fitted vector i; None where its size is not identifiable."""
-    k, axes = fit.fitted[i], _polar(fit, i)
-    vector, (size, direction) = VECTORS[k], size_and_direction(drive, fit.vectors, k)
+    k = fit.fitted[i]
+    axes = _polar(fit, i)
+    vector = VECTORS[k]
+    size, direction = size_and_direction(drive, fit.vectors, k)
     blind = ((axes @ fit.unidentifiable) ** 2).sum(axis=1) > _BLIND_SHARE
     if blind[0]:
         return None
     along, across = (float(np.sqrt(axis @ covariance @ axis)) * float(VECTOR_UNITS[k]) for axis in axes)
     turn = float(np.degrees(across / size)) if size else np.inf
-    angles = (None, None) if blind[1] or turn > _VAGUE_DIRECTION else (direction, turn / vector.order)
-    return VectorChange(vector.size, size, along, vector.direction, *angles)
+    has_direction = not blind[1] and turn <= _VAGUE_DIRECTION
+    return VectorChange(
+        size=vector.size,
+        size_um=size,
+        size_uncertainty_um=along,
+        direction=vector.direction,
+        direction_deg=direction if has_direction else None,
+        direction_uncertainty_deg=turn / vector.order if has_direction else None,
+    )
 
 
 def _overrides(fit: VectorFit, changes: Sequence[VectorChange], drive: Drive) -> tuple[str, ...]:
     """New values, rounded to a tenth of the uncertainty or less; empty where the preset does not allow one of them."""
-    changed, texts = with_vectors(drive, fit.vectors, fit.fitted), []
+    changed = with_vectors(drive, fit.vectors, fit.fitted)
+    texts = []
     for new in changes:
         spreads = {new.size: new.size_uncertainty_um, new.direction: new.direction_uncertainty_deg}
         for path, uncertainty in spreads.items():
@@ -217,15 +231,21 @@ class _RecordReader:
     """
 
     def __init__(self, measurement: Measurement, drive: Drive, M_g: float, asked: Alignment, run: Run = Run()) -> None:
-        self.measurement, self.drive, self.torus = measurement, drive, ErrorWaves(drive, M_g, run)
+        self.measurement = measurement
+        self.drive = drive
+        self.torus = ErrorWaves(drive, M_g, run)
         self._doubt = partial(doubtful_waves, M_g=M_g, torus=self.torus, run=run)
         self._changes = self._doubt(drive)
-        self._orders = RecordedOrders(measurement.directions[0], self.torus, Kinematics.of(drive), asked)
+        self._orders = RecordedOrders(
+            sweep=measurement.directions[0], torus=self.torus, kinematics=Kinematics.of(drive), alignment=asked
+        )
 
     def fitted(self, asked: Alignment) -> tuple[VectorFitter, VectorFit]:
         """The fit of start and zero, as far as they are free, where the file counts so."""
         record = self._orders.read_as(asked.of_file(self.measurement.trace, Kinematics.of(self.drive)))
-        return VectorFitter(self.drive, record, self.torus, self._doubt, asked.fitted).doubted(self._changes)
+        return VectorFitter(
+            drive=self.drive, record=record, torus=self.torus, doubt=self._doubt, angles=asked.fitted
+        ).doubted(self._changes)
 
     def mirrored(self, asked: Alignment, base: VectorFit) -> tuple[_MirroredFile, VectorFit] | None:
         """The best of all other ways to count, and its fit; None where it is not clearly better than that of base."""
@@ -242,7 +262,7 @@ def mirrored_reading(measurement: Measurement, drive: Drive, M_g: float, asked: 
 
     Raises UsageError for rolling balls, UntrustedError where a state cannot be trusted.
     """
-    reader = _RecordReader(measurement, drive, M_g, asked, UNCHECKED)
+    reader = _RecordReader(measurement=measurement, drive=drive, M_g=M_g, asked=asked, run=UNCHECKED)
     fitter, base = reader.fitted(asked)
     if _explanation(base, base, fitter).sufficient:
         return None
@@ -331,9 +351,11 @@ def compare(measurement: Measurement, drive: Drive, M_g: float, *, asked: Alignm
     errors whose size is not known.
     """
     measurement.trace.require_known_scale()
-    sweep, reader = measurement.directions[0], _RecordReader(measurement, drive, M_g, asked, run)
+    sweep = measurement.directions[0]
+    reader = _RecordReader(measurement=measurement, drive=drive, M_g=M_g, asked=asked, run=run)
     fitter, base = reader.fitted(asked)
-    record, unchanged = fitter.record, _explanation(base, base, fitter)
+    record = fitter.record
+    unchanged = _explanation(base, base, fitter)
     mirrored = None if unchanged.sufficient else reader.mirrored(asked, base)
     singles, joint, mirror = _explanations(fitter, base, unchanged, mirrored)
 
@@ -387,7 +409,8 @@ def _explanations(
     fits = [fitter.refined(fit) if fit.chi_square <= good else fit for fit in fits]
     best = int(np.argmin([fit.chi_square for fit in fits]))
     fits[best] = fitter.with_shift(fitter.profiled(fits[best]))
-    singles, least = [_explanation(fit, base, fitter) for fit in fits], min(fit.chi_square for fit in fits)
+    singles = [_explanation(fit, base, fitter) for fit in fits]
+    least = min(fit.chi_square for fit in fits)
     if other.chi_square > least:
         mirror = None
     if _conclude(unchanged, singles, None, mirrored=mirror is not None).kind in ("agrees", "mirrored"):
@@ -400,12 +423,14 @@ def _solved(explained: Explanation, fitter: VectorFitter, solved: SolvedStates, 
     """An explanation with its F'_ior and, where curve, with its residual within the orders, from solved states."""
     if not explained.overrides:
         return explained
-    record, values = fitter.record, (text.split("=") for text in explained.overrides)
+    record = fitter.record
+    values = (text.split("=") for text in explained.overrides)
     changed = fitter.drive.with_values({path: float(value) for path, value in values})
     explained = replace(explained, F_ior_arcsec=solved.F_ior(changed))
     if not curve:
         return explained
-    bins, fit = record.sweep.bins, record.sweep.fit
+    bins = record.sweep.bins
+    fit = record.sweep.fit
     coefficients, _ = fit.design.fitted(solved.curve(changed, bins.turns, explained.alignment))
     residual = record.measured - coefficients[: len(record.measured)]
     pairs = sorted(record.pairs(residual, residual), key=lambda pair: -pair.difference.amplitude_arcsec)

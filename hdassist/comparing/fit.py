@@ -106,7 +106,8 @@ class VectorFitter:
 
         changes: of the drive's waves, shape (changes, waves).
         """
-        fitter, fit = self, self.base()
+        fitter = self
+        fit = self.base()
         for _ in range(_DOUBT_ROUNDS if any(self.angles) else 1):
             fitter = self._doubted_at(fit, changes)
             fit = fitter.base()
@@ -155,7 +156,8 @@ class VectorFitter:
         step = float(np.sqrt(fit.covariance[start, start]))
         if step < _PROFILE_LEAST:
             return fit
-        held, along = replace(self, angles=(False, False)), np.arange(2 * COUNT + 2) == 2 * COUNT
+        held = replace(self, angles=(False, False))
+        along = np.arange(2 * COUNT + 2) == 2 * COUNT
         profile = [held._descend(fit.unknowns, fit.fitted, SLOPE_WAVE_POINTS)]
         for way in (step, -step):
             last = profile[0]
@@ -214,13 +216,21 @@ class VectorFitter:
             for share in _STEP_SHARES:
                 tried = self._residual(unknowns + share * step, fitted, points)
                 if tried[0] @ tried[0] < before:
-                    unknowns, (residual, waves) = unknowns + share * step, tried
+                    unknowns = unknowns + share * step
+                    residual, waves = tried
                     break
             if before - float(residual @ residual) < max(_SMALLEST_GAIN, _SMALLEST_GAIN_SHARE * before):
                 break
         _, directions, others, sizes = self._linearized(unknowns, fitted, waves)
         covariance = np.asarray((directions / sizes**2) @ directions.T)  # (16), shape (f, f)
-        return VectorFit(unknowns, fitted, free, float(residual @ residual), others, covariance)
+        return VectorFit(
+            unknowns=unknowns,
+            fitted=fitted,
+            free=free,
+            chi_square=float(residual @ residual),
+            unidentifiable=others,
+            covariance=covariance,
+        )
 
     def _residual(self, unknowns: Array, fitted: Sequence[int], points: int) -> tuple[Array, Complex]:
         """Whitened residual y of (13), shape (2 orders,), and the waves, shape (waves,)."""
@@ -242,7 +252,8 @@ class VectorFitter:
 
         To begin elsewhere is to turn all vectors of a wheel, which is possible where each of them is free or 0.
         """
-        free, vectors = self._free(fitted), _complex_of(unknowns)
+        free = self._free(fitted)
+        vectors = _complex_of(unknowns)
         if not any(self.angles):
             return np.zeros((len(free), 0))
         pinned = (vectors != 0) & ~np.isin(np.arange(COUNT), fitted)
@@ -264,7 +275,8 @@ class VectorFitter:
 
         Shapes: (2 orders, f), (f, i), (f, f - i), (i,).
         """
-        jacobian, gauges = self._jacobian(unknowns, fitted, waves), self._gauges(unknowns, fitted)
+        jacobian = self._jacobian(unknowns, fitted, waves)
+        gauges = self._gauges(unknowns, fitted)
         others = null_space(gauges.T) if gauges.shape[1] else np.eye(len(gauges))
         _, sizes, directions = np.linalg.svd(jacobian @ others, full_matrices=False)  # J = U s V'
         blind = max(_LEAST_BLIND, _BLIND * float(np.abs(vectors_of(self.drive)).max()))

@@ -55,7 +55,8 @@ def vectors_of(drive: Drive) -> Complex:
 
 def size_and_direction(drive: Drive, vectors: Complex, k: int) -> tuple[float, float]:
     """Size [um] and direction [deg] of one of vectors, shape (vectors,), in the turn nearest to that of the drive."""
-    near, turn = drive.number(VECTORS[k].direction), 360 / VECTORS[k].order
+    near = drive.number(VECTORS[k].direction)
+    turn = 360 / VECTORS[k].order
     away = float(np.degrees(np.angle(vectors[k]))) / VECTORS[k].order - near
     return float(abs(vectors[k]) * VECTOR_UNITS[k]), near + (away + turn / 2) % turn - turn / 2
 
@@ -112,7 +113,8 @@ def _single_tooth_waves(drive: Drive, torus: ErrorWaves) -> list[Complex]:
         orders = [d for d in DEVIATIONS if d.kind == "pitch" and d.part == wheel and d.direction in high]
         if not orders:
             continue
-        size, given = orders[0].size, drive.value(orders[0].size)
+        size = orders[0].size
+        given = drive.value(orders[0].size)
         # root mean square of sizes that are evenly likely; or a given one, which the drive has at phases of 0
         f_p = high[size] / sqrt(3) if given is None else sqrt(2) * given
         smooth, rough = torus.waves([drive.with_values({size: value}) for value in (0.0, f_p)])
@@ -189,18 +191,22 @@ class RecordedOrders:
     """
 
     def __init__(self, sweep: SweepResult, torus: ErrorWaves, kinematics: Kinematics, alignment: Alignment) -> None:
-        self.sweep, self.alignment, design = sweep, alignment, sweep.fit.design
+        self.sweep = sweep
+        self.alignment = alignment
+        design = sweep.fit.design
         self.measured: Array = sweep.fit.coefficients
         floor = (EXACT * sweep.range.value) ** 2
         self._noise: Array = sweep.fit.covariance() + floor * np.eye(len(self.measured))
-        self.covariance, self._root = self._noise, np.linalg.cholesky(self._noise)
+        self._root = np.linalg.cholesky(self._noise)
+        self.covariance = self._noise
         rates = np.array([kinematics.teeth_fixed / z for z in (kinematics.z_g, kinematics.z_b)])
         starts = [1.0, 0.0] if kinematics.fixed == "rigid" else [0.0, 1.0]
         self.turns = np.stack([starts, -rates], axis=1)
         self._turning = self.turns.T @ [torus.k_g, torus.k_b]  # of each wave with start and zero, shape (2, waves)
         order = -self._turning[1]  # how often each wave goes by in a cam turn, shape (waves,)
         both = design.project(lambda rows: order_columns(design.bins.turns[rows], order))[: len(self.measured)]
-        self._cosine, self._sine = both[:, : len(order)].T, both[:, len(order) :].T
+        self._cosine = both[:, : len(order)].T
+        self._sine = both[:, len(order) :].T
         self._scanned: dict[tuple[bytes, ...], tuple[Array, Array]] = {}  # parts of predictions, of all ways to count
 
     def read_as(self, alignment: Alignment) -> RecordedOrders:
@@ -249,17 +255,28 @@ class RecordedOrders:
 
     def pairs(self, predicted: Array, difference: Array) -> tuple[OrderPair, ...]:
         """Each order beside predicted coefficients and the difference of both [arcsec], shape (2 orders,) each."""
-        pairs, exact = [], EXACT * self.sweep.range.value
+        pairs = []
+        exact = EXACT * self.sweep.range.value
         for k, order in enumerate(self.sweep.orders):
             own = [k, k + len(self.sweep.orders)]
-            along, block, size = difference[own], self.covariance[np.ix_(own, own)], float(np.hypot(*difference[own]))
+            along = difference[own]
+            block = self.covariance[np.ix_(own, own)]
+            size = float(np.hypot(*difference[own]))
             # the phase of a difference that is none is rounding alone: then the greatest over all phases
             variance = along @ block @ along / size**2 if size > exact else np.linalg.eigvalsh(block)[-1]
             wave = complex(*predicted[own])  # amplitude, and less the phase
             prediction = OrderAmplitude(abs(wave), phase_deg=float(np.degrees(np.angle(wave.conjugate()))))
             measured = OrderAmplitude(order.amplitude_arcsec, order.uncertainty_arcsec, order.phase_deg)
             apart = OrderAmplitude(size, float(np.sqrt(variance)))
-            pairs.append(OrderPair(order.per_cam_rev, order.cause, measured, prediction, apart))
+            pairs.append(
+                OrderPair(
+                    per_cam_rev=order.per_cam_rev,
+                    cause=order.cause,
+                    measured=measured,
+                    predicted=prediction,
+                    difference=apart,
+                )
+            )
         return tuple(pairs)
 
     def scan(self, waves: Complex, angles: Array) -> tuple[Array, float]:

@@ -52,7 +52,8 @@ _SOLVED_DRIVES = 8  # whose whole cycle is solved, for the part that lines leave
 _SOLVED_A_POSITION = 2  # of these in each position of the fixed wheel
 PHASORS = CorrectionForm(None)  # as many as are enough
 _ENOUGH = 1.1  # times the smallest residual of correction terms: fewer terms are sufficient up to this residual
-IN_PLACE, TURN_LOST = "in place", "turn lost"
+IN_PLACE = "in place"
+TURN_LOST = "turn lost"
 _ZERO_OFF_DEG = (1.0, 10.0)  # of the cam
 _LOST_TURNS = 9  # counts of lost turns that are looked at, at most
 _STRONG_LINES = 3  # that are named
@@ -209,7 +210,8 @@ def correct(
     draws: drives as this one may be, 0 for the preset's own numbers alone. Raises UsageError for rolling balls,
     UntrustedError as `check` does, and as agreeing_drives does.
     """
-    records, prior = records or {}, prior_of(drive)
+    records = records or {}
+    prior = prior_of(drive)
     if any(record.is_part for record in records.values()):
         if any(record.scale_uncertainty for record in records.values()):
             words = (
@@ -253,10 +255,12 @@ def correction_of(
     """
     torques = drive.operation.M_g
     alike = misfit is not None or len(drives) == 1
-    errors, certificate = {}, samples.certificate if samples else EMPTY
+    errors = {}
+    certificate = samples.certificate if samples else EMPTY
     for k, M_g in enumerate(torques):
         sampled = None if F_ior_arcsec is None else F_ior_arcsec[:, k]
-        record, found = records.get(M_g), _loaded_error(drive, M_g, drives, run, alike=alike, F_ior_arcsec=sampled)
+        record = records.get(M_g)
+        found = _loaded_error(drive, M_g, drives, run, alike=alike, F_ior_arcsec=sampled)
         certificate += found.lines.certificate
         if record and not record.is_part:
             found = _recorded_belief(found.lines, record, run)
@@ -312,9 +316,19 @@ def _fitted_correction(
     kept = [M_g for M_g, left in in_place if M_g == torques[0] or left.p95 < left.uncorrected_p50]
     corrections = {M_g: _exported(chosen, errors, M_g, name) for M_g in kept}
     return Correction(
-        drive, errors, _error_parts(errors), residuals, chosen, corrections, halving,
-        phasors, records, misfit, samples, certificate,
-    )  # fmt: skip
+        drive=drive,
+        errors=errors,
+        parts=_error_parts(errors),
+        forms=residuals,
+        chosen=chosen,
+        corrections=corrections,
+        fewest_points=halving,
+        phasors=phasors,
+        records=records,
+        misfit=misfit,
+        samples=samples,
+        certificate=certificate,
+    )
 
 
 def _loaded_error(
@@ -343,7 +357,8 @@ def _loaded_error(
     """
     lines = error_lines(drive, M_g, drives, run)
     rows = np.linspace(0, len(drives), 1 if alike else min(solved, len(drives)), endpoint=False).astype(int)
-    cycles, proof = [], lines.certificate
+    cycles = []
+    proof = lines.certificate
     for row in rows.tolist():
         cycle, of_cycle = solved_error(drive.with_values(drives[row]), M_g, run)
         cycles.append(cycle)
@@ -377,7 +392,8 @@ def _enough_phasors(left_arcsec: Mapping[int, float]) -> int:
 
 def _exported(chosen: FormResiduals, errors: _ErrorsByTorque, M_g: float, preset: str) -> CorrectionTable | Phasors:
     """The correction of a form for a torque, and its uncertainty; tables have the opposite torque's too."""
-    form, lines = chosen.form, errors[M_g].lines
+    form = chosen.form
+    lines = errors[M_g].lines
     found = replace(form.fitted(lines.mean, M_g), preset=preset, promised=chosen.residuals)
     if isinstance(found, Phasors):
         found = replace(found, amplitude_arcsec=found.amplitude_arcsec[0], phase_deg=found.phase_deg[0])
@@ -421,7 +437,8 @@ def ranges_left(
     Argument: turns of the cam that its zero is off. The part that lines do not have stays, and adds in squares.
     """
     kinematics = error.lines.kinematics
-    taken, places = correction_curve(correction, kinematics), np.arange(error.actual.shape[1]) / error.actual.shape[1]
+    taken = correction_curve(correction, kinematics)
+    places = np.arange(error.actual.shape[1]) / error.actual.shape[1]
     shifts = [off / kinematics.cycle_cam_revolutions for off in off_turns]
     left = [error.range_of(error.actual - between_points(taken, places + shift)) for shift in shifts]
     return np.asarray(np.hypot(left, error.beyond * error.ranges))
@@ -433,7 +450,9 @@ def correction_curve(correction: CorrectionTable | Phasors, kinematics: Kinemati
     if isinstance(correction, CorrectionTable):
         return correction.error_at(np.arange(POINTS_A_TURN * turns) / POINTS_A_TURN)
     per_cycle = np.rint(correction.per_cam_turn * turns).astype(np.int64)
-    return ErrorLines(kinematics, per_cycle, np.atleast_2d(correction.vectors), EMPTY).curves
+    return ErrorLines(
+        kinematics=kinematics, per_cycle=per_cycle, amplitude=np.atleast_2d(correction.vectors), certificate=EMPTY
+    ).curves
 
 
 def _ranges_by_points(turn: RepeatTurn | None, error: _LoadedError, *, together: bool = False) -> dict[int, float]:
@@ -457,7 +476,8 @@ def _error_parts(errors: _ErrorsByTorque) -> tuple[ErrorPart, ...]:
         apart = [np.ptp(errors[M_g].actual - errors[design].actual, axis=1) for M_g in others]
         return [ErrorPart(name, *percentiles(np.max(apart, axis=0)))] if others else []
 
-    slow, with_cam = order == 0, np.abs(beats) < 1e-6
+    slow = order == 0
+    with_cam = np.abs(beats) < 1e-6
     return (
         part("with the cam", ~slow & with_cam),
         part("beats", ~slow & ~with_cam),
@@ -484,7 +504,9 @@ def correction_alone(
     Raises UsageError for a table over the output turn without output_turns, and for angles of the output with another
     form than a table over the input; UntrustedError for another form from less than the full cycle.
     """
-    trace, sweep, gearing = found.trace, found.directions[0], found.gearing
+    trace = found.trace
+    sweep = found.directions[0]
+    gearing = found.gearing
     way = output_turns or {1: "with", -1: "against"}.get(trace.sense)
     is_over_input = form.turn in ("cam", "half-cam")
     is_by_output = trace.angle_of == "output"
@@ -508,7 +530,12 @@ def correction_alone(
     kinematics = Kinematics(moving, moving + 2, "rigid")
     if way == "with":
         kinematics = Kinematics(moving - 2, moving, "flexspline")
-    none_known = ErrorLines(kinematics, np.zeros(0, dtype=np.int64), np.zeros((1, 0), dtype=complex), EMPTY)
+    none_known = ErrorLines(
+        kinematics=kinematics,
+        per_cycle=np.zeros(0, dtype=np.int64),
+        amplitude=np.zeros((1, 0), dtype=complex),
+        certificate=EMPTY,
+    )
     record = recorded_error(found, kinematics, asked)
     if is_drawn:
         record = replace(record, is_part=True)
@@ -546,7 +573,8 @@ def verify(result: Correction, record: RecordedError, run: Run) -> VerifiedCorre
     The interval of the measured residual covers the uncertainty from noise. The verdict is PASS if the interval is
     within the predicted residual at 95 %, and FAIL if no part of the interval is.
     """
-    promised, error = result.chosen.residuals[0], result.errors[result.M_g]
+    promised = result.chosen.residuals[0]
+    error = result.errors[result.M_g]
     lines = recorded_lines(error.lines, record, run)
     F_ior_arcsec = float(np.ptp(lines.mean.curves))
     *_, most = percentiles(np.ptp(lines.curves, axis=1))  # what noise leaves open added, which may have added before
@@ -560,7 +588,15 @@ def verify(result: Correction, record: RecordedError, run: Run) -> VerifiedCorre
     parts = [_error_parts({result.M_g: replace(error, lines=each)}) for each in (left, lines)]
     promised_parts, parts_that_came = ((), ()) if record.is_part else parts
     cause = _likely_cause(error.actual.mean(axis=0), taken, record, lines) if verdict is Verdict.FAIL else ""
-    return VerifiedCorrection(F_ior_arcsec, (low, high), promised, promised_parts, parts_that_came, cause, verdict)
+    return VerifiedCorrection(
+        F_ior_arcsec=F_ior_arcsec,
+        interval_arcsec=(low, high),
+        promised=promised,
+        promised_parts=promised_parts,
+        parts=parts_that_came,
+        cause=cause,
+        verdict=verdict,
+    )
 
 
 def _likely_cause(before: Array, taken: Array, record: RecordedError, lines: ErrorLines) -> str:
@@ -569,7 +605,8 @@ def _likely_cause(before: Array, taken: Array, record: RecordedError, lines: Err
     Arguments: error before and correction [arcsec] over the full cycle, shape (points,) each. The square of before less
     after less the correction is least where their correlation is greatest.
     """
-    count, points = len(taken), record.points(lines)
+    count = len(taken)
+    points = record.points(lines)
     applied = before[points] + record.error_arcsec  # F_kpp is the opposite of the actual error
     applied -= applied.mean()
 
@@ -577,7 +614,8 @@ def _likely_cause(before: Array, taken: Array, record: RecordedError, lines: Err
         """Sum over readings by the points that the zero is off, shape (points,)."""
         return np.fft.irfft(np.conj(np.fft.rfft(np.bincount(points, read, count))) * np.fft.rfft(curve), count)
 
-    product, power = correlation(applied, taken), correlation(np.ones(len(points)), taken**2)
+    product = correlation(applied, taken)
+    power = correlation(np.ones(len(points)), taken**2)
     left = applied @ applied + np.stack([power - 2 * product, power + 2 * product, 0 * power])  # as it is, flipped, off
     if left.min() > _EXPLAINED_RMS_SHARE**2 * left[0, 0]:
         return ""
@@ -588,10 +626,14 @@ def _likely_cause(before: Array, taken: Array, record: RecordedError, lines: Err
     off_deg = 360 * (off_turns - turns)
     if way == 2:
         return "the correction is not on"
-    found = ["its sign is flipped"] * (way == 1)
-    found += [f"its zero is off by {abs(off_deg):.0f}° of the input"] * (abs(off_deg) > _IN_ZERO_DEG)
-    found += [f"{abs(turns)} input revolutions are lost"] * bool(turns)
-    return ", ".join(found)
+    causes = []
+    if way == 1:
+        causes.append("its sign is flipped")
+    if abs(off_deg) > _IN_ZERO_DEG:
+        causes.append(f"its zero is off by {abs(off_deg):.0f}° of the input")
+    if turns:
+        causes.append(f"{abs(turns)} input revolutions are lost")
+    return ", ".join(causes)
 
 
 # What a correction leaves in each position of the fixed wheel
@@ -604,12 +646,16 @@ def advice_corrected(advice: Advice, form: CorrectionForm, draws: int, run: Run)
     samples of the advice. The error of each drive is that of its own lines there, as if it were recorded in that
     position, with all that these lines do not have.
     """
-    drive, found, drives = advice.drive, advice.decision, [dict[str, float]()]
+    drive = advice.drive
+    found = advice.decision
+    drives = [dict[str, float]()]
     if found.all_alike:
         return advice
     if found.is_sampled and advice.samples:
         drives = advice.samples.of_ranges.equal_drives(draws)
-    every, proof, left = sorted({0.0, *found.rotations_deg}), EMPTY, []
+    every = sorted({0.0, *found.rotations_deg})
+    proof = EMPTY
+    left = []
     for rotation_deg in every:
         changes = [
             values | {path: values.get(path, drive.number(path)) + rotation_deg for path in carried(drive)}
@@ -621,8 +667,16 @@ def advice_corrected(advice: Advice, form: CorrectionForm, draws: int, run: Run)
             left.append(ranges_left(form.fitted(error.lines, M_g), error)[0])
     arcsec = np.reshape(left, (len(every), -1, len(drives))).transpose(1, 2, 0)  # (torques, drives, positions)
     columns = [every.index(each) for each in found.rotations_deg]
-    ones, now = np.ones(len(drives)), arcsec[..., every.index(0.0)]
-    decision = Decision(found.rotations_deg, arcsec[..., columns], now, ones, (), found.cost)
+    ones = np.ones(len(drives))
+    now = arcsec[..., every.index(0.0)]
+    decision = Decision(
+        rotations_deg=found.rotations_deg,
+        F_ior_arcsec=arcsec[..., columns],
+        now_arcsec=now,
+        sample_weights=ones,
+        room_arcsec=(),
+        cost=found.cost,
+    )
     curve = advice.curve and replace(advice.curve, certificate=advice.curve.certificate + proof)
     advice = replace(advice, curve=curve, compensated=(form.name, decision))
     return advice if decision.word(advice.sure) == "ANY_HOLE" else replace(advice, decision=decision, value=None)

@@ -162,14 +162,14 @@ class CorrectionForm:
     def name(self) -> str:
         """Words for it."""
         kind = f"{self.turn} turn, {self.points} points" if self.turn else f"{self.points} phasors"
-        return kind + ", each load" * self.each_load
+        return f"{kind}, each load" if self.each_load else kind
 
     def fitted(self, lines: ErrorLines, M_g: float) -> CorrectionTable | Phasors:
         """Corrections of drives at a torque M_g [N*m], in the first axis of their values, from the lines there."""
         if self.turn is None:
             return phasors_of(lines, M_g, self.points)
         values = table_values(lines, self.turn, self.points)
-        return CorrectionTable(self.turn, values, lines.kinematics.u, M_g)
+        return CorrectionTable(turn=self.turn, error_arcsec=values, u=lines.kinematics.u, M_g=M_g)
 
 
 USUAL_TABLES = (
@@ -223,7 +223,8 @@ def table_values(lines: ErrorLines, turn: RepeatTurn, points: int) -> Array:
 
 def line_orders(lines: ErrorLines) -> tuple[Array, Array, Array]:
     """How often each line comes in a turn of the output, and the order of the cam and beats nearest to that."""
-    cam_turns, ratio = lines.kinematics.cycle_cam_revolutions, abs(lines.kinematics.u)
+    cam_turns = lines.kinematics.cycle_cam_revolutions
+    ratio = abs(lines.kinematics.u)
     per_output = lines.per_cycle * ratio / cam_turns
     order = np.rint(lines.per_cycle / cam_turns)
     return per_output, order, per_output - order * ratio
@@ -233,6 +234,13 @@ def phasors_of(lines: ErrorLines, M_g: float, number: int) -> Phasors:
     """So many of the strongest lines of errors at a torque M_g [N*m], over all drives, rising."""
     power = (np.abs(lines.amplitude) ** 2).mean(axis=0)
     kept = np.sort(np.argsort(-power, kind="stable")[:number])
-    amplitude, per_cam = -lines.amplitude[:, kept], lines.per_cycle[kept] / lines.kinematics.cycle_cam_revolutions
+    amplitude = -lines.amplitude[:, kept]
+    per_cam = lines.per_cycle[kept] / lines.kinematics.cycle_cam_revolutions
     per_output = line_orders(lines)[0][kept]
-    return Phasors(per_output, per_cam, np.abs(amplitude), np.degrees(np.angle(amplitude)), M_g)
+    return Phasors(
+        per_output_turn=per_output,
+        per_cam_turn=per_cam,
+        amplitude_arcsec=np.abs(amplitude),
+        phase_deg=np.degrees(np.angle(amplitude)),
+        M_g=M_g,
+    )

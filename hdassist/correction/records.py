@@ -50,12 +50,15 @@ _LEAST_CHANCE = 0.05  # that noise is less than it counts as for what is lost
 _PEAK_CHANCE = 0.01  # that noise alone has a reading which counts as a peak of the error
 _ALL_HIDDEN = 0.5  # share of drives of whose error noise hides less than it may, from none of that upwards
 _MEDIAN_DEVIATION = 0.6745  # of a normal number
-_SIZE_STEP, _SIZE_ROUNDS = 4.0, 50  # of mean squares of lines
+_SIZE_STEP = 4.0  # of mean squares of lines
+_SIZE_ROUNDS = 50  # of mean squares of lines
 _LEAST_POWER = 1e-12  # arcsec^2
-_FIRST_MISFIT, _MOST_MISFIT = 0.1, 0.15  # of the error, root mean square
+_FIRST_MISFIT = 0.1  # of the error, root mean square
+_MOST_MISFIT = 0.15  # of the error, root mean square
 _MISFIT_CHANCE = 0.05  # that a misfit is more than its bound
 # drives with open fields alone drawn, as many with all; the likeliest, from which fits begin until one shows the record
-SEARCHED, _STARTS = 128, 10
+SEARCHED = 128
+_STARTS = 10
 _SHOWN = 0.05  # of the error, root mean square: lines that leave less of a record show it
 _FITS = 2  # the second by the misfit of the first, and with what lines leave of its drive's solved cycle
 _MISFITS_A_TURN = 24  # of the cam: independent numbers of a misfit of orders up to 12
@@ -93,8 +96,10 @@ class RecordedError:
         So a correction has no leap where the output never comes, and no bend at the ends. fitted: of each reading.
         """
         order = np.argsort(self.cam_turns, kind="stable")
-        turns, error = self.cam_turns[order], self.error_arcsec[order]
-        first, span = float(turns[0]), float(np.ptp(turns))
+        turns = self.cam_turns[order]
+        error = self.error_arcsec[order]
+        first = float(turns[0])
+        span = float(np.ptp(turns))
         whole = _whole_turns(span, kinematics)
         beyond = np.arange(span, whole, span / len(turns))[1:]
         share = (1 + np.cos(np.pi * (beyond - span) / max(whole - span, 1e-12))) / 2  # of the last end
@@ -105,7 +110,8 @@ class RecordedError:
             return np.asarray(even + 2 * np.exp(-((away / _BEND_TURNS) ** 2)) * (fitted[order][end] - even))
 
         found = share * mirrored(beyond - span, -1) + (1 - share) * mirrored(whole - beyond, 0)
-        turns, error = np.append(turns, first + beyond), np.append(error, found)
+        turns = np.append(turns, first + beyond)
+        error = np.append(error, found)
         repeats = max(1, round(kinematics.cycle_cam_revolutions / whole))
         again = np.arange(repeats)[:, None] * whole
         return RecordedError((turns + again).ravel(), np.tile(error, repeats), recorded_turns=(first, first + span))
@@ -113,7 +119,8 @@ class RecordedError:
     def points(self, lines: ErrorLines, finer: int = 1) -> NDArray[np.int64]:
         """Return the nearest points of the curves of lines, or of a grid finer by an integer factor."""
         cycle = lines.kinematics.cycle_cam_revolutions
-        count, places = finer * POINTS_A_TURN * cycle, np.mod(self.cam_turns / cycle, 1)
+        count = finer * POINTS_A_TURN * cycle
+        places = np.mod(self.cam_turns / cycle, 1)
         return np.asarray(np.rint(places * count).astype(np.int64) % count)
 
     def _gaps(self, kinematics: Kinematics) -> tuple[NDArray[np.int64], Array]:
@@ -154,11 +161,18 @@ class RecordedError:
         where there are no readings.
         """
         cycle = kinematics.cycle_cam_revolutions
-        gaps, weights = np.sort(self._gaps(kinematics)[1]), self.weights(kinematics)
+        gaps = np.sort(self._gaps(kinematics)[1])
+        weights = self.weights(kinematics)
         usual = gaps[np.searchsorted(np.cumsum(gaps), _USUAL_GAP * gaps.sum())]
         finest = min(min(round(1 / usual), len(gaps)) // 2 + 1, POINTS_A_TURN * cycle // 2)
-        found = ErrorLines(kinematics, np.arange(1, finest), np.zeros((1, finest - 1), dtype=complex), EMPTY)
-        points, total = self.points(found, _FINER), weights.sum()
+        found = ErrorLines(
+            kinematics=kinematics,
+            per_cycle=np.arange(1, finest),
+            amplitude=np.zeros((1, finest - 1), dtype=complex),
+            certificate=EMPTY,
+        )
+        points = self.points(found, _FINER)
+        total = weights.sum()
         window = np.abs(np.fft.rfft(np.bincount(points, weights, _FINER * POINTS_A_TURN * cycle)))[: 2 * finest]
         alike = window > _IMAGE * total
         apart = int(np.argmin(alike))  # of part of the cycle, neighbours are alike, and no images
@@ -173,7 +187,8 @@ class RecordedError:
             put = np.bincount(points, weights * (left - weights @ left / total), _FINER * POINTS_A_TURN * cycle)
             return np.asarray(np.fft.rfft(put)[often])
 
-        amplitude, left = np.zeros(len(often), dtype=complex), self.error_arcsec
+        amplitude = np.zeros(len(often), dtype=complex)
+        left = self.error_arcsec
         down = way = slope(left)
         power = first = float(np.vdot(down, down).real)
         for _ in range(_ROUNDS):
@@ -182,7 +197,9 @@ class RecordedError:
             curve = self._read(found, way)
             bend = slope(curve)
             size = power / float(np.vdot(way, bend).real)
-            amplitude, down, before = amplitude + size * way, down - size * bend, power
+            amplitude = amplitude + size * way
+            down = down - size * bend
+            before = power
             power = float(np.vdot(down, down).real)
             way = down + power / before * way
         return replace(found, amplitude=amplitude[None])
@@ -202,7 +219,7 @@ def require_sense(measurement: Measurement, drive: Drive, M_g: float, asked: Ali
     if unknowns(drive):
         return
     sweep = measurement.directions[0]
-    asked = replace(asked, fitted=(not sweep.is_bound,) * 2)
+    asked = replace(asked, fitted=(not sweep.is_bound, not sweep.is_bound))
     if mirror := mirrored_reading(measurement, drive, M_g, asked):
         words = f"{measurement.trace.file}: the mirrored recording fits {drive.name} clearly better"
         raise UntrustedError(f"{words}, {mirror.rms_arcsec:.2f}″ rms off", mirror.options)
@@ -214,7 +231,8 @@ def require_fine_counts(measurement: Measurement) -> None:
     Counts at even angles round alike in each revolution. The repetition of a record does not show that, and a
     correction would promise to remove an error that the drive does not have.
     """
-    sweep, trace = measurement.directions[0], measurement.trace
+    sweep = measurement.directions[0]
+    trace = measurement.trace
     if not trace.in_time:
         return
     u = next((source.arcsec for source in sweep.sources if source.name == "resolution"), None) or 0.0
@@ -233,7 +251,8 @@ def recorded_error(measurement: Measurement, kinematics: Kinematics, asked: Alig
 
     Argument: asked, how the file counts.
     """
-    sweep, alignment = measurement.directions[0], asked.of_file(measurement.trace, kinematics)
+    sweep = measurement.directions[0]
+    alignment = asked.of_file(measurement.trace, kinematics)
     found = RecordedError(alignment.sense * sweep.bins.turns, alignment.sign * sweep.fit.error, sweep.is_bound)
     if measurement.is_of_travel and not sweep.is_bound:
         found = found.filled(kinematics, alignment.sign * (sweep.fit.error - sweep.fit.residual))
@@ -269,12 +288,14 @@ def drawn_errors(measurement: Measurement, kinematics: Kinematics, asked: Alignm
     asked: how the file counts.
     Raises UntrustedError for fewer input revolutions than two; DataError for readings that are no recording.
     """
-    sweep, trace = measurement.directions[0], measurement.trace
+    sweep = measurement.directions[0]
+    trace = measurement.trace
     turns = sweep.bins.span
     if turns < _FEWEST_TURNS:
         words = f"{trace.file}: {turns:.2g} input revolutions in its longest sweep"
         raise UntrustedError(words, f"record at least {_FEWEST_TURNS:g} input revolutions for a table over the input")
-    alignment, ratio = asked.of_file(trace, kinematics), abs(kinematics.u)
+    alignment = asked.of_file(trace, kinematics)
+    ratio = abs(kinematics.u)
     cleaned = cleaned_recording(sweep, ratio)
     along = np.lexsort((cleaned.input_rev, cleaned.sweep))  # each sweep in the sense of growing angles
     recording = recording_from_columns(
@@ -292,7 +313,9 @@ def drawn_errors(measurement: Measurement, kinematics: Kinematics, asked: Alignm
     amplitude = np.zeros((RECORDED_DRAWS, len(per_cycle)), dtype=complex)
     np.add.at(amplitude.T, place, (cosines - 1j * sines).T)
     beyond_arcsec = 2 * posterior.line_amplitudes[chosen].sum(axis=1)
-    return _DrawnErrors(ErrorLines(kinematics, per_cycle, amplitude, EMPTY), beyond_arcsec)
+    return _DrawnErrors(
+        ErrorLines(kinematics=kinematics, per_cycle=per_cycle, amplitude=amplitude, certificate=EMPTY), beyond_arcsec
+    )
 
 
 def with_scale_spread(lines: ErrorLines, scale_uncertainty: float, seed: int) -> ErrorLines:
@@ -356,8 +379,10 @@ def recorded_lines(lines: ErrorLines, record: RecordedError, run: Run) -> ErrorL
     readings is known from what no line can follow. Else the power that most lines have counts as noise, and stays open,
     as it may be the error.
     """
-    found, weights = record.lines(lines.kinematics), record.weights(lines.kinematics)
-    often, power = found.per_cycle, np.abs(found.amplitude[0]) ** 2
+    found = record.lines(lines.kinematics)
+    weights = record.weights(lines.kinematics)
+    often = found.per_cycle
+    power = np.abs(found.amplitude[0]) ** 2
     again, variance = record.noise(found)
     is_known = again >= _LEAST_REPEATS
     noise = 4 * variance * float(weights @ weights) if is_known else float(np.median(power)) / np.log(2)
@@ -366,7 +391,8 @@ def recorded_lines(lines: ErrorLines, record: RecordedError, run: Run) -> ErrorL
     wheels = lines.kinematics.z_g, lines.kinematics.z_b
     of_teeth = np.any([often % (lines.kinematics.cycle_states // z) == 0 for z in wheels], axis=0)  # single ones
     kinds = np.isin(often, lines.per_cycle) + 2 * of_teeth
-    share, size = np.empty(len(often)), np.empty(len(often))
+    share = np.empty(len(often))
+    size = np.empty(len(often))
     for kind in np.unique(kinds):
         each = kinds == kind
         share[each], _ = shrunk(power[each], noise)
@@ -395,7 +421,8 @@ def shrunk(power: Array, noise: float) -> tuple[Array, Array]:
     """
     largest = np.log(max(power.max() / noise, 1.0)) / np.log(_SIZE_STEP)
     sizes = noise * np.append(0, _SIZE_STEP ** np.arange(-1, largest + 1))
-    shares, frequency = sizes / (sizes + noise), np.full(len(sizes), 1 / len(sizes))
+    shares = sizes / (sizes + noise)
+    frequency = np.full(len(sizes), 1 / len(sizes))
     likelihood = np.exp(-power[:, None] / (sizes + noise)) / (sizes + noise)
     for _ in range(_SIZE_ROUNDS):
         belief = likelihood * frequency
@@ -424,7 +451,8 @@ def agreeing_drives(
     comparing/fit says how that differs from its own fit. Raises UntrustedError where no drive agrees.
     """
     prior = fitted_prior(drive)
-    fields, turning = prior.fields, np.array([each.is_any_direction for each in prior.fields])
+    fields = prior.fields
+    turning = np.array([each.is_any_direction for each in prior.fields])
     cam_turns = sum(np.ptp(each.cam_turns) for each in records.values())
 
     def values_of(unknowns: Array) -> list[dict[str, float]]:
@@ -446,10 +474,8 @@ def agreeing_drives(
         """A drive's solved cycle without its lines [arcsec], at the readings."""
         found = []
         for M_g, each in records.items():
-            lines, (solved, _) = (
-                error_lines(drive, M_g, [values], run),
-                solved_error(drive.with_values(values), M_g, run),
-            )
+            lines = error_lines(drive, M_g, [values], run)
+            solved, _ = solved_error(drive.with_values(values), M_g, run)
             period = lines.kinematics.cycle_cam_revolutions
             found.append(np.interp(each.cam_turns, solved.cam_turns, solved.apart(lines), period=period))
         return levelled(found)
@@ -461,28 +487,39 @@ def agreeing_drives(
     shares = prior.shares(SEARCHED, run.seed)[:, : len(fields)]
     begun = np.where(turning, shares, np.clip(ndtri(shares), -_LARGEST, _LARGEST))
     begun = np.concatenate([begun * [each.distribution != "normal" for each in fields], begun])
-    read, bounds = levelled(each.error_arcsec for each in records.values()), np.where(turning, np.inf, _LARGEST)
-    misfit, noise, together, beyond = _FIRST_MISFIT, 0.0, len(read) / (_MISFITS_A_TURN * cam_turns), np.zeros(len(read))
+    read = levelled(each.error_arcsec for each in records.values())
+    bounds = np.where(turning, np.inf, _LARGEST)
+    misfit = _FIRST_MISFIT
+    noise = 0.0
+    together = len(read) / (_MISFITS_A_TURN * cam_turns)
+    beyond = np.zeros(len(read))
     unlikely = off(begun).var(axis=1) / (misfit**2 * np.var(read)) * _MISFITS_A_TURN * cam_turns
     unlikely += (begun[:, ~turning] ** 2).sum(axis=1)
     starts = begun[np.argsort(unlikely)[:_STARTS]]
     for _ in range(_FITS):
-        scale, fits = float(np.sqrt(noise + together * misfit**2 * np.var(read))), list[tuple[Any, tuple[Any, ...]]]()
+        scale = float(np.sqrt(noise + together * misfit**2 * np.var(read)))
+        fits: list[tuple[Any, tuple[Any, ...]]] = []
         for start in starts:
             about = start, scale, beyond
             fit = least_squares(
-                lambda unknowns, *about: residuals(unknowns[None], *about)[0], start,
-                bounds=(-bounds, bounds), ftol=1e-3, diff_step=1e-3, args=about,
-            )  # fmt: skip
+                lambda unknowns, *about: residuals(unknowns[None], *about)[0],
+                start,
+                bounds=(-bounds, bounds),
+                ftol=1e-3,
+                diff_step=1e-3,
+                args=about,
+            )
             fits.append((fit, about))
             if np.var(off(fit.x[None]) - beyond) <= _SHOWN**2 * np.var(read):
                 break
         fit, about = min(fits, key=lambda each: float(each[0].cost))
-        best, starts = fit.x, fit.x[None]
+        best = fit.x
+        starts = fit.x[None]
         beyond = beyond_lines(values_of(best[None])[0])
         left = off(best[None])[0] - beyond
         noise = float(np.var(np.diff(left))) / 2  # of a reading: a misfit continues from one to the next
-        excess, independent = max(float(np.var(left)) - noise, 0.0), _MISFITS_A_TURN * cam_turns
+        excess = max(float(np.var(left)) - noise, 0.0)
+        independent = _MISFITS_A_TURN * cam_turns
         # its bound by chi square of independent numbers, and by what noise and a fit to it may hide of it
         bound = excess * independent / chdtri(max(independent - len(best), 2.0), 1 - _MISFIT_CHANCE)
         bound += noise * (float(ndtri(1 - _MISFIT_CHANCE)) / len(read) ** 0.5 + len(best) / len(read))

@@ -21,7 +21,8 @@ from hdassist.model.geometry import Array
 
 _ARCSEC_A_TURN = 1_296_000
 _SIDEREAL_ARCSEC_A_SECOND = 15.041067  # of an hour axis, in a second of the clock; 15 in a sidereal second
-_MOTEUS_BINS, _INT8_MOST = 256, 127
+_MOTEUS_BINS = 256
+_INT8_MOST = 127
 _PEC_SECONDS = (61, 720)  # sidereal, that OnStepX keeps
 _EQMOD_DIGITS = 4
 _TWINCAT_STEPS_A_DEGREE = 10_000
@@ -128,7 +129,8 @@ def stored_table(table: CorrectionTable, controller: ControllerFormat, axis: Con
     if table.other_direction_arcsec is not None and not controller.by_direction:
         raise UsageError(f"invalid table by direction for {controller.name}: expected one for both directions")
     if controller.played is None:
-        step, other = controller.step_arcsec, table.other_direction_arcsec
+        step = controller.step_arcsec
+        other = table.other_direction_arcsec
         other = None if other is None else np.round(other / step) * step
         return replace(table, error_arcsec=np.round(table.error_arcsec / step) * step, other_direction_arcsec=other)
     played = controller.played(table, axis)
@@ -161,7 +163,8 @@ def correction_file(result: Correction, controller: ControllerFormat, axis: Cont
 
 def poor_table(result: Correction, controller: ControllerFormat) -> str:
     """Return a warning about a table that leaves more than half of the error, with a better form; empty for others."""
-    form, (_, left, _) = result.chosen.form, result.chosen.left
+    form = result.chosen.form
+    _, left, _ = result.chosen.left
     if left <= _POOR_SHARE:
         return ""
     words = f"{form_words(form.name)} leave {100 * left:.0f} % of the error"
@@ -261,7 +264,7 @@ def _twincat_nc_played(table: CorrectionTable, axis: ControllerAxis) -> _PlayedC
     """Error taken off at even set-points, straight between."""
     setpoint = _even_setpoints(table, axis)[:-1]
     error = _error_at_setpoint(table, axis, setpoint)
-    return _PlayedCorrection(setpoint - error / 3600, error, 360.0, error)
+    return _PlayedCorrection(reading_deg=setpoint - error / 3600, error_arcsec=error, period_deg=360.0, stored=error)
 
 
 def _twincat_nc(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
@@ -316,11 +319,19 @@ def _moteus_played(table: CorrectionTable, axis: ControllerAxis) -> _PlayedCorre
     scale = float(np.abs(added_turns).max()) or 1.0
     stored = np.rint(added_turns * (_INT8_MOST / scale))
     step_arcsec = scale / _INT8_MOST * _ARCSEC_A_TURN / table.u
-    return _PlayedCorrection(reading, stored * step_arcsec, 360.0, stored.astype(int), scale, is_of_cam=True)
+    return _PlayedCorrection(
+        reading_deg=reading,
+        error_arcsec=stored * step_arcsec,
+        period_deg=360.0,
+        stored=stored.astype(int),
+        scale=scale,
+        is_of_cam=True,
+    )
 
 
 def _moteus(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
-    played, source = _moteus_played(table, axis), f"conf set motor_position.sources.{axis.name}.compensation_"
+    played = _moteus_played(table, axis)
+    source = f"conf set motor_position.sources.{axis.name}.compensation_"
     rows = (f"{source}table.{i} {value}" for i, value in enumerate(played.stored))
     return [*rows, f"{source}scale {played.scale:.9g}", "conf write"]
 
@@ -355,7 +366,9 @@ def _onstepx_played(table: CorrectionTable, axis: ControllerAxis) -> _PlayedCorr
     step = 3600 / axis.steps_per_degree
     rows = np.roll(np.diff(steps), -1).astype(int)
     reading = (setpoint + steps / axis.steps_per_degree)[:-1]
-    return _PlayedCorrection(reading, error[0] - steps[:-1] * step, worm_deg, rows)
+    return _PlayedCorrection(
+        reading_deg=reading, error_arcsec=error[0] - steps[:-1] * step, period_deg=worm_deg, stored=rows
+    )
 
 
 def _onstepx(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
@@ -371,7 +384,7 @@ def _eqmod_played(table: CorrectionTable, axis: ControllerAxis) -> _PlayedCorrec
     stored = _error_at_setpoint(table, axis, setpoint, from_first=True).round(_EQMOD_DIGITS)
     played = stored - np.arange(rows) * ((stored[-1] - stored[0]) / (rows + 1))
     reading = setpoint - (played - played[0]) / 3600
-    return _PlayedCorrection(reading, played, worm_deg, stored)
+    return _PlayedCorrection(reading_deg=reading, error_arcsec=played, period_deg=worm_deg, stored=stored)
 
 
 def _eqmod(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
@@ -429,43 +442,82 @@ def _c_array(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
 
 CONTROLLER_FORMATS = {
     "csv": ControllerFormat(
-        "plain CSV", ("output", "cam", "half-cam"), _plain_csv,
-        "linear interpolation between rows; the first row follows the last", by_direction=True, step_arcsec=1e-5,
+        name="plain CSV",
+        turns=("output", "cam", "half-cam"),
+        lines=_plain_csv,
+        setup="linear interpolation between rows; the first row follows the last",
+        by_direction=True,
+        step_arcsec=1e-5,
         comment="#",
     ),
     "c": ControllerFormat(
-        "C", ("output", "cam", "half-cam"), _c_array, "include it, and subtract hdassist_error(reading, down)",
-        by_direction=True, step_arcsec=1e-5, comment="//",
+        name="C",
+        turns=("output", "cam", "half-cam"),
+        lines=_c_array,
+        setup="include it, and subtract hdassist_error(reading, down)",
+        by_direction=True,
+        step_arcsec=1e-5,
+        comment="//",
     ),
     "linuxcnc-1": ControllerFormat(
-        "LinuxCNC, type 1", ("output",), _linuxcnc,
-        "[JOINT_n] COMP_FILE and COMP_FILE_TYPE = 1; outside its rows the nearest row is used",
-        most_points=254, by_direction=True, comment="#", comments_at=None,
+        name="LinuxCNC, type 1",
+        turns=("output",),
+        lines=_linuxcnc,
+        setup="[JOINT_n] COMP_FILE and COMP_FILE_TYPE = 1; outside its rows the nearest row is used",
+        most_points=254,
+        by_direction=True,
+        comment="#",
+        comments_at=None,
     ),
     "twincat-cnc": ControllerFormat(
-        "TwinCAT CNC", ("output",), _twincat_cnc, "below kopf.* of the axis's compensation list; lr_param.ssfk 1",
-        most_points=1497, by_direction=True, step_arcsec=0.36, comment="#",
+        name="TwinCAT CNC",
+        turns=("output",),
+        lines=_twincat_cnc,
+        setup="below kopf.* of the axis's compensation list; lr_param.ssfk 1",
+        most_points=1497,
+        by_direction=True,
+        step_arcsec=0.36,
+        comment="#",
     ),
     "twincat-nc": ControllerFormat(
-        "TwinCAT NC", ("output",), _twincat_nc,
-        "a global variable list; MC_TableBasedPositionCompensation by ADR and SIZEOF of the array, with a high Ramp",
-        by_direction=True, played=_twincat_nc_played, comment="//",
+        name="TwinCAT NC",
+        turns=("output",),
+        lines=_twincat_nc,
+        setup=(
+            "a global variable list; MC_TableBasedPositionCompensation by ADR and SIZEOF of the array, with a high Ramp"
+        ),
+        by_direction=True,
+        played=_twincat_nc_played,
+        comment="//",
     ),
     "siemens-840d": ControllerFormat(
-        "SINUMERIK 840D", ("output",), _siemens,
-        "load with MD32700 ENC_COMP_ENABLE 0, then 1; MD38000 above the number of points", comment=";", comments_at=2,
+        name="SINUMERIK 840D",
+        turns=("output",),
+        lines=_siemens,
+        setup="load with MD32700 ENC_COMP_ENABLE 0, then 1; MD38000 above the number of points",
+        comment=";",
+        comments_at=2,
     ),
     "moteus": ControllerFormat(
-        "moteus", ("cam", "half-cam"), _moteus,
-        "moteus_tool --write-config, firmware with compensation_scale; the source reads the input angle",
+        name="moteus",
+        turns=("cam", "half-cam"),
+        lines=_moteus,
+        setup="moteus_tool --write-config, firmware with compensation_scale; the source reads the input angle",
         played=_moteus_played,
     ),
     "eqmod": ControllerFormat(
-        "EQMOD", ("cam", "half-cam"), _eqmod,
-        "gain x1, threshold 0, northern hemisphere, decimal point in Windows", played=_eqmod_played, comment="#",
+        name="EQMOD",
+        turns=("cam", "half-cam"),
+        lines=_eqmod,
+        setup="gain x1, threshold 0, northern hemisphere, decimal point in Windows",
+        played=_eqmod_played,
+        comment="#",
     ),
     "onstepx": ControllerFormat(
-        "OnStepX", ("cam", "half-cam"), _onstepx,
-        "PEC_STEPS_PER_WORM_ROTATION as above before the rows are sent", played=_onstepx_played,
+        name="OnStepX",
+        turns=("cam", "half-cam"),
+        lines=_onstepx,
+        setup="PEC_STEPS_PER_WORM_ROTATION as above before the rows are sent",
+        played=_onstepx_played,
     ),
-}  # fmt: skip
+}
