@@ -75,7 +75,7 @@ class _Sectioned:
                 panels.setdefault(panel, []).append(record)
         for panel, records in sorted(panels.items(), key=lambda p: _SECTIONS.index(p[0]) if p[0] in _SECTIONS else -1):
             with formatter.section(bold(panel)):
-                formatter.write_dl([(bold(name), words) for name, words in records], col_max=_WIDEST)
+                formatter.write_dl([(bold(name), help_text) for name, help_text in records], col_max=_WIDEST)
 
 
 class Command(_Sectioned, TyperCommand):
@@ -124,8 +124,8 @@ def _require_memory() -> None:
     """Raise DataError where the addresses that a process may have (ulimit -v) do not hold numpy and its solvers."""
     limit = address_limit()
     if limit is not None and limit < _ADDRESSES:
-        words = f"the memory limit of a process, {limit / 1e6:.0f} MB, is too small to compute with"
-        raise DataError(words, f"raise the limit: ulimit -v {_ADDRESSES // 1000} or more, in kB", Fault.SYSTEM_LIMITS)
+        message = f"the memory limit of a process, {limit / 1e6:.0f} MB, is too small to compute with"
+        raise DataError(message, f"raise the limit: ulimit -v {_ADDRESSES // 1000} or more, in kB", Fault.SYSTEM_LIMITS)
 
 
 def _process(parameter: Any, process: Callable[[_Context, Any], Any], ctx: _Context, value: Any) -> Any:
@@ -136,12 +136,12 @@ def _process(parameter: Any, process: Callable[[_Context, Any], Any], ctx: _Cont
     for text in value if isinstance(value, list | tuple) else [value]:
         if isinstance(text, str) and ("_" in text or not text.isascii()):
             raise typer.BadParameter(f"{text!r} is not a number: expected ASCII digits", ctx=ctx, param=parameter)
-    found = process(ctx, value)
-    for number in found if isinstance(found, list | tuple) else [found]:
+    value_of_option = process(ctx, value)
+    for number in value_of_option if isinstance(value_of_option, list | tuple) else [value_of_option]:
         if isinstance(number, float) and not abs(number) <= GREATEST:
-            words = f"{number:g} is out of range: expected a number up to {GREATEST:g}"
-            raise typer.BadParameter(words, ctx=ctx, param=parameter)
-    return found
+            message = f"{number:g} is out of range: expected a number up to {GREATEST:g}"
+            raise typer.BadParameter(message, ctx=ctx, param=parameter)
+    return value_of_option
 
 
 Row = tuple[str, tuple[str, str] | None]  # section of a help text; its left and right column
@@ -215,8 +215,8 @@ def _loaded(name: str) -> Any:
     module = import_module(module_of(name))
     name = OTHER_NAMES.get(name, name)
     if name == "presets":
-        words = "List, show, validate and create drive presets."
-        app = typer.Typer(name=name, cls=_Commands, help=words, no_args_is_help=True, **_OPTIONS)
+        summary = "List, show, validate and create drive presets."
+        app = typer.Typer(name=name, cls=_Commands, help=summary, no_args_is_help=True, **_OPTIONS)
         classes = {part: f"Presets{part.title()}Command" for part in _PRESETS}
     else:
         app = typer.Typer(**_OPTIONS)
@@ -301,8 +301,11 @@ def _start_page(width: int) -> str:
     indent = _SECTION_COLUMNS + _NAME_COLUMNS
 
     def row(left: str, name: str, words: str) -> list[str]:
-        first, *others = textwrap.wrap(words, max(20, width - indent))
-        return [f"{left}{bold(name.ljust(indent - len(left)))}{first}", *(" " * indent + other for other in others)]
+        first, *further_lines = textwrap.wrap(words, max(20, width - indent))
+        return [
+            f"{left}{bold(name.ljust(indent - len(left)))}{first}",
+            *(" " * indent + line for line in further_lines),
+        ]
 
     lines = textwrap.wrap("Predict the kinematic error F'_ior of harmonic drives, and reduce it.", width)
     lines += ["", *row("  ", "hdassist check vzp160", "try it on a drive of the library")]
@@ -311,13 +314,13 @@ def _start_page(width: int) -> str:
         lines.append("")
         for head, (name, words) in zip([section, *[""] * (len(rows) - 1)], rows, strict=True):
             lines += row(f"{head:{_SECTION_COLUMNS}}", name, words)
-    more = "hdassist COMMAND -h shows examples and options; hdassist -h lists all commands."
-    return "\n".join([*lines, "", *textwrap.wrap(more, width)])
+    footer = "hdassist COMMAND -h shows examples and options; hdassist -h lists all commands."
+    return "\n".join([*lines, "", *textwrap.wrap(footer, width)])
 
 
 def _takes_one_preset(command: Any) -> bool:
     """Whether the only argument of a command is a preset."""
-    return [each.name for each in command.params if each.param_type_name == "argument"] == ["preset"]
+    return [parameter.name for parameter in command.params if parameter.param_type_name == "argument"] == ["preset"]
 
 
 def run_command_line() -> None:
@@ -351,11 +354,11 @@ def run_command_line() -> None:
             _say(traceback.format_exc())
         from hdassist.terminal.output import complain
 
-        known = _as_known(error)
-        complain(known)
-        if isinstance(known, UsageError):
-            _give_wrong_usage(known)
-        sys.exit(known.exit_code)
+        fault = _as_known(error)
+        complain(fault)
+        if isinstance(fault, UsageError):
+            _give_wrong_usage(fault)
+        sys.exit(fault.exit_code)
     finally:
         _say_of_cache()
 
@@ -380,8 +383,8 @@ def _say_of_cache() -> None:
     if "hdassist.run.kept" in sys.modules:
         from hdassist.run.kept import FOLDER, keeps_answers, why_unsafe
 
-        if keeps_answers() and (words := why_unsafe()):
-            _say(f"warning: {words}: the cache is not used; set {FOLDER} to another folder")
+        if keeps_answers() and (reason := why_unsafe()):
+            _say(f"warning: {reason}: the cache is not used; set {FOLDER} to another folder")
 
 
 def _as_known(error: Exception) -> HdassistError:
@@ -389,21 +392,21 @@ def _as_known(error: Exception) -> HdassistError:
     if isinstance(error, HdassistError):
         return error
     if isinstance(error, MemoryError):
-        words = "not enough memory for a result"
+        message = "not enough memory for a result"
         hint = "reduce --jobs"
-        return UntrustedError(words, hint, Fault.MEMORY_SHORT)
+        return UntrustedError(message, hint, Fault.MEMORY_SHORT)
     number = error.errno if isinstance(error, OSError) else None
     if number in _DEVICE_FAULTS:  # typer writes help and version; files say it themselves
         silence()  # or the rest of the buffer fails once more at the end
-        words = f"cannot write: {os.strerror(number)}"
+        message = f"cannot write: {os.strerror(number)}"
         hint = "check that standard output is open and its device is not full"
-        return DataError(words, hint, Fault.FILE_UNWRITABLE)
+        return DataError(message, hint, Fault.FILE_UNWRITABLE)
     if number in _SCARCE:
-        words = f"the system refused a resource: {os.strerror(number)}"
+        message = f"the system refused a resource: {os.strerror(number)}"
         hint = limits_hint("see the limits of a process with ulimit -a")
-        return DataError(words, hint, Fault.SYSTEM_LIMITS)
-    words = f"internal error: {type(error).__name__}: {error}"
-    return HdassistError(words, "report this bug in hdassist, with the traceback that --debug shows")
+        return DataError(message, hint, Fault.SYSTEM_LIMITS)
+    message = f"internal error: {type(error).__name__}: {error}"
+    return HdassistError(message, "report this bug in hdassist, with the traceback that --debug shows")
 
 
 def _require_lines(arguments: list[str]) -> None:

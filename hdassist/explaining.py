@@ -46,14 +46,14 @@ class _FaultWords:
 
 _TABLE = package_table("explaining.toml")
 GROUPS: Mapping[str, Sequence[_Term]] = {
-    group: tuple(_Term(**each) for each in terms) for group, terms in _TABLE["terms"].items()
+    group: tuple(_Term(**row) for row in terms) for group, terms in _TABLE["terms"].items()
 }
 TERMS = tuple(term for group in GROUPS.values() for term in group)
 _WORDS_OF_PAGES: Mapping[tuple[str, ...], str] = {
-    tuple(names.split(", ")): words for names, words in _TABLE["pages"].items()
+    tuple(names.split(", ")): names_of_page for names, names_of_page in _TABLE["pages"].items()
 }
-SYMBOLS = tuple(_Symbols(**each) for each in _TABLE["symbols"])
-FAULTS = {Fault(code): _FaultWords(**each) for code, each in _TABLE["faults"].items()}
+SYMBOLS = tuple(_Symbols(**row) for row in _TABLE["symbols"])
+FAULTS = {Fault(code): _FaultWords(**row) for code, row in _TABLE["faults"].items()}
 
 
 _EntryKind = Literal["check", "remark", "quantity or word", "symbol", "field", "section", "error", "option"]
@@ -142,18 +142,20 @@ def _entries() -> Iterator[Entry]:
         )
     for names, words in _WORDS_OF_PAGES.items():
         yield Entry("quantity or word", names, words)
-    for each in SYMBOLS:
-        of_symbol = (("in the code", each.code.replace("`", "")), ("unit", each.unit))
-        for name in each.paper:
-            shared = f"{', '.join(each.paper)}: {each.words}" if len(each.paper) > 1 else each.words
+    for symbol in SYMBOLS:
+        of_symbol = (("in the code", symbol.code.replace("`", "")), ("unit", symbol.unit))
+        for name in symbol.paper:
+            shared = f"{', '.join(symbol.paper)}: {symbol.words}" if len(symbol.paper) > 1 else symbol.words
             yield Entry(kind="symbol", names=(name,), words=shared, facts=_given(of_symbol))
     for section, model in sections():
         keys = ", ".join(model.model_fields)
         yield Entry(kind="section", names=(section,), words=str(model.__doc__).rstrip("."), facts=(("fields", keys),))
     for path, field in field_table().items():
         yield Entry(kind="field", names=(path, path.split(".")[1]), words=field.meaning, facts=_given(_of_field(field)))
-    for fault, told in FAULTS.items():
-        yield Entry(kind="error", names=(str(fault),), words=told.meaning, facts=(("change", told.change),))
+    for fault, fault_words in FAULTS.items():
+        yield Entry(
+            kind="error", names=(str(fault),), words=fault_words.meaning, facts=(("change", fault_words.change),)
+        )
 
 
 def _of_field(field: PresetField) -> tuple[tuple[str, str], ...]:
@@ -187,8 +189,8 @@ def _by_spelling() -> dict[str, list[Entry]]:
 
 def _has_word(entry: Entry, stem: str) -> bool:
     """Whether a word without its plural's s is in the names of an entry, or in the values of its field."""
-    words = re.split(r"[\s.,-]+", " ".join((*entry.names, dict(entry.facts).get("values", ""))))
-    return stem in (_normal_spelling(word).removesuffix("s") for word in words)
+    spellings = re.split(r"[\s.,-]+", " ".join((*entry.names, dict(entry.facts).get("values", ""))))
+    return stem in (_normal_spelling(word).removesuffix("s") for word in spellings)
 
 
 def explained(name: str, options: Mapping[str, str] | None = None) -> list[Entry]:
@@ -198,23 +200,23 @@ def explained(name: str, options: Mapping[str, str] | None = None) -> list[Entry
     nearest names.
     """
     spelling = _normal_spelling(name)
-    known = _by_spelling()
+    entries_by_spelling = _by_spelling()
     stem = spelling.removesuffix("s")
-    alike = known.get(spelling) or known.get(stem, [])
-    exact = [entry for entry in alike if name in entry.names]
+    same_spelling = entries_by_spelling.get(spelling) or entries_by_spelling.get(stem, [])
+    exact = [entry for entry in same_spelling if name in entry.names]
     if len(spelling) == 1 and exact:  # m and M, N and n
         return exact
-    if stem and (found := alike or [entry for entry in entries() if _has_word(entry, stem)]):
-        return found
+    if stem and (entries_found := same_spelling or [entry for entry in entries() if _has_word(entry, stem)]):
+        return entries_found
     if option := (options or {}).get(re.sub(r"\W", "_", name)):
         return [Entry("option", (name,), option.rstrip("."))]
-    words = name.split()[:_LONGEST_PHRASE]
-    for size in range(len(words) - 1, 0, -1):
-        parts = (_normal_spelling(" ".join(words[k : k + size])) for k in range(len(words) - size + 1))
-        if found := list(dict.fromkeys(entry for part in parts for entry in known.get(part, ()))):
-            return found
-    near = get_close_matches(spelling[:_LONGEST_NAME], known, 3, 0.6)
-    meant = " or ".join(dict.fromkeys(known[key][0].names[0] for key in near))
+    phrase = name.split()[:_LONGEST_PHRASE]
+    for size in range(len(phrase) - 1, 0, -1):
+        parts = (_normal_spelling(" ".join(phrase[k : k + size])) for k in range(len(phrase) - size + 1))
+        if entries_found := list(dict.fromkeys(entry for part in parts for entry in entries_by_spelling.get(part, ()))):
+            return entries_found
+    near_spellings = get_close_matches(spelling[:_LONGEST_NAME], entries_by_spelling, 3, 0.6)
+    meant = " or ".join(dict.fromkeys(entries_by_spelling[key][0].names[0] for key in near_spellings))
     raise UsageError(
         f"unknown name: {name[:_LONGEST_NAME]}",
         f"the nearest name is {meant}" if meant else "list all names with hdassist explain",

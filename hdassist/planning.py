@@ -150,7 +150,7 @@ class DrivesUnderTest:
         count = halves.shape[1]
         reach = np.arange(min(count, int(self.travel / self.cycle_output * count) + 2))
         places = np.floor(self.starts[..., None] * count + reach).astype(np.int64) % count
-        high, low = (np.take_along_axis(each[:, None], places, axis=2) for each in (halves.max(2), halves.min(2)))
+        high, low = (np.take_along_axis(extreme[:, None], places, axis=2) for extreme in (halves.max(2), halves.min(2)))
         return np.asarray(high.max(axis=2) - low.min(axis=2))
 
     def percentiles(self, values: Array) -> tuple[float, float, float]:
@@ -161,8 +161,8 @@ class DrivesUnderTest:
 
     def probability(self, outcome: NDArray[np.bool_]) -> Probability:
         """Probability of an outcome, shape (drives, starts), with its Monte Carlo interval."""
-        found = probability_of(outcome.mean(axis=1), self.weights)
-        return found if len(outcome) > 1 else Probability(found.value, found.value, found.value)
+        interval = probability_of(outcome.mean(axis=1), self.weights)
+        return interval if len(outcome) > 1 else Probability(interval.value, interval.value, interval.value)
 
     @property
     def beyond(self) -> Probability | None:
@@ -175,9 +175,9 @@ class DrivesUnderTest:
         """Share of F'_ior that a plan sees from starts, shares of the cycle, shape (drives, starts)."""
         steps = np.arange(plan.readings) * plan.step_turns / self.cycle_output
         points = self.curves.shape[1]
-        at = (np.rint((start[:, None] + steps) * points).astype(np.int64) % points for start in starts)
-        seen = [np.ptp(curve[places], axis=1) for curve, places in zip(self.curves, at, strict=True)]
-        return np.asarray((np.array(seen) + _LEAST_ARCSEC) / (self.F_ior_arcsec + _LEAST_ARCSEC))
+        places_of_starts = (np.rint((start[:, None] + steps) * points).astype(np.int64) % points for start in starts)
+        ranges = [np.ptp(curve[places], axis=1) for curve, places in zip(self.curves, places_of_starts, strict=True)]
+        return np.asarray((np.array(ranges) + _LEAST_ARCSEC) / (self.F_ior_arcsec + _LEAST_ARCSEC))
 
     def judge(self, plan: ReadingPlan) -> _PlanJudgement:
         """The part that a plan sees, and how often its verdict is wrong."""
@@ -185,24 +185,34 @@ class DrivesUnderTest:
         shares = self.seen_shares(plan, self.starts)
         rng = np.random.default_rng(self.seed)
         rng.random(self.starts.shape)  # which the starts are
-        seen = self.percentiles(shares)
+        share_percentiles = self.percentiles(shares)
         noise = demands.noise_arcsec * rng.standard_normal((1 + plan.both, *shares.shape)).max(axis=0)
         sees_all = plan.sees_all(self.travel or self.cycle_output)
         if self.left_arcsec is None:
             missed = _NEVER if sees_all else self.probability(shares < SEEN_SHARE)
             return _PlanJudgement(
-                plan=plan, seen=seen, false_pass=None, false_fail=None, verdict=self._verdict(missed.low, missed.high)
+                plan=plan,
+                seen=share_percentiles,
+                false_pass=None,
+                false_fail=None,
+                verdict=self._verdict(missed.low, missed.high),
             )
-        read = (shares * self.F_ior_arcsec + noise) / (seen[1] if demands.corrected else 1)
+        read = (shares * self.F_ior_arcsec + noise) / (share_percentiles[1] if demands.corrected else 1)
         passed = read <= self.left_arcsec
         good = self.F_ior_arcsec <= self.left_arcsec
         is_exact = sees_all and not demands.noise_arcsec
         false_pass, false_fail = (
-            _NEVER if is_exact else self.probability(each) for each in (passed & ~good, good & ~passed)
+            _NEVER if is_exact else self.probability(is_wrong) for is_wrong in (passed & ~good, good & ~passed)
         )
-        low, high = (max(getattr(each, end) for each in (false_pass, false_fail)) for end in ("low", "high"))
+        low, high = (
+            max(getattr(probability, end) for probability in (false_pass, false_fail)) for end in ("low", "high")
+        )
         return _PlanJudgement(
-            plan=plan, seen=seen, false_pass=false_pass, false_fail=false_fail, verdict=self._verdict(low, high)
+            plan=plan,
+            seen=share_percentiles,
+            false_pass=false_pass,
+            false_fail=false_fail,
+            verdict=self._verdict(low, high),
         )
 
     def test_of(self, judged: _PlanJudgement, run: ApproachRun, ratio: float, limit: float | None) -> PlannedTest:
@@ -215,12 +225,12 @@ class DrivesUnderTest:
         planned = PlannedTest(judged=judged, run=run, ratio=ratio, uncertainty_arcsec=self.demands.noise_arcsec)
         if self.left_arcsec is None or limit is None:
             return planned
-        own = limit - self.left_arcsec
+        margin_arcsec = limit - self.left_arcsec
         least = judged.seen[0]
         passes = max(limit * least - guard, 0.0)
         fails = limit + guard
         rng = np.random.default_rng([self.seed, 1])
-        read = self.seen_shares(judged.plan, self.starts) * self.F_ior_arcsec + own
+        read = self.seen_shares(judged.plan, self.starts) * self.F_ior_arcsec + margin_arcsec
         read += self.demands.noise_arcsec * rng.standard_normal(read.shape)
         passing = self.probability(read <= passes)
         failing = self.probability(read > fails)
@@ -245,12 +255,12 @@ class EncoderData:
     def of(cls, text: str) -> EncoderData:
         """Read "0.5,1,0.1". Raises UsageError: no such text."""
         numbers = [number_of(part) for part in text.split(",")]
-        if len(numbers) > 3 or not all(0 <= each <= LARGEST_UNCERTAINTY for each in numbers):
+        if len(numbers) > 3 or not all(0 <= number <= LARGEST_UNCERTAINTY for number in numbers):
             hint = (
                 "output encoder: step and graduation error in arcsec; input encoder: step in deg; for example 0.5,1,0.1"
             )
-            words = f"expected STEP[,GRADUATION[,CAM]], each from 0 to {LARGEST_UNCERTAINTY:g}"
-            raise UsageError(f"invalid --encoders {text}: {words}", hint)
+            message = f"expected STEP[,GRADUATION[,CAM]], each from 0 to {LARGEST_UNCERTAINTY:g}"
+            raise UsageError(f"invalid --encoders {text}: {message}", hint)
         return cls(*numbers)
 
     def uncertainty_arcsec(self, ratio: float) -> float:
@@ -300,8 +310,8 @@ class PlannedTest:
         """Duration, warm-up included."""
         run = self.run
         passes = self.readings // self.judged.plan.readings
-        first, turn_back, apart = self._moves_min
-        moving = first + (passes - 1) * turn_back + (self.readings - passes) * apart
+        first, turn_back, between_min = self._moves_min
+        moving = first + (passes - 1) * turn_back + (self.readings - passes) * between_min
         return run.warm_up_min + moving + self.readings * run.dwell_s / 60
 
     @property
@@ -310,9 +320,9 @@ class PlannedTest:
         plan = self.judged.plan
         run = self.run
         lead = run.lead_turns / run.cam_rpm
-        apart = plan.step_turns * self.ratio / run.cam_rpm
+        between_min = plan.step_turns * self.ratio / run.cam_rpm
         # a pass one way begins where the last began
-        return lead, 2 * lead + (0.0 if plan.both else apart * (plan.readings - 1)), apart
+        return lead, 2 * lead + (0.0 if plan.both else between_min * (plan.readings - 1)), between_min
 
     @property
     def approaches(self) -> tuple[Array, Array, Array]:
@@ -323,8 +333,8 @@ class PlannedTest:
         ways = 1 + plan.both
         target = np.tile(np.concatenate([forth, forth[::-1]][:ways]), run.repeats)
         side = np.tile(np.repeat([1, -1][:ways], plan.readings), run.repeats)
-        first, turn_back, apart = self._moves_min
-        moves = np.where(np.arange(len(target)) % plan.readings == 0, turn_back, apart)
+        first, turn_back, between_min = self._moves_min
+        moves = np.where(np.arange(len(target)) % plan.readings == 0, turn_back, between_min)
         moves[0] = first
         return run.warm_up_min + np.cumsum(moves + run.dwell_s / 60), target, side
 
@@ -386,11 +396,11 @@ def choose_plan(
         raise UsageError("a plan needs bearing.ball_motion: locked", "use --set bearing.ball_motion=locked")
     torques = drive.operation.M_g
     rooms = limits_left(drive, torques, run)
-    left = rooms.arcsec
-    place = next((k for k, each in enumerate(left) if each is not None), 0)
+    rooms_arcsec = rooms.arcsec
+    place = next((k for k, room in enumerate(rooms_arcsec) if room is not None), 0)
     prior = prior_of(drive)
     weights = np.ones(1)
-    samples = drive_samples(prior, left, draws=draws, run=run) if prior.fields and draws else None
+    samples = drive_samples(prior, rooms_arcsec, draws=draws, run=run) if prior.fields and draws else None
     lines = error_lines(drive, torques[place], samples.values() if samples else [{}], run)
     curves = lines.curves
     proof = rooms.certificate + lines.certificate
@@ -408,7 +418,7 @@ def choose_plan(
     output = round(cycle / ratio)
     used = (travel_deg or drive.acceptance.travel) / 360
     travel = used if used < output - 1e-9 else None
-    room = left[place]
+    room = rooms_arcsec[place]
     stated = samples.probability_within(room, place).complement if samples and room is not None and not travel else None
     drives = DrivesUnderTest(
         curves,
@@ -423,28 +433,31 @@ def choose_plan(
     turns = drives.travel or 1.0
     counts = range(_FEWEST_POSITIONS, round(_MOST_A_CAM_TURN * ratio) + 1)
     scan = tuple(drives.judge(ReadingPlan.positions(N, turns)) for N in counts)
-    every = drives.travel * ratio if drives.travel else float(cycle)
-    lengths = sorted(each for each in {1.0, 10.0, ratio, every} if each <= every)
-    records = [drives.judge(ReadingPlan.record(each, ratio)) for each in lengths]
-    fewest, shortest = ([each for each in some if each.verdict is Verdict.PASS][:1] for some in (scan, records))
-    own = [drives.judge(asked)] if asked else []
-    shown = [*own, scan[_QUOTED_POSITIONS - _FEWEST_POSITIONS], *fewest, *records]
-    judged = tuple({each.plan: each for each in shown}.values())
+    longest = drives.travel * ratio if drives.travel else float(cycle)
+    lengths = sorted(length for length in {1.0, 10.0, ratio, longest} if length <= longest)
+    records = [drives.judge(ReadingPlan.record(length, ratio)) for length in lengths]
+    fewest, shortest = (
+        [judgement for judgement in judgements if judgement.verdict is Verdict.PASS][:1]
+        for judgements in (scan, records)
+    )
+    asked_judgement = [drives.judge(asked)] if asked else []
+    shown = [*asked_judgement, scan[_QUOTED_POSITIONS - _FEWEST_POSITIONS], *fewest, *records]
+    judged = tuple({judgement.plan: judgement for judgement in shown}.values())
     enough = (*fewest, *shortest)
-    seen = _lines_seen(lines, drives, judged[0].plan)
-    verdict = [*own, *enough, records[-1]][0].verdict
+    line_list = _lines_seen(lines, drives, judged[0].plan)
+    verdict = [*asked_judgement, *enough, records[-1]][0].verdict
     M_g = torques[place]
-    carried = [*own, *fewest, judged[0]][0]
+    carried = [*asked_judgement, *fewest, judged[0]][0]
     planned = drives.test_of(carried, test, ratio, drive.limit(M_g))
     return PlanChoice(
         drive=drive,
         M_g=M_g,
         drives=drives,
-        asked=bool(own),
+        asked=bool(asked_judgement),
         judged=judged,
         enough=enough,
         over_positions=scan,
-        lines=seen,
+        lines=line_list,
         samples=samples,
         certificate=proof,
         verdict=verdict,
@@ -477,7 +490,7 @@ def rough_curves(
     rng = np.random.default_rng([run.seed, 2])
     kinematics = Kinematics.of(drive)
     proof = EMPTY
-    smooth = drive.with_values({each.size: 0.0 for each in DEVIATIONS})
+    smooth = drive.with_values({deviation.size: 0.0 for deviation in DEVIATIONS})
     state, part = np.divmod(np.arange(points) * kinematics.cycle_states / points, 1)
     index = state.astype(np.int64)
     curves = np.zeros((len(changes), points))
@@ -504,16 +517,16 @@ def rough_curves(
         for curve, size in zip(curves, sizes, strict=True):
             error = errors[rng.integers(_ROUGH_WHEELS)]
             first = rng.integers(z)
-            at = (index + first) % z
-            curve += size * (error[at] * (1 - part) + error[(at + 1) % z] * part)
+            places = (index + first) % z
+            curve += size * (error[places] * (1 - part) + error[(places + 1) % z] * part)
     return _RoughCurves(curves, proof)
 
 
 def _lines_seen(lines: ErrorLines, drives: DrivesUnderTest, plan: ReadingPlan) -> tuple[_LineSeen, ...]:
     """The largest lines of drives as a plan sees them."""
     power = np.abs(lines.amplitude) ** 2
-    whole = np.maximum(power.sum(axis=1, keepdims=True), _LEAST_ARCSEC)
-    shares = np.average(power / whole, axis=0, weights=drives.weights)
+    total_power = np.maximum(power.sum(axis=1, keepdims=True), _LEAST_ARCSEC)
+    shares = np.average(power / total_power, axis=0, weights=drives.weights)
     largest = np.argsort(-shares)[:_LISTED_LINES]
     often = lines.per_cycle[largest] / drives.cycle_output
     per_cam_turn = lines.per_cycle[largest] / lines.kinematics.cycle_cam_revolutions

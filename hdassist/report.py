@@ -59,11 +59,11 @@ class Quantity(Generic[T]):
         """The quantity of a thing in full precision; None where there is none."""
         if callable(self.value):
             return self.value(thing)
-        found: Any = thing
+        value: Any = thing
         for name in (self.value or self.key).split("."):
-            if found is not None:
-                found = found[int(name)] if name.isdecimal() else getattr(found, name)
-        return found
+            if value is not None:
+                value = value[int(name)] if name.isdecimal() else getattr(value, name)
+        return value
 
     def text(self, thing: T) -> str:
         """The quantity as a table shows it."""
@@ -104,13 +104,13 @@ declared_quantities = cache(partial(package_table, "quantities.toml"))  # by pag
 def quantity_table(table: str, **functions: Callable[[Any], Any]) -> Quantities[Any]:
     """The quantities of a table of quantities.toml; functions: values and formats that have such names there."""
     page, name = table.split(".")
-    found = []
+    quantities = []
     for key, declared in declared_quantities()[page][name].items():
         value = declared.get("value", key)
         digits = declared.get("digits")
         shown = declared.get("label"), declared.get("unit"), functions.get(digits or "", digits)
-        found.append(Quantity[Any](key, *shown, functions.get(value, value)))
-    return tuple(found)
+        quantities.append(Quantity[Any](key, *shown, functions.get(value, value)))
+    return tuple(quantities)
 
 
 def csv_table(preset: str, quantities: Iterable[Quantity[T]], things: Iterable[T]) -> tuple[list[str], list[list[Any]]]:
@@ -267,7 +267,7 @@ class Curve:
         """The least and the greatest value of its series and whiskers."""
         import numpy as np  # with the work that a figure shows, not before it
 
-        drawn = np.concatenate([*self.series, [end for _, *both in self.whiskers for end in both]])
+        drawn = np.concatenate([*self.series, [end for _, *ends in self.whiskers for end in ends]])
         return float(drawn.min()), float(drawn.max())
 
     @property
@@ -407,11 +407,11 @@ _SCHEMA_NUMBERS = {
 def as_json(value: Any) -> Any:
     """A value as JSON has it: results as objects of their fields, arrays and tuples as lists, enumerations as text."""
     if is_dataclass(value):
-        return {each.name: as_json(getattr(value, each.name)) for each in fields(value)}
+        return {item.name: as_json(getattr(value, item.name)) for item in fields(value)}
     if isinstance(value, Mapping):
-        return {key: as_json(each) for key, each in value.items()}
+        return {key: as_json(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [as_json(each) for each in value]
+        return [as_json(item) for item in value]
     if isinstance(value, Enum):
         return str(value)
     return value.tolist() if hasattr(value, "tolist") else value  # arrays and numbers of numpy

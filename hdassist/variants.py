@@ -172,10 +172,13 @@ class DrivePairs:
         Its interval holds those over the samples of each drive: of so many that chance alone could make it otherwise.
         """
         marginals = ((self.weights.sum(1 - k), (self.weights * inside).sum(1 - k)) for k in self.sampled)
-        found = [probability_of(hits / np.maximum(of, _LEAST_WEIGHT), of) for of, hits in marginals]
+        probabilities = [
+            probability_of(hits / np.maximum(group_weight, _LEAST_WEIGHT), group_weight)
+            for group_weight, hits in marginals
+        ]
         value = float(np.average(inside, weights=self.weights))
-        low = min((p.low for p in found), default=value)
-        high = max((p.high for p in found), default=value)
+        low = min((p.low for p in probabilities), default=value)
+        high = max((p.high for p in probabilities), default=value)
         return Probability(value, low, high, few=True)
 
 
@@ -201,8 +204,8 @@ def differently_open(first: Drive, second: Drive) -> list[str]:
         return {f.path: drive.value(f.path) is not None and (f.distribution, f.low, f.high, f.draws) for f in fields}
 
     one = open_fields(first)
-    other = open_fields(second)
-    return [path for path in one | other if one.get(path) != other.get(path)]
+    other_fields = open_fields(second)
+    return [path for path in one | other_fields if one.get(path) != other_fields.get(path)]
 
 
 class _Believed:
@@ -213,8 +216,8 @@ class _Believed:
         self.prior = prior_of(check.drive)
         self.evidence = evidence_of(check.drive)
         self.samples = check.samples.of_ranges if check.samples else None
-        known = np.array([[point.F_ior_or_error for point in check.points]])
-        self.F_ior_arcsec = self.samples.F_ior_arcsec if self.samples else known  # (samples, torques)
+        F_ior_known = np.array([[point.F_ior_or_error for point in check.points]])
+        self.F_ior_arcsec = self.samples.F_ior_arcsec if self.samples else F_ior_known  # (samples, torques)
         self.weights: Array = self.samples.weights / self.samples.weights.sum() if self.samples else np.ones(1)
 
     def drives(self, rows: Indices) -> list[Drive]:
@@ -234,22 +237,24 @@ def drawn_pairs(
     trusted.
     """
     one = _Believed(first)
-    other = _Believed(second)
-    rows, others = (even_rows(side.weights, count if one.samples or other.samples else 1) for side in (one, other))
-    drives = tuple(zip(one.drives(rows), other.drives(others), strict=True))
+    second_belief = _Believed(second)
+    rows, second_rows = (
+        even_rows(side.weights, count if one.samples or second_belief.samples else 1) for side in (one, second_belief)
+    )
+    drives = tuple(zip(one.drives(rows), second_belief.drives(second_rows), strict=True))
     if same:
         return DrivePairs(
             before_arcsec=one.F_ior_arcsec, after_arcsec=one.F_ior_arcsec, weights=np.diag(one.weights), drives=drives
         )
-    measured = any(figure.M_g for figure in other.evidence)
-    if one.samples and other.samples and not measured and {*one.evidence} <= {*other.evidence}:
+    measured = any(figure.M_g for figure in second_belief.evidence)
+    if one.samples and second_belief.samples and not measured and {*one.evidence} <= {*second_belief.evidence}:
         with suppress(UntrustedError):
-            return _paired(one, other, rows, run)
-    sampled = tuple(k for k, side in enumerate((one, other)) if side.samples)
+            return _paired(one, second_belief, rows, run)
+    sampled = tuple(k for k, side in enumerate((one, second_belief)) if side.samples)
     return DrivePairs(
         before_arcsec=one.F_ior_arcsec,
-        after_arcsec=other.F_ior_arcsec,
-        weights=np.outer(one.weights, other.weights),
+        after_arcsec=second_belief.F_ior_arcsec,
+        weights=np.outer(one.weights, second_belief.weights),
         drives=drives,
         sampled=sampled,
     )
@@ -261,10 +266,10 @@ def _paired(one: _Believed, other: _Believed, rows: Indices, run: Run) -> DriveP
     shares = one.samples.shares[rows]
     count = len(rows)
     paths = [field.path for field in one.prior.fields]
-    apart = differently_open(one.drive, other.drive)
+    different_paths = differently_open(one.drive, other.drive)
     paired = other.prior.joined(np.random.default_rng(run.seed).random((count, len(other.prior.fields) + 1)))
     for k, field in enumerate(other.prior.fields):
-        if field.path not in apart:
+        if field.path not in different_paths:
             paired[:, k] = shares[:, paths.index(field.path)]
     paired[:, -1] = 0  # each goes on to F'_ior
     samples = other.samples
@@ -282,10 +287,13 @@ def _paired(one: _Believed, other: _Believed, rows: Indices, run: Run) -> DriveP
         )
         proof = samples.certificate
     solved = np.flatnonzero([draw.F_ior_arcsec is not None for draw in samples.made])
-    figures = [[draw.figures for draw in of.made if draw.F_ior_arcsec is not None] for of in (one.samples, samples)]
+    figures = [
+        [draw.figures for draw in drawn_samples.made if draw.F_ior_arcsec is not None]
+        for drawn_samples in (one.samples, samples)
+    ]
     gain = [
-        log_likelihood(other.evidence, now) - log_likelihood(one.evidence, figures[0][row])
-        for row, now in zip(rows[solved], figures[1], strict=True)
+        log_likelihood(other.evidence, new_figures) - log_likelihood(one.evidence, figures[0][row])
+        for row, new_figures in zip(rows[solved], figures[1], strict=True)
     ]
     weights = np.exp(np.array(gain) - max(gain))
     if effective_number(weights) < _LEAST_EFFECTIVE * count:
@@ -293,14 +301,14 @@ def _paired(one: _Believed, other: _Believed, rows: Indices, run: Run) -> DriveP
     of_one = np.full(count, 1 / count)
     of_other = np.zeros(count)
     of_other[solved] = weights / weights.sum()
-    alike = np.minimum(of_one, of_other)
-    joint = np.diag(alike)
-    left = 1 - alike.sum()
-    if left > 0:
-        joint += np.outer(of_one - alike, of_other - alike) / left
+    common = np.minimum(of_one, of_other)
+    joint = np.diag(common)
+    remaining = 1 - common.sum()
+    if remaining > 0:
+        joint += np.outer(of_one - common, of_other - common) / remaining
     chosen = solved[even_rows(weights, count)]
-    others = map(other.drive.with_values, samples.values(even_rows(weights, count)))
-    drives = zip(one.drives(rows[chosen]), others, strict=True)
+    second_drives = map(other.drive.with_values, samples.values(even_rows(weights, count)))
+    drives = zip(one.drives(rows[chosen]), second_drives, strict=True)
     before = one.F_ior_arcsec[rows]
     return DrivePairs(
         before_arcsec=before,
@@ -417,10 +425,10 @@ class DrivesComparison:
         """
         chances = []
         for changes in [self.changes[self.best - 1]] if self.best else self.changes:
-            known = [chance for chance in changes.probability_better if chance is not None]
-            if len(known) < len(changes.probability_better):
+            known_chances = [chance for chance in changes.probability_better if chance is not None]
+            if len(known_chances) < len(changes.probability_better):
                 return None
-            chances.append(min(known, key=attrgetter("value")))
+            chances.append(min(known_chances, key=attrgetter("value")))
         return chances[0] if self.best else max(chances, key=attrgetter("value")).complement
 
 
@@ -469,8 +477,8 @@ def compare_drives(drives: Sequence[Drive], *, draws: int = EFFECTIVE_SAMPLES, r
     KeyboardInterrupt.
     """
     sheets = tuple(sheet_of(drive, draws=draws, run=run) for drive in drives)
-    first, *others = (sheet.check for sheet in sheets)
-    answers = [drive_changes(first, other, pairs=min(draws, _DRAWN_PAIRS), run=run) for other in others]
+    first, *other_checks = (sheet.check for sheet in sheets)
+    answers = [drive_changes(first, check, pairs=min(draws, _DRAWN_PAIRS), run=run) for check in other_checks]
     changes, proofs = zip(*answers, strict=True)
     proof = sum(proofs, sum((sheet.certificate for sheet in sheets), EMPTY))
     return DrivesComparison(sheets=sheets, differing=differing_rows(drives), changes=changes, certificate=proof)
@@ -493,7 +501,7 @@ def drive_changes(
     drives = sampled_pairs.drives[:_SINGLE_PAIRS]
     # bounds of what is unknown hang on other fields
     open_ = [field.path for field in prior_of(second.drive).fields]
-    moved = [path for path in open_ if any(one.value(path) != other.value(path) for one, other in drives)]
+    moved = [path for path in open_ if any(one.value(path) != second_drive.value(path) for one, second_drive in drives)]
     paths = dict.fromkeys((*differing, *moved))
     drawn = bool(first.samples or second.samples)
     errors_of = partial(_errors, torques=first.drive.operation.M_g, drawn=drawn)
@@ -512,8 +520,8 @@ def drive_changes(
         """The change by a field alone over the first pairs; None where most of them make no drive."""
         # sound: without a conflict, nor more unknown fields than before (a direction, for example)
         sound = {}
-        for k, (one, other) in enumerate(drives[:count]):
-            changed = one.with_values({path: other.value(path)})
+        for k, (one, second_drive) in enumerate(drives[:count]):
+            changed = one.with_values({path: second_drive.value(path)})
             if len(unknowns(changed)) <= len(unknowns(one)) and first_conflict(changed) is None:
                 sound[k] = changed
         after = F_ior([*sound.values()])

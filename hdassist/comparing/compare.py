@@ -206,8 +206,8 @@ def _conclude(
 
 def equally_good(best: Explanation, singles: Sequence[Explanation]) -> list[Explanation]:
     """Other single deviations that explain the difference as well as the best one."""
-    most = best.chi_square + _EQUAL_FIT * best.excess
-    return [single for single in singles if single is not best and single.clear and single.chi_square <= most]
+    largest = best.chi_square + _EQUAL_FIT * best.excess
+    return [single for single in singles if single is not best and single.clear and single.chi_square <= largest]
 
 
 @dataclass(frozen=True)
@@ -249,12 +249,12 @@ class _RecordReader:
 
     def mirrored(self, asked: Alignment, base: VectorFit) -> tuple[_MirroredFile, VectorFit] | None:
         """The best of all other ways to count, and its fit; None where it is not clearly better than that of base."""
-        ways = [(other, *self.fitted(other)) for other in asked.swapped]
-        other, fitter, fit = min(ways, key=lambda way: way[2].chi_square)
+        ways = [(alignment, *self.fitted(alignment)) for alignment in asked.swapped]
+        alignment, fitter, fit = min(ways, key=lambda way: way[2].chi_square)
         if fit.chi_square > _MIRRORED * base.chi_square:
             return None
         within = fitter.record.within_noise(fit.chi_square, len(base.free))
-        return _MirroredFile(other, fitter.residual_rms_arcsec(fit), within), fit
+        return _MirroredFile(alignment, fitter.residual_rms_arcsec(fit), within), fit
 
 
 def mirrored_reading(measurement: Measurement, drive: Drive, M_g: float, asked: Alignment) -> _MirroredFile | None:
@@ -401,7 +401,7 @@ def _explanations(
     usual = unchanged.chi_square <= unchanged.degrees_of_freedom + np.sqrt(2 * unchanged.degrees_of_freedom)
     if unchanged.sufficient and usual and fitter.linear_gains(base).max() < _SCREEN * _CLEAR_GAIN:
         return [], None, None
-    mirror, other = mirrored or (None, base)
+    mirror, mirrored_base = mirrored or (None, base)
     if mirror and mirror.within_noise:
         return [], None, mirror
     fits = [fitter.single(k, base) for k in range(len(VECTORS))]
@@ -411,7 +411,7 @@ def _explanations(
     fits[best] = fitter.with_shift(fitter.profiled(fits[best]))
     singles = [_explanation(fit, base, fitter) for fit in fits]
     least = min(fit.chi_square for fit in fits)
-    if other.chi_square > least:
+    if mirrored_base.chi_square > least:
         mirror = None
     if _conclude(unchanged, singles, None, mirrored=mirror is not None).kind in ("agrees", "mirrored"):
         return singles, None, mirror

@@ -96,8 +96,8 @@ class VectorFitter:
 
     def base(self) -> VectorFit:
         """The drive as it is, with start and zero fitted as far as they are free."""
-        given = self.record.alignment
-        unknowns = np.array([*vectors_of(self.drive).view(float), given.start_deg, given.zero_deg])
+        alignment = self.record.alignment
+        unknowns = np.array([*vectors_of(self.drive).view(float), alignment.start_deg, alignment.zero_deg])
         unknowns[-2:], _ = self.record.scan(self._waves(unknowns, ())[0], unknowns[-2:])
         return self._descend(unknowns, ())
 
@@ -142,8 +142,10 @@ class VectorFitter:
         """Decrease of chi-square that each vector alone promises to first order, shape (vectors,)."""
         residual, waves = self._residual(base.unknowns, (), WAVE_POINTS)
         jacobian = self._jacobian(base.unknowns, tuple(range(COUNT)), waves)
-        own = [jacobian[:, [2 * k, 2 * k + 1, *range(2 * COUNT, jacobian.shape[1])]] for k in range(COUNT)]
-        return np.array([residual @ columns @ np.linalg.lstsq(columns, residual)[0] for columns in own])
+        columns_of_vector = [
+            jacobian[:, [2 * k, 2 * k + 1, *range(2 * COUNT, jacobian.shape[1])]] for k in range(COUNT)
+        ]
+        return np.array([residual @ columns @ np.linalg.lstsq(columns, residual)[0] for columns in columns_of_vector])
 
     def profiled(self, fit: VectorFit) -> VectorFit:
         """A fit of one vector with its minimum and covariance over a profile of the start, where that is uncertain.
@@ -156,13 +158,13 @@ class VectorFitter:
         step = float(np.sqrt(fit.covariance[start, start]))
         if step < _PROFILE_LEAST:
             return fit
-        held = replace(self, angles=(False, False))
+        with_fixed_angles = replace(self, angles=(False, False))
         along = np.arange(2 * COUNT + 2) == 2 * COUNT
-        profile = [held._descend(fit.unknowns, fit.fitted, SLOPE_WAVE_POINTS)]
+        profile = [with_fixed_angles._descend(fit.unknowns, fit.fitted, SLOPE_WAVE_POINTS)]
         for way in (step, -step):
             last = profile[0]
             for _ in range(_PROFILE_STEPS):
-                last = held._descend(last.unknowns + way * along, fit.fitted, SLOPE_WAVE_POINTS)
+                last = with_fixed_angles._descend(last.unknowns + way * along, fit.fitted, SLOPE_WAVE_POINTS)
                 profile.append(last)
                 if last.chi_square > min(point.chi_square for point in profile) + _PROFILE_RISE:
                     break
@@ -189,13 +191,13 @@ class VectorFitter:
     def _starts(self, vector: int, base: VectorFit) -> Iterator[Array]:
         """The unknowns of the drive as it is, and with one vector scaled and, if its direction matters, turned."""
         yield base.unknowns
-        own = base.vectors[vector]
+        vector_of_base = base.vectors[vector]
         factors = [*_START_SCALES]
         if not self._gauges(base.unknowns, (vector,)).shape[1]:
             factors += np.exp(1j * np.radians(_START_TURNS)).tolist()
-        for factor in factors if own else [*factors, 1.0]:
+        for factor in factors if vector_of_base else [*factors, 1.0]:
             unknowns = base.unknowns.copy()
-            _complex_of(unknowns)[vector] = (own or _START_SIZE) * factor
+            _complex_of(unknowns)[vector] = (vector_of_base or _START_SIZE) * factor
             yield unknowns
 
     def _free(self, fitted: Sequence[int]) -> NDArray[np.int64]:
@@ -221,14 +223,14 @@ class VectorFitter:
                     break
             if before - float(residual @ residual) < max(_SMALLEST_GAIN, _SMALLEST_GAIN_SHARE * before):
                 break
-        _, directions, others, sizes = self._linearized(unknowns, fitted, waves)
+        _, directions, unidentifiable, sizes = self._linearized(unknowns, fitted, waves)
         covariance = np.asarray((directions / sizes**2) @ directions.T)  # (16), shape (f, f)
         return VectorFit(
             unknowns=unknowns,
             fitted=fitted,
             free=free,
             chi_square=float(residual @ residual),
-            unidentifiable=others,
+            unidentifiable=unidentifiable,
             covariance=covariance,
         )
 
@@ -257,9 +259,9 @@ class VectorFitter:
         if not any(self.angles):
             return np.zeros((len(free), 0))
         pinned = (vectors != 0) & ~np.isin(np.arange(COUNT), fitted)
-        held = np.array([bool(pinned[wheel == _WHEEL].any()) for wheel in range(2)])
+        is_pinned = np.array([bool(pinned[wheel == _WHEEL].any()) for wheel in range(2)])
         turns = self.record.turns[:, list(self.angles)]  # (2 wheels, angles)
-        gauges = null_space(turns * held[:, None])  # (angles, gauges)
+        gauges = null_space(turns * is_pinned[:, None])  # (angles, gauges)
         back = np.radians(
             np.vstack([-turns @ gauges, np.zeros(gauges.shape[1])])
         )  # of flexspline, circular spline and wave generator
@@ -277,11 +279,11 @@ class VectorFitter:
         """
         jacobian = self._jacobian(unknowns, fitted, waves)
         gauges = self._gauges(unknowns, fitted)
-        others = null_space(gauges.T) if gauges.shape[1] else np.eye(len(gauges))
-        _, sizes, directions = np.linalg.svd(jacobian @ others, full_matrices=False)  # J = U s V'
+        unidentifiable = null_space(gauges.T) if gauges.shape[1] else np.eye(len(gauges))
+        _, sizes, directions = np.linalg.svd(jacobian @ unidentifiable, full_matrices=False)  # J = U s V'
         blind = max(_LEAST_BLIND, _BLIND * float(np.abs(vectors_of(self.drive)).max()))
         sharp = (sizes * blind > 1) & (sizes > _DIFFERENCE_ERROR * sizes.max(initial=0.0))
-        directions = others @ directions.T
+        directions = unidentifiable @ directions.T
         blurred = np.concatenate([directions[:, ~sharp], gauges], axis=1)
         return jacobian, directions[:, sharp], blurred, sizes[sharp]
 

@@ -55,10 +55,10 @@ def vectors_of(drive: Drive) -> Complex:
 
 def size_and_direction(drive: Drive, vectors: Complex, k: int) -> tuple[float, float]:
     """Size [um] and direction [deg] of one of vectors, shape (vectors,), in the turn nearest to that of the drive."""
-    near = drive.number(VECTORS[k].direction)
+    direction_near = drive.number(VECTORS[k].direction)
     turn = 360 / VECTORS[k].order
-    away = float(np.degrees(np.angle(vectors[k]))) / VECTORS[k].order - near
-    return float(abs(vectors[k]) * VECTOR_UNITS[k]), near + (away + turn / 2) % turn - turn / 2
+    away = float(np.degrees(np.angle(vectors[k]))) / VECTORS[k].order - direction_near
+    return float(abs(vectors[k]) * VECTOR_UNITS[k]), direction_near + (away + turn / 2) % turn - turn / 2
 
 
 def with_vectors(drive: Drive, vectors: Complex, fitted: Iterable[int]) -> Drive:
@@ -82,24 +82,24 @@ def doubtful_waves(drive: Drive, M_g: float, torus: ErrorWaves, run: Run = Run()
     field that cannot have such values in the drive is left out. Arguments: torque M_g [N*m]; torus, waves at M_g, to
     whose certificate the states solved here are added.
     """
-    (own,) = torus.waves([drive], SLOPE_WAVE_POINTS)
+    (own_waves,) = torus.waves([drive], SLOPE_WAVE_POINTS)
 
     def moved(path: str, value: float) -> Complex:
-        other = drive.with_values({path: value})
-        case = ErrorWaves(other, M_g, run)
-        (waves,) = case.waves([other], SLOPE_WAVE_POINTS)
+        moved_drive = drive.with_values({path: value})
+        case = ErrorWaves(moved_drive, M_g, run)
+        (waves,) = case.waves([moved_drive], SLOPE_WAVE_POINTS)
         torus.certificate += case.certificate
-        return np.asarray(waves - own)
+        return np.asarray(waves - own_waves)
 
     changes = []
     for path, deviation in doubts_of(drive).items():
         values = [drive.number(path) + way * deviation for way in (-1, 1)]
         if all(drive.allows(path, value) for value in values):
             with suppress(UntrustedError):
-                less, more = (moved(path, value) for value in values)
-                changes += [(more - less) / 2, (more + less) / 2]
+                less, greater = (moved(path, value) for value in values)
+                changes += [(greater - less) / 2, (greater + less) / 2]
     changes += _single_tooth_waves(drive, torus)
-    return np.reshape(changes, (len(changes), len(own)))
+    return np.reshape(changes, (len(changes), len(own_waves)))
 
 
 def _single_tooth_waves(drive: Drive, torus: ErrorWaves) -> list[Complex]:
@@ -107,20 +107,20 @@ def _single_tooth_waves(drive: Drive, torus: ErrorWaves) -> list[Complex]:
 
     An order of a wheel makes waves that come as often around it, which turn with its phase.
     """
-    high = {each.path: each.high for each in unknowns(drive)}
+    high = {field.path: field.high for field in unknowns(drive)}
     changes: list[Complex] = []
     for wheel, around in (("g", torus.k_g), ("b", torus.k_b)):
         orders = [d for d in DEVIATIONS if d.kind == "pitch" and d.part == wheel and d.direction in high]
         if not orders:
             continue
         size = orders[0].size
-        given = drive.value(orders[0].size)
+        size_of_preset = drive.value(orders[0].size)
         # root mean square of sizes that are evenly likely; or a given one, which the drive has at phases of 0
-        f_p = high[size] / sqrt(3) if given is None else sqrt(2) * given
+        f_p = high[size] / sqrt(3) if size_of_preset is None else sqrt(2) * size_of_preset
         smooth, rough = torus.waves([drive.with_values({size: value}) for value in (0.0, f_p)])
         for order in orders:
-            own = np.where(np.abs(around) == order.order, rough - smooth, 0)
-            changes += [own, 1j * np.sign(around) * own]
+            single_tooth = np.where(np.abs(around) == order.order, rough - smooth, 0)
+            changes += [single_tooth, 1j * np.sign(around) * single_tooth]
     return changes
 
 
@@ -204,9 +204,11 @@ class RecordedOrders:
         self.turns = np.stack([starts, -rates], axis=1)
         self._turning = self.turns.T @ [torus.k_g, torus.k_b]  # of each wave with start and zero, shape (2, waves)
         order = -self._turning[1]  # how often each wave goes by in a cam turn, shape (waves,)
-        both = design.project(lambda rows: order_columns(design.bins.turns[rows], order))[: len(self.measured)]
-        self._cosine = both[:, : len(order)].T
-        self._sine = both[:, len(order) :].T
+        cosine_and_sine = design.project(lambda rows: order_columns(design.bins.turns[rows], order))[
+            : len(self.measured)
+        ]
+        self._cosine = cosine_and_sine[:, : len(order)].T
+        self._sine = cosine_and_sine[:, len(order) :].T
         self._scanned: dict[tuple[bytes, ...], tuple[Array, Array]] = {}  # parts of predictions, of all ways to count
 
     def read_as(self, alignment: Alignment) -> RecordedOrders:
@@ -258,23 +260,23 @@ class RecordedOrders:
         pairs = []
         exact = EXACT * self.sweep.range.value
         for k, order in enumerate(self.sweep.orders):
-            own = [k, k + len(self.sweep.orders)]
-            along = difference[own]
-            block = self.covariance[np.ix_(own, own)]
-            size = float(np.hypot(*difference[own]))
+            columns = [k, k + len(self.sweep.orders)]
+            along = difference[columns]
+            block = self.covariance[np.ix_(columns, columns)]
+            size = float(np.hypot(*difference[columns]))
             # the phase of a difference that is none is rounding alone: then the greatest over all phases
             variance = along @ block @ along / size**2 if size > exact else np.linalg.eigvalsh(block)[-1]
-            wave = complex(*predicted[own])  # amplitude, and less the phase
+            wave = complex(*predicted[columns])  # amplitude, and less the phase
             prediction = OrderAmplitude(abs(wave), phase_deg=float(np.degrees(np.angle(wave.conjugate()))))
             measured = OrderAmplitude(order.amplitude_arcsec, order.uncertainty_arcsec, order.phase_deg)
-            apart = OrderAmplitude(size, float(np.sqrt(variance)))
+            difference_amplitude = OrderAmplitude(size, float(np.sqrt(variance)))
             pairs.append(
                 OrderPair(
                     per_cam_rev=order.per_cam_rev,
                     cause=order.cause,
                     measured=measured,
                     predicted=prediction,
-                    difference=apart,
+                    difference=difference_amplitude,
                 )
             )
         return tuple(pairs)

@@ -185,7 +185,7 @@ class Correction:
         record = self.records.get(self.M_g)
         if record is None or record.recorded_turns is None:
             return None
-        low, high = sorted(360 * each / self.errors[self.M_g].lines.kinematics.u for each in record.recorded_turns)
+        low, high = sorted(360 * turns / self.errors[self.M_g].lines.kinematics.u for turns in record.recorded_turns)
         return low, high
 
     @property
@@ -214,10 +214,10 @@ def correct(
     prior = prior_of(drive)
     if any(record.is_part for record in records.values()):
         if any(record.scale_uncertainty for record in records.values()):
-            words = (
+            message = (
                 "a recording of part of the cycle with an unknown guide rate, which determines the size of the error"
             )
-            raise UntrustedError(words, "state the guide rate: --guide-rate ARCSEC/S")
+            raise UntrustedError(message, "state the guide rate: --guide-rate ARCSEC/S")
         agreeing, misfit = agreeing_drives(drive, records, draws // 2 * 2 or RECORDED_DRAWS, run)
         return correction_of(drive, agreeing, records, form, run, misfit=misfit)
     if not (prior.fields and draws):
@@ -254,21 +254,21 @@ def correction_of(
     Raises UntrustedError if a state cannot be trusted.
     """
     torques = drive.operation.M_g
-    alike = misfit is not None or len(drives) == 1
+    is_alike = misfit is not None or len(drives) == 1
     errors = {}
     certificate = samples.certificate if samples else EMPTY
     for k, M_g in enumerate(torques):
         sampled = None if F_ior_arcsec is None else F_ior_arcsec[:, k]
         record = records.get(M_g)
-        found = _loaded_error(drive, M_g, drives, run, alike=alike, F_ior_arcsec=sampled)
-        certificate += found.lines.certificate
+        error = _loaded_error(drive, M_g, drives, run, alike=is_alike, F_ior_arcsec=sampled)
+        certificate += error.lines.certificate
         if record and not record.is_part:
-            found = _recorded_belief(found.lines, record, run)
+            error = _recorded_belief(error.lines, record, run)
         elif records:
-            found = replace(found, lines=alike_lines(found.lines, run, misfit), beyond=float(np.mean(found.beyond)))
+            error = replace(error, lines=alike_lines(error.lines, run, misfit), beyond=float(np.mean(error.beyond)))
         elif samples and sampled is not None:
-            found = replace(found, stated_arcsec=samples.of_ranges.percentile(0.5, k))
-        errors[M_g] = found
+            error = replace(error, stated_arcsec=samples.of_ranges.percentile(0.5, k))
+        errors[M_g] = error
     return _fitted_correction(
         drive, errors, form, records, drive.name, samples=samples, misfit=misfit, certificate=certificate
     )
@@ -307,13 +307,13 @@ def _fitted_correction(
         number = form.points or number
         form = replace(form, points=number)
     usual = (CorrectionForm(None, number), CorrectionForm(None, number, each_load=True), *USUAL_TABLES)
-    forms = dict.fromkeys((*(each for each in usual if len(torques) > 1 or not each.each_load), form))
+    forms = dict.fromkeys((*(form for form in usual if len(torques) > 1 or not form.each_load), form))
     chosen = _residuals_of(form, errors, together=True)
-    residuals = tuple(_residuals_of(each, errors, together=is_recorded or not chosen.is_refused) for each in forms)
+    residuals = tuple(_residuals_of(form, errors, together=is_recorded or not chosen.is_refused) for form in forms)
     tables = _ranges_by_points("output", design, together=is_recorded)
-    halving = next((points for points, left in tables.items() if left <= HALVED * uncorrected), None)
+    halving = next((points for points, residual in tables.items() if residual <= HALVED * uncorrected), None)
     in_place = zip(torques, chosen.residuals[: len(torques)] if form.each_load else chosen.residuals[:1], strict=False)
-    kept = [M_g for M_g, left in in_place if M_g == torques[0] or left.p95 < left.uncorrected_p50]
+    kept = [M_g for M_g, residual in in_place if M_g == torques[0] or residual.p95 < residual.uncorrected_p50]
     corrections = {M_g: _exported(chosen, errors, M_g, name) for M_g in kept}
     return Correction(
         drive=drive,
@@ -364,8 +364,8 @@ def _loaded_error(
         cycles.append(cycle)
         proof += of_cycle
     if alike:
-        rest = cycles[0].apart(replace(lines, amplitude=lines.amplitude[:1]))
-        lines = with_more_lines(lines, replace(cycles[0], error_arcsec=rest).lines(lines.kinematics))
+        remainder = cycles[0].apart(replace(lines, amplitude=lines.amplitude[:1]))
+        lines = with_more_lines(lines, replace(cycles[0], error_arcsec=remainder).lines(lines.kinematics))
     ranges = np.maximum(np.ptp(lines.curves, axis=1), np.finfo(float).tiny)
     of_cycles = np.array([np.ptp(cycle.error_arcsec) for cycle in cycles])
     if F_ior_arcsec is None:
@@ -387,46 +387,46 @@ def _enough_phasors(left_arcsec: Mapping[int, float]) -> int:
     left_arcsec: median of the residual range [arcsec] by number of correction terms.
     """
     least = min(left_arcsec.values())
-    return next(number for number, left in left_arcsec.items() if left <= _ENOUGH * least)
+    return next(number for number, residual_arcsec in left_arcsec.items() if residual_arcsec <= _ENOUGH * least)
 
 
 def _exported(chosen: FormResiduals, errors: _ErrorsByTorque, M_g: float, preset: str) -> CorrectionTable | Phasors:
     """The correction of a form for a torque, and its uncertainty; tables have the opposite torque's too."""
     form = chosen.form
     lines = errors[M_g].lines
-    found = replace(form.fitted(lines.mean, M_g), preset=preset, promised=chosen.residuals)
-    if isinstance(found, Phasors):
-        found = replace(found, amplitude_arcsec=found.amplitude_arcsec[0], phase_deg=found.phase_deg[0])
+    exported = replace(form.fitted(lines.mean, M_g), preset=preset, promised=chosen.residuals)
+    if isinstance(exported, Phasors):
+        exported = replace(exported, amplitude_arcsec=exported.amplitude_arcsec[0], phase_deg=exported.phase_deg[0])
         if len(lines.amplitude) == 1:
-            return found
-        often = np.rint(found.per_cam_turn * lines.kinematics.cycle_cam_revolutions)
+            return exported
+        often = np.rint(exported.per_cam_turn * lines.kinematics.cycle_cam_revolutions)
         vectors = lines.amplitude[:, np.isin(lines.per_cycle, often)]
-        along = vectors / np.exp(1j * np.radians(found.phase_deg))  # real of lines with the phase of the mean
-        across_deg = np.degrees(along.imag.std(axis=0) / np.maximum(found.amplitude_arcsec, _LEAST_AMPLITUDE))
+        along = vectors / np.exp(1j * np.radians(exported.phase_deg))  # real of lines with the phase of the mean
+        across_deg = np.degrees(along.imag.std(axis=0) / np.maximum(exported.amplitude_arcsec, _LEAST_AMPLITUDE))
         unsure = along.real.std(axis=0), np.minimum(across_deg, _ANY_PHASE_DEG)
-        return replace(found, amplitude_uncertainty_arcsec=unsure[0], phase_uncertainty_deg=unsure[1])
-    other = form.fitted(errors[-M_g].lines.mean, -M_g) if form.each_load and -M_g in errors else None
-    if isinstance(other, CorrectionTable):
-        found = replace(found, other_direction_arcsec=other.error_arcsec[0], other_M_g=-M_g)
-    return replace(found, error_arcsec=found.error_arcsec[0])
+        return replace(exported, amplitude_uncertainty_arcsec=unsure[0], phase_uncertainty_deg=unsure[1])
+    of_other_direction = form.fitted(errors[-M_g].lines.mean, -M_g) if form.each_load and -M_g in errors else None
+    if isinstance(of_other_direction, CorrectionTable):
+        exported = replace(exported, other_direction_arcsec=of_other_direction.error_arcsec[0], other_M_g=-M_g)
+    return replace(exported, error_arcsec=exported.error_arcsec[0])
 
 
 def _residuals_of(form: CorrectionForm, errors: _ErrorsByTorque, *, together: bool) -> FormResiduals:
     """Residuals of a form fitted to the errors of all drives together, or to each by itself."""
     design = next(iter(errors))
     turns = errors[design].lines.kinematics.cycle_cam_revolutions
-    fitted = {M_g: each.corrected(form, M_g, together=together) for M_g, each in errors.items()}
+    fitted = {M_g: error.corrected(form, M_g, together=together) for M_g, error in errors.items()}
     lost = np.unique(np.linspace(1, max(turns - 1, 1), _LOST_TURNS).astype(int)).tolist()
     cases = [(IN_PLACE, M_g, [0.0]) for M_g in errors]
     cases += [(f"zero {degrees:g} deg off", design, [-degrees / 360, degrees / 360]) for degrees in _ZERO_OFF_DEG]
     cases += [(TURN_LOST, design, lost)]
-    found = []
+    residuals = []
     for case, M_g, off_turns in cases:
-        left = ranges_left(fitted[M_g if form.each_load else design], errors[M_g], off_turns)
-        found.append(ExpectedResidual(M_g, errors[M_g].uncorrected_p50, *percentiles(left), case))
+        range_left = ranges_left(fitted[M_g if form.each_load else design], errors[M_g], off_turns)
+        residuals.append(ExpectedResidual(M_g, errors[M_g].uncorrected_p50, *percentiles(range_left), case))
     uncorrected = np.maximum(errors[design].ranges, np.finfo(float).tiny)  # of each drive
     share = ranges_left(fitted[design], errors[design])[0] / uncorrected
-    return FormResiduals(form, tuple(found), percentiles(share))
+    return FormResiduals(form, tuple(residuals), percentiles(share))
 
 
 def ranges_left(
@@ -440,8 +440,8 @@ def ranges_left(
     taken = correction_curve(correction, kinematics)
     places = np.arange(error.actual.shape[1]) / error.actual.shape[1]
     shifts = [off / kinematics.cycle_cam_revolutions for off in off_turns]
-    left = [error.range_of(error.actual - between_points(taken, places + shift)) for shift in shifts]
-    return np.asarray(np.hypot(left, error.beyond * error.ranges))
+    residual_ranges = [error.range_of(error.actual - between_points(taken, places + shift)) for shift in shifts]
+    return np.asarray(np.hypot(residual_ranges, error.beyond * error.ranges))
 
 
 def correction_curve(correction: CorrectionTable | Phasors, kinematics: Kinematics) -> Array:
@@ -464,17 +464,17 @@ def _ranges_by_points(turn: RepeatTurn | None, error: _LoadedError, *, together:
 def _error_parts(errors: _ErrorsByTorque) -> tuple[ErrorPart, ...]:
     """Parts of the error of drives: by how often they come, and the changes by other loads and the other direction."""
     design = next(iter(errors))
-    each = errors[design].lines
-    _, order, beats = line_orders(each)
+    design_lines = errors[design].lines
+    _, order, beats = line_orders(design_lines)
 
     def part(name: str, kept: NDArray[np.bool_]) -> ErrorPart:
-        curves = replace(each, amplitude=np.where(kept, each.amplitude, 0)).curves
+        curves = replace(design_lines, amplitude=np.where(kept, design_lines.amplitude, 0)).curves
         return ErrorPart(name, *percentiles(np.ptp(curves, axis=1)))
 
     def change(name: str, sign: int) -> list[ErrorPart]:
-        others = [M_g for M_g in errors if M_g != design and np.sign(M_g) == sign * np.sign(design)]
-        apart = [np.ptp(errors[M_g].actual - errors[design].actual, axis=1) for M_g in others]
-        return [ErrorPart(name, *percentiles(np.max(apart, axis=0)))] if others else []
+        other_torques = [M_g for M_g in errors if M_g != design and np.sign(M_g) == sign * np.sign(design)]
+        differences = [np.ptp(errors[M_g].actual - errors[design].actual, axis=1) for M_g in other_torques]
+        return [ErrorPart(name, *percentiles(np.max(differences, axis=0)))] if other_torques else []
 
     slow = order == 0
     with_cam = np.abs(beats) < 1e-6
@@ -520,12 +520,12 @@ def correction_alone(
     is_drawn = is_over_input and (sweep.is_bound or found.is_of_travel)
     if sweep.is_bound and not is_drawn:
         share = f"{100 * sweep.coverage.share:.0f} % of the full cycle" if sweep.coverage else "no full cycle"
-        words = f"{trace.file}: {share}, in which closely spaced components are not resolved"
+        message = f"{trace.file}: {share}, in which closely spaced components are not resolved"
         hint = (
             "record the full mesh cycle, use a table over the input (--form cam), state the travel (--travel DEG), "
             "or use a preset: hdassist compensate PRESET FILE"
         )
-        raise UntrustedError(words, hint)
+        raise UntrustedError(message, hint)
     moving = round(2 * gearing.ratio)
     kinematics = Kinematics(moving, moving + 2, "rigid")
     if way == "with":
@@ -577,15 +577,17 @@ def verify(result: Correction, record: RecordedError, run: Run) -> VerifiedCorre
     error = result.errors[result.M_g]
     lines = recorded_lines(error.lines, record, run)
     F_ior_arcsec = float(np.ptp(lines.mean.curves))
-    *_, most = percentiles(np.ptp(lines.curves, axis=1))  # what noise leaves open added, which may have added before
-    low = max(0.0, 2 * F_ior_arcsec - most)
-    high = None if record.is_part else most
+    *_, largest = percentiles(np.ptp(lines.curves, axis=1))  # what noise leaves open added, which may have added before
+    low = max(0.0, 2 * F_ior_arcsec - largest)
+    high = None if record.is_part else largest
     is_kept = high is not None and high <= promised.p95
     verdict = Verdict.PASS if is_kept else Verdict.FAIL if low > promised.p95 else Verdict.INCONCLUSIVE
     taken = correction_curve(result.correction, error.lines.kinematics).reshape(-1)
     spectrum = np.fft.rfft(taken)[error.lines.per_cycle] * (2 / len(taken))
-    left = replace(error.lines, amplitude=error.lines.amplitude + spectrum)
-    parts = [_error_parts({result.M_g: replace(error, lines=each)}) for each in (left, lines)]
+    corrected_lines = replace(error.lines, amplitude=error.lines.amplitude + spectrum)
+    parts = [
+        _error_parts({result.M_g: replace(error, lines=lines_of_part)}) for lines_of_part in (corrected_lines, lines)
+    ]
     promised_parts, parts_that_came = ((), ()) if record.is_part else parts
     cause = _likely_cause(error.actual.mean(axis=0), taken, record, lines) if verdict is Verdict.FAIL else ""
     return VerifiedCorrection(
@@ -616,12 +618,17 @@ def _likely_cause(before: Array, taken: Array, record: RecordedError, lines: Err
 
     product = correlation(applied, taken)
     power = correlation(np.ones(len(points)), taken**2)
-    left = applied @ applied + np.stack([power - 2 * product, power + 2 * product, 0 * power])  # as it is, flipped, off
-    if left.min() > _EXPLAINED_RMS_SHARE**2 * left[0, 0]:
+    squares_left = applied @ applied + np.stack(
+        [power - 2 * product, power + 2 * product, 0 * power]
+    )  # as it is, flipped, off
+    if squares_left.min() > _EXPLAINED_RMS_SHARE**2 * squares_left[0, 0]:
         return ""
-    near = np.fft.fftfreq(count, 1 / count)
-    way, place = min(np.argwhere(left <= _ALIKE * left.min()).tolist(), key=lambda each: (abs(near[each[1]]), each[0]))
-    off_turns = float(near[place]) / POINTS_A_TURN
+    steps_away = np.fft.fftfreq(count, 1 / count)
+    way, place = min(
+        np.argwhere(squares_left <= _ALIKE * squares_left.min()).tolist(),
+        key=lambda each: (abs(steps_away[each[1]]), each[0]),
+    )
+    off_turns = float(steps_away[place]) / POINTS_A_TURN
     turns = round(off_turns)
     off_deg = 360 * (off_turns - turns)
     if way == 2:
@@ -653,10 +660,10 @@ def advice_corrected(advice: Advice, form: CorrectionForm, draws: int, run: Run)
         return advice
     if found.is_sampled and advice.samples:
         drives = advice.samples.of_ranges.equal_drives(draws)
-    every = sorted({0.0, *found.rotations_deg})
+    rotations = sorted({0.0, *found.rotations_deg})
     proof = EMPTY
-    left = []
-    for rotation_deg in every:
+    residuals = []
+    for rotation_deg in rotations:
         changes = [
             values | {path: values.get(path, drive.number(path)) + rotation_deg for path in carried(drive)}
             for values in drives
@@ -664,15 +671,15 @@ def advice_corrected(advice: Advice, form: CorrectionForm, draws: int, run: Run)
         for M_g in advice.torques:
             error = _loaded_error(drive, M_g, changes, run, alike=len(drives) == 1, solved=_SOLVED_A_POSITION)
             proof += error.lines.certificate
-            left.append(ranges_left(form.fitted(error.lines, M_g), error)[0])
-    arcsec = np.reshape(left, (len(every), -1, len(drives))).transpose(1, 2, 0)  # (torques, drives, positions)
-    columns = [every.index(each) for each in found.rotations_deg]
+            residuals.append(ranges_left(form.fitted(error.lines, M_g), error)[0])
+    arcsec = np.reshape(residuals, (len(rotations), -1, len(drives))).transpose(1, 2, 0)  # (torques, drives, positions)
+    columns = [rotations.index(rotation) for rotation in found.rotations_deg]
     ones = np.ones(len(drives))
-    now = arcsec[..., every.index(0.0)]
+    now_arcsec = arcsec[..., rotations.index(0.0)]
     decision = Decision(
         rotations_deg=found.rotations_deg,
         F_ior_arcsec=arcsec[..., columns],
-        now_arcsec=now,
+        now_arcsec=now_arcsec,
         sample_weights=ones,
         room_arcsec=(),
         cost=found.cost,

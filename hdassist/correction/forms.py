@@ -98,8 +98,8 @@ def between_points(values: Array, periods: Array) -> Array:
     points = values.shape[-1]
     place = np.mod(periods, 1.0) * points
     first = np.floor(place).astype(np.int64)
-    rest = place - first
-    return np.asarray(values[..., first % points] * (1 - rest) + values[..., (first + 1) % points] * rest)
+    fraction = place - first
+    return np.asarray(values[..., first % points] * (1 - fraction) + values[..., (first + 1) % points] * fraction)
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,8 +137,8 @@ def correction_columns(correction: CorrectionTable | Phasors) -> dict[str, Array
     if isinstance(correction, CorrectionTable):
         shaft = "output" if correction.turn == "output" else "cam"
         columns = {f"{shaft}_deg": correction.angles_deg, "error_arcsec": correction.error_arcsec}
-        other = correction.other_direction_arcsec
-        return columns if other is None else {**columns, "other_direction_arcsec": other}
+        other_arcsec = correction.other_direction_arcsec
+        return columns if other_arcsec is None else {**columns, "other_direction_arcsec": other_arcsec}
     names = ("per_output_turn", "per_cam_turn", "amplitude_arcsec", "phase_deg")
     unsure = ("amplitude_uncertainty_arcsec", "phase_uncertainty_deg")
     every = {name: getattr(correction, name) for name in (*names, *unsure)}
@@ -213,11 +213,11 @@ def table_values(lines: ErrorLines, turn: RepeatTurn, points: int) -> Array:
     kinematics = lines.kinematics
     often = lines.per_cycle / (kinematics.cycle_cam_revolutions * periods_a_cam_turn(turn, kinematics.u))
     h = np.rint(often)
-    whole = np.abs(often - h) < 1e-6
-    share = h[whole] / points
+    is_half_turn = np.abs(often - h) < 1e-6
+    share = h[is_half_turn] / points
     weight = 3 * np.sinc(share) ** 2 / (2 + np.cos(2 * np.pi * share))
     spectrum = np.zeros((len(lines.amplitude), points), dtype=complex)
-    np.add.at(spectrum.T, h[whole].astype(np.int64) % points, (lines.amplitude[:, whole] * weight).T)
+    np.add.at(spectrum.T, h[is_half_turn].astype(np.int64) % points, (lines.amplitude[:, is_half_turn] * weight).T)
     return np.asarray(-points * np.fft.ifft(spectrum).real)
 
 

@@ -100,20 +100,20 @@ class RecordedError:
         error = self.error_arcsec[order]
         first = float(turns[0])
         span = float(np.ptp(turns))
-        whole = _whole_turns(span, kinematics)
-        beyond = np.arange(span, whole, span / len(turns))[1:]
-        share = (1 + np.cos(np.pi * (beyond - span) / max(whole - span, 1e-12))) / 2  # of the last end
+        whole_turns = _whole_turns(span, kinematics)
+        beyond = np.arange(span, whole_turns, span / len(turns))[1:]
+        share = (1 + np.cos(np.pi * (beyond - span) / max(whole_turns - span, 1e-12))) / 2  # of the last end
 
         def mirrored(away: Array, end: int) -> Array:
             inwards = span - np.abs(np.mod(away, 2 * span) - span)
             even = np.interp(turns[end] + (inwards if end == 0 else -inwards), turns, error)
             return np.asarray(even + 2 * np.exp(-((away / _BEND_TURNS) ** 2)) * (fitted[order][end] - even))
 
-        found = share * mirrored(beyond - span, -1) + (1 - share) * mirrored(whole - beyond, 0)
+        mirrored_error = share * mirrored(beyond - span, -1) + (1 - share) * mirrored(whole_turns - beyond, 0)
         turns = np.append(turns, first + beyond)
-        error = np.append(error, found)
-        repeats = max(1, round(kinematics.cycle_cam_revolutions / whole))
-        again = np.arange(repeats)[:, None] * whole
+        error = np.append(error, mirrored_error)
+        repeats = max(1, round(kinematics.cycle_cam_revolutions / whole_turns))
+        again = np.arange(repeats)[:, None] * whole_turns
         return RecordedError((turns + again).ravel(), np.tile(error, repeats), recorded_turns=(first, first + span))
 
     def points(self, lines: ErrorLines, finer: int = 1) -> NDArray[np.int64]:
@@ -137,9 +137,9 @@ class RecordedError:
     def weights(self, kinematics: Kinematics) -> Array:
         """Shares of the full cycle that readings stand for: to the middle between each and the next."""
         order, gaps = self._gaps(kinematics)
-        found = np.empty(len(order))
-        found[order] = (gaps + np.roll(gaps, 1)) / 2
-        return found
+        weights = np.empty(len(order))
+        weights[order] = (gaps + np.roll(gaps, 1)) / 2
+        return weights
 
     def apart(self, lines: ErrorLines) -> Array:
         """The readings less the mean of lines [arcsec]."""
@@ -165,36 +165,36 @@ class RecordedError:
         weights = self.weights(kinematics)
         usual = gaps[np.searchsorted(np.cumsum(gaps), _USUAL_GAP * gaps.sum())]
         finest = min(min(round(1 / usual), len(gaps)) // 2 + 1, POINTS_A_TURN * cycle // 2)
-        found = ErrorLines(
+        fitted_lines = ErrorLines(
             kinematics=kinematics,
             per_cycle=np.arange(1, finest),
             amplitude=np.zeros((1, finest - 1), dtype=complex),
             certificate=EMPTY,
         )
-        points = self.points(found, _FINER)
+        points = self.points(fitted_lines, _FINER)
         total = weights.sum()
         window = np.abs(np.fft.rfft(np.bincount(points, weights, _FINER * POINTS_A_TURN * cycle)))[: 2 * finest]
-        alike = window > _IMAGE * total
-        apart = int(np.argmin(alike))  # of part of the cycle, neighbours are alike, and no images
-        images = np.flatnonzero(alike[apart:])
-        often = found.per_cycle
+        is_alike = window > _IMAGE * total
+        first_apart = int(np.argmin(is_alike))  # of part of the cycle, neighbours are alike, and no images
+        images = np.flatnonzero(is_alike[first_apart:])
+        often = fitted_lines.per_cycle
         if len(images):
-            image = apart + int(images[0])
+            image = first_apart + int(images[0])
             often = often[: (image - (window[image] < _EVEN * total)) // 2]  # of even readings half of it is a line too
-        found = replace(found, per_cycle=often)
+        fitted_lines = replace(fitted_lines, per_cycle=often)
 
         def slope(left: Array) -> Complex:
             put = np.bincount(points, weights * (left - weights @ left / total), _FINER * POINTS_A_TURN * cycle)
             return np.asarray(np.fft.rfft(put)[often])
 
         amplitude = np.zeros(len(often), dtype=complex)
-        left = self.error_arcsec
-        down = way = slope(left)
+        residual = self.error_arcsec
+        down = way = slope(residual)
         power = first = float(np.vdot(down, down).real)
         for _ in range(_ROUNDS):
             if power <= _SOLVED**2 * first:
                 break
-            curve = self._read(found, way)
+            curve = self._read(fitted_lines, way)
             bend = slope(curve)
             size = power / float(np.vdot(way, bend).real)
             amplitude = amplitude + size * way
@@ -202,7 +202,7 @@ class RecordedError:
             before = power
             power = float(np.vdot(down, down).real)
             way = down + power / before * way
-        return replace(found, amplitude=amplitude[None])
+        return replace(fitted_lines, amplitude=amplitude[None])
 
     def noise(self, lines: ErrorLines) -> tuple[int, float]:
         """Number of readings beyond those that lines can follow, and the variance of noise [arcsec^2]."""
@@ -221,8 +221,8 @@ def require_sense(measurement: Measurement, drive: Drive, M_g: float, asked: Ali
     sweep = measurement.directions[0]
     asked = replace(asked, fitted=(not sweep.is_bound, not sweep.is_bound))
     if mirror := mirrored_reading(measurement, drive, M_g, asked):
-        words = f"{measurement.trace.file}: the mirrored recording fits {drive.name} clearly better"
-        raise UntrustedError(f"{words}, {mirror.rms_arcsec:.2f}″ rms off", mirror.options)
+        message = f"{measurement.trace.file}: the mirrored recording fits {drive.name} clearly better"
+        raise UntrustedError(f"{message}, {mirror.rms_arcsec:.2f}″ rms off", mirror.options)
 
 
 def require_fine_counts(measurement: Measurement) -> None:
@@ -253,11 +253,11 @@ def recorded_error(measurement: Measurement, kinematics: Kinematics, asked: Alig
     """
     sweep = measurement.directions[0]
     alignment = asked.of_file(measurement.trace, kinematics)
-    found = RecordedError(alignment.sense * sweep.bins.turns, alignment.sign * sweep.fit.error, sweep.is_bound)
+    error = RecordedError(alignment.sense * sweep.bins.turns, alignment.sign * sweep.fit.error, sweep.is_bound)
     if measurement.is_of_travel and not sweep.is_bound:
-        found = found.filled(kinematics, alignment.sign * (sweep.fit.error - sweep.fit.residual))
+        error = error.filled(kinematics, alignment.sign * (sweep.fit.error - sweep.fit.residual))
     return replace(
-        found,
+        error,
         F_ior_arcsec=measurement.F_ior_arcsec,
         sha256=measurement.trace.sha256,
         scale_uncertainty=measurement.trace.scale_uncertainty,
@@ -292,8 +292,8 @@ def drawn_errors(measurement: Measurement, kinematics: Kinematics, asked: Alignm
     trace = measurement.trace
     turns = sweep.bins.span
     if turns < _FEWEST_TURNS:
-        words = f"{trace.file}: {turns:.2g} input revolutions in its longest sweep"
-        raise UntrustedError(words, f"record at least {_FEWEST_TURNS:g} input revolutions for a table over the input")
+        message = f"{trace.file}: {turns:.2g} input revolutions in its longest sweep"
+        raise UntrustedError(message, f"record at least {_FEWEST_TURNS:g} input revolutions for a table over the input")
     alignment = asked.of_file(trace, kinematics)
     ratio = abs(kinematics.u)
     cleaned = cleaned_recording(sweep, ratio)
@@ -347,11 +347,11 @@ def solved_error(drive: Drive, M_g: float, run: Run) -> tuple[RecordedError, Cer
 
 def with_more_lines(lines: ErrorLines, more: ErrorLines) -> ErrorLines:
     """Lines, rising, of drives with those of one drive more in each."""
-    every = np.union1d(lines.per_cycle, more.per_cycle)
-    amplitude = np.zeros((len(lines.amplitude), len(every)), dtype=complex)
-    amplitude[:, np.searchsorted(every, lines.per_cycle)] = lines.amplitude
-    amplitude[:, np.searchsorted(every, more.per_cycle)] += more.amplitude
-    return replace(lines, per_cycle=every, amplitude=amplitude)
+    all_per_cycle = np.union1d(lines.per_cycle, more.per_cycle)
+    amplitude = np.zeros((len(lines.amplitude), len(all_per_cycle)), dtype=complex)
+    amplitude[:, np.searchsorted(all_per_cycle, lines.per_cycle)] = lines.amplitude
+    amplitude[:, np.searchsorted(all_per_cycle, more.per_cycle)] += more.amplitude
+    return replace(lines, per_cycle=all_per_cycle, amplitude=amplitude)
 
 
 def alike_lines(lines: ErrorLines, run: Run, misfit: float | None) -> ErrorLines:
@@ -361,8 +361,8 @@ def alike_lines(lines: ErrorLines, run: Run, misfit: float | None) -> ErrorLines
     """
     power = (np.abs(lines.amplitude) ** 2).mean(axis=0)
     scale = (misfit or 1.0) * np.sqrt((power + _LEAST_LINE * power.mean()) / 2)
-    known = np.zeros((RECORDED_DRAWS, len(power))) if misfit is None else lines.amplitude
-    return replace(lines, amplitude=known + scale * _drawn(len(known), len(power), run))
+    amplitudes = np.zeros((RECORDED_DRAWS, len(power))) if misfit is None else lines.amplitude
+    return replace(lines, amplitude=amplitudes + scale * _drawn(len(amplitudes), len(power), run))
 
 
 def _drawn(drives: int, lines: int, run: Run) -> Complex:
@@ -379,11 +379,11 @@ def recorded_lines(lines: ErrorLines, record: RecordedError, run: Run) -> ErrorL
     readings is known from what no line can follow. Else the power that most lines have counts as noise, and stays open,
     as it may be the error.
     """
-    found = record.lines(lines.kinematics)
+    fitted = record.lines(lines.kinematics)
     weights = record.weights(lines.kinematics)
-    often = found.per_cycle
-    power = np.abs(found.amplitude[0]) ** 2
-    again, variance = record.noise(found)
+    often = fitted.per_cycle
+    power = np.abs(fitted.amplitude[0]) ** 2
+    again, variance = record.noise(fitted)
     is_known = again >= _LEAST_REPEATS
     noise = 4 * variance * float(weights @ weights) if is_known else float(np.median(power)) / np.log(2)
     noise = max(noise, _LEAST_POWER)
@@ -394,14 +394,16 @@ def recorded_lines(lines: ErrorLines, record: RecordedError, run: Run) -> ErrorL
     share = np.empty(len(often))
     size = np.empty(len(often))
     for kind in np.unique(kinds):
-        each = kinds == kind
-        share[each], _ = shrunk(power[each], noise)
-        _, size[each] = shrunk(power[each], least)
-    phase = np.angle(found.amplitude)
-    found = replace(found, amplitude=share * found.amplitude)
-    apart = record.apart(found)
-    peaks = np.abs(apart) > np.median(np.abs(apart)) / _MEDIAN_DEVIATION * float(ndtri(1 - _PEAK_CHANCE / len(apart)))
-    found = with_more_lines(found, replace(record, error_arcsec=apart * peaks).lines(lines.kinematics))
+        is_of_kind = kinds == kind
+        share[is_of_kind], _ = shrunk(power[is_of_kind], noise)
+        _, size[is_of_kind] = shrunk(power[is_of_kind], least)
+    phase = np.angle(fitted.amplitude)
+    fitted = replace(fitted, amplitude=share * fitted.amplitude)
+    remainder = record.apart(fitted)
+    peaks = np.abs(remainder) > np.median(np.abs(remainder)) / _MEDIAN_DEVIATION * float(
+        ndtri(1 - _PEAK_CHANCE / len(remainder))
+    )
+    fitted = with_more_lines(fitted, replace(record, error_arcsec=remainder * peaks).lines(lines.kinematics))
     lost = (1 - share) * np.sqrt(size) * np.exp(1j * phase)  # as noise may be least; peaks stay peaks
     hidden = np.clip(np.linspace(-1, 1, RECORDED_DRAWS) / _ALL_HIDDEN, -1, 1)[:, None]  # of what noise may hide
     spread = share + np.abs(hidden) * (np.sqrt(share) - share)
@@ -410,7 +412,7 @@ def recorded_lines(lines: ErrorLines, record: RecordedError, run: Run) -> ErrorL
         chance = np.random.default_rng([run.seed, 2]).chisquare(again, (RECORDED_DRAWS, 1))
         drawn *= np.sqrt(again / chance)
     drawn += hidden * lost
-    return replace(found, amplitude=found.amplitude + drawn - drawn.mean(axis=0))
+    return replace(fitted, amplitude=fitted.amplitude + drawn - drawn.mean(axis=0))
 
 
 def shrunk(power: Array, noise: float) -> tuple[Array, Array]:
@@ -436,7 +438,7 @@ def fitted_prior(drive: Drive) -> DrivePrior:
     """Fields that a record of part of the cycle is fitted by: open, uncertain, or doubted as `compare` does."""
     doubts = {path: 2 * deviation for path, deviation in doubts_of(drive).items()}
     prior = prior_of(drive.model_copy(update={"uncertainty": doubts | drive.uncertainty}))
-    fields = tuple(each for each in prior.fields if each.distribution == "normal" or drive.value(each.path) is None)
+    fields = tuple(field for field in prior.fields if field.distribution == "normal" or drive.value(field.path) is None)
     return replace(prior, fields=fields)
 
 
@@ -452,33 +454,33 @@ def agreeing_drives(
     """
     prior = fitted_prior(drive)
     fields = prior.fields
-    turning = np.array([each.is_any_direction for each in prior.fields])
-    cam_turns = sum(np.ptp(each.cam_turns) for each in records.values())
+    turning = np.array([field.is_any_direction for field in prior.fields])
+    cam_turns = sum(np.ptp(record.cam_turns) for record in records.values())
 
     def values_of(unknowns: Array) -> list[dict[str, float]]:
         return prior.values(np.where(turning, unknowns, ndtr(unknowns)))
 
     def levelled(by_torque: Iterable[Array]) -> Array:
-        return np.concatenate([each - each.mean(axis=-1, keepdims=True) for each in by_torque], axis=-1)
+        return np.concatenate([errors - errors.mean(axis=-1, keepdims=True) for errors in by_torque], axis=-1)
 
     def off(unknowns: Array) -> Array:
         """Errors of the records [arcsec] beyond the lines of drives, shape (drives, readings)."""
         lines = {M_g: error_lines(drive, M_g, values_of(unknowns), run) for M_g in records}
         return levelled(
-            each.error_arcsec
-            - between_points(lines[M_g].curves, each.cam_turns / lines[M_g].kinematics.cycle_cam_revolutions)
-            for M_g, each in records.items()
+            record.error_arcsec
+            - between_points(lines[M_g].curves, record.cam_turns / lines[M_g].kinematics.cycle_cam_revolutions)
+            for M_g, record in records.items()
         )
 
     def beyond_lines(values: Mapping[str, float]) -> Array:
         """A drive's solved cycle without its lines [arcsec], at the readings."""
-        found = []
-        for M_g, each in records.items():
+        remainders = []
+        for M_g, record in records.items():
             lines = error_lines(drive, M_g, [values], run)
             solved, _ = solved_error(drive.with_values(values), M_g, run)
             period = lines.kinematics.cycle_cam_revolutions
-            found.append(np.interp(each.cam_turns, solved.cam_turns, solved.apart(lines), period=period))
-        return levelled(found)
+            remainders.append(np.interp(record.cam_turns, solved.cam_turns, solved.apart(lines), period=period))
+        return levelled(remainders)
 
     def residuals(unknowns: Array, start: Array, scale: float, beyond: Array) -> Array:
         pull = np.where(turning, (unknowns - start) / _OPEN_DIRECTION, unknowns)
@@ -486,8 +488,8 @@ def agreeing_drives(
 
     shares = prior.shares(SEARCHED, run.seed)[:, : len(fields)]
     begun = np.where(turning, shares, np.clip(ndtri(shares), -_LARGEST, _LARGEST))
-    begun = np.concatenate([begun * [each.distribution != "normal" for each in fields], begun])
-    read = levelled(each.error_arcsec for each in records.values())
+    begun = np.concatenate([begun * [field.distribution != "normal" for field in fields], begun])
+    read = levelled(record.error_arcsec for record in records.values())
     bounds = np.where(turning, np.inf, _LARGEST)
     misfit = _FIRST_MISFIT
     noise = 0.0
@@ -516,9 +518,9 @@ def agreeing_drives(
         best = fit.x
         starts = fit.x[None]
         beyond = beyond_lines(values_of(best[None])[0])
-        left = off(best[None])[0] - beyond
-        noise = float(np.var(np.diff(left))) / 2  # of a reading: a misfit continues from one to the next
-        excess = max(float(np.var(left)) - noise, 0.0)
+        residual = off(best[None])[0] - beyond
+        noise = float(np.var(np.diff(residual))) / 2  # of a reading: a misfit continues from one to the next
+        excess = max(float(np.var(residual)) - noise, 0.0)
         independent = _MISFITS_A_TURN * cam_turns
         # its bound by chi square of independent numbers, and by what noise and a fit to it may hide of it
         bound = excess * independent / chdtri(max(independent - len(best), 2.0), 1 - _MISFIT_CHANCE)
@@ -532,10 +534,10 @@ def agreeing_drives(
         )
     *_, sizes, directions = np.linalg.svd(fit.jac, full_matrices=False)
     rng = np.random.default_rng([run.seed, 2])
-    apart = rng.standard_normal((draws, len(best)))
-    apart[0] = 0
-    near = best + apart / sizes @ directions
-    logarithm = ((apart**2).sum(axis=1) - (residuals(near, *about) ** 2).sum(axis=1)) / 2
+    deviates = rng.standard_normal((draws, len(best)))
+    deviates[0] = 0
+    drawn = best + deviates / sizes @ directions
+    logarithm = ((deviates**2).sum(axis=1) - (residuals(drawn, *about) ** 2).sum(axis=1)) / 2
     shares = np.cumsum(np.exp(logarithm - logarithm.max()))
     rows = np.searchsorted(shares, (np.arange(1, draws) - rng.random()) * (shares[-1] / (draws - 1)))
-    return values_of(near[np.append(0, rows)]), misfit
+    return values_of(drawn[np.append(0, rows)]), misfit

@@ -130,9 +130,11 @@ def stored_table(table: CorrectionTable, controller: ControllerFormat, axis: Con
         raise UsageError(f"invalid table by direction for {controller.name}: expected one for both directions")
     if controller.played is None:
         step = controller.step_arcsec
-        other = table.other_direction_arcsec
-        other = None if other is None else np.round(other / step) * step
-        return replace(table, error_arcsec=np.round(table.error_arcsec / step) * step, other_direction_arcsec=other)
+        other_arcsec = table.other_direction_arcsec
+        other_arcsec = None if other_arcsec is None else np.round(other_arcsec / step) * step
+        return replace(
+            table, error_arcsec=np.round(table.error_arcsec / step) * step, other_direction_arcsec=other_arcsec
+        )
     played = controller.played(table, axis)
     angle = np.linspace(0, table.period_deg, _RESAMPLED_POINTS, endpoint=False)
     turns_as_read = played.is_of_cam or table.turn == "output"
@@ -150,10 +152,10 @@ def correction_file(result: Correction, controller: ControllerFormat, axis: Cont
     stored = stored_table(table, controller, axis)
     expected = []
     for M_g, error in result.errors.items():
-        other = stored.other_direction_arcsec if M_g == stored.other_M_g else None
-        correction = stored if other is None else replace(stored, error_arcsec=other)
-        left = percentiles(ranges_left(correction, error)[0])
-        expected.append(ExpectedResidual(M_g, percentiles(error.ranges)[1], *left))
+        other_arcsec = stored.other_direction_arcsec if M_g == stored.other_M_g else None
+        correction = stored if other_arcsec is None else replace(stored, error_arcsec=other_arcsec)
+        residual = percentiles(ranges_left(correction, error)[0])
+        expected.append(ExpectedResidual(M_g, percentiles(error.ranges)[1], *residual))
     about = replace(table, promised=tuple(expected), recorded_deg=result.recorded_deg)
     kind, sha256 = (
         ("preset", result.drive.origin.sha256) if result.drive else ("record", result.records[result.M_g].sha256)
@@ -164,20 +166,20 @@ def correction_file(result: Correction, controller: ControllerFormat, axis: Cont
 def poor_table(result: Correction, controller: ControllerFormat) -> str:
     """Return a warning about a table that leaves more than half of the error, with a better form; empty for others."""
     form = result.chosen.form
-    _, left, _ = result.chosen.left
-    if left <= _POOR_SHARE:
+    _, residual_share, _ = result.chosen.left
+    if residual_share <= _POOR_SHARE:
         return ""
-    words = f"{form_words(form.name)} leave {100 * left:.0f} % of the error"
+    message = f"{form_words(form.name)} leave {100 * residual_share:.0f} % of the error"
     points = result.fewest_points
     if not points:
-        return f"{words}; no table over the output revolution halves the error, use correction terms"
+        return f"{message}; no table over the output revolution halves the error, use correction terms"
     able = [
         name
-        for name, each in CONTROLLER_FORMATS.items()
-        if "output" in each.turns and (each.most_points or points) >= points
+        for name, format_ in CONTROLLER_FORMATS.items()
+        if "output" in format_.turns and (format_.most_points or points) >= points
     ]
-    here = "" if controller in map(CONTROLLER_FORMATS.get, able) else f", which {controller.name} cannot store"
-    return f"{words}; --form output --points {points} halves the error{here} (possible with {', '.join(able)})"
+    refused_by = "" if controller in map(CONTROLLER_FORMATS.get, able) else f", which {controller.name} cannot store"
+    return f"{message}; --form output --points {points} halves the error{refused_by} (possible with {', '.join(able)})"
 
 
 def controller_file(
@@ -195,7 +197,7 @@ def controller_file(
         for_torque += f" counting up, {table.other_M_g:g} N*m counting down"
     travel = []
     if table.recorded_deg:
-        low, high = sorted(axis.zero_deg + axis.sense * each for each in table.recorded_deg)
+        low, high = sorted(axis.zero_deg + axis.sense * turn_deg for turn_deg in table.recorded_deg)
         travel = [
             f"recorded from {low:.6g} to {high:.6g} deg of the output; beyond, continued without a predicted residual"
         ]
@@ -208,17 +210,18 @@ def controller_file(
         f"zero: the axis reads {axis.zero_deg:.6g} deg when input and output are at zero (phi_h = 0)",
         f"counts up {way}, seen from the wave generator side; subtract the error (actual minus ideal output angle)",
         *(
-            f"at {each.M_g:g} N*m{'' if each.case == 'in place' else ', ' + each.case}: expected range "
-            f"{each.p50:.2f} arcsec ({each.p5:.2f} to {each.p95:.2f}), without correction {each.uncorrected_p50:.2f}"
-            for each in table.promised
+            f"at {residual.M_g:g} N*m{'' if residual.case == 'in place' else ', ' + residual.case}: expected range "
+            f"{residual.p50:.2f} arcsec ({residual.p5:.2f} to {residual.p95:.2f}), without correction "
+            f"{residual.uncorrected_p50:.2f}"
+            for residual in table.promised
         ),
         f"setup: {controller.setup}",
     ]
     about = [line.encode("unicode_escape").decode() for line in about]
     lines = controller.lines(table, axis)
     if controller.comment:
-        at = len(lines) if controller.comments_at is None else controller.comments_at
-        lines[at:at] = [f"{controller.comment} {line}" for line in about]
+        comment_line = len(lines) if controller.comments_at is None else controller.comments_at
+        lines[comment_line:comment_line] = [f"{controller.comment} {line}" for line in about]
     return "\n".join([*lines, ""]), "\n".join([*about, ""])
 
 
@@ -278,8 +281,8 @@ def _twincat_nc(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
             f"MinPosition := {setpoint[0]:.9f}, MaxPosition := {setpoint[-1]:.9f}, NoOfTableElements := {len(setpoint)}"
         )
         rows = [
-            f"        (Position := {at:.9f}, Compensation := {value:.9f}),"
-            for at, value in zip(setpoint, added, strict=True)
+            f"        (Position := {position_deg:.9f}, Compensation := {value:.9f}),"
+            for position_deg, value in zip(setpoint, added, strict=True)
         ]
         lines += [
             f"    Parameter{name} : ST_PositionCompensationTableParameter := ({head},",
@@ -360,9 +363,9 @@ def _onstepx_played(table: CorrectionTable, axis: ControllerAxis) -> _PlayedCorr
     error = _error_at_setpoint(table, axis, setpoint, from_first=True)
     steps = np.rint((error[0] - error) * (axis.steps_per_degree / 3600))
     steps[[0, 1, -2, -1]] = 0
-    most = min(_INT8_MOST, round(axis.steps_per_degree / 240))
-    if (changes := np.abs(np.diff(steps)).max()) > most:
-        raise UsageError(f"invalid table of {changes:g} steps in a second for OnStepX: expected at most {most}")
+    largest_step = min(_INT8_MOST, round(axis.steps_per_degree / 240))
+    if (changes := np.abs(np.diff(steps)).max()) > largest_step:
+        raise UsageError(f"invalid table of {changes:g} steps in a second for OnStepX: expected at most {largest_step}")
     step = 3600 / axis.steps_per_degree
     rows = np.roll(np.diff(steps), -1).astype(int)
     reading = (setpoint + steps / axis.steps_per_degree)[:-1]
@@ -413,13 +416,16 @@ def _plain_csv(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
     reading, errors = _rows_from_zero(table, axis)
     names = ["reading_deg", "error_arcsec", "error_counting_down_arcsec"][: 1 + len(errors)]
     rows = zip(reading, *errors, strict=True)
-    return [",".join(names), *(",".join((f"{at:.7f}", *(f"{each:.5f}" for each in row))) for at, *row in rows)]
+    return [
+        ",".join(names),
+        *(",".join((f"{reading_deg:.7f}", *(f"{error:.5f}" for error in row))) for reading_deg, *row in rows),
+    ]
 
 
 def _c_array(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
     """An array for own firmware, by direction where the table has that, and its lookup."""
     _, errors = _rows_from_zero(table, axis)
-    rows = ("    {" + ", ".join(f"{value:.5f}" for value in each) + "}," for each in errors)
+    rows = ("    {" + ", ".join(f"{value:.5f}" for value in row) + "}," for row in errors)
     way = "counts_down ? 1 : 0" if len(errors) > 1 else "0"
     return [
         "#include <math.h>",
