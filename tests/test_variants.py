@@ -267,7 +267,7 @@ def test_a_preset_is_a_name_of_the_library_or_a_yaml_file(name, preset):
     [
         (["b.YML", "run.csv"], 2, "cannot compare run.csv, a recording, with b.YML, a preset"),
         (["b.YML", "--drift", "linear"], 2, "options for reading recordings do not apply to presets"),
-        (["b.YML", "--torque", "0"], 2, "a torque"),
+        (["b.YML", "--torque", "1e8"], 2, "a torque"),
         (["b.YML", "--csv", "a.csv"], 2, "use hdassist check a.yaml b.YML --csv FILE"),
         (["none.yaml"], 4, "no such file: none.yaml"),
         (["b.YML", "--set", "gears.j_n=-1"], 2, "gears.j_n: out of range"),
