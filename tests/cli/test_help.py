@@ -14,7 +14,7 @@ from tests.process import on_terminal, run
 NAMES = sorted({*COMMANDS} - {"presets"})
 
 
-def test_without_a_command_all_commands_and_one_example_stand_on_a_screen() -> None:
+def test_hdassist_without_a_command_lists_all_commands_on_one_screen() -> None:
     done = run()
     lines = done.stdout.splitlines()
     assert (done.returncode, done.stderr) == (0, "")
@@ -32,7 +32,7 @@ def test_the_start_page_of_a_narrow_terminal_breaks_no_word() -> None:
 
 
 @pytest.mark.parametrize(("env", "is_bold"), [({}, True), ({"NO_COLOR": "1"}, False), ({"TERM": "dumb"}, False)])
-def test_names_of_commands_are_bold_on_a_terminal_that_shows_it(env: dict[str, str], is_bold: bool) -> None:
+def test_command_names_are_bold_on_a_terminal_that_supports_bold(env: dict[str, str], is_bold: bool) -> None:
     code, shown = on_terminal(columns=80, env=env)
     assert code == 0
     assert ("\x1b[1mmount" in shown) is is_bold

@@ -82,13 +82,13 @@ def test_limits_of_all_torques_stand_first() -> None:
      ("1_0", 2, "error: invalid --torque '1_0': "), ("nan", 2, "error: invalid --torque 'nan': "),
      ("2e7", 2, "expected a torque in N·m up to 1e7")],
 )  # fmt: skip
-def test_a_torque_may_have_its_unit_and_is_refused_by_its_option(text, code, words) -> None:
+def test_torque_option_accepts_a_unit_and_names_itself_in_errors(text, code, words) -> None:
     done = run("trace", TINY, "-q", "--torque", text)
     assert (done.returncode, done.stdout) == (code, run("trace", TINY, "-q", "--torque", "4").stdout * (code == 0))
     assert words in done.stderr
 
 
-def test_a_limit_without_its_value_ends_like_every_wrong_command_line():
+def test_limit_without_a_value_is_a_usage_error():
     for options in (("--limit",), ("--limit", "")):
         done = run("check", TINY, *options)
         assert done.returncode == 2

@@ -81,7 +81,7 @@ def parsed(words: list[str]) -> dict[str, object]:
     ],
     ids=lambda words: " ".join(words[:3]),
 )
-def test_the_next_command_runs_as_it_is_printed_and_keeps_what_decides(folder, words):
+def test_printed_next_command_runs_and_keeps_the_options_that_decide(folder, words):
     command, *options = words
     preset = [] if command == "measure" else ["own.yaml"]
     asked = [command, *preset, *options, *([] if command in ("measure", "compare") else SETS)]

@@ -138,7 +138,7 @@ def test_validate_says_ok_on_stdout() -> None:
     assert result.stdout == "vzp160: OK, 16 values are assumed\nsynthetic-160-162: OK, 49 values are assumed\n"
 
 
-def test_what_is_assumed_is_counted_until_a_value_is_called_given() -> None:
+def test_validate_counts_assumed_values_until_they_are_declared_given() -> None:
     form = run("new", "x").stdout
     examples = form.count("kind: assumed")
     assert run("validate", "-", stdin=form).stdout == f"-: OK, {examples} values are assumed\n"
@@ -249,7 +249,7 @@ def test_tables_stay_within_a_terminal(command: tuple[str, ...], columns: int) -
     assert "synthetic-160-162" in page or "1e7" in page
 
 
-def test_in_a_pipe_the_list_has_names_and_numbers_on_one_line() -> None:
+def test_presets_list_in_a_pipe_prints_one_line_per_preset() -> None:
     found = run("list")
     lines = found.stdout.splitlines()
     assert max(map(len, lines)) <= 80
@@ -284,7 +284,7 @@ def test_new_is_like_another_drive() -> None:
     assert drive.source["flexspline.h_1"].ref.startswith("synthetic-160-162 x 1, as d")
 
 
-def test_the_ratio_is_that_of_the_drive_as_it_is_built_in(tmp_path: Path) -> None:
+def test_new_preset_ratio_follows_the_fixed_wheel_of_its_template(tmp_path: Path) -> None:
     file = tmp_path / "b.yaml"
     file.write_bytes(read_preset("vzp160")[0].replace(b"fixed: rigid ", b"fixed: flexspline "))
     drive = made("--like", str(file), "--ratio", "100")
@@ -308,7 +308,7 @@ def test_new_keeps_the_stiffnesses() -> None:
     assert origin_counts(drive)["given"] == 3
 
 
-def test_new_takes_the_only_stiffness_of_a_data_sheet_as_K3() -> None:
+def test_new_uses_a_single_catalogue_stiffness_as_K3() -> None:
     drive = made("--ratio", "100", "--stiffness", "5.7e4")
     assert (drive.catalogue.K_1, drive.catalogue.K_2, drive.catalogue.K_3) == (None, None, 57000)
     assert "used as K3" in drive.source["catalogue.K_3"].ref

@@ -67,7 +67,7 @@ def test_the_accuracy_of_a_catalogue_stands_beside_and_decides_nothing(answer):
 @pytest.mark.parametrize(
     ("draws", "words"), [(2, r"F'_ior at 1 N·m is \d+ to \d+ % of the accuracy"), (0, "F'_ior is unknown")]
 )
-def test_the_accuracy_is_compared_at_the_least_load_with_the_range_over_what_is_not_known(draws, words):
+def test_check_compares_catalogue_accuracy_with_the_error_at_smallest_load(draws, words):
     asked = ("--no-plot", "--set", "phases.phi_hb=unknown", "--set", "operation.M_g=[-4, 1]", "--draws", str(draws))
     page = run("check", TINY, *asked, "--details", "--set", "catalogue.accuracy=1.5 arcmin").stdout
     assert re.search(rf" catalogue accuracy 90″ \(no load\); {words} ", in_a_line(page))
@@ -75,7 +75,7 @@ def test_the_accuracy_is_compared_at_the_least_load_with_the_range_over_what_is_
 
 
 @pytest.mark.parametrize("left_out", [(), ("--set", "catalogue.play=")])
-def test_what_samples_are_weighed_by_stands_in_the_details_and_can_be_left_out(left_out):
+def test_check_details_list_the_reference_data_that_weight_the_samples(left_out):
     stated = ("--set", "catalogue.lost_motion=300", "--set", "catalogue.play=300")
     asked = ("--no-plot", "--set", "phases.phi_hb=unknown", "--torque", "1", "--draws", "2", *stated, *left_out)
     page = in_a_line(run("check", TINY, *asked, "--details").stdout)
@@ -85,7 +85,7 @@ def test_what_samples_are_weighed_by_stands_in_the_details_and_can_be_left_out(l
 
 
 @pytest.mark.thorough
-def test_the_accuracy_that_sellers_keep_is_offered_where_none_is_stated_of_a_drive_without_backlash():
+def test_check_offers_usual_accuracy_if_the_catalogue_states_only_backlash():
     asked = ("--no-plot", "--set", "phases.phi_hb=unknown", "--torque", "1", "--draws", "8", "--details")
     offered = re.compile(r"the usual 90″, F'_ior at 1 N·m is ([\d.]+) to ([\d.]+)″")
     page = in_a_line(run("check", TINY, *asked, "--set", "catalogue.play=300").stdout)
@@ -147,7 +147,7 @@ def test_verdict_and_exit_code(limit, torques, verdict, code):
 
 
 @pytest.mark.parametrize(("limits", "governing"), [("{1: 9000, 4: 5000}", 4.0), ("{1: 3000, 4: 9000}", 1.0)])
-def test_the_governing_torque_is_nearest_its_limit_though_all_limits_are_met(limits, governing):
+def test_governing_torque_is_nearest_its_limit_when_check_passes(limits, governing):
     result = run("check", TINY, "--json", "--torque", "1", "--torque", "4", "--set", f"acceptance.F_ior={limits}")
     answer = json.loads(result.stdout)
     shares = {p["M_g_Nm"]: p["F_ior_upper_arcsec"] / p["limit_arcsec"] for p in answer["operating_points"]}
@@ -156,7 +156,7 @@ def test_the_governing_torque_is_nearest_its_limit_though_all_limits_are_met(lim
     assert answer["least_sure_M_g_Nm"] == governing
 
 
-def test_without_a_limit_the_governing_torque_has_the_largest_F_ior():
+def test_governing_torque_without_limits_has_the_largest_F_ior():
     result = run("check", TINY, "--json", "--torque", "1", "--torque", "4", "--torque", "2")
     answer = json.loads(result.stdout)
     F_ior = {p["M_g_Nm"]: p["F_ior_arcsec"] for p in answer["operating_points"]}

@@ -44,14 +44,14 @@ def test_a_verdict_is_the_probability_of_keeping_the_limit(open_):
     assert verdict(1e5, belief=None, open_=False) is Verdict.PASS
 
 
-def test_without_a_limit_the_governing_torque_has_the_largest_median_and_not_the_widest_range(open_):
+def test_governing_torque_without_limits_has_the_largest_median(open_):
     medians = [point.belief.p50 for point in open_.points]
     spreads = [point.belief.p95 / point.belief.p5 for point in open_.points]
     largest = int(np.argmax(medians))
     assert open_.governing == largest != int(np.argmax(spreads))
 
 
-def test_few_samples_give_a_range_with_a_warning_and_a_verdict_where_all_of_the_interval_does(open_):
+def test_few_samples_give_a_verdict_only_if_the_interval_agrees(open_):
     first = open_.samples.of_ranges
     agrees = np.arange(len(first.weights)) < 9
     few = replace(
@@ -101,7 +101,7 @@ def test_one_torque_may_be_settled_and_another_open():
 
 
 @pytest.mark.thorough
-def test_json_has_the_belief_and_the_same_from_any_number_of_workers(open_):
+def test_check_json_contains_distributions_independent_of_the_number_of_workers(open_):
     with ThreadPoolExecutor(2) as executor:
         again = check(load_preset(TINY, ["phases.phi_hb=unknown", PLAY]), run=Run(executor))
     told = report_object(check_report(open_, 0))
@@ -147,7 +147,7 @@ def test_a_measured_figure_without_anything_open_is_remarked_upon():
 
 
 @pytest.mark.thorough
-def test_a_limit_for_which_more_is_drawn_moves_neither_ranges_nor_influence():
+def test_extra_samples_for_a_limit_change_neither_ranges_nor_contributions():
     drive = load_preset(TINY, ["phases.phi_hb=unknown", PLAY])
     free = check(drive, draws=16)
     widest = free.points[free.governing]
@@ -173,7 +173,7 @@ def test_a_limit_for_which_more_is_drawn_moves_neither_ranges_nor_influence():
     assert point.probability == held.samples.probability_within(point.left_arcsec, k)
 
 
-def test_F_ior_in_the_json_is_the_answer_and_never_with_the_unknown_at_0(open_):
+def test_json_F_ior_is_the_median_or_null_without_samples(open_):
     points = report_object(check_report(open_, 0))["operating_points"]
     for point, told in zip(open_.points, points, strict=True):
         assert told["F_ior_arcsec"] == told["belief"]["p50_arcsec"]
@@ -188,7 +188,7 @@ def test_F_ior_in_the_json_is_the_answer_and_never_with_the_unknown_at_0(open_):
 
 
 @pytest.mark.parametrize(("allowed", "words"), [("0,4", "two"), ("1,4,5", "three")])
-def test_a_seat_of_few_usable_holes_is_measured_in_all_of_them_and_in_no_other(allowed: str, words: str) -> None:
+def test_check_proposes_measuring_all_usable_holes_of_a_restricted_seat(allowed: str, words: str) -> None:
     found = check(load_preset(TINY, ["phases.phi_hb=unknown", PLAY, f"mounting.allowed=[{allowed}]"]), draws=16)
     report = check_report(found, 0)
     assert [each["of"] for each in report_object(report)["steps"] if each["kind"] == "trials"] == [allowed]

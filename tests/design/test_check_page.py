@@ -27,7 +27,7 @@ def test_people_read_it_in_80_columns(human):
 
 
 @pytest.mark.thorough
-def test_the_short_page_fits_a_screen_and_ends_in_a_command():
+def test_check_page_fits_a_screen_and_ends_with_a_command():
     asked = ("--no-plot", "--torque", "4", "--set", "phases.phi_hb=unknown", "--set", ASSUMED)
     lines = run("check", TINY, *asked, "--set", "acceptance.F_ior=2050").stdout.splitlines()
     assert lines[0] == "tiny, 20/22 teeth, circular spline fixed: INCONCLUSIVE"
@@ -84,7 +84,7 @@ def plain():
 
 
 @pytest.mark.thorough
-def test_a_drive_with_a_measured_error_states_why_no_hole_is_an_option():
+def test_check_explains_missing_hole_options_of_a_measured_drive():
     inputs = ("supports.C_3=2000 ± 400", "phases.xi_b=90 ± 20")
     asked = ("check", TINY, "--torque", "4", "--draws", "16", *(word for text in inputs for word in ("--set", text)))
     kinds, pages = [], []

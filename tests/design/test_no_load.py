@@ -14,7 +14,7 @@ RATED = ("--set", "operation.rated=50")  # 2 % of it are 1 N*m
 
 @pytest.mark.parametrize("command", [("check", "--draws", "0"), ("trace", "-n", "2")])
 @pytest.mark.parametrize("torque", ["0", "0 N·m", "-0.0"])
-def test_no_load_is_computed_at_a_fiftieth_of_the_rated_torque(command: tuple[str, ...], torque: str) -> None:
+def test_no_load_is_computed_at_two_percent_of_rated_torque(command: tuple[str, ...], torque: str) -> None:
     name, *options = command
     without = run(name, TINY, *RATED, "--torque", torque, *options, "--json")
     light = run(name, TINY, *RATED, "--torque", "1", *options, "--json")
@@ -33,7 +33,7 @@ def test_no_load_and_a_torque_go_together() -> None:
     assert [point["M_g_Nm"] for point in answer["operating_points"]] == [1, 4]
 
 
-def test_without_a_rated_torque_it_is_a_fiftieth_of_the_largest_of_the_preset() -> None:
+def test_no_load_without_rated_torque_derives_from_the_largest_torque() -> None:
     answer = json.loads(run("check", TINY, "--torque", "0", "--draws", "0", "--json").stdout)
     assert [point["M_g_Nm"] for point in answer["operating_points"]] == [0.08]
 

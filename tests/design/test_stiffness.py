@@ -122,14 +122,14 @@ def test_headings_and_numbers_are_whole_in_forty_columns(found: Stiffness, ascii
     assert {"torque,", "N*m/rad" if ascii else "N·m/rad", "catalogue", "2", *numbers} <= set(words)
 
 
-def test_a_lost_motion_beyond_the_limit_of_the_catalogue_is_said_to_exceed_it(found: Stiffness) -> None:
+def test_stiffness_reports_how_far_lost_motion_exceeds_the_catalogue_limit(found: Stiffness) -> None:
     limit = found.lost_motion_arcsec / 1.25
     drive = load_preset(SMALL, [f"catalogue.lost_motion={limit}"])
     (fact,) = [text for label, text in stiffness_report(drive, found).blocks[1].rows if label.strip() == "catalogue"]
     assert fact.endswith("exceeds it by 25 %")
 
 
-def test_the_torques_of_a_command_do_not_move_the_rated_torque() -> None:
+def test_torque_options_do_not_change_the_rated_torque() -> None:
     own = load_preset(SMALL)
     asked = load_preset(SMALL, ["operation.M_g=[0.5]"])
     assert own.operation.rated is None
@@ -141,7 +141,7 @@ def test_the_torques_of_a_command_do_not_move_the_rated_torque() -> None:
     assert len(lost_motions) == 1
 
 
-def test_a_torque_that_stands_for_the_rated_one_is_called_so(found: Stiffness) -> None:
+def test_warnings_name_the_torque_that_replaces_the_rated_torque(found: Stiffness) -> None:
     for overrides in ([], ["operation.M_g=[0.5]"]):
         (warning,) = stiffness_warnings(load_preset(SMALL, overrides), found)
         assert "4 N*m, the largest of its operation.M_g" in warning

@@ -47,7 +47,7 @@ def few():
     return sweep, records, collect(sweep, drive, records)
 
 
-def test_rows_go_through_the_grid_with_the_last_field_and_then_the_torque_fastest(few):
+def test_sweep_rows_vary_torque_fastest_and_the_first_field_slowest(few):
     sweep, records, _ = few
     rows = [(*record.values.values(), record.M_g_Nm) for record in records]
     assert rows == [(x_b, e_hb, M_g) for x_b in (1.6, 4.0) for e_hb in (30.0, 60.0) for M_g in (1.0, 4.0)]
@@ -92,7 +92,7 @@ def test_the_ends_are_those_of_the_rows(few):
     assert swept.ends["greatest"] == (int(np.argmax(values)), max(values))
 
 
-def test_in_a_pipe_rows_are_csv_and_what_is_taken_as_0_is_said():
+def test_sweep_in_a_pipe_prints_csv_and_warns_about_unknowns():
     done = run("sweep", SMALL, "--vary", "harmonics.a_b2=0,3", "--torque", "4", "--set", "gears.x_b=1.8", "--jobs", "1")
     assert done.returncode == 0
     header, *rows = csv.reader(io.StringIO(done.stdout))
@@ -133,7 +133,7 @@ def test_rows_of_two_fields(tmp_path):
     assert [row["gears.x_b"] for row in in_csv] == ["1.6", "4.0"] * 2
 
 
-def test_parquet_has_what_csv_has_and_is_written_of_the_rows_that_are_kept(tmp_path):
+def test_parquet_table_equals_csv_and_is_written_from_kept_rows(tmp_path):
     command = (
         "sweep",
         SMALL,
@@ -172,14 +172,14 @@ def test_parquet_has_what_csv_has_and_is_written_of_the_rows_that_are_kept(tmp_p
         (("-o", "a", "--parquet", "a"), "a would receive two results"),
     ],
 )
-def test_a_table_that_cannot_be_written_is_refused_before_any_work(tmp_path, more, words):
+def test_sweep_refuses_an_unwritable_table_before_it_computes(tmp_path, more, words):
     (tmp_path / "there.parquet").write_text("")
     done = run("sweep", SMALL, *GRID, *more, cwd=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")
     assert words in done.stderr
 
 
-def test_without_its_package_parquet_is_refused_with_the_command_that_installs_it(monkeypatch):
+def test_parquet_without_pyarrow_is_refused_with_the_install_command(monkeypatch):
     monkeypatch.setattr(streams, "find_spec", lambda _: None)
     done = run("sweep", SMALL, *GRID, "--parquet", "rows.parquet")
     assert done.returncode == 2
@@ -187,7 +187,7 @@ def test_without_its_package_parquet_is_refused_with_the_command_that_installs_i
     assert "pip install 'hdassist[parquet]'" in done.stderr
 
 
-def test_without_any_answer_the_exit_code_is_that_of_the_rows():
+def test_sweep_without_results_exits_with_the_code_of_its_rows():
     done = run("sweep", SMALL, "--vary", "gears.x_b=4,5", "--torque", "4", "--jobs", "1", "-q")
     assert (done.returncode, done.stdout) == (4, "no result\n")
 
@@ -233,7 +233,7 @@ def a_worker_of(process: subprocess.Popen[str]) -> int:
 
 @pytest.mark.thorough
 @needs_proc
-def test_a_sweep_one_of_whose_processes_is_killed_goes_on_to_the_same_file(tmp_path, whole):
+def test_sweep_resumes_its_file_after_a_worker_process_was_killed(tmp_path, whole):
     file = tmp_path / "rows.jsonl"
     with begun(file) as process:
         os.kill(a_worker_of(process), signal.SIGKILL)
@@ -248,7 +248,7 @@ def test_a_sweep_one_of_whose_processes_is_killed_goes_on_to_the_same_file(tmp_p
 
 @pytest.mark.slow
 @needs_proc
-def test_a_sweep_that_is_killed_goes_on_to_the_same_file(tmp_path, whole):
+def test_killed_sweep_resumes_its_file_and_refuses_other_inputs(tmp_path, whole):
     file = tmp_path / "rows.jsonl"
     with begun(file) as process:
         process.kill()
@@ -281,7 +281,7 @@ def test_an_interrupt_says_what_is_kept_and_leaves_no_worker(tmp_path):
 @pytest.mark.thorough
 @needs_proc
 @pytest.mark.parametrize("change", [Path.unlink, lambda file: os.truncate(file, 50)])
-def test_a_file_that_is_removed_or_cut_while_it_is_written_is_no_success(tmp_path, change):
+def test_sweep_fails_if_its_file_is_removed_or_cut_meanwhile(tmp_path, change):
     file = tmp_path / "rows.jsonl"
     with begun(file) as process:
         change(file)
@@ -319,7 +319,7 @@ def test_a_row_that_was_changed_is_refused(tmp_path, whole, edit):
         (lambda rows: [*rows[:-1], replace(rows[-1], M_g_Nm=2.0)], ":9: invalid record: expected the values of row 8"),
     ],
 )
-def test_a_row_that_is_none_of_the_grid_is_refused_though_its_checksum_holds(tmp_path, few, change, words):
+def test_row_outside_the_grid_is_refused_despite_a_valid_checksum(tmp_path, few, change, words):
     sweep, records, _ = few
     path, owner = str(tmp_path / "rows.jsonl"), KeptOwner(command="sweep", inputs={})
     with open_kept(path, owner, RecordKind(sweep.kind.adapter)) as kept:
@@ -328,7 +328,7 @@ def test_a_row_that_is_none_of_the_grid_is_refused_though_its_checksum_holds(tmp
         pass
 
 
-def test_a_row_with_an_exit_code_that_no_error_has_is_refused(few):
+def test_sweep_row_with_an_inconsistent_exit_code_is_refused(few):
     sweep, records, _ = few
     failed = next(each for each in records if each.reason)
     for change in ({"exit_code": 7}, {"exit_code": 0}, {"reason": None, "exit_code": 0}):

@@ -88,7 +88,7 @@ def test_a_solver_that_doubts_itself_says_nothing_on_stderr():
     assert result.stderr == ""
 
 
-def test_what_is_not_known_is_said_where_it_counts_as_nothing():
+def test_trace_names_unknown_inputs_that_it_computes_as_zero():
     done = run("trace", SMALL, "--torque", "4", "--set", "phases.phi_hb=unknown", "--json")
     told = json.loads(done.stdout)
     assert [each["field"] for each in told["unknown"]] == ["phases.phi_hb"]
@@ -96,7 +96,7 @@ def test_what_is_not_known_is_said_where_it_counts_as_nothing():
     assert told["warnings"][0] in done.stderr
 
 
-def test_a_trace_is_of_nominal_values_and_says_when_measured_ones_are_left_out():
+def test_trace_uses_nominal_values_and_notes_that_measurements_are_ignored():
     measured = run("trace", TINY, "--set", "measured.lost_motion=50", "--no-plot").stdout
     plain = run("trace", TINY, "--no-plot").stdout
     assert all(page.startswith("tiny (nominal), 1 N·m, ") for page in (measured, plain))
@@ -105,7 +105,7 @@ def test_a_trace_is_of_nominal_values_and_says_when_measured_ones_are_left_out()
     assert json.loads(run("trace", TINY, "--json").stdout)["statistic"] == "nominal"
 
 
-def test_a_trace_with_nothing_known_says_so_and_lists_no_order_of_0():
+def test_trace_without_known_deviations_lists_no_orders_of_zero_amplitude():
     unknown = [word for size in ("F_i1", "F_i2", "e_hb", "e_hh") for word in ("--set", f"tolerances.{size}=unknown")]
     page = run("trace", TINY, "--torque", "4", *unknown).stdout
     assert "Unknown inputs are taken as 0" in in_a_line(page)
