@@ -100,7 +100,7 @@ def test_the_seat_shows_where_holes_lie():
     assert (x, y > 4) == (0, True)
 
 
-def test_the_page_names_what_each_torque_alone_would_choose_where_that_differs():
+def test_mount_page_lists_the_best_hole_for_each_torque():
     light, heavy = [30.0, 10.0, 20.0], [10.0, 12.0, 7.0]
     (_, facts, *_), one = mount_report(advice_of(curve_of(light, heavy, holes=3)), 0).blocks, curve_of(light, holes=3)
     assert ("best hole for each torque", "1 N·m: hole 1; 2 N·m: hole 2") in facts.rows
@@ -117,7 +117,7 @@ def test_the_curve_has_the_limit_less_the_self_error():
     assert line.limit == rooms.arcsec[0] and 0 < line.limit < 15
 
 
-def test_measuring_ends_where_one_more_value_is_not_worth_it_and_never_before_four():
+def test_measuring_stops_when_another_value_gains_too_little_after_four():
     advice, one = advice_of(curve_of([20.0, 9.0, 12.0], holes=3)), Trial(0.0, 20.0)
 
     def goes_on(values: int, worth: float) -> bool:

@@ -73,7 +73,7 @@ def test_the_destination_comes_first_and_nothing_contradicts_it(hole: int, turn:
 
 
 @pytest.mark.parametrize("language", ["en", "ru"])
-def test_the_drawing_marks_the_destination_and_its_letters_have_one_meaning(language: str) -> None:
+def test_card_drawing_marks_the_destination_and_its_letters_are_unique(language: str) -> None:
     for hole in (0, 9):  # left where it is, or turned
         paper = card(advice_of(best_in(hole)), language, trials=TRIALS)
         drawing, legend = card_text(paper).split(paper.seat.legend[:20])[0], paper.seat.legend
@@ -178,7 +178,7 @@ def test_any_hole_names_none() -> None:
     )
 
 
-def test_a_limit_that_holes_of_equal_loss_keep_unlike_names_the_one_that_keeps_it() -> None:
+def test_limit_selects_the_hole_that_meets_it_among_equal_losses() -> None:
     advice = advice_of([20.1, 20.0, 20.1])
     limited = replace(advice, decision=replace(advice.decision, room_arcsec=(20.05,)))
     assert (limited.word != "ANY_HOLE", limited.chosen.rotation_deg) == (True, 120.0)
@@ -187,7 +187,7 @@ def test_a_limit_that_holes_of_equal_loss_keep_unlike_names_the_one_that_keeps_i
 # A value that is probably misread
 
 
-def test_a_value_that_is_probably_misread_is_measured_again_before_anything_else() -> None:
+def test_probable_reading_error_is_measured_again_before_any_other_hole() -> None:
     samples = once_around()
     tried = measured_in(samples, *range(0, 12, 2), 1, 5, 9)
     wrong = replace(tried[3], F_ior_arcsec=0.6 * tried[3].F_ior_arcsec)
@@ -250,7 +250,7 @@ def test_a_decimal_comma_is_a_point() -> None:
 
 
 @pytest.mark.thorough
-def test_a_line_of_a_card_ends_neither_before_a_unit_nor_as_a_command() -> None:
+def test_card_lines_never_break_before_a_unit_or_print_backslashes() -> None:
     for language, name in itertools.product(("en", "ru"), range(1, 30)):  # wherever the line ends
         tried = [Trial(0.0, 20.0, M_g=3.4, noise_arcsec=0.1, file="x" * name), *(replace(t, M_g=44.5) for t in TRIALS)]
         text = card_text(card(advice_of(), language, trials=tried))
@@ -259,7 +259,7 @@ def test_a_line_of_a_card_ends_neither_before_a_unit_nor_as_a_command() -> None:
         assert "\\" not in text
 
 
-def test_the_value_of_a_recording_is_rounded_by_its_standard_error_and_names_its_file() -> None:
+def test_recording_value_is_rounded_by_uncertainty_and_names_its_file() -> None:
     tried = [Trial(0.0, 28.794132, noise_arcsec=0.031, file="/rig/day 1/run4.csv"), Trial(120.0, 17.3)]
     foot = "\n".join(card(advice_of(), trials=tried).foot.lines)
     assert "hole 0: 28.79″ (run4.csv)" in foot and "hole 4: 17.3″" in foot and "/rig" not in foot
@@ -281,7 +281,7 @@ def test_a_recording_keeps_its_name(tmp_path: Path) -> None:
 
 
 @pytest.mark.thorough
-def test_the_gain_of_values_at_a_torque_that_does_not_decide_is_computed_at_that_torque() -> None:
+def test_gain_of_a_value_is_computed_at_the_measured_torque() -> None:
     drive = load_preset(SMALL, ["operation.M_g=[4]", "uncertainty.phases.phi_hb=90", "uncertainty.tolerances.e_hb=20"])
     positions = seat_positions(drive)
     here, there = (advise(drive, positions, setup=TrialSetup(M_g), draws=8) for M_g in (4.0, 10.0))

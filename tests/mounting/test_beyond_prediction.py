@@ -35,5 +35,5 @@ def test_mount_names_a_measured_value_beyond_the_predicted_range(value: str, sid
 
 
 @pytest.mark.thorough
-def test_a_value_within_its_uncertainty_of_the_range_is_not_beyond_it() -> None:
+def test_value_within_its_uncertainty_of_the_range_raises_no_warning() -> None:
     assert "the preset alone predicts" not in warnings("check", TINY, "--set", "measured.F_ior={h0@1: 45 ± 12}", *OPEN)

@@ -72,7 +72,7 @@ def test_the_facts():
     assert "one measurement" in made.foot.lines[0]
 
 
-def test_the_mark_turns_with_the_wheel_and_the_cam_does_not():
+def test_card_mark_turns_with_the_wheel_unlike_the_wave_generator():
     made = card(CARDS["plain"])  # xi_b 90, phi_hb 0, turned by 240
     assert made.directions.lines == (
         "p: mark now, 90°", "q: mark after assembly, 330°", "e: eccentricity of the wave generator e_hb, 0°",
@@ -139,7 +139,7 @@ def test_holes_that_are_not_allowed():
     assert crossed[1:] == ["0", "1", "4", "5", "6", "7", "8", "10", "11"]  # the first is the drawing
 
 
-def test_a_card_says_how_sure_its_position_is_and_names_no_field():
+def test_card_states_the_probability_of_its_hole_without_field_names():
     advice = CARDS["sampled"]
     said, wrong, _ = card(advice).chance.lines
     assert advice.word == "TURN"
@@ -354,7 +354,7 @@ def test_nothing_on_a_russian_card_is_english(name):
     assert "." not in re.sub(r"\.(\s|$)|\d\d\.\d\d\.\d{4}", "", text)  # decimal commas
 
 
-def test_warnings_of_the_preset_are_as_they_are_or_counted_in_another_language():
+def test_card_prints_preset_warnings_in_english_or_their_number_otherwise():
     full = crowded(CARDS["many"])
     assert warnings_of(full.drive, texts("en")) == full.drive.origin.warnings
     (others,) = warnings_of(full.drive, texts("ru"))
@@ -385,7 +385,7 @@ def test_an_unknown_language_names_those_there_are(language):
     assert refused.value.hint == "available: en, ru"
 
 
-def test_a_card_says_what_is_not_known_and_draws_no_mark_that_is_not():
+def test_card_states_that_a_mark_is_unknown_and_draws_none():
     open_ = ("phases.xi_b=unknown", "harmonics.a_g2=unknown", "source.cam.W_0={kind: assumed}")
     made = card(advice_of(overrides=open_), trials=TRIALS)
     assert dict(made.subject.rows)["mark"].startswith("its direction is unknown")
@@ -394,7 +394,7 @@ def test_a_card_says_what_is_not_known_and_draws_no_mark_that_is_not():
 
 
 @pytest.mark.parametrize("language", languages())
-def test_values_after_trials_are_not_called_predicted_alone_and_units_are_of_the_standard(language):
+def test_card_after_trials_changes_its_headings_and_uses_standard_units(language):
     before, after = (card(CARDS["plain"], language, trials=tried) for tried in ((), TRIALS))
     assert before.torques.title != after.torques.title
     assert before.foot.lines[0] != after.foot.lines[1]

@@ -99,7 +99,7 @@ def test_the_same_digits_for_any_number_of_jobs(answer):
 
 @pytest.mark.thorough
 @pytest.mark.usefixtures("kept")
-def test_people_see_the_hole_how_sure_what_to_measure_and_where_to_go_on(answer):
+def test_mount_page_states_hole_probability_next_measurement_and_next_command(answer):
     short = (Path(SMALL).name if each == SMALL else each for each in LOOSE)  # a long path takes lines of its own
     done = run(*short, *TRIALS, "--ascii", cwd=Path(SMALL).parent)
     assert done.returncode == 0
@@ -141,7 +141,7 @@ def test_details_are_all_holes_and_what_was_learnt(answer):
 
 @pytest.mark.thorough
 @pytest.mark.usefixtures("kept")
-def test_one_value_names_a_hole_and_the_next_one_to_measure():
+def test_single_value_gives_a_hole_and_the_next_measurement():
     one = run(*ONE, "h0=20", "--json", "--no-plot")
     told = json.loads(one.stdout)
     assert (one.returncode, told["hole"] in range(12)) == (0, True)
@@ -210,7 +210,7 @@ def test_values_that_no_drive_shows_name_a_hole_by_themselves():
 
 
 @pytest.mark.thorough
-def test_values_of_another_torque_are_named_with_the_torque_that_they_fit():
+def test_values_that_fit_another_torque_better_raise_a_warning():
     done = run(*ONE, *FEW, "h0=190", "h4=189", "h8=147", "-q")
     words = " ".join(done.stderr.split())
     assert done.returncode == 0
@@ -219,7 +219,7 @@ def test_values_of_another_torque_are_named_with_the_torque_that_they_fit():
 
 @pytest.mark.thorough
 @pytest.mark.usefixtures("kept")
-def test_a_card_tells_the_values_it_rests_on_its_word_and_how_sure(answer, tmp_path: Path):
+def test_card_lists_the_measured_values_its_word_and_the_probability(answer, tmp_path: Path):
     card = tmp_path / "card.txt"
     done = run(*LOOSE, *TRIALS, "--card", str(card), "-q")
     assert (done.returncode, done.stdout) == (0, f"{answer[0]['hole']}\n"), done.stderr
@@ -243,7 +243,7 @@ def test_values_of_the_preset_count_beside_those_given():
 
 
 @pytest.mark.thorough
-def test_the_number_of_samples_that_are_needed_is_that_of_the_help():
+def test_required_number_of_samples_is_the_one_in_the_help():
     """A catalogue's value that no drive has: 8 samples of --draws 16 with measured values, as the help has it."""
     few = run(
         "mount", SMALL, "--torque", "4", *TRIALS[:3], "--draws", "16", "--set", ASSUMED, "--set", "catalogue.K_2=1e9"

@@ -53,7 +53,7 @@ def test_statistics_are_those_of_the_weighted_samples():
     assert found.best == np.argmin(share @ lost)
 
 
-def test_of_several_torques_the_one_served_worst_decides_and_each_alone_has_its_own():
+def test_governing_torque_decides_but_each_torque_has_its_best_hole():
     F_ior = np.array([[[20.0, 10.0, 12.0]], [[10.0, 12.0, 7.0]]])
     found = Decision((0.0, 120.0, 240.0), F_ior, F_ior[..., 0], np.ones(1))
     assert [found.of_torque(k).best for k in range(2)] == [1, 2]
@@ -97,7 +97,7 @@ def test_where_staying_is_not_allowed_another_hole_is_the_choice():
     assert (found.stay, found.best, found.word()) == (None, 0, "TURN")
 
 
-def test_holes_that_are_known_to_be_alike_are_any_hole_whatever_chance_drew():
+def test_holes_known_to_be_equal_are_always_any_hole():
     found = decision_of(*np.random.default_rng(1).uniform(5, 15, (16, 4)).tolist(), all_alike=True)
     assert (found.word(), found.best) == ("ANY_HOLE", 0)
 
@@ -148,7 +148,7 @@ def test_more_values_bring_more_and_less_each_time():
     assert first.F_ior_arcsec[3] < 12.6
 
 
-def test_drives_like_the_samples_have_their_misfit_and_stand_in_all_directions():
+def test_simulated_drives_show_the_misfit_of_samples_and_all_directions():
     still = decision_of(*[[20.0, 12.0, 20.0, 28.0]] * 4, all_alike=True)
     shown = as_measured(still, 4000)
     assert shown.F_ior_arcsec.mean(axis=1)[0] == pytest.approx([20] * 4, rel=0.05)
@@ -158,7 +158,7 @@ def test_drives_like_the_samples_have_their_misfit_and_stand_in_all_directions()
     assert level.std() / level.mean() == pytest.approx(0.1, rel=0.25)  # scale, and what the misfit adds
 
 
-def test_holes_that_are_all_alike_lose_as_much_as_each_other():
+def test_equal_holes_have_equal_expected_loss():
     """What few samples show between them is chance: no hole is named worse than the one that is kept."""
     rows = [[20.0, 12.0, 20.0, 28.0], [10.0, 20.0, 12.0, 11.0], [15.0, 14.0, 13.0, 12.0]]
     alike, apart = decision_of(*rows, all_alike=True), decision_of(*rows)

@@ -39,7 +39,7 @@ def drive_of(*overrides: str):
 @pytest.mark.parametrize(
     "more", ["name=any", "acceptance.F_ior=28", "acceptance.F_ior=40", "measured.F_ior={h0@4: 120 ± 20, h2@4: 95 ± 20}"]
 )
-def test_F_ior_as_mounted_is_the_same_number_on_check_mount_and_a_sheet(more):
+def test_mounted_F_ior_is_equal_on_check_mount_and_sheet(more):
     drive = drive_of(more)
     points = check(drive, draws=8, run=Run(seed=3)).points
     advice = advise(drive, seat_positions(drive), draws=8, run=Run(seed=3))
@@ -131,7 +131,7 @@ def test_all_pages_say_the_same_numbers_and_the_same_probability():
 
 @pytest.mark.thorough
 @pytest.mark.usefixtures("kept")
-def test_mount_draws_as_many_samples_as_check_with_the_same_sureness():
+def test_mount_draws_as_many_samples_as_check_at_equal_probability():
     drive, positions = drive_of("acceptance.F_ior=28", "operation.M_g=4"), [0.0, 60.0]
     many, few = (check(drive, draws=8, sure=sure, run=Run(seed=3)).samples.draws for sure in (0.95, 0.7))
     advices = [advise(drive, positions, draws=8, sure=sure, run=Run(seed=3)) for sure in (0.95, 0.7)]
@@ -163,7 +163,7 @@ def test_of_more_samples_the_first_are_those_of_fewer():
     assert many.weights[: len(few.weights)] == pytest.approx(few.weights)
 
 
-def test_what_is_assumed_widens_the_gain_and_can_take_an_order_back():
+def test_assumed_stiffness_widens_the_range_of_the_gain():
     """All deviations are known; how stiff the cam stands decides what turning brings."""
     holes = [60.0 * k for k in range(6)]
     stiff = "source.supports.C_3={kind: assumed, range: [200, 100000], ref: judged}"
@@ -182,7 +182,7 @@ def test_a_catalogue_is_heard_by_mount():
 
 @pytest.mark.thorough
 @pytest.mark.usefixtures("kept")
-def test_a_choice_that_is_not_sure_is_a_best_bet_and_ends_with_code_6_only_where_that_was_asked():
+def test_uncertain_choice_is_best_bet_with_exit_6_on_request():
     loose = [word for each in OPEN for word in ("--set", each)] + ["--set", "phases.xi_b=200±90", "--no-plot"]
     page, held = (run("mount", TINY, *loose, "--draws", "24", *more) for more in ((), ("--sure", "0.99")))
     assert (page.returncode, held.returncode) == (0, 6)
@@ -214,7 +214,7 @@ def test_F_ior_measured_in_holes_tells_holes_apart():
     assert advices[1].decision.probability_better(2) > 0.9
 
 
-def test_where_too_few_samples_agree_the_values_as_given_name_the_hole():
+def test_nominal_values_name_the_hole_if_too_few_samples_agree():
     drive = drive_of("catalogue.K_2=1e9", "operation.M_g=4")
     advice = advise(drive, seat_positions(drive), draws=4)
     assert "contradicts" in advice.fault

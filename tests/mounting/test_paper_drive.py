@@ -31,7 +31,7 @@ def answer(command: str, *options: str):
 
 @pytest.mark.thorough
 @pytest.mark.usefixtures("kept")
-def test_the_drive_of_the_paper_is_turned_from_31_to_15_with_one_number_of_a_hole_on_all_pages(as_given):
+def test_paper_drive_has_one_F_ior_per_hole_everywhere(as_given):
     report = answer("report", "--draws", "16")  # with the answers of check and mount, which test_one_belief holds
     mounted = report["mount"]
     assert (mounted["order"], mounted["recommended"]["hole"]) == ("turn", BEST)

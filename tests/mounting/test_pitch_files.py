@@ -220,7 +220,7 @@ def test_an_unknown_choice_is_refused(files):
     assert pitch("trace", SMALL, "--pitch-b", "wheel.csv", "--pitch-sense", "up", files=files).returncode == 2
 
 
-def test_beside_measured_teeth_nothing_is_drawn_and_the_hole_is_that_of_the_values_as_given(files):
+def test_measured_teeth_disable_sampling_and_the_nominal_values_decide(files):
     asked = ("mount", SMALL, *QUICK, "--pitch-b", "wheel.csv", "--set", "uncertainty.phases.phi_hb=9")
     for more in ((), ("--draws", "0")):
         given = pitch(*asked, "-q", *more, files=files)
@@ -234,7 +234,7 @@ def test_beside_measured_teeth_nothing_is_drawn_and_the_hole_is_that_of_the_valu
     )
 
 
-def test_an_open_verdict_beside_measured_teeth_has_its_reason_and_a_next_command_with_the_files(files):
+def test_inconclusive_check_of_measured_teeth_repeats_their_files_in_next(files):
     (files / "my_wheel.csv").write_bytes((files / "wheel.csv").read_bytes())
     asked = ("--limit", "400", "--set", "uncertainty.phases.phi_hb=9", "--pitch-b", "my_wheel.csv", "--mark-b", "120")
     done = pitch("check", SMALL, "--torque", "4", *asked, files=files)

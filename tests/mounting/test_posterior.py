@@ -118,7 +118,7 @@ def test_a_hidden_offset_is_recovered(cloud: HoleSamples, size: float, direction
 
 
 @pytest.mark.thorough
-def test_more_values_make_it_surer_and_the_next_one_brings_what_is_foreseen(cloud: HoleSamples) -> None:
+def test_more_values_raise_the_probability_with_the_predicted_gain(cloud: HoleSamples) -> None:
     values = measured(40.0, 140.0)
     (_, one), (draws, three), (_, six) = (
         learnt(cloud, trials(values, POSITIONS[::step][:count]), POSITIONS) for step, count in ((4, 1), (4, 3), (2, 6))
@@ -138,7 +138,7 @@ def test_more_values_make_it_surer_and_the_next_one_brings_what_is_foreseen(clou
     assert np.mean(brought) == pytest.approx(foreseen - now, abs=3 * np.std(brought) / np.sqrt(len(brought)) + 0.1)
 
 
-def test_a_value_is_misread_with_the_probability_of_the_normal_distribution() -> None:
+def test_probability_of_a_reading_error_follows_the_normal_distribution() -> None:
     """One sample, the same in all positions: against densities of all kinds, none of them without its size."""
     of_one, rig = synthetic(np.full((1, 12), 20.0), setup=TrialSetup(M_G, 0.5)), 0.5
     y, tried = np.array([20.0, 20.5, 26.0]), (0.0, 120.0, 240.0)
@@ -169,7 +169,7 @@ def test_repeats_tell_the_noise(cloud: HoleSamples) -> None:
     assert np.all(far.misread[3:] > 10 * close.misread[3:])  # or one of them is misread
 
 
-def test_a_drive_that_errs_more_than_the_model_is_found_all_the_same(cloud: HoleSamples) -> None:
+def test_scale_beyond_the_model_is_identified_with_the_best_hole(cloud: HoleSamples) -> None:
     values = measured(50.0, 20.0)
     same, more = (
         learnt(cloud, trials([factor * v for v in values], POSITIONS[::2]), POSITIONS) for factor in (1.0, 1.12)
@@ -189,7 +189,7 @@ def test_where_no_drive_shows_the_values_they_alone_decide(cloud: HoleSamples) -
     assert right.after and right.after.by_values < 0.5
 
 
-def test_the_torque_at_which_values_are_far_more_probable_is_named(cloud: HoleSamples) -> None:
+def test_torque_at_which_values_are_far_more_probable_is_named(cloud: HoleSamples) -> None:
     drive = load_preset(SMALL).with_values({"tolerances.e_hb": 50.0, "phases.phi_hb": 20.0})
     search = ErrorMap(drive, 1.0)
     at_one = trials([search.extremes(rotated(drive, r)).first for r in POSITIONS])
@@ -203,7 +203,7 @@ def test_the_torque_at_which_values_are_far_more_probable_is_named(cloud: HoleSa
     assert likelier_torque(one, [Trial(0, 28.0), Trial(120, 28.0), Trial(240, 28.0)]) is None
 
 
-def test_where_few_samples_remain_the_answer_is_less_sure_and_does_not_vanish(cloud: HoleSamples) -> None:
+def test_few_remaining_samples_lower_the_probability_but_give_a_result(cloud: HoleSamples) -> None:
     tried = trials(measured(50.0, 20.0))
     likely = posterior_of(cloud, tried, [0.0]).places[:3]
     weight = np.isin(np.arange(cloud.weight.size), likely).reshape(cloud.weight.shape) / 3
@@ -251,7 +251,7 @@ BOTH = told("operation.M_g=[1, 4]")
 LIGHT_VALUES = [Trial(0.0, 32.0), Trial(120.0, 20.0), Trial(240.0, 20.0)]  # best at 180 deg
 
 
-def test_values_at_a_second_torque_tell_what_those_at_the_first_cannot() -> None:
+def test_values_at_a_second_torque_resolve_holes_the_first_cannot() -> None:
     """By values at 4 N*m nothing is known of 1 N*m: a value there is worth most, and says where it is best."""
     samples = two_torques()
     setup = TrialSetup(M_G, 0.5, others=(1.0,))
@@ -293,7 +293,7 @@ def values_near(one: float, other: float) -> bool:
 
 
 @pytest.mark.thorough
-def test_one_misread_value_of_six_is_named_and_the_hole_all_the_same(cloud: HoleSamples) -> None:
+def test_one_reading_error_among_six_values_changes_no_hole(cloud: HoleSamples) -> None:
     """The value in the best of the holes is read 15 arcsec too high, or that in a good one 20."""
     values = measured(50.0, 20.0)
     tried = trials(values, (*THIRDS, 60.0, 90.0, 150.0))
@@ -307,7 +307,7 @@ def test_one_misread_value_of_six_is_named_and_the_hole_all_the_same(cloud: Hole
         assert values[advice.decision.best] < 1.05 * min(values)
 
 
-def test_curves_of_no_drive_are_as_smooth_as_those_of_drives_and_gain_nothing_by_lying_near_the_values() -> None:
+def test_free_curves_are_smooth_and_gain_nothing_near_the_values() -> None:
     """Drives whose F'_ior goes once around the seat, by a tenth: other curves do too, and their level is not given."""
     turn = 2 * np.pi * (np.arange(HOLES) / HOLES - np.linspace(0, 1, 64, endpoint=False)[:, None])
     once, tried = synthetic(20 * np.exp(0.1 * np.cos(turn))), [Trial(0.0, 20.0), Trial(120.0, 20.5), Trial(60.0, 18.5)]
@@ -326,7 +326,7 @@ def test_curves_of_no_drive_are_as_smooth_as_those_of_drives_and_gain_nothing_by
     assert found.std(axis=0) == pytest.approx(free.std(axis=0), rel=0.25)
 
 
-def test_each_value_may_be_misread_and_one_that_no_other_agrees_with_is_named() -> None:
+def test_any_value_may_be_misread_and_an_outlier_is_named() -> None:
     shares = {k: sum(np.exp(e.log_share) for e in error_kinds(6, LOG_NOISES) if e.misread == k) for k in range(-1, 6)}
     assert sum(shares.values()) == pytest.approx(1)
     assert [shares[k] for k in range(6)] == pytest.approx([(1 - (1 - MISREAD) ** 6) / 6] * 6)

@@ -33,7 +33,7 @@ def record(tmp_path):
     return written
 
 
-def test_a_record_gives_the_value_and_the_uncertainty_that_measure_gives(record):
+def test_recording_as_trial_gives_value_and_uncertainty_of_measure(record):
     drive, file = load_preset(SMALL), record(CYCLE)
     found = read_trial_or_record(f"h4={file}", drive, Reading(), 10.0)
     assert found.rotation_deg == 120
@@ -95,7 +95,7 @@ def test_a_value_counts_by_its_own_noise(cloud):
 
 
 @pytest.mark.thorough
-def test_a_trial_of_the_preset_counts_once_whether_given_again_or_not(cloud):
+def test_preset_trial_counts_once_even_if_given_again(cloud):
     one = "measured.F_ior={h4@4: 20 ± 1}"
     given, again = [Trial(0.0, 30.0)], Trial(120.0, 20.0)
 
@@ -110,7 +110,7 @@ def test_a_trial_of_the_preset_counts_once_whether_given_again_or_not(cloud):
     assert hole_samples(told(one), (1.0,), SETUP, **COARSE).weight == pytest.approx(cloud.weight)
 
 
-def test_errors_of_the_preset_and_of_the_command_line_are_the_same_at_any_torque(cloud):
+def test_preset_values_and_trials_give_equal_decisions_at_any_torque(cloud):
     """F'_ior in holes at two torques, as `measured.F_ior` and as trials: the same decision, and far from none."""
     preset = told("measured.F_ior={h0@4: 30 ± 1, h0@1: 90 ± 1, h4@1: 40 ± 1}", "operation.M_g=[1, 4]")
     values = ((0.0, 30.0, 4.0), (0.0, 90.0, 1.0), (120.0, 40.0, 1.0))

@@ -42,7 +42,7 @@ def test_turning_the_wheel_is_turning_all_that_stands_back() -> None:
 
 
 @pytest.mark.thorough
-def test_stiffnesses_and_clearances_are_drawn_as_check_draws_them_and_by_its_evidence() -> None:
+def test_mount_samples_stiffnesses_and_clearances_by_the_data_of_check() -> None:
     """A clearance that is assumed moves F'_ior; a catalogue's stiffness that no drive has leaves none."""
     drive = load_preset(SMALL, ["operation.M_g=4", "tolerances.e_hh=0", ASSUMED])
     effort = {"draws": 6, "table": TableEffort(8, COARSE_MESH)}
@@ -55,7 +55,7 @@ def test_stiffnesses_and_clearances_are_drawn_as_check_draws_them_and_by_its_evi
         hole_samples(changed(drive, catalogue__K_2=1e3 * figures["K_2"]), (), SETUP, **effort)
 
 
-def test_a_hole_is_named_also_where_few_draws_agree_with_the_evidence(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_mount_names_a_hole_and_warns_if_few_draws_agree(monkeypatch: pytest.MonkeyPatch) -> None:
     """Ten of 16 draws agree, 16 are wanted: a hole all the same, and a warning; at eight wanted none is due."""
     drive = load_preset(SMALL, ["operation.M_g=4", "tolerances.e_hh=0", ASSUMED])
     agreeing = changed(drive, catalogue__K_2=1.37 * stiffness_figures(drive)[0]["K_2"])
@@ -68,7 +68,7 @@ def test_a_hole_is_named_also_where_few_draws_agree_with_the_evidence(monkeypatc
 
 
 @pytest.mark.thorough
-def test_values_that_the_preset_predicts_keep_its_direction_and_others_open_it() -> None:
+def test_predicted_values_keep_the_stated_direction_and_others_reopen_it() -> None:
     """Half of what is believed before any value is the offset as stated: F'_ior there is that of the preset itself."""
     drive = load_preset(SMALL, ["tolerances.e_hh=0", "phases.phi_hb=70"])
     found = hole_samples(drive, (), SETUP, draws=FEW)
@@ -101,7 +101,7 @@ def test_what_the_preset_knows_of_the_offset_counts() -> None:
 
 
 @pytest.mark.thorough
-def test_a_standing_ovality_that_is_known_does_not_turn_with_the_samples() -> None:
+def test_known_fixed_ovality_does_not_turn_with_the_samples() -> None:
     oval = hole_samples(told("harmonics.a_s2=3", "harmonics.xi_s2=20"), (), SETUP, **COARSE)
     assert not oval.weight[:, 1:].any()
     assert np.ptp(direction_of(oval).reshape(oval.weight.shape)[:, 0]) > 300
@@ -144,7 +144,7 @@ def test_drives_that_trials_cannot_take(overrides: list[str], words: str) -> Non
         hole_samples(load_preset(SMALL, overrides), (), SETUP, draws=FEW)
 
 
-def test_what_a_preset_does_not_give_is_open_in_trials_too() -> None:
+def test_unknown_preset_inputs_are_uncertain_in_trials_too() -> None:
     paths = ["tolerances.e_hb", "tolerances.e_hh", "phases.phi_hb", "harmonics.a_s2"]
     drive = load_preset(SMALL, [f"{path}=unknown" for path in paths])
     found = {each.path: (each.low, each.high) for each in open_prior(drive).fields}

@@ -17,7 +17,7 @@ def test_holes_of_trials_are_the_positions_of_the_seat(holes: int) -> None:
         assert read_trial(f"{rotation!r}=17", holes).rotation_deg == rotation
 
 
-def test_an_outcome_in_a_hole_that_is_not_allowed_is_none() -> None:
+def test_value_in_a_hole_that_is_not_allowed_is_refused() -> None:
     assert read_trial("h4=17", 12, [3, 4]) == Trial(120.0, 17.0)
     with pytest.raises(UsageError, match=r"hole 5 of trial .* is not in mounting\.allowed"):
         read_trial("h5=17", 12, [3, 4])
@@ -65,7 +65,7 @@ def test_what_is_no_trial(text: str) -> None:
 
 
 @pytest.mark.parametrize("value", ["34um", "1O.5", "rum", ""])
-def test_a_value_that_is_neither_a_number_nor_a_file_says_what_is_expected_of_its_hole(value: str) -> None:
+def test_value_that_is_neither_number_nor_file_is_refused(value: str) -> None:
     wanted = r"invalid trial .*: expected F._ior in arcsec, as in h4=17\.3, or the file of a recording"
     with pytest.raises(UsageError, match=wanted):
         read_trial_or_record(f"h4={value}", load_preset(SMALL), Reading(), 10.0)

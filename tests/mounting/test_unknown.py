@@ -30,7 +30,7 @@ def oval():
 
 
 @pytest.mark.thorough
-def test_without_a_direction_that_decides_any_hole_may_be_the_best():
+def test_unknown_direction_gives_any_hole_and_the_holes_to_measure():
     advice = advice_on("phases.phi_hb=unknown", "operation.M_g=4")
     report = mount_report(advice, 0)
     told = report_object(report)
@@ -69,7 +69,7 @@ TRUE = "the fixed wheel has no deviation, so its hole has no effect."
         (("tolerances.F_i2=0",), TRUE),
     ],
 )
-def test_where_no_hole_can_be_better_the_first_line_says_why_and_nothing_is_to_be_measured(overrides, why):
+def test_equal_holes_are_explained_first_and_need_no_measurement(overrides, why):
     advice = advice_on("operation.M_g=4", "mounting.holes=4", *overrides, draws=8)
     # holes are no whole number of teeth apart
     assert advice.curve.F_ior_arcsec.max() < 1.01 * advice.curve.F_ior_arcsec.min()
@@ -95,7 +95,7 @@ def test_its_samples_are_drives_that_are_oval_in_any_direction(oval):
     assert len(set(best.tolist())) > 1  # such an ovality decides as much as all the rest
 
 
-def test_every_number_of_a_hole_is_the_median_over_the_samples(oval):
+def test_F_ior_of_a_hole_is_the_median_of_samples(oval):
     told = report_object(mount_report(oval, 0))
     medians = {place["rotation_deg"]: place["F_ior_arcsec"]["p50"] for place in told["positions"]}
     for name in ("current", "best_bet", "worst"):
@@ -112,7 +112,7 @@ def test_what_is_known_is_ordered_as_ever():
 
 
 @pytest.mark.thorough
-def test_without_a_direction_there_is_a_hole_and_a_card_that_says_any(tmp_path):
+def test_unknown_direction_gives_a_card_that_says_any_hole(tmp_path):
     open_ = (SMALL, "--set", "phases.phi_hb=unknown", "--torque", "4", "--no-plot", "--draws", "16")
     done = run("mount", *open_, "--card", "card.txt", "-q", cwd=tmp_path)
     assert (done.returncode, done.stdout) == (0, "any\n")
