@@ -32,7 +32,7 @@ def drive(*overrides: str):
     return load_preset(TINY, overrides)
 
 
-def test_where_check_and_accept_hold_the_same_limit_they_say_the_same():
+def test_check_and_accept_agree_on_the_same_limit():
     there = drive(*OPEN, "acceptance.F_ior={1: 2500, 4: 2050}", "acceptance.order_amplitude={2@4: 14}")
     told = report_object(check_report(check(there, draws=4), 0))
     mine = answer_json(accept(there, draws=4))
@@ -82,7 +82,7 @@ def test_other_values_are_those_of_each_sample(drawn):
 
 
 @pytest.mark.thorough
-def test_a_sample_of_a_long_cycle_needs_an_eighth_of_its_states():
+def test_sample_of_a_long_cycle_needs_few_of_its_states():
     there = load_preset("vzp160", ["operation.M_g=80", "acceptance.turn_range=1000"])
     samples = predict(there, limits_of(there), draws=2, run=UNCHECKED).samples
     assert samples.certificate.states / samples.draws < Kinematics.of(there).cycle_states / 8
@@ -127,7 +127,7 @@ def test_without_samples_what_is_open_is_settled_by_nothing(case, tmp_path):
     assert decision.belief is None
 
 
-def test_the_page_says_what_it_would_take_and_how_to_measure():
+def test_accept_page_lists_the_options_and_how_to_measure():
     asked = (
         "accept",
         TINY,

@@ -71,7 +71,7 @@ def test_each_fault_is_said_of_its_cell(told: list[AcceptAnswer]) -> None:
     assert (codes["a"], codes["h"], codes["l"]) == (Fault.DATA, Fault.FILE_UNREADABLE, Fault.FILE_INVALID)
 
 
-def test_a_row_with_a_fault_replays_in_the_words_of_options(told: list[AcceptAnswer]) -> None:
+def test_faulty_row_replays_with_the_same_error(told: list[AcceptAnswer]) -> None:
     Path("a.jsonl").write_text(json.dumps({"results": list(map(answer_json, told))}), encoding="utf-8")
     recorded = read_answers("a.jsonl")
     assert [answer.serial for answer in recorded if answer.request is None] == ["j", "n"]
@@ -84,7 +84,7 @@ def test_a_row_with_a_fault_replays_in_the_words_of_options(told: list[AcceptAns
         assert "error.code" in [each.key for each in answer_differences(was, other)]
 
 
-def test_a_limit_of_the_command_line_is_named_as_it_was_given() -> None:
+def test_errors_repeat_a_command_line_limit_as_it_was_typed() -> None:
     done = run("accept", SMALL, "--set", "cam.W_0=x", "--limit", "F_ior@4=30 mm", "--limit", "order_2@4=y")
     assert done.returncode == 2
     assert done.stderr.splitlines()[:3] == [

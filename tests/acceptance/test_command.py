@@ -103,7 +103,7 @@ def test_what_cannot_be_decided_has_a_code_of_its_own(rig, args, code, words):
 
 
 @pytest.mark.thorough
-def test_a_part_of_the_cycle_has_the_lower_end_that_measure_shows(rig):
+def test_partial_cycle_is_judged_by_the_lower_end_of_measure(rig):
     measured = run("measure", "part.csv", "--drive", SMALL, "-q", cwd=rig).stdout
     low = measured.removeprefix(">= ").removesuffix("″\n")
     for limit, verdict in (("900", "INCONCLUSIVE"), ("1", "FAIL")):
@@ -119,7 +119,7 @@ def test_a_part_of_the_cycle_has_the_lower_end_that_measure_shows(rig):
 
 
 @pytest.mark.thorough
-def test_silence_about_a_source_is_inconclusive_and_says_how_to_end_it(rig):
+def test_unstated_uncertainty_source_is_inconclusive_and_named_with_its_option(rig):
     args = ("--measured", "4=run.csv", "--limit", f"F_ior@4={TRUE + 3}")
     done = accepted(rig, *args, budget="encoder=0.1,reseating=0")
     assert done.returncode == 6
@@ -148,7 +148,7 @@ def test_people_see_each_check_with_how_it_is_known(rig):
         assert words in done.stdout
 
 
-def test_the_short_page_has_the_verdict_and_what_to_do_next(rig):
+def test_short_accept_page_shows_the_verdict_and_the_next_command(rig):
     limits = ("--limit", "F_ior@4=1", "--limit", "lost_motion=1")
     done = accepted(rig, "--measured", "4=run.csv", *limits, budget="encoder=0.1")
     lines = done.stdout.splitlines()
@@ -239,7 +239,7 @@ def test_a_turn_has_no_more_than_the_whole_cycle(rig):
 
 
 @pytest.mark.thorough
-def test_an_assumed_unit_and_a_step_that_was_taken_off_are_on_the_page_and_in_json(rig):
+def test_assumed_unit_and_removed_step_are_on_page_and_json(rig):
     error = CURVE(TURNS) + 0.3 * np.random.default_rng(1).standard_normal(len(TURNS))
     (rig / "plain.csv").write_text(text([360 * TURNS, error], "angle,error"))
     (rig / "stepped.csv").write_text(text([360 * TURNS, error + 50 * (TURNS > 12)], "cam_deg,error_arcsec"))
@@ -256,7 +256,7 @@ def test_an_assumed_unit_and_a_step_that_was_taken_off_are_on_the_page_and_in_js
 
 
 @pytest.mark.thorough
-def test_the_next_command_replaces_the_record_that_leaves_a_check_open(rig):
+def test_next_command_replaces_the_recording_that_leaves_a_check_open(rig):
     asked = "--limit", "F_ior@4=60", "--limit", "F_ior@1=60", "--measured", "1=run.csv", "--measured", "4=part.csv"
     page = in_a_line(accepted(rig, *asked).stdout)
     assert "--measured 1=run.csv --measured 4=FILE" in page

@@ -45,7 +45,7 @@ def test_measured_values_are_decided_by_the_rule(value, u, extent, rule, verdict
 
 
 @pytest.mark.parametrize(("few", "verdict"), [(False, "PASS"), (True, "INCONCLUSIVE")])
-def test_a_probability_of_few_samples_is_decided_by_all_of_its_interval(few, verdict):
+def test_probability_from_few_samples_is_decided_by_its_whole_interval(few, verdict):
     belief = Belief(10.0, 12.0, 14.0, 0.98, 0.79, 1.0, few)
     found = decide(UPPER, AcceptedValue(12.0, None, "predicted", "whole", belief=belief), "guard", 0.95)
     reason = (
@@ -59,7 +59,7 @@ def test_a_probability_of_few_samples_is_decided_by_all_of_its_interval(few, ver
     value=st.floats(1, 100), u=st.floats(0, 20), limit=st.floats(1, 100), rule=st.sampled_from(["guard", "simple"]),
     basis=st.sampled_from(["measured", "predicted"]),
 )  # fmt: skip
-def test_a_looser_limit_never_hurts_and_a_least_value_is_the_mirror_image(value, u, limit, rule, basis):
+def test_looser_limit_never_worsens_a_verdict_and_lower_limits_mirror(value, u, limit, rule, basis):
     better = ["FAIL", "INCONCLUSIVE", "PASS"]
     known = AcceptedValue(value, 2 * u, basis, "whole")
     verdicts = [better.index(decide(Limit("F_IOR", x), known, rule, 0.95).verdict) for x in (limit, limit + 1)]
@@ -107,7 +107,7 @@ def test_no_width_cuts_a_number():
             assert (words.count("PASS"), words.count("FAIL")) == (1, 3)
 
 
-def test_positions_that_were_approached_once_fail_no_drive_whose_scatter_is_not_known(tmp_path):
+def test_single_approaches_of_unknown_scatter_never_fail_a_drive(tmp_path):
     places = np.arange(120) * 3.0
     error = 6 * np.cos(np.radians(places)) + 2 * np.random.default_rng(0).standard_normal(120)  # a range of 12
     rows = [f"{place},{value:.4f},1\n" for place, value in zip(places, error, strict=True)]

@@ -98,7 +98,7 @@ def test_provenance_is_properties(told):
         assert found.get("preset_sha256") == answer.preset.sha256
 
 
-def test_nothing_stands_in_it_that_the_strict_schema_does_not_have(told):
+def test_junit_report_contains_only_what_the_strict_schema_allows(told):
     path: list[str] = []
 
     def begin(name: str, attributes: dict[str, str]) -> None:

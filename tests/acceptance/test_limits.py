@@ -36,7 +36,7 @@ def test_limits_name_torques_beyond_those_of_operation():
     ]  # fmt: skip
 
 
-def test_a_limit_of_an_order_at_one_torque_wins_over_that_at_each():
+def test_order_limit_at_one_torque_overrides_the_general_limit():
     drive = tiny("order_2=5", "order_2@4=3", "order_0.1@7=1")
     assert [(a.per_cam_rev, a.M_g_Nm, a.limit) for a in limits_of(drive)] == [(2, 1, 5), (2, 4, 3), (0.1, 7, 1)]
     assert [(a.per_cam_rev, a.M_g_Nm, a.limit) for a in limits_of(tiny("order_2@1=3"))] == [(2, 1, 3)]

@@ -258,7 +258,7 @@ def test_an_answer_with_a_field_without_a_name_is_refused(folder, here):
         (lambda told: told | {"pitch": [{"file": "x"}]}, "a.json:1: a result is incomplete: pitch.0."),
     ],
 )
-def test_an_answer_that_is_none_is_refused_by_its_first_field(folder, here, change, words):
+def test_invalid_json_result_is_refused_by_its_first_invalid_field(folder, here, change, words):
     _, answer, _ = here("accept", TINY, "--limit", "F_ior@4=9", "--value", "F_ior@4=28±1", *STATED, "--json")
     (folder / "a.json").write_text(json.dumps(change(json.loads(answer))))
     code, out, said = here("accept", "--replay", "a.json")
@@ -268,7 +268,7 @@ def test_an_answer_that_is_none_is_refused_by_its_first_field(folder, here, chan
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("change", [{"measured": [{}]}, {"exit_code": 7}, {"checks": []}, {"samples": {"draws": "x"}}])
-def test_a_kept_answer_that_is_none_is_refused_though_its_checksum_holds(folder, here, change):
+def test_invalid_kept_result_is_refused_despite_a_valid_checksum(folder, here, change):
     (folder / "few.csv").write_text("".join(LOT.splitlines(keepends=True)[:2]))
     args = ("accept", "few.csv", "--preset", SMALL, *STATED, "--jsonl", "a.jsonl")
     assert here(*args)[0] == 0
@@ -394,7 +394,7 @@ def test_two_runs_do_not_write_the_same_answers(folder):
     assert len((folder / "a.jsonl").read_text().splitlines()) == 6
 
 
-def test_a_lot_that_goes_on_replaces_the_tables_of_its_last_run_and_no_others(folder, here):
+def test_resumed_lot_replaces_only_the_tables_of_its_last_run(folder, here):
     args = (*MEASURED, "--jsonl", "a.jsonl", "--csv", "a.csv", "--junit", "a.xml", "-q", "--resume")
     assert here(*args)[0] == 4
     first = [(folder / name).read_text(encoding="utf-8") for name in ("a.csv", "a.xml")]
@@ -433,7 +433,7 @@ def test_an_answer_of_another_schema_is_refused_by_its_number(folder, here):
 @pytest.mark.parametrize(
     "text", ['{"results": []}', '{"results": [], "mine": 1}\n', "[]\n", '{"schema": "mine/1"}\n', "mine", "\n \n"]
 )
-def test_a_file_that_is_none_of_ours_is_not_resumed_on(folder, text):
+def test_resume_refuses_a_file_not_written_by_hdassist(folder, text):
     (folder / "a.jsonl").write_text(text)
     done = run(*MEASURED, "--jsonl", "a.jsonl", "--resume", cwd=folder)
     assert (done.returncode, done.stdout) == (2, "")
@@ -459,7 +459,7 @@ def test_a_fault_that_many_rows_share_is_named_once(folder, here):
     assert said.rstrip().endswith("note: the same for 3 further rows")
 
 
-def test_what_is_wrong_with_a_preset_is_said_to_each_of_its_rows(folder):
+def test_preset_error_is_reported_for_every_row_that_uses_it(folder):
     (folder / "lot.csv").write_text("serial;preset;limit F_ior@1\n1;none;9\n2;none;9\n3;folder;9\n")
     (folder / "folder").mkdir()
     done = run("accept", "lot.csv", "--json", cwd=folder)
@@ -472,7 +472,7 @@ def test_what_is_wrong_with_a_preset_is_said_to_each_of_its_rows(folder):
 
 
 @pytest.mark.parametrize(("text", "words"), [("serial;mine\n1;2\n", "mine: not a column of a lot"), ("", "empty")])
-def test_a_table_that_cannot_be_used_is_an_error_in_json_too(folder, here, text, words):
+def test_unusable_table_is_an_error_in_json_too(folder, here, text, words):
     (folder / "bad.csv").write_text(text)
     code, out, said = here("accept", "bad.csv", "--preset", SMALL, "--json", "--junit", "bad.xml")
     told = json.loads(out)
@@ -490,7 +490,7 @@ def test_a_record_in_place_of_a_lot_points_to_measure(folder, here):
     assert "hdassist measure run.csv, or accept PRESET --measured TORQUE=run.csv" in err
 
 
-def test_drives_with_one_record_are_named_and_a_fault_of_all_rows_is_written_once(folder, here):
+def test_identical_recordings_raise_a_warning_and_common_errors_print_once(folder, here):
     (folder / "copy.csv").write_bytes((folder / "run.csv").read_bytes())
     rows = ["serial;measured@4;limit F_ior@4", "A;run.csv;60", "B;copy.csv;60", "C;gone.csv;60"]
     (folder / "lot.csv").write_text("\n".join(rows) + "\n")
@@ -504,7 +504,7 @@ def test_drives_with_one_record_are_named_and_a_fault_of_all_rows_is_written_onc
     assert "note: the same for 2 further rows" in told
 
 
-def test_the_drive_nearest_to_its_limit_is_turned_first_and_all_say_how_far_they_are(folder, here):
+def test_drive_nearest_to_its_limit_is_turned_first(folder, here):
     rows = [
         "serial;F_ior@1;limit F_ior@1;F_ior@4;limit F_ior@4;phases.xi_b",
         "far;50±1;0,5;;;",

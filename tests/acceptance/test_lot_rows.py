@@ -41,7 +41,7 @@ def accepted(folder: Path, lot: str, *options: str) -> tuple[int, dict[str, Any]
 
 
 @pytest.mark.parametrize("mark", ["#", "%", "//", '"#'])
-def test_a_row_whose_serial_begins_like_a_remark_is_a_row(mark: str, folder: Path) -> None:
+def test_row_whose_serial_begins_like_a_comment_is_read(mark: str, folder: Path) -> None:
     end = '"' * mark.startswith('"')
     lot = f"serial;F_ior@1;limit F_ior@1;note\n{mark}17{end};50±1;40;\nK2;20±1;40;x\n# by hand, 17 March\n"
     code, answers, messages = accepted(folder, lot, *MEASURED)
@@ -59,7 +59,7 @@ def test_remarks_above_the_heading_need_no_warning(folder: Path) -> None:
     assert "warning" not in messages
 
 
-def test_a_quote_that_is_not_closed_is_refused_with_its_line(folder: Path) -> None:
+def test_unclosed_quote_is_refused_with_its_line(folder: Path) -> None:
     code, answers, messages = accepted(folder, 'serial,F_ior@1,limit F_ior@1\n"K1,20±1,30\nK2,20±1,30\n', *MEASURED)
     assert code == 4
     assert "lot.csv:2:1: quotes are not closed" in messages
@@ -98,7 +98,7 @@ def test_one_recording_for_two_serials_passes_neither(folder: Path) -> None:
 
 
 @pytest.mark.thorough
-def test_an_answer_that_is_kept_is_done_again_where_a_new_row_has_its_recording(folder: Path) -> None:
+def test_kept_result_is_recomputed_if_a_row_shares_its_recording(folder: Path) -> None:
     lot = "serial;measured@1;limit F_ior@1\nK1;a.csv;40\n"
     more = (*MEASURED, *BUDGET, "--jsonl", "x.jsonl", "--resume")
     assert accepted(folder, lot, *more)[0] == 0
@@ -144,7 +144,7 @@ def test_a_drive_without_a_result_has_one_word_everywhere(folder: Path) -> None:
     assert [line.split()[0] for line in replayed] == ["K1", "K1", "K3", "K4"]
 
 
-def test_a_column_with_a_decimal_comma_in_its_torque_names_that_torque(folder: Path) -> None:
+def test_torque_column_with_a_decimal_comma_names_that_torque(folder: Path) -> None:
     (folder / "lot.csv").write_text("serial;F_ior@3,4\nK1;20±1\n")
     with pytest.raises(DataError, match=r"F_ior@3\.4"):
         read_lot(str(folder / "lot.csv"), Request(SMALL))

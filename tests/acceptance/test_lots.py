@@ -202,7 +202,7 @@ def test_a_bug_in_one_row_is_its_own(lot, monkeypatch):
     assert "internal error: ZeroDivisionError" in found[1].error.message
 
 
-def test_summary_counts_and_has_the_yield_of_those_that_are_decided(told):
+def test_lot_summary_contains_counts_and_the_yield_of_decided_drives(told):
     found = lot_summary([*told, *(replace(told[0], verdict=Verdict.INCONCLUSIVE, exit_code=6),) * 4])
     assert found["verdicts"] == {"PASS": 4, "FAIL": 1, "INCONCLUSIVE": 4, "DATA_ERROR": 1, "BROKEN": 1}
     assert (

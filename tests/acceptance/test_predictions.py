@@ -100,7 +100,7 @@ def test_orders_that_the_cycle_does_not_have_are_refused(predicted):
     assert turn_range_arcsec(predictions.errors[1.0]) <= predictions.errors[1.0].F_ior_arcsec
 
 
-def test_an_order_that_the_cycle_has_not_is_the_fault_of_who_asked(tmp_path):
+def test_order_absent_from_the_cycle_is_an_input_error(tmp_path):
     with pytest.raises(UsageError, match=r"order 2\.01 does not exist"):
         accept(tiny("order_2.01=3"))
     preset = tmp_path / "own.yaml"

@@ -45,7 +45,7 @@ def test_a_trace_of_the_full_cycle_decides():
     assert {note.code for note in found.remarks} == {"BUDGET", "NOT_TESTED"}
 
 
-def test_a_part_of_the_cycle_can_fail_a_drive_and_never_pass_it():
+def test_short_partial_cycle_can_fail_a_drive_but_never_pass():
     measured = {4.0: measure(rig(5), drive=small())}
     for limit, verdict in ((1.0, "FAIL"), (1000.0, "INCONCLUSIVE")):
         drive = small(f"F_ior@4={limit}", f"turn_range@4={limit}")
@@ -59,7 +59,7 @@ def test_a_part_of_the_cycle_can_fail_a_drive_and_never_pass_it():
 
 
 @pytest.mark.thorough
-def test_half_of_the_cycle_passes_by_the_upper_end_of_its_model():
+def test_half_cycle_passes_by_the_upper_end_of_its_model():
     measured = {4.0: measure(rig(CYCLE // 2), drive=small(), stated=NOTHING)}
     (direction,) = measured[4.0].directions
     at_most = full_cycle(measured[4.0], direction).at_most_arcsec
@@ -88,7 +88,7 @@ def test_less_than_a_third_of_the_cycle_never_passes():
     assert check.full_cycle.record_next_deg
 
 
-def test_an_order_of_a_trace_is_the_one_that_was_asked_for():
+def test_order_absent_from_the_recording_is_refused():
     measured = {4.0: measure(rig(CYCLE), drive=small())}
     with pytest.raises(
         UsageError, match=r"2\.01 does not exist in the full mesh cycle"
@@ -96,7 +96,7 @@ def test_an_order_of_a_trace_is_the_one_that_was_asked_for():
         accept(small("order_2.01=1"), measured, measured_only=True)
 
 
-def test_a_part_beside_the_whole_cycle_leaves_what_the_whole_says():
+def test_partial_cycle_beside_a_full_cycle_changes_no_verdict():
     x = np.concatenate([np.arange(CYCLE * RATE), np.arange(CYCLE * RATE, 20 * RATE, -1)]) / RATE
     both = recorded(x, 0.2 * np.random.default_rng(8).standard_normal(len(x)) + CURVE(x))
     drive = small("F_ior@4=1000", "turn_range@4=1000", "order_2=1000")
@@ -106,7 +106,7 @@ def test_a_part_beside_the_whole_cycle_leaves_what_the_whole_says():
 
 
 @pytest.mark.thorough
-def test_a_source_that_nobody_has_stated_keeps_a_drive_from_passing():
+def test_unstated_uncertainty_source_prevents_pass_unless_the_rule_is_simple():
     trace, limits = rig(CYCLE), ("F_ior@4=500", "turn_range@4=500", "order_2=500")
     for missing in ("encoder", "temperature"):
         stated_of = {name: 0.0 for name in STATED if name != missing}
@@ -124,7 +124,7 @@ def test_a_source_that_nobody_has_stated_keeps_a_drive_from_passing():
     )
 
 
-def test_what_lines_may_add_in_another_cycle_has_to_find_room():
+def test_limit_must_leave_room_for_lines_in_another_cycle():
     x = np.arange(CYCLE * RATE) / RATE
     error = CURVE(x) + 2 * np.cos(2 * np.pi * 12.96 * x) + 0.1 * np.random.default_rng(2).standard_normal(len(x))
     measured = measure(recorded(x, error), drive=small(), stated=NOTHING)
@@ -140,7 +140,7 @@ def test_what_lines_may_add_in_another_cycle_has_to_find_room():
     assert verdicts == ["INCONCLUSIVE", "PASS"]
 
 
-def test_a_whole_cycle_passes_by_the_upper_end_of_its_model():
+def test_full_cycle_passes_by_the_upper_end_of_its_model():
     measured = {4.0: measure(rig(CYCLE), drive=small(), stated=NOTHING)}
     at_most = full_cycle(measured[4.0], measured[4.0].greatest).at_most_arcsec
     assert whole_range(CURVE, CYCLE) < at_most
@@ -165,7 +165,7 @@ def test_accept_states_the_interval_of_measure(turns):
     assert check.full_cycle.interval == direction.interval_arcsec
 
 
-def test_a_whole_cycle_fails_by_the_lower_end_of_its_model():
+def test_full_cycle_fails_by_the_lower_end_of_its_model():
     measured = {4.0: measure(rig(CYCLE), drive=small(), stated=NOTHING)}
     at_least = full_cycle(measured[4.0], measured[4.0].greatest).at_least_arcsec
     assert at_least < whole_range(CURVE, CYCLE)
@@ -174,7 +174,7 @@ def test_a_whole_cycle_fails_by_the_lower_end_of_its_model():
     assert found == ["FAIL", "INCONCLUSIVE"]
 
 
-def test_a_part_in_one_direction_does_not_stop_the_whole_cycle_in_the_other():
+def test_partial_cycle_in_one_direction_does_not_prevent_a_pass():
     x = np.concatenate([np.arange(CYCLE * RATE), np.arange(CYCLE * RATE, 18 * RATE, -1)]) / RATE
     both = recorded(x, 0.2 * np.random.default_rng(8).standard_normal(len(x)) + CURVE(x))
     measured = measure(both, drive=small(), stated=NOTHING)

@@ -95,7 +95,7 @@ def test_faults_end_clearly(tmp_path, args, code, words):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["run.csv"]
 
 
-def test_entries_of_other_versions_are_read_and_those_of_another_schema_are_named(tmp_path, measured):
+def test_archive_reads_entries_of_other_versions_and_names_other_schemas(tmp_path, measured):
     folder, path = str(tmp_path), tmp_path / ARCHIVE_FILE
     add_to_archive(folder, read_conditions("17-1", ["date=2026-01-01"]), measured)
     (known,) = read_archive(folder, "17-1")
@@ -120,7 +120,7 @@ def test_entries_of_other_versions_are_read_and_those_of_another_schema_are_name
         read_archive(folder, "17-1")
 
 
-def test_a_line_that_was_changed_is_refused_and_half_a_line_is_not_there(tmp_path, measured):
+def test_archive_refuses_a_changed_line_and_ignores_a_cut_line(tmp_path, measured):
     folder, path = str(tmp_path), tmp_path / ARCHIVE_FILE
     for serial in ("17-1", "17-2"):
         add_to_archive(folder, read_conditions(serial, []), measured)
@@ -147,7 +147,7 @@ def test_a_line_that_was_changed_is_refused_and_half_a_line_is_not_there(tmp_pat
         read_archive(folder, "17-1")
 
 
-def test_a_condition_is_corrected_by_stating_it_with_the_record_again(tmp_path, measured):
+def test_archive_corrects_a_condition_if_the_recording_is_added_again(tmp_path, measured):
     folder = str(tmp_path)
     assert add_to_archive(folder, read_conditions("17-1", ["torque=80,hole=h4,date=2026-01-01"]), measured)
     for texts, is_new in ((["torque=800"], True), ([], False), (["torque=800,hole=h4"], False), (["hole=h5"], True)):

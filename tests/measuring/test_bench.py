@@ -141,7 +141,7 @@ def test_a_limit_that_nothing_tells_is_never_passed():
     assert run("accept", SMALL, *given, "--limit", "starting_torque=1", "-q").returncode == 6
 
 
-def test_the_lower_bound_of_positions_lies_below_a_truth_that_scatter_hides(tmp_path):
+def test_lower_bound_of_positions_stays_below_a_scattered_true_range(tmp_path):
     """Of 60 benches with a scatter of three times the true range, at most a few have it above that range."""
     above = 0
     for seed in range(60):

@@ -72,7 +72,7 @@ def test_a_screen_holds_the_answer_and_what_to_do_next(rig):
 
 
 @pytest.mark.thorough
-def test_part_of_the_cycle_is_a_lower_bound_and_says_why(rig):
+def test_measure_reports_a_lower_bound_for_part_of_the_cycle(rig):
     (rig / "part.csv").write_text(text([360 * TURNS[:600], ERROR[:600]], "cam_deg,error_arcsec"))
     lines = run("measure", "part.csv", "--ratio", "30", "--ascii", cwd=rig).stdout.splitlines()
     told = json.loads(run("measure", "part.csv", "--ratio", "30", "--json", cwd=rig).stdout)
@@ -162,7 +162,7 @@ def test_a_gap_longer_than_a_cam_turn_is_drawn(rig):
 
 
 @pytest.mark.thorough
-def test_a_plot_or_a_page_that_fails_takes_no_answer_with_it(rig, monkeypatch):
+def test_measure_prints_its_result_even_if_plot_or_page_fails(rig, monkeypatch):
     def broken(*_: object, **__: object) -> None:
         raise ZeroDivisionError("no room")
 
@@ -182,7 +182,7 @@ def test_a_plot_or_a_page_that_fails_takes_no_answer_with_it(rig, monkeypatch):
         assert page.stderr == said
 
 
-def test_the_answer_alone_is_7_bit_where_that_is_asked_for(rig):
+def test_quiet_result_is_ascii_if_the_option_is_given(rig):
     plain, ascii_ = (
         run("measure", "run.csv", "--ratio", "30", "-q", *more, cwd=rig).stdout for more in ((), ("--ascii",))
     )

@@ -29,7 +29,7 @@ def by_two_encoders(step: float, uneven: float):
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("step", [1.0, 5.0])
-def test_steps_that_come_round_with_the_turns_are_in_the_interval(step: float):
+def test_periodic_encoder_steps_are_included_in_the_interval(step: float):
     found = by_two_encoders(step, encoders.CAM)
     low, high = found.interval_arcsec
     assert low < 30 < high
@@ -62,7 +62,7 @@ def test_a_missing_row_is_no_step():
 
 @pytest.mark.thorough
 @pytest.mark.parametrize(("uneven", "least"), [(0.0, 1.5), (0.4, 0.0)])
-def test_counts_at_uneven_angles_are_noise_and_no_source_beside_it(uneven: float, least: float):
+def test_counts_at_uneven_angles_are_noise_without_a_resolution_source(uneven: float, least: float):
     turns = (np.arange(1800) + np.random.default_rng(0).uniform(0, uneven, 1800)) / 60
     output = turns / 30 + 10 * np.cos(4 * np.pi * turns) / 1296000
     columns = [np.round(turns * 16384) % 16384, np.round(output * 4194304) % 4194304]
@@ -100,7 +100,7 @@ UNEVEN = 1 + 0.1 * np.sin(np.arange(600) / 40)
 EVEN_SPEED = np.ones(600)
 
 
-def test_a_lag_between_the_encoders_is_told_by_a_speed_that_changes():
+def test_varying_speed_resolves_the_lag_between_encoders():
     for speeds in ([UNEVEN], [UNEVEN, -UNEVEN]):
         found = timed(speeds, 0.004, play=8.0)
         assert found.lag is not None
@@ -109,7 +109,7 @@ def test_a_lag_between_the_encoders_is_told_by_a_speed_that_changes():
             assert direction.range.value == pytest.approx(30, abs=1)
 
 
-def test_a_lag_at_one_speed_is_not_told_and_no_part_of_the_error():
+def test_lag_at_one_speed_is_unresolved_and_causes_no_error():
     turning = np.append(np.ones(350), [0.5])  # a change of speed at the turning point alone
     for speeds in ([EVEN_SPEED], [EVEN_SPEED, -EVEN_SPEED], [turning, -turning[::-1]]):
         found = timed(speeds, 0.004, play=8.0)
@@ -117,7 +117,7 @@ def test_a_lag_at_one_speed_is_not_told_and_no_part_of_the_error():
         assert found.F_ior_arcsec == pytest.approx(30, abs=1)
 
 
-def test_counts_of_the_cam_at_even_angles_are_in_the_interval_whatever_the_noise():
+def test_input_counts_at_even_angles_are_within_the_interval():
     rng = np.random.default_rng(2)
     phase, turns = rng.uniform(0, 2 * np.pi, 4), np.arange(30.2 * 60) / 60
 

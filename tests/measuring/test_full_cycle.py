@@ -124,7 +124,7 @@ def roughness(turns):
     return sum(0.2 * np.cos(2 * np.pi * per_rev * turns + phase) for per_rev, phase in waves)
 
 
-def test_a_whole_cycle_contains_waves_that_the_fitted_orders_leave_out():
+def test_full_cycle_interval_includes_waves_that_fitted_orders_omit():
     turns, fine = turns_of(1.0), np.arange(0, RATIO, 1 / 500)
     result = measured(turns, true_error(turns) + roughness(turns))
     true = float(np.ptp(true_error(fine) + roughness(fine)))

@@ -68,7 +68,7 @@ def test_two_positions_worked_by_hand():
 
 @pytest.mark.thorough
 @given(st.integers(2, 6), st.integers(2, 5), st.integers(0, 2**31))
-def test_figures_agree_with_another_program_in_either_form_of_the_file(positions: int, runs: int, seed: int):
+def test_positioning_figures_agree_with_another_program_in_both_file_forms(positions: int, runs: int, seed: int):
     rng = np.random.default_rng(seed)
     forward, backward = rng.normal(0, 20, (2, positions, runs))
     both = np.stack([forward, backward])
@@ -88,7 +88,7 @@ def test_figures_agree_with_another_program_in_either_form_of_the_file(positions
 
 
 @pytest.mark.thorough
-def test_the_uncertainty_of_the_mean_reversal_is_its_spread_over_tests():
+def test_uncertainty_of_the_mean_reversal_is_its_spread_over_tests():
     """Of 400 tests of 4 positions with 3 approaches from each side and a scatter of 2 arcsec."""
     rng, reversals, stated = np.random.default_rng(3), [], []
     for _ in range(400):
@@ -144,7 +144,7 @@ def test_the_side_of_a_run_is_in_its_name(name: str, side: int):
 
 
 @pytest.mark.parametrize("name", ["run 1 return [arcsec]", "run 1 rev", "run 2 [arcsec]"])
-def test_a_run_without_a_side_beside_runs_with_one_is_refused(name: str):
+def test_run_without_a_side_beside_runs_with_one_is_refused(name: str):
     with pytest.raises(PresetError, match="states no side"):
         positions_of(f"target_deg;run 1 fwd [arcsec];{name}\n0;1;2\n90;3;5\n")
 
@@ -160,7 +160,7 @@ def test_a_run_in_reverse_is_backward():
     assert reverse["B"] == pytest.approx(4)
 
 
-def test_a_run_in_another_unit_is_converted_and_one_without_a_known_unit_is_refused(tmp_path):
+def test_run_unit_is_converted_and_an_unknown_unit_is_refused(tmp_path):
     arcmin = positions_of("target_deg;fwd [arcmin];bwd [arcmin]\n0;1;2\n90;3;5\n")
     assert figures_of(positioning_test(arcmin))["B"] == pytest.approx(120)
     (tmp_path / "length.csv").write_text("target_deg;run1 fwd [um];run1 bwd [um]\n0;1;2\n90;3;5\n")

@@ -35,7 +35,7 @@ def joint_options(**ratios):
     return [f"--joint={name}=cam{name[1]}_deg,out{name[1]}_deg,{ratio:g}" for name, ratio in ratios.items()]
 
 
-def test_each_joint_of_a_log_has_its_range_and_all_have_one_table(log):
+def test_measure_reports_a_range_for_all_joints_in_one_table(log):
     path, true = log
     answer = run("measure", path, *joint_options(**RATIOS), "--travel", "90", "--json")
     assert answer.returncode == 0, answer.stderr

@@ -16,14 +16,14 @@ from tests.rigs import recorded
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_record_of_each_kind_is_held_and_gives_no_wrong_verdict(kind: str):
+def test_recording_of_any_kind_gives_no_wrong_verdict(kind: str):
     count = sum((counted(Rig(kind, seed)) for seed in (2, 3)), Counter())
     assert count["F'_ior"] == 2
     assert count["F'_ior held"] >= 1
     assert not count["false PASS"] + count["false FAIL"] + count["refused"]
 
 
-def test_white_noise_of_few_rows_a_turn_is_no_error_beyond_the_orders():
+def test_white_noise_of_few_rows_is_no_unmodelled_error():
     turns, orders = np.arange(1800) / 60, order_grid(DEFAULT_ORDERS, 30.0, 30.0)
     noise = np.random.default_rng(0).standard_normal((16, 1800))
     fits = [fit_orders(bins_of(recorded(turns, each), 12), orders) for each in noise]

@@ -46,7 +46,7 @@ WAVE = 8 * np.cos(4 * np.pi * TEN + 0.3) + 2 * np.cos(2 * np.pi * TEN) + np.cos(
 
 
 @pytest.mark.parametrize("order", [6.95, 11.07, 5.08, 0.554])
-def test_a_line_beside_an_order_of_a_short_record_is_one_with_it(order):
+def test_line_near_an_order_of_a_short_recording_merges(order):
     # ten turns tell orders apart that lie 0.1 apart: 6.95 lies between 6.9 and 7.0, and may be a beat of 7
     error = WAVE + line(order, 3.0, turns=TEN)
     found = found_in(error + 0.3 * np.random.default_rng(0).standard_normal(len(TEN)), TEN)
@@ -61,7 +61,7 @@ def test_a_line_beside_an_order_of_a_short_record_is_one_with_it(order):
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("order", [6.95, 5.08])
-def test_a_line_between_beats_of_the_full_cycle_is_one_with_them(order):
+def test_line_between_sidebands_of_the_full_cycle_is_one_line(order):
     found = found_in(CURVE(TURNS) + line(order, 3.0) + NOISE)
     (only,) = found.lines
     assert only.per_cam_rev == pytest.approx(order, abs=0.02)
@@ -81,7 +81,7 @@ def test_several_lines_are_found_the_strongest_first():
     assert [o.amplitude_arcsec for o in found.lines] == pytest.approx([1, 4, 2], abs=0.15)
 
 
-def test_noise_is_not_estimated_for_every_trial_of_where_a_line_lies(monkeypatch):
+def test_noise_is_estimated_once_for_all_trial_positions_of_lines(monkeypatch):
     """That took most of the time of a long record with lines."""
     noise_floor, estimated = fit.noise_floor, []
 
@@ -141,7 +141,7 @@ def test_full_cycles_with_a_line_are_held_and_not_passed(noise):
     assert told["lines"] == pytest.approx(1, abs=0.1)
 
 
-def test_a_line_that_is_left_out_would_make_f_ior_too_small():
+def test_omitting_a_line_would_make_F_ior_too_small():
     group, missed = Group("orders", 30, 1, 0.3), 0
     for seed in range(2):
         made = rig(group, seed)
@@ -161,7 +161,7 @@ def _curve(found: SweepResult, coefficients: np.ndarray) -> np.ndarray:
 @pytest.mark.thorough
 @pytest.mark.parametrize("order", [14, 17])
 @pytest.mark.parametrize("uneven", [0.0, 0.4, 1.0])
-def test_an_order_that_few_rows_hardly_resolve_is_part_of_the_range(order, uneven):
+def test_order_barely_resolved_by_few_rows_is_in_the_range(order, uneven):
     rng = np.random.default_rng([order, round(10 * uneven)])
     rows, size = rng.integers(35, 40), rng.uniform(1, 2)
     phase = rng.uniform(0, 2 * np.pi, 4)

@@ -56,7 +56,7 @@ def test_what_cannot_be_trusted_is_not_given(turns, error, words):
         measure(recorded(turns, error), ratio=100)
 
 
-def test_columns_read_by_their_order_are_named_where_they_tell_nothing():
+def test_error_about_columns_read_by_sequence_names_them():
     noise = np.random.default_rng(0).standard_normal(600)
     with pytest.raises(UntrustedError) as caught:
         measure(read_trace(text([360 * EVEN, noise], "").lstrip().encode()), ratio=100)

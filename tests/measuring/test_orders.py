@@ -113,7 +113,7 @@ def test_the_noise_of_orders_is_not_lost_with_rows():
     assert 0.94 < np.mean(floors) < 1.1
 
 
-def test_an_order_alone_has_room_for_the_beats_that_a_part_leaves_open():
+def test_single_order_includes_sidebands_that_a_partial_cycle_leaves_unresolved():
     """Order 2 with a beat of the same size, over the cycle 10 of 20 that a part of it may show."""
     turns = np.arange(12 * 60) / 60
     error = 10 * (np.cos(4 * np.pi * turns) + np.cos(2 * np.pi * 2.01 * turns))
@@ -126,7 +126,7 @@ def test_an_order_alone_has_room_for_the_beats_that_a_part_leaves_open():
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("turns", [12, 60, 100])
-def test_slow_terms_of_the_output_are_no_orders_of_the_cam(turns: float):
+def test_slow_output_terms_are_not_orders_of_the_input(turns: float):
     """Gravity, graduation, an encoder off its centre, once to five times per output turn; drift where it is a part."""
     x = np.arange(turns * 50) / 50
     cam = 8 * np.cos(4 * np.pi * x) + 3 * np.cos(2 * np.pi * 2.01 * x + 1) + 2 * np.cos(2 * np.pi * x)

@@ -76,7 +76,7 @@ def test_play_and_lag_are_told_apart_by_two_speeds():
     assert (held >= 8).all(), held
 
 
-def test_friction_that_grows_with_the_speed_is_no_lost_motion_at_rest():
+def test_friction_that_grows_with_speed_is_no_lost_motion():
     found = measured(3, (1.0, 2.5), 8.0, 0.0, friction=2.0)
     assert found.reversal.lost_motion_arcsec == pytest.approx(8.0, abs=0.3)
     per_ms = 1e-3 * 1296000 / RATIO  # arcsec s/turn
@@ -85,7 +85,7 @@ def test_friction_that_grows_with_the_speed_is_no_lost_motion_at_rest():
 
 @pytest.mark.thorough
 @pytest.mark.parametrize(("seed", "speeds", "play"), [(3, (3.0, 6.0), 3.0), (0, (0.6, 1.2), 40.0)])
-def test_a_turning_point_that_is_read_on_the_way_back_is_neither_drift_nor_spike(seed, speeds, play):
+def test_turning_point_read_after_reversal_is_neither_drift_nor_spike(seed, speeds, play):
     """It seems to be the last row of the way forth, on the wrong side of the play."""
     found = measured(seed, speeds, play, 0.0, friction=0.1 * play, first=0)
     assert not found.warnings
@@ -93,7 +93,7 @@ def test_a_turning_point_that_is_read_on_the_way_back_is_neither_drift_nor_spike
     assert abs(reversal.lost_motion_arcsec - play) <= 2 * reversal.lost_motion_standard_uncertainty_arcsec
 
 
-def test_a_speed_that_changes_on_the_way_tells_them_apart_too():
+def test_varying_speed_within_sweeps_separates_lost_motion_from_lag():
     found = measured(4, (1.5,), 8.0, 0.8, uneven=0.3)
     assert found.reversal.by == "speeds within sweeps"
     assert (
@@ -103,7 +103,7 @@ def test_a_speed_that_changes_on_the_way_tells_them_apart_too():
 
 
 @pytest.mark.thorough
-def test_at_one_speed_the_page_has_the_part_of_a_lag(tmp_path):
+def test_page_gives_the_effect_of_a_lag_at_one_speed(tmp_path):
     found = measured(5, (1.5,), 8.0, 0.5)
     per_ms = 2 * 1.5 * 1e-3 * 1296000 / RATIO
     assert found.lag is None

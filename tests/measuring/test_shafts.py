@@ -81,7 +81,7 @@ def test_f_ior_does_not_depend_on_stated_shafts(tmp_path: Path) -> None:
         ("belt=257s,twin=258s", "belt"),
     ],
 )
-def test_a_component_that_is_not_resolved_has_its_reason_and_no_number(shaft: str, reason: str, tmp_path: Path) -> None:
+def test_unresolved_shaft_component_has_a_reason_and_no_number(shaft: str, reason: str, tmp_path: Path) -> None:
     own = list(components(tmp_path, shaft).values())[-1]
     assert own["amplitude_arcsec"] is own["phase_deg"] is None
     assert reason in own["missing"]
@@ -120,7 +120,7 @@ def timed(path: Path, uneven: float) -> None:
 
 
 @pytest.mark.thorough
-def test_time_stamps_give_the_speed_and_a_speed_that_varies_is_refused(tmp_path: Path) -> None:
+def test_time_stamps_give_the_speed_and_varying_speed_is_refused(tmp_path: Path) -> None:
     timed(tmp_path / "even.csv", 0.0)
     timed(tmp_path / "uneven.csv", 0.5)
     asked = ("--ratio", "100", "--shafts", "motor=12s", "--json")

@@ -28,12 +28,12 @@ def test_slopes_of_records_are_held(seed):
     assert uncertainty < slope
 
 
-def test_a_record_without_a_ratio_has_no_slope_over_the_output():
+def test_recording_without_a_ratio_has_no_slope_over_the_output():
     joint = Joint(0, 120.0)
     assert measure(joint.trace).slope_arcsec_per_deg is None
 
 
-def test_the_slope_of_a_predicted_trace_is_that_from_state_to_state():
+def test_slope_of_a_predicted_trace_agrees_with_its_spectrum():
     found = trace(load_preset(TINY), 1.0, run=UNCHECKED)
     turns = found.error.states.phi_h / (2 * np.pi)
     spectrum = np.fft.rfft(found.error.error_arcsec - found.error.error_arcsec.mean())

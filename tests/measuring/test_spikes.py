@@ -43,7 +43,7 @@ def test_a_turning_point_is_no_spike():
 
 
 @pytest.mark.thorough
-def test_many_outliers_are_left_out_when_asked_and_their_effect_said():
+def test_robust_reading_omits_many_outliers_and_states_their_effect():
     turns, error, curve = simulated(0)
     rng = np.random.default_rng(3)
     off = rng.random(len(turns)) < 0.05
@@ -64,7 +64,7 @@ def stepped(size: float, share: float = 1.0):
     return turns, error + noise + size * (turns > 14.3)
 
 
-def test_a_step_of_the_level_is_named_by_its_line_and_no_part_of_the_range():
+def test_level_step_is_named_by_line_and_removed_from_range():
     turns, error = stepped(20)
     found = measure(recorded(turns, error), ratio=30)
     (words,) = found.warnings
@@ -98,7 +98,7 @@ def test_two_runs_in_one_file_are_no_wrap():
 
 
 @pytest.mark.parametrize("seed", [1, 8, 11, 29])
-def test_clean_records_of_part_of_the_cycle_at_uneven_angles_have_no_spikes(seed):
+def test_clean_partial_recordings_at_uneven_angles_have_no_spikes(seed):
     # what the fit misses at their ends is as great as a spike, and stands off readings that are few: refused before
     rng = np.random.default_rng(seed)
     phase = rng.uniform(0, 2 * np.pi, 8)

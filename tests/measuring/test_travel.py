@@ -37,7 +37,7 @@ def test_ranges_of_joints_are_held(travel_deg):
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("output_deg", [150.0, 200.0])
-def test_orders_of_the_cam_are_those_of_the_same_record_without_a_travel(output_deg: float):
+def test_orders_of_the_input_are_independent_of_the_travel(output_deg: float):
     """Orders nearer than the travel tells apart cancel each other: together they are no more than the error is."""
     turns = np.arange(0, output_deg / 360 * RATIO, 1 / 36)
     cam, output = 2 * np.pi * turns, 2 * np.pi * turns / RATIO
@@ -74,7 +74,7 @@ def test_a_joint_is_accepted_by_a_record_of_its_travel():
 
 
 @pytest.mark.thorough
-def test_a_prediction_beyond_the_limit_over_the_full_cycle_fails_no_joint():
+def test_prediction_over_the_full_cycle_never_fails_a_limited_joint():
     whole = load_preset("vzp160", ["operation.M_g=80"])
     for travel, verdict in ((720.0, "FAIL"), (90.0, "INCONCLUSIVE")):
         tested = whole.model_copy(update={"acceptance": Acceptance(F_ior={"80": 5.0}, travel=travel)})

@@ -58,7 +58,7 @@ def test_a_wind_up_that_the_record_tells_is_fitted(sign: float):
 
 
 @pytest.mark.thorough
-def test_a_wind_up_that_goes_with_the_output_s_turn_is_the_catalogue_s_or_stays():
+def test_wind_up_that_follows_the_output_needs_catalogue_stiffness():
     left = measured(file(GRAVITY, 1.0))
     assert left.F_ior_arcsec > 5 * RANGE
     assert any("the torque follows the output angle" in warning for warning in left.warnings)
@@ -107,7 +107,7 @@ def test_a_steady_torque_that_is_read_noisily_has_no_stiffness(kind: str, mean: 
 
 
 @pytest.mark.thorough
-def test_a_wind_up_whose_torque_is_read_noisily_is_no_line_and_widens_the_stiffness():
+def test_noisy_torque_is_no_line_and_widens_the_stiffness():
     """Its noise makes the slope too small: the rest of the wind-up was fitted as a line, and then all of it."""
     waving = 20 + 0.3 * np.sin(2 * np.pi * TURNS / 7.3)
     for seed in range(3):
@@ -161,7 +161,7 @@ ONCE = np.arange(RATIO * PER_TURN) / PER_TURN
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("bend", [0.0, 2.0])
-def test_sweeps_at_several_torques_tell_the_error_at_each_and_what_lines_between_miss(bend: float):
+def test_sweeps_give_the_error_and_linear_misfit_at_several_torques(bend: float):
     """At twice the uncertainty; of a parabola lines between three torques miss a quarter of its bend."""
     held = []
     for seed in range(4):
@@ -190,7 +190,7 @@ def test_two_torques_tell_no_bend():
         assert abs(each.F_ior_arcsec - true(each.M_g_Nm)) <= 3 * each.standard_uncertainty_arcsec
 
 
-def test_gravity_s_torque_changes_the_beats_and_the_curve_is_that_along_it():
+def test_interval_covers_the_error_along_a_varying_gravity_torque():
     def gravity(turns: np.ndarray) -> np.ndarray:
         return MIDDLE + 10 * np.cos(2 * np.pi * turns / RATIO + 0.4)
 
@@ -204,14 +204,14 @@ def test_gravity_s_torque_changes_the_beats_and_the_curve_is_that_along_it():
     assert sum(held) >= 3
 
 
-def test_a_record_that_does_not_tell_how_the_orders_change_with_its_torque_is_reported():
+def test_recording_that_cannot_resolve_the_effect_of_torque_is_reported():
     torque = MIDDLE + 6 * np.sin(2 * np.pi * ONCE / 7.3) + 4 * np.sin(ONCE**2 / 9)
     result, _ = rig(0, ONCE, torque, 2.0, 0.0)
     assert any("record a sweep at each torque" in warning for warning in result.warnings)
 
 
 @pytest.mark.thorough
-def test_the_error_at_each_torque_is_on_the_page_and_in_the_answer(tmp_path):
+def test_error_at_several_torques_is_on_page_and_json(tmp_path):
     turns, torque = np.tile(ONCE, 2), np.repeat([10.0, 30.0], len(ONCE))
     error = loaded(turns, torque, 2.0, 0.0, np.arange(4.0)) + 0.1 * np.sin(turns**2)
     (tmp_path / "run.csv").write_text(text([360 * turns, error, torque], "cam_deg;error_arcsec;torque [N·m]", ";"))
