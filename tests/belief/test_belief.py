@@ -56,13 +56,13 @@ def test_each_field_has_the_distribution_that_its_preset_gives_it():
     assert fields_of() == {}
 
 
-def test_an_uncertainty_counts_before_an_assumed_range_and_an_override_before_both():
+def test_uncertainty_overrides_an_assumed_range_and_set_overrides_both():
     assert fields_of(J_N, "gears.j_n=18±1")["gears.j_n"].distribution == "normal"
     assert fields_of("gears.j_n=18") == {}
     assert list(fields_of(J_N, "gears.j_n=18")) == ["gears.j_n"]  # a range that is stated beside the value counts
 
 
-def test_a_size_that_may_be_more_than_zero_has_a_direction():
+def test_deviation_size_that_may_exceed_zero_has_a_direction():
     deviation_sizes = "source.tolerances.e_b={kind: assumed, range: [0, 10], ref: judged}"
     assert list(fields_of(deviation_sizes, "phases.phi_eb=unknown")) == ["tolerances.e_b", "phases.phi_eb"]
 
@@ -76,7 +76,7 @@ def test_a_field_is_the_designs_the_drives_or_its_assemblys():
     }  # fmt: skip
 
 
-def test_an_uncertain_value_is_spread_as_far_as_its_field_goes():
+def test_uncertain_value_is_sampled_only_within_its_field_range():
     found = fields_of("uncertainty.phases.xi_b=10", "tolerances.e_hh=2", "uncertainty.tolerances.e_hh=4")
     shares = np.array([0.022750131948, 0.5, 0.977249868052])  # of a normal distribution below -2, 0 and 2
     middle = load_preset(TINY).phases.xi_b
@@ -84,7 +84,7 @@ def test_an_uncertain_value_is_spread_as_far_as_its_field_goes():
     assert found["tolerances.e_hh"].value(shares) == pytest.approx([0, 2, 6])  # not -2
 
 
-def test_of_more_draws_the_first_are_the_same_and_each_field_fills_its_range():
+def test_further_draws_keep_the_first_and_fill_every_range():
     prior = prior_of(tiny(C_3, J_N, "tolerances.e_b=unknown"))
     many = prior.shares(512, seed=3)
     assert np.array_equal(prior.shares(20, seed=3), many[:20])  # integers over a power of 2
@@ -107,7 +107,7 @@ def test_weights_give_the_posterior_of_a_linear_gaussian_model():
     assert effective_number(weights) / len(x) == pytest.approx(mean**2 / square, rel=1e-3)
 
 
-def test_percentiles_of_equal_weights_are_those_of_numpy_and_a_weight_stands_for_as_many_samples():
+def test_weighted_percentiles_agree_with_numpy_for_equal_and_integer_weights():
     rng = np.random.default_rng(0)
     values = rng.random(2000)
     for share in (0.05, 0.5, 0.95):
@@ -118,7 +118,7 @@ def test_percentiles_of_equal_weights_are_those_of_numpy_and_a_weight_stands_for
     assert weighted_quantile(values, counts.astype(float), 0.8) == pytest.approx(repeated, abs=1e-3)
 
 
-def test_evidence_agrees_best_with_its_value_and_a_wrong_figure_carries_no_order():
+def test_reference_data_are_likeliest_at_their_value_with_heavy_tails():
     near = Evidence("catalogue.K_2", "K_2", 5e4, 0.15)
     assert near.log_likelihood(5e4) == 0
     assert near.log_likelihood(5e4 * 1.1) == pytest.approx(near.log_likelihood(5e4 / 1.1))
@@ -139,7 +139,7 @@ def test_a_catalogue_is_evidence():
     assert evidence_of(tiny()) == ()
 
 
-def test_a_stiffness_is_that_of_the_weaker_side_for_evidence_and_targets():
+def test_stiffness_is_that_of_the_weaker_side():
     drive = tiny("bearing.beta=0.25")  # balls beside the axes: the two sides differ
     found, figures = stiffness(drive, points=1), stiffness_figures(drive)[0]
     for k in (1, 2, 3):
@@ -149,7 +149,7 @@ def test_a_stiffness_is_that_of_the_weaker_side_for_evidence_and_targets():
         assert [figures[f"K_{k}"], *predictions(drive, [asked])] == pytest.approx([min(one, other)] * 2)
 
 
-def test_samples_are_the_same_from_any_number_of_workers_and_the_first_of_more():
+def test_samples_are_independent_of_workers_and_extend_earlier_ones():
     drive = tiny(C_3, J_N, "phases.phi_hb=unknown")
     prior = prior_of(drive)
     few = draw_samples(prior, (4.0,), effort=FEW, run=Run(seed=2))
@@ -168,7 +168,7 @@ def test_draws_go_on_until_they_are_enough_or_the_most():
     assert draw_samples(prior, (4.0,), effort=FEW, enough=lambda _: False).draws == 16  # the most
 
 
-def test_a_purpose_takes_no_more_draws_where_few_of_them_are_effective():
+def test_sampling_stops_early_if_few_draws_are_effective():
     drive = tiny("source.cam.W_0={kind: assumed, range: [1.6, 1.8], ref: judged}")
     evidence = (Evidence("catalogue.K_1", "K_1", stiffness_figures(drive)[0]["K_1"], 0.02),)
     effort = SamplingEffort(effective=4, settling_draws=32, most_draws=64, batch=16)
@@ -243,7 +243,7 @@ def test_ranges_without_a_drive_are_named():
         (50, Verdict.INCONCLUSIVE, True), (2, Verdict.FAIL, False), (0, Verdict.FAIL, True),
     ],
 )  # fmt: skip
-def test_the_probability_decides_and_more_is_drawn_until_as_many_again_would_not_change_it(hits, verdict, stable):
+def test_probability_decides_and_sampling_continues_until_it_is_stable(hits, verdict, stable):
     found = probability_of(np.arange(64) < hits, np.ones(64))
     assert found.low <= found.value == hits / 64 <= found.high
     assert verdict_by_probability(found.value) is verdict
@@ -269,7 +269,7 @@ def test_verdicts_are_those_of_the_true_probability_with_few_draws(kept, right, 
 
 @pytest.mark.parametrize("heavy", [0.0, 0.4, -0.4])
 @pytest.mark.parametrize("share", [0.5, 0.9, 0.95])
-def test_the_interval_of_a_probability_holds_the_truth_whichever_samples_weigh_most(heavy, share):
+def test_probability_interval_contains_the_truth_for_any_sample_weights(heavy, share):
     """Normal samples weighted to a normal distribution elsewhere: those beyond the limit are heavy, alike or light."""
     rng, limit = np.random.default_rng(1), norm.ppf(share) + heavy
     found = [probability_of(x <= limit, np.exp(heavy * x)) for x in rng.standard_normal((1500, 256))]
@@ -288,11 +288,11 @@ def test_as_many_samples_again_change_a_stable_verdict_hardly_ever(hits, of):
     assert (changed < 0.07) == probability_by_share(hits / of, of).is_stable()
 
 
-def test_no_verdict_takes_more_samples_than_name_its_probability_to_two_per_cent():
+def test_verdict_needs_at_most_512_samples():
     assert [probability_by_share(0.95, count).is_stable() for count in (256, 512)] == [False, True]
 
 
-def test_the_interval_of_samples_that_weigh_the_same_is_that_of_jeffreys():
+def test_interval_of_equally_weighted_samples_is_that_of_jeffreys():
     found = probability_of(np.arange(80) < 74, np.full(80, 0.3))
     assert (found.low, found.high) == pytest.approx(beta(74.5, 6.5).ppf([0.05, 0.95]))
     all_inside = probability_of(np.arange(80) < 80, np.full(80, 0.3))
@@ -318,7 +318,7 @@ def by_C_3():
     return replace(samples, shares=shares, F_ior_arcsec=F_ior[:, None], weights=np.ones(256))
 
 
-def test_the_field_that_decides_has_the_influence_and_is_the_one_to_measure(by_C_3):
+def test_dominant_input_has_the_largest_contribution_and_is_measured_first(by_C_3):
     (first,) = influences(by_C_3, 0)
     assert first.group == "supports.C_3"
     assert first.share > 0.9
@@ -328,7 +328,7 @@ def test_the_field_that_decides_has_the_influence_and_is_the_one_to_measure(by_C
 
 
 @pytest.mark.parametrize(("f_p", "columns"), [("unknown", 2), ("5", 0)])
-def test_of_single_teeth_the_size_has_an_influence_and_no_phase_alone(f_p, columns):
+def test_single_tooth_deviations_contribute_by_size_never_by_phase_alone(f_p, columns):
     samples = draw_samples(prior_of(tiny(C_3, f"tolerances.f_p1={f_p}")), (4.0,), effort=FEW)
     assert columns_of(samples, samples.shares, "tolerances.f_p1").shape == (len(samples.shares), columns)
     assert {each.group for each in influences(samples, 0)} <= {"supports.C_3", "tolerances.f_p1"}
@@ -367,7 +367,7 @@ def test_a_probability_is_of_the_first_samples_that_settle_it(by_C_3):
     assert samples.probability_within(20.0, 0, sure=0.999).value == 0.5  # none leaves that clear
 
 
-def test_the_words_of_a_probability_never_show_another_verdict_than_the_rule():
+def test_probability_text_never_contradicts_the_verdict():
     for kept in (*np.linspace(0.90, 0.999, 100), 0.94501, 0.94999, 0.95, 0.05001, 0.0549, 0.05, 0.0):
         shown = float(percent_text(kept, kept, kept, 0.95).split()[0])
         assert verdict_by_probability(shown / 100) is verdict_by_probability(kept)
@@ -376,7 +376,7 @@ def test_the_words_of_a_probability_never_show_another_verdict_than_the_rule():
     assert percent_text(0.0, 0.0, 0.0, 0.95) == "0 %; PASS needs 95 %"
 
 
-def test_a_catalogues_accuracy_is_held_against_the_error_at_hardly_any_load():
+def test_catalogue_accuracy_is_compared_with_the_error_near_no_load():
     drive = tiny(C_3, "operation.rated=10", "catalogue.accuracy=30")
     samples = draw_samples(prior_of(drive), (4.0,), evidence=evidence_of(drive), effort=FEW)
     number = next(k for k, each in enumerate(samples.made) if each.F_ior_arcsec is not None)
@@ -385,7 +385,7 @@ def test_a_catalogues_accuracy_is_held_against_the_error_at_hardly_any_load():
     assert kept.figures["accuracy"] == pytest.approx(extremes_of(there, [0.2])[0].F_ior_arcsec[0], abs=1e-6)
 
 
-def test_samples_that_keep_an_accuracy_are_those_weighed_by_its_limit():
+def test_samples_that_meet_an_accuracy_keep_their_weight():
     samples = draw_samples(prior_of(tiny(C_3)), (4.0,), effort=FEW)
     F_ior = samples.F_ior_arcsec[:, 0]
     limit = float(np.median(F_ior))

@@ -15,7 +15,7 @@ PLAIN = 768  # draws
 
 
 @pytest.mark.slow
-def test_stiffness_and_lost_motion_narrow_the_error_and_the_wave_of_a_data_sheet_drive():
+def test_stiffness_and_lost_motion_narrow_error_and_radial_deflection():
     asked = ("--ratio", "100", "--pitch-diameter", "63.5", "--torque", "67", "--stiffness", "3.1e4,5.0e4,5.7e4")
     text = run("presets", "new", "sheet", *asked).stdout
     drive = load_text(text, "sheet.yaml", ["catalogue.lost_motion=60"])

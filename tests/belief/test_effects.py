@@ -25,7 +25,7 @@ def effect(*rows: tuple[float, ...], solved: tuple[int, ...] = ()) -> Effect:
     return Effect(F_ior, weights, np.isin(np.arange(len(rows)), solved))
 
 
-def test_a_sample_is_settled_if_its_donors_agree_on_the_limit_and_on_its_weight():
+def test_sample_is_settled_if_its_donors_agree():
     found = effect((40, 45), (45, 55), (55, 60), (45, 55), solved=(3,))
     assert found.unsettled(LEFT).tolist() == [False, True, False, False]
     assert found.met(LEFT).tolist() == [1, 0.5, 0, 0.5]
@@ -35,7 +35,7 @@ def test_a_sample_is_settled_if_its_donors_agree_on_the_limit_and_on_its_weight(
     assert likelihood.unsettled(None).tolist() == [True, False, False, False]
 
 
-def test_a_sample_takes_the_factors_of_those_that_are_nearest_and_a_solved_one_its_own():
+def test_sample_takes_the_factors_of_its_nearest_solved_samples():
     F_ior = np.array([10.0, 11.0, 20.0, 21.0, 40.0])
     factor = np.array([0.5, np.nan, 0.7, np.nan, 0.9])
     with mock.patch.object(effects, "_DONORS", 2):
@@ -43,7 +43,7 @@ def test_a_sample_takes_the_factors_of_those_that_are_nearest_and_a_solved_one_i
     assert [sorted({*row}) for row in donors.tolist()] == [[0], [0, 2], [2], [2, 4], [4]]
 
 
-def test_the_option_that_may_be_best_is_solved_undecided_and_a_hopeless_one_is_not():
+def test_undecided_options_that_may_be_best_are_solved():
     samples = SimpleNamespace(room_arcsec=LEFT, all_sets=(np.full(4, 60.0), np.ones(4)), rows=range(4))
     sure = effect((40, 40), (40, 40), (40, 40), (60, 60))
     wide = effect((40, 60), (40, 60), (40, 60), (40, 60))

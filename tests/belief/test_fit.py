@@ -29,7 +29,7 @@ def drawn(drive, count=64, seed=1):
     return prior.values(prior.shares(count, seed))
 
 
-def test_each_draw_of_the_fit_comes_as_a_whole_and_as_often():
+def test_fit_draws_are_complete_and_equally_frequent():
     pairs = [(each["gears.j_n"], each["supports.C_3"]) for each in drawn(fitted())]
     assert {pair: pairs.count(pair) for pair in ROWS} == dict.fromkeys(ROWS, 16)
     directions = np.array([each["phases.xi_b"] for each in drawn(fitted())])  # drawn beside, and of each alike
@@ -40,18 +40,18 @@ def test_each_draw_of_the_fit_comes_as_a_whole_and_as_often():
     ("override", "known"),
     [("supports.C_3=2500", {2500.0}), ("supports.C_3=2000", {2000.0}), ("supports.C_3=2000 ± 0", {2000.0})],
 )
-def test_a_field_that_is_set_has_that_value_and_the_others_are_as_fitted(override, known):
+def test_set_field_has_its_value_and_others_stay_fitted(override, known):
     draws, drive = drawn(fitted(override)), fitted(override)
     assert {each.get("supports.C_3", drive.supports.C_3) for each in draws} == known
     assert {each["gears.j_n"] for each in draws} == {*J_N}
 
 
-def test_an_uncertainty_takes_the_place_of_the_fit_of_its_field():
+def test_uncertainty_replaces_the_fit_of_its_field():
     spread = [each["supports.C_3"] for each in drawn(fitted("uncertainty.supports.C_3=200"))]
     assert np.std(spread) == pytest.approx(100, rel=0.1)
 
 
-def test_a_file_whose_value_was_changed_by_hand_has_that_value_with_a_warning():
+def test_value_changed_by_hand_replaces_its_fit_with_a_warning():
     text = Path(TINY).read_text(encoding="utf-8") + f"fit: {{supports.C_3: {list(C_3)}, gears.j_n: {list(J_N)}}}\n"
     changed = load_text(text.replace("C_3: 2.0e3", "C_3: 2.5e3"), "own.yaml")
     assert {each.path for each in prior_of(changed).fields} == {"gears.j_n"}

@@ -80,7 +80,7 @@ def test_a_command_answers_the_same_with_kept_samples_as_without(folder, solved,
     assert len(solved) == 2 * count
 
 
-def test_samples_are_those_that_were_drawn_with_turns_evidence_and_refusals(folder, solved):
+def test_cached_samples_equal_the_drawn_ones(folder, solved):
     wide = "source.cam.W_0={kind: assumed, range: [1.6, 2.1], ref: judged}"
     K_1 = stiffness_figures(load_preset(TINY, ["operation.M_g=4"]))[0]["K_1"]
     options = {
@@ -98,7 +98,7 @@ def test_samples_are_those_that_were_drawn_with_turns_evidence_and_refusals(fold
     assert len(solved) == count
 
 
-def test_more_draws_go_on_from_those_that_are_kept_and_fewer_leave_them(folder, solved):
+def test_cached_draws_are_extended_and_kept_for_smaller_runs(folder, solved):
     few = drawn()
     more = drawn(effort=replace(FEW, effective=16))
     assert len(solved) == more.draws == 2 * few.draws
@@ -225,7 +225,7 @@ def test_nothing_is_kept_where_it_is_not_wanted(folder, monkeypatch):
 
 
 @pytest.mark.thorough
-def test_doctor_says_where_the_cache_is_how_large_and_how_to_empty_it(folder, monkeypatch):
+def test_doctor_reports_folder_and_size_of_the_cache(folder, monkeypatch):
     drawn()
     found = {each["what"]: each["found"] for each in json.loads(run("doctor", "--json").stdout)["findings"]}
     assert found["cache"].startswith(f"{folder}, ")
@@ -237,7 +237,7 @@ def test_doctor_says_where_the_cache_is_how_large_and_how_to_empty_it(folder, mo
 
 
 @pytest.mark.thorough
-def test_answers_are_kept_for_the_source_that_is_there_compiled_or_not(tmp_path):
+def test_cached_results_depend_on_the_source_compiled_or_not(tmp_path):
     copy = tmp_path / "hdassist"
     shutil.copytree(Path(kept.__file__).parents[1], copy, ignore=shutil.ignore_patterns("__pycache__"))
     ask = [sys.executable, "-c", "from hdassist.run.kept import program; print(program()[0])"]
@@ -272,7 +272,7 @@ def test_samples_with_turns_are_those_of_a_command_without_turns(folder, solved)
 
 
 @pytest.mark.thorough
-def test_a_check_takes_the_samples_of_mount_and_answers_the_same(folder, solved):
+def test_check_reuses_the_samples_of_mount_with_equal_results(folder, solved):
     drive = (TINY, "--set", OPEN, "--set", "operation.M_g=4", "--draws", "8", "--json")
     alone = run("check", *drive).stdout
     for path in folder.glob("*"):
@@ -336,7 +336,7 @@ REPORTED = (TINY, "--set", OPEN, "--set", "operation.M_g=4", "--set", "mounting.
 
 
 @pytest.mark.thorough
-def test_a_report_goes_on_from_check_and_mount_and_answers_the_same(folder, states):
+def test_report_reuses_check_and_mount_with_equal_results(folder, states):
     alone = run("report", *REPORTED, "--json").stdout
     of_report = sorted(states)
     shutil.rmtree(folder)

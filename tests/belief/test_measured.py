@@ -45,7 +45,7 @@ def believed(drive, torques=(), effort=FEW):
 @pytest.mark.thorough
 @pytest.mark.moves("measured.K_1", "measured.K_2", "measured.K_3", "measured.lost_motion", "measured.play")
 @pytest.mark.parametrize("figure", ["K_1", "K_2", "K_3", "lost_motion", "play"])
-def test_a_measured_figure_narrows_the_wave_to_that_of_the_drive(figure):
+def test_measured_figure_narrows_the_radial_deflection(figure):
     value = stiffness_figures(tiny("cam.W_0=1.62", "gears.j_n=17"))[0][figure]
     off = []
     for spread in (0.1, 4.0):
@@ -64,7 +64,7 @@ def hidden():
 
 @pytest.mark.thorough
 @pytest.mark.moves("measured.F_ior")
-def test_errors_in_holes_narrow_the_error_and_the_direction_of_the_offset(hidden):
+def test_errors_in_holes_narrow_F_ior_and_eccentricity_direction(hidden):
     readings = ", ".join(f"h{hole}@4: {value} ± 0.5" for hole, value in hidden.items())
     open_, known = (tiny(*UNKNOWN, *more) for more in ((), (f"measured.F_ior={{{readings}}}",)))
     before, after = (believed(drive, (4.0,), SamplingEffort(24, 24, 1024, 128)) for drive in (open_, known))
@@ -76,7 +76,7 @@ def test_errors_in_holes_narrow_the_error_and_the_direction_of_the_offset(hidden
     assert weighted_quantile(off, after.weights, 0.5) < 45  # of any direction: 90
 
 
-def test_draws_of_the_deviations_share_a_stiffness_whose_table_costs_most(hidden):
+def test_deviation_draws_in_groups_of_four_share_one_stiffness(hidden):
     readings = ", ".join(f"h{hole}@4: {value} ± 0.5" for hole, value in hidden.items())
     samples = believed(tiny(*UNKNOWN, W_0, f"measured.F_ior={{{readings}}}"), (4.0,), SamplingEffort(1, 1, 16, 16))
     of_field = dict(zip((each.path for each in samples.prior.fields), samples.shares.T, strict=True))
@@ -88,7 +88,7 @@ def test_draws_of_the_deviations_share_a_stiffness_whose_table_costs_most(hidden
     assert chosen.shape[1] > 4
 
 
-def test_errors_count_by_the_normal_distribution_of_scale_misfit_noise_and_one_misread_value():
+def test_error_likelihood_includes_scale_misfit_noise_and_one_reading_error():
     y, f, told = np.array([[24.0, 15.0, 20.0], [25.0, 15.5, 28.0], [0.5, 1.0, 0.5]])
     turns, right = (0.0, 60.0, 180.0), (1 - MISREAD) ** 3
 
@@ -106,7 +106,7 @@ def test_errors_count_by_the_normal_distribution_of_scale_misfit_noise_and_one_m
     assert found == pytest.approx([np.log(density(f) / density(y))], rel=1e-9)
 
 
-def test_errors_at_one_torque_share_a_scale_and_a_smooth_misfit():
+def test_errors_at_one_torque_share_scale_and_smooth_misfit():
     def readings(*places):
         return tuple(
             Evidence(f"measured.F_ior.{k}", f"{k}", 20.0, 0.1, "difference", *at) for k, at in enumerate(places)
@@ -162,7 +162,7 @@ def test_evidence_that_is_only_narrow_contradicts_nothing(hidden):
     assert every.verdict(sure=0.6) is Verdict.PASS
 
 
-def test_of_one_drive_the_others_of_its_type_share_the_stiffness_alone():
+def test_other_drives_of_a_type_share_only_the_stiffness():
     drive = tiny("measured={K_2: 1400 ± 140, lost_motion: 80, play: 0 ± 1, F_ior: {0@4: 20 ± 1}}")
     own, others = evidence_of(drive), evidence_of(drive, of_type=True)
     assert [each.path for each in own] == [

@@ -29,7 +29,7 @@ def play(drive) -> float:
 
 
 @pytest.mark.parametrize("wave", [1.12, 1.2, 1.26])
-def test_play_begins_at_the_shift_that_follows_and_grows_with_it(wave: float) -> None:
+def test_backlash_begins_at_the_meshing_shift_and_grows_with_shift(wave: float) -> None:
     drive = sheet().with_values({"cam.W_0": wave * sheet().gears.m, "bearing.g_b": 4.0})
     shift = meshing_shift(drive)[0]
 
@@ -44,7 +44,7 @@ def test_play_begins_at_the_shift_that_follows_and_grows_with_it(wave: float) ->
 
 
 @pytest.mark.moves("catalogue.play")
-def test_drives_of_a_data_sheet_have_no_more_play_than_it_says_whatever_their_wave() -> None:
+def test_data_sheet_drives_keep_their_backlash_at_any_radial_deflection() -> None:
     drive = sheet()
     prior = prior_of(drive)
     samples = draw_samples(prior, (4.0,), evidence=evidence_of(drive), effort=FEW)
@@ -62,7 +62,7 @@ def test_drives_of_a_data_sheet_have_no_more_play_than_it_says_whatever_their_wa
         assert -PRELOAD - 1e-9 <= beyond <= field.high + 1e-9
 
 
-def test_a_shift_that_is_given_or_set_is_kept_and_so_is_one_without_a_promise_of_no_play() -> None:
+def test_shift_is_kept_if_given_or_without_stated_backlash() -> None:
     assert prior_of(sheet()).meshing
     found = "source.gears.j_n={kind: identified, ref: by calibrate}"
     for override in ("gears.x_b=3.3", "catalogue.play=", "source.gears.x_b={kind: given, ref: drawing}", found):

@@ -60,7 +60,7 @@ def test_holes_that_differ_are_compared_by_one_set():
     assert deviation_sets(load_preset(TINY, (*OPEN, "phases.xi_b=90", "mounting.holes=6"))) == 1
 
 
-def test_the_interval_of_systems_is_that_of_samples_if_their_sets_agree():
+def test_interval_of_systems_equals_that_of_samples_if_sets_agree():
     rng = np.random.default_rng(1)
     inside = (rng.random(30) < 0.7).astype(float)
     weights = rng.random(30)

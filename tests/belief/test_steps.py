@@ -45,7 +45,7 @@ def carried_out(overrides, edit) -> dict:
     "overrides",
     [OPEN, (*OPEN, *SIZES), ("cam.coupling=solid", "operation.M_g=4", "acceptance.F_ior=2100"), (*OPEN, TESTED)],
 )
-def test_each_option_is_what_a_check_of_the_edited_preset_says(overrides):
+def test_options_agree_with_check_of_the_edited_preset(overrides):
     drive = load_preset(TINY, overrides)
     found = check(drive, draws=32)
     kinds = {step.kind for step in found.steps}
@@ -81,7 +81,7 @@ def test_a_tighter_wheel_has_a_tighter_pitch_and_smaller_harmonics():
     assert alone.points[0].belief.p50 != pytest.approx(belief.p50, rel=1e-3)
 
 
-def test_reference_data_are_applied_again_to_an_edited_drive_and_kept_for_the_same_drive():
+def test_reference_data_are_reapplied_only_to_an_edited_drive():
     found = check(load_preset(TINY, (*OPEN, TESTED)), draws=16)
     applied = {step.kind: step.reference_data for step in found.steps}
     assert applied["tolerance"] == "applied again"
@@ -100,7 +100,7 @@ def test_a_better_accuracy_of_the_catalogue_is_an_option():
 
 
 @pytest.mark.thorough
-def test_check_names_the_angle_of_mount_where_the_seat_has_no_holes():
+def test_check_names_the_angle_of_mount_if_holes_are_absent():
     drive = load_preset(TINY, (*OPEN[:4], "mounting.holes=0", "phases.xi_b=75", "operation.M_g=[1, 4]"))
     (step,) = (step for step in check(drive, draws=16).steps if step.kind == "hole")
     turn_deg = advise(drive, seat_positions(drive), draws=16).chosen.rotation_deg
@@ -132,7 +132,7 @@ def test_what_a_correction_leaves_is_what_compensate_states():
 
 
 @pytest.mark.thorough
-def test_options_come_first_by_their_gain_then_questions_and_none_worsens_the_drive(held):
+def test_options_precede_questions_by_gain_and_none_worsens_the_drive(held):
     options = [each for each in held.steps if not each.is_question]
     questions = [each for each in held.steps if each.is_question]
     assert [*held.steps] == [*options, *questions]
@@ -155,7 +155,7 @@ def test_the_answers_to_a_question_make_up_the_probability_now(held):
 
 
 @pytest.mark.thorough
-def test_the_coupling_is_asked_for_where_it_is_open_and_is_an_option_where_it_is_not(held):
+def test_coupling_is_a_question_if_unknown_and_an_option_otherwise(held):
     (asked,) = (each for each in held.steps if each.of == "cam.coupling")
     oldham, solid = asked.outcomes
     assert (oldham.answer, solid.answer) == ("oldham", "solid")

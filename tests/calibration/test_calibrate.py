@@ -113,14 +113,14 @@ def test_what_stood_in_the_way_is_named_with_its_number(cheap):
     assert report_object(calibrate_report(result))["unknowns"][0]["held_at"] == 7e-5
 
 
-def test_what_is_missed_with_no_bound_in_the_way_says_so(cheap):
+def test_missed_target_without_active_bounds_is_reported_as_such(cheap):
     torn = targets_of(drive_of(), [f"quantity: K_1, value: {k}, tolerance: 1 %" for k in (4000, 4500)])
     result = calibrate(drive_of(), torn, points=16, starts=ONE)
     assert "wanted 4000 ± 40; K_1 is" in result.shortfall
     assert result.shortfall.endswith("wanted 4500 ± 45; no bound limits the fit")
 
 
-def test_a_fit_that_does_not_come_to_rest_says_what_it_misses(cheap):
+def test_unconverged_fit_reports_the_targets_that_it_misses(cheap):
     far = targets_of(drive_of(), ["quantity: lost_motion, M_g: 7, value: 5000, tolerance: 1 %"])
     with pytest.raises(UntrustedError, match=r"lost_motion, M_g 7 N\*m is \d+\.\d arcsec, wanted 5000 ± 50"):
         calibrate(drive_of(), far, points=8, starts=ONE, iterations=1)

@@ -56,7 +56,7 @@ def test_values_are_found_written_and_used(folder):
     assert quiet.stdout == f"gears.j_n={found.gears.j_n!r}\n"
 
 
-def test_a_missed_target_is_in_the_first_line_the_exit_code_and_no_preset_is_written(folder):
+def test_missed_target_exits_3_and_writes_no_preset(folder):
     (folder / "torn.yaml").write_text(TARGETS + "  - {quantity: lost_motion, M_g: 4, value: 900, tolerance: 5}\n")
     done = run("calibrate", "small.yaml", "--targets", "torn.yaml", "--evaluations", "8", "--write", "near.yaml",
                "--json", cwd=folder)  # fmt: skip

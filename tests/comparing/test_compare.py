@@ -100,7 +100,7 @@ def test_single_teeth_of_unknown_phases_hide_no_other_deviation():
     assert abs(change.size_um - moved.number("tolerances.e_hb")) < 3 * change.size_uncertainty_um < 5
 
 
-def test_a_difference_that_is_none_has_one_uncertainty_whatever_its_phase(drive):
+def test_zero_difference_has_one_uncertainty_at_any_phase(drive):
     sweep = measure(rig(drive, 4, noise=0.5), drive=drive, together=True).directions[0]
     record = RecordedOrders(sweep, ErrorWaves(drive, M_G), Kinematics.of(drive), Alignment(start_deg=START))
     count = len(record.measured) // 2
@@ -146,7 +146,7 @@ def test_two_encoders_tell_the_sign(drive, fixed):
 
 @pytest.mark.thorough
 @pytest.mark.parametrize(("cam", "output"), [(1, 1), (1, -1), (-1, 1), (-1, -1)])
-def test_a_mirror_image_by_two_encoders_is_reported_whichever_way_they_count(drive, cam, output):
+def test_mirrored_recording_by_two_encoders_is_reported_in_any_sense(drive, cam, output):
     turned = rig(drive, 4)
     angle = turned.cam_deg / Kinematics.of(drive).u + turned.error_arcsec / 3600  # its error is -F_kpp
     columns = [cam * turned.cam_deg, output * angle]
@@ -298,7 +298,7 @@ def test_an_angle_of_the_output_says_where_the_cam_is(drive):
     assert zero_of(rig(drive, 2), drive, None) == 0
 
 
-def test_a_record_read_otherwise_has_the_same_orders_and_another_prediction(drive):
+def test_reinterpreted_recording_keeps_its_orders_and_changes_the_prediction(drive):
     sweep = measure(rig(drive, 4), drive=drive, together=True).directions[0]
     torus, kinematics = ErrorWaves(drive, M_G), Kinematics.of(drive)
     (waves,) = torus.waves([drive])

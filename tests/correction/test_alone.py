@@ -61,7 +61,7 @@ def alone(seed: int, cycles: float, form: CorrectionForm = PHASORS, per_turn: in
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("cycles", [1.02, 2.0])
-def test_intervals_of_hidden_lines_hold_and_no_more_is_left_than_promised(cycles: float):
+def test_intervals_contain_hidden_lines_and_residuals_stay_within_prediction(cycles: float):
     held, low, turns = [], [], np.arange(CYCLE * POINTS_A_TURN) / POINTS_A_TURN
     for seed in range(8):
         often, vectors = hidden_lines(seed)
@@ -86,7 +86,7 @@ def test_intervals_of_hidden_lines_hold_and_no_more_is_left_than_promised(cycles
     assert np.mean(held) >= 0.92
 
 
-def test_uncertainties_are_those_of_independent_noise_and_shrink_with_its_repeats():
+def test_line_uncertainty_follows_independent_noise_and_shrinks_with_repeats():
     once, twice = (alone(3, cycles).correction for cycles in (1.02, 2.0))
     usual = NOISE * np.sqrt(2 / (2 * CYCLE * PER_TURN))
     assert np.median(twice.amplitude_uncertainty_arcsec) == pytest.approx(usual, rel=0.3)
@@ -105,7 +105,7 @@ def test_noise_that_lines_can_follow_is_not_taken_for_error(per_turn: int):
     assert len(unsure) <= 20
 
 
-def test_a_table_over_the_cam_is_of_the_lines_that_repeat_with_it():
+def test_input_table_contains_only_lines_that_repeat_per_input_revolution():
     often, vectors = hidden_lines(2)
     found = alone(2, 2.0, CorrectionForm("cam", 256)).correction
     with_cam = often % CYCLE == 0
@@ -125,7 +125,7 @@ def rows_of_drive(turns: int, noise: float = NOISE) -> str:
     return "cam_deg,error_arcsec\n" + "\n".join(lines) + "\n"
 
 
-def test_the_command_takes_a_record_with_its_ratio_and_keeps_its_promise_on_the_solved_cycle(tmp_path: Path):
+def test_compensate_by_recording_and_ratio_meets_its_prediction(tmp_path: Path):
     (tmp_path / "run.csv").write_text(rows_of_drive(20))
     options = ("compensate", "run.csv", "--ratio", "10", "--torque", "1 N·m", "--csv", "out.csv", "--json")
     answer = run(*options, cwd=tmp_path)
@@ -147,7 +147,7 @@ def test_the_command_takes_a_record_with_its_ratio_and_keeps_its_promise_on_the_
     assert "does not distinguish noise from error" not in page
 
 
-def test_one_cycle_is_said_not_to_tell_noise_and_part_of_it_is_refused_with_the_remedy(tmp_path: Path):
+def test_single_cycle_cannot_resolve_noise_and_a_part_is_refused(tmp_path: Path):
     (tmp_path / "one.csv").write_text(rows_of_drive(10))
     (tmp_path / "part.csv").write_text(rows_of_drive(6))
     options = ("--ratio", "10", "--torque", "1", "--no-plot")
@@ -179,7 +179,7 @@ def test_one_cycle_is_said_not_to_tell_noise_and_part_of_it_is_refused_with_the_
 @pytest.mark.thorough
 @pytest.mark.parametrize("way", ["with", "against"])
 @pytest.mark.parametrize("kind", ["c", "csv"])
-def test_a_record_alone_gives_a_table_over_the_output_for_own_firmware(tmp_path: Path, way: str, kind: str):
+def test_recording_without_preset_gives_an_output_table_for_firmware(tmp_path: Path, way: str, kind: str):
     often, vectors = hidden_lines(3)
     turns = np.arange(round(1.02 * CYCLE * PER_TURN)) / PER_TURN
     rows = "".join(f"{360 * x:.4f},{y:.5f}\n" for x, y in zip(turns, curve(often, vectors, turns), strict=True))
@@ -201,7 +201,7 @@ def test_a_record_alone_gives_a_table_over_the_output_for_own_firmware(tmp_path:
 @pytest.mark.thorough
 @pytest.mark.parametrize("way", ["with", "against"])
 @pytest.mark.parametrize(("cam_sense", "output_sense"), [("ccw", "ccw"), ("cw", "cw"), ("ccw", "cw"), ("cw", "ccw")])
-def test_a_table_of_two_encoders_takes_off_the_error_however_they_count(tmp_path, way, cam_sense, output_sense):
+def test_table_of_two_encoders_corrects_the_error_in_any_sense(tmp_path, way, cam_sense, output_sense):
     often, vectors = hidden_lines(3)
     turns = np.arange(round(1.02 * CYCLE * PER_TURN)) / PER_TURN
     ahead = 1 if way == "with" else -1
@@ -317,7 +317,7 @@ def there_and_back(kind: str, rng: np.random.Generator):
 @pytest.mark.thorough
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("kind", [*BOTH_WAYS, "not even", "dense", "one sweep"])
-def test_readings_of_both_ways_show_no_line_that_is_the_image_of_another(kind: str, seed: int):
+def test_recording_of_both_directions_shows_no_image_lines(kind: str, seed: int):
     # lines near the number of readings in a sweep were written, up to 5 of 32 arcsec, and the promise did not hold
     rng, fine = np.random.default_rng(seed), np.arange(CYCLE * 400) / 400
     often = np.array([1, CYCLE, 2 * CYCLE, 2 * CYCLE + 1, 2 * CYCLE + 2, 4 * CYCLE])
@@ -337,7 +337,7 @@ def test_readings_of_both_ways_show_no_line_that_is_the_image_of_another(kind: s
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("lag_s", [3e-3, -3e-3])
-def test_a_lag_between_the_encoders_is_off_a_correction_of_sweeps_at_two_speeds(lag_s: float):
+def test_correction_of_sweeps_at_two_speeds_excludes_encoder_lag(lag_s: float):
     """It moves the error along the angle: 1.7 arcsec were left where 1.0 was promised."""
     rng, fine, step_s = np.random.default_rng(0), np.arange(CYCLE * 400) / 400, 1 / 135
     often = np.array([1, CYCLE, 2 * CYCLE, 2 * CYCLE + 1, 2 * CYCLE + 2, 4 * CYCLE])

@@ -156,7 +156,7 @@ def test_a_preset_has_no_measured_backlash(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", BACKLASH_FORMATS)
-def test_a_table_for_a_controller_of_backlash_only_is_refused_with_its_reason(name: str, tmp_path: Path) -> None:
+def test_table_for_a_backlash_only_controller_is_refused_with_reason(name: str, tmp_path: Path) -> None:
     done = run("compensate", "vzp160", "--draws", "0", "--write", f"{name}=out.txt", "--form", "output", cwd=tmp_path)
     assert done.returncode == 2
     assert BACKLASH_FORMATS[name].why_no_table in done.stderr

@@ -28,7 +28,7 @@ def test_a_screen_says_first_how_much_can_be_taken_off():
     assert max(map(len, lines)) <= 80
 
 
-def test_fewer_phasors_are_taken_where_asked_for_and_the_page_has_what_each_number_leaves():
+def test_fewer_correction_terms_are_optional_and_residuals_are_listed():
     found = json.loads(run("compensate", TINY, "--points", "80", "--json").stdout)
     assert len(found["correction"]["amplitude_arcsec"]) == 80
     left = found["phasors"]
@@ -38,7 +38,7 @@ def test_fewer_phasors_are_taken_where_asked_for_and_the_page_has_what_each_numb
     assert "residual with 20: 9″, 80: 2.7″, " in words
 
 
-def test_the_table_of_many_torques_is_no_wider_than_a_screen():
+def test_table_of_many_torques_fits_the_screen_width():
     torques = [word for M_g in ("1", "2", "-2", "4") for word in ("--torque", M_g)]
     lines = run("compensate", TINY, *torques, "--no-plot").stdout.splitlines()
     assert max(map(len, lines)) <= 80
@@ -58,7 +58,7 @@ def test_phasors_and_tables_are_written_as_figures():
     assert [float(row["error_arcsec"]) for row in rows[36:]] == pytest.approx(alone)
 
 
-def test_each_load_has_a_correction_in_json_but_where_it_may_make_it_worse():
+def test_json_has_a_correction_per_load_unless_it_may_harm():
     found = json.loads(run("compensate", TINY, "--torque", "1", "--torque", "4", "--each-load", "--json").stdout)
     assert [each["M_g"] for each in found["corrections"]] == [1.0, 4.0]
     assert found["corrections"][0] == found["correction"]
@@ -74,7 +74,7 @@ def test_each_load_has_a_correction_in_json_but_where_it_may_make_it_worse():
     assert ("stored no correction for 4 N·m, where it may increase the error" in page) == (len(worse) == 1)
 
 
-def test_the_next_command_keeps_the_form_and_is_left_out_once_written(tmp_path: Path):
+def test_next_command_keeps_the_form_and_disappears_once_written(tmp_path: Path):
     options = ("compensate", TINY, "--form", "output", "--points", "36", "--each-load", "--no-plot")
     page = in_a_line(run(*options).stdout)
     assert "--form=output --points=36 --each-load --csv correction.csv" in page
@@ -90,7 +90,7 @@ def test_json_has_all_forms_and_the_correction():
 
 
 @pytest.mark.thorough
-def test_what_may_make_a_drive_worse_is_refused_and_not_written(tmp_path: Path):
+def test_correction_that_may_worsen_a_drive_is_refused(tmp_path: Path):
     table = tmp_path / "table.csv"
     page = run("compensate", TINY, *OPEN, "--csv", str(table), "--no-plot")
     assert page.returncode == 5
@@ -121,7 +121,7 @@ def test_wrong_options_are_refused_in_words(options: tuple[str, ...], words: str
     assert words in answer.stderr
 
 
-def test_a_table_that_leaves_most_is_written_with_a_word_on_the_form_that_does_more(tmp_path: Path):
+def test_weak_table_is_written_with_a_warning_naming_better_formats(tmp_path: Path):
     poor = ("compensate", TINY, "--draws", "0", "--form", "output", "-q", "--write")
     done = run(*poor, "linuxcnc-1=t.comp", "--points", "30", cwd=tmp_path)
     assert done.returncode == 0

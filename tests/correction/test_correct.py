@@ -77,7 +77,7 @@ def test_residuals_are_those_of_the_solved_cycle(preset, points):
 
 
 @pytest.mark.thorough
-def test_few_points_and_a_cam_turn_take_little_off_the_paper_s_drive_and_phasors_most(paper):
+def test_paper_drive_needs_correction_terms_rather_than_short_tables(paper):
     assert paper.strong_lines == pytest.approx([201, 200, 1])
     assert 0.6 < left(paper, "cam turn, 256 points") < 1.52
     assert left(paper, "output turn, 256 points") > 0.9
@@ -96,14 +96,14 @@ def test_a_sampled_table_is_worse_than_least_squares(paper):
     assert ranges[0] > 1.3 * ranges[1]
 
 
-def test_a_table_for_one_load_is_worse_than_none_at_another_unless_each_load_has_its_own(paper):
+def test_table_for_one_load_harms_another_unlike_load_specific_tables(paper):
     phasors, each_load = (each for each in paper.forms if each.form.turn is None)
     single, own = (next(left for left in each.residuals if left.M_g == 800) for each in (phasors, each_load))
     assert single.p50 > single.uncorrected_p50 > own.p50
 
 
 @pytest.mark.thorough
-def test_a_zero_that_is_off_and_a_lost_turn_cost_what_a_shifted_table_leaves(paper):
+def test_zero_offset_and_lost_revolution_cost_what_shifted_tables_leave(paper):
     phasors = paper.forms[0]
     curve = -paper.errors[80.0].lines.curves
     cam_turns = np.arange(curve.shape[1]) / POINTS_A_TURN
@@ -121,7 +121,7 @@ def test_a_zero_that_is_off_and_a_lost_turn_cost_what_a_shifted_table_leaves(pap
     assert of_cam.residuals[-1].p95 == pytest.approx(of_cam.residuals[0].p50)
 
 
-def test_an_oval_wheel_repeats_with_the_cam_and_a_cam_turn_table_takes_most_off():
+def test_oval_wheel_is_corrected_by_a_table_per_input_revolution():
     drive = load_preset("vzp160", ["harmonics.a_b2=8", "operation.M_g=[80]"])
     oval = correct(drive, draws=0)
     assert left(oval, "cam turn, 256 points") < 0.5

@@ -36,7 +36,7 @@ def of_one_drive() -> Decision:
 
 
 @pytest.mark.parametrize("place", [0, 2, 5])
-def test_what_is_left_in_a_hole_is_that_of_a_table_fitted_to_its_solved_cycle(of_one_drive, place: int):
+def test_residual_in_a_hole_is_that_of_a_fitted_table(of_one_drive, place: int):
     rotation = of_one_drive.rotations_deg[place]
     drive = rotated(load_preset(TINY, ["mounting.holes=6"]), rotation)
     for torque, M_g in enumerate(drive.operation.M_g):
@@ -60,7 +60,7 @@ def test_a_sample_is_turned_as_a_preset_is():
 
 
 @pytest.mark.thorough
-def test_the_order_goes_by_what_a_table_leaves_and_by_F_ior_where_phasors_tell_no_hole_from_another():
+def test_compensated_mount_minimizes_the_table_residual_or_F_ior():
     answer = json.loads(run(*SIX, "--compensated", "output:36", "--json").stdout)
     found = answer["compensated"]
     left = np.array(found["left_arcsec"]["p50"])

@@ -71,7 +71,7 @@ def test_an_error_that_repeats_with_the_input_is_removed():
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("seed", range(2))
-def test_the_promise_holds_over_the_cycle_with_waves_that_were_not_recorded(seed: int):
+def test_predicted_residual_covers_waves_missing_from_a_partial_cycle(seed: int):
     result = of_revolutions(6.0, 4.0 * seed, seed, 4.0, 3.0)
     promised = result.chosen.residuals[0]
     assert truly_left(result, CYCLE, beat=4.0, slow=3.0) <= promised.p95
@@ -89,7 +89,7 @@ def test_a_travel_counts_only_where_it_was_recorded():
 
 
 @pytest.mark.thorough
-def test_a_recording_that_was_begun_elsewhere_gives_the_table_of_the_same_angles():
+def test_recording_start_angle_does_not_change_the_table():
     tables = [of_revolutions(8.0, first, 1, 0.0, 0.0).correction for first in (0.0, 12.25)]
     values = [table.error_arcsec for table in tables if isinstance(table, CorrectionTable)]
     assert np.abs(values[0] - values[1]).max() < 0.5
@@ -142,7 +142,7 @@ def test_what_a_guide_rate_leaves_open_is_in_the_promise():
 
 
 @pytest.mark.thorough
-def test_a_telescope_mount_is_corrected_by_the_angle_of_its_axis(tmp_path):
+def test_telescope_mount_is_corrected_by_the_angle_of_its_axis(tmp_path):
     """Time is read by the speed of the output: the input angle follows from it, its zero is that of the time."""
     time_s = np.arange(0, 3000.0, 8.0)
     turns = time_s * 15.041 / 3600 / 360 * 100

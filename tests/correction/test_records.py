@@ -52,7 +52,7 @@ def both():
 
 
 @pytest.mark.parametrize("again", [0, 8])
-def test_even_readings_have_the_line_that_comes_half_as_often_as_they_do(again: int):
+def test_even_readings_resolve_the_line_at_half_their_rate(again: int):
     """Single teeth may be such a line; from one reading of it to the next its sign changes."""
     kinematics, per_turn = Kinematics.of(load_preset(TINY)), 36
     rows = np.arange(per_turn * kinematics.cycle_cam_revolutions + again)
@@ -64,7 +64,7 @@ def test_even_readings_have_the_line_that_comes_half_as_often_as_they_do(again: 
 
 
 @pytest.mark.parametrize("M_g", [1.0, 4.0])
-def test_what_is_left_of_another_drive_s_solved_cycle_is_within_what_was_promised(both, M_g: float):
+def test_residual_of_another_drive_is_within_the_predicted_residual(both, M_g: float):
     error = kinematic_error(load_preset(TINY, HIDDEN), M_g, run=UNCHECKED)
     lines = both.errors[M_g].lines
     table = TABLE.fitted(lines.mean, M_g)
@@ -74,7 +74,7 @@ def test_what_is_left_of_another_drive_s_solved_cycle_is_within_what_was_promise
     assert promised.uncorrected_p50 == pytest.approx(error.F_ior_arcsec, rel=0.15)
 
 
-def test_phasors_of_a_record_have_lines_of_the_drive_that_the_model_has_not():
+def test_correction_terms_of_a_recording_include_lines_beyond_the_model():
     curve = error_lines(load_preset(TINY, HIDDEN), 1.0, [{}]).curves[0]
     turns = np.arange(len(curve)) / POINTS_A_TURN
     odd = 8 * np.cos(2 * np.pi * 46.3 * turns + 1)  # comes 463 times in the cycle, as no waves of 20 and 22 teeth do
@@ -90,7 +90,7 @@ def test_phasors_of_a_record_have_lines_of_the_drive_that_the_model_has_not():
     assert left <= promised.p95
 
 
-def test_a_record_that_begins_elsewhere_gives_the_correction_of_its_own_angles(both):
+def test_later_recording_start_gives_the_correction_of_its_angles(both):
     later = correct(load_preset(TINY, ["operation.M_g=[1]"]), form=TABLE, records={1.0: record(1.0, begin=3)}, draws=0)
     turns = np.linspace(0, 10, 101)
     assert later.correction.error_at(turns) == pytest.approx(both.correction.error_at(turns + 3), abs=5 * NOISE)
@@ -123,7 +123,7 @@ ANOTHER = (
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("hidden", ANOTHER)
-def test_three_of_ten_turns_are_enough_where_the_model_can_be_the_drive(hidden: tuple[str, ...]):
+def test_three_of_ten_revolutions_suffice_if_the_model_fits(hidden: tuple[str, ...]):
     part = {1.0: record(1.0, turns=3, hidden=hidden)}
     found = correct(load_preset(TINY, OPEN), form=PHASORS, records=part, draws=16)
     form = found.chosen.form
@@ -136,7 +136,7 @@ def test_three_of_ten_turns_are_enough_where_the_model_can_be_the_drive(hidden: 
 
 
 @pytest.mark.thorough
-def test_a_part_of_the_cycle_of_a_drive_that_the_preset_does_not_allow_is_refused():
+def test_partial_cycle_of_a_drive_outside_the_preset_is_refused():
     oval = {1.0: record(1.0, turns=3, hidden=("phases.xi_b=290", "harmonics.a_b2=3"))}
     with pytest.raises(
         UntrustedError, match=r"no drive within the ranges of tiny reproduces the recording: \d+ % of the error remain"
@@ -163,7 +163,7 @@ def test_the_command_takes_records_in_the_order_of_the_torques(tmp_path: Path):
 
 
 @pytest.mark.thorough
-def test_a_mirrored_record_is_refused_with_the_options_that_read_it(tmp_path: Path):
+def test_mirrored_recording_is_refused_with_the_options_to_read_it(tmp_path: Path):
     turns, error = recording(1.0, hidden=())
     rows = "".join(f"{-360 * x:.3f},{y:.4f}\n" for x, y in zip(turns, error, strict=True))
     (tmp_path / "run.csv").write_text(f"cam_deg,error_arcsec\n{rows}")
@@ -183,7 +183,7 @@ def test_a_mirrored_record_is_refused_with_the_options_that_read_it(tmp_path: Pa
 
 
 @pytest.mark.thorough
-def test_part_of_the_cycle_is_called_that_with_the_misfit_and_what_to_record(tmp_path: Path):
+def test_page_states_misfit_and_advice_for_a_partial_cycle(tmp_path: Path):
     turns, error = recording(1.0, turns=3, hidden=("phases.xi_b=290",))
     rows = "".join(f"{360 * x:.3f},{y:.4f}\n" for x, y in zip(turns, error, strict=True))
     (tmp_path / "part.csv").write_text(f"cam_deg,error_arcsec\n{rows}")
@@ -197,7 +197,7 @@ def test_part_of_the_cycle_is_called_that_with_the_misfit_and_what_to_record(tmp
 
 
 @pytest.mark.parametrize("count", [1001, 1836])
-def test_lines_of_readings_that_are_not_quite_even_are_those_of_dense_least_squares(count: int):
+def test_lines_of_uneven_readings_agree_with_dense_least_squares(count: int):
     lines = error_lines(load_preset(TINY), 1.0, [{}])
     rng = np.random.default_rng(3)
     turns = np.sort((np.arange(count) + 0.2 * rng.random(count)) / 1000 * 10)
@@ -210,7 +210,7 @@ def test_lines_of_readings_that_are_not_quite_even_are_those_of_dense_least_squa
     assert np.ptp(read.apart(read.lines(lines.kinematics))) < 0.02 * np.ptp(read.error_arcsec)
 
 
-def test_lines_are_shrunk_so_that_less_is_wrong_and_as_much_as_is_told():
+def test_shrunk_lines_reduce_the_error_by_the_predicted_amount():
     rng = np.random.default_rng(4)
     size = np.concatenate([np.zeros(600), np.full(300, 2.0), np.full(60, 50.0)])  # root mean squares, of noise 1
     true, noise = (rng.standard_normal((2, 960)) + 1j * rng.standard_normal((2, 960))) / np.sqrt(2)

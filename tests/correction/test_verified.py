@@ -84,7 +84,7 @@ def test_the_likely_cause_of_a_broken_promise_is_named(bench, way, shift, cause)
     assert found["verified"]["cause"] == cause
 
 
-def test_a_correction_that_leaves_no_more_than_noise_in_one_cycle_is_open_until_the_noise_is_known(bench):
+def test_residual_of_one_cycle_is_inconclusive_until_noise_is_known(bench):
     _, error, _, taken = bench
     once = verified(bench, error + taken, 10)
     assert once.returncode == 6
@@ -92,7 +92,7 @@ def test_a_correction_that_leaves_no_more_than_noise_in_one_cycle_is_open_until_
 
 
 @pytest.mark.thorough
-def test_an_error_that_is_no_line_of_the_model_is_not_passed(bench):
+def test_verification_fails_for_an_error_outside_the_model_lines(bench):
     _, error, _, taken = bench
     odd = np.cos(2 * np.pi * 46.3 * np.arange(len(error)) / TURN)  # comes 463 times in the cycle
     answer = verified(bench, error + taken + odd, 30, "--json")
@@ -117,7 +117,7 @@ def test_a_refused_correction_has_no_promise_to_keep(bench):
     assert "record first" in answer.stdout
 
 
-def test_part_of_the_cycle_cannot_keep_a_promise_but_break_it(bench):
+def test_partial_cycle_can_refute_a_predicted_residual_but_not_confirm(bench):
     _, error, _, taken = bench
     kept = verified(bench, error + taken, 4)
     assert kept.returncode == 6

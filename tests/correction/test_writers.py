@@ -90,7 +90,7 @@ def test_each_direction_has_the_column_of_its_own(kind, sense):
         assert np.ptp(left) == pytest.approx(said, rel=0.02)  # rows stand at the points of neither direction
 
 
-def test_rows_of_linuxcnc_cover_the_range_that_its_joint_moves_in():
+def test_linuxcnc_rows_cover_the_range_of_joint_motion():
     axis, table = ControllerAxis("0", 1, 10.0, from_deg=-180.0), table_of("output", 254, 10)
     text = text_of(table, "linuxcnc-1", axis)
     left = controllers.linuxcnc(text, 1, of_axis(axis, 10), POSITIONS - 180)
@@ -99,7 +99,7 @@ def test_rows_of_linuxcnc_cover_the_range_that_its_joint_moves_in():
     assert np.ptp(outside) > 20  # no modulo: the end value holds
 
 
-def test_the_ramp_of_linuxcnc_damps_a_correction_that_is_asked_for_too_fast():
+def test_linuxcnc_ramp_damps_a_correction_at_high_speed():
     axis, table = ControllerAxis("0"), table_of("output", 254, 20)
     text = text_of(table, "linuxcnc-1", axis)
     moved = partial(controllers.linuxcnc_ramped, text, 1, of_axis(axis, 20), velocity_limit=20, acceleration_limit=50)
@@ -145,7 +145,7 @@ def tracked(kind, table, axis, error_of):
 @pytest.mark.thorough
 @pytest.mark.parametrize("kind", ["eqmod", "onstepx"])
 @pytest.mark.parametrize(("u", "sense", "zero_deg"), [(-101, 1, 0.0), (101, 1, 1.3), (-101, -1, 2.2)])
-def test_a_mounts_table_leaves_what_it_says_while_the_mount_tracks(kind, u, sense, zero_deg):
+def test_mount_table_leaves_its_predicted_residual_while_tracking(kind, u, sense, zero_deg):
     axis = ControllerAxis("RA", sense, zero_deg, steps_per_degree=STEPS)
     table = table_of("cam" if kind == "eqmod" else "half-cam", 256, u)
     left, said = tracked(kind, table, axis, partial(error_at, u=u))
@@ -156,7 +156,7 @@ def test_a_mounts_table_leaves_what_it_says_while_the_mount_tracks(kind, u, sens
     assert worse == pytest.approx(2 * np.ptp(table.error_arcsec), rel=0.02)
 
 
-def test_a_row_that_eqmod_leaves_out_costs_little_where_the_turn_is_no_whole_number_of_seconds():
+def test_row_omitted_by_eqmod_costs_little():
     axis, table = ControllerAxis("RA", steps_per_degree=STEPS), table_of("cam", 256, 100)
     left, said = tracked("eqmod", table, axis, table.error_at)
     assert said < left < 0.01 * np.ptp(table.error_arcsec)
@@ -180,7 +180,7 @@ def test_a_table_that_a_controller_cannot_keep_is_refused(kind, change, words):
     assert words in str(refused.value)
 
 
-def test_a_mount_without_its_steps_or_with_too_few_is_refused():
+def test_mount_without_steps_or_with_too_few_is_refused():
     table = table_of("half-cam", 64, 100)
     with pytest.raises(UsageError, match="invalid steps per degree of the mount's axis 0"):
         text_of(table, "onstepx", ControllerAxis("RA"))
