@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from enum import Enum
 from functools import cache, partial
+from math import floor, log10
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeAlias, TypeVar
 
@@ -95,6 +96,16 @@ class Quantity(Generic[T]):
 def four_digits(value: float) -> str:
     """A number with four digits, without an exponent from a thousandth to a million: 39690."""
     return f"{float(f'{value:.4g}'):g}"
+
+
+def to_error_digit(value: float, standard_error: float | None, most: int = 2) -> str:
+    """Return a number to the first digit of its standard error: 48.65 with 1.7 is 49.
+
+    standard_error: in the unit of the number; None or 0 of an exact number.
+    most: number of decimals at most.
+    """
+    decimals = -floor(log10(standard_error)) if standard_error else most
+    return f"{value:.{min(max(decimals, 0), most)}f}"
 
 
 Quantities: TypeAlias = tuple[Quantity[T], ...]

@@ -37,6 +37,7 @@ from hdassist.report import (
     pitch_object,
     quantity_table,
     samples_object,
+    to_error_digit,
     unknown_objects,
 )
 from hdassist.run.system import command_line
@@ -63,7 +64,7 @@ def _angle_deg(end: str, angle: str, point: OperatingPoint) -> float | None:
     )
 
 
-def _percentile_error(percent: int, point: OperatingPoint) -> float | None:
+def percentile_error(percent: int, point: OperatingPoint) -> float | None:
     """Monte Carlo standard error of a percentile of F'_ior [arcsec]."""
     if not (belief := point.belief):
         return None
@@ -76,12 +77,31 @@ POINT_QUANTITIES = quantity_table(
     **{f"{end}.{angle}": partial(_angle_deg, end, angle) for end in ("at_max", "at_min") for angle in _ANGLES},
 )
 BELIEF = quantity_table("check.belief")
-_MONTE_CARLO = quantity_table("check.monte_carlo", **{f"error_{p}": partial(_percentile_error, p) for p in (5, 50, 95)})
+_MONTE_CARLO = quantity_table("check.monte_carlo", **{f"error_{p}": partial(percentile_error, p) for p in (5, 50, 95)})
 _OVER_BELIEF = {"F_ior_arcsec", "F_ior_upper_arcsec", "verdict"}  # of the unknown inputs too
+
+
+def median_words(point: OperatingPoint, most: int = 2) -> str:
+    """Return F'_ior [arcsec] at a torque, a median over samples to the first digit of its standard error.
+
+    most: number of decimals at most.
+    """
+    return to_error_digit(point.F_ior_or_error, percentile_error(50, point), most)
+
+
+def range_words(point: OperatingPoint, between: str = " to ") -> str | None:
+    """Return the 5th and 95th percentile of F'_ior [arcsec] to the first digits of their standard errors."""
+    if not (belief := point.belief):
+        return None
+    low = to_error_digit(belief.p5, percentile_error(5, point), 1)
+    high = to_error_digit(belief.p95, percentile_error(95, point), 1)
+    return f"{low}{between}{high}"
+
 
 _ON_PAGE = quantity_table(
     "check.page",
-    range=lambda belief: f"{belief.p5:.1f} to {belief.p95:.1f}",
+    median=median_words,
+    range=range_words,
     verdict_of_limit=lambda point: point.verdict if point.limit_arcsec is not None else None,
 )
 
@@ -367,7 +387,7 @@ def _before_steps(check: DesignCheck) -> tuple[OperatingPoint, str, str, str]:
     limit = point.limit_arcsec
     if limit is None:
         statistic = "median now" if point.belief else "now"
-        return point, f"to reduce F'_ior at {torque}", f"{statistic} {point.F_ior_or_error:.1f}″", "F'_ior"
+        return point, f"to reduce F'_ior at {torque}", f"{statistic} {median_words(point, 1)}″", "F'_ior"
     purpose = f"to meet {limit:g}″ at {torque}"
     if point.probability:
         probability = f"probability now {100 * point.probability.value:.0f} %"
@@ -420,10 +440,25 @@ def _outcome_words(step: Step, point: OperatingPoint) -> str:
     )
 
 
+def _percentiles_after(found: Outcome, point: OperatingPoint) -> str:
+    """Return the median of F'_ior after a step, with 5th and 95th percentile.
+
+    Their standard errors are taken as the same share of them as the largest one without the step.
+    """
+    if found.p5 >= found.p95 or not point.belief:
+        return f"{found.p50:.1f}″"
+    before = {5: point.belief.p5, 50: point.belief.p50, 95: point.belief.p95}
+    error_share = max((percentile_error(percent, point) or 0.0) / value for percent, value in before.items())
+    low, middle, high = (
+        to_error_digit(value, error_share * found.p50, 1) for value in (found.p5, found.p50, found.p95)
+    )
+    return f"{middle}″ ({low} to {high})"
+
+
 def _value(found: Outcome, point: OperatingPoint) -> str:
     """Return F'_ior after a step; with a limit the probability that it is met, or the value compared with it."""
     if found.probability is None:
-        return f"{found.p50:.1f}″" + (f" ({found.p5:.1f} to {found.p95:.1f})" if found.p5 < found.p95 else "")
+        return _percentiles_after(found, point)
     if found.p5 == found.p95:
         return f"{found.p50 + point.self_error.range_arcsec:.1f}″, {'met' if found.probability else 'not met'}"
     interval = f" ({100 * (found.probability_low or 0):.0f} to {100 * (found.probability_high or 0):.0f})"

@@ -16,7 +16,7 @@ from hdassist.files import STDIN
 from hdassist.model.deviations import unknown_names, unknown_notes, unknowns
 from hdassist.model.geometry import Kinematics
 from hdassist.pages.card import hole_place
-from hdassist.pages.check import check_report, influence_at
+from hdassist.pages.check import check_report, influence_at, median_words, percentile_error, range_words
 from hdassist.pages.curves import stiffness_warnings
 from hdassist.pages.mount import mount_warnings
 from hdassist.preset.fields import UNKNOWN as NOT_KNOWN
@@ -33,6 +33,7 @@ from hdassist.report import (
     as_object,
     csv_columns,
     quantity_table,
+    to_error_digit,
 )
 from hdassist.terminal.output import report_object
 from hdassist.terminal.words import again, named, not_known, on_what
@@ -357,10 +358,11 @@ def _drive_rows(result: DrivesComparison) -> Iterator[tuple[str, ...]]:
             better = NO_VALUE if odds is None else f"{100 * odds.value:.0f} %"
             best = sheet.advice.chosen
             point = sheet.check.points[k]
-            spread = f" ({belief.p5:.1f}-{belief.p95:.1f})" if (belief := point.belief) else ""
+            ends = range_words(point, "-")
+            spread = f" ({ends})" if ends else ""
             where = hole_place(best) if sheet.advice.names_hole else "any hole"
-            built = f"{point.F_ior_or_error:.1f}{spread}"
-            mounted = f"{best.F_ior_arcsec[k]:.1f}, {where}"
+            built = f"{median_words(point, 1)}{spread}"
+            mounted = f"{to_error_digit(best.F_ior_arcsec[k], percentile_error(50, point), 1)}, {where}"
             row = (letter, f"{point.M_g:g} N·m", built, mounted, change, better)
             yield (*row, *_met_cells(sheet, k)) if _limit_heads(result) else row
 

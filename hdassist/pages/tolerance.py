@@ -26,6 +26,7 @@ from hdassist.report import (
     objects,
     quantity_table,
     samples_object,
+    to_error_digit,
 )
 from hdassist.terminal.words import MORE_DRAWS, again, field_unit, measure_words, named
 from hdassist.tolerance.production import TIGHTER_STEP, Production, ProductionLaw, RandomDrive, TolerancedSize
@@ -69,6 +70,12 @@ def _yield_words(found: YieldBelief, digits: str = ".0f") -> str:
     return f"{100 * middle:{digits}} % ({low} to {high})"
 
 
+def _percentile_words(share: float, drives: _MountedDrives) -> str:
+    """Return a percentile of F'_ior [arcsec] to the first digit of its standard error."""
+    percentile = drives.percentile(share)
+    return to_error_digit(percentile.value, percentile.standard_error)
+
+
 def _percentile(share: float, drives: _MountedDrives) -> float:
     return drives.percentile(share).value
 
@@ -81,6 +88,10 @@ _MOUNTING_COLUMNS = quantity_table(
 )
 _F_IOR_COLUMNS = quantity_table(
     "tolerance.F_ior", **{name: partial(_percentile, share) for name, _, share in _PERCENTILES}
+)
+_F_IOR_ON_PAGE = tuple(
+    replace(column, digits="", value=partial(_percentile_words, share))
+    for column, (_, _, share) in zip(_F_IOR_COLUMNS, _PERCENTILES, strict=True)
 )
 _YIELD_COLUMNS = quantity_table("tolerance.yield", **{"yield": _yield_words})
 
@@ -100,7 +111,8 @@ def tolerance_report(
     if summary.has_limit and law.shared:
         title += f"; yield: median ({100 * YIELD_TAIL:.0f} to {100 - 100 * YIELD_TAIL:.0f} %) over designs"
     F_ior = (*_MOUNTING_COLUMNS, *_F_IOR_COLUMNS)
-    table = Table.by_row(title, (*F_ior, *_YIELD_COLUMNS) if summary.has_limit else F_ior, drives)
+    on_page = (*_MOUNTING_COLUMNS, *_F_IOR_ON_PAGE)
+    table = Table.by_row(title, (*on_page, *_YIELD_COLUMNS) if summary.has_limit else on_page, drives)
     plots = [_share_below(drives[k : k + len(ways)]) for k in range(0, len(drives), len(ways))]
     designs = f" of {summary.design_count} sampled designs" if law.shared else ""
     line = "\n".join(f"{row[0]} N*m, {row[1]}: 95 % of drives below {row[4]}″" for row in table.rows)

@@ -126,6 +126,11 @@ class Percentile:
     low: float
     high: float
 
+    @property
+    def standard_error(self) -> float:
+        """Monte Carlo standard error [arcsec], by the width of the interval."""
+        return (self.high - self.low) / (2 * _INTERVAL_ERRORS)
+
 
 @dataclass(eq=False)
 class AtTorque:
