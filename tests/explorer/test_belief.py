@@ -57,7 +57,7 @@ def test_it_grows_to_the_answer_of_check() -> None:
     assert json.loads(json_text(report_object(page)))["steps"] == command["steps"]
 
 
-def test_where_all_is_known_every_state_is_solved_before_the_answer_of_check() -> None:
+def test_known_drive_is_solved_in_every_state_before_check() -> None:
     limits = "acceptance.F_ior={1: 3000, 4: 20}"
     told = believed(limits)
     points = check(load_preset(TINY, [limits])).points
@@ -69,7 +69,7 @@ def test_where_all_is_known_every_state_is_solved_before_the_answer_of_check() -
 
 
 @pytest.mark.thorough
-def test_the_first_number_is_of_a_typical_drive_with_what_was_changed() -> None:
+def test_first_number_after_a_change_is_of_the_typical_drive() -> None:
     *_, found, _ = believed("operation.M_g=[4.0]", *OPEN)
     assert isinstance(found, DesignCheck)
     typical, (before,) = typical_of(found)
@@ -95,7 +95,7 @@ def text_of_headline(known: Known) -> str:
     return stream.getvalue()
 
 
-def test_an_old_answer_and_one_that_is_not_whole_are_called_so() -> None:
+def test_outdated_and_incomplete_results_are_marked_as_such() -> None:
     *_, some, found, page = believed("operation.M_g=[4.0]", *OPEN, "acceptance.F_ior=2050")
     assert isinstance(found, DesignCheck) and isinstance(some, DesignCheck) and isinstance(page, Report)
     verdict = found.verdict
@@ -106,7 +106,7 @@ def test_an_old_answer_and_one_that_is_not_whole_are_called_so() -> None:
     assert "old …" in changed and verdict in changed and f"{typical_of(found)[1][0]:.2f} → 12.50" in changed
 
 
-def test_levers_move_a_typical_drive_with_what_is_unknown_of_it() -> None:
+def test_inputs_change_a_typical_drive_that_includes_its_unknowns() -> None:
     open_ = ("operation.M_g=[4.0]", "tolerances.e_hb=unknown")
     *_, found, _ = believed(*open_)
     drive, told = load_preset(TINY, open_), list[object]()

@@ -37,7 +37,7 @@ def turn(*overrides: str) -> Question:
     return partial(cam_turn, tiny(*overrides).drive, {}, 0.0, 4.0)
 
 
-def test_answers_come_ever_surer_and_the_last_one_is_the_commands(service: Service) -> None:
+def test_explorer_refines_its_results_until_the_command_result(service: Service) -> None:
     answers = asyncio.run(told(service, partial(drive_answers, tiny().drive, {}, QUICK)))
     curves = [answer for answer in answers if isinstance(answer, SeatCurve)]
     shares = [answer for answer in answers if isinstance(answer, float)]
@@ -48,7 +48,7 @@ def test_answers_come_ever_surer_and_the_last_one_is_the_commands(service: Servi
     assert searched == pytest.approx(proven, abs=0.01)
 
 
-def test_an_answer_that_is_there_comes_before_the_next_is_computed(service: Service) -> None:
+def test_available_result_arrives_before_the_next_is_computed(service: Service) -> None:
     async def first(question: Question) -> object:
         async with contextlib.aclosing(service.ask(question)) as answers:
             return (await anext(answers))[1]
@@ -141,7 +141,7 @@ def test_a_service_that_is_closed_leaves_no_process() -> None:
 
 
 @pytest.mark.thorough
-def test_questions_are_answered_by_processes_that_wait_where_none_can_be_forked(
+def test_waiting_processes_answer_questions_if_forking_is_unavailable(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(command, "has_forkserver", lambda: False)

@@ -34,7 +34,7 @@ def test_evidence_that_cannot_be_is_refused_where_it_is_entered() -> None:
 
 
 @pytest.mark.thorough
-def test_a_drive_that_cannot_be_computed_is_said_and_the_next_one_is_computed() -> None:
+def test_failed_drive_is_reported_and_the_next_one_is_computed() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         assert app.known.failed is not None and "no result" in screen(app)
         assert app.known.failed.message[:30] in screen(app) and "computing" not in screen(app)
@@ -49,7 +49,7 @@ def test_a_drive_that_cannot_be_computed_is_said_and_the_next_one_is_computed() 
 
 
 @pytest.mark.thorough
-def test_from_a_limit_to_what_it_would_take_every_number_is_that_of_check(tmp_path: Path) -> None:
+def test_explorer_numbers_equal_those_of_check_along_the_documented_path(tmp_path: Path) -> None:
     """The path of docs/design.md: a limit, two measurements, and the preset that is saved."""
     saved = tmp_path / "saved.yaml"
 

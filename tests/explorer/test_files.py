@@ -30,7 +30,7 @@ def test_a_picture_is_of_the_screen_and_loads_nothing(tmp_path: Path) -> None:
 
 
 @pytest.mark.thorough
-def test_the_preset_is_saved_with_its_comments_and_never_over_a_file_unasked(tmp_path: Path) -> None:
+def test_saved_preset_keeps_its_comments_and_never_overwrites_without_confirmation(tmp_path: Path) -> None:
     original = Path(TINY).read_text()
     there = tmp_path / "mine.yaml"
 
@@ -58,7 +58,7 @@ def test_the_preset_is_saved_with_its_comments_and_never_over_a_file_unasked(tmp
 
 
 @pytest.mark.thorough
-def test_leaving_asks_while_a_change_is_in_no_preset_also_one_that_was_undone(tmp_path: Path) -> None:
+def test_quitting_asks_for_confirmation_while_changes_are_unsaved(tmp_path: Path) -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         await to_lever(app, pilot, "gears.j_n")
         await pilot.press("plus", "q")
@@ -77,7 +77,7 @@ def test_leaving_asks_while_a_change_is_in_no_preset_also_one_that_was_undone(tm
 
 
 @pytest.mark.thorough
-def test_leaving_asks_nothing_where_all_that_is_known_was_typed_before_the_screen() -> None:
+def test_quitting_needs_no_confirmation_if_all_data_were_typed_before() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         await pilot.press("q")
         await pilot.pause()
@@ -92,7 +92,7 @@ def wrong(app: Explorer) -> str:
 
 
 @pytest.mark.thorough
-def test_a_file_that_cannot_be_written_is_said_in_the_form_which_stays(tmp_path: Path) -> None:
+def test_unwritable_file_is_reported_in_the_form_that_stays_open(tmp_path: Path) -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         await pilot.press("s")
         await filled(app, pilot, str(tmp_path / "nowhere" / "mine.yaml"))

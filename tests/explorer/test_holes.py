@@ -27,7 +27,7 @@ from tests.process import SMALL
 
 
 @pytest.mark.thorough
-def test_arrows_turn_the_wheel_and_the_values_are_those_of_the_position() -> None:
+def test_arrow_keys_turn_the_wheel_and_show_the_position_values() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         await pilot.press("right", "right", "left")
         assert app.session.turn_deg == 60
@@ -47,7 +47,7 @@ def test_arrows_turn_the_wheel_and_the_values_are_those_of_the_position() -> Non
 
 
 @pytest.mark.thorough
-def test_holes_that_are_not_allowed_are_marked_and_never_the_best() -> None:
+def test_holes_that_are_not_allowed_are_marked_and_never_best() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         barred = [key for key in app.holes.rows if "x" in str(app.holes.get_row(key)[0])]
         assert [round(float(str(key.value)) / 60) for key in barred] == [0, 3, 4]  # the wheel stands in one of them
@@ -108,9 +108,7 @@ def range_of_check(session: Session) -> str:
 
 
 @pytest.mark.thorough
-def test_unknown_directions_have_a_range_with_its_verdict_and_a_card_that_says_any_hole(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_unknown_directions_give_a_range_and_an_any_hole_card(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
 
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
@@ -133,7 +131,7 @@ def test_unknown_directions_have_a_range_with_its_verdict_and_a_card_that_says_a
 
 
 @pytest.mark.thorough
-def test_nothing_computed_with_an_unknown_size_at_0_is_called_proven() -> None:
+def test_result_with_an_unknown_deviation_is_never_called_proven() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         curve = app.known.curve
         assert curve is not None and set(curve.sure) == {SURE_RANGE}
@@ -155,7 +153,7 @@ def test_nothing_computed_with_an_unknown_size_at_0_is_called_proven() -> None:
 
 
 @pytest.mark.thorough
-def test_limits_stand_above_the_ranges_and_the_action_before_its_reason() -> None:
+def test_limits_are_drawn_above_ranges_and_action_precedes_reason() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         bars = [str(app.holes.get_row(key)[-1]) for key in app.holes.rows]
         (limit,) = {bar.index("│") for bar in bars if "│" in bar}
@@ -178,7 +176,7 @@ def test_without_colours_no_style_has_one() -> None:
 
 
 @pytest.mark.parametrize("holes", [12, 24])
-def test_the_next_step_begins_with_an_action_that_80_columns_show_whole(holes: int) -> None:
+def test_next_step_begins_with_an_action_that_fits_80_columns(holes: int) -> None:
     for best in (1, holes // 2 - 1, holes - 2):
         F_ior = [30.0 + 2 * (k != best) for k in range(holes)]
         advice = advice_of(F_ior, overrides=(f"mounting.holes={holes}",))

@@ -37,7 +37,7 @@ def test_a_field_is_edited_marked_compared_and_taken_back() -> None:
 
 
 @pytest.mark.thorough
-def test_a_value_out_of_range_is_refused_with_the_loaders_words() -> None:
+def test_value_out_of_range_is_refused_with_the_loader_message() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         await to_lever(app, pilot, "gears.j_n")
         await pilot.press("enter")
@@ -67,7 +67,7 @@ def test_a_step_is_a_key() -> None:
 
 
 @pytest.mark.thorough
-def test_levers_are_ranked_by_what_a_plausible_step_changes_and_filtered() -> None:
+def test_inputs_are_ranked_by_the_effect_of_a_plausible_step() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         await pilot.pause(REST + 0.2)
         await settled(app, pilot)

@@ -17,7 +17,7 @@ def test_a_field_has_its_meaning_and_range() -> None:
     )
 
 
-def test_the_text_of_a_value_is_read_back_as_the_same_value() -> None:
+def test_value_text_is_read_back_as_the_same_value() -> None:
     session = opened_state(TINY)
     given = [field for field in resolved_fields(session.drive) if field.value is not None]
     assert len(given) > len(field_table()) / 2
@@ -38,7 +38,7 @@ def test_the_text_of_a_value_is_read_back_as_the_same_value() -> None:
         ("contact.c_t", 6e-5, 1e-6),
     ],
 )
-def test_a_step_is_natural_to_its_unit_or_about_a_per_cent(path: str, value: float, step: float) -> None:
+def test_input_step_is_natural_to_its_unit_or_one_percent(path: str, value: float, step: float) -> None:
     assert step_of(field_table()[path], value) == pytest.approx(step)
 
 

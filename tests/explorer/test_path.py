@@ -18,14 +18,12 @@ TABLE = re.findall(
 )
 
 
-def test_the_table_has_every_line_of_keys_that_changes_the_drive() -> None:
+def test_path_table_contains_every_key_line_that_changes_the_drive() -> None:
     assert [cells[0] for cells in TABLE] == [line for line in key_lines() if line.startswith("e ")]
 
 
 @pytest.mark.slow
-def test_each_number_of_the_path_is_on_the_screen_and_that_of_check(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_numbers_of_the_documented_path_are_on_the_screen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     screens: dict[str, tuple[str, str]] = {}
 

@@ -72,7 +72,7 @@ def test_the_picture_of_the_report_is_its_first_page(tmp_path: Path) -> None:
 
 @pytest.mark.thorough
 @pytest.mark.parametrize(("columns", "lines"), VIEWS)
-def test_the_explorer_of_the_pictures_has_the_tabs_and_keys_of_today(columns: int, lines: int) -> None:
+def test_explorer_pictures_show_the_current_tabs_and_keys(columns: int, lines: int) -> None:
     names = ["explorer"] * (columns == 100) + [f"explorer-{columns}x{lines}"]
 
     async def act(app: Explorer, pilot: Pilot[int]) -> None:

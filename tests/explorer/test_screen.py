@@ -18,7 +18,7 @@ from tests.process import TINY
 
 
 @pytest.mark.thorough
-def test_the_screen_has_error_seat_holes_levers_cam_turn_and_the_order() -> None:
+def test_screen_shows_error_seat_holes_inputs_curve_and_recommendation() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         await pilot.pause(REST + 0.2)
         await settled(app, pilot)
@@ -36,7 +36,7 @@ def test_the_screen_has_error_seat_holes_levers_cam_turn_and_the_order() -> None
 
 
 @pytest.mark.thorough
-def test_what_is_pinned_and_which_torque_is_shown_stand_on_every_screen() -> None:
+def test_every_screen_shows_the_pinned_preset_and_the_torque() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         assert "▸1 N·m" in screen(app) and "vs tiny " in screen(app)
         await pilot.press("m")
@@ -63,7 +63,7 @@ def test_a_drive_at_another_torque_is_compared_with_none() -> None:
 
 
 @pytest.mark.thorough
-def test_in_sixty_columns_the_verdict_stays_at_the_top_and_its_columns_stand_apart() -> None:
+def test_verdict_stays_at_the_top_in_sixty_columns() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         top = screen(app).partition("1 holes")[0]
         assert "verdict" in top and "F'_ior, ″" in top and " 5 to 95 %, ″" in top
@@ -105,7 +105,7 @@ def test_one_pane_at_a_time_where_there_is_little_room() -> None:
     explored(act, size=(80, 24))
 
 
-def test_the_whole_seat_with_its_quarters_and_every_hole_have_room_in_80_columns() -> None:
+def test_seat_with_all_holes_and_angles_fits_80_columns() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         assert all(f"\n{hole:>4} " in screen(app) for hole in range(12))
         await pilot.press("2")
@@ -117,7 +117,7 @@ def test_the_whole_seat_with_its_quarters_and_every_hole_have_room_in_80_columns
 
 
 @pytest.mark.thorough
-def test_keys_at_the_bottom_are_those_that_work_where_the_focus_is_and_are_pressed_by_a_click() -> None:
+def test_bottom_line_lists_keys_of_the_focus_and_accepts_clicks() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         def keys() -> str:
             return str(app.lines["keys"].render())
@@ -159,7 +159,7 @@ def test_two_torques_have_bars_of_their_own_within_the_pane() -> None:
 
 
 @pytest.mark.thorough
-def test_the_seat_has_a_legend_and_levers_stay_where_they_are() -> None:
+def test_seat_has_a_legend_and_inputs_keep_their_sequence() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         await pilot.pause(REST + 0.2)
         await settled(app, pilot)
@@ -174,7 +174,7 @@ def test_the_seat_has_a_legend_and_levers_stay_where_they_are() -> None:
 
 
 @pytest.mark.thorough
-def test_under_a_dialog_stand_no_keys_of_the_screen_and_they_come_back() -> None:
+def test_dialog_hides_the_keys_of_the_screen_until_it_closes() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         for key, words in (("question_mark", "Escape closes"), ("e", "Escape cancels"), ("c", "Escape cancels")):
             await pilot.press(key)
@@ -214,7 +214,7 @@ def test_explanation_and_torque_are_a_key_away() -> None:
 
 
 @pytest.mark.thorough
-def test_in_seven_bits_the_screen_is_as_wide_and_says_the_same() -> None:
+def test_ascii_screen_has_the_same_width_and_content() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         views = [told := screen(app)]
         assert "SEAT" in told and "4 N*m" in told and "@ PROVEN" in told and "computing ~" not in told[:400]
@@ -240,7 +240,7 @@ def test_text_of_a_preset_steers_no_terminal(tmp_path: Path) -> None:
 
 
 @pytest.mark.thorough
-def test_an_explorer_without_a_terminal_leaves_stops_to_the_process_that_it_runs_in() -> None:
+def test_explorer_without_a_terminal_leaves_signals_to_its_process() -> None:
     before = signal.getsignal(signal.SIGTERM)
 
     async def act(app: Explorer, pilot: Pilot[int]) -> None:

@@ -45,7 +45,7 @@ def test_an_empty_value_takes_the_change_back(session: Session) -> None:
     assert state.edited(state.edited(session, "gears.j_n", "8"), "gears.j_n", " ").changes == ()
 
 
-def test_undo_and_redo_go_over_edits_and_evidence_but_not_turns(session: Session) -> None:
+def test_undo_and_redo_cover_edits_and_reference_data_unlike_turns(session: Session) -> None:
     steps = [state.edited(session, "gears.j_n", "8")]
     steps.append(state.with_evidence(state.turned_state(steps[-1], 2), "h2=28.1"))
     last = steps[-1]
@@ -79,7 +79,7 @@ def test_several_positions_at_the_lightest_torque_are_trials(session: Session) -
     assert state.with_evidence(two, "h4=").command() == one.command()
 
 
-def test_a_trace_is_of_the_wheel_as_it_is_looked_at(session: Session) -> None:
+def test_trace_command_uses_the_displayed_wheel_position(session: Session) -> None:
     looked = state.turned_state(session, 1)
     assert "--set phases.xi_b=120" in looked.trace_command(4.0, {})
     assert "phases.xi_b" not in looked.command()
@@ -102,7 +102,7 @@ def test_a_pin_is_what_others_are_compared_with(session: Session) -> None:
     assert state.pinned(state.pinned(there)).pinned == session.drive
 
 
-def test_a_second_preset_is_pinned_at_the_torques_of_the_first_and_stands_in_the_command() -> None:
+def test_second_preset_is_pinned_at_the_torques_of_the_first() -> None:
     two = state.opened_state(TINY, ("operation.M_g=[3.0]",), pin="vzp160")
     assert "with" not in head_line(two).plain
     assert two.pinned.name == "vzp160" and two.pinned.operation.M_g == (3.0,)
@@ -122,7 +122,7 @@ def test_what_is_known_is_typed_by_name_position_or_limit(session: Session) -> N
         state.with_evidence(session, "nosuch.csv")
 
 
-def test_the_path_of_a_trace_is_its_F_ior_where_the_wheel_is_looked_at(session: Session, tmp_path: Path) -> None:
+def test_recording_path_is_read_as_F_ior_of_the_position(session: Session, tmp_path: Path) -> None:
     path = tmp_path / "run.csv"
     error = kinematic_error(session.drive, 4.0, run=UNCHECKED)
     rows = zip(np.degrees(error.states.phi_h), error.error_arcsec, strict=True)
@@ -138,7 +138,7 @@ def test_the_path_of_a_trace_is_its_F_ior_where_the_wheel_is_looked_at(session: 
         state.with_evidence(session, str(part))
 
 
-def test_W_0_takes_x_b_along_where_that_is_asked_for(session: Session) -> None:
+def test_x_b_follows_W_0_on_request(session: Session) -> None:
     gears, W_0 = session.drive.gears, session.drive.cam.W_0
     alone = state.edited(session, "cam.W_0", f"{W_0 + 0.01}").drive
     assert alone.gears.x_b == gears.x_b

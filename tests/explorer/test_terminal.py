@@ -160,7 +160,7 @@ WHEEL = "\x1b[<65;20;14M"  # of a mouse, a notch down over the middle of the scr
 
 @pytest.mark.thorough
 @needs_proc
-def test_the_wheel_scrolls_lists_and_a_copied_command_reaches_the_clipboard_over_ssh() -> None:
+def test_mouse_scrolls_lists_and_copied_commands_reach_the_remote_clipboard() -> None:
     with explorer() as terminal:  # its plots fit any screen
         terminal.wait_for("PROVEN")
         terminal.press("3")
@@ -176,7 +176,7 @@ def test_the_wheel_scrolls_lists_and_a_copied_command_reaches_the_clipboard_over
 @pytest.mark.thorough
 @needs_proc
 @pytest.mark.parametrize(("stop", "code"), [(signal.SIGTERM, 143), (signal.SIGKILL, -9)])
-def test_a_killed_explorer_leaves_no_process_and_the_command_that_goes_on(stop: signal.Signals, code: int) -> None:
+def test_killed_explorer_leaves_no_process_and_keeps_its_command(stop: signal.Signals, code: int) -> None:
     before = processes()
     with explorer() as terminal:
         terminal.wait_for("7 advice")  # what computes has begun
@@ -251,7 +251,7 @@ def test_a_crash_gives_the_terminal_back_too() -> None:
 
 
 @pytest.mark.thorough
-def test_without_a_terminal_it_is_refused_with_the_command_for_scripts(tmp_path: Path) -> None:
+def test_explorer_without_a_terminal_is_refused_with_a_script_command(tmp_path: Path) -> None:
     done = run("explore", TINY, "h0=28.1", "--set", "gears.j_n=7")
     assert done.returncode == 2 and done.stdout == ""
     assert "the explorer needs a terminal" in done.stderr

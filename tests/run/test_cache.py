@@ -132,7 +132,7 @@ def grouped(path: Path) -> None:
 @posix_only("permissions of files")
 @pytest.mark.parametrize("opened", [shared, grouped])
 @pytest.mark.parametrize("which", ["named", "named/answers"])
-def test_a_folder_that_others_can_write_is_not_used_which_is_said_once(own: Path, which, opened) -> None:
+def test_cache_folder_writable_by_others_is_ignored_with_one_warning(own: Path, which, opened) -> None:
     opened(own.parents[1] / which)
     before = sorted(own.iterdir())
     kept.keep("samples", KEYS[3], b"x")

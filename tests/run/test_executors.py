@@ -61,13 +61,13 @@ def scheduler() -> Iterator[str]:
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("name", COMMANDS)
-def test_an_answer_is_the_same_to_the_last_digit_wherever_it_is_computed(scheduler: str, name: str) -> None:
+def test_result_is_identical_on_every_executor(scheduler: str, name: str) -> None:
     there, here = run(*COMMANDS[name], "--executor", scheduler), run(*COMMANDS[name])
     assert here.returncode in (0, 3, 6), here.stderr
     assert (there.returncode, there.stdout) == (here.returncode, here.stdout)
 
 
-def test_rows_of_a_lot_are_the_same_and_it_goes_on_wherever_it_stopped(scheduler: str, tmp_path: Path) -> None:
+def test_lot_rows_are_identical_on_every_executor_and_after_resume(scheduler: str, tmp_path: Path) -> None:
     (tmp_path / "lot.csv").write_text(LOT)
     options = ("--jobs", "1", "--csv", "-", "--draws", "0")
     here = run("accept", "lot.csv", *options, cwd=tmp_path)
@@ -83,7 +83,7 @@ def test_rows_of_a_lot_are_the_same_and_it_goes_on_wherever_it_stopped(scheduler
 
 @pytest.mark.thorough
 @needs_proc
-def test_an_own_cluster_is_open_to_nobody_else_and_ends_with_its_command(tmp_path: Path) -> None:
+def test_private_cluster_is_closed_to_others_and_ends_with_command(tmp_path: Path) -> None:
     file = tmp_path / "rows.jsonl"
     arguments = ("tolerance", TINY, "--torque", "4", "-n", "4000", "--executor", "dask", "--jobs", "2")
     process = subprocess.Popen([*COMMAND, *arguments, "--results", str(file)], env=CLEAN, stderr=subprocess.PIPE)
@@ -139,7 +139,7 @@ def test_any_executor_of_the_standard_library_will_do() -> None:
         assert engine.submit(abs, -3).result() == 3  # it stays the caller's
 
 
-def test_a_stream_that_is_closed_takes_back_what_has_not_begun() -> None:
+def test_closed_stream_cancels_work_that_has_not_begun() -> None:
     begun = threading.Event()
 
     def waits(first: int, last: int) -> list[int]:
@@ -167,7 +167,7 @@ def test_a_worker_with_another_installation_answers_nothing() -> None:
             asked.submit(abs, -3).result()
 
 
-def test_what_an_engine_raises_of_itself_is_a_lost_worker_and_what_the_work_raises_is_not() -> None:
+def test_engine_failure_counts_as_lost_worker_unlike_a_task_error() -> None:
     with pytest.raises(UntrustedError, match="dask lost the work: broken"), lost():
         raise BrokenExecutor("broken")
     with pytest.raises(DataError, match="of the work"), lost():

@@ -75,7 +75,7 @@ def test_records_come_back_as_they_were_in_every_digit(written):
     assert read_kept(b'{"schema": "hdassist.accept/1"}\n', "a.json", KIND) is None
 
 
-def test_a_file_without_a_name_has_the_same_and_is_gone(tmp_path, monkeypatch):
+def test_unnamed_file_keeps_records_and_is_deleted(tmp_path, monkeypatch):
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     with open_kept(None, OWNER, KIND) as kept:
         kept.append(RECORDS)
@@ -96,7 +96,7 @@ def test_a_stop_behind_a_write_knows_what_is_written(tmp_path, monkeypatch):
     assert kept.done == 5
 
 
-def test_wherever_a_run_was_broken_off_the_next_one_makes_the_same_file(written, monkeypatch):
+def test_interrupted_run_is_completed_to_the_same_file(written, monkeypatch):
     monkeypatch.setattr("os.fsync", lambda _: None)  # here it would take a hundred times as long as the rest
     whole = written.read_bytes()
     ends = [k + 1 for k, byte in enumerate(whole) if byte == 10]
@@ -142,7 +142,7 @@ def test_records_may_be_put_in_another_order(written):
         assert list(kept.records()) == [*RECORDS[3:], RECORDS[0]]
 
 
-def test_what_cannot_be_put_in_place_of_a_file_leaves_it(written):
+def test_failed_rewrite_leaves_the_file_unchanged(written):
     def broken():
         yield RECORDS[0]
         raise KeyboardInterrupt
@@ -164,7 +164,7 @@ def test_what_cannot_be_put_in_place_of_a_file_leaves_it(written):
     ],
     ids=lambda text: text[:20],
 )  # fmt: skip
-def test_a_file_that_is_none_of_ours_is_left_as_it_is(path, text):
+def test_foreign_file_is_refused_and_left_unchanged(path, text):
     path.write_bytes(text)
     with pytest.raises((UsageError, DataError), match=r"was not written by hdassist|jsonl:1: invalid"):
         raise_refusal(path)
@@ -204,7 +204,7 @@ LINES = {
 
 
 @pytest.mark.parametrize("change", LINES)
-def test_a_record_that_was_changed_is_refused_with_its_line_and_nothing_behind_it_is_lost(written, change):
+def test_changed_record_is_refused_by_line_without_any_data_loss(written, change):
     lines = written.read_bytes().splitlines(keepends=True)
     changed = LINES[change](lines[3:5])
     taken = 2 if "swapped" in change else 1
@@ -223,7 +223,7 @@ def test_an_owner_that_was_changed_is_refused(written):
 
 
 @pytest.mark.parametrize("end", [b"my notes", b"x", b"\0x", b'{"item":4,'])
-def test_what_stands_behind_the_last_record_and_is_no_start_of_one_is_not_thrown_away(written, end):
+def test_foreign_text_after_the_last_record_is_refused(written, end):
     with written.open("ab") as stream:
         stream.write(end)
     assert "rows.jsonl:7: invalid record" in refused(written)
@@ -242,7 +242,7 @@ def test_what_stands_behind_the_last_record_and_is_no_start_of_one_is_not_thrown
         ({"F_ior_arcsec": 1.0, "item": 7}, "expected item 0"),
     ],
 )
-def test_a_record_that_cannot_be_is_refused_though_its_checksum_holds(path, record, why):
+def test_impossible_record_is_refused_despite_a_valid_checksum(path, record, why):
     with open_kept(str(path), OWNER, ANYTHING) as kept:
         kept.append([record])
     assert refused(path) == f"{path}:2: invalid record: {why}"
@@ -273,7 +273,7 @@ def test_numbers_that_are_none_are_never_written(path):
 
 
 @posix_only("open files that can be removed")
-def test_a_file_that_is_gone_or_cut_meanwhile_ends_the_run(written):
+def test_file_removed_or_cut_during_the_run_ends_it(written):
     whole = written.read_bytes()
 
     lost = pytest.raises(DataError, match="was removed, replaced or cut")
@@ -296,7 +296,7 @@ def test_a_file_that_is_gone_or_cut_meanwhile_ends_the_run(written):
     "name",
     ["", "no/such/folder/rows.jsonl", "folder", pytest.param("pipe", marks=posix_only("named pipes")), "nul\0"],
 )
-def test_what_no_file_can_be_written_to_is_a_data_error(tmp_path, monkeypatch, name):
+def test_unwritable_target_is_a_data_error(tmp_path, monkeypatch, name):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "folder").mkdir()
     if name == "pipe":
@@ -306,7 +306,7 @@ def test_what_no_file_can_be_written_to_is_a_data_error(tmp_path, monkeypatch, n
 
 
 @posix_only("links that any user may make")
-def test_a_file_is_held_by_one_run_at_a_time_by_whatever_link_it_is_named(tmp_path, path, monkeypatch):
+def test_file_is_locked_by_one_run_under_any_link_name(tmp_path, path, monkeypatch):
     monkeypatch.setattr("hdassist.run.kept.LOCK_PATIENCE", 0.0)
     (tmp_path / "link").symlink_to(path)
     with open_kept(str(path), OWNER, KIND) as kept:
@@ -324,7 +324,7 @@ def test_a_file_is_held_by_one_run_at_a_time_by_whatever_link_it_is_named(tmp_pa
 
 
 @pytest.mark.thorough
-def test_a_killed_run_loses_no_record_and_nobody_else_writes_meanwhile(path, monkeypatch):
+def test_killed_run_loses_no_record_and_locks_out_other_writers(path, monkeypatch):
     monkeypatch.setattr("hdassist.run.kept.LOCK_PATIENCE", 0.0)
     with subprocess.Popen([sys.executable, "-c", WRITE_ON, path], stdout=subprocess.PIPE, env=CLEAN) as process:
         said = [int(process.stdout.readline()) for _ in range(50)]

@@ -13,7 +13,7 @@ print("after")
 """
 
 
-def test_what_a_library_writes_by_itself_is_no_part_of_an_answer():
+def test_library_output_is_not_part_of_the_result():
     done = subprocess.run([sys.executable, "-c", CODE], capture_output=True, text=True, check=True)
     assert done.stdout == "before\nafter\n"
 

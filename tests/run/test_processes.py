@@ -79,7 +79,7 @@ def test_processes_answer_in_order_hear_no_interrupt_and_end():
 @pytest.mark.thorough
 @pytest.mark.skipif(start_method() == "spawn", reason="processes are forked on Linux alone, but for HDASSIST_SPAWN")
 @pytest.mark.parametrize("thread", [False, True])
-def test_processes_begin_with_what_is_imported_and_are_not_forked_beside_threads(thread):
+def test_processes_start_with_imports_and_never_fork_beside_threads(thread):
     told = subprocess.run(
         [sys.executable, "-c", BEGUN.format(thread=thread)], env=CLEAN | dict.fromkeys(THREADS, "1"),
         capture_output=True, text=True, check=True,
@@ -88,7 +88,7 @@ def test_processes_begin_with_what_is_imported_and_are_not_forked_beside_threads
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="needs /proc")
-def test_workers_that_another_process_forked_end_with_the_one_that_began_them():
+def test_workers_end_with_the_process_that_began_them():
     with subprocess.Popen([sys.executable, "-c", AT_WORK], env=CLEAN, stdout=subprocess.PIPE, text=True) as process:
         worker = Path("/proc", process.stdout.readline().strip())
         assert worker.exists()
@@ -100,7 +100,7 @@ def test_workers_that_another_process_forked_end_with_the_one_that_began_them():
 
 
 @pytest.mark.thorough
-def test_a_solver_with_threads_of_its_own_may_have_run_before():
+def test_process_may_have_used_a_threaded_solver_before_its_workers():
     told = subprocess.run(
         [sys.executable, "-c", SOLVED.format(small=SMALL)], env=CLEAN, capture_output=True, text=True, timeout=120,
         check=True,
@@ -149,12 +149,12 @@ def test_what_goes_on_beside_has_a_process_of_its_own_whose_end_from_outside_is_
     assert found.stdout.split() == ["True", "True", "True", "False", "3", "WORKERS_LOST"]
 
 
-def test_what_goes_on_beside_is_done_here_where_there_are_no_workers():
+def test_side_task_runs_in_the_same_process_without_workers():
     assert Run().beside(os.getpid).result() == os.getpid()
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="needs /proc")
-def test_the_process_beside_hears_no_interrupt_and_ends_with_the_others():
+def test_side_process_ignores_interrupts_and_ends_with_the_workers():
     with workers(2) as executor:
         beside, ignores = Run(executor).beside(deaf, 0).result()
         Run(executor).beside(time.sleep, 3600)
@@ -165,7 +165,7 @@ def test_the_process_beside_hears_no_interrupt_and_ends_with_the_others():
 @pytest.mark.parametrize(
     "error", [DataError("row 3 is wrong", "a hint"), EOFError("of a file"), OSError(5, "of a disk")]
 )
-def test_what_a_task_raises_is_its_answer_with_the_place_where_it_was_raised(error):
+def test_task_error_is_raised_with_its_place_of_origin(error):
     with workers(1) as executor:
         with pytest.raises(type(error)) as raised:
             executor.submit(refuse, error).result()
@@ -174,7 +174,7 @@ def test_what_a_task_raises_is_its_answer_with_the_place_where_it_was_raised(err
         assert executor.submit(abs, -3).result() == 3
 
 
-def test_what_cannot_be_sent_is_an_error_of_its_task_alone():
+def test_unpicklable_task_is_an_error_of_that_task_only():
     with workers(1) as executor:
         for task, *given in ((threading.Lock,), (repr, threading.Lock())):
             with pytest.raises(TypeError, match="pickle"):
@@ -193,7 +193,7 @@ def test_where_one_process_is_lost_no_other_is_waited_for():
     assert not multiprocessing.active_children()
 
 
-def test_a_process_that_ended_before_it_opened_its_pipe_is_not_waited_for():
+def test_process_that_ended_before_opening_its_pipe_is_not_awaited():
     """Windows keeps that end open in this process until then."""
     here, there = multiprocessing.Pipe()
     process = multiprocessing.get_context("spawn").Process(target=abs, args=(0,))

@@ -63,7 +63,7 @@ def test_nothing_is_left_at_work(tmp_path, arguments, number, code):
 
 
 @pytest.mark.thorough
-def test_a_worker_that_is_ended_from_outside_leaves_no_answer_and_is_no_bug(tmp_path):
+def test_killed_worker_gives_exit_5_and_no_result(tmp_path):
     process = subprocess.Popen(
         [*COMMAND, "check", *DRIVE, "--jobs", "2"], cwd=tmp_path, env=CLEAN, stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -97,7 +97,7 @@ LINES = [("SIGINT", "interrupted"), ("SIGTERM", "terminated"), ("SIGHUP", "hung 
 
 
 @pytest.mark.parametrize(("stop", "line"), LINES)
-def test_a_stop_in_an_import_that_swallows_what_is_raised_ends_the_command_with_one_line(stop, line):
+def test_stop_swallowed_by_an_import_still_ends_the_command(stop, line):
     done = subprocess.run(
         [sys.executable, "-c", IMPORTED.format(stop, TINY)], env=CLEAN, capture_output=True, text=True, check=False,
     )  # fmt: skip
@@ -116,7 +116,7 @@ with at_stop(lambda: (os.write(1, b"putting away\\n"), time.sleep(3600))):
 
 
 @pytest.mark.parametrize("stop", ["SIGINT", "SIGTERM", "SIGHUP"])
-def test_a_second_stop_ends_a_command_that_hangs_in_the_first(stop):
+def test_second_stop_ends_a_command_that_hangs_in_the_first(stop):
     with subprocess.Popen([sys.executable, "-c", HANGS], env=CLEAN, stdout=subprocess.PIPE, text=True) as process:
         for line in ("at work\n", "putting away\n"):
             assert process.stdout.readline() == line
@@ -157,7 +157,7 @@ os.kill(os.getpid(), signal.SIGINT)
         ("9, 3", "0\n1\n2\n3\ninterrupted True\nanswered []\n"),
     ],
 )
-def test_an_interrupt_leaves_what_is_known_to_be_answered_and_a_second_one_ends(moment, out):
+def test_first_interrupt_allows_a_partial_result_and_the_second_ends(moment, out):
     code = PARTIAL.format(*moment.split(", "))
     done = subprocess.run([sys.executable, "-c", code], env=CLEAN, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout, done.stderr) == (130, out, "interrupted\n")
@@ -169,7 +169,7 @@ def ignoring() -> None:
 
 
 @pytest.mark.thorough
-def test_what_the_caller_ignores_stays_ignored_in_the_command_and_its_workers():
+def test_signals_ignored_by_the_caller_stay_ignored_in_workers():
     with subprocess.Popen(
         [*COMMAND, "check", *DRIVE, "--draws", "1", "-q", "--jobs", "2"], env=CLEAN, stdout=subprocess.PIPE,
         stderr=subprocess.PIPE, start_new_session=True, preexec_fn=ignoring,

@@ -54,11 +54,11 @@ def flat(chunks):
 
 
 @pytest.mark.parametrize("done", [0, 1, 39, 40, 50])
-def test_every_item_that_is_not_done_has_its_record_in_its_place(done):
+def test_stream_yields_every_remaining_record_in_sequence(done):
     assert flat(stream(squares, TOTAL, done=done, jobs=1)) == squares(done, TOTAL)
 
 
-def test_chunks_grow_to_what_takes_their_time_and_shrink_to_the_end_and_few_are_ahead(monkeypatch):
+def test_chunks_grow_to_their_time_shrink_and_stay_few_ahead(monkeypatch):
     counted = Counted(seconds=0.01)
     monkeypatch.setattr(module, "workers", lambda _: nullcontext(counted))
     ahead = []
@@ -80,7 +80,7 @@ def test_no_chunk_is_longer_than_memory_allows(monkeypatch):
     assert max(last - first for first, last in counted.chunks) == MOST_ITEMS
 
 
-def test_a_process_that_is_ended_from_outside_ends_the_stream_behind_the_records_before_it():
+def test_killed_process_ends_the_stream_after_the_preceding_records():
     kept = []
     with pytest.raises(UntrustedError, match="a worker process was killed"):
         for records in stream(partial(dies_over, 20), TOTAL, jobs=2):

@@ -48,7 +48,7 @@ def records_of(path: Path) -> list[dict[str, float]] | None:
 
 
 @pytest.mark.usefixtures("beside")
-def test_a_file_with_a_lock_beside_it_is_held_by_one_run_also_while_it_is_rewritten(tmp_path: Path) -> None:
+def test_lock_beside_a_file_holds_also_while_it_is_rewritten(tmp_path: Path) -> None:
     path = tmp_path / "rows.jsonl"
 
     def require_held() -> None:
@@ -89,7 +89,7 @@ def test_no_file_is_open_when_another_one_gets_its_name(tmp_path: Path, monkeypa
 
 
 @pytest.mark.usefixtures("beside")
-def test_a_file_that_cannot_be_replaced_stays_and_is_written_on(
+def test_file_that_cannot_be_replaced_stays_and_accepts_further_records(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "rows.jsonl"
@@ -145,7 +145,7 @@ def test_a_name_that_the_system_takes_for_none_is_refused(tmp_path: Path, monkey
     assert not list(tmp_path.iterdir())
 
 
-def test_a_folder_that_the_system_refuses_to_open_is_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_folder_that_the_system_refuses_to_open_is_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "own.yaml").touch()
 
     def refuse(*_: object) -> int:
@@ -177,7 +177,7 @@ def test_a_folder_outside_of_the_profile_is_not_private(tmp_path: Path, monkeypa
 
 
 @pytest.mark.thorough
-def test_an_answer_is_the_same_where_each_process_begins_from_nothing() -> None:
+def test_result_is_identical_if_processes_are_spawned() -> None:
     command = [sys.executable, "-m", "hdassist", "check", TINY, "--torque", "4", "--json"]
     here, spawned = (
         subprocess.run(command, env=CLEAN | more, capture_output=True, check=True).stdout for more in ({}, {SPAWN: "1"})
@@ -189,14 +189,14 @@ def test_an_answer_is_the_same_where_each_process_begins_from_nothing() -> None:
     ("platform", "suffix"),
     [("win_amd64", ".dll"), ("win_arm64", ".dll"), ("manylinux_2_17_aarch64", ".so"), ("macosx_11_0_arm64", ".so")],
 )
-def test_a_library_has_the_suffix_of_the_system_that_it_is_for(
+def test_library_has_the_suffix_of_its_target_system(
     platform: str, suffix: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("HDASSIST_PLATFORM", platform)
     assert build.library_name(1) == f"_walk_1{suffix}"
 
 
-def test_an_answer_in_a_file_has_the_ends_of_lines_that_it_was_given(tmp_path: Path) -> None:
+def test_written_file_keeps_its_line_ends(tmp_path: Path) -> None:
     write_text(str(tmp_path / "a.csv"), "a\r\nb\n", force=False)
     assert (tmp_path / "a.csv").read_bytes() == b"a\r\nb\n"
     with in_place_of(tmp_path / "a.csv") as beside:
