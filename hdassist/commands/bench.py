@@ -313,11 +313,11 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
       hdassist measure run.csv --drive own.yaml --archive rig1 --serial 17-042
       hdassist measure --history 17-042 --archive rig1
 
-    A file has a column of angles and a column of errors, or of a second encoder. F'_ior is the range of the fitted
-    orders, corrected for noise. It is a lower bound unless the recording covers the full mesh cycle. Each direction is
-    evaluated separately. For a file of approached positions (target_deg, deviation_arcsec, side) or of torque loops
-    (torque_Nm, twist_arcsec, place) the page gives the figures that manufacturers state besides F'_ior. Exit codes: 0
-    done, 4 invalid file, 5 the recording does not resolve the orders or F'_ior.
+    A file has a column of angles and a column of errors, or of a second encoder. F'_ior and its 95 % interval come from
+    a statistical model of the recording. F'_ior is a lower bound unless the recording covers the full mesh cycle. Each
+    direction is evaluated separately. For a file of approached positions (target_deg, deviation_arcsec, side) or of
+    torque loops (torque_Nm, twist_arcsec, place) the page gives the figures that manufacturers state besides F'_ior.
+    Exit codes: 0 done, 4 invalid file, 5 the recording does not resolve the orders or F'_ior.
     """
 
     files: list[str]

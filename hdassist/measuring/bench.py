@@ -33,6 +33,8 @@ _LOOP_SHARE = 0.04  # of the rated torque, to each side: between them lies the l
 _AROUND = 5  # readings, at least, through which a parabola is laid
 TINY = 1e-30  # N*m
 _LOOP_HINT = "load from -T_0 to T_0 and back, with T_0 the rated torque"
+_SHRINK = 2.0  # times the variance by scatter, taken off the variance of mean deviations
+_SPREAD_FACTOR = 1.15  # of a range whose bias was removed: the correction repeats the scatter of the estimate
 _LEAST_CHANCE = 0.975  # that a range is at least its lower confidence limit
 _PLAN = re.compile(  # as hdassist plan names it, also in earlier versions (turns, both ways)
     r"(?P<drive>.*), (?P<count>[0-9]{1,9}) positions"
@@ -335,18 +337,47 @@ def position_quantities(record: PositionRecord, *, seed: int = 0, draws: int = 2
     if freedom:
         means = np.concatenate([np.full(len(rows), deviation[rows].mean()) for rows in groups])
         rng = np.random.default_rng(seed)
-        scatter = float(np.linalg.norm(deviation - means)) / np.sqrt(rng.chisquare(freedom, (draws, 1)))
+        squares = float(np.sum((deviation - means) ** 2))
+        scatter = np.sqrt(squares / rng.chisquare(freedom, (draws, 1)))
         errors = scatter * rng.standard_normal((draws, len(target)))
-        drawn = figures(means + errors)
+        best = _without_scatter(deviation, side, groups, squares / freedom)
+        best_figures = figures(best[None])
+        drawn = figures(best + errors)
         by_noise = figures(errors)  # a range is at most that of the true deviations plus this one
     quantities = []
     for name, (value,) in figures(deviation[None]).items():
-        bias = max(0.0, float(drawn[name].mean() - value)) if drawn and name == "positioning" else 0.0
-        unsure = hypot(float(drawn[name].std()), BIAS_SHARE * bias) if drawn else None
+        bias = 0.0
+        if drawn and name == "positioning":
+            bias = max(0.0, float(drawn[name].mean() - best_figures[name][0]))
+        widened = _SPREAD_FACTOR if name == "positioning" else 1.0
+        unsure = hypot(widened * float(drawn[name].std()), BIAS_SHARE * bias) if drawn else None
         words = f"{_counted(len(positions), 'position')}, {len(target)} approaches"
         noise = max(0.0, float(np.quantile(by_noise[name], _LEAST_CHANCE)) - bias) if drawn else 0.0
         quantities.append(StatedQuantity(name, max(0.0, float(value) - bias), unsure, words, noise))
     return tuple(quantities)
+
+
+def _without_scatter(deviation: Array, side: Array, groups: Sequence[NDArray[np.int64]], variance: float) -> Array:
+    """Return the mean deviation of each approach's position and side, less what scatter adds to their spread.
+
+    Means over few approaches scatter too, so their range is larger than that of the true deviations. The means of a
+    side are drawn towards their common mean by the share of scatter in their variance.
+
+    deviation, side: of each approach, shape (rows,).
+    groups: rows of each position and side.
+    variance: of single approaches [arcsec^2].
+    """
+    best = np.empty(len(deviation))
+    for way in np.unique(side):
+        of_side = [rows for rows in groups if side[rows[0]] == way]
+        means = np.array([deviation[rows].mean() for rows in of_side])
+        spread = float(np.var(means, ddof=1)) if len(means) > 1 else 0.0
+        by_scatter = variance * float(np.mean([1 / len(rows) for rows in of_side]))
+        kept = max(0.0, 1 - _SHRINK * by_scatter / spread) if spread else 1.0
+        shrunk = means.mean() + np.sqrt(kept) * (means - means.mean())
+        for rows, mean in zip(of_side, shrunk, strict=True):
+            best[rows] = mean
+    return best
 
 
 def _counted(number: int, noun: str) -> str:

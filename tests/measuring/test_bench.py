@@ -56,6 +56,18 @@ def test_positions_are_held_by_their_intervals():
     assert truth["bidirectional"] > REVERSAL / 2 + truth["repeatability"] / 2
 
 
+def test_scatter_alone_is_no_positioning_deviation():
+    target, _ = (each.ravel() for each in np.meshgrid(TARGETS, np.arange(3), indexing="ij"))
+    truth = 5 * np.sin(np.radians(target + 20))
+    held = []
+    for seed in range(30):
+        error = truth + 15 * np.random.default_rng(seed).standard_normal(len(target))
+        words = text([target, error, np.ones(len(target))], "target_deg,deviation_arcsec,side")
+        found = quantities(words, draws=200)["positioning"]
+        held.append(abs(found.arcsec - np.ptp(truth)) <= 2 * (found.uncertainty_arcsec or 0.0))
+    assert sum(held) >= 27
+
+
 def test_positions_from_one_side_and_once():
     assert set(quantities(positions(1, (1.0,)))) == {"positioning", "repeatability"}
     (once,) = quantities(positions(1, (1.0,), 1)).values()
