@@ -30,7 +30,7 @@ def random_drive(seed: int, preset: str = SMALL):
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_extremes_are_those_of_every_state_and_proposed_ones_are_near(seed):
+def test_extremes_equal_those_of_every_state_and_proposals_are_close(seed):
     drive, M_g = random_drive(seed), (1.0, 4.0)[seed % 2]
     full = kinematic_error(drive, M_g, run=UNCHECKED)
     error_map = ErrorMap(drive, M_g)

@@ -9,7 +9,7 @@ from hdassist.run.run import UNCHECKED
 from tests.process import SMALL
 
 
-def test_an_estimated_cycle_has_the_range_and_the_orders_of_every_state_from_a_tenth_of_them():
+def test_estimated_cycle_has_exact_range_and_orders_from_fewer_states():
     drive = load_preset("vzp160")
     exact, found = kinematic_error(drive, 80.0, run=UNCHECKED), estimated_cycle(drive, 80.0)
     assert np.ptp(found.error_arcsec) == pytest.approx(exact.range_arcsec, rel=0.01)
@@ -19,7 +19,7 @@ def test_an_estimated_cycle_has_the_range_and_the_orders_of_every_state_from_a_t
     assert found.certificate.states < exact.certificate.states / 10
 
 
-def test_the_worst_turn_of_an_estimate_is_solved_where_flanks_part():
+def test_estimate_solves_the_worst_revolution_if_flanks_separate():
     drive = load_preset("size-25-100", ["operation.M_g=3"])  # a light load: the waves alone are 5 % off
     sets = {
         "tolerances.e_hb": 60.0,

@@ -78,7 +78,7 @@ def test_rough_teeth_are_found_between_the_positions_of_a_grid():
     assert found == pytest.approx(_of_every_state(some, 6.7), rel=0.005)
 
 
-def test_rough_teeth_are_found_where_a_wave_of_order_16_is_six_teeth():
+def test_search_resolves_rough_teeth_of_order_16():
     """With their slopes read a whole tooth off 3 to 4 % were missed, and of one drive no hill was left to climb."""
     like = load_preset("vzp160")
     asked = read_requirements(like, ratio=50, pitch_diameter="63.5 mm", torque="67")
@@ -88,7 +88,7 @@ def test_rough_teeth_are_found_where_a_wave_of_order_16_is_six_teeth():
     assert found == pytest.approx(_of_every_state(some, 6.7), rel=0.005)
 
 
-def test_a_drive_keeps_a_hill_where_splines_stay_below_the_states_of_the_grid(monkeypatch):
+def test_search_keeps_a_hill_if_splines_stay_below_the_grid(monkeypatch):
     """Of many thousand draws some ended with no hill of one sign, and the search with a ValueError."""
     drive, M_g = searched_drive("heavy", 1)
     error_map, batch, proposed = ErrorMap(drive, M_g), Batch.of(drive), extremes._Search._proposed
@@ -154,7 +154,7 @@ def test_what_may_lie_between_states_holds_a_smooth_map():
 
 @pytest.mark.thorough
 @pytest.mark.skipif(not HAS_COMPILER, reason="half a minute in numpy")
-def test_searches_of_draws_are_near_those_of_a_grid_of_sixty():
+def test_search_of_samples_agrees_with_a_grid_of_sixty():
     drives, holes = drawn_drives("vzp160", 1), [360 / HOLES * k for k in range(HOLES)]  # docs/performance.md has 64
     maps = [(each, Batch.turned(drive, holes)) for drive in drives for each in error_maps(drive, drive.operation.M_g)]
     few, fine = (

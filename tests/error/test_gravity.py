@@ -14,7 +14,7 @@ from hdassist.run.run import UNCHECKED
 from tests.process import SMALL, in_a_line, run
 
 
-def test_the_error_is_that_of_states_solved_at_their_own_torque_within_its_bound():
+def test_error_under_gravity_agrees_with_states_solved_at_their_torque():
     drive = load_preset(SMALL)
     found = trace(drive, 6.0, gravity=Gravity(4.0, 70.0), revolutions=30, run=UNCHECKED)
     error, along = found.error, found.along
@@ -29,7 +29,7 @@ def test_the_error_is_that_of_states_solved_at_their_own_torque_within_its_bound
     assert along.wind_up_arcsec == pytest.approx(max(wind_up.values()) - min(wind_up.values()), rel=0.01)
 
 
-def test_a_light_weight_changes_nothing_and_a_heavy_one_crosses_no_torque():
+def test_light_weight_changes_nothing_and_heavy_weight_crosses_zero_torque():
     drive = load_preset(SMALL)
     even = trace(drive, 6.0, revolutions=2, run=UNCHECKED).error
     light = trace(drive, 6.0, gravity=Gravity(1e-4), revolutions=2, run=UNCHECKED).error

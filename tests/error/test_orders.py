@@ -78,7 +78,7 @@ def test_causes_follow_what_is_there(reference):
 
 
 @pytest.mark.parametrize("odd", [{"bearing__N": 23}, {"gears__z_g": 199, "gears__z_b": 201}])
-def test_odd_orders_need_no_cam_offset_where_half_a_turn_is_not_the_same(reference, odd):
+def test_odd_orders_need_no_eccentricity_for_odd_numbers_of_parts(reference, odd):
     drive = changed(reference, tolerances__e_hh=0.0, **odd)
     once = [o for o in trace(drive, 800, revolutions=100, run=UNCHECKED).orders if abs(o.per_cam_rev - 1) < 0.02]
     assert max(o.amplitude_arcsec for o in once) > 0.01
@@ -100,7 +100,7 @@ def test_a_trace_is_one_turn_to_a_cycle(reference, revolutions):
 
 
 @pytest.mark.parametrize("count", [200, 201])
-def test_the_highest_order_of_an_even_and_of_an_odd_number_of_states(reference, count):
+def test_highest_order_is_correct_for_even_and_odd_state_counts(reference, count):
     # with an even number it stands alone at the end of the spectrum, with an odd one it has a mirror image
     error = 1.5 * np.cos(100 * 2 * np.pi * np.arange(count) / count)
     assert {o.per_cam_rev: o.amplitude_arcsec for o in orders(reference, error, 1)}[100] == pytest.approx(1.5)

@@ -59,7 +59,7 @@ def test_the_states_are_the_extremes(small: Drive, batch: Batch) -> None:
     assert (found.at_max[0], found.at_min[0]) == (error.at_max, error.at_min)
 
 
-def test_a_drive_has_the_same_digits_once_more_and_from_the_contacts_of_another_drive(
+def test_extremes_are_reproducible_and_independent_of_other_contacts(
     small: Drive, batch: Batch, exact: np.ndarray
 ) -> None:
     softer = small.with_values({"contact.c_t": 6.6e-5})

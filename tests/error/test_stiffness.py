@@ -27,7 +27,7 @@ def plain(reference):
     return stiffness(reference, T_1=80.0, T_2=800.0)
 
 
-def test_twist_is_that_of_the_contacts_and_of_the_tube_in_series(reference, plain):
+def test_twist_adds_the_contacts_and_the_tube_in_series(reference, plain):
     for M_g, contact in ((80.0, 7.66), (800.0, 137.83)):
         tube = M_g / 2.29e6 * ARCSEC
         assert plain.twist_at(M_g) == pytest.approx(contact + tube, abs=0.1)
@@ -81,7 +81,7 @@ def test_elastic_twist_is_no_play(reference):
     assert of(reference).play_arcsec < 0.01
 
 
-def test_with_contacts_stiff_enough_to_lock_the_rim_only_the_tube_twists(reference):
+def test_only_the_tube_twists_if_contacts_lock_the_rim(reference):
     part = reference.contact
     stiff = {f"contact__{name}": getattr(part, name) / 1e4 for name in ("c_t", "c_ball", "c_bore")}
     curve = of(changed(reference, gears__j_n=0.0, **stiff))
@@ -97,7 +97,7 @@ def test_stiffer_contacts_raise_each_segment(reference, plain, name):
     assert all(new.stiffness > old.stiffness for new, old in zip(curve.positive, plain.positive, strict=True))
 
 
-def test_numbers_do_not_depend_on_how_many_torques_the_curve_has(reference, plain):
+def test_stiffness_is_independent_of_the_number_of_torques(reference, plain):
     coarse = of(reference, T_1=80.0, T_2=800.0, points=7)
     assert len(coarse.torque) < len(plain.torque)
     ours, theirs = ([s.stiffness for s in c.positive] for c in (coarse, plain))

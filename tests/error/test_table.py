@@ -61,9 +61,7 @@ def missed_of(table: ErrorTable, drives: list[Drive]) -> np.ndarray:
     return np.array([search.extremes(drive).first for drive in drives]) / table.F_ior(columns_of(drives)) - 1
 
 
-def test_finds_what_a_search_finds_but_for_a_share_that_is_nearly_the_same_for_all(
-    small: Drive, table: ErrorTable
-) -> None:
+def test_table_agrees_with_a_search_within_a_constant_share(small: Drive, table: ErrorTable) -> None:
     missed = missed_of(table, drawn(small, 40, 2))
     assert 0 < missed.mean() < 0.03
     assert missed.std() < 0.03
@@ -122,7 +120,7 @@ def test_all_deviations_reversed_are_half_a_turn(table: ErrorTable) -> None:
     assert np.array_equal(error, error[::-1], equal_nan=True)  # half of them are copies
 
 
-def test_a_state_that_cannot_be_trusted_is_named_by_its_deviations(small: Drive) -> None:
+def test_untrusted_state_is_named_by_its_deviations(small: Drive) -> None:
     far = small.with_values({"tolerances.F_i2": 100.0, "tolerances.e_hb": 50.0})
     with pytest.raises(
         UntrustedError, match=r"at tooth vector \(-?\d+, -?\d+\) um, cam vector .* um, M_g = 1e\+06 N\*m"
@@ -130,7 +128,7 @@ def test_a_state_that_cannot_be_trusted_is_named_by_its_deviations(small: Drive)
         table_of(far, 1e6, Mesh((3, 3, 3, 3)))
 
 
-def test_between_its_points_it_is_straight_and_others_count_by_their_slopes() -> None:
+def test_table_interpolates_linearly_and_uses_slopes_for_other_deviations() -> None:
     sizes, weights = np.array([0.04, 0.04, 0.06, 0.06]), np.array([100.0, -200.0, 300.0, 400.0])
     grid = np.stack(np.meshgrid(*(np.linspace(-size, size, 3) for size in sizes), indexing="ij"), axis=-1)
     reach = Reach((0, 1, 2, 3), sizes, (4, 5))

@@ -30,7 +30,7 @@ def found() -> list[Outcome]:
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("k", range(len(ENDS)), ids=[str(change) for _, change in ENDS])
-def test_an_end_of_a_range_is_solved_with_a_proof_or_refused(found: list[Outcome], k: int) -> None:
+def test_drive_at_a_range_end_is_verified_or_refused(found: list[Outcome], k: int) -> None:
     assert found[k].end == ENDS[k][0], found[k]
     assert found[k].end == "solved" or found[k].said
 

@@ -22,7 +22,7 @@ GIVES_LITTLE = {one.name: one for one in SURROUNDINGS}
 
 
 @pytest.mark.slow
-def test_a_run_that_is_killed_leaves_nothing_half_and_the_next_goes_on():
+def test_killed_run_leaves_no_partial_files_and_can_continue():
     tally = kills(3, 0, ("new", "lot"))
     assert tally.runs == 3
     assert not tally.broken
@@ -36,7 +36,7 @@ def test_a_run_that_is_told_to_stop_leaves_nothing(monkeypatch):
     assert not tally.broken
 
 
-def test_a_run_that_is_over_before_its_signal_is_counted_as_done(monkeypatch):
+def test_run_that_ends_before_its_signal_counts_as_done(monkeypatch):
     monkeypatch.setattr(faults, "COMMAND", ["true"])
     tally = signals(1, 0, seconds=8.0)
     assert (tally.runs, tally.done, tally.broken) == (1, 1, [])
@@ -44,7 +44,7 @@ def test_a_run_that_is_over_before_its_signal_is_counted_as_done(monkeypatch):
 
 @pytest.mark.thorough
 @pytest.mark.parametrize(("surrounding", "name"), TRIED)
-def test_where_the_system_gives_little_there_is_an_answer_or_a_refusal(surrounding: str, name: str):
+def test_scarce_system_resources_give_a_result_or_a_refusal(surrounding: str, name: str):
     if reason := unavailable(GIVES_LITTLE[surrounding]):
         pytest.skip(reason)
     tally = Tally()
@@ -59,7 +59,7 @@ def test_two_runs_at_once_keep_one_file_whole():
     assert not tally.broken
 
 
-def test_a_file_that_is_half_written_lost_or_foreign_is_seen():
+def test_partial_lost_or_foreign_files_are_detected():
     case, whole = CASES["lot"], Usual(0, "", {"a.csv": "whole", "a.xml": "whole", "a.jsonl": "one\ntwo\n"}, 1.0)
     with folder(old=("a.csv",)) as place:
         (place / "a.xml").write_text("wh")

@@ -12,7 +12,7 @@ from tests.fuzz.recordings import LESS, SAME, recording_faults
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("seed", [2, 3])
-def test_what_else_a_rig_writes_of_the_same_readings_changes_no_verdict(seed: int):
+def test_additional_rig_output_of_equal_readings_changes_no_verdict(seed: int):
     found = dict(recording_faults(seed))
     assert len(found) == len(SAME) + len(LESS)
     assert not {name: fault for name, fault in found.items() if fault}

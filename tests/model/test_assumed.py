@@ -22,7 +22,7 @@ def loose(*overrides: str):
     return load_text(text, "loose.yaml", overrides)
 
 
-def test_what_is_left_to_a_default_has_the_range_of_its_size():
+def test_defaulted_field_has_an_assumed_range_for_its_size():
     found = {a.path: (a.low, a.high) for a in assumptions(loose())}
     assert set(found) == {
         "gears.h_a", "gears.h_f", "gears.j_n", "flexspline.k_t", "bearing.g_b", "contact.c_t", "contact.c_ball",
@@ -55,7 +55,7 @@ def test_what_was_asked_for_is_not_assumed():
 
 
 @pytest.mark.parametrize("ends", [(0.58, 0.58), (-0.1, 0.6), (0.55, 1e6), (0.6, 0.55)])
-def test_a_range_that_is_none_or_that_no_drive_may_have_is_left_out(ends):
+def test_assumed_range_that_is_empty_or_impossible_is_omitted(ends):
     drive = loose()
     drive = drive.model_copy(update={"source": {"cam.W_0": Source(kind="assumed", range=ends)}})
     assert "cam.W_0" not in {a.path for a in assumptions(drive)}

@@ -91,7 +91,7 @@ def test_whole_drive_moved_as_one_body_changes_no_gap(reference):
         assert np.abs(system.G @ moved).max() < 1e-12
 
 
-def test_nominal_shape_held_by_a_rigid_cam_has_the_nominal_gaps(reference):
+def test_nominal_shape_held_by_a_rigid_cam_has_nominal_gaps(reference):
     # the mode A_2 = W_0 laid on the rim gives back the drawn gap plus the clearance
     system = contact_system(reference)
     f, W_0, r_m = system.flanks, reference.cam.W_0, system.geometry.r_m

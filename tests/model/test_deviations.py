@@ -57,7 +57,7 @@ def test_equal_deviations_of_both_wheels_cancel(reference):
     assert scalars(drive, 0, 0)[:2] == pytest.approx([0, 0], abs=1e-15)
 
 
-def test_a_centre_shift_is_a_first_harmonic_half_a_turn_on(reference):
+def test_centre_shift_is_a_first_harmonic_half_a_revolution_ahead(reference):
     # a tooth ring whose centre lies off by e towards beta: each tooth moves along +theta by e sin(beta - theta)
     e, beta, theta = 0.02, np.radians(70), np.linspace(0, 2 * np.pi, 13)
     drive = changed(reference, phases__xi_b=70.0, mounting__mark_kind="runout")
@@ -72,7 +72,7 @@ def test_a_pitch_mark_is_where_the_teeth_lead_most(reference):
         assert np.degrees(theta[np.argmax(np.sin(theta - xi))]) == pytest.approx(mark)
 
 
-def test_a_pitch_mark_stands_a_quarter_turn_on_from_the_phase(reference):
+def test_pitch_mark_is_a_quarter_revolution_ahead_of_the_phase(reference):
     marked = changed(reference, phases__xi_g=50.0, phases__xi_b=70.0, mounting__mark_kind="pitch")
     phases = changed(reference, phases__xi_g=-40.0, phases__xi_b=-20.0)
     assert scalars(marked, 33, 7) == pytest.approx(scalars(phases, 33, 7), abs=1e-15)
@@ -127,7 +127,7 @@ def test_one_bad_tooth_is_felt_when_it_meshes(reference):
     assert np.abs(error.rotation_arcsec[in_mesh] - still[0]).max() > 0.05
 
 
-def test_one_bad_space_of_the_rigid_wheel_opens_the_flank_before_it(reference):
+def test_displaced_space_of_the_circular_spline_opens_the_preceding_flank(reference):
     drive = changed(reference, **QUIET)
     system, states = contact_system(drive), pitch_locked_states(Kinematics.of(drive), np.arange(202))
     bad = np.zeros(202)
@@ -188,7 +188,7 @@ def test_what_moves_wheel_and_cam_alike_makes_no_error(reference):
         assert 0.5 < ranges[1] < ranges[3]
 
 
-def test_teeth_that_are_off_one_by_one_have_the_orders_of_their_single_pitch_deviation(reference):
+def test_independent_tooth_deviations_have_the_orders_of_single_pitch_deviation(reference):
     rng, squares = np.random.default_rng(0), []
     teeth = reference.gears.z_b
     for _ in range(400):
@@ -218,7 +218,7 @@ def test_a_single_pitch_deviation_is_as_teeth_with_its_orders(reference, wheel, 
     )  # spaces stand beside the teeth by half a pitch at most
 
 
-def test_second_harmonics_weigh_as_much_as_first_ones_twenty_times_their_size(reference):
+def test_second_harmonics_weigh_twenty_times_as_much_as_first_harmonics(reference):
     oval = changed(reference, **QUIET, harmonics__a_b2=1.0)
     first = changed(reference, **{**QUIET, "tolerances__F_i2": 2.0})
     states = pitch_locked_states(Kinematics.of(reference), np.arange(202))
@@ -227,7 +227,7 @@ def test_second_harmonics_weigh_as_much_as_first_ones_twenty_times_their_size(re
     assert 0.1 < odd < 0.3  # 0.14 to 0.23 expected
 
 
-def test_what_turns_with_the_fixed_wheel_and_what_stands_with_its_seat(reference):
+def test_fixed_wheel_carries_its_phases_while_the_eccentricity_stays(reference):
     orders = (2, 3, 4, *PITCH_ORDERS)
     assert carried(reference) == ("phases.xi_b", "phases.phi_eb", *(f"harmonics.xi_b{order}" for order in orders))
     assert standing_offset(reference) == ("tolerances.e_hb", "phases.phi_hb")

@@ -65,14 +65,14 @@ def test_nominal_gap_is_that_of_a_drawn_pair(reference, i, zone, side):
     assert flanks.gap[k] == pytest.approx(drawn_gap(reference, i, zone, side), abs=2e-4)
 
 
-def test_half_angle_at_the_pitch_circle_is_that_of_the_rack():
+def test_half_angle_at_pitch_circle_is_that_of_the_rack():
     wheel = Wheel(40, 2.0, np.radians(20), 0.5)
     thickness = 2.0 * (np.pi / 2 + 2 * 0.5 * np.tan(np.radians(20)))
     assert wheel.half_angle(np.array([40.0]))[0] == pytest.approx(thickness / 2 / 40.0, rel=1e-14)
 
 
 @pytest.mark.parametrize("values", [{}, {"cam__W_0": 0.6, "gears__h_a": 0.75}])
-def test_every_flank_whose_tip_reaches_behind_the_other_tips_is_a_candidate_and_no_other(reference, values):
+def test_flank_candidates_are_those_whose_tips_pass_the_opposite_tips(reference, values):
     geometry = Geometry.of(changed(reference, **values))
     tooth, side = (axis.ravel() for axis in np.meshgrid(np.arange(-50, 51), [1.0, -1.0]))
     reaches = flank_point(geometry, np.array(geometry.r_ag), np.pi / 100 * tooth, side)[0] >= geometry.r_ab
@@ -159,7 +159,7 @@ def test_growth_closes_the_flanks_by_its_part_along_the_normal(reference):
     assert (gap - flanks.gap).min() < -3.5e-3
 
 
-def test_a_drive_that_is_as_warm_all_over_is_the_same_drive_drawn_larger(reference):
+def test_uniformly_warm_drive_is_the_same_drive_drawn_larger(reference):
     # flexspline, bearing and cam 100 K warmer, and a circular spline drawn as much larger: every gap grows by its share
     grown = Geometry.of(changed(reference, operation__dT=100.0))
     growth = 1 + 100 * 11.5e-6

@@ -24,7 +24,7 @@ def test_a_drive_that_gives_everything_leaves_nothing_open():
     assert unknowns(load_preset("vzp160")) == unknowns(load_preset("synthetic-160-162")) == ()
 
 
-def test_each_deviation_that_is_not_given_is_open_with_its_direction():
+def test_every_deviation_can_be_unknown_with_its_direction():
     paths = {path for path, field in field_table().items() if field.unknown}
     assert paths == {path for each in DEVIATIONS for path in (each.size, each.direction)}
     sizes = {each.size: each.direction for each in DEVIATIONS if each.kind != "pitch"}
@@ -38,7 +38,7 @@ def test_each_deviation_that_is_not_given_is_open_with_its_direction():
         assert open_fields(f"{size}=unknown", f"{direction}=20") == {size}
 
 
-def test_sizes_go_as_far_as_their_part_may_and_directions_around():
+def test_unknown_sizes_and_directions_have_the_ranges_of_their_part():
     found = {u.path: u for u in unknowns(load_preset("vzp160", [
         "tolerances.F_i1=unknown", "tolerances.e_hb=unknown", "harmonics.a_b2=unknown", "harmonics.a_b3=unknown",
     ]))}  # fmt: skip
@@ -52,7 +52,7 @@ def test_sizes_go_as_far_as_their_part_may_and_directions_around():
     assert found["harmonics.xi_b2"].reason == "any direction"
 
 
-def test_offsets_go_with_the_diameter_those_that_stand_further_than_those_that_turn():
+def test_eccentricity_ranges_grow_with_the_diameter_and_fixed_ones_more():
     # of 30 mm, in um
     names = ("e_hh", "e_hg", "e_hb", "e_b")
     for fixed, most in (("rigid", (6, 6, 15, 1.8)), ("flexspline", (6, 15, 6, 1.8))):
@@ -84,7 +84,7 @@ def test_classes_of_teeth_are_steps_of_the_root_of_two():
         ([], False),
     ],
 )
-def test_any_hole_is_as_good_where_one_of_the_two_directions_is_not_known(overrides, open_):
+def test_unknown_wheel_or_eccentricity_direction_makes_all_holes_equal(overrides, open_):
     assert bool(unknown_turn(load_preset(SMALL, overrides))) is open_
 
 
@@ -93,7 +93,7 @@ def test_what_is_computed_as_0_is_said():
     assert unknown_notes(drive) == ("unknown, and computed as 0: phases.phi_hb, harmonics.a_g3, harmonics.xi_g3",)
 
 
-def test_harmonics_go_as_far_as_their_wheel_whatever_is_known_of_it():
+def test_unknown_harmonics_are_limited_by_their_wheel():
     gears = load_preset(SMALL).gears
     class_9 = F_p(gears.pitch_diameter, gears.m, 9)
     found = {u.path: u.high for u in unknowns(load_preset(SMALL, ["harmonics.a_g2=unknown", "harmonics.a_b3=unknown"]))}
@@ -106,7 +106,7 @@ def test_harmonics_go_as_far_as_their_wheel_whatever_is_known_of_it():
     assert open_fields(*none, "harmonics.a_b3=unknown") == {"harmonics.a_b3", "harmonics.xi_b3"}
 
 
-def test_a_single_pitch_deviation_is_that_of_the_class_of_its_wheel():
+def test_unknown_single_pitch_deviation_follows_the_class_of_its_wheel():
     """f_p and F_p of ISO 1328-1:2013, class 5: 0.001 d + 0.4 m + 5 and 0.002 d + 0.55 sqrt d + 0.7 m + 12 um."""
     share = (0.16 + 0.32 + 5) / (0.32 + 0.55 * 160**0.5 + 0.56 + 12)
     found = {u.path: u.high for u in unknowns(load_preset("vzp160", ["tolerances.f_p1=unknown", "tolerances.f_p2=2"]))}

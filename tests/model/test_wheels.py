@@ -43,7 +43,7 @@ def test_the_mark_says_where_teeth_stand():
     assert (teeth.g[59], teeth.g[0]) == (0, 1)
 
 
-def test_the_rest_of_a_pitch_goes_to_the_cam_offset_that_stands_with_the_wheel():
+def test_fractional_pitch_rotation_is_transferred_to_the_eccentricity_direction():
     drive = load_preset(SMALL, ["phases.phi_hb=20", "phases.phi_hg=30"])
     there, teeth = MeasuredTeeth(g=wheel(range(60), 97.5), b=wheel(range(62), 90 + 9.7 * 360 / 62)).in_drive(drive)
     assert (teeth.g[1], teeth.b[10]) == (0, 0)
@@ -90,7 +90,7 @@ def test_a_measured_first_harmonic_is_the_presets_with_200_teeth(reference, fixe
     assert again == pytest.approx(once, abs=0.05)
 
 
-def test_a_wheel_turned_by_whole_teeth_sees_the_same_pattern_further_on():
+def test_wheel_turned_by_whole_teeth_shifts_its_measured_pattern():
     drive = load_preset(SMALL, ["mounting.fixed=flexspline"])
     deviation = 20 * np.random.default_rng(1).standard_normal(60)
     turned = MeasuredTeeth(g=wheel(deviation, 40.0)).rotated(drive, 30.0)  # five teeth
@@ -118,7 +118,7 @@ def test_only_the_fixed_wheel_turns():
     assert phase_deg(drive, alone) == phase_deg(drive) == 90
 
 
-def test_a_second_harmonic_turns_the_output_by_itself_over_the_radius():
+def test_second_harmonic_turns_the_output_by_itself_over_the_radius():
     """It moves the teeth of both zones alike, where a first one moves them against each other."""
     drive = load_preset(SMALL, ["tolerances.F_i1=0", "tolerances.F_i2=0", "tolerances.e_hb=0", "tolerances.e_hh=0"])
     second = MeasuredTeeth(b=wheel(10 * np.sin(4 * np.pi * np.arange(62) / 62)))
@@ -131,7 +131,7 @@ def test_a_second_harmonic_turns_the_output_by_itself_over_the_radius():
 
 
 @pytest.mark.parametrize("fixed", FIXED)
-def test_a_curve_has_every_state_and_each_position_is_the_check_there(fixed):
+def test_curve_of_measured_teeth_agrees_with_check_at_every_position(fixed):
     drive = load_preset(SMALL, [f"mounting.fixed={fixed}", "mounting.holes=4"])
     rng = np.random.default_rng(2)
     measured = MeasuredTeeth(g=wheel(10 * rng.standard_normal(60), 12), b=wheel(10 * rng.standard_normal(62), 200))
@@ -154,7 +154,7 @@ def test_a_free_angle_keeps_to_its_steps():
     assert curve.rotation_deg.tolist() == [0, 120, 240]
 
 
-def test_beside_measured_teeth_nothing_is_drawn_and_an_order_is_on_the_users_word():
+def test_measured_teeth_disable_sampling_but_the_advice_names_a_hole():
     drive = load_preset(SMALL, ["mounting.holes=2", "uncertainty.phases.xi_b=10"])
     measured = harmonic(drive, "rigid", 0.0)
     advice = advise(drive, [0, 180], measured=measured, run=UNCHECKED)

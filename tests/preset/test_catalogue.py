@@ -37,7 +37,7 @@ def test_targets_start_from_the_preset(size: object) -> None:
     assert (said.lost_motion, said.play) == (60, 5)
 
 
-def test_the_example_of_the_page_is_the_table_of_its_size() -> None:
+def test_documented_catalogue_example_equals_the_preset_of_its_size() -> None:
     (example,) = re.findall(
         r"```yaml\n(catalogue:.*?)```", (ROOT / "docs/design.md").read_text(encoding="utf-8"), re.DOTALL
     )

@@ -156,7 +156,7 @@ def test_clearance_is_felt_as_the_geometry_says(reference):
 
 
 @pytest.mark.moves("material.alpha_T")
-def test_expansion_counts_where_parts_are_not_as_warm_as_each_other(reference):
+def test_expansion_matters_if_parts_differ_in_temperature(reference):
     steel, twice = (changed(reference, operation__dT=dT) for dT in (10.0, 20.0))
     # half the growth at twice the difference of temperatures is the same drive
     assert heavy(changed(twice, material__alpha_T=11.5e-6 / 2)) == pytest.approx(heavy(steel), abs=1e-9)
@@ -263,7 +263,7 @@ ODD = [(wheel, 3, 6.0, 0.01, 3.0) for wheel in "gb"]
     "harmonics.xi_b4", "harmonics.xi_s2",
 )  # fmt: skip
 @pytest.mark.parametrize(("wheel", "order", "um", "least", "most"), [*EVEN, *ODD])
-def test_an_even_harmonic_moves_the_error_and_an_odd_one_nearly_cancels(reference, wheel, order, um, least, most):
+def test_even_harmonics_change_the_error_and_odd_ones_nearly_cancel(reference, wheel, order, um, least, most):
     size, phase = f"harmonics__a_{wheel}{order}", f"harmonics__xi_{wheel}{order}"
     found = [error(changed(reference, **{size: um, phase: at})) - error(reference) for at in (0.0, 180 / order)]
     assert least < max(map(abs, found)) < most
@@ -271,7 +271,7 @@ def test_an_even_harmonic_moves_the_error_and_an_odd_one_nearly_cancels(referenc
 
 
 @pytest.mark.parametrize("moved", PITCH, ids=lambda each: each.direction)
-def test_a_single_pitch_deviation_moves_the_error_in_each_of_its_orders(reference, moved):
+def test_single_pitch_deviation_changes_the_error_in_all_its_orders(reference, moved):
     rough = reference.with_values({moved.size: 20.0})
     turned = rough.with_values({moved.direction: 180.0 / moved.order})
     assert 0.5 < error(rough) - error(reference) < 20

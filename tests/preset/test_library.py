@@ -27,7 +27,7 @@ def test_the_library_holds_the_presets_of_the_repository() -> None:
 
 
 @pytest.mark.parametrize("name", preset_names())
-def test_every_preset_loads_without_a_warning_and_sources_every_value_it_gives(name: str) -> None:
+def test_every_preset_loads_without_warnings_and_sources_its_values(name: str) -> None:
     drive = load_preset(name)
     assert drive.name == name
     assert drive.origin.file == name
@@ -43,7 +43,7 @@ def test_every_preset_loads_without_a_warning_and_sources_every_value_it_gives(n
 
 
 @pytest.mark.parametrize("name", preset_names())
-def test_guesses_have_a_range_and_what_can_be_unknown_is_written(name: str) -> None:
+def test_assumed_preset_values_have_ranges_and_all_deviations_are_written(name: str) -> None:
     drive = load_preset(name)
     guesses = {path for path, entry in drive.source.items() if entry.kind != "given" and path in measures()}
     without = {path for path in guesses if drive.source[path].range is None}
@@ -60,7 +60,7 @@ def test_the_synthetic_drive_says_what_it_is() -> None:
     assert {source.kind for source in drive.source.values()} == {"assumed"}
 
 
-def test_vzp160_differs_from_the_frozen_reference_where_it_was_identified_and_nowhere_else() -> None:
+def test_vzp160_differs_from_its_reference_only_in_identified_values() -> None:
     reference = load_preset(str(ROOT / "tests/validation/vzp160_reference.yaml"))
     drive = load_preset("vzp160")
     identified = {path for path, entry in drive.source.items() if entry.kind == "identified"}
@@ -71,7 +71,7 @@ def test_vzp160_differs_from_the_frozen_reference_where_it_was_identified_and_no
     assert back.model_dump(exclude=told) == reference.model_dump(exclude=told)
 
 
-def test_identified_values_of_vzp160_are_the_unknowns_of_its_targets_and_within_their_bounds() -> None:
+def test_identified_values_of_vzp160_are_bounded_unknowns_of_its_targets() -> None:
     drive = load_preset("vzp160")
     text = (ROOT / "docs/vzp160.targets.yaml").read_bytes()
     unknowns = {unknown.path: unknown for unknown in read_targets(text, "targets", drive).unknowns}
@@ -155,7 +155,7 @@ def test_a_file_beside_of_that_name_is_offered(tmp_path: Path, monkeypatch: pyte
         load_preset("a" * 253)
 
 
-def test_a_huge_or_endless_file_is_not_read_to_its_end() -> None:
+def test_oversized_or_endless_file_is_not_read_completely() -> None:
     with pytest.raises(PresetError, match="larger than 256 KiB"):
         load_preset("/dev/zero")
 
@@ -171,7 +171,7 @@ def test_the_names_cost_no_heavy_import() -> None:
     assert not {"pydantic", "yaml", "numpy"} & set(loaded.split())
 
 
-def test_only_files_whose_names_are_alike_are_offered_whatever_their_ending(tmp_path):
+def test_only_files_with_similar_names_are_suggested_for_any_suffix(tmp_path):
     for name in ("gearset.yaml", "my-drive.yaml", "own.yaml"):
         (tmp_path / name).write_text("", encoding="utf-8")
     for missing, offered in (("nofile.yaml", ""), ("mydrive.yml", "my-drive.yaml"), ("onw.yaml", "own.yaml")):
@@ -181,6 +181,6 @@ def test_only_files_whose_names_are_alike_are_offered_whatever_their_ending(tmp_
         assert (Path(meant[1]).name if meant else "") == offered
 
 
-def test_values_of_a_preset_are_counted_as_its_file_has_them() -> None:
+def test_origin_counts_are_those_of_the_preset_file() -> None:
     own = origin_counts(load_preset("size-25-100"))
     assert origin_counts(load_preset("size-25-100", ["operation.M_g=[6.7]"])) == own

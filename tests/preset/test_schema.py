@@ -112,7 +112,7 @@ LEFT_TO_VALIDATION = ("0.8 m", "3.1 mm", "[]", "{x: 30}", "260±10 um", "200±1"
         ("uncertainty", "{mounting.fixed: 1}", {"mounting.fixed": 1}, False),
     ],
 )
-def test_what_is_valid_is_accepted_and_what_is_not_but_for_units_is_refused(
+def test_schema_accepts_valid_values_and_refuses_others_except_for_units(
     path: str, written: str, value: Any, good: bool
 ) -> None:
     assert accepts(path, value) is (good or written in LEFT_TO_VALIDATION)

@@ -61,7 +61,7 @@ def test_each_end_of_each_range_is_a_drive_too(z_g: int) -> None:
             assert not list(conflicts(values | {path: end})), (path, end)
 
 
-def test_nothing_but_the_size_changes_in_what_is_twice_as_large() -> None:
+def test_only_sizes_change_in_a_drive_twice_as_large() -> None:
     like = load_preset("vzp160", ["bearing.g_b=4"])  # all that has a law has a size
     small, large = made(like, diameter=40.0), made(like, diameter=80.0)
     deviation_sizes = [
@@ -99,12 +99,12 @@ def test_what_was_asked_for_is_given_and_nothing_else() -> None:
 
 
 @pytest.mark.parametrize(("diameter", "lost_motion"), [(27.9, 180), (35.56, 60), (165.1, 60)])
-def test_a_new_drive_is_sold_without_backlash_and_nothing_is_assumed_of_its_accuracy(diameter, lost_motion) -> None:
+def test_new_drive_has_catalogue_play_and_no_assumed_accuracy(diameter, lost_motion) -> None:
     said = made(z_g=200, diameter=diameter).catalogue
     assert (said.play, said.lost_motion, said.accuracy) == (5, lost_motion, None)
 
 
-def test_each_guess_has_a_reason_and_those_that_are_measured_a_range() -> None:
+def test_every_assumed_value_has_a_reason_and_independent_ones_ranges() -> None:
     drive = made(z_g=160, diameter=63.0)
     coupled = {"gears.m", "gears.alpha", "gears.x_g", "gears.x_b"}  # moved one by one they make no drive
     coupled |= {"catalogue.lost_motion", "catalogue.play"}  # limits
@@ -134,7 +134,7 @@ def test_ranges_are_those_of_the_known_drive_at_its_size() -> None:
     assert entries["cam.W_0"].range == (0.8, 1.016)
 
 
-def test_teeth_are_as_stiff_as_the_flanks_of_the_known_drive_need_them() -> None:
+def test_similar_drive_scales_the_tooth_compliance_that_the_template_uses() -> None:
     whole = LIKE.model_copy(update={"numerics": LIKE.numerics.model_copy(update={"stations": 1})})
     used = {"contact.k_face", "contact.c_t"}
     assert set(similar(LIKE, {})) & used == {"contact.k_face"}
@@ -152,7 +152,7 @@ def of_unknown_quality(**wish: str) -> Drive:
     return load_text(similar_preset("own", LIKE, required), "own")
 
 
-def test_a_drive_of_unknown_quality_has_a_wide_assumed_range_of_tolerances() -> None:
+def test_drive_of_unknown_quality_has_wide_assumed_tolerances() -> None:
     drive = of_unknown_quality()
     for path in ("tolerances.F_i1", "tolerances.F_i2"):
         source = drive.source[path]
@@ -172,13 +172,13 @@ def test_a_known_quality_is_as_before() -> None:
 
 
 @pytest.mark.parametrize("kind", ["ring", "plastic"])
-def test_a_flexspline_that_the_model_does_not_describe_is_refused_with_the_reason(kind: str) -> None:
+def test_flexspline_outside_the_model_is_refused_with_the_reason(kind: str) -> None:
     with pytest.raises(UsageError, match=f"--flexspline {kind} is not in the model: .{{20}}"):
         read_requirements(LIKE, flexspline=kind)
     assert read_requirements(LIKE, flexspline="cup") == read_requirements(LIKE)
 
 
-def test_a_modulus_that_is_not_that_of_steel_is_warned_of() -> None:
+def test_modulus_unlike_that_of_steel_raises_a_warning() -> None:
     for E, count in ((2500, 1), (205000, 0)):
         drive = load_preset("vzp160", [f"material.E={E}"])
         assert sum("material.E" in text for text in drive.origin.warnings) == count
@@ -213,7 +213,7 @@ def test_the_size_follows_from_what_is_given(wish: dict[str, object], d: float) 
     assert isclose(drive.gears.m * drive.gears.z_g, d, rel_tol=1e-3)
 
 
-def test_a_stiffness_beside_a_diameter_stiffens_the_contacts_by_its_share() -> None:
+def test_given_stiffness_scales_the_contacts_by_its_share() -> None:
     plain, stiff = made(diameter=80.0), made(diameter=80.0, stiffness=(1e5, 1.9e5, 2.25e5))  # twice 9e5 / 8
     for path in ("contact.c_ball", "contact.c_bore"):
         assert isclose(stiff.value(path) * 2, plain.value(path), rel_tol=1e-3)

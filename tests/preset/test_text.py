@@ -124,7 +124,7 @@ def test_nesting_up_to_the_limit_is_read() -> None:
     assert read_yaml("[" * inside + "1" + "]" * inside, "f").findings == []
 
 
-def test_a_large_file_is_refused_and_one_of_just_that_size_is_not() -> None:
+def test_oversized_preset_is_refused_and_one_at_the_limit_accepted() -> None:
     assert findings("#" * (MOST_PRESET_BYTES + 1)) == [
         "a.yaml:1:1: the file is larger than 256 KiB (check that the file is a preset)"
     ]

@@ -141,7 +141,7 @@ except UntrustedError as error:
 
 
 @pytest.mark.skipif(start_method() == "spawn", reason="processes are forked on Linux alone, but for HDASSIST_SPAWN")
-def test_what_goes_on_beside_has_a_process_of_its_own_whose_end_from_outside_is_an_error():
+def test_side_task_has_its_own_process_and_reports_a_kill():
     found = subprocess.run(
         [sys.executable, "-c", BESIDE], env=CLEAN | dict.fromkeys(THREADS, "1"), capture_output=True, text=True,
         timeout=60, check=True,

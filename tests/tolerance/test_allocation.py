@@ -72,7 +72,7 @@ def test_what_cannot_be_reached_fails_with_the_least_tolerances(production: Prod
     assert dict(found.values) == pytest.approx({"harmonics.a_g2": 0.02, "harmonics.a_b2": 0.02}, rel=0.02)
 
 
-def test_where_anything_passes_tolerances_are_as_loose_as_they_may_be(production: Production, here: float) -> None:
+def test_tolerances_are_as_loose_as_allowed_if_every_drive_passes(production: Production, here: float) -> None:
     found = allocator(production, 10 * here).cheapest(turned=False)
     assert found.fits
     assert dict(found.values) == pytest.approx({"harmonics.a_g2": 0.4, "harmonics.a_b2": 0.4}, rel=0.01)
@@ -85,7 +85,7 @@ def test_what_fits_is_the_lower_bound_of_the_yield(production: Production, here:
     assert found.verdict is Verdict.INCONCLUSIVE
 
 
-def test_the_next_command_is_what_the_page_recommends_and_no_circle(production: Production, here: float) -> None:
+def test_next_command_follows_the_recommendation_and_never_repeats_itself(production: Production, here: float) -> None:
     search = allocator(production, 10 * here, drives=20, wanted=0.95)
     found = search.cheapest(turned=False)
 
@@ -100,7 +100,7 @@ def test_the_next_command_is_what_the_page_recommends_and_no_circle(production: 
 
 
 @pytest.mark.thorough
-def test_no_tolerance_is_loosened_where_the_design_does_not_bear_it() -> None:
+def test_no_tolerance_is_loosened_if_the_uncertain_design_forbids_it() -> None:
     known = load_preset(TINY, ["operation.M_g=4", "tolerances.e_hb=60"])
     drive = load_preset(TINY, ["operation.M_g=4", "tolerances.e_hb=60", SOFT])
     law = production_law(drive, "fixed")

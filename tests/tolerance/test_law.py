@@ -25,7 +25,7 @@ def size(law: str, high: float) -> TolerancedSize:
     return TolerancedSize(path, "even", 0.0, high, "drive", path, "its tolerance", law=law)
 
 
-def test_a_rayleigh_size_ends_at_the_tolerance_and_has_the_density_of_two_normal_parts() -> None:
+def test_rayleigh_size_ends_at_its_tolerance_with_the_rayleigh_density() -> None:
     values = size("rayleigh", 60.0).value(EVEN)
     x, y = np.random.default_rng(1).normal(0, 60 / RAYLEIGH_TAIL, (2, 200_000))
     parts = np.hypot(x, y)
@@ -45,7 +45,7 @@ def test_a_drive_is_the_same_whatever_is_drawn_beside_it(tiny: Drive) -> None:
     }
 
 
-def test_bounds_that_are_assumed_from_a_tolerance_follow_it_as_in_a_preset_that_has_the_tighter_one() -> None:
+def test_ranges_derived_from_a_tolerance_scale_with_it() -> None:
     drive = load_preset(TINY, ["harmonics.a_b2=unknown", "harmonics.a_b3=unknown"])
     law, F_i2 = production_law(drive), drive.number("tolerances.F_i2")
     assert law.following("tolerances.F_i2") == ["harmonics.a_b2", "harmonics.a_b3"]
@@ -55,7 +55,7 @@ def test_bounds_that_are_assumed_from_a_tolerance_follow_it_as_in_a_preset_that_
     assert [(f.path, f.low, f.high) for f in scaled.own] == [(f.path, f.low, f.high) for f in tighter.own]
 
 
-def test_given_sizes_go_up_to_their_tolerance_and_directions_are_any(tiny: Drive) -> None:
+def test_given_sizes_vary_up_to_tolerance_and_directions_are_random(tiny: Drive) -> None:
     found = {f.path: f for f in production_law(tiny).own}
     assert found["tolerances.e_hb"] == size("rayleigh", 30.0)
     direction = found["phases.xi_b"]
@@ -86,7 +86,7 @@ def test_what_has_no_tolerance_is_drawn_as_check_draws_it() -> None:
     }
 
 
-def test_designs_share_what_is_not_known_of_them_and_drives_have_clearances_of_their_own() -> None:
+def test_designs_share_unknown_inputs_and_drives_have_their_own_clearances() -> None:
     sets = [ASSUMED, "contact.c_t=6e-5 ± 1e-5", "gears.j_n=18 ± 1"]
     law = production_law(load_preset(TINY, sets))
     assert {f.path for f in law.shared} == {"bearing.g_b", "contact.c_t"}
@@ -110,6 +110,6 @@ def test_other_fields_are_refused(tiny: Drive, arguments: dict, words: str) -> N
         production_law(tiny, **arguments)
 
 
-def test_a_direction_that_the_preset_does_not_give_cannot_be_known() -> None:
+def test_direction_missing_in_the_preset_cannot_be_known() -> None:
     with pytest.raises(UsageError, match="not a direction given in the preset"):
         production_law(load_preset(TINY, ["phases.xi_b=unknown"]), known=["phases.xi_b"])

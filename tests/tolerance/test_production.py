@@ -45,7 +45,7 @@ def searched(small: Drive, record: RandomDrive, rotations: tuple[float, ...]) ->
 
 
 @pytest.mark.thorough
-def test_as_built_and_best_are_what_searches_of_all_positions_find(
+def test_assembled_and_best_errors_agree_with_searches_of_all_positions(
     small: Drive, production: Production, records: list[RandomDrive]
 ) -> None:
     for record in records[:3]:
@@ -59,7 +59,7 @@ def test_as_built_and_best_are_what_searches_of_all_positions_find(
     assert len({record.best_rotation_deg for record in records}) > 2
 
 
-def test_a_step_of_a_tolerance_is_at_most_what_a_search_finds(small: Drive, records: list[RandomDrive]) -> None:
+def test_tolerance_step_is_at_most_the_searched_value(small: Drive, records: list[RandomDrive]) -> None:
     for record in records[:3]:
         for path, then in record.tighter.items():
             less = {**record.values, path: TIGHTER_STEP * record.values[path]}
@@ -91,7 +91,7 @@ def test_without_turning_the_best_is_what_was_built(production: Production, reco
         assert one.tighter is None
 
 
-def test_designs_differ_in_what_is_not_known_and_their_drives_share_it() -> None:
+def test_designs_differ_in_unknown_inputs_that_their_drives_share() -> None:
     drive = load_preset(TINY, [SOFT, "operation.M_g=4"])
     few = with_designs(Production(production_law(drive), (4.0,), mounting=False, per_design=3), 6)
     more = with_designs(replace(few, designs=()), 12)
@@ -115,7 +115,7 @@ def test_evidence_weighs_designs() -> None:
     assert mean_C_3("catalogue.accuracy=5") != mean_C_3("catalogue.accuracy=1000")  # 12″ at 2 % of the rated torque
 
 
-def test_too_few_designs_that_agree_with_the_catalogue_are_an_error() -> None:
+def test_too_few_designs_that_agree_with_the_catalogue_are_refused() -> None:
     drive = load_preset(TINY, [SOFT, "operation.M_g=4", "operation.rated=4", "catalogue.K_1=1e9"])
     with pytest.raises(UntrustedError, match=r"catalogue.K_1 = 1e\+09 contradicts"):
         Production(production_law(drive), (4.0,), per_design=1).with_designs(1)

@@ -44,7 +44,7 @@ def oval() -> tuple[Production, Sensitivities]:
     return found_of(TINY, [*none, "harmonics.a_g2=0.2", "harmonics.a_b2=0.1", "operation.M_g=4"], 48, "uniform")
 
 
-def test_a_linear_drive_is_tightened_where_its_larger_part_comes_from(oval: tuple[Production, Sensitivities]) -> None:
+def test_larger_contribution_of_a_linear_drive_is_tightened_first(oval: tuple[Production, Sensitivities]) -> None:
     production, found = oval
     assert found.is_worth_tightening
     assert found.first.path == "harmonics.a_g2"
@@ -57,7 +57,7 @@ def test_a_linear_drive_is_tightened_where_its_larger_part_comes_from(oval: tupl
     assert found.first.low < found.first.then < found.first.high < found.first.now
 
 
-def test_the_spread_of_a_linear_drive_is_shared_as_its_sizes_are(oval: tuple[Production, Sensitivities]) -> None:
+def test_contributions_of_a_linear_drive_follow_its_sizes(oval: tuple[Production, Sensitivities]) -> None:
     shares = {each.group: each.share for each in oval[1].influences[0]}
     assert list(shares) == ["harmonics.a_g2", "harmonics.a_b2"]
     assert sum(shares.values()) > 0.8
@@ -69,7 +69,7 @@ def test_the_spread_of_a_linear_drive_is_shared_as_its_sizes_are(oval: tuple[Pro
     assert stated_percent(first[-1]) > stated_percent(second[-1])
 
 
-def test_a_support_that_nobody_knows_is_measured_before_any_tolerance_is_tightened() -> None:
+def test_unknown_support_is_measured_before_any_tolerance_is_tightened() -> None:
     _, found = found_of(TINY, [SOFT, "operation.M_g=4", "tolerances.e_hb=60"], 64, "fixed")
     assert found.largest and found.largest.group == "supports.C_3"
     assert not found.is_worth_tightening
@@ -80,7 +80,7 @@ def test_a_support_that_nobody_knows_is_measured_before_any_tolerance_is_tighten
     assert facts_of(report)["next"].endswith(" --set supports.C_3=VALUE")
 
 
-def test_a_measurement_is_of_the_torque_that_is_worst_by_its_limit_and_the_page_names_it() -> None:
+def test_recommended_measurement_is_for_the_governing_torque() -> None:
     sets = [SOFT, "operation.M_g=[1, 4]", "acceptance.F_ior.1=1e5", "acceptance.F_ior.4=50"]
     production, found = found_of(TINY, sets, 32)
     assert found.worst == worst_torque(production.drive, found.samples) == 1

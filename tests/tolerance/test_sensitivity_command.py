@@ -15,7 +15,7 @@ def as_json() -> subprocess.CompletedProcess[str]:
     return run("sensitivity", TINY, *FEW, "--json")
 
 
-def test_the_first_line_says_what_to_tighten_and_fits_a_terminal() -> None:
+def test_first_line_names_the_tolerance_to_tighten_and_fits() -> None:
     done = run("sensitivity", TINY, *FEW, "--distribution=uniform", "--known=phases.phi_hb", "--ascii")
     assert done.returncode == 0, done.stderr
     words = in_a_line(done.stdout)

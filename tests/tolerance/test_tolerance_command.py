@@ -37,7 +37,7 @@ def test_the_page_has_yields_both_ways_and_the_next_command() -> None:
     assert len(lines) <= 24
 
 
-def test_the_page_of_a_yield_that_is_wanted_has_its_verdict_first_and_all_tables_by_details() -> None:
+def test_tolerance_page_of_a_required_yield_starts_with_its_verdict() -> None:
     few = ("-n", "12", "--torque", "1", "--limit", "55", "--yield", "0.99", "--jobs", "1")
     done = run("tolerance", TINY, *few, "--details", "--no-plot", "--ascii")
     words = in_a_line(done.stdout)
@@ -73,7 +73,7 @@ def test_json_has_percentiles_yield_and_what_was_drawn(kept: Path) -> None:
 
 
 @pytest.mark.thorough
-def test_a_torque_without_a_limit_is_no_fault_and_a_worse_best_hole_has_its_reason() -> None:
+def test_torque_without_a_limit_is_accepted_beside_limited_torques() -> None:
     two = ("-n", "30", "--torque", "1", "--torque", "4", "--no-plot")
     done = run("tolerance", TINY, *two, "--limit", "F_ior@4=2050")
     page, bare = in_a_line(done.stdout), run("tolerance", TINY, *two[:2], *two[4:]).stdout
@@ -91,7 +91,7 @@ def test_a_torque_without_a_limit_is_no_fault_and_a_worse_best_hole_has_its_reas
 
 
 @pytest.mark.thorough
-def test_a_yield_that_hangs_on_what_is_not_known_of_the_design_is_a_range() -> None:
+def test_yield_that_depends_on_unknown_inputs_is_a_range() -> None:
     few = ("--torque", "4", "--as-built", "--limit", "2050", "--yield", "0.9", "-n", "100", "--jobs=1", "--no-plot")
     sizes = ("--set", "tolerances.e_hb=60")
     known = run("tolerance", TINY, *few, *sizes)
