@@ -138,7 +138,7 @@ def test_all_words_of_pages_are_known() -> None:
 
 
 @pytest.mark.parametrize("say", [texts(), texts().variant("trials")], ids=["seat", "after trials"])
-def test_letters_of_seats_and_plots_have_one_meaning_which_is_explained(say: Texts) -> None:
+def test_letters_of_seats_and_plots_have_one_explained_meaning(say: Texts) -> None:
     letters = {say(f"seat.letter_{kind}"): say(f"seat.{kind}") for kind in ("now", "best", "worst")}
     letters |= {"x": "not allowed", "p": "mark now", "q": "mark after assembly", "e": "eccentricity on the card"}
     marks = {mark: words for words, mark in MARK_SIGNS.items() if mark.isalpha() and " " not in words}
@@ -239,12 +239,12 @@ def test_forty_columns_hold_it_whole(names):
         ("flank clearance", "clearance"),
     ],
 )
-def test_a_word_of_the_trade_leads_to_its_own_term_alone(word: str, term: str) -> None:
+def test_trade_word_leads_only_to_its_own_term(word: str, term: str) -> None:
     names = [entry.names[0] for entry in explained(word) if entry.kind == "quantity or word"]
     assert names == [term]
 
 
-def test_seven_bits_have_letters_in_place_of_russian_and_greek_ones() -> None:
+def test_ascii_explanations_transliterate_russian_and_greek_letters() -> None:
     for name in ("eccentricity", "phi_h", "гибкое колесо", "xi_b"):
         done = run("explain", name, "--ascii")
         assert done.stdout.isascii()

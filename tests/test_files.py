@@ -64,7 +64,7 @@ RESULTS = ("tolerance", "own.yaml", "-n", "2")
         (("sweep", "own.yaml", "--vary", "gears.j_n=0:1:2", "-o", "r.jsonl", "--csv", "r.jsonl"), TWO),
     ],
 )  # fmt: skip
-def test_a_file_that_the_run_reads_or_writes_already_is_no_output(folder, arguments, words):
+def test_file_already_used_by_the_run_is_refused_as_output(folder, arguments, words):
     before = {path: path.read_bytes() for path in folder.iterdir()}
     done = run(*arguments, "--force", cwd=folder)
     assert (done.returncode, done.stdout) == (2, "")
@@ -74,7 +74,7 @@ def test_a_file_that_the_run_reads_or_writes_already_is_no_output(folder, argume
     }
 
 
-def test_names_that_differ_in_case_alone_are_one_file_wherever_it_is(tmp_path):
+def test_names_that_differ_only_in_case_are_one_file(tmp_path):
     begin_run()
     claim_output(str(tmp_path / "Größe.csv"))
     with pytest.raises(UsageError, match=TWO):
@@ -126,13 +126,13 @@ def test_an_answer_on_a_closed_standard_output_is_not_given(tmp_path, arguments)
     assert len(done.stderr.splitlines()) == 2
 
 
-def test_a_closed_standard_output_is_no_fault_where_the_answer_goes_to_a_file(tmp_path):
+def test_closed_standard_output_is_no_error_beside_an_output_file(tmp_path):
     done = shell("hdassist presets new own -o own.yaml >&-", tmp_path)
     assert (done.returncode, done.stderr) == (0, "wrote own.yaml\n")
 
 
 @pytest.mark.thorough
-def test_a_lot_that_goes_on_replaces_its_own_report_and_no_other(folder):
+def test_resumed_lot_replaces_only_its_own_report(folder):
     def resumed() -> subprocess.CompletedProcess[str]:
         return run(*ACCEPT, "--resume", "--jsonl", "a.jsonl", "--junit", "a.xml", cwd=folder)
 

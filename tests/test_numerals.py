@@ -30,7 +30,7 @@ def test_underscores_and_digits_of_other_scripts_are_refused(read: Callable[[str
             read(text)
 
 
-def test_a_number_is_what_python_makes_of_it_where_it_is_written_plainly() -> None:
+def test_plainly_written_number_is_read_as_python_reads_it() -> None:
     for text in ("4", "-2.5", "+.5", "1e3", " 7 ", "1.E-2"):
         assert number_of(text) == float(text)
     assert number_of("1e999") == inf

@@ -100,7 +100,7 @@ def test_the_answer_alone_is_the_change_of_each_drive(better):
     assert report.verdict == report.line == f"take B: B {100 * (values[1] / values[0] - 1):+.0f} %"
 
 
-def test_where_no_torque_is_common_each_drive_has_the_same_share_of_its_rated_torque():
+def test_drives_without_common_torque_use_equal_shares_of_rated_torque():
     other = tiny("operation.M_g=[2, 8]", "operation.rated=8")
     drives = at_common_torques([load_preset(SMALL), load_preset("size-14-100"), other])
     rated = load_preset("size-14-100").operation.rated
@@ -111,7 +111,7 @@ def test_where_no_torque_is_common_each_drive_has_the_same_share_of_its_rated_to
     assert found.F_ior_is in (("less",), ("more",))
 
 
-def test_the_page_says_at_which_share_drives_without_a_common_torque_stand(better):
+def test_page_states_the_rated_share_of_drives_without_common_torque(better):
     half = load_preset(SMALL, [*FAST, *BETTER, "operation.M_g=2"])
     sheets = (better.sheets[0], replace(better.sheets[1], check=check(half)))
     page = on_paper(drives_report(replace(better, sheets=sheets), 0))
@@ -141,7 +141,7 @@ def probability(value: float, low: float = 0.0, high: float = 1.0) -> Probabilit
     return Probability(value, low, high, few=True)
 
 
-def test_the_probability_of_being_better_is_the_weight_of_pairs_that_are(better):
+def test_probability_of_being_better_is_the_weight_of_better_pairs(better):
     pairs = DrivePairs(np.zeros((3, 2)), np.array([[-1.0, 2], [-0.001, -2], [-3, 2]]), np.diag([0.5, 0.2, 0.3]), ())
     assert [found.value for found in pairs.probabilities_less()] == pytest.approx([0.8, 0.2])
     changes = replace(better.changes[0], probability_better=(probability(0.7),))
@@ -163,7 +163,7 @@ def test_the_probability_of_being_better_is_the_weight_of_pairs_that_are(better)
     assert drives_report(coin, 0).line.startswith("any, the difference is not significant: B ")
 
 
-def test_the_next_command_reports_the_drive_that_is_taken_or_kept(better):
+def test_next_command_reports_the_drive_that_is_taken_or_kept(better):
     worse = replace(better.changes[0], probability_better=(probability(0.0),))
     kept = replace(better, sheets=better.sheets[::-1], changes=(worse,))
     assert (better.word, kept.word) == ("TAKE", "KEEP")
@@ -218,7 +218,7 @@ def test_what_is_not_known_lies_alike_in_both():
     assert len(own) == 8  # known in each, and not the same way
 
 
-def test_fields_that_are_no_drive_alone_are_said_and_not_computed():
+def test_fields_that_form_no_drive_alone_are_listed_without_results():
     one = small("tolerances.F_i2=0", "phases.xi_b=unknown")
     other = small("phases.xi_b=90", "gears.z_g=62", "gears.z_b=64", "cam.W_0=0.57")
     found, _ = drive_changes(*checks(one, other))
@@ -229,7 +229,7 @@ def test_fields_that_are_no_drive_alone_are_said_and_not_computed():
 
 
 @pytest.mark.thorough
-def test_what_one_preset_does_not_know_makes_ranges_and_any_hole_as_good(files):
+def test_unknown_inputs_of_one_preset_give_ranges_and_any_hole(files):
     fast = [word for text in FAST for word in ("--set", text)]
     result = run("compare", "a.yaml", "b.YML", "--torque", "3", "--draws", "4", "--json", *fast, cwd=files)
     assert result.returncode == 0, result.stderr
@@ -258,7 +258,7 @@ def test_what_one_preset_does_not_know_makes_ranges_and_any_hole_as_good(files):
     ("name", "preset"),
     [("vzp160", True), ("./vzp160", False), ("a.yaml", True), ("b.YML", True), ("run.csv", False), ("-", False)],
 )
-def test_a_preset_is_a_name_of_the_library_or_a_yaml_file(name, preset):
+def test_preset_is_a_library_name_or_a_yaml_file(name, preset):
     assert is_preset(name) is preset
 
 
@@ -327,7 +327,7 @@ def test_pairs_have_the_medians_and_ranges_of_check(one, other):
 
 
 @pytest.mark.thorough
-def test_a_bound_that_moves_with_another_field_is_a_change_of_its_own():
+def test_derived_bound_is_a_change_of_its_own():
     one, other = checks(*(tiny("harmonics.a_b2=unknown", f"tolerances.F_i2={F}") for F in (400, 10)))
     found, _ = drive_changes(one, other)
     assert {change.field for change in found.single} == {"tolerances.F_i2", "harmonics.a_b2"}
@@ -369,7 +369,7 @@ def test_three_presets_are_held_against_the_first(better):
     assert len(report_object(report)["changes"]) == 2
 
 
-def test_each_of_three_drives_has_as_built_mounted_best_and_its_field_on_one_screen(better):
+def test_three_drives_with_assembled_and_best_errors_fit_one_screen(better):
     three = replace(better, sheets=(*better.sheets, better.sheets[1]), changes=better.changes * 2)
     page = on_paper(drives_report(three, 0))
     lines = page.splitlines()
@@ -406,7 +406,7 @@ def test_drawn_pairs_are_searched_as_samples_are():
 
 
 @pytest.mark.thorough
-def test_with_a_limit_each_drive_has_its_probability_as_assembled_and_in_the_best_hole(tmp_path):
+def test_limit_gives_drives_their_probability_as_assembled_and_best(tmp_path):
     text = Path(SMALL).read_text(encoding="utf-8")
     (tmp_path / "a.yaml").write_text(text, encoding="utf-8")
     (tmp_path / "b.yaml").write_text(text.replace("F_i2: 40", "F_i2: 25"), encoding="utf-8")

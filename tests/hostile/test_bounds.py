@@ -100,7 +100,7 @@ def test_one_row_that_is_left_out_leaves_none(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("written", ["1.23457", "1.23456789"])
-def test_a_sheet_is_taken_at_its_own_torque_as_it_is_printed(written: str, folder: Path) -> None:
+def test_sheet_is_accepted_at_its_own_printed_torque_only(written: str, folder: Path) -> None:
     (folder / "read.csv").write_text(sheet(torque=written))
     words = ["--limit", "F_ior@1.23456789=60", "--measured", "1.23456789=read.csv", "--measured-only"]
     assert run("accept", "small.yaml", *words, "--budget", BUDGET, cwd=folder).returncode == 0
@@ -116,7 +116,7 @@ def test_a_sheet_has_all_digits_of_its_torque(folder: Path) -> None:
     assert "# torque: 1.23456789\n" in (folder / "run.csv").read_text()
 
 
-def test_a_list_of_more_positions_than_a_file_can_have_is_refused_at_once(folder: Path) -> None:
+def test_plan_of_too_many_positions_is_refused_immediately(folder: Path) -> None:
     plan = ["--positions", "100000", "--repeats", "1000", "--both", "--approach", "x.csv"]
     done = run("plan", "small.yaml", *plan, cwd=folder)
     assert done.returncode == 2

@@ -110,7 +110,7 @@ OPENED = {  # every place where a file is named to be read
 
 @pytest.mark.parametrize("file", ["/dev/zero", "pipe"])
 @pytest.mark.parametrize("place", OPENED)
-def test_a_device_without_end_and_a_pipe_without_a_writer_are_refused(folder, alarm, place, file):
+def test_endless_device_and_pipe_without_writer_are_refused(folder, alarm, place, file):
     require_refused(run(*OPENED[place], file), file)
 
 
@@ -122,7 +122,7 @@ def test_a_device_without_end_takes_no_memory(folder, place):
 
 @pytest.mark.parametrize("file", [LONG, "circle", "."])
 @pytest.mark.parametrize("place", OPENED)
-def test_what_can_be_no_file_is_refused_where_a_file_is_read(folder, place, file):
+def test_impossible_file_name_is_refused_on_reading(folder, place, file):
     require_refused(run(*OPENED[place], file))
 
 
@@ -136,7 +136,7 @@ def test_a_pipe_with_a_writer_is_read(folder):
     os.close(reader)
 
 
-def test_targets_from_a_stream_are_read_and_refused_as_those_of_a_file(folder):
+def test_targets_from_standard_input_are_checked_like_a_file(folder):
     require_refused(run("calibrate", TINY, "--targets", "-", stdin=TARGETS % "{quantity: none}"), "is not a quantity")
     require_refused(run("calibrate", "-", "--targets", "-"), "standard input")
 
@@ -156,7 +156,7 @@ WRITTEN = {  # every place where a file is named to be written
 
 @pytest.mark.parametrize("file", [f"{LONG}.txt", "circle.txt", "circle.txt/x.txt", "x\0.txt"])
 @pytest.mark.parametrize("place", WRITTEN)
-def test_what_can_be_no_file_is_refused_where_a_file_is_written(folder, place, file):
+def test_impossible_file_name_is_refused_on_writing(folder, place, file):
     before = sorted(path.name for path in folder.iterdir())
     require_refused(run(*WRITTEN[place], file), "error: ")
     assert sorted(path.name for path in folder.iterdir()) == before
@@ -207,7 +207,7 @@ def test_a_long_key_or_number_is_refused_soon(folder, alarm, text):
 
 
 @pytest.mark.parametrize("blanks", [2_000, 200_000])
-def test_time_to_refuse_a_number_does_not_grow_with_its_blanks(blanks):
+def test_time_to_refuse_a_number_is_independent_of_its_blanks(blanks):
     from hdassist.preset.text import convert, is_spread, read_spread
 
     begun = time.process_time()
@@ -243,7 +243,7 @@ def test_a_trial_beyond_what_can_be_measured_is_none(alarm, trial, holes):
 
 
 @pytest.mark.parametrize("torque", ["1e308", "-1e308", "1.1e7", "0", "nan", "inf"])
-def test_a_torque_of_trials_beyond_what_a_preset_may_have_is_none(alarm, torque):
+def test_trial_torque_beyond_the_preset_range_is_refused(alarm, torque):
     done = run("trials", TINY, "h0=17.3", "--trial-torque", torque)
     is_number = abs(float(torque)) <= 1e30
     words = f"invalid trials: {float(torque):g} N·m" if is_number else f"{float(torque):g} is out of range"
@@ -278,7 +278,7 @@ def test_a_cell_of_a_lot_is_bounded(folder, serial):
     require_refused(run("accept", "long.csv"), "long.csv:2:1: a line of", "characters")
 
 
-def test_time_for_a_lot_does_not_grow_with_the_square_of_its_remarks(folder, alarm):
+def test_lot_with_many_comments_is_refused_with_a_short_message(folder, alarm):
     Path("remarks.csv").write_text("serial,preset\n" + "# c\n" * 60_000 + "1,none\n")
     done = run("accept", "remarks.csv")
     require_refused(done, "none")
@@ -362,7 +362,7 @@ STDOUT = {
 
 @pytest.mark.thorough
 @pytest.mark.parametrize(("asked", "unbuffered"), [*((asked, "") for asked in STDOUT), ("help", "1"), ("list", "1")])
-def test_a_full_device_as_standard_output_is_said_and_is_no_bug(folder, asked, unbuffered):
+def test_full_device_as_standard_output_is_reported_as_an_error(folder, asked, unbuffered):
     with Path("/dev/full").open("w") as full:
         done = subprocess.run(
             [*COMMAND, *STDOUT[asked]], stdin=subprocess.DEVNULL, stdout=full, stderr=subprocess.PIPE, text=True,
@@ -377,7 +377,7 @@ def test_a_full_device_as_standard_output_is_said_and_is_no_bug(folder, asked, u
 
 @pytest.mark.thorough
 @pytest.mark.parametrize(("args", "code"), [(("presets", "list"), 0), (("check", "none"), 4), (("check", "--none"), 2)])
-def test_a_full_device_as_standard_error_leaves_the_answer_and_its_exit_code(folder, args, code):
+def test_full_device_as_standard_error_keeps_result_and_exit_code(folder, args, code):
     with Path("/dev/full").open("w") as full:
         done = subprocess.run(
             [*COMMAND, *args], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=full, text=True, env=CLEAN,

@@ -33,7 +33,7 @@ def coupled(cam: str, *overrides: str) -> Drive:
         ("shaft_d: 14", 1e4 * SIZE, (1e3 * SIZE, 1e5 * SIZE)),
     ],
 )
-def test_a_support_that_is_not_given_is_that_of_the_coupling(cam, value, ends):
+def test_missing_support_stiffness_follows_from_the_coupling(cam, value, ends):
     drive = coupled(cam)
     assert drive.number("supports.C_3") == pytest.approx(value, rel=1e-3)
     assert contact_system(drive).C[CAM] == pytest.approx([value, value], rel=1e-3)
@@ -43,7 +43,7 @@ def test_a_support_that_is_not_given_is_that_of_the_coupling(cam, value, ends):
 
 
 @pytest.mark.moves("cam.shaft_d", "cam.overhang")
-def test_an_overhung_shaft_is_a_beam_in_series_with_its_bearing():
+def test_overhung_shaft_is_a_beam_in_series_with_its_bearing():
     drive = coupled("coupling: overhung, shaft_d: 14, overhang: 30")
     beam = 3 * 2.06e5 * (pi * 14**4 / 64) / 30**3  # 4.3e4 N/mm
     assert beam == pytest.approx(4.3e4, rel=0.01)
@@ -64,7 +64,7 @@ def test_an_overhung_cam_needs_its_shaft():
         load_preset(TINY, ["cam.coupling=overhung"])
 
 
-def test_a_given_support_counts_and_a_coupling_on_the_command_line_takes_its_place():
+def test_given_support_overrides_the_coupling_unless_coupling_is_set():
     text = TEXT.replace("{W_0: 1.74}", "{W_0: 1.74, coupling: solid}")
     assert load_text(text, "").supports.C_3 == 2e3
     assert load_text(text, "", ["cam.coupling=oldham"]).supports.C_3 == 0
@@ -83,7 +83,7 @@ def test_a_coupling_is_saved_in_place_of_the_support(layout):
     assert (saved.cam.coupling, saved.supports.C_3, saved.source["supports.C_3"].kind) == ("oldham", 0, "assumed")
 
 
-def test_a_drive_like_another_has_its_coupling_in_place_of_the_support():
+def test_similar_drive_has_its_own_coupling_instead_of_the_support():
     def like(drive: Drive, **asked: str) -> Drive:
         return load_text(similar_preset("own", drive, read_requirements(drive, pitch_diameter="60", **asked)), "own")
 

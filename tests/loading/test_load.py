@@ -306,7 +306,7 @@ def test_what_is_no_preset_at_all(text: str | bytes, message: str) -> None:
     assert caught.value.message == message
 
 
-def test_everything_wrong_is_found_at_once_in_the_order_of_the_file() -> None:
+def test_all_errors_are_reported_at_once_in_file_sequence() -> None:
     found = errors(
         ("z_b: 202", "z_b: 198"), ("m: 0.8", "m: &a 0.8"), ("l: 160", "l: 20"), ("N: 24", "N: 24, N: 25"),
         ("C_3: 8.4e3", "C_3: .nan, C4: 1"), ("[80, 800]", "[80, 0, x]"), more="colour: red\n",
@@ -325,7 +325,7 @@ def test_very_many_findings_are_cut_short() -> None:
 
 
 @pytest.mark.thorough
-def test_no_field_takes_a_wrong_value_and_no_message_speaks_the_language_of_the_validator() -> None:
+def test_wrong_field_values_are_refused_without_validator_jargon() -> None:
     wrong = ("text", "[]", "[a]", "{a: 1}", "null", "true", "1e999", "-1e300", "1e300", '"1"', "[[1]]")
     taken = set()
     for path in field_table():
@@ -364,7 +364,7 @@ def test_a_limit_for_another_torque_is_a_warning() -> None:
     )
 
 
-def test_torques_of_one_run_leave_the_limits_of_the_file_alone() -> None:
+def test_torques_of_one_run_do_not_affect_the_file_limits() -> None:
     limits = "acceptance: {F_ior: {80: 30, 800: 20}}\n"
     assert load(more=limits, overrides=("operation.M_g=80",)).origin.warnings == ()
     (said,) = load(more=limits, overrides=("operation.M_g=80", "acceptance.F_ior.70=9")).origin.warnings

@@ -23,7 +23,7 @@ def test_overrides_replace_and_are_remembered() -> None:
     assert drive.origin.sha256 == load().origin.sha256
 
 
-def test_an_override_of_a_value_that_the_yaml_leaves_unread_is_read() -> None:
+def test_override_of_an_unreadable_yaml_value_is_still_checked() -> None:
     assert errors(("W_0: 0.96", "W_0: *a"), overrides=("cam.W_0={}",)) == [
         "my.yaml:6:12: cam.W_0: YAML aliases are not allowed (got *a; write the value out)",
         "--set:1:9: cam.W_0: must be a number (got a table of keys; write a number in mm)",
@@ -50,7 +50,7 @@ def test_overrides_reach_names_with_a_dot_in_them() -> None:
     assert drive.source["cam.W_0"].ref == "sheet 1"
 
 
-def test_a_range_is_in_the_unit_of_its_field_and_holds_no_value_back_that_is_tried() -> None:
+def test_assumed_range_uses_the_field_unit_and_restricts_no_override() -> None:
     more = "source: {cam.W_0: {kind: assumed, range: [900 um, 1]}}\n"
     assert load(more=more).source["cam.W_0"].range == (0.9, 1)
     assert load(more=more, overrides=("cam.W_0=0.89",)).cam.W_0 == 0.89
@@ -85,17 +85,17 @@ def test_bad_overrides_are_wrong_usage(overrides: list[str], message: str) -> No
     assert usage_error(*overrides) == message
 
 
-def test_an_override_that_contradicts_the_file_is_wrong_usage_at_the_override() -> None:
+def test_override_that_contradicts_the_file_is_a_usage_error() -> None:
     assert usage_error("gears.z_b=203").startswith("--set:1:11: gears.z_b: only drives with two waves")
     assert usage_error("flexspline.b_w=200").startswith("--set:1:16: flexspline.b_w: the shell must be longer")
 
 
-def test_a_bad_file_stays_a_bad_file_whatever_the_overrides_say() -> None:
+def test_invalid_file_is_a_data_error_despite_invalid_overrides() -> None:
     found = errors(("m: 0.8", "m: x"), overrides=("cam.W_0=y",))
     assert [line.split(": ")[0] for line in found] == ["my.yaml:3:32", "--set:1:9"]
 
 
-def test_findings_only_in_overrides_are_wrong_usage_even_where_an_override_completes_the_file() -> None:
+def test_errors_only_in_overrides_are_usage_errors() -> None:
     with pytest.raises(UsageError, match=r"--set:2:9: gears\.m: must be a number") as caught:
         load(("W_0: 0.96", ""), overrides=("cam.W_0=0.96", "gears.m=x"))
     assert len(caught.value.message.splitlines()) == 1

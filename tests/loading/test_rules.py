@@ -90,7 +90,7 @@ def test_what_just_goes_together_is_accepted(overrides: list[str]) -> None:
     load(*overrides)
 
 
-def test_conflicts_that_have_nothing_to_do_with_each_other_are_found_at_once() -> None:
+def test_independent_conflicts_are_reported_at_once() -> None:
     with pytest.raises(UsageError) as caught:
         load("gears.z_b=203", "flexspline.l=20", "bearing.d_ball=30", "operation.M_g=[0]", "numerics.n_2=20")
     assert len(caught.value.message.splitlines()) == 5
@@ -121,7 +121,7 @@ def overlap(drive: Drive) -> float:
 
 @pytest.mark.parametrize("curve", ["linear", "inextensible"])
 @pytest.mark.parametrize("teeth", [(200, 202), (199, 201)])
-def test_drives_are_refused_from_the_overlap_on_that_the_contact_model_has(curve: str, teeth: tuple[int, int]) -> None:
+def test_drives_beyond_the_overlap_of_the_contact_model_are_refused(curve: str, teeth: tuple[int, int]) -> None:
     sets = [f"numerics.nominal_curve={curve}", f"gears.z_g={teeth[0]}", f"gears.z_b={teeth[1]}"]
     drive = load(*sets)
     limit = MAX_OVERLAP * drive.gears.m

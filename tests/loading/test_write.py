@@ -16,7 +16,7 @@ from tests.process import SMALL
 from tests.support import fresh_preset
 
 
-def test_what_presets_new_writes_is_valid_and_says_that_all_of_it_is_assumed() -> None:
+def test_presets_new_writes_a_valid_preset_of_assumed_values() -> None:
     drive, like = load_text(fresh_preset("my-drive"), "f"), load_preset("vzp160")
     assert drive.name == "my-drive"
     assert drive.origin.warnings == ()
@@ -24,7 +24,7 @@ def test_what_presets_new_writes_is_valid_and_says_that_all_of_it_is_assumed() -
     assert (drive.gears, drive.flexspline) == (like.gears, like.flexspline)
 
 
-def test_each_line_has_the_unit_and_the_meaning_of_its_field() -> None:
+def test_line_of_a_new_preset_states_unit_and_meaning() -> None:
     lines = dict(re.findall(r"^  (\w+): \S+ .*?# (.*)$", fresh_preset("x").split("\nsource:")[0], re.MULTILINE))
     for path, field in field_table().items():
         name = path.split(".")[1]
@@ -141,7 +141,7 @@ def test_a_text_that_is_no_preset_is_refused():
     ["numerics: {n_max: 20, n_2: 40, n_phase: 4}", "numerics: {}", "numerics:", "",
      "numerics:  # few\n    # words\n    n_phase: 4  # fast", "numerics: {nominal_curve: linear}"],
 )  # fmt: skip
-def test_the_model_that_values_were_identified_with_is_said_from_then_on(numerics: str) -> None:
+def test_preset_records_the_model_of_its_identified_values(numerics: str) -> None:
     small = Path(SMALL).read_text(encoding="utf-8")
     start = small.index("numerics:")
     text = small[:start] + numerics + small[small.index("\n", start) :]
@@ -154,7 +154,7 @@ def test_the_model_that_values_were_identified_with_is_said_from_then_on(numeric
     assert ["stations" in warning for warning in warnings] == [True] if curve == "linear" else [False, True]
 
 
-def test_changes_keep_comments_and_order_and_a_changed_value_is_assumed() -> None:
+def test_changes_keep_comments_and_sequence_and_become_assumed_values() -> None:
     changed = with_changes(VZP160.encode(), "vzp160", ["gears.j_n=7.5", "operation.M_g=[80]", "mounting.holes=6"])
     lines = list(difflib.ndiff(VZP160.splitlines(), changed.splitlines()))
     assert {line[2:] for line in lines if line.startswith("- ")} == {
@@ -181,7 +181,7 @@ def test_a_changed_value_outside_its_range_leaves_the_range() -> None:
     assert (source.kind, source.range) == ("assumed", None)
 
 
-def test_changes_are_refused_that_are_wrong_or_of_no_single_field() -> None:
+def test_invalid_changes_and_changes_outside_fields_are_refused() -> None:
     text = VZP160.encode()
     with pytest.raises(UsageError, match="out of range"):
         with_changes(text, "vzp160", ["gears.j_n=-1"])

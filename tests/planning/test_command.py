@@ -19,7 +19,7 @@ from tests.process import SMALL, TINY, in_a_line, run
 OPEN = ("--set", "phases.xi_b=unknown", "--draws", "8")
 
 
-def test_a_screen_says_what_twelve_positions_see_and_what_is_enough():
+def test_plan_page_states_twelve_position_coverage_and_the_sufficient_test():
     page = run("plan", "tiny.yaml", cwd=Path(TINY).parent)  # a long path takes lines of its own
     lines = page.stdout.splitlines()
     assert page.returncode == 0
@@ -32,7 +32,7 @@ def test_a_screen_says_what_twelve_positions_see_and_what_is_enough():
     assert "appears as (0: blind)" in run("plan", TINY, "--no-plot", "--details").stdout
 
 
-def test_the_picture_has_the_least_share_of_neighbouring_numbers_of_positions():
+def test_plot_shows_the_minimum_share_of_neighbouring_position_numbers():
     choice = choose_plan(load_preset(TINY))
     curve, seen = seen_curve(choice), {each.plan.readings: 100 * each.seen[0] for each in choice.over_positions}
     assert len(curve.x) <= 36 < len(seen)  # each has a column of a narrow terminal
@@ -41,7 +41,7 @@ def test_the_picture_has_the_least_share_of_neighbouring_numbers_of_positions():
         assert least == pytest.approx(min(share for N, share in seen.items() if abs(N - x) <= per / 2))
 
 
-def test_with_a_limit_the_page_has_wrong_verdicts_and_fits_a_screen():
+def test_plan_page_with_a_limit_shows_wrong_verdicts_and_fits():
     page = run("plan", TINY, *OPEN, "--torque", "4", "--limit", "2040", "--ascii", "--no-plot")
     assert "% of drives exceed the limit; " in page.stdout
     assert "false PASS   false FAIL" in page.stdout
@@ -55,7 +55,7 @@ def test_with_a_limit_the_page_has_wrong_verdicts_and_fits_a_screen():
 
 @pytest.mark.thorough
 @pytest.mark.parametrize(("options", "is_any"), [(OPEN, False), ((*OPEN, "--noise", "30"), False), ((), True)])
-def test_any_test_is_enough_only_where_each_of_the_table_is(options, is_any):
+def test_any_test_is_sufficient_only_if_all_listed_tests_are(options, is_any):
     page = run("plan", TINY, *options, "--torque", "4", "--limit", "2400", "--no-plot").stdout
     enough = re.findall(r"^(?:\d+ positions|recording of .*?)  .* (yes|open|no) ", page, re.M)
     assert set(enough) == {"yes"} if is_any else "open" in enough
@@ -94,7 +94,7 @@ def test_of_a_drive_without_error_all_is_seen():
     assert json.loads(found.stdout)["plans"][0]["seen"]["p5"] == pytest.approx(1, abs=1e-3)
 
 
-def test_a_preset_from_standard_input_is_named_so_in_the_next_command():
+def test_preset_from_standard_input_is_named_in_the_next_command():
     page = run("plan", "-", "--no-plot", stdin=Path(TINY).read_text("utf-8")).stdout
     assert "hdassist measure record.csv --drive -\n" in page
 
@@ -226,7 +226,7 @@ def test_a_test_is_carried_out_and_decides(tmp_path):
     assert (bare.returncode, bare.stdout) == (6, "INCONCLUSIVE\n")  # positions of no plan never pass
 
 
-def test_a_sheet_counts_as_its_plan_only_if_that_was_carried_out(tmp_path):
+def test_sheet_counts_as_its_plan_only_if_carried_out(tmp_path):
     options = ("--positions", "29", "--both", "--repeats", "2", "--torque", "4", "--draws", "0", "--limit", "4000")
     assert run("plan", SMALL, *options, "--approach", "run.csv", cwd=tmp_path).returncode in (0, 3)
     text = read_by_a_rig(tmp_path / "run.csv", 30.0)

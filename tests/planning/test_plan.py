@@ -38,7 +38,7 @@ def small():
 
 
 @pytest.mark.parametrize("positions", [10, 12, 20, 30, 31, 60, 62])
-def test_the_share_seen_is_that_of_positions_in_the_solved_cycle(small, positions: int):
+def test_seen_share_equals_that_of_positions_in_the_solved_cycle(small, positions: int):
     error, under_test = small
     starts, apart = np.arange(len(error)), len(error) // positions
     solved = np.ptp(error[(starts[:, None] + apart * np.arange(positions)) % len(error)], axis=1) / np.ptp(error)
@@ -47,7 +47,7 @@ def test_the_share_seen_is_that_of_positions_in_the_solved_cycle(small, position
     assert seen.mean() == pytest.approx(solved.mean(), abs=0.005)
 
 
-def test_the_curve_is_the_error_of_the_cycle_in_its_order(small):
+def test_curve_equals_the_error_of_the_solved_cycle(small):
     error, under_test = small
     curve = under_test.curves[0]
     at_states = np.interp(np.arange(len(error)) / len(error) * len(curve), np.arange(len(curve)), curve)
@@ -67,17 +67,17 @@ def test_a_line_looks_like_what_its_readings_show(readings: int, turns: int):
 
 
 @pytest.mark.parametrize("ratio", [60, 120])
-def test_twelve_positions_are_blind_to_every_order_of_the_cam_at_ratios_60_and_120(ratio: int):
+def test_twelve_positions_cover_no_input_order_at_ratios_60_120(ratio: int):
     assert not ReadingPlan.positions(12).seen_as(ratio * np.arange(1.0, 13)).any()
     assert ReadingPlan.positions(13).seen_as(ratio * np.arange(1.0, 13)).all()
 
 
-def test_a_plan_sees_nothing_of_a_line_that_comes_as_often_as_it_reads():
+def test_plan_misses_a_line_as_frequent_as_its_readings():
     assert max(drives(20.0, often=10).judge(TEN).seen) == pytest.approx(0, abs=1e-9)
     assert min(drives(20.0, often=9).judge(TEN).seen) > 0.9
 
 
-def test_a_record_of_the_cycle_sees_all_and_judges_each_drive_rightly():
+def test_full_cycle_recording_covers_all_and_judges_every_drive_correctly():
     whole = ReadingPlan.record(20, 20)
     judged = drives(*np.linspace(10, 30, 99), left=20.0).judge(whole)
     assert judged.seen == pytest.approx((1, 1, 1))
@@ -85,7 +85,7 @@ def test_a_record_of_the_cycle_sees_all_and_judges_each_drive_rightly():
     assert judged.verdict is Verdict.PASS
 
 
-def test_a_drive_that_is_seen_in_part_passes_though_beyond_the_limit():
+def test_partially_covered_drive_can_pass_beyond_the_limit():
     three = ReadingPlan.positions(3)  # of a wave they see the share cos(30 deg) cos(d), d even from -30 to 30 deg
     assert drives(*[10.0] * 50, *[40.0] * 50, left=20.0).judge(three).verdict is Verdict.PASS
     found = drives(*[10.0] * 50, *[24.5] * 50, left=20.0).judge(three)
@@ -122,7 +122,7 @@ def test_shares_that_lie_about_the_demand_are_open():
     assert drives(*sizes, left=20.0, wrong=share).judge(three).verdict is Verdict.INCONCLUSIVE
 
 
-def test_without_a_limit_few_drives_leave_open_whether_a_test_is_enough():
+def test_few_drives_without_a_limit_leave_a_test_inconclusive():
     nearly_all = ReadingPlan.positions(40)
     assert drives(*[20.0] * 200).judge(nearly_all).verdict is Verdict.PASS
     assert drives(*[20.0] * 8).judge(nearly_all).verdict is Verdict.INCONCLUSIVE  # no miss of 8 does not show 5 %
@@ -176,7 +176,7 @@ def test_rough_teeth_leave_the_range_and_lower_the_share():
     assert rough.judge(TEN).seen[0] < smooth.judge(TEN).seen[0]
 
 
-def test_the_errors_of_rough_wheels_add_up_in_the_solved_cycle():
+def test_errors_of_rough_wheels_add_up_in_the_solved_cycle():
     drive = load_preset(SMALL)
     smooth = drive.with_values({each.size: 0.0 for each in DEVIATIONS})
     rng = np.random.default_rng(3)
@@ -199,7 +199,7 @@ def test_a_reading_that_passes_is_of_a_good_drive():
 
 
 @pytest.mark.parametrize("both", [False, True])
-def test_how_long_a_test_lasts_is_the_minute_of_its_last_reading_and_takes_no_list_of_them(both: bool):
+def test_test_duration_is_the_minute_of_its_last_reading(both: bool):
     plan, run = ReadingPlan.positions(7, both=both), ApproachRun(repeats=3)
     under_test = drives(20.0)
     test = under_test.test_of(under_test.judge(plan), run, 20.0, None)

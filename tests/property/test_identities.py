@@ -58,7 +58,7 @@ ODD = {
 
 
 @pytest.mark.parametrize("made", ODD.values(), ids=ODD)
-def test_a_table_has_the_rotation_of_each_state_where_half_a_turn_is_not_the_same(reference, made):
+def test_table_has_the_rotation_of_states_without_half_revolution_symmetry(reference, made):
     drive = changed(made(reference), harmonics__a_b3=1.0, harmonics__xi_b3=0.0)
     table = error_table(ErrorMap(drive, 800.0), Reach.of(drive), Mesh((3, 3, 3, 3)))
     system, step = contact_system(drive), 1e-5

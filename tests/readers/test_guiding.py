@@ -90,7 +90,7 @@ def test_rates_that_disagree_widen_the_interval(guide_speed: str, expected: floa
     assert trace.scale_uncertainty == pytest.approx(expected, abs=1e-3)
 
 
-def test_the_interval_of_a_guided_log_holds_the_truth_for_a_wrong_rate(tmp_path):
+def test_interval_of_a_guided_log_contains_truth_despite_wrong_rate(tmp_path):
     """The calibration is 12 % off, and the mount states the true rate: the interval reaches it."""
     night = guided_night()
     (tmp_path / "log.txt").write_text(head(calibrated=1.12 * RATE / AXIS_SCALE) + night.rows())
@@ -124,7 +124,7 @@ def test_a_log_of_kstars_has_no_calibrated_rate():
     assert departure(read(text + night.rows(), guide_rate=RATE), night.error_arcsec) < 0.05
 
 
-def test_a_dither_ends_a_section_and_a_settling_line_does_not():
+def test_dither_ends_a_section_unlike_a_settling_line():
     night = guided_night(dither_px=3.0)
     parts = night.rows(0, 200), night.rows(200)
     dithered = read(head() + parts[0] + "INFO: DITHER by 3.0, 0.0, new lock pos = 10, 20\n" + parts[1])
@@ -136,7 +136,7 @@ def test_a_dither_ends_a_section_and_a_settling_line_does_not():
     assert any("400 of 400 frames" in note for note in settled.notes)
 
 
-def test_a_long_unguided_section_is_preferred_and_a_short_one_is_not():
+def test_unguided_section_is_preferred_if_long_enough():
     night, quiet = guided_night(), guided_night(gain=0.0, frames=300)
     assert departure(read(head() + night.rows() + head() + quiet.rows()), quiet.error_arcsec) < 0.05
     short = guided_night(gain=0.0, frames=60)
@@ -150,7 +150,7 @@ def test_a_calibration_is_no_section():
     assert departure(read(head() + night.rows() + steps), night.error_arcsec) < 0.05
 
 
-def test_an_unknown_declination_is_a_lower_bound_and_one_that_is_stated_counts(tmp_path):
+def test_unknown_declination_gives_a_lower_bound_unless_stated(tmp_path):
     quiet = guided_night(gain=0.0)
     text = head(declination="RA/Dec = Unknown") + quiet.rows()
     bound = read(text)
@@ -197,7 +197,7 @@ def test_options_of_a_guide_log_are_refused_with_another_file(tmp_path):
     assert refused.returncode == 2
 
 
-def test_compare_refuses_an_error_whose_size_depends_on_the_guide_rate(tmp_path):
+def test_compare_refuses_an_error_that_depends_on_the_guide_rate(tmp_path):
     (tmp_path / "log.txt").write_text(head() + guided_night().rows())
     refused = run("compare", "vzp160", "log.txt", "--torque", "80", cwd=tmp_path)
     assert refused.returncode == 5

@@ -196,7 +196,7 @@ def test_all_faults_are_found_at_once() -> None:
     ]  # fmt: skip
 
 
-def test_columns_of_whole_numbers_between_commas_are_read_with_their_names() -> None:
+def test_columns_of_comma_separated_integers_are_read_with_names() -> None:
     assert rows("tooth,left,right\n1,2,5\n2,3,5\n") == [(1, 2, 5), (2, 3, 5)]
     assert rows("1,2,5.0\n2,3,5.0\n") == [(1, 2, 5), (2, 3, 5)]
 
@@ -263,7 +263,7 @@ def test_streams_of_text_and_of_bytes_are_read_like_files(tmp_path: Path) -> Non
         ("{k},{m}", "5,", "columns in this row: 1; in most rows: 2"),
     ],
 )
-def test_a_row_is_read_by_the_same_rules_wherever_it_stands(good: str, bad: str, words: str) -> None:
+def test_row_is_read_by_the_same_rules_at_every_line(good: str, bad: str, words: str) -> None:
     number = "{}.5" if "," in good else "{}.25"
     lines = [good.format(k=k, m=number.format(k % 7)) for k in range(FAR)]
     for place in (2, SAMPLED_LINES + 5, FAR // 2, FAR - 1):
@@ -307,7 +307,7 @@ def test_letters_and_line_ends_may_lie_across_parts(few: int, encoding: str, mon
     assert table.lines.tolist() == [*range(4, 13), 15]
 
 
-def test_many_remarks_cost_little_and_the_last_one_may_hold_the_names() -> None:
+def test_many_comments_are_cheap_and_the_last_may_contain_names() -> None:
     text = "# a: 1\n" * 60_000 + "# tooth; dev\n1;2\n" + "# x\n" * 1000
     table = read_numbers(text.encode(), NEEDS)
     assert (table.names, table.lines.tolist(), len(table.remarks)) == (("tooth", "dev"), [60_002], MAX_REMARKS)

@@ -162,7 +162,7 @@ def test_counts_of_an_unknown_encoder_are_asked_for():
             read(data, ratio=100, angle_unit=wrong)
 
 
-def test_the_output_says_how_far_the_cam_went_in_a_gap():
+def test_output_angle_resolves_the_input_motion_in_a_gap():
     """Rows lost over half a turn of the cam and more: the output has turned by that over the ratio."""
     cam = np.arange(1600) * 3.6
     error = 5 * np.cos(np.radians(2 * cam))
@@ -224,7 +224,7 @@ def test_faults_have_their_line(data, words):
     assert words in fault(data)
 
 
-def test_rows_in_another_order_are_refused_even_when_faulty_ones_are_left_out():
+def test_unsorted_rows_are_refused_even_with_robust_reading():
     angle = 9.0 * np.arange(400)
     angle[[200, 201]] = angle[[201, 200]]
     words = fault(text([angle, ERROR], "cam,err"), robust=True)
@@ -249,7 +249,7 @@ def test_faulty_rows_are_left_out_and_named_when_asked():
 
 
 @pytest.mark.parametrize("second", [False, True])
-def test_a_reading_of_an_error_far_off_all_others_is_left_out_when_asked(second):
+def test_distant_error_reading_is_omitted_only_by_robust_reading(second):
     error = np.round(np.concatenate([ERROR, ERROR]), 1)
     error[100] = 9999.0
     cam = np.concatenate([CAM, CAM[-1] + CAM[1] - CAM[0] + CAM])
@@ -309,7 +309,7 @@ def guide_log(first: int = 20, last: int = 350, between: str = OFF) -> str:
     return "".join([head, SECTION, *rows[:20], between, *rows[20:350], ON, *rows[350:], "Guiding Ends at 21:00:00\n"])
 
 
-def test_an_unguided_section_of_a_guide_log_is_an_error_over_the_axis_that_follows_the_sky():
+def test_unguided_guide_log_section_gives_an_error_over_the_axis():
     trace = read(guide_log(), ratio=100)
     kept = [*range(20, 200), *range(201, 350)]
     assert trace.cam_deg == pytest.approx(2 * np.array(kept) * 15.041067 / 3600 * 100)
@@ -329,7 +329,7 @@ def test_an_unguided_section_of_a_guide_log_is_an_error_over_the_axis_that_follo
 
 
 @pytest.mark.parametrize(("stated", "turn_s"), [("!StepsPerWorm=90000\n", 90000 / 187.5), ("", 479.0)])
-def test_a_pe_file_of_eqmod_is_an_error_over_turns_of_its_worm(stated: str, turn_s: float):
+def test_eqmod_file_gives_an_error_over_worm_revolutions(stated: str, turn_s: float):
     head = f"# EQMOD V2.00\n!WormPeriod=479\n{stated}# time - motor - PE\n"
     rows = [f"{k} {8388608 + 187.5 * k:.1f} {e:.4f}\n" for k, e in enumerate(ERROR)]
     trace = read(head + "".join(rows))
@@ -346,7 +346,7 @@ def test_words():
     assert [unit_in(name) for name in units] == ["deg", "urad", "mdeg", "arcsec", "", "", "rad"]
 
 
-def test_lines_that_bench_software_writes_above_the_names_are_left_out():
+def test_lines_of_bench_software_above_the_names_are_omitted():
     plain = read_trace(PLAIN.encode())
     by_excel = read_trace(b"sep=,\n" + PLAIN.encode())
     assert np.array_equal(by_excel.error_arcsec, plain.error_arcsec)
@@ -372,7 +372,7 @@ def test_a_record_that_is_not_filled_in_says_so():
     assert words in fault(f"target_deg,side,actual_deg\n{rows}")
 
 
-def test_rows_without_a_reading_name_the_option_that_leaves_them_out():
+def test_rows_without_a_reading_name_the_option_that_omits_them():
     rows = PLAIN.splitlines()
     rows[10] = "nan,1"
     with pytest.raises(PresetError) as caught:

@@ -70,7 +70,7 @@ FOREIGN = (
 
 
 @pytest.mark.parametrize("head", FOREIGN)
-def test_any_other_unit_is_refused_with_its_column_unless_an_option_states_one(head: str) -> None:
+def test_foreign_unit_is_refused_unless_an_option_states_it(head: str) -> None:
     assert head in refusal(f"cam_deg;{head}")
     assert trace(f"cam_deg;{head}", 60.0, error_unit="arcmin").error_arcsec == pytest.approx(ERROR, abs=2e-3)
 
@@ -85,7 +85,7 @@ SCALED = (
 
 
 @pytest.mark.parametrize("head", SCALED)
-def test_a_unit_with_a_factor_or_of_a_rate_is_not_taken_for_the_unit_alone(head: str) -> None:
+def test_scaled_or_rate_unit_is_not_read_as_plain_unit(head: str) -> None:
     assert head in refusal(f"cam_deg;{head}")
     assert trace(f"cam_deg;{head}", 60.0, error_unit="arcmin").error_arcsec == pytest.approx(ERROR, abs=2e-3)
 
@@ -148,7 +148,7 @@ def test_units_of_torque(name: str, size: float) -> None:
     assert role_in(name) == "torque"
 
 
-def test_a_column_beside_the_error_has_a_unit_of_its_own_kind_or_is_refused() -> None:
+def test_additional_column_has_a_unit_of_its_kind_or_fails() -> None:
     for head in ("torque_%", "torque [A]", "time [samples]", "torque_deg"):
         data = text([360 * TURNS, ERROR, TURNS], f"cam_deg;error_arcsec;{head}", ";")
         with pytest.raises(PresetError) as caught:
@@ -209,7 +209,7 @@ def test_options_state_the_units_of_positions_and_loops() -> None:
         (LOOP, {"angle_unit": "deg,deg"}),
     ],
 )
-def test_a_unit_of_a_column_that_the_file_does_not_have_is_refused(data: str, form: dict[str, str]) -> None:
+def test_unit_of_a_missing_column_is_refused(data: str, form: dict[str, str]) -> None:
     with pytest.raises(UsageError, match="unit"):
         bench(data, **form)
 
@@ -290,7 +290,7 @@ def test_grad_alone_is_open() -> None:
         trace("cam_deg;error [grad]")
 
 
-def test_the_hint_to_a_scaled_unit_does_not_propose_the_option_that_would_drop_the_factor() -> None:
+def test_hint_for_a_scaled_unit_proposes_conversion_only() -> None:
     words = refusal("cam_deg;error [0.1 arcsec]")
     assert "--error-unit" not in words
     assert "convert" in words

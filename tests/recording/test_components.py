@@ -54,7 +54,7 @@ def test_a_part_of_the_cycle_has_lines_alone():
     assert np.allclose(found.lines, [4 + 9 / RATIO], atol=0.5 / RATIO)
 
 
-def test_a_line_has_a_phase_of_its_own_in_each_run():
+def test_line_has_its_own_phase_in_every_run():
     run = (PATH >= 12.0).astype(int)
     columns = line_columns(PATH, run, (5.37,))
     phase = 2 * np.pi * 5.37 * PATH
@@ -64,7 +64,7 @@ def test_a_line_has_a_phase_of_its_own_in_each_run():
 
 
 @pytest.mark.thorough
-def test_a_line_off_the_orders_widens_the_range_of_the_cycle_and_counts_as_recorded_where_it_fails():
+def test_line_off_the_orders_widens_the_range_of_the_cycle():
     turns, error = noisy_readings()
     line = 3.0 * np.cos(2 * np.pi * 5.37 * turns)
     figure = range_figure(posterior_of_recording(recording_from_columns(turns, error + line, RATIO)))

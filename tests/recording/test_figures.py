@@ -151,7 +151,7 @@ def test_the_ends_of_an_interval_are_farther_with_few_samples():
     assert few.interval_arcsec[1] > many.interval_arcsec[1]
 
 
-def test_the_part_to_record_has_the_extremes_of_what_was_not_visited(whole, part):
+def test_part_to_record_contains_the_extremes_not_covered(whole, part):
     assert part_to_record(whole) is None
     first, last = part_to_record(part)
     assert 9.0 <= first < last <= RATIO + 9.0

@@ -38,7 +38,7 @@ def test_a_memory_decays_within_half_a_revolution():
     assert memory_of(np.cumsum(RNG.standard_normal(10_000)), RUN, blocks_per_rev=2).rho <= np.exp(-1)
 
 
-def test_the_rms_of_noise_with_a_memory_is_more_than_that_of_its_white_part():
+def test_rms_of_correlated_noise_exceeds_that_of_its_white_part():
     rng = np.random.default_rng(3)
     memory = NoiseMemory(rho=0.9, theta=-0.4)
     noise = lfilter([1.0, memory.theta], [1.0, -memory.rho], rng.standard_normal(200_000))

@@ -37,7 +37,7 @@ def test_an_equation_is_drawn_with_its_number_and_no_script():
     assert conf["html_math_renderer"] == "mathml" and conf["extensions"] == ["myst_parser"]
 
 
-def test_the_drawings_of_the_theory_are_there_for_both_kinds_of_screen():
+def test_theory_drawings_exist_and_support_dark_screens():
     names = re.findall(r"\]\(figures/([\w-]+)\.svg\)", THEORY)
     assert sorted(names) == ["contact-sets", "drive", "mesh-zones", "ring-harmonics", "torus", "turning-support"]
     for name in names:

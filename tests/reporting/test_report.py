@@ -116,7 +116,7 @@ def test_its_drawings_are_svg(sheet, folder):
     assert texts and max(map(len, texts)) <= 60  # 480 units of 12.5 px: longer ones would reach over the next drawing
 
 
-def test_the_verdict_comes_first_and_the_numbers_are_those_of_check_and_mount(sheet, folder):
+def test_report_starts_with_the_verdict_and_repeats_check_and_mount(sheet, folder):
     text = re.sub(r"\s+", " ", Page((folder / "a.html").read_text(encoding="utf-8")).text.split("}", 1)[1])
     point = report_object(check_report(sheet.check, 0))["operating_points"][0]
     low = point["belief"]["p5_arcsec"]
@@ -137,7 +137,7 @@ def test_the_verdict_comes_first_and_the_numbers_are_those_of_check_and_mount(sh
         assert words in text
 
 
-def test_angles_of_the_cam_are_turns_and_numbers_have_no_exponent(sheet):
+def test_input_angles_are_revolutions_and_numbers_have_no_exponent(sheet):
     report = report_object(check_report(sheet.check, 0))
     (section, *_) = sections(drive_report(sheet, draws=64, seed=0))
     rows = dict(row for block in section.blocks if isinstance(block, Table) for row in block.rows if len(row) == 2)
@@ -154,7 +154,7 @@ def test_the_line_of_a_limit_has_its_number(sheet):
     assert numbers
 
 
-def test_a_printed_report_has_one_size_of_letters_beside_its_heads():
+def test_printed_report_has_one_font_size_besides_its_headings():
     css = resources.files("hdassist.pages").joinpath("templates/report.css").read_text("utf-8")
     sized = re.findall(r"^\s*([^{}@/]*?) {[^{}]*font-size: ([^;]+);", css, flags=re.MULTILINE)
     assert {name for name, _ in sized if not name.endswith("svg")} <= {
@@ -162,7 +162,7 @@ def test_a_printed_report_has_one_size_of_letters_beside_its_heads():
     }  # fmt: skip
 
 
-def test_no_line_of_html_ends_within_a_range_or_before_a_unit(sheet):
+def test_html_lines_break_neither_in_ranges_nor_before_units(sheet):
     page = report_html(drive_report(sheet, draws=64, seed=0))
     hyphen, blank = "\N{NON-BREAKING HYPHEN}", "\N{NO-BREAK SPACE}"
     assert re.search(rf"\([\d.]+{hyphen}[\d.]+\)</td>", page)
@@ -172,7 +172,7 @@ def test_no_line_of_html_ends_within_a_range_or_before_a_unit(sheet):
 
 
 @pytest.mark.thorough
-def test_where_nothing_tells_holes_apart_none_is_called_best_or_worst():
+def test_equal_holes_are_never_called_best_or_worst():
     drive = load_preset(SMALL, ["phases.xi_b=unknown", "phases.xi_g=unknown", "operation.M_g=[4.0]"])
     sheet = sheet_of(drive, draws=8)
     (mounting,) = (each for each in sections(drive_report(sheet, draws=8, seed=0)) if each.title.startswith("Mounting"))
@@ -213,7 +213,7 @@ def test_in_seven_bits_nothing_becomes_a_sign_of_markdown(sheet):
     assert not re.search(r"(?<!\\)\*", prose.replace("**", ""))
 
 
-def test_where_no_hole_is_better_by_what_is_known_it_says_so():
+def test_report_states_any_hole_if_no_hole_is_better():
     drive = load_preset(SMALL, [*SETS[:-1], "operation.M_g=[4.0]", "phases.phi_hb=unknown"])
     report = drive_report(sheet_of(drive, draws=2), draws=2, seed=0)
     told = report_object(report)
@@ -252,7 +252,7 @@ def test_for_scripts_there_is_one_object_and_one_line(sheet):
     json.dumps(told, allow_nan=False)
 
 
-def test_a_chart_keeps_the_extremes_of_a_curve_of_many_points():
+def test_chart_keeps_the_extremes_of_a_dense_curve():
     x = np.linspace(0, 100, 20_000)
     y = np.sin(x) * 0.1
     y[12_345], y[777] = 5.0, -3.0
@@ -270,7 +270,7 @@ def test_no_block_is_dropped(sheet):
             assert words in page
 
 
-def test_a_preset_that_cannot_be_read_is_an_answer_for_scripts():
+def test_unreadable_preset_gives_an_error_in_json():
     result = run("report", "none.yaml", "--json")
     told = json.loads(result.stdout)
     assert (result.returncode, told["exit_code"], told["error"]["code"]) == (4, 4, "FILE_UNREADABLE")

@@ -55,7 +55,7 @@ def test_residuals_are_those_of_the_system_written_out(system):
     assert idle.shares[0, 1] == pytest.approx(-system.delta_p.min() / widest)
 
 
-def test_what_is_kept_of_a_state_is_that_of_its_forces(system, formulation):
+def test_stored_state_results_follow_from_the_state_forces(system, formulation):
     torque, n = -300e3, system.n_flanks
     gaps = StateGaps(np.array([[0.0] * 4, [0.03, 0.01, 0.05, -0.02]]))
     forces, free, _ = load_case(formulation, torque).forces(system.delta_p_of(gaps))
@@ -75,7 +75,7 @@ def test_certificates_add_up_to_the_worst_of_both():
     assert [replace(both, **{name: 1e-9}).max_residual for name in ("negative_force", "equilibrium")] == [1e-9] * 2
 
 
-def test_the_state_that_winds_up_most_is_the_one_that_is_looked_at(system, formulation):
+def test_wind_up_limit_is_checked_at_the_state_of_maximum(system, formulation):
     torque, gaps = 80e3, StateGaps(np.array([[0.0] * 4, [0.03, 0.01, 0.05, -0.02], [0.0] * 4]))
     rotation = load_case(formulation, torque).forces(system.delta_p_of(gaps))[1][:, 0]
     limit = (rotation[0] + rotation[1]) / 2  # a quarter of a pitch of a wheel with very many teeth

@@ -30,7 +30,7 @@ def formulation(system):
 
 
 @pytest.mark.parametrize("way", WAYS)
-def test_a_state_is_found_from_contact_sets_that_are_near_and_far(formulation, system, way):
+def test_state_is_solved_from_near_and_distant_contact_sets(formulation, system, way):
     torque, delta_p = 80e3, system.delta_p_of(StateGaps(np.array([[0.03, 0.01, 0.05, -0.02]])))
     gaps, right = formulation.gaps(delta_p[0]), -formulation.load(torque)
     forces, free, _ = load_case(formulation, torque).forces(delta_p)
@@ -46,7 +46,7 @@ def test_a_state_is_found_from_contact_sets_that_are_near_and_far(formulation, s
 
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("torque", [1.0, 80e3])
-def test_flanks_that_let_go_as_the_torque_turns_are_followed_to_those_that_hold(formulation, system, way, torque):
+def test_flanks_that_separate_at_torque_reversal_are_tracked(formulation, system, way, torque):
     gaps, right = formulation.gaps(system.delta_p), -formulation.load(torque)
     other_way, _ = solve_near(formulation, gaps, -right, np.ones(len(gaps), dtype=bool))
     found = way(formulation, gaps, right, other_way > 0)
@@ -63,7 +63,7 @@ CYCLES = {  # of size-25-100: from the contacts of 2.7 N*m to those of 14 all ca
 
 
 @pytest.mark.parametrize("way", WAYS)
-def test_candidates_that_would_change_sides_in_a_circle_do_so_one_at_a_time(way):
+def test_cycling_candidates_change_contact_one_at_a_time(way):
     system = contact_system(load_preset("size-25-100").with_values(CYCLES))
     formulation = formulate(system)
     gaps, contact = formulation.gaps(system.delta_p), np.ones(len(system.delta_p), dtype=bool)
@@ -84,7 +84,7 @@ FROM_ALL = {  # drawn from a data sheet: from all candidates in contact no step 
 }  # fmt: skip
 
 
-def test_a_state_that_no_way_from_all_contacts_leads_to_needs_no_model(monkeypatch):
+def test_state_without_a_path_from_all_contacts_needs_no_model(monkeypatch):
     system = contact_system(load_preset("size-25-100").with_values(FROM_ALL))
     monkeypatch.setattr(OneByOne, "_by_daqp", lambda *_: pytest.fail("half a second each"))
     for compiled in (True, False):
@@ -102,12 +102,12 @@ JAMMED = [  # drawn from the sheet of size 17, its teeth pushed into each other,
 
 
 @pytest.mark.parametrize("values", JAMMED)
-def test_teeth_that_hardly_hold_the_parts_are_found_from_a_heavier_load(values, monkeypatch):
+def test_weakly_held_parts_are_solved_from_a_heavier_load(values, monkeypatch):
     monkeypatch.setattr(OneByOne, "_by_daqp", lambda *_: pytest.fail("two seconds each"))
     meshing_shift(load_preset("size-17-100").with_values(values))
 
 
-def test_no_states_have_no_answers_and_leave_the_contacts_as_they_were(formulation, system):
+def test_empty_state_list_gives_no_results_and_keeps_the_contacts(formulation, system):
     contact = np.arange(len(system.delta_p)) % 2 == 0
     solver = OneByOne(formulation, contact)
     forces, free, fallbacks = solver.solve(system.delta_p[None][:0], 80e3)

@@ -158,7 +158,7 @@ def test_the_same_states_give_the_same_digits(formulation, gaps):
     assert np.array_equal(free, freed)
 
 
-def test_few_states_are_not_worth_a_reference_unless_more_will_come(formulation, gaps):
+def test_few_states_need_no_reference_unless_more_will_follow(formulation, gaps):
     for many in (False, True):
         engine = load_case(formulation, 4e3, many=many)
         engine.sums(gaps[: MANY_STATES - 1])
@@ -169,7 +169,7 @@ def test_few_states_are_not_worth_a_reference_unless_more_will_come(formulation,
 
 
 @pytest.mark.parametrize("compiled", [False, True])
-def test_an_engine_like_another_gives_the_answers_it_would_give_alone(formulation, gaps, compiled):
+def test_engine_based_on_another_gives_the_same_results(formulation, gaps, compiled):
     fresh = load_case(formulation, 4e3, compiled=compiled)
     alone = load_case(formulation, 4e3, compiled=compiled).sums(gaps)
     load_case(formulation, 4e3, like=fresh, compiled=compiled).sums(gaps[50:])

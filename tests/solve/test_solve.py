@@ -129,13 +129,13 @@ with workers(1) as executor:
 
 @pytest.mark.thorough
 @pytest.mark.skipif(sys.platform != "linux", reason="processes are spawned elsewhere")
-def test_the_process_for_other_solvers_compares_the_programme_and_its_error_is_heard(tmp_path):
+def test_solver_process_compares_the_programme_and_reports_its_error(tmp_path):
     code, threads = [sys.executable, "-c", COMPARED, str(tmp_path)], dict.fromkeys(THREADS, "1")
     found = subprocess.run(code, env=CLEAN | threads, capture_output=True, text=True, timeout=60, check=True)
     assert found.stdout.split() == ["False", "True", "True"]
 
 
-def test_that_the_data_are_as_stated_is_kept_and_nothing_else_is_believed(formulation, tmp_path, monkeypatch):
+def test_verified_compilation_is_cached_and_invalid_cache_entries_are_ignored(formulation, tmp_path, monkeypatch):
     def anew():
         monkeypatch.setattr(loadcase, "_proven", set())
         require_compiled_as_stated(formulation)
@@ -171,7 +171,7 @@ def test_an_unknown_solver_is_an_error(formulation, system):
     assert "daqp" in error.value.hint
 
 
-def test_a_solver_that_breaks_down_is_told_by_its_first_line(formulation, system, monkeypatch):
+def test_solver_breakdown_is_reported_by_its_first_line(formulation, system, monkeypatch):
     def breaks(*_, **__):
         raise cp.SolverError("no luck\nat all")
 
@@ -182,7 +182,7 @@ def test_a_solver_that_breaks_down_is_told_by_its_first_line(formulation, system
     assert (error.value.hint, error.value.fault) == ("", Fault.UNTRUSTED_STATE)
 
 
-def test_states_solved_again_are_counted_and_the_greatest_difference_is_told(formulation, system):
+def test_solutions_by_another_solver_are_counted_with_their_largest_difference(formulation, system):
     torques = np.array([80.0, -300.0, 800.0])
     delta_p = np.repeat(system.delta_p[None], 3, axis=0)
     rotation = np.array([load_case(formulation, M_g * 1e3).forces(delta_p[:1])[1][0, 0] * ARCSEC for M_g in torques])
@@ -279,7 +279,7 @@ def test_fallbacks_are_taken_and_counted(formulation, four_states, monkeypatch, 
     assert free[:, 0] * ARCSEC == pytest.approx(expected[:, 0] * ARCSEC, abs=1e-4)
 
 
-def test_where_no_solver_has_an_answer_the_states_behind_are_not_tried(formulation, four_states, monkeypatch):
+def test_states_after_an_unsolvable_one_are_not_attempted(formulation, four_states, monkeypatch):
     # what makes one state hopeless makes its neighbours so
     def refuse(*_):
         raise UntrustedError("no")
@@ -308,7 +308,7 @@ def test_a_drive_that_cannot_be_solved_costs_one_state(reference, monkeypatch, C
     assert tried.count("_by_daqp") <= 2
 
 
-def test_daqp_is_stopped_at_a_bound_that_no_solved_state_comes_near(reference, monkeypatch):
+def test_daqp_iteration_limit_is_far_above_solved_states(reference, monkeypatch):
     steps = []
 
     class Counting(loadcase.daqp.Model):
@@ -330,7 +330,7 @@ def test_daqp_is_stopped_at_a_bound_that_no_solved_state_comes_near(reference, m
 
 
 @pytest.mark.parametrize("solver", ["clarabel", "osqp", "scs", "highs"])
-def test_a_solver_stopped_at_its_bound_has_no_answer_and_ends_the_run(reference, formulation, monkeypatch, solver):
+def test_solver_stopped_at_its_limit_ends_the_run(reference, formulation, monkeypatch, solver):
     bounds = loadcase.SOLVER_SETTINGS[solver.upper()]
     iterations = {"clarabel": "max_iter", "osqp": "max_iter", "scs": "max_iters", "highs": "qp_iteration_limit"}
     assert any(name.startswith("time_limit") for name in bounds)

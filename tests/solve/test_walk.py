@@ -136,7 +136,7 @@ def test_another_torque_needs_no_other_walk():
         assert np.abs(engine.sums(gaps).rotation - alone.rotation).max() * ARCSEC < SAME
 
 
-def test_a_state_that_is_not_a_number_has_no_answer_and_spoils_no_other():
+def test_state_that_is_not_a_number_affects_no_other():
     system, gaps = states_of(load_preset(SMALL), 120)
     formulation = formulate(system)
     expected = load_case(formulation, 4e3, many=True).sums(gaps)
@@ -170,7 +170,7 @@ def walk_of(engine):
 
 
 @needs_compiler
-def test_a_library_of_another_source_is_not_used_though_it_lacks_functions(monkeypatch, tmp_path):
+def test_library_of_another_source_is_not_used(monkeypatch, tmp_path):
     older = tmp_path / "older.c"
     older.write_text('const char *walk_source(void) { return "older"; }\nint walk_level(void) { return 1; }\n')
     library = tmp_path / library_name(1)

@@ -34,7 +34,7 @@ from tests.process import SMALL, in_a_line, run
 @pytest.mark.parametrize(
     ("share", "second"), [(0.006, "; addendum of both wheels, in modules (gears.h_a): 1 %"), (0.004, "")]
 )
-def test_a_second_influence_is_named_where_it_is_more_than_0_percent(share, second):
+def test_second_contribution_is_named_if_above_0_percent(share, second):
     found = [Influence("operation.dT", 0.99), Influence("gears.h_a", share)]
     assert influence_words(found).partition("99 %")[2] == second
 
@@ -64,7 +64,7 @@ def test_verdicts_are_green_red_or_ochre_where_there_are_colours(monkeypatch, ve
     assert shown(Style(False, False, 80), report) == f"own: {verdict}\n"
 
 
-def test_numbers_of_a_verdict_and_the_next_command_stand_out_and_the_proof_steps_back(monkeypatch):
+def test_verdict_numbers_and_next_command_are_bold_and_verification_dim(monkeypatch):
     monkeypatch.setenv("TERM", "xterm-256color")
     monkeypatch.delenv("NO_COLOR", raising=False)
     facts = Facts((("limit", "30″"), ("next", "hdassist mount own")))
@@ -77,7 +77,7 @@ def test_numbers_of_a_verdict_and_the_next_command_stand_out_and_the_proof_steps
     assert "\x1b" not in shown(Style(False, False, 80), report)
 
 
-def test_the_title_of_a_table_is_bold_and_its_notes_are_not(monkeypatch):
+def test_table_title_is_bold_unlike_its_notes(monkeypatch):
     monkeypatch.setenv("TERM", "xterm-256color")
     monkeypatch.delenv("NO_COLOR", raising=False)
     table = Table("F'_ior, ″", ("hole", "F'_ior"), (("0", "27.7"),), notes=("loss: against the best",))
@@ -113,7 +113,7 @@ def test_a_path_longer_than_its_column_makes_no_second_table():
 
 
 @pytest.mark.parametrize("width", [40, 80])
-def test_lines_stay_beside_their_label_and_empty_ones_are_left_out(width):
+def test_fact_lines_stay_beside_their_label_and_empty_ones_vanish(width):
     words = "one two three four five six seven eight nine ten eleven twelve"
     report = Report("check", None, "own", blocks=(Facts.of([("lever", words), ("next", "")]),))
     _, first, *rest = [line for line in shown(Style(True, False, width), report).splitlines() if line]
@@ -163,7 +163,7 @@ def test_options_are_taken_over_by_the_commands_that_have_them():
         assert all(option in every[name] for name in takers)
 
 
-def test_an_option_that_is_given_takes_the_place_of_the_one_that_was_asked():
+def test_given_option_replaces_the_one_of_the_previous_command():
     asked = (AskedOption("check", "draws", "--draws=8"), AskedOption("check", "seed", "--seed=3"))
     drive = load_preset("vzp160", (), asked)
     assert again("check", drive, "--draws", "32") == "hdassist check vzp160 --seed=3 --draws 32"
@@ -176,7 +176,7 @@ def test_the_proof_in_a_line():
     assert proof(certificate, crossed) == "20 200 mesh positions, residual 8e-11, 20 also by CLARABEL"
 
 
-def test_ranges_that_are_not_weighed_are_those_of_assumed_values_and_of_what_is_left_to_a_default():
+def test_unweighted_ranges_are_those_of_assumed_and_defaulted_values():
     drive = load_preset("size-17-100")
     ranges = {path for path, source in drive.source.items() if source.kind == "assumed" and source.range}
     ranges = ranges - {drive.unused_tooth_field} | {"operation.dT"}  # which the preset leaves out

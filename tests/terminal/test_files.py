@@ -49,7 +49,7 @@ def test_an_existing_file_stays_without_force(tmp_path: Path) -> None:
 
 
 @posix_only("links that any user may make, and modes of files")
-def test_a_replaced_file_keeps_its_mode_and_a_link_stays_a_link(tmp_path: Path) -> None:
+def test_replaced_file_keeps_its_mode_and_links_stay_links(tmp_path: Path) -> None:
     target, link = tmp_path / "a", tmp_path / "link"
     target.write_text("old")
     target.chmod(0o640)

@@ -104,7 +104,7 @@ def test_seven_bits_on_stderr_too(args: list[str]) -> None:
     assert narrow.returncode == wide.returncode
 
 
-def test_messages_are_broken_between_words_and_write_units_as_pages_do() -> None:
+def test_messages_wrap_between_words_and_write_units_like_pages() -> None:
     code, told = on_terminal("presets", "show", "nosuch", columns=60)
     lines = told.splitlines()
     assert (code, lines[0]) == (4, "error: no such preset or file: nosuch")

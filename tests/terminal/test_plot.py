@@ -52,7 +52,7 @@ def test_a_legend_breaks_between_its_parts():
 
 
 @pytest.mark.parametrize("size", range(3, 13))
-def test_a_number_stands_in_the_row_of_the_dots_of_its_value(size):
+def test_axis_number_is_in_the_row_of_its_value(size):
     for level in (20, 40, 60, 80):
         page = curve(BRAILLE, Curve(np.array([0.0, 1.0, 2.0]), np.array([7.0, level, 93.0]), "x", "y", rows=size))
         found = re.search(rf"^ *{level} ┤(.*)$", page, flags=re.MULTILINE)
@@ -96,7 +96,7 @@ def test_a_gap_is_drawn_as_one():
 
 
 @pytest.mark.parametrize("more", [{}, {"second": np.linspace(0, 0.5, 50), "names": ("a", "b"), "rows": 20}])
-def test_a_limit_that_is_near_is_a_line_across_with_its_number(more):
+def test_nearby_limit_is_a_horizontal_line_with_its_number(more):
     x = np.linspace(0, 1, 50)
     page = curve(ASCII, Curve(x, x, "x", "y", limit=1.25, **more))
     first, *others = rows(page)
@@ -119,7 +119,7 @@ def test_values_far_from_0_leave_no_half_empty():
     assert " 0 +" in near
 
 
-def test_marks_have_one_sign_on_every_page_and_their_legend_beside_it():
+def test_marks_have_one_sign_on_every_page_with_a_legend():
     x = np.linspace(0, 11, 12)
     marks = [CurveMark(k, float(k), words, "now") for k, words in enumerate(("now", "best", "measured", "next"))]
     page = curve(BRAILLE, Curve(x, x, "holes", "y", marks=tuple(marks)))
@@ -134,14 +134,14 @@ def test_a_mark_before_the_curve_stands_at_its_begin():
     assert [row[0] for row in drawn].count("E") == 1
 
 
-def test_letters_of_one_place_of_the_seat_stand_side_by_side():
+def test_letters_at_one_position_of_the_seat_are_adjacent():
     places = tuple(SeatMark("", angle, letter, "") for angle, letter in ((0.0, "W"), (0.0, "N"), (90.0, "B")))
     drawn = seat_in_characters(Seat("", (Hole(0, 0.0, True),), 0.0, 0.0, places, (), "x", ""))
     assert "WN" in drawn
     assert "B" in drawn
 
 
-def test_a_plot_has_the_width_of_its_terminal_and_twelve_rows_on_a_tall_one():
+def test_plot_has_the_terminal_width_and_twelve_rows_if_tall():
     x = np.linspace(0, 1, 50)
     wide = curve(Style(ascii=False, codes=False, width=140, height=45), Curve(x, x, "x", "y", rows=2))
     assert max(map(len, wide.splitlines())) == 140

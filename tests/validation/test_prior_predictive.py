@@ -157,7 +157,7 @@ def test_case(case: Case) -> None:
     case.check()
 
 
-def test_what_a_record_is_made_of_is_read_off_it_whatever_its_trend():
+def test_amplitudes_of_a_recording_are_independent_of_its_trend():
     phi = np.linspace(0.3, 16.0, 400)
     error = 5 + 3 * phi - 0.2 * phi**2 + 7 * np.cos(2 * phi + 1) + 2 * np.sin(3 * phi)
     *found, whole = amplitudes(phi, error[None])[0]
@@ -165,7 +165,7 @@ def test_what_a_record_is_made_of_is_read_off_it_whatever_its_trend():
     assert whole == pytest.approx(np.ptp(7 * np.cos(2 * phi + 1) + 2 * np.sin(3 * phi)), abs=1e-9)
 
 
-def test_the_reading_error_is_what_the_stars_differ_by_and_the_scale():
+def test_reading_error_combines_the_star_scatter_and_the_scale():
     assert reading_errors()[1] == pytest.approx(0.8, abs=0.05)
     assert np.all(reading_errors() >= SCALE * measured())
 

@@ -136,7 +136,7 @@ def test_case(case: Case) -> None:
     case.check()
 
 
-def test_what_is_recalled_or_a_limit_is_not_compared_and_each_row_has_its_source() -> None:
+def test_published_values_have_sources_and_recalled_ones_are_not_compared() -> None:
     assert len(records()) == 22
     assert all(row["source"] and row["not_known"] for row in records())
     for row in records():

@@ -29,5 +29,5 @@ def test_extremes(by_hole):
 
 
 @pytest.mark.thorough
-def test_the_best_hole_has_the_mark_towards_the_offset_for_either_sign_of_the_torque(by_hole):
+def test_best_hole_aligns_mark_and_eccentricity_for_either_torque_sign(by_hole):
     assert [int(np.argmin(values)) for values in by_hole.values()] == [6, 6]
