@@ -278,8 +278,7 @@ def check(
     require_solver(run.cross_check or CROSS_SOLVER)
     assumed_drive, prior = beside_measured_teeth(drive, measured)
     require_programme(drive, run)
-    rows = zip(torques, self_error(drive, torques, run=run), [drive.limit(M_g) for M_g in torques], strict=True)
-    points = tuple(OperatingPoint(*row, open_=bool(prior.fields), sure=sure) for row in rows)
+    points = _unsolved_points(drive, is_open=bool(prior.fields), sure=sure, run=run)
     checked = DesignCheck(drive=drive, points=points, measured=measured, unknown=unknowns(assumed_drive), prior=prior)
     rooms = [point.left_arcsec for point in points]
     sampled = searchable(drive) and not measured and bool(prior.fields)
@@ -300,6 +299,22 @@ def check(
     checks = run.beside(cross_checks_of, solved, run.of_task)
     checked = checked.with_errors(errors).with_steps(run)
     return checked.with_errors([replace(e, cross_check=c) for e, c in zip(errors, checks.result(), strict=True)])
+
+
+def _unsolved_points(drive: Drive, *, is_open: bool, sure: float, run: Run) -> tuple[OperatingPoint, ...]:
+    """Return the torques of a drive with their self errors and limits, before an error is solved.
+
+    Args:
+        drive: the drive.
+        is_open: whether it has uncertain inputs.
+        sure: probability of meeting a limit that PASS needs.
+        run: processes and progress.
+    """
+    torques = drive.operation.M_g
+    points = []
+    for M_g, error in zip(torques, self_error(drive, torques, run=run), strict=True):
+        points.append(OperatingPoint(M_g, error, drive.limit(M_g), open_=is_open, sure=sure))
+    return tuple(points)
 
 
 def _middle(drive: Drive, samples: Samples, torque: int) -> Drive:

@@ -363,21 +363,14 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
                 travel = self.travel or (drive and drive.acceptance.travel)
                 result = read(file, drive, ratio, seed=self.seed, travel_deg=travel, shafts=shafts)
                 if not isinstance(result, Measurement):
-                    if self.archive:
-                        raise UsageError(
-                            f"{name}: positions and torque loops cannot be stored in an archive",
-                            "use --archive with recordings only",
-                        )
+                    self._require_recording(name)
                     return bench_report(result, drive, self.seed, next_options)
                 result = with_full_cycle(result)
                 measurements.append(result)
                 take(result)
                 speed = form.output_speed(result.gearing.ratio) if result.gearing else self.speed
                 report = measure_report(result, drive, next_options, speed)
-                if not joint:
-                    return report
-                values = {"joint": joint.name, **report.values}
-                return replace(report, head=f"joint {joint.name}, {report.head}", about=name, values=values)
+                return _of_joint(report, joint.name, name) if joint else report
 
             joints_by_name = {f"{file}: {joint.name}": (file, joint) for file in self.files for joint in joints}
             answers = run_each("measure", [*joints_by_name] or self.files, report_of, out, kind="file")
@@ -387,6 +380,14 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
                 lines = joint_lines(answers, measurements)
         return give("measure", answers, out, more=repeat_values, below=lines)
 
+    def _require_recording(self, name: str) -> None:
+        """Raise UsageError if positions or torque loops, by the name of their file, are to be stored in an archive."""
+        if self.archive:
+            raise UsageError(
+                f"{name}: positions and torque loops cannot be stored in an archive",
+                "use --archive with recordings only",
+            )
+
     def _next_options(self, joint: LoggedJoint | None) -> list[str]:
         """Return the options by which a recording, or a joint of it, was read, as a next command takes them."""
         options = self.words_of_reading()
@@ -395,6 +396,12 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
         if joint:
             options += [f"--angle={joint.angle}", f"--second={joint.second}"]
         return options
+
+
+def _of_joint(report: Report, joint: str, about: str) -> Report:
+    """Return the report on a recording as that of a joint, by its name; about: file and joint."""
+    values = {"joint": joint, **report.values}
+    return replace(report, head=f"joint {joint}, {report.head}", about=about, values=values)
 
 
 class ControllerOptions(o.OptionGroup):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, nullcontext
 from dataclasses import asdict, replace
 from functools import partial
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from hdassist.preset.fields import Drive
     from hdassist.run.kept import Kept
     from hdassist.tolerance.production import Production, ProductionLaw, RandomDrive
+    from hdassist.tolerance.yields import Summary
 
 
 class CheckCommand(o.PlotOptions, o.SamplingOptions, o.PitchOptions, o.LimitedDriveOptions):
@@ -517,23 +518,60 @@ class ToleranceCommand(o.RowsOptions, DrawOptions):
     per_design: int = 10
 
     def report(self, out: Output, preset: str) -> Report:
-        """Random drives of a preset."""
-        from hdassist.error.cycle import self_error
+        """Return the report on random drives of a preset."""
         from hdassist.pages.tolerance import drive_table, tolerance_report
         from hdassist.run.kept import KeptOwner, open_kept
-        from hdassist.run.run import stream
+
+        drive = self.load(preset)
+        law = self.law(drive)
+        production, summary = self._begun(drive, law)
+        owner = KeptOwner(
+            command="tolerance",
+            preset=drive.name,
+            inputs={"preset": drive.origin.sha256},
+            options=production.options(),
+            seed=self.seed,
+        )
+        if self.results is not None:
+            claim_output(self.results, is_kept=True)
+
+        def progress_words() -> str:
+            if self.results:
+                return f"{kept.done} of {self.count} drives are stored in {self.results}; the same command resumes"
+            return f"{kept.done} of {self.count} drives are done but not stored; store them with --results FILE"
+
+        samples = None
+        with open_kept(self.results, owner, production.kind, force=self.force) as kept:
+            summary.add(islice(kept.records(), self.count))
+            if kept.done < self.count:
+                production, samples = self.with_designs(out, production, self.count)
+            self._solve_drives(out, production, kept, summary, progress_words)
+            interrupted = kept.done < self.count
+            if not interrupted and self.parquet is not None:
+                kinds, rows = drive_table(production, islice(kept.records(), self.count))
+                write_parquet(self.parquet, kinds, rows, asdict(owner), self.force)
+        if not summary.count:
+            if interrupted:
+                raise KeyboardInterrupt
+            raise UntrustedError(f"no random drive has a result: {summary.reason}", "reduce the tolerances and ranges")
+        if interrupted:
+            say(f"interrupted: {progress_words()}")
+        return tolerance_report(law, self.seed, summary, samples, interrupted=interrupted)
+
+    def _begun(self, drive: Drive, law: ProductionLaw) -> tuple[Production, Summary]:
+        """Return the production of a drive, and the summary of its drives before the first of them.
+
+        Raises UsageError for a yield without limits, UntrustedError if a self error cannot be trusted.
+        """
+        from hdassist.error.cycle import self_error
         from hdassist.tolerance.production import Production
         from hdassist.tolerance.yields import AtTorque, Summary, rooms
 
-        drive = self.load(preset)
-        results = self.results
-        count = self.count
-        law = self.law(drive)
         torques = drive.operation.M_g
         limits = [drive.limit(M_g) for M_g in torques]
         if (self.limit or self.wanted is not None) and not any(limits):
             _require_limits(drive)
-        self_errors = [self_error_of_torque.range_arcsec for self_error_of_torque in self_error(drive, torques)]
+        self_errors = [error.range_arcsec for error in self_error(drive, torques)]
         production = Production(
             law,
             torques,
@@ -543,47 +581,33 @@ class ToleranceCommand(o.RowsOptions, DrawOptions):
             per_design=self.per_design,
         )
         points = tuple(map(AtTorque, torques, limits, self_errors))
-        samples = None
         summary = Summary(points=points, positions=len(production.rotations), wanted=self.wanted, sure=self.sure)
-        owner = KeptOwner(
-            command="tolerance",
-            preset=drive.name,
-            inputs={"preset": drive.origin.sha256},
-            options=production.options(),
-            seed=self.seed,
-        )
-        if results is not None:
-            claim_output(results, is_kept=True)
+        return production, summary
 
-        def progress_words() -> str:
-            if results:
-                return f"{kept.done} of {count} drives are stored in {results}; the same command resumes"
-            return f"{kept.done} of {count} drives are done but not stored; store them with --results FILE"
+    def _solve_drives(
+        self,
+        out: Output,
+        production: Production,
+        kept: Kept[RandomDrive],
+        summary: Summary,
+        progress_words: Callable[[], str],
+    ) -> None:
+        """Solve the drives that are not kept yet, keep them and add them to the summary, until an interruption.
 
-        with open_kept(results, owner, production.kind, force=self.force) as kept:
-            summary.add(islice(kept.records(), count))
-            if kept.done < count:
-                production, samples = self.with_designs(out, production, count)
-            with (
-                out.progress(drive.name, count - kept.done) as progress,
-                out.engine(self) as engine,
-                closing(stream(production.records, count, done=kept.done, jobs=self.jobs, executor=engine)) as chunks,
-                at_stop(progress_words),
-            ):
-                for records in until_interrupted(chunks):
-                    kept.append(records)
-                    summary.add(records)
-                    progress(len(records))
-            if not (interrupted := kept.done < count) and self.parquet is not None:
-                kinds, rows = drive_table(production, islice(kept.records(), count))
-                write_parquet(self.parquet, kinds, rows, asdict(owner), self.force)
-        if not summary.count:
-            if interrupted:
-                raise KeyboardInterrupt
-            raise UntrustedError(f"no random drive has a result: {summary.reason}", "reduce the tolerances and ranges")
-        if interrupted:
-            say(f"interrupted: {progress_words()}")
-        return tolerance_report(law, self.seed, summary, samples, interrupted=interrupted)
+        progress_words: returns how far the work is, for a message if the process is stopped.
+        """
+        from hdassist.run.run import stream
+
+        with (
+            out.progress(production.drive.name, self.count - kept.done) as progress,
+            out.engine(self) as engine,
+            closing(stream(production.records, self.count, done=kept.done, jobs=self.jobs, executor=engine)) as chunks,
+            at_stop(progress_words),
+        ):
+            for records in until_interrupted(chunks):
+                kept.append(records)
+                summary.add(records)
+                progress(len(records))
 
 
 class SensitivityCommand(o.FigureOptions, DrawOptions):

@@ -19,6 +19,7 @@ from textual.widgets import DataTable, Static
 
 from hdassist.belief.evidence import measured_errors
 from hdassist.belief.prior import prior_of
+from hdassist.design import DesignCheck
 from hdassist.errors import Verdict
 from hdassist.explorer.asking import Known
 from hdassist.explorer.compute import (
@@ -126,17 +127,19 @@ class Holes(KeyedTable):
     ) -> None:
         """Show positions.
 
-        Arguments: session; found, their F'_ior; behind, that of another variant; letters by turn [deg].
+        Args:
+            session: the drive.
+            found: F'_ior in its positions.
+            behind: that of another variant.
+            letters: of positions, by turn [deg].
         """
-        drive = session.drive
-        holes = session.drive.mounting.holes
         readings = measured_errors(session.drive)
-        torques = drive.operation.M_g
-        limits = [limit for M_g in torques if (limit := drive.limit(M_g))]
-        errors = [*(one.value for one in readings), *(found.F_ior_arcsec.max(axis=(1, 2)) if found else limits)]
+        limits = [limit for M_g in session.drive.operation.M_g if (limit := session.drive.limit(M_g))]
+        errors = [reading.value for reading in readings]
+        errors += found.F_ior_arcsec.max(axis=(1, 2)).tolist() if found else limits
         top = ticks(0.0, max([0.1, *errors]), 5)[-1]
-        places = sorted({*session.positions, *letters, *(one.rotation_deg for one in readings)})
-        heads = [f" {M_g:g} N·m" for M_g in torques] if found else []
+        places = sorted({*session.positions, *letters, *(reading.rotation_deg for reading in readings)})
+        heads = [f" {M_g:g} N·m" for M_g in session.drive.operation.M_g] if found else []
         blank = [Text() for _ in heads]
         numbers = {place: values_of(found, place) or blank for place in places}
         is_narrow = self._room(numbers, heads) < _LEAST_BAR
@@ -145,20 +148,13 @@ class Holes(KeyedTable):
         width = max(self._room(numbers, heads), 1)
         rows = {}
         for place in places:
-            measured = [one.value for one in readings if abs(one.rotation_deg - place) < 1e-6]
-            signs = letters.get(place, "") + ("◆" if measured else "")
-            head = Text(f"{bare(place, holes):>4} {signs:4.4}", "bold" if place == session.turn_deg else "")
-            head.highlight_regex("B", _LETTER_STYLES["B"])
-            marks = [(middle, middle, "┄", "dim") for _, middle, _ in _seat_ranges(behind, place)]
-            points = [(limit, limit, "│", _RED) for limit in limits if limit <= top]  # above all ranges
-            for k, (low, middle, high) in enumerate(_seat_ranges(found, place)):
-                sign = _torque_sign(k, found.surety(place) if found else "")
-                marks.append((low, high, sign[0], _torque_style(k)))
-                points.append((middle, middle, sign[1], _torque_style(k)))
-            points += [(value, value, "◆", _INK[2]) for value in measured]
-            rows[f"{place}"] = head, *numbers[place], _bar(width, top, [*marks, *points])
+            measured = [reading.value for reading in readings if abs(reading.rotation_deg - place) < 1e-6]
+            marks = [*_range_marks(found, behind, place, [limit for limit in limits if limit <= top])]
+            marks += [(value, value, "◆", _INK[2]) for value in measured]
+            name = _place_name(session, place, letters.get(place, "") + ("◆" if measured else ""))
+            rows[f"{place}"] = name, *numbers[place], _bar(width, top, marks)
         scale = f" 0{f'{top:g}″':>{max(width - 2, 1)}}"
-        self.fill(["hole" if holes else "turn", *heads, scale if found else ""], rows)
+        self.fill(["hole" if session.drive.mounting.holes else "turn", *heads, scale if found else ""], rows)
         self.border_title = "F'_ior by hole, ″"
         if found and SURE_RANGE in found.sure:
             self.border_title += ": median" if is_narrow else ": 5 to 95 %"
@@ -170,6 +166,39 @@ class Holes(KeyedTable):
         """Columns that are left for bars beside numbers under heads."""
         by_torque = zip(heads, zip(*numbers.values(), strict=True), strict=False)
         return self.size.width - 11 - sum(max(len(head), *map(len, cells)) for head, cells in by_torque)
+
+
+def _place_name(session: Session, place_deg: float, signs: str) -> Text:
+    """Return the name of a position with its signs, bold for the present one."""
+    style = "bold" if place_deg == session.turn_deg else ""
+    name = Text(f"{bare(place_deg, session.drive.mounting.holes):>4} {signs:4.4}", style)
+    name.highlight_regex("B", _LETTER_STYLES["B"])
+    return name
+
+
+def _range_marks(
+    found: SeatCurve | None, behind: SeatCurve | None, place_deg: float, limits: Sequence[float]
+) -> Iterator[tuple[float, float, str, str]]:
+    """Yield the marks of a position, from below upwards: the other variant, ranges, limits, medians.
+
+    Args:
+        found: F'_ior of the drive.
+        behind: that of the other variant.
+        place_deg: the position [deg].
+        limits: those within the bar [arcsec].
+
+    A mark has its two ends [arcsec], its sign and its style.
+    """
+    for _, middle, _ in _seat_ranges(behind, place_deg):
+        yield middle, middle, "┄", "dim"
+    surety = found.surety(place_deg) if found else ""
+    ranges = _seat_ranges(found, place_deg)
+    for k, (low, _, high) in enumerate(ranges):
+        yield low, high, _torque_sign(k, surety)[0], _torque_style(k)
+    for limit in limits:
+        yield limit, limit, "│", _RED
+    for k, (_, middle, _) in enumerate(ranges):
+        yield middle, middle, _torque_sign(k, surety)[1], _torque_style(k)
 
 
 def _seat_ranges(found: SeatCurve | None, rotation_deg: float) -> list[list[float]]:
@@ -333,57 +362,106 @@ def head_line(session: Session) -> Text:
 
 
 def headline(session: Session, known: Known, pinned: Known | None, torque: int, width: int) -> RichTable | Text:
-    """F'_ior by torque as `check` has it, as it stands and in the best hole; columns that have no room are left out.
+    """Return F'_ior by torque as `check` has it, as it stands and in the best hole.
 
-    Arguments: session; known, of it; pinned, of the drive beside it; torque, the place of the one to mark; width,
-    in characters. Before the answer is whole a typical drive, as it was and is, stands beside the old one.
+    Before the answer is whole a typical drive, as it was and is, stands beside the old one.
+
+    Args:
+        session: the drive.
+        known: what is known of it.
+        pinned: what is known of the drive beside it.
+        torque: index of the one to mark.
+        width: in characters; columns that have no room are left out.
     """
     shown = known.check or known.old
-    whole_check = known.whole
     if not shown or (known.failed and not known.check):
         return Text(f"F'_ior: {known.without}")
-    page = F_ior_table(shown)
-    sure = f"{shown.samples.effective:.0f} samples" if shown.samples else "every state"
-    state = f"{sure if shown is known.check else 'old'}{'' if whole_check else ' …'}"
-    surety = SURE_RANGE if shown.samples else SURE_PROVEN
-    torques = [
-        f"[{_torque_style(k)}]{'▸' if k == torque else ''}{point.M_g:g} N·m {_torque_sign(k, surety)}[/]"
-        for k, point in enumerate(shown.points)
-    ]
-    columns = {state: torques, **dict(zip(page.heads, map(list, zip(*page.rows, strict=True)), strict=True))}
-    for name in ("self error", page.heads[0]):
-        del columns[name]
-    columns = {"F'_ior" if name == "median" else name: cells for name, cells in columns.items()}
-    columns = {f"{name}, ″" if name in _WITH_UNIT else name: cells for name, cells in columns.items()}
-    if known.first and known.old and not whole_check:
+    columns = _check_columns(known, shown, torque)
+    if known.first and known.old and not known.whole:
         F_ior_pairs = zip(typical_of(known.old)[1], known.first.F_ior_arcsec, strict=True)
         columns["typical drive, ″"] = [
             f"{before:.2f} → {new:.2f} {MARKS[known.first.sure][0]}" for before, new in F_ior_pairs
         ]
     if "limit, ″" in columns:
-        limits = [(point.limit_arcsec, point.held_arcsec, point.probability) for point in shown.points]
-        verdicts = columns.pop("verdict")
-        if shown is known.check and not whole_check:
-            verdicts = ["…" for _ in limits]
-        columns["verdict"] = [f"[{_VERDICT_STYLES.get(word, 'dim')}]{word}[/]" for word in verdicts]
-        columns["margin, ″"] = [f"{limit - ends[1]:+.2f}" if limit and ends else "" for limit, ends, _ in limits]
-        columns["P(met)"] = [f"{100 * kept.value:.0f} %" if kept else "" for _, _, kept in limits]
-    if whole_check and pinned and pinned.whole:
+        columns |= _limit_columns(known, shown, columns.pop("verdict"))
+    if known.whole and pinned and pinned.whole:
         points = zip(shown.points, pinned.whole.points, strict=True)
-        changes = (new_point.F_ior_or_error - before.F_ior_or_error for new_point, before in points)
+        changes = [point.F_ior_or_error - before.F_ior_or_error for point, before in points]
         columns["change, ″"] = [f"[{_INK[0]}]{change:+.2f}[/]" for change in changes]
+    columns |= _best_hole_column(session, known, _surety(shown))
+    return _table_within(columns, width)
+
+
+def _surety(check: DesignCheck) -> str:
+    """Return how sure F'_ior of a check is: a range of samples, or a solution of every state."""
+    return SURE_RANGE if check.samples else SURE_PROVEN
+
+
+def _check_columns(known: Known, shown: DesignCheck, torque: int) -> dict[str, list[str]]:
+    """Return the columns of a check that the headline has, by their heads, a cell for each torque.
+
+    Args:
+        known: what is known of the drive.
+        shown: its check, or the old one.
+        torque: index of the one to mark.
+    """
+    basis = f"{shown.samples.effective:.0f} samples" if shown.samples else "every state"
+    if shown is not known.check:
+        basis = "old"
+    if not known.whole:
+        basis += " …"
+    torques = [
+        f"[{_torque_style(k)}]{'▸' if k == torque else ''}{point.M_g:g} N·m {_torque_sign(k, _surety(shown))}[/]"
+        for k, point in enumerate(shown.points)
+    ]
+    columns = {basis: torques}
+    page = F_ior_table(shown)
+    for head, *cells in zip(page.heads, *page.rows, strict=True):
+        if head in ("self error", page.heads[0]):
+            continue
+        name = "F'_ior" if head == "median" else head
+        if name in _WITH_UNIT:
+            name += ", ″"
+        columns[name] = cells
+    return columns
+
+
+def _limit_columns(known: Known, shown: DesignCheck, verdicts: Sequence[str]) -> dict[str, list[str]]:
+    """Return the verdict, the margin and the probability of meeting the limit, a cell for each torque."""
+    if shown is known.check and not known.whole:
+        verdicts = ["…" for _ in verdicts]
+    margins = []
+    probabilities = []
+    for point in shown.points:
+        ends = point.held_arcsec
+        margins.append(f"{point.limit_arcsec - ends[1]:+.2f}" if point.limit_arcsec and ends else "")
+        probabilities.append(f"{100 * point.probability.value:.0f} %" if point.probability else "")
+    return {
+        "verdict": [f"[{_VERDICT_STYLES.get(word, 'dim')}]{word}[/]" for word in verdicts],
+        "margin, ″": margins,
+        "P(met)": probabilities,
+    }
+
+
+def _best_hole_column(session: Session, known: Known, surety: str) -> dict[str, list[str]]:
+    """Return F'_ior in the best hole, none if it is the present one; surety: of the numbers beside it."""
     advice = known.advice
     best_deg = advice.chosen.rotation_deg if advice and advice.word != "ANY_HOLE" else 0.0
-    is_as_sure = known.curve and known.curve.surety(best_deg) == surety  # a number as given is not put beside medians
-    if best_deg and known.curve and is_as_sure:
-        holes = session.drive.mounting.holes
-        best = known.curve.place(best_deg)
-        best_name = f"hole {bare(best_deg, holes)}" if holes else f"{bare(best_deg, holes)}°"
-        name = f"best: {best_name}, ″"
-        columns[name] = [f"[{_INK[3]}]{value:.2f}[/]" for value in known.curve.F_ior_arcsec[1, :, best]]
+    # a number as given is not put beside medians
+    if not best_deg or not known.curve or known.curve.surety(best_deg) != surety:
+        return {}
+    holes = session.drive.mounting.holes
+    best_name = f"hole {bare(best_deg, holes)}" if holes else f"{bare(best_deg, holes)}°"
+    medians = known.curve.F_ior_arcsec[1, :, known.curve.place(best_deg)]
+    return {f"best: {best_name}, ″": [f"[{_INK[3]}]{value:.2f}[/]" for value in medians]}
+
+
+def _table_within(columns: dict[str, list[str]], width: int) -> RichTable:
+    """Return a table of columns, cells by head, without the last ones that have no room; the verdict goes last."""
+    columns = dict(columns)
     widths = {name: 2 + max(Text.from_markup(cell).cell_len for cell in (name, *columns[name])) for name in columns}
-    for name in sorted(widths, key=lambda name: name != "verdict")[::-1]:  # which goes last
-        if sum(widths[name] for name in columns) > width:
+    for name in sorted(widths, key=lambda name: name != "verdict")[::-1]:
+        if sum(widths[kept] for kept in columns) > width:
             del columns[name]
     table = RichTable(box=None, padding=(0, 2, 0, 0), header_style="dim")
     for name in columns:

@@ -392,16 +392,14 @@ def advise(
         # tables leave more samples that agree with measured values
         if has_values and (not drawn.samples or drawn.samples.few):
             by_values = advise_after(drive, (), setup, draws=draws, sure=sure, cost=cost, worth=worth, run=run)
-            further_certificate = curve.certificate + drawn.certificate
-            if drawn.samples:
-                further_certificate += drawn.samples.certificate
+            further_certificate = curve.certificate + drawn.all_certificate
             return replace(by_values, more_certificate=by_values.more_certificate + further_certificate)
     samples = drawn.samples
-    # over all torques of the samples, and over those that decide
-    decision_of_all = (
-        Decision.of(samples, positions, rooms.arcsec, sure) if samples else Decision.as_given(curve, rooms.arcsec)
-    )
-    decision = decision_of_all.of_torques(slice(len(torques))) if samples else decision_of_all
+    if samples:
+        decision_of_all = Decision.of(samples, positions, rooms.arcsec, sure)  # over all torques of the samples
+        decision = decision_of_all.of_torques(slice(len(torques)))
+    else:
+        decision_of_all = decision = Decision.as_given(curve, rooms.arcsec)
     advice = Advice(
         drive=drive,
         decision=decision,
@@ -417,11 +415,11 @@ def advise(
         more_certificate=rooms.certificate + drawn.certificate,
     )
     has_any_direction = advice.unknown and unknown_turn(assumed_drive) and not has_values
-    all_alike = bool(advice.no_hole_better or has_any_direction)
-    advice = replace(advice, decision=replace(decision, cost=cost, all_alike=all_alike))
+    choice: Any = {"cost": cost, "all_alike": bool(advice.no_hole_better or has_any_direction)}
+    advice = replace(advice, decision=replace(decision, **choice))
     if not samples or advice.no_hole_better:
         return advice
-    decision_of_all = replace(decision_of_all, cost=cost, all_alike=all_alike)
+    decision_of_all = replace(decision_of_all, **choice)
     return replace(advice, value=_first_value(drive, decision_of_all, setup, (*torques, *other_torques), run.seed))
 
 
@@ -451,6 +449,11 @@ class _Drawn:
     samples: Samples | None
     fault: str
     certificate: Certificate  # of states solved for samples that do not serve
+
+    @property
+    def all_certificate(self) -> Certificate:
+        """The certificate of all states solved for samples."""
+        return self.certificate + self.samples.certificate if self.samples else self.certificate
 
 
 def _drawn_samples(prior: DrivePrior, room_arcsec: Sequence[float | None], **options: Any) -> _Drawn:
@@ -501,9 +504,7 @@ def advise_after(
     if not trials:
         raise UsageError(f"no trials at {setup.M_g:g} N·m: expected HOLE=VALUE, or measured.F_ior", TRIAL_HINT)
     all_trials = (*trials, outcome) if outcome else trials
-    positions = usable_positions(drive.mounting.holes, drive.mounting.allowed)
-    if not drive.mounting.holes:
-        positions = sorted({*positions, *(trial.rotation_deg for trial in all_trials)})
+    positions = _positions_with_trials(drive, all_trials)
     trial_torques = [setup.point(trial)[1] for trial in all_trials]
     values = [replace(trial, M_g=M_g) for trial, M_g in zip(all_trials, trial_torques, strict=True)]
     # the torque to which the others are related depends on the values, not on how they were written
@@ -519,9 +520,9 @@ def advise_after(
     measurable = {M_g: after.F_ior_by_torque[M_g][:, :-1] for M_g in (common.M_g, *sorted(further_torques))}
     noise = after.noise * setup.noise_arcsec
     advice = Advice(
-        drive,
-        decision,
-        setup,
+        drive=drive,
+        decision=decision,
+        setup=setup,
         trials=all_trials,
         after=after,
         value=_value(decision, measurable, noise, setup, len(all_trials), run.seed),
@@ -537,6 +538,14 @@ def advise_after(
     verification = _verified(advice, values, drive_holes)
     settled = replace(decision, settled_deg=verification.goal.rotation_deg)
     return replace(advice, decision=settled, verification=verification)
+
+
+def _positions_with_trials(drive: Drive, trials: Sequence[Trial]) -> list[float]:
+    """Return the usable positions of the fixed wheel [deg]; those of values among them if its angle is free."""
+    positions = usable_positions(drive.mounting.holes, drive.mounting.allowed)
+    if drive.mounting.holes:
+        return positions
+    return sorted({*positions, *(trial.rotation_deg for trial in trials)})
 
 
 def _measured_torques(trials: Sequence[Trial], trial_torques: Sequence[float], setup: TrialSetup) -> set[float]:
