@@ -8,6 +8,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "hdassist"
+MOST_WORDS_OF_TEST = 10
 
 
 @cache
@@ -72,3 +73,15 @@ def test_what_its_module_alone_uses_is_private():
         if not name.startswith("_")
     }
     assert alone == set()
+
+
+def test_no_test_name_has_more_than_ten_words():
+    long_names = [
+        f"{file.relative_to(ROOT)}: {node.name}"
+        for file in (ROOT / "tests").rglob("*.py")
+        for node in ast.walk(tree_of(file))
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+        and node.name.startswith("test_")
+        and len(node.name.removeprefix("test_").split("_")) > MOST_WORDS_OF_TEST
+    ]
+    assert long_names == []
