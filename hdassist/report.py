@@ -104,8 +104,14 @@ def to_error_digit(value: float, standard_error: float | None, most: int = 2) ->
     standard_error: in the unit of the number; None or 0 of an exact number.
     most: number of decimals at most.
     """
-    decimals = -floor(log10(standard_error)) if standard_error else most
-    return f"{value:.{min(max(decimals, 0), most)}f}"
+    return f"{value:.{error_decimals(standard_error, most)}f}"
+
+
+def error_decimals(standard_error: float | None, most: int = 2) -> int:
+    """Return the number of decimals to the first digit of a standard error, most at most: of 0.15 it is 1."""
+    if not standard_error:
+        return most
+    return min(max(-floor(log10(standard_error)), 0), most)
 
 
 Quantities: TypeAlias = tuple[Quantity[T], ...]

@@ -172,6 +172,20 @@ class Decision:
         F_ior = self.now_arcsec if self.all_alike else self.at(place)
         return tuple(weighted_quantile(at_torque, self.sample_weights, share) for at_torque in F_ior)
 
+    def standard_errors(self, share: float, place: int | None) -> tuple[float, ...]:
+        """Return the Monte Carlo standard error of a percentile of F'_ior [arcsec] in a hole at each torque.
+
+        share: that of the percentile (0.95).
+        place: the hole; None at rotation 0.
+        It is half the distance of the percentiles one standard error of the share below and above. 0 without samples.
+        """
+        if not self.is_sampled:
+            return (0.0,) * len(self.F_ior_arcsec)
+        step = np.sqrt(share * (1 - share) / self.effective)
+        below = self.quantile(max(share - step, 0.0), place)
+        above = self.quantile(min(share + step, 1.0), place)
+        return tuple((high - low) / 2 for low, high in zip(below, above, strict=True))
+
     def range_of(self, values: Array) -> tuple[float, float, float]:
         """5th percentile, median and 95th percentile of values, shape (samples,)."""
         low, middle, high = (weighted_quantile(values, self.sample_weights, share) for share in LEVELS.values())

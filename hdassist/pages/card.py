@@ -14,7 +14,7 @@ from hdassist.mounting.positions import Position, hole_of
 from hdassist.mounting.posterior import Trial
 from hdassist.preset.fields import Drive, origin_counts
 from hdassist.preset.text import shown
-from hdassist.report import Block, Facts, Hole, Lines, Paragraph, Seat, SeatMark, Table
+from hdassist.report import Block, Facts, Hole, Lines, Paragraph, Seat, SeatMark, Table, error_decimals, to_error_digit
 from hdassist.terminal.words import HOME, Texts, texts
 
 ENGLISH = texts()
@@ -67,11 +67,17 @@ def instruction(advice: Advice, say: Texts = ENGLISH, *, gains: bool = True) -> 
     parts = {"place": hole_place(chosen, say), "turn": turn(chosen, say), "start": start_of_count(advice.drive, say)}
     sentences = [say(f"instruction.{kind}", wheel=fixed, **parts), say(f"instruction.zero_{kind}", wheel=fixed)]
     if gains:
-        values = zip(advice.torques, advice.current.F_ior_arcsec, chosen.F_ior_arcsec, strict=True)
-        changes = ", ".join(f"{present:.2f} → {new:.2f}″ at {M_g:g} N·m" for M_g, present, new in values)
+        medians = zip(advice.torques, _median_texts(advice, advice.current), _median_texts(advice, chosen), strict=True)
+        changes = ", ".join(f"{present} → {new}″ at {M_g:g} N·m" for M_g, present, new in medians)
         statistic = "Median F'_ior" if advice.decision.is_sampled else "F'_ior"
         sentences.append(f"{statistic}: {changes}.")
     return " ".join(sentences)
+
+
+def _median_texts(advice: Advice, position: Position) -> list[str]:
+    """Return F'_ior [arcsec] in a hole at each torque, medians over samples to the first digit of their errors."""
+    errors = advice.decision.standard_errors(0.5, advice.decision.place(position.rotation_deg))
+    return [to_error_digit(value, error) for value, error in zip(position.F_ior_arcsec, errors, strict=True)]
 
 
 def _any_hole(advice: Advice, say: Texts) -> str:
@@ -302,9 +308,15 @@ def _torques(advice: Advice, say: Texts) -> Table:
     places = {"place": hole_place(advice.chosen, say), "zero": _zero(advice, say)}
     names = ("torque", "now", *(("after", "change") if is_moved else ()), "measured")
     rows = []
-    for M_g, present, new in zip(advice.torques, advice.current.F_ior_arcsec, advice.chosen.F_ior_arcsec, strict=True):
-        after = (say.number(new, ".2f"), say.percent(new / present - 1, "+")) if is_moved else ()
-        rows.append((say.number(M_g), say.number(present, ".2f"), *after, ""))
+    errors = advice.decision.standard_errors(0.5, advice.decision.stay)
+    new_errors = advice.decision.standard_errors(0.5, advice.decision.place(advice.chosen.rotation_deg))
+    for k, M_g in enumerate(advice.torques):
+        present = advice.current.F_ior_arcsec[k]
+        new = advice.chosen.F_ior_arcsec[k]
+        cells = [say.number(M_g), say.number(present, f".{error_decimals(errors[k])}f")]
+        if is_moved:
+            cells += [say.number(new, f".{error_decimals(new_errors[k])}f"), say.percent(new / present - 1, "+")]
+        rows.append((*cells, ""))
     return Table(say("torques.title"), tuple(say(f"torques.{name}", **places) for name in names), tuple(rows))
 
 

@@ -45,6 +45,7 @@ from hdassist.report import (
     influence_objects,
     pitch_object,
     samples_object,
+    to_error_digit,
     unknown_objects,
 )
 from hdassist.terminal.words import Texts, again, heading, influence_words, samples_words
@@ -500,8 +501,11 @@ def _position_row(advice: Advice, place: int, label: str, *, stands_for_all: boo
     """Return the row of a hole: label, hole, F'_ior at each torque, probabilities and excess."""
     action = advice.decision.action(place)
     cells = [label, _ANY_LINE if stands_for_all else bare(action.rotation_deg, advice.drive.mounting.holes)]
-    for low, middle, high in zip(*action.F_ior_arcsec.values(), strict=True):
-        cells.append(f"{middle:.2f} ({low:.1f}-{high:.1f})" if advice.decision.is_sampled else f"{middle:.2f}")
+    errors = {name: advice.decision.standard_errors(share, place) for name, share in LEVELS.items()}
+    for k in range(len(advice.torques)):
+        low, high = (to_error_digit(action.F_ior_arcsec[name][k], errors[name][k], 1) for name in ("p5", "p95"))
+        median = to_error_digit(action.F_ior_arcsec["p50"][k], errors["p50"][k])
+        cells.append(f"{median} ({low}-{high})" if advice.decision.is_sampled else median)
     if advice.decision.is_sampled:
         cells += [f"{100 * action.probability_better:.0f}", f"{100 * action.probability_good:.0f}"]
     return (*cells, f"{100 * action.expected_loss:.1f}")

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from scipy.stats import beta
 
 from hdassist.mounting.decision import Decision, MeasurementValue, as_measured, value_of_measurement
+from hdassist.report import to_error_digit
 
 
 def decision_of(*rows: list[float], weights: list[float] | None = None, torques: int = 1, **more: object) -> Decision:
@@ -39,6 +40,29 @@ def test_samples_drawn_again_from_few_order_nothing(worth, word):
     assert (found.word(), found.best, found.probability.value) == (word, 1, 1.0)
     low = beta.ppf(0.05, (worth or 2048) + 0.5, 0.5)  # Jeffreys
     assert found.probability.low == pytest.approx(low)
+
+
+def test_the_standard_error_of_a_median_is_that_of_repeated_samples():
+    rng = np.random.default_rng(0)
+    decisions = [decision_of(*rng.normal(30.0, 4.0, (200, 2)).tolist()) for _ in range(200)]
+    spread = np.std([decision.quantile(0.5, 1)[0] for decision in decisions])
+    stated = np.mean([decision.standard_errors(0.5, 1)[0] for decision in decisions])
+    assert stated == pytest.approx(spread, rel=0.15)  # the spread of 200 has a standard error of 5 %
+    assert decision_of([10.0, 5.0]).standard_errors(0.5, 1) == (0.0,)
+
+
+@pytest.mark.parametrize(
+    ("value", "standard_error", "text"),
+    [
+        (48.65, 1.7, "49"),
+        (27.72, 0.149, "27.7"),
+        (7.93, 0.083, "7.93"),
+        (7.93, 0.001, "7.93"),
+        (127.41, None, "127.41"),
+    ],
+)
+def test_a_number_has_the_digits_that_its_standard_error_carries(value, standard_error, text):
+    assert to_error_digit(value, standard_error) == text
 
 
 def test_statistics_are_those_of_the_weighted_samples():
