@@ -206,7 +206,7 @@ def test_values_that_no_drive_shows_name_a_hole_by_themselves():
     told = json.loads(done.stdout)
     assert (done.returncode, told["hole"] in (0, 1, 11)) == (0, True)
     assert told["trials"]["probability_by_values_alone"] > 0.9
-    assert "no drive of this preset shows these values" in done.stderr
+    assert "no drive of this preset agrees with these values" in done.stderr
 
 
 @pytest.mark.thorough
@@ -253,4 +253,4 @@ def test_required_number_of_samples_is_the_one_in_the_help():
     assert few.returncode == 5
     assert re.search(r" draws, 8 required: catalogue\.K_2 ", few.stderr), few.stderr
     words = in_a_line(run("mount", "-h").stdout)
-    assert "with values measured in holes, half of it is sufficient. [64]" in words
+    assert "with F'_ior measured in holes, half of this size is sufficient. [64]" in words
