@@ -84,7 +84,7 @@ def test_verdicts_and_exit_codes(rig, args, code, words):
     ("args", "code", "words"),
     [
         ([], 4, "has no acceptance limit"),
-        (["--limit", "F_ior=3"], 4, "nothing was measured"),
+        (["--limit", "F_ior=3"], 4, "no measured value"),
         (["--limit", "F_ior=3", "--measured", "4=bad.csv"], 4, "bad.csv:2"),
         (["--limit", "F_ior=3", "--measured", "4=none.csv"], 4, "no such file: none.csv"),
         (["--limit", "F_ior=3", "--measured", "run.csv"], 2, "the torque is missing"),

@@ -6,6 +6,7 @@ import csv
 import io
 import json
 import re
+from pathlib import Path
 
 import pytest
 
@@ -35,7 +36,7 @@ def test_whole_cycle_as_csv():
 
 
 def test_a_screen_holds_the_range_the_orders_and_the_curve():
-    page = run("trace", SMALL)
+    page = run("trace", "small.yaml", cwd=Path(SMALL).parent)  # a short name: the page repeats it
     lines = page.stdout.splitlines()
     told = json.loads(run("trace", SMALL, "--json").stdout)
     assert page.returncode == 0

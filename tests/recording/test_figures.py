@@ -69,6 +69,7 @@ def figure(whole, seen, effective=200.0):
     spread = np.linspace(-1, 1, 200)
     return RangeFigure(
         whole_arcsec=whole + spread,
+        recorded_arcsec=whole + spread,
         seen_arcsec=seen + spread,
         visited_share=0.5,
         whole_effective=effective,
