@@ -44,7 +44,7 @@ def test_backlash_begins_at_the_meshing_shift_and_grows_with_shift(wave: float) 
 
 
 @pytest.mark.moves("catalogue.play")
-def test_data_sheet_drives_keep_their_backlash_at_any_radial_deflection() -> None:
+def test_data_sheet_drives_meet_their_backlash_at_any_radial_deflection() -> None:
     drive = sheet()
     prior = prior_of(drive)
     samples = draw_samples(prior, (4.0,), evidence=evidence_of(drive), effort=FEW)

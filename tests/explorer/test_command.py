@@ -37,7 +37,7 @@ def turn(*overrides: str) -> Question:
     return partial(cam_turn, tiny(*overrides).drive, {}, 0.0, 4.0)
 
 
-def test_explorer_refines_its_results_until_the_command_result(service: Service) -> None:
+def test_explorer_refines_its_results_to_those_of_the_command(service: Service) -> None:
     answers = asyncio.run(told(service, partial(drive_answers, tiny().drive, {}, QUICK)))
     curves = [answer for answer in answers if isinstance(answer, SeatCurve)]
     shares = [answer for answer in answers if isinstance(answer, float)]

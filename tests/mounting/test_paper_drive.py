@@ -31,7 +31,7 @@ def answer(command: str, *options: str):
 
 @pytest.mark.thorough
 @pytest.mark.usefixtures("kept")
-def test_paper_drive_has_one_F_ior_per_hole_everywhere(as_given):
+def test_all_pages_agree_on_F_ior_of_the_paper_drive(as_given):
     report = answer("report", "--draws", "16")  # with the answers of check and mount, which test_one_belief holds
     mounted = report["mount"]
     assert (mounted["order"], mounted["recommended"]["hole"]) == ("turn", BEST)

@@ -83,7 +83,7 @@ def test_lot_rows_are_identical_on_every_executor_and_after_resume(scheduler: st
 
 @pytest.mark.thorough
 @needs_proc
-def test_private_cluster_is_closed_to_others_and_ends_with_command(tmp_path: Path) -> None:
+def test_private_cluster_ends_with_its_stopped_command(tmp_path: Path) -> None:
     file = tmp_path / "rows.jsonl"
     arguments = ("tolerance", TINY, "--torque", "4", "-n", "4000", "--executor", "dask", "--jobs", "2")
     process = subprocess.Popen([*COMMAND, *arguments, "--results", str(file)], env=CLEAN, stderr=subprocess.PIPE)

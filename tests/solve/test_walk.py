@@ -170,7 +170,7 @@ def walk_of(engine):
 
 
 @needs_compiler
-def test_library_of_another_source_is_not_used(monkeypatch, tmp_path):
+def test_older_library_without_all_functions_is_not_used(monkeypatch, tmp_path):
     older = tmp_path / "older.c"
     older.write_text('const char *walk_source(void) { return "older"; }\nint walk_level(void) { return 1; }\n')
     library = tmp_path / library_name(1)
