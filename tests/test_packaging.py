@@ -79,6 +79,7 @@ def test_presets_are_found_in_an_editable_install(tmp_path):
     require_presets(build(tmp_path, "build_editable", "/bin/false"), ROOT)  # no library of this tree is made anew
 
 
+@pytest.mark.thorough
 def test_wheel_holds_the_presets_as_they_are(wheel):
     shipped = {p.name: p.read_bytes() for p in (wheel / "hdassist/presets").glob("*.yaml")}
     assert shipped == {p.name: p.read_bytes() for p in (ROOT / "presets").glob("*.yaml")}

@@ -67,6 +67,7 @@ def drawn():
     return there, limits_of(there), predict(there, limits_of(there), draws=2)
 
 
+@pytest.mark.thorough
 def test_other_values_are_those_of_each_sample(drawn):
     there, limits, found = drawn
     samples = found.samples

@@ -70,6 +70,7 @@ def here(folder):
     return run_here
 
 
+@pytest.mark.thorough
 def test_a_lot_on_paper_and_in_files(folder, here):
     files = ("--jsonl", "a.jsonl", "--csv", "a.csv", "--junit", "a.xml")
     result = run(*MEASURED, *files, "--jobs", "2", cwd=folder)
@@ -186,6 +187,7 @@ def test_an_interrupt_keeps_what_is_done_and_resume_goes_on(tmp_path, here):
     assert (tmp_path / "a.jsonl").read_text().splitlines()[1:] == lines
 
 
+@pytest.mark.thorough
 def test_a_lot_whose_files_have_all_changed_is_done_again(folder, here):
     (folder / "lot.csv").write_text("\n".join([*LOT.splitlines()[:1], "17-1;;;run.csv;60;"]) + "\n")
     args = (*MEASURED, "--jsonl", "a.jsonl", "--resume", "-q")
@@ -410,6 +412,7 @@ def test_resumed_lot_replaces_only_the_tables_of_its_last_run(folder, here):
         (folder / name).unlink()
 
 
+@pytest.mark.thorough
 def test_an_answer_of_another_schema_is_refused_by_its_number(folder, here):
     assert here(*MEASURED, "--json", "-o", "a.json")[0] == 4
     assert here(*MEASURED, "--jsonl", "a.jsonl", "-q")[0] == 4
@@ -490,6 +493,7 @@ def test_a_record_in_place_of_a_lot_points_to_measure(folder, here):
     assert "hdassist measure run.csv, or accept PRESET --measured TORQUE=run.csv" in err
 
 
+@pytest.mark.thorough
 def test_identical_recordings_raise_a_warning_and_common_errors_print_once(folder, here):
     (folder / "copy.csv").write_bytes((folder / "run.csv").read_bytes())
     rows = ["serial;measured@4;limit F_ior@4", "A;run.csv;60", "B;copy.csv;60", "C;gone.csv;60"]

@@ -73,6 +73,7 @@ def test_dialects_say_the_same(tmp_path, separator, mark, end, encoding):
     )  # fmt: skip
 
 
+@pytest.mark.thorough
 @settings(max_examples=10)
 @given(
     st.lists(st.text(st.characters(codec="utf-8", exclude_categories=("C", "Z")), min_size=1), min_size=1, unique=True)

@@ -45,6 +45,7 @@ def test_a_trace_of_the_full_cycle_decides():
     assert {note.code for note in found.remarks} == {"BUDGET", "NOT_TESTED"}
 
 
+@pytest.mark.thorough
 def test_short_partial_cycle_can_fail_a_drive_but_never_pass():
     measured = {4.0: measure(rig(5), drive=small())}
     for limit, verdict in ((1.0, "FAIL"), (1000.0, "INCONCLUSIVE")):
@@ -96,6 +97,7 @@ def test_order_absent_from_the_recording_is_refused():
         accept(small("order_2.01=1"), measured, measured_only=True)
 
 
+@pytest.mark.thorough
 def test_partial_cycle_beside_a_full_cycle_changes_no_verdict():
     x = np.concatenate([np.arange(CYCLE * RATE), np.arange(CYCLE * RATE, 20 * RATE, -1)]) / RATE
     both = recorded(x, 0.2 * np.random.default_rng(8).standard_normal(len(x)) + CURVE(x))
@@ -156,6 +158,7 @@ def test_full_cycle_passes_by_the_upper_end_of_its_model():
     assert accept(simple, measured, measured_only=True).verdict == "PASS"  # up to the limit, as its name says
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("turns", [CYCLE, CYCLE // 2])
 def test_accept_states_the_interval_of_measure(turns):
     result = measure(rig(turns), drive=small(), stated=NOTHING)
@@ -174,6 +177,7 @@ def test_full_cycle_fails_by_the_lower_end_of_its_model():
     assert found == ["FAIL", "INCONCLUSIVE"]
 
 
+@pytest.mark.thorough
 def test_partial_cycle_in_one_direction_does_not_prevent_a_pass():
     x = np.concatenate([np.arange(CYCLE * RATE), np.arange(CYCLE * RATE, 18 * RATE, -1)]) / RATE
     both = recorded(x, 0.2 * np.random.default_rng(8).standard_normal(len(x)) + CURVE(x))
@@ -185,6 +189,7 @@ def test_partial_cycle_in_one_direction_does_not_prevent_a_pass():
     assert (found.verdict, found.checks[0].extent) == ("PASS", "whole")
 
 
+@pytest.mark.thorough
 def test_the_worse_verdict_of_two_directions_counts():
     x = np.concatenate([np.arange(CYCLE * RATE), np.arange(CYCLE * RATE, 0, -1)]) / RATE
     grows = np.arange(len(x)) < CYCLE * RATE

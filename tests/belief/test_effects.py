@@ -56,6 +56,7 @@ def test_undecided_options_that_may_be_best_are_solved():
     assert _undecided(kept, {"tolerance:poor": poor}) == {}
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("kept")
 @pytest.mark.parametrize("limit", [2040, 2080])
 def test_the_race_has_the_options_and_probabilities_of_all_samples(limit):

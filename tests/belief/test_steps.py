@@ -143,6 +143,7 @@ def test_options_precede_questions_by_gain_and_none_worsens_the_drive(held):
     assert all(each.outcomes[0].probability > now for each in options)
 
 
+@pytest.mark.thorough
 def test_the_answers_to_a_question_make_up_the_probability_now(held):
     asked = [each for each in held.steps if each.kind == "question" and each.of != "cam.coupling"]
     for each in asked:

@@ -168,6 +168,7 @@ def test_where_the_record_begins_is_found(drive):
     assert result.conclusion.kind == "agrees"
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("values", "size"),
     [

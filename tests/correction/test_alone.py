@@ -86,6 +86,7 @@ def test_intervals_contain_hidden_lines_and_residuals_stay_within_prediction(cyc
     assert np.mean(held) >= 0.92
 
 
+@pytest.mark.thorough
 def test_line_uncertainty_follows_independent_noise_and_shrinks_with_repeats():
     once, twice = (alone(3, cycles).correction for cycles in (1.02, 2.0))
     usual = NOISE * np.sqrt(2 / (2 * CYCLE * PER_TURN))

@@ -109,6 +109,7 @@ def test_a_setting_takes_the_backlash_off(controller: str, axis: str, played: Co
     assert reversal_arcsec(flipped) == pytest.approx(-2 * BACKLASH_ARCSEC, abs=0.2)
 
 
+@pytest.mark.thorough
 def test_a_file_states_what_stays(tmp_path: Path) -> None:
     recording(tmp_path)
     text = written(tmp_path, "duet", "A")

@@ -84,6 +84,7 @@ def test_the_likely_cause_of_a_broken_promise_is_named(bench, way, shift, cause)
     assert found["verified"]["cause"] == cause
 
 
+@pytest.mark.thorough
 def test_residual_of_one_cycle_is_inconclusive_until_noise_is_known(bench):
     _, error, _, taken = bench
     once = verified(bench, error + taken, 10)

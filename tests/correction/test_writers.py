@@ -64,6 +64,7 @@ LOOKUPS = {
 POINTS = {"linuxcnc-1": 254, "twincat-cnc": 1497, "twincat-nc": 1500, "siemens-840d": 1500}
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("u", [10, -9])
 @pytest.mark.parametrize(("sense", "zero_deg"), AXES)
 @pytest.mark.parametrize("kind", LOOKUPS)

@@ -44,6 +44,7 @@ def test_a_verdict_is_the_probability_of_keeping_the_limit(open_):
     assert verdict(1e5, belief=None, open_=False) is Verdict.PASS
 
 
+@pytest.mark.thorough
 def test_governing_torque_without_limits_has_the_largest_median(open_):
     medians = [point.belief.p50 for point in open_.points]
     spreads = [point.belief.p95 / point.belief.p5 for point in open_.points]
@@ -187,6 +188,7 @@ def test_json_F_ior_is_the_median_or_null_without_samples(open_):
     assert told["F_ior_shown_arcsec"] > 0
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("allowed", "words"), [("0,4", "two"), ("1,4,5", "three")])
 def test_check_proposes_measuring_all_usable_holes_of_a_restricted_seat(allowed: str, words: str) -> None:
     found = check(load_preset(TINY, ["phases.phi_hb=unknown", PLAY, f"mounting.allowed=[{allowed}]"]), draws=16)

@@ -15,6 +15,7 @@ KEYS = {"self_error_arcsec": "range_arcsec", "tooth_phase_arcsec": "tooth_phase_
         "ball_phase_arcsec": "ball_phase_arcsec"}  # fmt: skip
 
 
+@pytest.mark.thorough
 def test_table_json_and_csv_agree():
     points = json.loads(run("check", SMALL, "--json").stdout)["operating_points"]
     page = run("check", SMALL, "--details").stdout

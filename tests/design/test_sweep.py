@@ -302,6 +302,7 @@ EDITS = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("edit", EDITS)
 def test_a_row_that_was_changed_is_refused(tmp_path, whole, edit):
     (tmp_path / "rows.jsonl").write_text(changed := EDITS[edit](whole.decode()))

@@ -11,6 +11,7 @@ from hdassist.explorer.asking import REST
 from tests.explorer.rig import explored, said, screen, settled, tiny, to_lever, typed
 
 
+@pytest.mark.thorough
 def test_a_field_is_edited_marked_compared_and_taken_back() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         await to_lever(app, pilot, "gears.j_n")

@@ -228,6 +228,7 @@ def test_ascii_screen_has_the_same_width_and_content() -> None:
     explored(act, size=(140, 40), ascii=True)
 
 
+@pytest.mark.thorough
 def test_text_of_a_preset_steers_no_terminal(tmp_path: Path) -> None:
     file = tmp_path / "drive.yaml"
     text = Path(TINY).read_text().replace("name: tiny", 'name: "a\\u202eb"').replace("mounting", "mounting")

@@ -136,6 +136,7 @@ def test_digits_of_other_scripts_and_underscores_are_no_numbers(folder: Path, co
             assert (done.returncode, "is not a number: expected ASCII digits" in done.stderr) == (2, True), option
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "command",
     [pytest.param(c, marks=[pytest.mark.slow] * (c in HEAVY)) for c in LINES if declared(c) and c != "explore"],

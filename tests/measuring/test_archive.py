@@ -72,6 +72,7 @@ def test_an_archive_as_its_users_meet_it(tmp_path):
     assert run(*asked, "--csv", "-", cwd=tmp_path).stdout.count("\n") == 4
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("args", "code", "words"),
     [

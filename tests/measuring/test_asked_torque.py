@@ -77,6 +77,7 @@ def test_a_torque_that_the_column_excludes_is_refused():
         at(wandering, 40.0)
 
 
+@pytest.mark.thorough
 def test_each_direction_is_taken_by_its_own_torque():
     words = record(np.append(ONCE, ONCE[::-1]), np.repeat([10.0, -30.0], len(ONCE)))
     assert [each.direction for each in at(words, 10.0).directions] == [1]

@@ -126,6 +126,7 @@ def test_the_next_command_reads_the_file_alike(rig):
     assert plain.partition("h0=run.csv")[2].split()[0] == "more"
 
 
+@pytest.mark.thorough
 def test_the_rest_stands_in_the_details(rig):
     whole = run("measure", "run.csv", "--ratio", "30", "--details", "--no-plot", cwd=rig).stdout
     assert max(map(len, whole.splitlines())) <= 80
@@ -183,6 +184,7 @@ def test_measure_prints_its_result_even_if_plot_or_page_fails(rig, monkeypatch):
         assert page.stderr == said
 
 
+@pytest.mark.thorough
 def test_quiet_result_is_ascii_if_the_option_is_given(rig):
     plain, ascii_ = (
         run("measure", "run.csv", "--ratio", "30", "-q", *more, cwd=rig).stdout for more in ((), ("--ascii",))

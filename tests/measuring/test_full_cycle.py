@@ -133,6 +133,7 @@ def test_full_cycle_interval_includes_waves_that_fitted_orders_omit():
     assert low < true < high
 
 
+@pytest.mark.thorough
 def test_sources_that_the_model_does_not_contain_widen_both_ends():
     turns = turns_of(1.0)
     trace = read_trace(BytesIO(file_of(turns)))
@@ -144,6 +145,7 @@ def test_sources_that_the_model_does_not_contain_widen_both_ends():
     assert budgeted.uncertainty_arcsec == pytest.approx(np.hypot(plain.uncertainty_arcsec, 1.0), rel=0.01)
 
 
+@pytest.mark.thorough
 def test_json_has_the_interval_or_the_reason(tmp_path):
     for name, share in (("part", 0.6), ("whole", 1.0), ("short", 0.1)):
         (tmp_path / f"{name}.csv").write_bytes(file_of(turns_of(share)))

@@ -129,6 +129,7 @@ def test_noise_has_no_lines(turns, per_turn, memory):
     assert alarms == 0
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("noise", [0.3, pytest.param(2.0, marks=pytest.mark.slow)])
 def test_full_cycles_with_a_line_are_held_and_not_passed(noise):
     # the short form of `python -m benchmarks.lines`

@@ -60,6 +60,7 @@ def measured(*rig, **how) -> Measurement:
     )
 
 
+@pytest.mark.thorough
 def test_play_and_lag_are_told_apart_by_two_speeds():
     """At twice the uncertainty; `python -m benchmarks.records` has more."""
     held = np.zeros(2)

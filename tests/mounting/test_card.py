@@ -218,6 +218,7 @@ class Checked(HTMLParser):
         self.text += data
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("language", languages())
 @pytest.mark.parametrize("name", CARDS)
 def test_html_is_one_sound_file_without_scripts(name, language):

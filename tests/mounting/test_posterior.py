@@ -169,6 +169,7 @@ def test_repeats_tell_the_noise(cloud: HoleSamples) -> None:
     assert np.all(far.misread[3:] > 10 * close.misread[3:])  # or one of them is misread
 
 
+@pytest.mark.thorough
 def test_larger_errors_than_the_model_still_give_the_best_hole(cloud: HoleSamples) -> None:
     values = measured(50.0, 20.0)
     same, more = (

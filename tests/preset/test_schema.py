@@ -46,6 +46,7 @@ def test_it_accepts_the_library(name: str) -> None:
 LEFT_TO_VALIDATION = ("0.8 m", "3.1 mm", "[]", "{x: 30}", "260±10 um", "200±1")  # units, keys of limits, empty lists
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("path", "written", "value", "good"),
     [

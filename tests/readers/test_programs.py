@@ -46,6 +46,7 @@ def test_set_points_and_readbacks_are_approached_positions(names: str, tmp_path:
     assert log["quantities"][0]["value_arcsec"] == pytest.approx(plain["quantities"][0]["value_arcsec"], abs=1e-3)
 
 
+@pytest.mark.thorough
 def test_epics_pulses_and_counts_need_their_number_per_revolution(tmp_path: Path) -> None:
     columns = [TIME_S, np.rint(CAM_DEG / 360 * 51200), np.rint(OUTPUT_DEG / 360 * 2**26)]
     names = "timestamp,SR:rot:m1.RMP,SR:rot:m1.REP"
@@ -56,6 +57,7 @@ def test_epics_pulses_and_counts_need_their_number_per_revolution(tmp_path: Path
     assert "--angle-unit" in refused.stderr
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("names", "options"),
     [

@@ -238,6 +238,7 @@ def test_streams_of_text_and_of_bytes_are_read_like_files(tmp_path: Path) -> Non
     assert read_texts(io.StringIO("a;b\n1;2\n")).rows == ((2, (("1", 1), ("2", 3))),)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("good", "bad", "words"),
     [

@@ -94,6 +94,7 @@ def test_a_quiet_report_is_the_same_file(folder):
     assert (folder / "quiet.html").read_bytes() == (folder / "a.html").read_bytes()
 
 
+@pytest.mark.thorough
 def test_it_is_one_file_that_asks_for_no_other(folder):
     page = Page((folder / "a.html").read_text(encoding="utf-8"))
     assert not page.links
@@ -103,6 +104,7 @@ def test_it_is_one_file_that_asks_for_no_other(folder):
     assert "@page { size: A4" in page.text
 
 
+@pytest.mark.thorough
 def test_its_drawings_are_svg(sheet, folder):
     text = (folder / "a.html").read_text(encoding="utf-8")
     drawn = [parseString(svg).documentElement for svg in re.findall(r"<svg.*?</svg>", text, flags=re.DOTALL)]

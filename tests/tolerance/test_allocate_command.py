@@ -35,6 +35,7 @@ def test_the_page_and_json_have_costs_and_what_was_tried() -> None:
     assert "tolerances.F_i2" in answer["warnings"][0]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("short_s", "lines"), [(0.0, 1), (3600.0, 0)])
 def test_the_time_of_a_long_search_is_estimated_on_stderr(monkeypatch, short_s: float, lines: int) -> None:
     monkeypatch.setattr(design, "_SHORT_TIME", short_s)

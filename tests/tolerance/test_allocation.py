@@ -149,6 +149,7 @@ def test_drives_without_an_error_bear_the_loosest_tolerances(production: Product
     assert dict(found.values) == pytest.approx({"harmonics.a_g2": 0.4, "harmonics.a_b2": 0.4}, rel=0.01)
 
 
+@pytest.mark.thorough
 def test_without_verified_tolerances_the_likeliest_attempt_is_the_answer(production: Production, here: float) -> None:
     """The second of three attempts has the greatest probability of the yield, and the last one the greatest cost."""
     chances = iter([0.2, 0.7, 0.4])
