@@ -180,11 +180,11 @@ class Decision:
         It is half the distance of the percentiles one standard error of the share below and above. 0 without samples.
         """
         if not self.is_sampled:
-            return (0.0,) * len(self.F_ior_arcsec)
+            return tuple(0.0 for _ in self.F_ior_arcsec)
         step = np.sqrt(share * (1 - share) / self.effective)
-        below = self.quantile(max(share - step, 0.0), place)
-        above = self.quantile(min(share + step, 1.0), place)
-        return tuple((high - low) / 2 for low, high in zip(below, above, strict=True))
+        low_ends = self.quantile(max(share - step, 0.0), place)
+        high_ends = self.quantile(min(share + step, 1.0), place)
+        return tuple((high - low) / 2 for low, high in zip(low_ends, high_ends, strict=True))
 
     def range_of(self, values: Array) -> tuple[float, float, float]:
         """5th percentile, median and 95th percentile of values, shape (samples,)."""

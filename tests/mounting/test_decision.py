@@ -42,7 +42,7 @@ def test_samples_drawn_again_from_few_order_nothing(worth, word):
     assert found.probability.low == pytest.approx(low)
 
 
-def test_the_standard_error_of_a_median_is_that_of_repeated_samples():
+def test_standard_error_of_a_median_is_that_of_repeated_samples():
     rng = np.random.default_rng(0)
     decisions = [decision_of(*rng.normal(30.0, 4.0, (200, 2)).tolist()) for _ in range(200)]
     spread = np.std([decision.quantile(0.5, 1)[0] for decision in decisions])
