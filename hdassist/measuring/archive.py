@@ -67,6 +67,7 @@ class ArchiveEntry:
     F_ior_is_lower_bound: bool
     travel_deg: float | None = None
     unstated: tuple[str, ...]
+    is_by_model: bool = False  # else F'_ior is the range of the fitted orders, as in entries of earlier versions
 
 
 _ENTRY = TypeAdapter(ArchiveEntry)
@@ -102,7 +103,8 @@ def read_conditions(serial: str, texts: Sequence[str]) -> Json:
 def add_to_archive(folder: str, conditions: Json, found: Measurement) -> bool:
     """Add a record to the archive of a folder; False where each of its directions is there as one of this drive.
 
-    One that is there is added once more where conditions are stated otherwise: the last one counts.
+    One that is there is added once more where conditions are stated otherwise, or where F'_ior comes from the model and
+    did not: the last one counts.
     Raises UsageError: conditions that cannot be, or another file; DataError: it cannot be written, or does not hold.
     """
     today = datetime.now(UTC).date().isoformat()
@@ -120,6 +122,7 @@ def add_to_archive(folder: str, conditions: Json, found: Measurement) -> bool:
                     "high_arcsec": each.interval_arcsec[1],
                     "F_ior_is_lower_bound": each.is_bound,
                     "unstated": tuple(source.name for source in each.sources if source.arcsec is None),
+                    "is_by_model": each.by_model is not None,
                 }
             )
             for each in found.directions
@@ -131,8 +134,9 @@ def add_to_archive(folder: str, conditions: Json, found: Measurement) -> bool:
     with open_kept(str(Path(folder) / ARCHIVE_FILE), OWNER, _ENTRIES, patience=_WRITERS_WAIT) as kept:
         known = {(each.serial, each.sha256, each.direction): each for each in kept.records()}
         for k, each in enumerate(fresh):
-            if old := known.get((each.serial, each.sha256, each.direction)):
-                fresh[k] = replace(old, **{name: getattr(each, name) for name in conditions})
+            entry = known.get((each.serial, each.sha256, each.direction))
+            if entry and entry.is_by_model == each.is_by_model:
+                fresh[k] = replace(entry, **{name: getattr(each, name) for name in conditions})
         fresh = [each for each in fresh if each not in known.values()]
         kept.append(fresh)
     return bool(fresh)
@@ -161,11 +165,15 @@ def read_archive(folder: str, serial: str) -> list[ArchiveEntry]:
 
 
 def histories(entries: Iterable[ArchiveEntry]) -> tuple[DriveHistory, ...]:
-    """Changes of a drive by hole, torque and direction, where it was measured over the whole cycle twice or more."""
+    """Changes of a drive by hole, torque and direction, where it was measured over the whole cycle twice or more.
+
+    F'_ior by the model of the recording is not compared with the range of the fitted orders, which is smaller.
+    """
     groups: dict[tuple[str | float | None, ...], list[ArchiveEntry]] = {}
     for each in entries:
         if not each.F_ior_is_lower_bound:
-            groups.setdefault((each.hole, each.M_g_Nm, each.travel_deg, each.direction), []).append(each)
+            group = (each.hole, each.M_g_Nm, each.travel_deg, each.direction, each.is_by_model)
+            groups.setdefault(group, []).append(each)
     compared = [own for own in groups.values() if len(own) > 1]
     found = []
     for own in compared:

@@ -21,6 +21,7 @@ from hdassist.measuring.archive import (
     read_archive,
     read_conditions,
 )
+from hdassist.measuring.full_cycle import with_full_cycle
 from hdassist.measuring.measure import Measurement, measure
 from hdassist.pages.measure import history_report
 from hdassist.run.kept import RecordKind, open_kept
@@ -94,6 +95,22 @@ def test_faults_end_clearly(tmp_path, args, code, words):
     assert (done.returncode, done.stdout) == (code, "")
     assert words in done.stderr
     assert sorted(path.name for path in tmp_path.iterdir()) == ["run.csv"]
+
+
+def test_values_of_the_model_are_not_compared_with_fitted_orders():
+    fitted, modelled = entry(F_ior=57.0), entry("2026-02-01", F_ior=66.0, sha256="cd", is_by_model=True)
+    assert histories([fitted, modelled]) == ()
+    later = entry("2026-03-01", F_ior=57.1, sha256="ef", is_by_model=True)
+    (found,) = histories([fitted, modelled, later])
+    assert found.is_changed
+
+
+def test_a_file_of_an_earlier_version_is_added_once_more(tmp_path, measured):
+    folder = str(tmp_path)
+    assert add_to_archive(folder, read_conditions("17-1", []), measured)
+    assert add_to_archive(folder, read_conditions("17-1", []), with_full_cycle(measured))
+    (found,) = read_archive(folder, "17-1")
+    assert found.is_by_model
 
 
 def test_archive_reads_entries_of_other_versions_and_names_other_schemas(tmp_path, measured):
