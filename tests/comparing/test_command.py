@@ -76,7 +76,7 @@ def test_people_see_both_curves_and_what_would_explain_them(rig):
     told = in_a_line(page.stdout)
     assert told.startswith(
         "changed.csv compared with small at 4 N*m: explained by one deviation wave generator eccentricity, "
-        "fixed to the circular spline (tolerances.e_hb), 4"
+        "fixed to the circular spline's seat (tolerances.e_hb), 4"
     )
     for words in ("* measured, o predicted", "next hdassist mount ", "--set tolerances.e_hb=4", "verified"):
         assert words in told
