@@ -47,14 +47,14 @@ _UNSEEN_FACTOR = 2.5  # ovals of both wheels cancel more often than beats that a
 WHOLE_TURN = 0.97  # of an output turn: a record that has its beats
 _TRAVEL_GAP = 0.6  # of the resolution, between orders of a travel
 _TRAVEL_RIDGE = 1e-7  # of the normal equations: in the travel, the curve moves by less than its noise
-_LINE_CAUSE = "no order, or not resolved from one: ball pass, cage, test rig"
+_LINE_CAUSE = "no order of the drive, or not resolved from an order: ball pass, cage, test rig"
 _BEAT_CAUSE = "sidebands of an order, or a line: a part of an output revolution does not resolve them"
 LINE_WIDTH = 1.5  # of the resolution, to either side: a wave's own peak
 _RIG_CAUSES = {  # parts of the rig that repeat so often in a turn of the output
-    1.0: "once per output revolution: also encoder graduation and coupling, gravity",
-    2.0: "twice per output revolution: also encoder graduation and coupling",
+    1.0: "once per output revolution: drive, encoder graduation, coupling, gravity",
+    2.0: "twice per output revolution: drive, encoder graduation, coupling",
 }
-_CAM_CAUSE = "once per input revolution: also the input encoder"
+_CAM_CAUSE = "once per input revolution: drive, input encoder"
 LARGEST_UNCERTAINTY = 1e6  # arcsec, of one that is stated
 STATED = {  # sources that a single record cannot show
     "encoder": "graduation of the output encoder, once per output revolution; eccentricity of the input encoder",

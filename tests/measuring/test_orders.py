@@ -59,8 +59,8 @@ def test_orders_of_a_model_have_its_causes(model):
     (found,) = measure(recorded(*model), drive=load_preset(SMALL)).directions
     causes = {round(o.per_cam_rev, 3): o for o in found.orders}
     assert causes[round(2 + 1 / 30, 3)].cause == "flexspline + circular spline"
-    assert "once per output revolution: also encoder" in causes[round(1 / 30, 3)].cause
-    assert "once per input revolution: also the input encoder" in causes[1.0].cause
+    assert "once per output revolution: drive, encoder" in causes[round(1 / 30, 3)].cause
+    assert "once per input revolution: drive, input encoder" in causes[1.0].cause
     spectrum = 2 * np.abs(np.fft.rfft(model[1])) / len(model[1])
     assert causes[2.0].amplitude_arcsec == pytest.approx(spectrum[60], abs=0.05)
 
