@@ -386,83 +386,123 @@ def choose_plan(
     travel_deg: float | None = None,
     run: Run = Run(),
 ) -> PlanChoice:
-    """Plans of a test at the first torque of a drive that has a limit, at the first where none has.
+    """Judge plans of a test at the first torque of a drive that has a limit, at the first one without any limit.
 
-    Arguments: asked, a plan to judge beside the others; demands; test, how it is carried out; draws, effective samples
-    of all that is not known exactly, 0 for none; travel_deg of the output, the preset's where None.
+    Args:
+        drive: the drive.
+        asked: a plan to judge besides the others.
+        demands: what a plan has to meet.
+        test: how it is carried out.
+        draws: effective sample size of the uncertain inputs, 0 for none.
+        travel_deg: of the output [deg], by default the preset's.
+        run: processes, progress and seed.
+
     Raises UsageError for rolling balls, UntrustedError as `check` does.
     """
     if not searchable(drive):
         raise UsageError("a plan needs bearing.ball_motion: locked", "use --set bearing.ball_motion=locked")
     torques = drive.operation.M_g
     rooms = limits_left(drive, torques, run)
-    rooms_arcsec = rooms.arcsec
-    place = next((k for k, room in enumerate(rooms_arcsec) if room is not None), 0)
+    place = next((k for k, room in enumerate(rooms.arcsec) if room is not None), 0)
     prior = prior_of(drive)
-    weights = np.ones(1)
-    samples = drive_samples(prior, rooms_arcsec, draws=draws, run=run) if prior.fields and draws else None
+    samples = drive_samples(prior, rooms.arcsec, draws=draws, run=run) if prior.fields and draws else None
     lines = error_lines(drive, torques[place], samples.values() if samples else [{}], run)
-    curves = lines.curves
-    proof = rooms.certificate + lines.certificate
-    F_ior = np.ptp(curves, axis=1, keepdims=True)
-    if samples:  # F'_ior as every page has it
-        weights = samples.weights
-        proof = proof + samples.certificate
-        F_ior = samples.F_ior_arcsec[:, [place]]
-    rough = rough_curves(drive, torques[place], samples.values() if samples else [{}], curves.shape[1], run)
-    curves += rough.arcsec
-    proof += rough.certificate
-    curves *= F_ior / np.maximum(np.ptp(curves, axis=1, keepdims=True), _LEAST_ARCSEC)
-    cycle = lines.kinematics.cycle_cam_revolutions
+    curves = _curves_of_drives(drive, lines, samples, place, run)
+    travel_turns = (travel_deg or drive.acceptance.travel) / 360
     ratio = abs(lines.kinematics.u)
-    output = round(cycle / ratio)
-    used = (travel_deg or drive.acceptance.travel) / 360
-    travel = used if used < output - 1e-9 else None
-    room = rooms_arcsec[place]
+    output_turns = round(lines.kinematics.cycle_cam_revolutions / ratio)
+    travel = travel_turns if travel_turns < output_turns - 1e-9 else None
+    room = rooms.arcsec[place]
     stated = samples.probability_within(room, place).complement if samples and room is not None and not travel else None
     drives = DrivesUnderTest(
-        curves,
-        weights,
-        output,
+        curves.arcsec,
+        samples.weights if samples else np.ones(1),
+        output_turns,
         left_arcsec=room,
         demands=demands,
         seed=run.seed,
         travel=travel,
         stated_beyond=stated,
     )
-    turns = drives.travel or 1.0
-    counts = range(_FEWEST_POSITIONS, round(_MOST_A_CAM_TURN * ratio) + 1)
-    scan = tuple(drives.judge(ReadingPlan.positions(N, turns)) for N in counts)
-    longest = drives.travel * ratio if drives.travel else float(cycle)
-    lengths = sorted(length for length in {1.0, 10.0, ratio, longest} if length <= longest)
-    records = [drives.judge(ReadingPlan.record(length, ratio)) for length in lengths]
-    fewest, shortest = (
-        [judgement for judgement in judgements if judgement.verdict is Verdict.PASS][:1]
-        for judgements in (scan, records)
-    )
-    asked_judgement = [drives.judge(asked)] if asked else []
-    shown = [*asked_judgement, scan[_QUOTED_POSITIONS - _FEWEST_POSITIONS], *fewest, *records]
-    judged = tuple({judgement.plan: judgement for judgement in shown}.values())
-    enough = (*fewest, *shortest)
-    line_list = _lines_seen(lines, drives, judged[0].plan)
-    verdict = [*asked_judgement, *enough, records[-1]][0].verdict
-    M_g = torques[place]
-    carried = [*asked_judgement, *fewest, judged[0]][0]
-    planned = drives.test_of(carried, test, ratio, drive.limit(M_g))
+    plans = _judged_plans(drives, lines.kinematics, asked)
+    carried_out = drives.test_of(plans.carried_out, test, ratio, drive.limit(torques[place]))
+    certificate = rooms.certificate + lines.certificate
+    if samples:
+        certificate += samples.certificate
     return PlanChoice(
         drive=drive,
-        M_g=M_g,
+        M_g=torques[place],
         drives=drives,
-        asked=bool(asked_judgement),
-        judged=judged,
-        enough=enough,
-        over_positions=scan,
-        lines=line_list,
+        asked=asked is not None,
+        judged=plans.judged,
+        enough=plans.enough,
+        over_positions=plans.over_positions,
+        lines=_lines_seen(lines, drives, plans.judged[0].plan),
         samples=samples,
-        certificate=proof,
-        verdict=verdict,
-        test=planned,
+        certificate=certificate + curves.certificate,
+        verdict=plans.verdict,
+        test=carried_out,
     )
+
+
+@dataclass(frozen=True)
+class _JudgedPlans:
+    """Plans of a test, judged; the fields as in PlanChoice, and the plan that is carried out."""
+
+    judged: tuple[_PlanJudgement, ...]
+    enough: tuple[_PlanJudgement, ...]
+    over_positions: tuple[_PlanJudgement, ...]
+    verdict: Verdict
+    carried_out: _PlanJudgement
+
+
+def _judged_plans(drives: DrivesUnderTest, kinematics: Kinematics, asked: ReadingPlan | None) -> _JudgedPlans:
+    """Judge plans of evenly spaced positions and of recordings, and the one that was asked about."""
+    ratio = abs(kinematics.u)
+    counts = range(_FEWEST_POSITIONS, round(_MOST_A_CAM_TURN * ratio) + 1)
+    over_positions = tuple(drives.judge(ReadingPlan.positions(N, drives.travel or 1.0)) for N in counts)
+    longest = drives.travel * ratio if drives.travel else float(kinematics.cycle_cam_revolutions)
+    lengths = sorted(length for length in {1.0, 10.0, ratio, longest} if length <= longest)
+    recordings = [drives.judge(ReadingPlan.record(length, ratio)) for length in lengths]
+    fewest, shortest = (
+        [judgement for judgement in judgements if judgement.verdict is Verdict.PASS][:1]
+        for judgements in (over_positions, recordings)
+    )
+    asked_judgement = [drives.judge(asked)] if asked else []
+    quoted = over_positions[_QUOTED_POSITIONS - _FEWEST_POSITIONS]
+    # each plan once
+    judged = tuple(
+        {judgement.plan: judgement for judgement in [*asked_judgement, quoted, *fewest, *recordings]}.values()
+    )
+    deciding = [*asked_judgement, *fewest, *shortest, recordings[-1]][0]
+    return _JudgedPlans(
+        judged=judged,
+        enough=(*fewest, *shortest),
+        over_positions=over_positions,
+        verdict=deciding.verdict,
+        carried_out=[*asked_judgement, *fewest, judged[0]][0],
+    )
+
+
+def _curves_of_drives(drive: Drive, lines: ErrorLines, samples: Samples | None, place: int, run: Run) -> _RoughCurves:
+    """Return the error of sampled drives over the full cycle, that by rough teeth included.
+
+    Args:
+        drive: the drive.
+        lines: of the error at the torque.
+        samples: of the drive, None without uncertain inputs; F'_ior is theirs, as every page has it.
+        place: index of the torque.
+        run: its seed among it.
+
+    The certificate is that of the rough teeth.
+    """
+    curves = lines.curves
+    F_ior = samples.F_ior_arcsec[:, [place]] if samples else np.ptp(curves, axis=1, keepdims=True)
+    changes = samples.values() if samples else [{}]
+    rough = rough_curves(drive, drive.operation.M_g[place], changes, curves.shape[1], run)
+    curves += rough.arcsec
+    curves *= F_ior / np.maximum(np.ptp(curves, axis=1, keepdims=True), _LEAST_ARCSEC)
+    return _RoughCurves(arcsec=curves, certificate=rough.certificate)
 
 
 @dataclass(frozen=True)

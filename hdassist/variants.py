@@ -263,15 +263,8 @@ def drawn_pairs(
 def _paired(one: _Believed, other: _Believed, rows: Indices, run: Run) -> DrivePairs:
     """Pairs of some samples of a first drive, each with a drive alike. Raises UntrustedError where too few agree."""
     assert one.samples and other.samples
-    shares = one.samples.shares[rows]
     count = len(rows)
-    paths = [field.path for field in one.prior.fields]
-    different_paths = differently_open(one.drive, other.drive)
-    paired = other.prior.joined(np.random.default_rng(run.seed).random((count, len(other.prior.fields) + 1)))
-    for k, field in enumerate(other.prior.fields):
-        if field.path not in different_paths:
-            paired[:, k] = shares[:, paths.index(field.path)]
-    paired[:, -1] = 0  # each goes on to F'_ior
+    paired = _paired_shares(one, other, rows, run)
     samples = other.samples
     proof = EMPTY
     if one.evidence or other.evidence or not np.array_equal(paired[:, :-1], samples.shares):
@@ -287,17 +280,57 @@ def _paired(one: _Believed, other: _Believed, rows: Indices, run: Run) -> DriveP
         )
         proof = samples.certificate
     solved = np.flatnonzero([draw.F_ior_arcsec is not None for draw in samples.made])
-    figures = [
+    figures_of_one, figures_of_other = (
         [draw.figures for draw in drawn_samples.made if draw.F_ior_arcsec is not None]
         for drawn_samples in (one.samples, samples)
-    ]
+    )
     gain = [
-        log_likelihood(other.evidence, new_figures) - log_likelihood(one.evidence, figures[0][row])
-        for row, new_figures in zip(rows[solved], figures[1], strict=True)
+        log_likelihood(other.evidence, figures) - log_likelihood(one.evidence, figures_of_one[row])
+        for row, figures in zip(rows[solved], figures_of_other, strict=True)
     ]
     weights = np.exp(np.array(gain) - max(gain))
     if effective_number(weights) < _LEAST_EFFECTIVE * count:
         raise UntrustedError("too few pairs of samples agree with the reference data of both drives")
+    chosen = solved[even_rows(weights, count)]
+    second_drives = map(other.drive.with_values, samples.values(even_rows(weights, count)))
+    return DrivePairs(
+        before_arcsec=one.F_ior_arcsec[rows],
+        after_arcsec=samples.F_ior_arcsec,
+        weights=_joint_weights(count, solved, weights)[:, solved],
+        drives=tuple(zip(one.drives(rows[chosen]), second_drives, strict=True)),
+        certificate=proof,
+    )
+
+
+def _paired_shares(one: _Believed, other: _Believed, rows: Indices, run: Run) -> Array:
+    """Return shares of the fields of a second drive, shape (rows, fields + 1): those of the first one where alike.
+
+    Args:
+        one: the first drive.
+        other: the second drive.
+        rows: samples of the first drive.
+        run: its seed.
+    """
+    assert one.samples
+    shares = one.samples.shares[rows]
+    paths = [field.path for field in one.prior.fields]
+    different_paths = differently_open(one.drive, other.drive)
+    paired = other.prior.joined(np.random.default_rng(run.seed).random((len(rows), len(other.prior.fields) + 1)))
+    for k, field in enumerate(other.prior.fields):
+        if field.path not in different_paths:
+            paired[:, k] = shares[:, paths.index(field.path)]
+    paired[:, -1] = 0  # each goes on to F'_ior
+    return paired
+
+
+def _joint_weights(count: int, solved: Indices, weights: Array) -> Array:
+    """Return the weights of pairs of samples, shape (count, count), of which as many as possible are alike.
+
+    Args:
+        count: of the samples of each drive.
+        solved: those of the second drive with a result.
+        weights: of these, not normalized.
+    """
     of_one = np.full(count, 1 / count)
     of_other = np.zeros(count)
     of_other[solved] = weights / weights.sum()
@@ -306,17 +339,7 @@ def _paired(one: _Believed, other: _Believed, rows: Indices, run: Run) -> DriveP
     remaining = 1 - common.sum()
     if remaining > 0:
         joint += np.outer(of_one - common, of_other - common) / remaining
-    chosen = solved[even_rows(weights, count)]
-    second_drives = map(other.drive.with_values, samples.values(even_rows(weights, count)))
-    drives = zip(one.drives(rows[chosen]), second_drives, strict=True)
-    before = one.F_ior_arcsec[rows]
-    return DrivePairs(
-        before_arcsec=before,
-        after_arcsec=samples.F_ior_arcsec,
-        weights=joint[:, solved],
-        drives=tuple(drives),
-        certificate=proof,
-    )
+    return joint
 
 
 def _no_figures(_drive: Drive) -> tuple[dict[str, float], Certificate]:
@@ -487,59 +510,41 @@ def compare_drives(drives: Sequence[Drive], *, draws: int = EFFECTIVE_SAMPLES, r
 def drive_changes(
     first: DesignCheck, second: DesignCheck, *, pairs: int = _DRAWN_PAIRS, run: Run = Run()
 ) -> tuple[DriveChanges, Certificate]:
-    """Changes of F'_ior from a first drive to a second one at their torques, of all fields and of single ones alone.
+    """Compute the changes of F'_ior from a first drive to a second one, of all fields and of single ones alone.
 
-    Single fields are changed at the torques of the first.
-    Argument: pairs of their samples that are drawn. Raises UntrustedError where one of both drives has no answer that
-    can be trusted.
+    All fields are changed at the torques of both drives, single ones at those of the first.
+
+    Args:
+        first: the first drive.
+        second: the second drive.
+        pairs: number of pairs of their samples.
+        run: processes, progress and seed.
+
+    Raises UntrustedError if one of the drives has no result that can be trusted.
     """
     differing = differing_fields((first.drive, second.drive))
-    loads = [checked.drive.operation.M_g for checked in (first, second)]
-    same = not differing and loads[0] == loads[1] and evidence_of(first.drive) == evidence_of(second.drive)
-    sampled_pairs = drawn_pairs(first, second, same=same, count=pairs, run=run)
-    proof = sampled_pairs.certificate
-    drives = sampled_pairs.drives[:_SINGLE_PAIRS]
-    # bounds of what is unknown hang on other fields
+    is_same = (
+        not differing
+        and first.drive.operation.M_g == second.drive.operation.M_g
+        and evidence_of(first.drive) == evidence_of(second.drive)
+    )
+    sampled_pairs = drawn_pairs(first, second, same=is_same, count=pairs, run=run)
+    single_changes = _SingleChanges(
+        drives=sampled_pairs.drives[:_SINGLE_PAIRS],
+        torques=first.drive.operation.M_g,
+        is_drawn=bool(first.samples or second.samples),
+        run=run,
+        certificate=sampled_pairs.certificate,
+    )
+    # bounds of what is unknown depend on other fields
     open_ = [field.path for field in prior_of(second.drive).fields]
-    moved = [path for path in open_ if any(one.value(path) != second_drive.value(path) for one, second_drive in drives)]
+    moved = [path for path in open_ if single_changes.is_moved(path)]
     paths = dict.fromkeys((*differing, *moved))
-    drawn = bool(first.samples or second.samples)
-    errors_of = partial(_errors, torques=first.drive.operation.M_g, drawn=drawn)
-
-    def F_ior(drives: Sequence[Drive]) -> Array:
-        """F'_ior [arcsec] of drives, shape (drives, torques); NaN where there is none."""
-        nonlocal proof
-        values = np.empty((len(drives), len(first.points)))
-        for row, (errors, certificate) in zip(values, run.map(errors_of, drives), strict=True):
-            proof += certificate
-            run.solved(certificate.states)
-            row[:] = errors
-        return values
-
-    def alone(path: str, count: int) -> ErrorChange | None:
-        """The change by a field alone over the first pairs; None where most of them make no drive."""
-        # sound: without a conflict, nor more unknown fields than before (a direction, for example)
-        sound = {}
-        for k, (one, second_drive) in enumerate(drives[:count]):
-            changed = one.with_values({path: second_drive.value(path)})
-            if len(unknowns(changed)) <= len(unknowns(one)) and first_conflict(changed) is None:
-                sound[k] = changed
-        after = F_ior([*sound.values()])
-        solved = ~np.isnan(after).any(axis=1)
-        if 2 * solved.sum() < min(count, len(drives)):
-            return None
-        return ErrorChange.of(path, before[[*sound]][solved], after[solved], np.ones(solved.sum()))
-
-    before = F_ior([one for one, _ in drives]) if paths else np.zeros((0, 0))
-
-    def largest_first(paths: Iterable[str], count: int) -> list[ErrorChange]:
-        return sorted(filter(None, (alone(path, count) for path in paths)), key=lambda change: -max(change.share))
-
-    screened = [change.field for change in largest_first(paths, _SCREENED_PAIRS)]
-    single = largest_first(screened[:_REPORTED_FIELDS], len(drives))
-    undrawn = any(point.F_ior_arcsec is None for point in (*first.points, *second.points))
+    screened = [change.field for change in single_changes.largest_first(paths, _SCREENED_PAIRS)]
+    single = single_changes.largest_first(screened[:_REPORTED_FIELDS], len(single_changes.drives))
+    is_undrawn = any(point.F_ior_arcsec is None for point in (*first.points, *second.points))
+    is_unknown = is_undrawn and not is_same
     rows, columns = np.nonzero(sampled_pairs.weights)
-    is_unknown = undrawn and not same
     changes = DriveChanges(
         pairs=len(sampled_pairs.drives),
         F_ior_is=tuple(UNKNOWN for _ in first.points) if is_unknown else sampled_pairs.senses(),
@@ -553,7 +558,57 @@ def drive_changes(
         single=tuple(single),
         not_alone=tuple(path for path in paths if path not in screened),
     )
-    return changes, proof
+    return changes, single_changes.certificate
+
+
+@dataclass
+class _SingleChanges:
+    """Changes of F'_ior by single fields from first drives to second ones, at the torques of the first."""
+
+    drives: Sequence[tuple[Drive, Drive]]
+    torques: Sequence[float]  # N*m
+    is_drawn: bool  # whether the drives are samples
+    run: Run
+    certificate: Certificate  # of all states, those of changes included once they are solved
+
+    @cached_property
+    def before_arcsec(self) -> Array:
+        """F'_ior of the first drives, shape (drives, torques)."""
+        return self.solve([first for first, _ in self.drives])
+
+    def is_moved(self, path: str) -> bool:
+        """Return whether a field differs in a pair."""
+        return any(first.value(path) != second.value(path) for first, second in self.drives)
+
+    def solve(self, drives: Sequence[Drive]) -> Array:
+        """Return F'_ior of drives [arcsec], shape (drives, torques); NaN without a result."""
+        errors_of = partial(_errors, torques=self.torques, drawn=self.is_drawn)
+        values = np.empty((len(drives), len(self.torques)))
+        for row, (errors, certificate) in zip(values, self.run.map(errors_of, drives), strict=True):
+            self.certificate += certificate
+            self.run.solved(certificate.states)
+            row[:] = errors
+        return values
+
+    def change_by(self, path: str, count: int) -> ErrorChange | None:
+        """Return the change by a field alone over the first pairs; None if most of them make no drive."""
+        # sound drives have no conflict, and no more unknown fields than before (a direction, for example)
+        sound = {}
+        for k, (first, second) in enumerate(self.drives[:count]):
+            changed = first.with_values({path: second.value(path)})
+            if len(unknowns(changed)) <= len(unknowns(first)) and first_conflict(changed) is None:
+                sound[k] = changed
+        before_arcsec = self.before_arcsec[[*sound]]
+        after_arcsec = self.solve([*sound.values()])
+        is_solved = ~np.isnan(after_arcsec).any(axis=1)
+        if 2 * is_solved.sum() < min(count, len(self.drives)):
+            return None
+        return ErrorChange.of(path, before_arcsec[is_solved], after_arcsec[is_solved], np.ones(is_solved.sum()))
+
+    def largest_first(self, paths: Iterable[str], count: int) -> list[ErrorChange]:
+        """Return the changes by fields alone over the first pairs, the largest first."""
+        changes = [self.change_by(path, count) for path in paths]
+        return sorted(filter(None, changes), key=lambda change: -max(change.share))
 
 
 def _errors(drive: Drive, torques: Sequence[float], drawn: bool) -> tuple[Array, Certificate]:

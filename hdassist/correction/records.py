@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -442,102 +443,171 @@ def fitted_prior(drive: Drive) -> DrivePrior:
     return replace(prior, fields=fields)
 
 
-def agreeing_drives(
-    drive: Drive, records: Mapping[float, RecordedError], draws: int, run: Run
-) -> tuple[list[dict[str, float]], float]:
-    """Values by path of drives that agree with records by torque [N*m], and the most misfit, as a share of the error.
+@dataclass(frozen=True)
+class _FitTerms:
+    """Terms of the residuals of a fit."""
 
-    The first of the drives agrees best; others that agree better than normal numbers around it would come more often.
-    Fits begin at the likeliest of drawn drives: one from the preset's own values may end in a hollow beside the best.
-    Angles of the records are the preset's. Fields of fitted_prior are normal numbers, directions shares of their turn;
-    comparing/fit says how that differs from its own fit. Raises UntrustedError where no drive agrees.
+    start: Array  # directions are pulled towards it, shape (unknowns,)
+    scale: float  # standard deviation of a reading [arcsec]
+    beyond: Array  # error of the drive beyond its lines at the readings [arcsec], shape (readings,)
+
+
+@dataclass(frozen=True)
+class _RecordMisfit:
+    """Misfit of the best drive to records."""
+
+    noise: float  # variance of a reading [arcsec^2]
+    excess: float  # variance of the residual beyond the noise [arcsec^2]
+    bound: float  # upper bound of the misfit, as a share of the error
+
+
+@dataclass(frozen=True, eq=False)
+class _RecordFit:
+    """Fit of the fields of a drive to records by torque [N*m].
+
+    Unknowns are normal numbers of the fields, for directions shares of their turn, shape (drives, unknowns).
     """
-    prior = fitted_prior(drive)
-    fields = prior.fields
-    turning = np.array([field.is_any_direction for field in prior.fields])
-    cam_turns = sum(np.ptp(record.cam_turns) for record in records.values())
 
-    def values_of(unknowns: Array) -> list[dict[str, float]]:
-        return prior.values(np.where(turning, unknowns, ndtr(unknowns)))
+    drive: Drive
+    prior: DrivePrior
+    records: Mapping[float, RecordedError]
+    run: Run
 
-    def levelled(by_torque: Iterable[Array]) -> Array:
-        return np.concatenate([errors - errors.mean(axis=-1, keepdims=True) for errors in by_torque], axis=-1)
+    @cached_property
+    def is_direction(self) -> NDArray[np.bool_]:
+        """Whether an unknown is a direction, shape (unknowns,)."""
+        return np.array([field.is_any_direction for field in self.prior.fields])
 
-    def off(unknowns: Array) -> Array:
-        """Errors of the records [arcsec] beyond the lines of drives, shape (drives, readings)."""
-        lines = {M_g: error_lines(drive, M_g, values_of(unknowns), run) for M_g in records}
-        return levelled(
+    @cached_property
+    def cam_turns(self) -> float:
+        """Input revolutions of all records."""
+        return float(sum(np.ptp(record.cam_turns) for record in self.records.values()))
+
+    @cached_property
+    def read(self) -> Array:
+        """Errors of all readings without their mean at each torque [arcsec], shape (readings,)."""
+        return _levelled(record.error_arcsec for record in self.records.values())
+
+    def values_of(self, unknowns: Array) -> list[dict[str, float]]:
+        """Return the values of drives, by path."""
+        return self.prior.values(np.where(self.is_direction, unknowns, ndtr(unknowns)))
+
+    def beyond_estimate(self, unknowns: Array) -> Array:
+        """Return the errors of the records beyond the lines of drives [arcsec], shape (drives, readings)."""
+        lines = {M_g: error_lines(self.drive, M_g, self.values_of(unknowns), self.run) for M_g in self.records}
+        return _levelled(
             record.error_arcsec
             - between_points(lines[M_g].curves, record.cam_turns / lines[M_g].kinematics.cycle_cam_revolutions)
-            for M_g, record in records.items()
+            for M_g, record in self.records.items()
         )
 
-    def beyond_lines(values: Mapping[str, float]) -> Array:
-        """A drive's solved cycle without its lines [arcsec], at the readings."""
+    def solved_beyond_lines(self, unknowns: Array) -> Array:
+        """Return the solved cycle of one drive without its lines [arcsec], at the readings, shape (readings,)."""
+        values = self.values_of(unknowns[None])[0]
         remainders = []
-        for M_g, record in records.items():
-            lines = error_lines(drive, M_g, [values], run)
-            solved, _ = solved_error(drive.with_values(values), M_g, run)
+        for M_g, record in self.records.items():
+            lines = error_lines(self.drive, M_g, [values], self.run)
+            solved, _ = solved_error(self.drive.with_values(values), M_g, self.run)
             period = lines.kinematics.cycle_cam_revolutions
             remainders.append(np.interp(record.cam_turns, solved.cam_turns, solved.apart(lines), period=period))
-        return levelled(remainders)
+        return _levelled(remainders)
 
-    def residuals(unknowns: Array, start: Array, scale: float, beyond: Array) -> Array:
-        pull = np.where(turning, (unknowns - start) / _OPEN_DIRECTION, unknowns)
-        return np.concatenate([(off(unknowns) - beyond) / scale, pull], axis=1)
+    def residuals(self, unknowns: Array, terms: _FitTerms) -> Array:
+        """Return the residuals of drives, of readings and of unknowns, shape (drives, readings + unknowns)."""
+        pull = np.where(self.is_direction, (unknowns - terms.start) / _OPEN_DIRECTION, unknowns)
+        return np.concatenate([(self.beyond_estimate(unknowns) - terms.beyond) / terms.scale, pull], axis=1)
 
-    shares = prior.shares(SEARCHED, run.seed)[:, : len(fields)]
-    begun = np.where(turning, shares, np.clip(ndtri(shares), -_LARGEST, _LARGEST))
-    begun = np.concatenate([begun * [field.distribution != "normal" for field in fields], begun])
-    read = levelled(record.error_arcsec for record in records.values())
-    bounds = np.where(turning, np.inf, _LARGEST)
-    misfit = _FIRST_MISFIT
-    noise = 0.0
-    together = len(read) / (_MISFITS_A_TURN * cam_turns)
-    beyond = np.zeros(len(read))
-    unlikely = off(begun).var(axis=1) / (misfit**2 * np.var(read)) * _MISFITS_A_TURN * cam_turns
-    unlikely += (begun[:, ~turning] ** 2).sum(axis=1)
-    starts = begun[np.argsort(unlikely)[:_STARTS]]
-    for _ in range(_FITS):
-        scale = float(np.sqrt(noise + together * misfit**2 * np.var(read)))
-        fits: list[tuple[Any, tuple[Any, ...]]] = []
+    def starts(self) -> Array:
+        """Return the likeliest of drawn drives, shape (_STARTS, unknowns)."""
+        fields = self.prior.fields
+        shares = self.prior.shares(SEARCHED, self.run.seed)[:, : len(fields)]
+        drawn = np.where(self.is_direction, shares, np.clip(ndtri(shares), -_LARGEST, _LARGEST))
+        drawn = np.concatenate([drawn * [field.distribution != "normal" for field in fields], drawn])
+        allowed_variance = _FIRST_MISFIT**2 * np.var(self.read)
+        unlikely = self.beyond_estimate(drawn).var(axis=1) / allowed_variance * _MISFITS_A_TURN * self.cam_turns
+        unlikely += (drawn[:, ~self.is_direction] ** 2).sum(axis=1)
+        return np.asarray(drawn[np.argsort(unlikely)[:_STARTS]])
+
+    def best_fit(self, starts: Array, scale: float, beyond: Array) -> tuple[Any, _FitTerms]:
+        """Return the best fit from some starts, and its terms; further starts are left out once one is close."""
+        bounds = np.where(self.is_direction, np.inf, _LARGEST)
+        fits = []
         for start in starts:
-            about = start, scale, beyond
+            terms = _FitTerms(start=start, scale=scale, beyond=beyond)
             fit = least_squares(
-                lambda unknowns, *about: residuals(unknowns[None], *about)[0],
+                lambda unknowns, terms: self.residuals(unknowns[None], terms)[0],
                 start,
                 bounds=(-bounds, bounds),
                 ftol=1e-3,
                 diff_step=1e-3,
-                args=about,
+                args=(terms,),
             )
-            fits.append((fit, about))
-            if np.var(off(fit.x[None]) - beyond) <= _SHOWN**2 * np.var(read):
+            fits.append((fit, terms))
+            if np.var(self.beyond_estimate(fit.x[None]) - beyond) <= _SHOWN**2 * np.var(self.read):
                 break
-        fit, about = min(fits, key=lambda each: float(each[0].cost))
-        best = fit.x
-        starts = fit.x[None]
-        beyond = beyond_lines(values_of(best[None])[0])
-        residual = off(best[None])[0] - beyond
+        return min(fits, key=lambda fit_and_terms: float(fit_and_terms[0].cost))
+
+    def misfit_of(self, best: Array, beyond: Array) -> _RecordMisfit:
+        """Return the misfit of the best drive; beyond: its error beyond its lines [arcsec], shape (readings,)."""
+        residual = self.beyond_estimate(best[None])[0] - beyond
         noise = float(np.var(np.diff(residual))) / 2  # of a reading: a misfit continues from one to the next
         excess = max(float(np.var(residual)) - noise, 0.0)
-        independent = _MISFITS_A_TURN * cam_turns
+        independent = _MISFITS_A_TURN * self.cam_turns
         # its bound by chi square of independent numbers, and by what noise and a fit to it may hide of it
         bound = excess * independent / chdtri(max(independent - len(best), 2.0), 1 - _MISFIT_CHANCE)
-        bound += noise * (float(ndtri(1 - _MISFIT_CHANCE)) / len(read) ** 0.5 + len(best) / len(read))
-        misfit = float(np.sqrt(bound / np.var(read)))
-    if excess > _MOST_MISFIT**2 * np.var(read):
-        share = 100 * np.sqrt(excess / np.var(read))
+        bound += noise * (float(ndtri(1 - _MISFIT_CHANCE)) / len(self.read) ** 0.5 + len(best) / len(self.read))
+        return _RecordMisfit(noise=noise, excess=excess, bound=float(np.sqrt(bound / np.var(self.read))))
+
+    def agreeing(self, fit: Any, terms: _FitTerms, draws: int) -> Array:
+        """Draw unknowns that agree with the records, first the best ones, shape (draws, unknowns).
+
+        Normal numbers around the fit are drawn and weighed by their likelihood.
+        """
+        *_, sizes, directions = np.linalg.svd(fit.jac, full_matrices=False)
+        rng = np.random.default_rng([self.run.seed, 2])
+        deviates = rng.standard_normal((draws, len(fit.x)))
+        deviates[0] = 0
+        drawn = fit.x + deviates / sizes @ directions
+        log_weight = ((deviates**2).sum(axis=1) - (self.residuals(drawn, terms) ** 2).sum(axis=1)) / 2
+        cumulative = np.cumsum(np.exp(log_weight - log_weight.max()))
+        rows = np.searchsorted(cumulative, (np.arange(1, draws) - rng.random()) * (cumulative[-1] / (draws - 1)))
+        return np.asarray(drawn[np.append(0, rows)])
+
+
+def _levelled(by_torque: Iterable[Array]) -> Array:
+    """Return errors of all torques in one array, each without its mean over the readings."""
+    return np.concatenate([errors - errors.mean(axis=-1, keepdims=True) for errors in by_torque], axis=-1)
+
+
+def agreeing_drives(
+    drive: Drive, records: Mapping[float, RecordedError], draws: int, run: Run
+) -> tuple[list[dict[str, float]], float]:
+    """Find drives that agree with records by torque [N*m].
+
+    The first of the drives agrees best; others that agree better than normal numbers around it would come more often.
+    Fits begin at the likeliest of drawn drives: one from the preset's own values may end in a hollow beside the best.
+    Angles of the records are the preset's. Fields of fitted_prior are normal numbers, directions shares of their turn;
+    comparing/fit says how that differs from its own fit.
+
+    Returns the values of the drives by path, and the most misfit, as a share of the error. Raises UntrustedError if no
+    drive agrees.
+    """
+    record_fit = _RecordFit(drive=drive, prior=fitted_prior(drive), records=records, run=run)
+    read = record_fit.read
+    together = len(read) / (_MISFITS_A_TURN * record_fit.cam_turns)  # readings within which a misfit is the same
+    misfit = _RecordMisfit(noise=0.0, excess=0.0, bound=_FIRST_MISFIT)
+    beyond = np.zeros(len(read))
+    starts = record_fit.starts()
+    for _ in range(_FITS):
+        scale = float(np.sqrt(misfit.noise + together * misfit.bound**2 * np.var(read)))
+        fit, terms = record_fit.best_fit(starts, scale, beyond)
+        starts = fit.x[None]
+        beyond = record_fit.solved_beyond_lines(fit.x)
+        misfit = record_fit.misfit_of(fit.x, beyond)
+    if misfit.excess > _MOST_MISFIT**2 * np.var(read):
+        share = 100 * np.sqrt(misfit.excess / np.var(read))
         raise UntrustedError(
             f"no drive within the ranges of {drive.name} reproduces the recording: {share:.0f} % of the error remain",
             "record the full mesh cycle, or find the cause with hdassist compare",
         )
-    *_, sizes, directions = np.linalg.svd(fit.jac, full_matrices=False)
-    rng = np.random.default_rng([run.seed, 2])
-    deviates = rng.standard_normal((draws, len(best)))
-    deviates[0] = 0
-    drawn = best + deviates / sizes @ directions
-    logarithm = ((deviates**2).sum(axis=1) - (residuals(drawn, *about) ** 2).sum(axis=1)) / 2
-    shares = np.cumsum(np.exp(logarithm - logarithm.max()))
-    rows = np.searchsorted(shares, (np.arange(1, draws) - rng.random()) * (shares[-1] / (draws - 1)))
-    return values_of(drawn[np.append(0, rows)]), misfit
+    return record_fit.values_of(record_fit.agreeing(fit, terms, draws)), misfit.bound
