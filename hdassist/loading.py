@@ -229,19 +229,10 @@ def _inner_table(document: Document, whole: Path, span: SourceSpan) -> dict[Any,
 
 
 def _drive(document: Document) -> Drive | None:
-    """The drive of a document, None where there is none; faults are added to its findings."""
-    if () in document.bad:
+    """Return the drive of a document, None if there is none; faults are added to its findings."""
+    data = _table_of_drive(document)
+    if data is None:
         return None
-    if not isinstance(document.data, dict):
-        message = "the preset is empty" if document.data is None else "a preset must be a table of keys"
-        got = "" if document.data is None else None
-        document.add((), message, "create one with hdassist presets new NAME", got)
-        return None
-    data = {key: value for key, value in document.data.items() if value is not None or (key,) in document.bad}
-    if "schema" not in data:
-        document.add(("schema",), "missing key", f"write schema: {PRESET_SCHEMA}")
-    elif data.pop("schema") != PRESET_SCHEMA and ("schema",) not in document.bad:
-        document.add(("schema",), f"must be {PRESET_SCHEMA}")
     _settle_spreads(document, data)
     data |= {name: _known_paths(document, name, data[name]) for name in PATH_TABLES if isinstance(data.get(name), dict)}
     values = dict[str, Any]()  # valid values by path
@@ -254,13 +245,35 @@ def _drive(document: Document) -> Drive | None:
     _add_defaults(document, values)
     if drive:
         drive = _with_support_of_coupling(document, drive, values)
+    _add_conflicts(document, values)
+    _check_tables(values, document)
+    return drive
+
+
+def _table_of_drive(document: Document) -> dict[str, Any] | None:
+    """Return the table of a document without its schema and empty keys; None, with a finding, if there is none."""
+    if () in document.bad:
+        return None
+    if not isinstance(document.data, dict):
+        message = "the preset is empty" if document.data is None else "a preset must be a table of keys"
+        got = "" if document.data is None else None
+        document.add((), message, "create one with hdassist presets new NAME", got)
+        return None
+    data = {key: value for key, value in document.data.items() if value is not None or (key,) in document.bad}
+    if "schema" not in data:
+        document.add(("schema",), "missing key", f"write schema: {PRESET_SCHEMA}")
+    elif data.pop("schema") != PRESET_SCHEMA and ("schema",) not in document.bad:
+        document.add(("schema",), f"must be {PRESET_SCHEMA}")
+    return data
+
+
+def _add_conflicts(document: Document, values: dict[str, Any]) -> None:
+    """Add the conflicts between valid values, at the override that makes one if there is one."""
     for conflict, involved in conflicts({path: values[path] for path in field_table() if path in values}):
         paths = [tuple(path.split(".", 2)) for path in (conflict.path, *involved)]
         override_paths = [path for path in paths if document.is_override(path)]
         place = override_paths[0] if override_paths else paths[0]
         document.add(place, conflict.message, conflict.hint, conflict.got)
-    _check_tables(values, document)
-    return drive
 
 
 def _add_defaults(document: Document, values: dict[str, Any]) -> None:

@@ -3,7 +3,7 @@
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import asdict, fields, replace
+from dataclasses import asdict, dataclass, fields, replace
 from math import floor, log10
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
@@ -364,30 +364,56 @@ def _lot_facts(answers: Sequence[AcceptAnswer]) -> Iterator[Fact]:
     checks = sorted((check for answer in answers for check in answer.checks), key=lambda check: check.code)
     open_ = sorted({check.label for check in checks if _is_open(check)})
     yield "measure", f"{'; '.join(open_)}; a prediction or a part of the cycle does not decide" if open_ else ""
-    failed = [
-        ((check.value or 0.0) / check.limit, place, check)
-        for place, answer in enumerate(answers)
-        for check in answer.checks
-        if check.check is F_IOR and check.verdict == "FAIL"
-    ]
-    worst = {place: (times, check) for times, place, check in sorted(failed, key=lambda each: each[0])}
-    turning = ""
-    named = []
-    for place, (times, check) in sorted(worst.items(), key=lambda item: item[1][0]):  # what needs the least, first
-        request = answers[place].request
-        named.append(f"{title(answers[place])} ({times:.3g} times its limit)")
-        if turning or request is None:
-            continue
-        value = "h0=VALUE" if check.basis == "predicted" or check.value is None else f"h0={check.value:g}"
-        sets = [word for text in request.overrides for word in ("--set", text)]
-        torque = ["--trial-torque", f"{check.M_g_Nm:g}"]
-        turning = command_line(["hdassist", "mount", request.preset, value, *sets, *torque])
-    if named:
-        unnamed = len(named) - _NAMED_CHECKS
-        ending = f"; {unnamed} further" if unnamed > 0 else ""
-        ending += '. "next" is for the first one' if len(named) > 1 else ""
-        yield "other hole", f"for {'; '.join(named[:_NAMED_CHECKS])}{ending}"
-    yield "next", turning or _to_explain(checks)
+    failed = _failed_by_F_ior(answers)
+    if failed:
+        yield "other hole", f"for {_failed_words(failed)}"
+    with_request = [drive for drive in failed if drive.answer.request is not None]
+    yield "next", _turning_command(with_request[0]) if with_request else _to_explain(checks)
+
+
+@dataclass(frozen=True)
+class _FailedDrive:
+    """A drive that fails by F'_ior: its answer, the failed check with the largest value, and that over its limit."""
+
+    answer: AcceptAnswer
+    check: DecidedCheck
+    times_limit: float
+
+
+def _failed_by_F_ior(answers: Sequence[AcceptAnswer]) -> list[_FailedDrive]:
+    """Return the drives that fail by F'_ior, first the one that needs the smallest reduction."""
+    failed = []
+    for answer in answers:
+        checks = [check for check in answer.checks if check.check is F_IOR and check.verdict == "FAIL"]
+        ratios = [(check.value or 0.0) / check.limit for check in checks]
+        if checks:
+            worst = max(range(len(checks)), key=lambda k: (ratios[k], k))  # the last one of equal ones
+            failed.append(_FailedDrive(answer=answer, check=checks[worst], times_limit=ratios[worst]))
+    return sorted(failed, key=lambda drive: drive.times_limit)
+
+
+def _failed_words(failed: Sequence[_FailedDrive]) -> str:
+    """Return the first of the drives that fail by F'_ior, and the number of the others."""
+    named = [f"{title(drive.answer)} ({drive.times_limit:.3g} times its limit)" for drive in failed]
+    unnamed = len(named) - _NAMED_CHECKS
+    words = "; ".join(named[:_NAMED_CHECKS])
+    if unnamed > 0:
+        words += f"; {unnamed} further"
+    if len(named) > 1:
+        words += '. "next" is for the first one'
+    return words
+
+
+def _turning_command(failed: _FailedDrive) -> str:
+    """Return the command that finds another hole for a drive; empty without its request."""
+    request = failed.answer.request
+    if request is None:
+        return ""
+    check = failed.check
+    value = "h0=VALUE" if check.basis == "predicted" or check.value is None else f"h0={check.value:g}"
+    sets = [word for text in request.overrides for word in ("--set", text)]
+    torque = ["--trial-torque", f"{check.M_g_Nm:g}"]
+    return command_line(["hdassist", "mount", request.preset, value, *sets, *torque])
 
 
 def _drives(count: int) -> str:

@@ -487,22 +487,8 @@ def allocate_report(
                 {"M_g_Nm": M_g, "limit_arcsec": limit, "self_error_arcsec": self_error}
                 for M_g, limit, self_error in torque_limits
             ],
-            "laws": [
-                {
-                    **attributes(choice, "now", "least", "most", field="path", assumed="assumed_law"),
-                    **attributes(choice.law, "share", "k"),
-                    "unit": field_unit(choice.path),
-                }
-                for choice in choices
-            ],
-            "allocations": [
-                {
-                    **attributes(way, "turned", "fits", "cost", "probability", "verdict", tolerances="values"),
-                    "yield": _yield_range(way.tried),
-                    "drives": way.tried.drives.sum(),
-                }
-                for way in ways
-            ],
+            "laws": _law_objects(found),
+            "allocations": [_allocation_object(way) for way in ways],
         },
         csv=(
             ["preset", "wheel", "fits", "field", "now", "tolerance", "cost_of_all"],
@@ -516,6 +502,27 @@ def allocate_report(
         warnings=(*_law_warnings(law), *([costs] if assumed else [])),
         exit_code=verdict.exit_code,
     )
+
+
+def _law_objects(found: Allocator) -> list[Json]:
+    """Return the tolerances that may be chosen, with their cost laws, as JSON."""
+    return [
+        {
+            **attributes(choice, "now", "least", "most", field="path", assumed="assumed_law"),
+            **attributes(choice.law, "share", "k"),
+            "unit": field_unit(choice.path),
+        }
+        for choice in found.choices
+    ]
+
+
+def _allocation_object(way: Allocation) -> Json:
+    """Return a way to build the drive, with the tolerances found for it, as JSON."""
+    return {
+        **attributes(way, "turned", "fits", "cost", "probability", "verdict", tolerances="values"),
+        "yield": _yield_range(way.tried),
+        "drives": way.tried.drives.sum(),
+    }
 
 
 def _words(way: Allocation, found: Allocator) -> str:

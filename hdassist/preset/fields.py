@@ -169,47 +169,76 @@ class PresetField:
         return cls(**declared | about | {"default": info.get_default(), "is_required": info.is_required()})
 
     def read(self, value: Any) -> Any:
-        """The value that a preset has as the field holds it; of a table below, with values for its fields to read.
+        """Return the value of a preset as the field holds it; of a table, with values for its fields to read.
 
-        Raises InvalidValueError, and ValidationError for items: it cannot be read.
+        Raises InvalidValueError, and ValidationError for items, if it cannot be read.
         """
         if self.kind == "range":
             path, ends = value
             return field_table()[path].bounds(ends)
         if self.kind == "choice":
-            if value not in self.choices:
-                message = f"must be one of {', '.join(self.choices)}"
-                raise InvalidValueError(message, near_miss(str(value), self.choices))
-        elif self.kind in ("text", "line"):
-            if not isinstance(value, str):
-                raise InvalidValueError("must be text", "put it in quotes" if isinstance(value, int | float) else "")
-            if self.kind == "line" and not ("\n" not in value and 1 <= len(value) <= MAX_NAME):
-                message = f"must be one line of 1 to {MAX_NAME} characters"
-                raise InvalidValueError(message, "write a longer text in description" if value else "")
-        elif value is None:
-            if not self.is_optional:
-                required = f"write a number in {self.unit}" if self.unit else ""
-                hint = required if self.is_required else f"leave the key out for its default, {self.default}"
-                raise InvalidValueError("needs a value", hint)
-        elif isinstance(value, str) and self.unknown and (meant := near_miss(value, [UNKNOWN])):
-            if value != UNKNOWN:
-                raise InvalidValueError("must be a number", meant)
+            self._require_choice(value)
+            return value
+        if self.kind in ("text", "line"):
+            self._require_text(value)
+            return value
+        if value is None:
+            self._require_optional()
             return None
-        elif self.kind in ("number", "count"):
+        if isinstance(value, str) and self.unknown and (near_word := near_miss(value, [UNKNOWN])):
+            if value != UNKNOWN:
+                raise InvalidValueError("must be a number", near_word)
+            return None
+        if self.kind in ("number", "count"):
             return self.number(value)
-        elif self.kind in KEYED_TABLES:
-            if not isinstance(value, dict) and (like_table := KEYED_TABLES[self.kind][3]):
-                raise InvalidValueError("must be a table of keys", like_table)
-            seen_entries = set[tuple[object, ...]]()
-            return _read_items(value if isinstance(value, dict) else {"all": value}, partial(self._entry, seen_entries))
-        elif self.kind == "numbers" or (self.kind == "holes" and value != "all"):
-            if isinstance(value, dict) or (self.kind == "holes" and isinstance(value, str)):
-                raise InvalidValueError(_WANTED_LISTS[self.kind])
-            items = enumerate(value if isinstance(value, list) else [value])
-            return tuple(_read_items(dict(items), lambda _, item: self.number(item)).values())
-        elif self.kind in ("uncertainty", "fit", "source") and isinstance(value, dict):
+        if self.kind in KEYED_TABLES:
+            return self._keyed_table(value)
+        if self.kind == "numbers" or (self.kind == "holes" and value != "all"):
+            return self._numbers(value)
+        if self.kind in ("uncertainty", "fit", "source") and isinstance(value, dict):
             return _read_items(value, self._by_path)
         return value
+
+    def _require_choice(self, value: Any) -> None:
+        """Raise InvalidValueError for a value that is none of the choices."""
+        if value not in self.choices:
+            message = f"must be one of {', '.join(self.choices)}"
+            raise InvalidValueError(message, near_miss(str(value), self.choices))
+
+    def _require_text(self, value: Any) -> None:
+        """Raise InvalidValueError for a value that is no text, or no line of a name's length."""
+        if not isinstance(value, str):
+            raise InvalidValueError("must be text", "put it in quotes" if isinstance(value, int | float) else "")
+        if self.kind == "line" and ("\n" in value or not 1 <= len(value) <= MAX_NAME):
+            message = f"must be one line of 1 to {MAX_NAME} characters"
+            raise InvalidValueError(message, "write a longer text in description" if value else "")
+
+    def _require_optional(self) -> None:
+        """Raise InvalidValueError for a field that needs a value."""
+        if self.is_optional:
+            return
+        if self.is_required:
+            hint = f"write a number in {self.unit}" if self.unit else ""
+        else:
+            hint = f"leave the key out for its default, {self.default}"
+        raise InvalidValueError("needs a value", hint)
+
+    def _keyed_table(self, value: Any) -> dict[str, Any]:
+        """Return the entries of a table of keys; a single value, where the table may be one, is that of all keys."""
+        if not isinstance(value, dict):
+            like_table = KEYED_TABLES[self.kind][3]
+            if like_table:
+                raise InvalidValueError("must be a table of keys", like_table)
+            value = {"all": value}
+        seen_entries = set[tuple[object, ...]]()
+        return _read_items(value, partial(self._entry, seen_entries))
+
+    def _numbers(self, value: Any) -> tuple[float, ...]:
+        """Return the numbers of a list, or of a single number."""
+        if isinstance(value, dict) or (self.kind == "holes" and isinstance(value, str)):
+            raise InvalidValueError(_WANTED_LISTS[self.kind])
+        items = enumerate(value if isinstance(value, list) else [value])
+        return tuple(_read_items(dict(items), lambda _, item: self.number(item)).values())
 
     def _by_path(self, path: str, entry: Any) -> Any:
         """An entry of a table by paths of fields; the range in one of a source goes on with its path."""

@@ -365,10 +365,16 @@ def give(
     more: Mapping[str, Any] | None = None,
     below: Sequence[str] = (),
 ) -> int:
-    """Write warnings, reports as JSON, pages or lines, and tables; returns the worst of their exit codes.
+    """Write warnings, reports as JSON, pages or lines, and tables.
 
-    Arguments: command, for the schema of several; reports, of which those without a head have no page; out; more, keys
-    of JSON about all of them; below, lines under all pages.
+    Args:
+        command: for the schema of several reports.
+        reports: those without a head have no page.
+        out: how and where they are written.
+        more: keys of JSON about all reports.
+        below: lines under all pages.
+
+    Returns the worst of their exit codes.
     """
     for report in reports:
         for text in report.warnings:
@@ -376,17 +382,26 @@ def give(
     if out.json:
         out.text(json_text({**combine(command, list(map(report_object, reports))), **(more or {})}))
     elif out.has_page and (pages := [report for report in reports if report.head]):
-        if not out.quiet:
-            from rich.console import Group
-
-            from hdassist.terminal.page import report_page
-
-            shown = partial(report_page, style=out.style, plots=out.plot, details=out.details)
-            texts = [made_or("page", partial(shown, page), partial(getattr, page, "line")) for page in pages]
-            out.human(Group(*[part for page in texts for part in (page, "")][:-1], *below))
-        else:
+        if out.quiet:
             lines = "".join(f"{report.line}\n" for report in pages)
             out.text(out.style.text(lines) if out.style.ascii else lines)
+        else:
+            _give_pages(pages, out, below)
     if out.csv is not None and (tables := [report.csv for report in reports if report.csv]):
         write_text(out.csv, csv_text(tables[0][0], [row for _, rows in tables for row in rows]), out.force)
     return worst_exit_code(report.exit_code for report in reports)
+
+
+def _give_pages(reports: Sequence[Report], out: Output, below: Sequence[str]) -> None:
+    """Write the pages of reports, an empty line between them; below: lines under all pages."""
+    from rich.console import Group
+
+    from hdassist.terminal.page import report_page
+
+    shown = partial(report_page, style=out.style, plots=out.plot, details=out.details)
+    parts: list[Any] = []
+    for report in reports:
+        if parts:
+            parts.append("")
+        parts.append(made_or("page", partial(shown, report), partial(getattr, report, "line")))
+    out.human(Group(*parts, *below))
