@@ -221,8 +221,8 @@ def _loaded(name: str) -> Any:
     else:
         app = typer.Typer(**_OPTIONS)
         classes = {name: f"{name.title()}Command"}
-    for each, class_name in classes.items():
-        app.command(each, cls=Command)(getattr(module, class_name))
+    for command_part, class_name in classes.items():
+        app.command(command_part, cls=Command)(getattr(module, class_name))
     return typer.main.get_command(app)
 
 
@@ -312,8 +312,8 @@ def _start_page(width: int) -> str:
     for section, summaries in _SUMMARIES.items():
         rows = [summary for summary in summaries.items() if summary[0] not in OTHER_NAMES]
         lines.append("")
-        for head, (name, words) in zip([section, *[""] * (len(rows) - 1)], rows, strict=True):
-            lines += row(f"{head:{_SECTION_COLUMNS}}", name, words)
+        for head, (name, help_text) in zip([section, *[""] * (len(rows) - 1)], rows, strict=True):
+            lines += row(f"{head:{_SECTION_COLUMNS}}", name, help_text)
     footer = "hdassist COMMAND -h shows examples and options; hdassist -h lists all commands."
     return "\n".join([*lines, "", *textwrap.wrap(footer, width)])
 

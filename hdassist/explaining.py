@@ -104,11 +104,11 @@ def latin(text: str) -> str:
     letters = []
     for letter in text:
         low = letter.lower()
-        other = _LATIN.get(low) or (_GREEK.get(low) if low.isalpha() else None)
-        if other is None:
+        latin_letter = _LATIN.get(low) or (_GREEK.get(low) if low.isalpha() else None)
+        if latin_letter is None:
             letters.append(letter)
         else:
-            letters.append(other if letter == low else other.capitalize())
+            letters.append(latin_letter if letter == low else latin_letter.capitalize())
     return "".join(letters)
 
 
@@ -140,8 +140,8 @@ def _entries() -> Iterator[Entry]:
         yield Entry(
             kind="quantity or word", names=(term.word, *russian, *term.others), words=term.meaning, facts=_given(facts)
         )
-    for names, words in _WORDS_OF_PAGES.items():
-        yield Entry("quantity or word", names, words)
+    for names, page_meaning in _WORDS_OF_PAGES.items():
+        yield Entry("quantity or word", names, page_meaning)
     for symbol in SYMBOLS:
         of_symbol = (("in the code", symbol.code.replace("`", "")), ("unit", symbol.unit))
         for name in symbol.paper:

@@ -550,10 +550,10 @@ def rough_curves(
                 teeth += _ROUGH_SIZE * rng.rayleigh() / order / 2 * np.cos(order * turn - 2 * np.pi * rng.random())
             states = pitch_locked_states(kinematics, np.arange(z))
             rough = ToothDeviations(**{wheel: _ROUGH_UM * teeth})
-            found = kinematic_error(smooth, M_g, states=states, teeth=rough, run=UNCHECKED)
-            proof += found.certificate
-            run.solved(found.certificate.states)
-            errors.append(found.error_arcsec - found.error_arcsec.mean())
+            solved = kinematic_error(smooth, M_g, states=states, teeth=rough, run=UNCHECKED)
+            proof += solved.certificate
+            run.solved(solved.certificate.states)
+            errors.append(solved.error_arcsec - solved.error_arcsec.mean())
         for curve, size in zip(curves, sizes, strict=True):
             error = errors[rng.integers(_ROUGH_WHEELS)]
             first = rng.integers(z)

@@ -287,7 +287,7 @@ def accept_lot(path: str, base: Request, options: AcceptOptions, out: Output) ->
     from hdassist.pages.accept import fault_words, lot_report, title
     from hdassist.run.kept import KeptOwner, open_kept
 
-    done: list[AcceptAnswer] = []
+    finished: list[AcceptAnswer] = []
     faults = Counter[str]()  # by their words
     name = path
     sha256 = ""
@@ -317,7 +317,7 @@ def accept_lot(path: str, base: Request, options: AcceptOptions, out: Output) ->
                     answer = stored or next(fresh)
                     if stored is None:
                         kept.append([answer])
-                    done.append(answer)
+                    finished.append(answer)
                     if error := answer.error:
                         fault = fault_words(answer)
                         if fault not in faults:
@@ -326,13 +326,13 @@ def accept_lot(path: str, base: Request, options: AcceptOptions, out: Output) ->
             if repeated := sum(faults.values()) - len(faults):
                 say(f"note: the same for {repeated} further row{'s' if repeated > 1 else ''}")
             if options.resume:
-                kept.rewrite(done)  # in the order of the rows, each once
+                kept.rewrite(finished)  # in the order of the rows, each once
         if options.jsonl:
             say(f"wrote {options.jsonl}")
-        return lot_report(lot, done)
+        return lot_report(lot, finished)
 
     reports = run_each("accept", [path], one, out, kind="file")
-    return _give(reports, done, name, options, out, sha256)
+    return _give(reports, finished, name, options, out, sha256)
 
 
 def _give(

@@ -112,13 +112,13 @@ def _explanation(fit: VectorFit, base: VectorFit, fitter: VectorFitter) -> Expla
     record = fitter.record
     drive = fitter.drive
     unknowns = len(fit.free)
-    more = len(fit.free) - len(base.free)
+    further_unknowns = len(fit.free) - len(base.free)
     freedom = record.freedom(unknowns)
     before = base.chi_square - record.freedom(len(base.free))
     excess = max(1.0, fit.chi_square / freedom)
     changes = [change for i in range(len(fit.fitted)) if (change := _change(fit, i, excess * fit.covariance, drive))]
     names = _not_told_apart(fit)
-    by_chance = max(_CLEAR_GAIN, more + CHI_SQUARE_CLEAR * float(np.sqrt(2 * more)))
+    by_chance = max(_CLEAR_GAIN, further_unknowns + CHI_SQUARE_CLEAR * float(np.sqrt(2 * further_unknowns)))
     return Explanation(
         deviations=tuple(VECTORS[k].size for k in fit.fitted),
         changes=tuple(changes),

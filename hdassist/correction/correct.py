@@ -654,13 +654,13 @@ def advice_corrected(advice: Advice, form: CorrectionForm, draws: int, run: Run)
     position, with all that these lines do not have.
     """
     drive = advice.drive
-    found = advice.decision
+    choice = advice.decision
     drives = [dict[str, float]()]
-    if found.all_alike:
+    if choice.all_alike:
         return advice
-    if found.is_sampled and advice.samples:
+    if choice.is_sampled and advice.samples:
         drives = advice.samples.of_ranges.equal_drives(draws)
-    rotations = sorted({0.0, *found.rotations_deg})
+    rotations = sorted({0.0, *choice.rotations_deg})
     proof = EMPTY
     residuals = []
     for rotation_deg in rotations:
@@ -673,16 +673,16 @@ def advice_corrected(advice: Advice, form: CorrectionForm, draws: int, run: Run)
             proof += error.lines.certificate
             residuals.append(ranges_left(form.fitted(error.lines, M_g), error)[0])
     arcsec = np.reshape(residuals, (len(rotations), -1, len(drives))).transpose(1, 2, 0)  # (torques, drives, positions)
-    columns = [rotations.index(rotation) for rotation in found.rotations_deg]
+    columns = [rotations.index(rotation) for rotation in choice.rotations_deg]
     ones = np.ones(len(drives))
     now_arcsec = arcsec[..., rotations.index(0.0)]
     decision = Decision(
-        rotations_deg=found.rotations_deg,
+        rotations_deg=choice.rotations_deg,
         F_ior_arcsec=arcsec[..., columns],
         now_arcsec=now_arcsec,
         sample_weights=ones,
         room_arcsec=(),
-        cost=found.cost,
+        cost=choice.cost,
     )
     curve = advice.curve and replace(advice.curve, certificate=advice.curve.certificate + proof)
     advice = replace(advice, curve=curve, compensated=(form.name, decision))

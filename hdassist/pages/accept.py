@@ -268,9 +268,9 @@ def _sentence(check: DecidedCheck) -> str:
     if check.at_most is not None and check.verdict != "FAIL" and not cells["range"]:
         value += f" to {check.at_most:.4g}"
     labels = {"limit": "limit", "margin": "margin", "guard": "guard band", "kept": "probability that it is met"}
-    further = [f"{label} {cells[name]}" for name, label in labels.items() if cells[name]]
+    other_figures = [f"{label} {cells[name]}" for name, label in labels.items() if cells[name]]
     basis = _BASIS_WORDS.get(str(check.basis), check.basis)
-    return ", ".join(filter(None, (f"{_shown_label(check)}: {value}{_unit(check)}", *further, basis)))
+    return ", ".join(filter(None, (f"{_shown_label(check)}: {value}{_unit(check)}", *other_figures, basis)))
 
 
 def _unit(check: DecidedCheck) -> str:
@@ -396,12 +396,12 @@ def _failed_words(failed: Sequence[_FailedDrive]) -> str:
     """Return the first of the drives that fail by F'_ior, and the number of the others."""
     named = [f"{title(drive.answer)} ({drive.times_limit:.3g} times its limit)" for drive in failed]
     unnamed = len(named) - _NAMED_CHECKS
-    words = "; ".join(named[:_NAMED_CHECKS])
+    text = "; ".join(named[:_NAMED_CHECKS])
     if unnamed > 0:
-        words += f"; {unnamed} further"
+        text += f"; {unnamed} further"
     if len(named) > 1:
-        words += '. "next" is for the first one'
-    return words
+        text += '. "next" is for the first one'
+    return text
 
 
 def _turning_command(failed: _FailedDrive) -> str:

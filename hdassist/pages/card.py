@@ -400,11 +400,13 @@ def _foot(advice: Advice, say: Texts, made: date) -> Iterator[str]:
         where = place_at(trial.rotation_deg, hole_of(trial.rotation_deg, drive.mounting.holes), say)
         name = "foot.trial_of_file" if trial.file else "foot.trial"
         file = shown(Path(trial.file).name)
-        words = say(name, where=where, value=measured_value(trial, say), file=file)
-        by_torque.setdefault(advice.torque_of(trial), []).append(words)
+        value_text = say(name, where=where, value=measured_value(trial, say), file=file)
+        by_torque.setdefault(advice.torque_of(trial), []).append(value_text)
     if by_torque:
-        (first, words), *further = ((say.torque(M_g), "; ".join(words)) for M_g, words in by_torque.items())
-        paragraphs = [words, *(": ".join(entry) for entry in further)]
+        (first, value_text), *further_torques = (
+            (say.torque(M_g), "; ".join(words)) for M_g, words in by_torque.items()
+        )
+        paragraphs = [value_text, *(": ".join(entry) for entry in further_torques)]
         if len(advice.trials) > _CARD_TRIALS:
             paragraphs.append(say("foot.trials_more", count=len(advice.trials) - _CARD_TRIALS))
         yield say("foot.trials", torque=first, trials="; ".join(paragraphs))

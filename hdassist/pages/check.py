@@ -233,8 +233,8 @@ def _evidence_words(drive: Drive) -> str:
 def fitted_words(prior: DrivePrior) -> str:
     """Return the identified fields that all samples have at their fitted values, in words."""
     paths = prior.fitted
-    further = f" and {len(paths) - 3} more" if len(paths) > 3 else ""
-    return f"at fitted values: {', '.join(paths[:3])}{further}" if paths else ""
+    unnamed = f" and {len(paths) - 3} more" if len(paths) > 3 else ""
+    return f"at fitted values: {', '.join(paths[:3])}{unnamed}" if paths else ""
 
 
 def _error_curve(check: DesignCheck, point: OperatingPoint) -> Curve:

@@ -492,8 +492,8 @@ def _drives_facts(result: DrivesComparison) -> Iterator[Fact]:
 
 def _some(paths: Sequence[str]) -> str:
     """Return the first of some paths, and the number of further ones."""
-    further = f" and {len(paths) - _NAMED_PATHS} more" if len(paths) > _NAMED_PATHS else ""
-    return ", ".join(dict.fromkeys(paths[:_NAMED_PATHS])) + further
+    unnamed = f" and {len(paths) - _NAMED_PATHS} more" if len(paths) > _NAMED_PATHS else ""
+    return ", ".join(dict.fromkeys(paths[:_NAMED_PATHS])) + unnamed
 
 
 def _drives_values(result: DrivesComparison, seed: int) -> Json:

@@ -319,13 +319,13 @@ def _at_torques(found: SweepResult) -> str:
     """Return F'_ior at each torque of a recording that shows how the orders change with it; empty for other ones."""
     if not found.torques:
         return ""
-    each = (
+    texts = (
         f"{t.F_ior_arcsec:.2f} ± {COVERAGE_FACTOR * t.standard_uncertainty_arcsec:.2f}″ at {t.M_g_Nm:.4g} N·m"
         for t in found.torques
     )
     miss = found.torque_miss_arcsec
     error = NO_VALUE if miss is None else f"{miss:.2g}″ at most"
-    return f"{', '.join(each)} (± k = {COVERAGE_FACTOR:g}); linear between these torques, error {error}"
+    return f"{', '.join(texts)} (± k = {COVERAGE_FACTOR:g}); linear between these torques, error {error}"
 
 
 def _slow(found: SweepResult) -> str:

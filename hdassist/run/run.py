@@ -455,11 +455,11 @@ def _work(here: Connection, there: Connection, parent: int) -> None:
         there.send(None)
     while True:
         try:
-            task, args, further = there.recv()
+            task, args, keywords = there.recv()
         except (EOFError, OSError):
             return
         try:
-            there.send((True, task(*args, **further)))
+            there.send((True, task(*args, **keywords)))
         except Exception as error:  # whatever a task raises is raised where its result is asked for
             error.add_note("".join(traceback.format_exception(error)))  # for --debug: a traceback cannot be pickled
             with suppress(OSError):  # the process that asked has ended
