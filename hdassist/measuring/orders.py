@@ -51,8 +51,8 @@ _LINE_CAUSE = "no order of the drive, or not resolved from an order: ball pass, 
 _BEAT_CAUSE = "sidebands of an order, or a line: a part of an output revolution does not resolve them"
 LINE_WIDTH = 1.5  # of the resolution, to either side: a wave's own peak
 _RIG_CAUSES = {  # parts of the rig that repeat so often in a turn of the output
-    1.0: "once per output revolution: drive, encoder graduation, coupling, gravity",
-    2.0: "twice per output revolution: drive, encoder graduation, coupling",
+    1.0: "once per output revolution: drive, encoder, coupling, gravity",
+    2.0: "twice per output revolution: drive, encoder, coupling",
 }
 _CAM_CAUSE = "once per input revolution: drive, input encoder"
 LARGEST_UNCERTAINTY = 1e6  # arcsec, of one that is stated

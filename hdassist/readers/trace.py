@@ -769,7 +769,8 @@ def _columns(table: NumberTable, form: TraceForm) -> tuple[_TraceColumn, _TraceC
         return _by_time(table, angle, form), _in_unit(
             table, second_column, None, "error", form.error_unit, "arcsec", "--error-unit"
         )
-    angles = _in_unit(table, angle, shaft, f"{shaft} angle", first, "deg", "--angle-unit")
+    content = "input angle" if shaft == "cam" else "output angle"
+    angles = _in_unit(table, angle, shaft, content, first, "deg", "--angle-unit")
     if by_second:
         description = "output angle, second encoder"
         return angles, _in_unit(
