@@ -204,8 +204,8 @@ def _facts(result: Measurement, drive: Drive | None, options: Sequence[str], spe
         yield (
             "lag",
             (
-                f"the output is read {lag.ms:.3g} ± {reach:.2g} ms (k = {COVERAGE_FACTOR:g}) after the input, or less, "
-                "because friction that grows with the speed has the same effect; the lag is removed"
+                f"the output is read {lag.ms:.3g} ± {reach:.2g} ms (k = {COVERAGE_FACTOR:g}) after the input. Friction "
+                "that grows with the speed may be part of this lag. The lag is removed"
             ),
         )
     missing = [source.name for source in first_sweep.sources if source.arcsec is None]
@@ -335,9 +335,7 @@ def _slow(found: SweepResult) -> str:
     slow = [order for order in found.orders if order.per_cam_rev < SLOWEST_ORDER]
     size = f"{found.slow_arcsec:.2f}″"
     if found.is_part:
-        return (
-            f"slow terms of {size} removed: from test rig, drift or drive, which a part of an output revolution mixes"
-        )
+        return f"slow terms of {size} removed. Part of an output revolution does not separate test rig, drift and drive"
     largest = max(slow, key=lambda order: order.amplitude_arcsec)
     low, high = found.cam.interval
     cause = f" ({largest.cause})" if largest.cause else ""
