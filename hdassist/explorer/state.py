@@ -12,6 +12,7 @@ from hdassist.belief.holes import FREE_STEP_DEG
 from hdassist.errors import UsageError
 from hdassist.files import number_of, read_preset
 from hdassist.loading import OVERRIDE_PLACE, load_text
+from hdassist.measuring.full_cycle import with_full_cycle
 from hdassist.measuring.measure import measure
 from hdassist.measuring.orders import gearing_of
 from hdassist.model.deviations import carried
@@ -178,11 +179,11 @@ def with_evidence(session: Session, text: str) -> Session:
 def _measured_value(session: Session, path: str) -> str:
     """F'_ior of a trace with its expanded uncertainty [arcsec]."""
     gearing = gearing_of(session.drive, None)
-    measurement = measure(read_trace(path, TraceForm(), gearing.ratio if gearing else None), drive=session.drive)
-    sweep = measurement.directions[0]
+    trace = read_trace(path, TraceForm(), gearing.ratio if gearing else None)
+    sweep = with_full_cycle(measure(trace, drive=session.drive)).directions[0]
     if sweep.is_bound:
         raise UsageError(f"{path}: a part of the full cycle, whose F'_ior may be greater", f"hdassist measure {path}")
-    return f"{sweep.range.value:.4g} ± {2 * sweep.uncertainty_arcsec:.2g}"
+    return f"{sweep.F_ior_arcsec:.4g} ± {2 * sweep.uncertainty_arcsec:.2g}"
 
 
 def turned_state(session: Session, by: int) -> Session:

@@ -50,6 +50,7 @@ from hdassist.belief.samples import EFFECTIVE_SAMPLES, FEWEST_SAMPLES, Samples, 
 from hdassist.error.error_map import Mesh, error_maps, searchable
 from hdassist.errors import HdassistError, UntrustedError, UsageError
 from hdassist.files import number_of, with_decimal_points
+from hdassist.measuring.full_cycle import with_full_cycle
 from hdassist.measuring.measure import Reading
 from hdassist.model.deviations import standing_offset
 from hdassist.model.geometry import Array
@@ -137,7 +138,8 @@ def read_trial_or_record(
     if not (re.search(r"[/\\]|\.[A-Za-z]", file) or (not is_number and os.path.lexists(file))):
         return read_trial(text, drive.mounting.holes, allowed)
     rotation, own_torque = _read_trial_position(where.lower(), text, drive.mounting.holes, allowed)
-    greatest = reading.measured(file, drive, seed=seed, M_g=M_g if own_torque is None else own_torque).directions[0]
+    record = reading.measured(file, drive, seed=seed, M_g=M_g if own_torque is None else own_torque)
+    greatest = with_full_cycle(record).directions[0]  # the value and the uncertainty that measure states
     if greatest.is_bound and (covered := greatest.coverage):
         turns = covered.cam_turns
         cycle = covered.cam_turns / covered.share
@@ -147,7 +149,7 @@ def read_trial_or_record(
             "record the full mesh cycle in one sweep",
         )
     noise_arcsec = max(greatest.uncertainty_arcsec, _LEAST_NOISE)
-    return Trial(rotation, greatest.range.value, M_g=own_torque, noise_arcsec=noise_arcsec, file=file)
+    return Trial(rotation, greatest.F_ior_arcsec, M_g=own_torque, noise_arcsec=noise_arcsec, file=file)
 
 
 _Places = NDArray[np.int64]

@@ -12,6 +12,7 @@ from hdassist.explorer import state
 from hdassist.explorer.panes import head_line
 from hdassist.explorer.state import Session
 from hdassist.loading import load_text
+from hdassist.measuring.full_cycle import with_full_cycle
 from hdassist.measuring.measure import measure
 from hdassist.readers.trace import TraceForm, read_trace
 from hdassist.run.run import UNCHECKED
@@ -128,9 +129,9 @@ def test_recording_path_is_read_as_F_ior_of_the_position(session: Session, tmp_p
     rows = zip(np.degrees(error.states.phi_h), error.error_arcsec, strict=True)
     path.write_text("angle_deg,error_arcsec\n" + "".join(f"{at:.4f},{value:.4f}\n" for at, value in rows))
     there = state.with_evidence(state.turned_state(session, 2), str(path))
-    sweep = measure(read_trace(str(path), TraceForm(), 10.0), drive=session.drive).directions[0]
+    sweep = with_full_cycle(measure(read_trace(str(path), TraceForm(), 10.0), drive=session.drive)).directions[0]
     found = there.drive.measured.F_ior[f"h2@{session.trial_torque:g}"]
-    assert found.value == pytest.approx(sweep.range.value, rel=1e-3)
+    assert found.value == pytest.approx(sweep.F_ior_arcsec, rel=1e-3)
     assert found.uncertainty == pytest.approx(2 * sweep.uncertainty_arcsec, rel=0.1)
     part = tmp_path / "part.csv"
     part.write_text("\n".join(path.read_text().splitlines()[:60]))

@@ -7,6 +7,7 @@ import pytest
 
 from hdassist import load_preset
 from hdassist.errors import UntrustedError
+from hdassist.measuring.full_cycle import with_full_cycle
 from hdassist.measuring.measure import Reading, measure
 from hdassist.mounting.advice import advise_after
 from hdassist.mounting.posterior import Trial, TrialSetup, hole_samples, posterior_of, read_trial_or_record
@@ -37,8 +38,8 @@ def test_recording_as_trial_gives_value_and_uncertainty_of_measure(record):
     drive, file = load_preset(SMALL), record(CYCLE)
     found = read_trial_or_record(f"h4={file}", drive, Reading(), 10.0)
     assert found.rotation_deg == 120
-    greatest = measure(read_trace(file), drive=drive).directions[0]
-    assert (found.F_ior_arcsec, found.noise_arcsec) == (greatest.range.value, greatest.uncertainty_arcsec)
+    greatest = with_full_cycle(measure(read_trace(file), drive=drive)).directions[0]
+    assert (found.F_ior_arcsec, found.noise_arcsec) == (greatest.F_ior_arcsec, greatest.uncertainty_arcsec)
     assert found.F_ior_arcsec == pytest.approx(12, abs=0.5)
     stated = read_trial_or_record(f"120={file}", drive, Reading(budget=("encoder=3",)), 10.0)
     assert stated.noise_arcsec == pytest.approx(np.hypot(3.0, found.noise_arcsec), rel=0.01)
