@@ -18,7 +18,7 @@ from hdassist.comparing.compare import compare
 from hdassist.comparing.record import VECTORS, Alignment, size_and_direction, vectors_of, with_vectors
 from hdassist.measuring.measure import measure
 from hdassist.run.run import UNCHECKED
-from tests.rigs import recorded, slow_noise
+from tests.helpers.rigs import recorded, slow_noise
 
 SMALL = str(Path(__file__).parents[1] / "tests/data/small.yaml")
 TURNS = (30, 12, 8, 4)

@@ -21,7 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.rigs import drive_error, recorded, slow_noise
+from tests.helpers.rigs import drive_error, recorded, slow_noise
 
 SMALL = str(Path(__file__).parents[1] / "tests/data/small.yaml")
 OFF = (6.48, 12.96, 13.0, 14.02)

@@ -1,7 +1,7 @@
 """What proposed extremes miss of every state, and the time of both: `python -m benchmarks.proposals --n 1000`.
 
 Drives: all presets; hard cases, `vzp160` with cam offsets from none to large where its wheel has the least and the
-greatest error; random ones (tests/searched_drives.py), light, heavy and of any torque.
+greatest error; random ones (tests/helpers/searched_drives.py), light, heavy and of any torque.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from hdassist import Drive
 
-KINDS = ("light", "heavy", "any")  # of tests/searched_drives.py
+KINDS = ("light", "heavy", "any")  # of tests/helpers/searched_drives.py
 OFFSETS = (0.0, 80.0, 120.0)  # um, of the cam offset that stands still
 HOLES = 24  # positions among which the extreme ones are looked for
 RANDOM = 70  # drives of each kind
@@ -61,7 +61,7 @@ def compared(case: tuple[Drive, float]) -> Compared | None:
 def cases(random: int) -> dict[str, list[tuple[Drive, float]]]:
     """Drives with their torques [N*m], by group."""
     from hdassist import load_preset, preset_names
-    from tests.searched_drives import searched_drive
+    from tests.helpers.searched_drives import searched_drive
 
     presets = [(drive, M_g) for drive in map(load_preset, preset_names()) for M_g in drive.operation.M_g]
     groups = {"presets": presets, "hard cases": list(_hard(load_preset("vzp160")))}

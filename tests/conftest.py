@@ -18,7 +18,7 @@ if not IS_WORKER:  # never the user's own cache; workers share one
     os.environ[FOLDER] = tempfile.mkdtemp(prefix="hdassist-tests-")
 os.environ.setdefault(NO_CACHE, "1")  # samples are drawn, but where a test is of those that are kept
 
-from tests.process import hear_what_is_ignored, keep_answers  # noqa: E402 (its processes get the environment of now)
+from tests.helpers.process import hear_what_is_ignored, keep_answers  # noqa: E402 (its processes get the environment of now)
 
 if TYPE_CHECKING:
     from hdassist import Drive

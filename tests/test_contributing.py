@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.process import CLEAN, SMALL, TINY, run_cold
+from tests.helpers.process import CLEAN, SMALL, TINY, run_cold
 
 ROOT = Path(__file__).parents[1]
 EDIT = re.compile(

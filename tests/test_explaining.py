@@ -21,7 +21,7 @@ from hdassist.terminal.output import with_code
 from hdassist.terminal.plot import MARK_SIGNS
 from hdassist.terminal.words import Texts, texts
 from tests.conftest import ROOT
-from tests.process import SMALL, in_a_line, on_terminal, run
+from tests.helpers.process import SMALL, in_a_line, on_terminal, run
 
 REPORTED = (
     *check_page.POINT_QUANTITIES, *check_page.BELIEF, *curves_page.ORDER_QUANTITIES,

@@ -12,7 +12,7 @@ import pytest
 
 from hdassist.errors import UsageError
 from hdassist.files import begin_run, claim_output, note_input
-from tests.process import CLEAN, TINY, posix_only, run
+from tests.helpers.process import CLEAN, TINY, posix_only, run
 
 pytestmark = posix_only("links that any user may make")
 

@@ -15,7 +15,7 @@ from hdassist.correction.forms import CorrectionForm
 from hdassist.error.error_map import ErrorMap
 from hdassist.mounting.positions import rotated
 from hdassist.run.run import Run
-from tests.process import TINY, run
+from tests.helpers.process import TINY, run
 
 AT_4 = "operation.M_g=4"
 SEAT = ("source.supports.C_3={kind: assumed, range: [1000, 8000], ref: judged}", "mounting.holes=6", AT_4)

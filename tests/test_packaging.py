@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from hdassist import __version__
-from tests.support import HAS_COMPILER
+from tests.helpers.support import HAS_COMPILER
 
 ROOT = Path(__file__).parents[1]
 

@@ -14,7 +14,7 @@ from string import Template
 
 import pytest
 
-from tests.process import CLEAN, run
+from tests.helpers.process import CLEAN, run
 
 DOCS = Path(__file__).parents[1] / "docs"
 NAME, COMMAND = r"\w+=\S+", r"hdassist [^|&;<>\n]+( > [\w.-]+)?"  # lines that need no shell

@@ -12,8 +12,8 @@ from hdassist.error.error_map import Batch, ErrorMap
 from hdassist.error.extremes import many_extremes
 from hdassist.model.contacts import contact_system
 from hdassist.solve.formulation import formulate
-from tests.process import SMALL
-from tests.support import PROVEN
+from tests.helpers.process import SMALL
+from tests.helpers.support import PROVEN
 
 M_G = 4.0  # N*m
 

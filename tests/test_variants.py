@@ -28,9 +28,9 @@ from hdassist.variants import (
     drawn_pairs,
     drive_changes,
 )
-from tests.paper import on_paper
-from tests.process import SMALL, TINY, in_a_line, run
-from tests.support import PROVEN
+from tests.helpers.paper import on_paper
+from tests.helpers.process import SMALL, TINY, in_a_line, run
+from tests.helpers.support import PROVEN
 
 M_G = 4.0
 FAST = ("mounting.holes=4",)  # few holes: the less to compute

@@ -21,8 +21,8 @@ from hdassist.pages.check import check_report
 from hdassist.readers.pitch import WheelFiles
 from hdassist.run.run import UNCHECKED
 from hdassist.terminal.output import report_object
-from tests.acceptances import accept
-from tests.process import TINY, in_a_line, run
+from tests.helpers.acceptances import accept
+from tests.helpers.process import TINY, in_a_line, run
 
 PLAY = "source.gears.j_n={kind: assumed, range: [12, 18], ref: judged}"
 OPEN = ("phases.phi_hb=unknown", PLAY, "numerics.n_phase=4")

@@ -14,7 +14,7 @@ from hdassist.acceptance.accept import answer_row
 from hdassist.acceptance.answer import AcceptAnswer, answer_differences, answer_json, read_answers
 from hdassist.acceptance.request import LotRow, Request, read_lot
 from hdassist.errors import Fault
-from tests.process import SMALL, run
+from tests.helpers.process import SMALL, run
 
 FAULTS = """\
 serial;F_ior@4;limit F_ior@4;lost_motion;limit order_2@4;phases.xi_b;measured;preset;pitch_b;mark_b

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from hdassist.acceptance.decision import GUARD
-from tests.process import SMALL, TINY, in_a_line, run
-from tests.rigs import drive_error, text, whole_range
+from tests.helpers.process import SMALL, TINY, in_a_line, run
+from tests.helpers.rigs import drive_error, text, whole_range
 
 ROOT = Path(__file__).parents[2]
 TURNS = np.arange(30 * 60) / 60

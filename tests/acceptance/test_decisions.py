@@ -13,9 +13,9 @@ from scipy.stats import norm
 from hdassist.acceptance.decision import GUARD, AcceptedValue, Belief, decide
 from hdassist.acceptance.limits import Limit, limits_of
 from hdassist.pages.accept import accept_report
-from tests.acceptances import accept, stated, tiny
-from tests.paper import on_paper
-from tests.process import SMALL, run
+from tests.helpers.acceptances import accept, stated, tiny
+from tests.helpers.paper import on_paper
+from tests.helpers.process import SMALL, run
 
 UPPER = Limit("F_IOR", 30.0, 80.0)
 

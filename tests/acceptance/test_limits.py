@@ -13,8 +13,8 @@ from hdassist.acceptance.request import stated_values
 from hdassist.errors import PresetError, UsageError
 from hdassist.loading import load_text
 from hdassist.pages.accept import number
-from tests.acceptances import stated, tiny
-from tests.process import TINY
+from tests.helpers.acceptances import stated, tiny
+from tests.helpers.process import TINY
 
 ROOT = Path(__file__).parents[2]
 

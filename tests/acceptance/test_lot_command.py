@@ -21,8 +21,8 @@ from hdassist.acceptance.answer import ANSWERS, answer_differences, read_answers
 from hdassist.acceptance.request import Request
 from hdassist.commands.acceptance import AcceptOptions, accept_lot
 from hdassist.run.kept import KeptOwner, RecordKind, open_kept
-from tests.process import CLEAN, COMMAND, SMALL, TINY, in_a_line, run
-from tests.rigs import drive_error, text
+from tests.helpers.process import CLEAN, COMMAND, SMALL, TINY, in_a_line, run
+from tests.helpers.rigs import drive_error, text
 
 TURNS = np.arange(30 * 60) / 60
 LOT = """\

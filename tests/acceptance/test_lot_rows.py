@@ -15,9 +15,9 @@ import pytest
 from hdassist.acceptance.answer import read_answers
 from hdassist.acceptance.request import Request, read_lot
 from hdassist.errors import DataError
-from tests.answers import validator_of
-from tests.process import SMALL, run
-from tests.rigs import text
+from tests.helpers.answers import validator_of
+from tests.helpers.process import SMALL, run
+from tests.helpers.rigs import text
 
 TURNS = np.arange(31 * 60) / 60
 BUDGET = ("--budget", "encoder=0.3,coupling=0.2,reseating=0.3,temperature=0.4")

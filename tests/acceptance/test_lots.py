@@ -33,8 +33,8 @@ from hdassist.measuring.measure import Reading
 from hdassist.pages.accept import csv as figures
 from hdassist.pages.accept import lot_report, title
 from hdassist.readers.pitch import WheelFiles
-from tests.paper import on_paper
-from tests.process import SMALL, TINY
+from tests.helpers.paper import on_paper
+from tests.helpers.process import SMALL, TINY
 
 HEAD = ["serial", "preset", "measured", "measured@4", "phases.xi_b", "F_ior@1", "limit F_ior@1", "Note"]
 CELLS = ["17-1", "vzp160", "1=a.csv", "b.csv", "250.5", "28.1±1.2", "30", "tight, but good"]

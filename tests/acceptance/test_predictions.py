@@ -16,8 +16,8 @@ from hdassist.error.stiffness import stiffness
 from hdassist.error.waves import orders, trace, turn_range_arcsec
 from hdassist.errors import DataError, UsageError
 from hdassist.run.run import UNCHECKED
-from tests.acceptances import accept, stated, tiny
-from tests.process import TINY
+from tests.helpers.acceptances import accept, stated, tiny
+from tests.helpers.process import TINY
 
 LIMITS = (
     "F_ior=40",

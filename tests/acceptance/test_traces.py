@@ -14,10 +14,10 @@ from hdassist.measuring.full_cycle import full_cycle, with_full_cycle
 from hdassist.measuring.measure import measure
 from hdassist.measuring.orders import STATED
 from hdassist.pages.accept import accept_report
-from tests.acceptances import accept, small, stated, tiny
-from tests.paper import facts_of
-from tests.process import TINY
-from tests.rigs import drive_error, recorded, turn_range, whole_range
+from tests.helpers.acceptances import accept, small, stated, tiny
+from tests.helpers.paper import facts_of
+from tests.helpers.process import TINY
+from tests.helpers.rigs import drive_error, recorded, turn_range, whole_range
 
 CYCLE = 30  # cam turns of the small drive
 RATE = 60  # states of a trace in each

@@ -14,8 +14,8 @@ from hdassist import load_preset
 from hdassist.acceptance.answer import ANSWERS
 from hdassist.readers.pitch import WheelFiles
 from hdassist.run.kept import KeptOwner, open_kept
-from tests.acceptances import accept
-from tests.process import TINY, in_a_line, run
+from tests.helpers.acceptances import accept
+from tests.helpers.process import TINY, in_a_line, run
 
 HEAD = "# form: cumulative\n# unit: um\n# sense: ccw\n# mark: 1\n"
 LIMITS = ("--limit", "F_ior@4=100000", "--limit", "self_error@4=100000")

@@ -26,8 +26,8 @@ from hdassist.errors import UntrustedError, Verdict, percent_text, verdict_by_pr
 from hdassist.model.deviations import unknowns
 from hdassist.mounting.positions import rotated
 from hdassist.run.run import Run
-from tests.process import TINY
-from tests.support import PROVEN
+from tests.helpers.process import TINY
+from tests.helpers.support import PROVEN
 
 C_3 = "source.supports.C_3={kind: assumed, range: [1000, 8000], ref: judged}"
 J_N = "source.gears.j_n={kind: assumed, range: [16, 20], ref: judged}"

@@ -9,7 +9,7 @@ from hdassist.belief.samples import SamplingEffort, draw_samples
 from hdassist.belief.statistics import effective_number, weighted_quantile
 from hdassist.loading import load_text
 from hdassist.run.run import Run
-from tests.process import run
+from tests.helpers.process import run
 
 PLAIN = 768  # draws
 

@@ -13,7 +13,7 @@ from hdassist.design import check
 from hdassist.mounting.advice import advise
 from hdassist.mounting.positions import seat_positions
 from tests.belief.test_steps import OPEN, SIZES
-from tests.process import TINY
+from tests.helpers.process import TINY
 
 LEFT = 50.0  # arcsec
 

@@ -22,8 +22,8 @@ from hdassist.errors import UntrustedError
 from hdassist.run import kept
 from hdassist.run.run import Run
 from hdassist.solve.loadcase import LoadCase
-from tests import process
-from tests.process import TINY, keep_answers, posix_only, run
+from tests.helpers import process
+from tests.helpers.process import TINY, keep_answers, posix_only, run
 
 OPEN = "phases.phi_hb=unknown"
 FEW = SamplingEffort(effective=8, settling_draws=16, most_draws=64, batch=8)

@@ -26,7 +26,7 @@ from hdassist.belief.statistics import weighted_quantile
 from hdassist.error.error_map import ErrorMap
 from hdassist.errors import UntrustedError, Verdict
 from hdassist.mounting.positions import rotated
-from tests.process import TINY
+from tests.helpers.process import TINY
 
 W_0 = "source.cam.W_0={kind: assumed, range: [1.6, 1.8], ref: judged}"
 J_N = "source.gears.j_n={kind: assumed, range: [16, 20], ref: judged}"

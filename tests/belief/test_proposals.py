@@ -10,7 +10,7 @@ from hdassist.belief.prior import prior_of
 from hdassist.belief.proposals import PILOT_DRAWS, Proposal, proposal_of
 from hdassist.belief.samples import SamplingEffort, draw_samples
 from hdassist.belief.statistics import weighted_quantile
-from tests.process import TINY
+from tests.helpers.process import TINY
 
 W_0 = "source.cam.W_0={kind: assumed, range: [1.6, 1.8], ref: judged}"
 J_N = "source.gears.j_n={kind: assumed, range: [16, 20], ref: judged}"

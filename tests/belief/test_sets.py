@@ -10,8 +10,8 @@ from hdassist.belief.prior import prior_of
 from hdassist.belief.samples import SamplingEffort, deviation_sets, draw_samples
 from hdassist.belief.statistics import probability_of, probability_of_systems
 from hdassist.error.error_map import ErrorMap
-from tests.process import TINY
-from tests.support import PROVEN
+from tests.helpers.process import TINY
+from tests.helpers.support import PROVEN
 
 OPEN = ("source.supports.C_3={kind: assumed, range: [1000, 8000], ref: judged}", "operation.M_g=4")
 UNKNOWN = (*OPEN, "phases.xi_b=unknown", "tolerances.e_hb=unknown")

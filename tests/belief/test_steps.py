@@ -12,7 +12,7 @@ from hdassist.correction.forms import CorrectionForm
 from hdassist.design import DesignCheck, check
 from hdassist.mounting.advice import advise
 from hdassist.mounting.positions import seat_positions
-from tests.process import TINY, run
+from tests.helpers.process import TINY, run
 
 OPEN = (
     "source.supports.C_3={kind: assumed, range: [1000, 8000], ref: judged}",

@@ -11,7 +11,7 @@ from hdassist.errors import UntrustedError
 from hdassist.pages.data import calibrate_report
 from hdassist.run.run import UNCHECKED, Run
 from hdassist.terminal.output import report_object
-from tests.process import SMALL
+from tests.helpers.process import SMALL
 
 ONE = 1  # start: least squares from the best point alone, where sets that lie far from it are not the point
 HIDDEN = {"gears.j_n": 9.3, "contact.c_t": 4.4e-5}

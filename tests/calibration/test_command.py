@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from hdassist import load_preset
-from tests.process import SMALL, run
+from tests.helpers.process import SMALL, run
 
 TARGETS = """\
 schema: hdassist.targets/1

@@ -5,7 +5,7 @@ import pytest
 from hdassist import load_preset
 from hdassist.calibration import read_targets
 from hdassist.errors import PresetError
-from tests.process import SMALL
+from tests.helpers.process import SMALL
 
 GOOD = """\
 schema: hdassist.targets/1

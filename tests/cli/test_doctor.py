@@ -8,7 +8,7 @@ import pytest
 from hdassist import kinematic_error, load_preset
 from hdassist.commands import data as doctor
 from hdassist.run.run import UNCHECKED
-from tests.process import run
+from tests.helpers.process import run
 
 
 def test_a_sound_installation_is_fine() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from hdassist.cli import COMMANDS, OTHER_NAMES, module_of
 from hdassist.terminal.options import DECLARED, OptionGroup
-from tests.process import on_terminal, run
+from tests.helpers.process import on_terminal, run
 
 NAMES = sorted({*COMMANDS} - {"presets"})
 

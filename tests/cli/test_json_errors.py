@@ -7,7 +7,7 @@ import pytest
 
 from hdassist.cli import COMMANDS, OTHER_NAMES
 from hdassist.commands.data import DoctorFinding
-from tests.process import TINY, run
+from tests.helpers.process import TINY, run
 
 ARGUMENTS = {  # of each command that takes a preset
     "check": ("PRESET",),

@@ -6,7 +6,7 @@ import pytest
 
 from hdassist.errors import UsageError
 from hdassist.terminal.options import limits_of_options
-from tests.process import TINY, run
+from tests.helpers.process import TINY, run
 
 HOLDS_F_IOR = ("check", "report", "tolerance", "sensitivity", "allocate")
 

@@ -9,7 +9,7 @@ from unittest import mock
 import pytest
 
 from hdassist import __version__
-from tests.process import CLEAN, SMALL, run
+from tests.helpers.process import CLEAN, SMALL, run
 
 
 @pytest.mark.thorough

@@ -12,8 +12,8 @@ from typer.main import get_command
 
 from hdassist.cli import OTHER_NAMES, app
 from hdassist.terminal.options import CardOptions, RowsOptions
-from tests.process import TINY, in_a_line, run
-from tests.rigs import even_wave, text
+from tests.helpers.process import TINY, in_a_line, run
+from tests.helpers.rigs import even_wave, text
 
 SETS = ("--set", "mounting.holes=6", "--set", "source.supports.C_3={kind: assumed, range: [1000, 8000], ref: judged}")
 TRIALS = ("h0=900", "h2=800", "h4@2=700")

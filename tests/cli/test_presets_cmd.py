@@ -20,7 +20,7 @@ from hdassist.errors import DataError, HdassistError, PresetError, UsageError
 from hdassist.files import preset_names, read_preset
 from hdassist.loading import SCHEMA_FILE, load_text
 from hdassist.preset.fields import Drive, field_table, origin_counts
-from tests.process import on_terminal
+from tests.helpers.process import on_terminal
 
 ROOT = Path(__file__).parents[2]
 

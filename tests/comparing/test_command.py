@@ -12,8 +12,8 @@ import pytest
 
 from hdassist import load_preset, trace
 from hdassist.run.run import UNCHECKED
-from tests.process import SMALL, in_a_line, run
-from tests.rigs import text
+from tests.helpers.process import SMALL, in_a_line, run
+from tests.helpers.rigs import text
 
 ROOT = Path(__file__).parents[2]
 KEYS = {

@@ -20,9 +20,9 @@ from hdassist.preset.fields import DEVIATIONS, Drive
 from hdassist.readers.trace import MeasuredTrace, read_trace
 from hdassist.run.run import UNCHECKED
 from hdassist.terminal.options import degrees_or_fit
-from tests.paper import on_paper
-from tests.process import SMALL
-from tests.rigs import recorded, text
+from tests.helpers.paper import on_paper
+from tests.helpers.process import SMALL
+from tests.helpers.rigs import recorded, text
 
 M_G = 4.0
 FEW = ["numerics.n_max=8", "numerics.n_2=16"]  # nodes: the numbers are held against the same model's

@@ -8,7 +8,7 @@ import pytest
 from hdassist import load_preset
 from hdassist.comparing.record import VECTORS, vectors_of, with_vectors
 from hdassist.preset.fields import Drive
-from tests.process import SMALL
+from tests.helpers.process import SMALL
 
 F_I2 = [vector.size for vector in VECTORS].index("tolerances.F_i2")
 

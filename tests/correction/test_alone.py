@@ -24,8 +24,8 @@ from hdassist.error.cycle import kinematic_error
 from hdassist.error.waves import POINTS_A_TURN, error_lines
 from hdassist.measuring.measure import measure
 from hdassist.run.run import UNCHECKED
-from tests.process import TINY, in_a_line, run
-from tests.rigs import recorded
+from tests.helpers.process import TINY, in_a_line, run
+from tests.helpers.rigs import recorded
 
 NOISE = 0.3  # arcsec
 PHASORS = CorrectionForm(None)

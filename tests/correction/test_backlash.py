@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from hdassist.correction.backlash import BACKLASH_FORMATS
-from tests.process import run
+from tests.helpers.process import run
 
 BACKLASH_ARCSEC, PERIODIC_ARCSEC = 12.0, 20.0
 Compensation = Callable[[str, np.ndarray], np.ndarray]

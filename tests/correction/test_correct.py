@@ -20,7 +20,7 @@ from hdassist.correction.forms import (
 from hdassist.error.cycle import kinematic_error
 from hdassist.error.waves import POINTS_A_TURN, error_lines
 from hdassist.run.run import UNCHECKED
-from tests.process import SMALL, TINY
+from tests.helpers.process import SMALL, TINY
 
 FIXED = {"rigid": (), "flexspline": ("mounting.fixed=flexspline",)}
 

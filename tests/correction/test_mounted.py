@@ -16,7 +16,7 @@ from hdassist.mounting.advice import advise
 from hdassist.mounting.decision import Decision
 from hdassist.mounting.positions import rotated, seat_positions
 from hdassist.run.run import UNCHECKED
-from tests.process import TINY, in_a_line, run
+from tests.helpers.process import TINY, in_a_line, run
 
 SIX = ("mount", TINY, "--set", "mounting.holes=6")
 TABLE = CorrectionForm("output", 20)

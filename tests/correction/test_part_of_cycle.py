@@ -16,7 +16,7 @@ from hdassist.errors import UntrustedError
 from hdassist.measuring.measure import measure
 from hdassist.model.geometry import Array
 from hdassist.readers.trace import TraceForm, read_trace
-from tests.process import run
+from tests.helpers.process import run
 
 RATIO, PER_TURN, POINTS = 30, 40, 120
 TABLE = CorrectionForm("cam", POINTS)

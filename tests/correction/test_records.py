@@ -19,8 +19,8 @@ from hdassist.errors import UntrustedError
 from hdassist.measuring.measure import measure
 from hdassist.model.geometry import Kinematics
 from hdassist.run.run import UNCHECKED
-from tests.process import TINY, in_a_line, run
-from tests.rigs import recorded
+from tests.helpers.process import TINY, in_a_line, run
+from tests.helpers.rigs import recorded
 
 HIDDEN = ("phases.xi_b=130", "supports.C_2=8.0e3", "gears.j_n=18.7", "harmonics.a_b2=0.5")
 NOISE = 0.3  # arcsec

@@ -11,7 +11,7 @@ import pytest
 
 from hdassist import load_preset
 from hdassist.error.waves import POINTS_A_TURN, error_lines
-from tests.process import TINY, in_a_line, run
+from tests.helpers.process import TINY, in_a_line, run
 
 HIDDEN = ("phases.xi_b=130", "supports.C_2=8.0e3", "gears.j_n=18.7")
 ON = ("--torque", "1", "--no-plot")

@@ -12,7 +12,7 @@ from hdassist.correction.forms import CorrectionTable, ExpectedResidual
 from hdassist.correction.writers import CONTROLLER_FORMATS, ControllerAxis, controller_file, stored_table
 from hdassist.errors import UsageError
 from tests.correction import controllers
-from tests.process import TINY, run
+from tests.helpers.process import TINY, run
 
 AXES = [(1, 0.0), (-1, 0.0), (1, 37.123), (-1, 201.7)]
 POSITIONS = np.linspace(0, 360, 40_001)

@@ -15,7 +15,7 @@ import pytest
 
 from hdassist import __version__, kinematic_error, load_preset, self_error
 from hdassist.solve.walk import walk_library
-from tests.process import CLEAN, COMMAND, TINY, in_a_line, interrupted, run, run_cold
+from tests.helpers.process import CLEAN, COMMAND, TINY, in_a_line, interrupted, run, run_cold
 
 
 @pytest.fixture(scope="module")

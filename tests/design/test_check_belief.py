@@ -13,7 +13,7 @@ from hdassist.errors import Verdict
 from hdassist.pages.check import check_report, steps_tables
 from hdassist.run.run import Run
 from hdassist.terminal.output import report_object
-from tests.process import SMALL, TINY, run
+from tests.helpers.process import SMALL, TINY, run
 
 PLAY = "source.gears.j_n={kind: assumed, range: [12, 18], ref: judged}"
 

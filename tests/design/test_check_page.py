@@ -8,7 +8,7 @@ from unittest import mock
 
 import pytest
 
-from tests.process import ASSUMED, SMALL, TINY, in_a_line, on_terminal, run, run_cold
+from tests.helpers.process import ASSUMED, SMALL, TINY, in_a_line, on_terminal, run, run_cold
 
 
 @pytest.fixture(scope="module")

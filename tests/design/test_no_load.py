@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.process import TINY, run
+from tests.helpers.process import TINY, run
 
 RATED = ("--set", "operation.rated=50")  # 2 % of it are 1 N*m
 

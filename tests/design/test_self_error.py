@@ -9,7 +9,7 @@ import json
 import pytest
 
 from hdassist import load_preset, self_error
-from tests.process import SMALL, run
+from tests.helpers.process import SMALL, run
 
 KEYS = {"self_error_arcsec": "range_arcsec", "tooth_phase_arcsec": "tooth_phase_arcsec",
         "ball_phase_arcsec": "ball_phase_arcsec"}  # fmt: skip

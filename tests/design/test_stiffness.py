@@ -15,7 +15,7 @@ from hdassist.pages.curves import stiffness_report, stiffness_warnings
 from hdassist.run.run import UNCHECKED
 from hdassist.terminal.page import report_page
 from hdassist.terminal.streams import Style, console
-from tests.process import SMALL, TINY, in_a_line, run
+from tests.helpers.process import SMALL, TINY, in_a_line, run
 
 
 @pytest.fixture(scope="module")

@@ -27,7 +27,7 @@ from hdassist.errors import DataError
 from hdassist.files import read_preset
 from hdassist.run.kept import KeptOwner, RecordKind, open_kept
 from hdassist.terminal import streams
-from tests.process import CLEAN, COMMAND, SMALL, ends, in_a_line, run, run_cold
+from tests.helpers.process import CLEAN, COMMAND, SMALL, ends, in_a_line, run, run_cold
 
 needs_proc = pytest.mark.skipif(sys.platform != "linux", reason="needs /proc")
 GRID = ("--vary", "tolerances.e_hb=10:80:15", "--vary", "operation.M_g=2,4")

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.process import SMALL, TINY, in_a_line, run
+from tests.helpers.process import SMALL, TINY, in_a_line, run
 
 
 def test_one_turn_in_json():

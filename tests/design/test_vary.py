@@ -9,7 +9,7 @@ import pytest
 from hdassist import load_preset
 from hdassist.design import MOST_VALUES, Sweep, read_axes
 from hdassist.errors import UsageError
-from tests.process import SMALL, run
+from tests.helpers.process import SMALL, run
 
 
 @pytest.mark.parametrize(

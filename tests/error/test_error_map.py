@@ -10,9 +10,9 @@ from hdassist.errors import UsageError
 from hdassist.model.geometry import Kinematics
 from hdassist.mounting.positions import rotated
 from hdassist.run.run import UNCHECKED
-from tests.process import SMALL
-from tests.searched_drives import searched_drive
-from tests.support import changed
+from tests.helpers.process import SMALL
+from tests.helpers.searched_drives import searched_drive
+from tests.helpers.support import changed
 
 # stiffnesses and clearances of vzp160 when the seeds below were found: where an island is hangs on them
 WITH_ISLANDS = (

@@ -6,7 +6,7 @@ import pytest
 from hdassist import kinematic_error, load_preset
 from hdassist.error.waves import estimated_cycle, turn_range_arcsec
 from hdassist.run.run import UNCHECKED
-from tests.process import SMALL
+from tests.helpers.process import SMALL
 
 
 def test_estimated_cycle_has_exact_range_and_orders_from_fewer_states():

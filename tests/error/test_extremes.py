@@ -20,9 +20,9 @@ from hdassist.preset.knowledge import read_requirements
 from hdassist.solve.answers import N_MM
 from hdassist.solve.formulation import formulate
 from hdassist.solve.walk import Torus
-from tests.process import SMALL
-from tests.searched_drives import searched_drive
-from tests.support import HAS_COMPILER, load_case
+from tests.helpers.process import SMALL
+from tests.helpers.searched_drives import searched_drive
+from tests.helpers.support import HAS_COMPILER, load_case
 
 TURNS = (0.0, 90.0, 210.0)
 

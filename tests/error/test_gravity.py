@@ -11,7 +11,7 @@ from hdassist import load_preset
 from hdassist.error.cycle import kinematic_error
 from hdassist.error.waves import Gravity, trace
 from hdassist.run.run import UNCHECKED
-from tests.process import SMALL, in_a_line, run
+from tests.helpers.process import SMALL, in_a_line, run
 
 
 def test_error_under_gravity_agrees_with_states_solved_at_their_torque():

@@ -7,7 +7,7 @@ from hdassist import trace
 from hdassist.error.waves import NO_CAUSE, known_causes, order_legend, orders
 from hdassist.errors import UsageError
 from hdassist.run.run import UNCHECKED
-from tests.support import changed
+from tests.helpers.support import changed
 
 
 @pytest.fixture(scope="module")

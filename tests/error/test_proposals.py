@@ -11,7 +11,7 @@ from hdassist.model.contacts import contact_system
 from hdassist.preset.fields import Drive
 from hdassist.run.run import UNCHECKED
 from hdassist.solve.formulation import formulate
-from tests.process import SMALL
+from tests.helpers.process import SMALL
 
 COUNT = 16
 MOST = {  # um

@@ -12,8 +12,8 @@ from hdassist.model.contacts import shell_twist_stiffness
 from hdassist.model.geometry import Geometry
 from hdassist.preset.fields import Catalogue
 from hdassist.run.run import UNCHECKED
-from tests.process import SMALL
-from tests.support import changed, wind_up
+from tests.helpers.process import SMALL
+from tests.helpers.support import changed, wind_up
 
 ARCSEC = np.degrees(3600)
 

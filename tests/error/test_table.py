@@ -11,8 +11,8 @@ from hdassist.preset.fields import DEVIATION_FIELDS, DEVIATIONS, Drive
 from hdassist.solve import walk
 from hdassist.solve.answers import EMPTY
 from hdassist.solve.walk import read_table
-from tests.process import SMALL
-from tests.support import HAS_COMPILER, rotation
+from tests.helpers.process import SMALL
+from tests.helpers.support import HAS_COMPILER, rotation
 
 
 @pytest.fixture(scope="module")

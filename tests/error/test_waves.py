@@ -8,7 +8,7 @@ from hdassist.error.waves import ErrorWaves
 from hdassist.errors import UsageError
 from hdassist.model.geometry import Kinematics, pitch_locked_states
 from hdassist.run.run import UNCHECKED, Run
-from tests.process import SMALL
+from tests.helpers.process import SMALL
 
 
 @pytest.mark.parametrize("fixed", ["rigid", "flexspline"])

@@ -16,7 +16,7 @@ from hdassist.explorer.app import Explorer, Form
 from hdassist.explorer.command import Question
 from hdassist.explorer.compute import Effort
 from hdassist.explorer.state import Session, opened_state
-from tests.process import TINY, no_processes
+from tests.helpers.process import TINY, no_processes
 
 QUICK = Effort(draws=8, jobs=1)
 FEW = ("operation.M_g=[4.0]", "mounting.holes=6")  # states

@@ -25,7 +25,7 @@ from hdassist.report import Report
 from hdassist.terminal.output import json_text, report_object
 from hdassist.terminal.streams import Style, console
 from tests.explorer.rig import QUICK, tiny
-from tests.process import TINY, no_processes, run
+from tests.helpers.process import TINY, no_processes, run
 
 OPEN = ("phases.phi_hb=unknown", "source.gears.j_n={kind: assumed, range: [12, 18], ref: judged}")
 

@@ -12,7 +12,7 @@ from textual.widgets import Input, Static
 from hdassist.explorer.app import Explorer, Form
 from hdassist.explorer.compute import typical_of
 from tests.explorer.rig import QUICK, explored, filled, known_is, screen, settled, tiny, to_lever, typed
-from tests.process import run
+from tests.helpers.process import run
 
 
 @pytest.mark.thorough

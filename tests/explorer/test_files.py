@@ -12,7 +12,7 @@ from hdassist.explorer.app import Explorer, Form, Notice
 from hdassist.explorer.state import with_evidence
 from hdassist.loading import load_text
 from tests.explorer.rig import FEW, explored, filled, said, screen, tiny, to_lever
-from tests.process import TINY, run
+from tests.helpers.process import TINY, run
 
 SETS = [word for text in FEW for word in ("--set", text)]
 

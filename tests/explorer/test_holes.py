@@ -21,9 +21,9 @@ from hdassist.explorer.panes import next_text, order_words
 from hdassist.explorer.state import Session, opened_state
 from hdassist.mounting.advice import Advice
 from hdassist.pages.mount import mount_report
-from tests.advices import advice_of
 from tests.explorer.rig import FEW, QUICK, F_ior, explored, known_is, screen, settled, tiny
-from tests.process import SMALL
+from tests.helpers.advices import advice_of
+from tests.helpers.process import SMALL
 
 
 @pytest.mark.thorough

@@ -6,7 +6,7 @@ from hdassist.explorer.state import about_field, opened_state, step_of, stepped
 from hdassist.loading import load_text
 from hdassist.preset.fields import field_table, resolved_fields, text_of
 from tests.explorer.rig import tiny
-from tests.process import TINY
+from tests.helpers.process import TINY
 
 
 def test_a_field_has_its_meaning_and_range() -> None:

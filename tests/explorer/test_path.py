@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.explorer_pictures import DOCS, key_lines, played, rows
-from tests.process import run
+from tests.helpers.process import run
 
 TABLE = re.findall(
     r"^\| `(e .*?)` \| (.*?) \| (.*?) \| (.*?) \| (.*?) \|$", (DOCS / "explore.md").read_text(), re.MULTILINE

@@ -16,7 +16,7 @@ from benchmarks.readme_pictures import REPORT, SCREENS, first_figures, write_inp
 from hdassist.explorer.app import Explorer
 from tests.conftest import ROOT
 from tests.explorer.rig import explored
-from tests.process import run
+from tests.helpers.process import run
 from tests.test_pages import alike
 
 PICTURES = ROOT / "docs/pictures"

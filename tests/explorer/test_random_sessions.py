@@ -14,7 +14,7 @@ from hdassist.explorer.asking import REST
 from hdassist.explorer.state import Session, opened_state, redone, undone
 from hdassist.terminal.options import torque_overrides
 from tests.explorer.rig import FEW, explored, said, screen, settled
-from tests.process import TINY
+from tests.helpers.process import TINY
 
 LENGTH = 12  # keys of a session
 MOVES = ("left", "right", "up", "down", "home", "end", "pageup", "pagedown", "tab", "shift+tab", "b", "0")

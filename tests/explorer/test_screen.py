@@ -14,7 +14,7 @@ from hdassist.explorer.asking import REST
 from hdassist.explorer.state import opened_state
 from hdassist.preset.fields import resolved_fields
 from tests.explorer.rig import FEW, explored, known_is, said, screen, settled, tiny, to_lever
-from tests.process import TINY
+from tests.helpers.process import TINY
 
 
 @pytest.mark.thorough

@@ -17,7 +17,7 @@ from hdassist.measuring.measure import measure
 from hdassist.readers.trace import TraceForm, read_trace
 from hdassist.run.run import UNCHECKED
 from tests.explorer.rig import tiny
-from tests.process import TINY
+from tests.helpers.process import TINY
 
 
 @pytest.fixture

@@ -24,7 +24,7 @@ import pytest
 
 from tests.explorer.rig import FEW
 from tests.explorer.test_command import needs_proc, processes, vanished
-from tests.process import CLEAN, COMMAND, LONGEST, TINY, run
+from tests.helpers.process import CLEAN, COMMAND, LONGEST, TINY, run
 
 SETS = [word for text in FEW for word in ("--set", text)]
 MEASURED = "--set 'measured.F_ior.h0@4=28.1 ± 2'"

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 from hdassist.cli import THREADS
-from tests.process import hear_what_is_ignored
+from tests.helpers.process import hear_what_is_ignored
 
 for name in THREADS:
     os.environ.setdefault(name, "1")  # as the command line has it, before numpy is loaded

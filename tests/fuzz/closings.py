@@ -20,7 +20,7 @@ from contextlib import suppress
 import numpy as np
 
 from tests.fuzz.faults import MARK, SOON, Tally, has_mark, processes, record
-from tests.process import CLEAN, COMMAND, TINY
+from tests.helpers.process import CLEAN, COMMAND, TINY
 
 KEYS = ("\x1b[C", "1", "3", "5", "7", "/", "m", "?", "b", "e", "\x1b", "u", "y", "r")
 BEGINS = 60.0  # s for the first picture

@@ -30,7 +30,7 @@ import numpy as np
 from hdassist.preset.fields import field_table
 from hdassist.preset.text import read_yaml
 from hdassist.solve.answers import TOLERANCE
-from tests.process import SMALL, run
+from tests.helpers.process import SMALL, run
 
 Change = dict[str, Any]
 

@@ -25,7 +25,7 @@ from typing import Any
 
 import numpy as np
 
-from tests.process import CLEAN, COMMAND, TINY
+from tests.helpers.process import CLEAN, COMMAND, TINY
 
 MARK = "HDASSIST_MARK"
 OLD = "what was there before\n"

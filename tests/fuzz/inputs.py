@@ -27,7 +27,7 @@ import numpy as np
 from hdassist.acceptance.answer import read_answers
 from hdassist.errors import HdassistError, UntrustedError
 from tests.fuzz.seeds import KINDS, Input
-from tests.process import run
+from tests.helpers.process import run
 
 MOST_SECONDS = 5.0  # of processor time
 MOST_MEMORY = 500.0  # MB over what the process has before

@@ -19,7 +19,7 @@ from hdassist.errors import HdassistError, Verdict
 from hdassist.measuring.measure import SweepResult, measure
 from hdassist.readers.trace import TraceForm, read_trace
 from tests.fuzz.mutate import Rng
-from tests.rigs import Array, drive_error, text, whole_range
+from tests.helpers.rigs import Array, drive_error, text, whole_range
 
 RATIO, PER_TURN = 20.0, 30
 STATED = {"encoder": 0.1, "coupling": 0.1, "reseating": 0.1, "temperature": 0.1}

@@ -19,7 +19,7 @@ import numpy as np
 
 from tests.fuzz.mutate import Rng
 from tests.fuzz.seeds import DRIVE
-from tests.process import run
+from tests.helpers.process import run
 
 Document = dict[str, Any]
 Args = tuple[str, ...]

@@ -16,8 +16,8 @@ from hdassist.cli import app
 from tests.fuzz import gentle, mutate
 from tests.fuzz.drives import preset, toothed
 from tests.fuzz.mutate import Rng, pick
-from tests.process import ROOT, SMALL, run
-from tests.support import fresh_preset
+from tests.helpers.process import ROOT, SMALL, run
+from tests.helpers.support import fresh_preset
 
 Args = tuple[str, ...]
 Files = dict[str, bytes]

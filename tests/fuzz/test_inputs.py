@@ -11,7 +11,7 @@ import pytest
 from tests.fuzz import mutate
 from tests.fuzz.inputs import Outcome, judged, made, outcomes, unsolved
 from tests.fuzz.seeds import KINDS, Input
-from tests.process import run
+from tests.helpers.process import run
 
 FEW = 156
 

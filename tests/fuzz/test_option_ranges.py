@@ -21,7 +21,7 @@ from typer.models import OptionInfo
 from hdassist.cli import COMMANDS, app
 from tests.fuzz.inputs import GOOD, unsolved
 from tests.fuzz.seeds import TRACES
-from tests.process import TINY, run
+from tests.helpers.process import TINY, run
 
 ONE = ("drive.yaml", "--set", "operation.M_g=[4]")
 LINES: dict[str, tuple[str, ...]] = {

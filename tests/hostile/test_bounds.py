@@ -11,8 +11,8 @@ import pytest
 
 from hdassist.files import GREATEST, number_of
 from hdassist.loading import load_text, with_changes
-from tests.process import SMALL, TINY, run
-from tests.rigs import text
+from tests.helpers.process import SMALL, TINY, run
+from tests.helpers.rigs import text
 
 TURNS = np.arange(31 * 60) / 60
 BUDGET = "encoder=0.3,coupling=0.2,reseating=0.3,temperature=0.4"

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.process import CLEAN, COMMAND, TINY, run
+from tests.helpers.process import CLEAN, COMMAND, TINY, run
 
 LONG = "x" * 5000  # a name that no file can have
 DIGITS = "1" * 30_000

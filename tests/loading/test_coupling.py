@@ -11,7 +11,7 @@ from hdassist.loading import load_text, similar_preset, with_changes
 from hdassist.model.contacts import CAM, contact_system
 from hdassist.model.deviations import assumptions
 from hdassist.preset.knowledge import read_requirements
-from tests.process import TINY
+from tests.helpers.process import TINY
 
 TEXT = Path(TINY).read_text(encoding="utf-8")
 SIZE = 30 / 160  # pitch diameter of the drive over that of the ranges

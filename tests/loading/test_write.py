@@ -12,8 +12,8 @@ from hdassist import load_preset
 from hdassist.errors import DataError, UsageError
 from hdassist.loading import load_text, with_changes, with_found_values
 from hdassist.preset.fields import field_table, resolved_fields
-from tests.process import SMALL
-from tests.support import fresh_preset
+from tests.helpers.process import SMALL
+from tests.helpers.support import fresh_preset
 
 
 def test_presets_new_writes_a_valid_preset_of_assumed_values() -> None:

@@ -25,9 +25,9 @@ from hdassist.measuring.full_cycle import with_full_cycle
 from hdassist.measuring.measure import Measurement, measure
 from hdassist.pages.measure import history_report
 from hdassist.run.kept import RecordKind, open_kept
-from tests.paper import on_paper
-from tests.process import in_a_line, run
-from tests.rigs import drive_error, recorded, text
+from tests.helpers.paper import on_paper
+from tests.helpers.process import in_a_line, run
+from tests.helpers.rigs import drive_error, recorded, text
 
 TURNS = np.arange(30 * 60) / 60
 ERROR = drive_error(np.random.default_rng(3), 30)(TURNS)

@@ -13,8 +13,8 @@ from hdassist.errors import DataError
 from hdassist.measuring.measure import Measurement, measure
 from hdassist.measuring.slopes import at_torque
 from hdassist.readers.trace import read_trace
-from tests.process import SMALL, run
-from tests.rigs import text
+from tests.helpers.process import SMALL, run
+from tests.helpers.rigs import text
 
 RATIO, PER_TURN = 30, 60
 ONCE = np.arange(RATIO * PER_TURN) / PER_TURN

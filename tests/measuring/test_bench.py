@@ -21,8 +21,8 @@ from hdassist.measuring.bench import (
     seen_range,
 )
 from hdassist.readers.trace import TraceForm, read_record
-from tests.process import SMALL, in_a_line, run
-from tests.rigs import text
+from tests.helpers.process import SMALL, in_a_line, run
+from tests.helpers.rigs import text
 
 TARGETS, APPROACHES, REVERSAL, NOISE = 30.0 * np.arange(12), 7, 8.0, 1.0
 CURVE = 12 * np.sin(np.radians(TARGETS + 20))

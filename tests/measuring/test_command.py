@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.process import CLEAN, COMMAND, SMALL, in_a_line, run
-from tests.rigs import drive_error, text, whole_range
+from tests.helpers.process import CLEAN, COMMAND, SMALL, in_a_line, run
+from tests.helpers.rigs import drive_error, text, whole_range
 
 ROOT = Path(__file__).parents[2]
 REAL = ROOT.parent / "shared/data/dhem_csf17_100_digitized.csv"

@@ -9,7 +9,7 @@ from hdassist.acceptance.decision import MEASURED
 from hdassist.errors import DataError
 from hdassist.measuring.measure import SweepResult, measure
 from hdassist.pages.measure import measure_report
-from tests.rigs import RATIO, Array, recorded, whole_range
+from tests.helpers.rigs import RATIO, Array, recorded, whole_range
 
 PER_TURN = 40
 PLACES = np.arange(round(RATIO * PER_TURN))

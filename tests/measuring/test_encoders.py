@@ -9,7 +9,7 @@ from benchmarks import encoders
 from hdassist.errors import UntrustedError
 from hdassist.measuring.measure import measure
 from hdassist.readers.trace import TraceForm, read_trace
-from tests.rigs import EVEN, recorded, text, whole_range
+from tests.helpers.rigs import EVEN, recorded, text, whole_range
 
 
 def test_a_coarse_reading_without_noise_counts():

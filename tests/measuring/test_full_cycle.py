@@ -10,7 +10,7 @@ from hdassist.measuring.full_cycle import cleaned_recording, full_cycle, reason_
 from hdassist.measuring.measure import measure
 from hdassist.measuring.orders import FullCycle
 from hdassist.readers.trace import read_trace
-from tests.process import run
+from tests.helpers.process import run
 
 RATIO, PER_TURN = 30, 40
 

@@ -16,7 +16,7 @@ from hdassist.measuring.iso230 import PositioningTest, positioning_test
 from hdassist.model.geometry import Array
 from hdassist.readers.trace import TraceForm, read_record
 from hdassist.readers.words import run_side_in
-from tests.process import SMALL, run
+from tests.helpers.process import SMALL, run
 
 WIDE_NAMES = "target_deg,run1_fwd_arcsec,run1_bwd_arcsec,run2_fwd_arcsec,run2_bwd_arcsec"
 

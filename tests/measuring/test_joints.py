@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from tests.process import run
+from tests.helpers.process import run
 
 RATIOS = {"J1": 50.0, "J2": 80.0}
 

@@ -11,7 +11,7 @@ from benchmarks.kinds import KINDS, Rig, counted
 from hdassist.measuring.fit import fit_orders
 from hdassist.measuring.orders import DEFAULT_ORDERS, order_grid
 from hdassist.measuring.terms import bins_of
-from tests.rigs import recorded
+from tests.helpers.rigs import recorded
 
 
 @pytest.mark.thorough

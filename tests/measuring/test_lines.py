@@ -8,7 +8,7 @@ import pytest
 from benchmarks.lines import Group, look, rig, row
 from hdassist.measuring import fit
 from hdassist.measuring.measure import SweepResult, measure
-from tests.rigs import drive_error, recorded, slow_noise, whole_range
+from tests.helpers.rigs import drive_error, recorded, slow_noise, whole_range
 
 RATIO, PER_TURN = 30.0, 60
 TURNS = np.arange(RATIO * PER_TURN) / PER_TURN

@@ -10,7 +10,7 @@ import pytest
 
 from hdassist.measuring.measure import Measurement, measure
 from hdassist.readers.trace import TraceForm, read_trace
-from tests.rigs import recorded, text
+from tests.helpers.rigs import recorded, text
 
 RATIO, ROWS = 100, 60
 

@@ -12,8 +12,8 @@ from hdassist.errors import DataError, UntrustedError, UsageError
 from hdassist.measuring.measure import measure
 from hdassist.measuring.orders import combined, parse_stated
 from hdassist.readers.trace import read_trace
-from tests.rigs import EVEN, PER_TURN, RATIO, even_wave, recorded, simulated, text, turn_range, whole_range
-from tests.support import rounding
+from tests.helpers.rigs import EVEN, PER_TURN, RATIO, even_wave, recorded, simulated, text, turn_range, whole_range
+from tests.helpers.support import rounding
 
 
 @pytest.mark.thorough

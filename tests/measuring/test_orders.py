@@ -10,8 +10,8 @@ from hdassist.errors import UsageError
 from hdassist.measuring.measure import measure
 from hdassist.measuring.orders import Gearing, gearing_of, order_grid, parse_orders
 from hdassist.run.run import UNCHECKED
-from tests.process import SMALL
-from tests.rigs import RATIO, recorded, slow_noise
+from tests.helpers.process import SMALL
+from tests.helpers.rigs import RATIO, recorded, slow_noise
 
 
 def test_gearings():

@@ -10,8 +10,8 @@ import pytest
 
 from hdassist.measuring.measure import Measurement, measure
 from hdassist.readers.trace import TraceForm, read_trace
-from tests.process import in_a_line, run
-from tests.rigs import Array, text
+from tests.helpers.process import in_a_line, run
+from tests.helpers.rigs import Array, text
 
 RATIO = 30
 

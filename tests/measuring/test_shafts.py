@@ -11,8 +11,8 @@ import pytest
 
 from hdassist.errors import UsageError
 from hdassist.measuring.shafts import parse_shafts
-from tests.process import run
-from tests.rigs import text
+from tests.helpers.process import run
+from tests.helpers.rigs import text
 
 PERIOD_S = 861.64  # of an input revolution: ratio 100 at 15.041 arcsec/s
 SECONDS = np.arange(0, 10 * PERIOD_S, 5.0)

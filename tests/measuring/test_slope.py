@@ -11,7 +11,7 @@ from benchmarks.joints import RATIO, Joint
 from hdassist import load_preset, trace
 from hdassist.measuring.measure import measure
 from hdassist.run.run import UNCHECKED
-from tests.process import TINY, in_a_line, run
+from tests.helpers.process import TINY, in_a_line, run
 
 
 def true_slope(joint: Joint, travel_deg: float) -> float:

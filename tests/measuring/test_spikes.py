@@ -10,7 +10,7 @@ import pytest
 from hdassist.errors import PresetError, UntrustedError
 from hdassist.measuring.measure import measure
 from hdassist.readers.trace import TraceForm, read_trace
-from tests.rigs import EVEN, RATIO, even_wave, recorded, simulated, text, whole_range
+from tests.helpers.rigs import EVEN, RATIO, even_wave, recorded, simulated, text, whole_range
 
 TWO = TraceForm(angle="enc1", second="enc2")
 

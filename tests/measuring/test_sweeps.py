@@ -7,7 +7,7 @@ import pytest
 
 from hdassist.measuring.measure import measure
 from hdassist.pages.measure import measure_report
-from tests.rigs import EVEN, RATIO, drive_error, even_wave, recorded, simulated, whole_range
+from tests.helpers.rigs import EVEN, RATIO, drive_error, even_wave, recorded, simulated, whole_range
 
 
 def test_directions_are_kept_apart():

@@ -11,8 +11,8 @@ from hdassist.acceptance.decision import OF_TRAVEL
 from hdassist.measuring.measure import measure
 from hdassist.measuring.orders import STATED, Gearing, gearing_of
 from hdassist.preset.fields import Acceptance
-from tests.acceptances import accept
-from tests.rigs import recorded
+from tests.helpers.acceptances import accept
+from tests.helpers.rigs import recorded
 
 NOTHING = dict.fromkeys(STATED, 0.0)
 

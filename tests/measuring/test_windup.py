@@ -14,8 +14,8 @@ from hdassist.loading import load_preset
 from hdassist.measuring.measure import Measurement, measure
 from hdassist.preset.fields import Drive
 from hdassist.readers.trace import read_trace
-from tests.process import run
-from tests.rigs import text
+from tests.helpers.process import run
+from tests.helpers.rigs import text
 
 TURNS = np.arange(100 * 40) / 40
 ERROR = 10 * np.cos(4 * np.pi * TURNS) + 3 * np.cos(2 * np.pi * 2.01 * TURNS) + 2 * np.cos(2 * np.pi * TURNS)

@@ -8,7 +8,7 @@ import pytest
 from hdassist.model.contacts import FREEDOMS, ROTATION, ContactSystems, contact_system
 from hdassist.model.geometry import Flanks, Geometry
 from hdassist.solve.answers import ARCSEC
-from tests.support import changed, compliance, rounding, solve_state
+from tests.helpers.support import changed, compliance, rounding, solve_state
 
 ALPHA, LEVER, C_TOOTH = np.radians(25), 82.0, 2e-5
 

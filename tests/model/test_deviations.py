@@ -14,7 +14,7 @@ from hdassist.model.deviations import (
 )
 from hdassist.model.geometry import Kinematics, pitch_locked_states
 from hdassist.run.run import UNCHECKED
-from tests.support import changed, delta_p_of, first_harmonic
+from tests.helpers.support import changed, delta_p_of, first_harmonic
 
 QUIET = {"tolerances__F_i1": 0.0, "tolerances__F_i2": 0.0, "tolerances__e_hb": 0.0, "tolerances__e_hh": 0.0}
 

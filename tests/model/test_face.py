@@ -5,7 +5,7 @@ import pytest
 
 from hdassist.model.contacts import contact_system
 from hdassist.model.geometry import Face
-from tests.support import changed, compliance, rounding, solve_state
+from tests.helpers.support import changed, compliance, rounding, solve_state
 
 FLAT = 1e9  # mm, length of a shell that does not cone
 

@@ -9,7 +9,7 @@ from hdassist.errors import Fault, UntrustedError
 from hdassist.model import contacts
 from hdassist.model.contacts import ROTATION, contact_system, flexspline_ring, outer_ring
 from hdassist.model.geometry import Geometry, Wheel, flank_candidates, flank_gap, flank_point
-from tests.support import changed, solve_state
+from tests.helpers.support import changed, solve_state
 
 
 def drawn_flank(m: float, z: int, x: float, radii: np.ndarray, side: float) -> np.ndarray:

@@ -11,7 +11,7 @@ from hdassist.model.geometry import (
     neighbours_together,
     pitch_locked_states,
 )
-from tests.support import changed
+from tests.helpers.support import changed
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from hdassist.model.deviations import (
 )
 from hdassist.preset.fields import DEVIATIONS, field_table
 from hdassist.preset.knowledge import F_p
-from tests.process import SMALL
+from tests.helpers.process import SMALL
 
 
 def open_fields(*overrides: str) -> set[str]:

@@ -11,8 +11,8 @@ from hdassist.model.deviations import MeasuredTeeth, MeasuredWheel, PitchFile, t
 from hdassist.mounting.advice import advise
 from hdassist.mounting.positions import phase_deg, rotated, seat_positions
 from hdassist.run.run import UNCHECKED, Run
-from tests.process import SMALL
-from tests.support import first_harmonic
+from tests.helpers.process import SMALL
+from tests.helpers.support import first_harmonic
 
 FIXED = ("rigid", "flexspline")
 

@@ -11,7 +11,7 @@ from hdassist.mounting.decision import Decision
 from hdassist.mounting.positions import rotated, usable_positions
 from hdassist.mounting.posterior import HolePosterior, HoleSamples, Trial, TrialSetup, posterior_of
 from hdassist.preset.fields import Drive
-from tests.process import SMALL
+from tests.helpers.process import SMALL
 
 M_G, HOLES = 4.0, 12
 POSITIONS = usable_positions(HOLES, "all")

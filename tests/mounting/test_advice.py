@@ -16,7 +16,7 @@ from hdassist.pages.mount import mount_report
 from hdassist.solve.answers import EMPTY
 from hdassist.terminal.plot import seat_in_characters
 from hdassist.terminal.words import texts
-from tests.process import SMALL
+from tests.helpers.process import SMALL
 
 
 def curve_of(*values: list[float], holes: int = 12, **options) -> MountingCurve:

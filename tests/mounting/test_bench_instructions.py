@@ -20,9 +20,9 @@ from hdassist.mounting.posterior import HoleSamples, Trial, TrialSetup
 from hdassist.pages.mount import mount_report
 from hdassist.pages.report import card_html, card_text
 from hdassist.run.run import UNCHECKED
-from tests.advices import TRIALS, advice_of, card
+from tests.helpers.advices import TRIALS, advice_of, card
+from tests.helpers.process import SMALL, TINY, in_a_line, run
 from tests.mounting.drives import HOLES, POSITIONS, SETUP, synthetic, told
-from tests.process import SMALL, TINY, in_a_line, run
 
 AT_4 = told("operation.M_g=[4]")
 TURN = 2 * np.pi * np.arange(HOLES) / HOLES

@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from tests.process import TINY, run
+from tests.helpers.process import TINY, run
 
 OPEN = ("--set", "tolerances.F_i2=unknown", "--draws", "16", "--json")
 

@@ -21,7 +21,7 @@ from hdassist.pages.mount import mount_warnings
 from hdassist.pages.report import CENTRE, HOLE_CIRCLE, card_html, card_text
 from hdassist.terminal.plot import seat_in_characters
 from hdassist.terminal.words import Texts, languages, texts
-from tests.advices import MADE, TRIALS, advice_of, card, cards, crowded, sampled
+from tests.helpers.advices import MADE, TRIALS, advice_of, card, cards, crowded, sampled
 
 CARDS = cards()
 SVG = "{http://www.w3.org/2000/svg}"

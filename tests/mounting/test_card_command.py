@@ -7,7 +7,7 @@ from datetime import date
 
 import pytest
 
-from tests.process import TINY, run
+from tests.helpers.process import TINY, run
 
 QUICK = ("mount", TINY, "--set", "mounting.holes=4", "--torque", "4", "--set", "numerics.n_max=8", "--jobs", "1")
 

@@ -6,8 +6,8 @@ import pytest
 
 from hdassist.pages.report import card_html, lines_on_paper
 from hdassist.terminal.words import languages
-from tests.advices import card, cards, crowded
-from tests.browser import A4_POINTS, needs_browser, on_screen, printed
+from tests.helpers.advices import card, cards, crowded
+from tests.helpers.browser import A4_POINTS, needs_browser, on_screen, printed
 
 CARDS = cards()
 PAGES = {"sampled": CARDS["sampled"], "leave": CARDS["leave"], "crowded": crowded(CARDS["many"])}

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from hdassist import kinematic_error, load_preset
-from tests.process import TINY, run, run_cold
+from tests.helpers.process import TINY, run, run_cold
 
 QUICK = ("mount", TINY, "--set", "mounting.holes=6")
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.process import ASSUMED, SMALL, in_a_line, run, run_cold
+from tests.helpers.process import ASSUMED, SMALL, in_a_line, run, run_cold
 
 # what the drive of the preset shows in these holes at 4 N·m with an offset of 50 um at 20 deg
 TRIALS = ("h0=73", "120=18.7", "h8=25", "h4=18.2", "h3=19.3")

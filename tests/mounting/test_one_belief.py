@@ -16,8 +16,8 @@ from hdassist.mounting.advice import advise
 from hdassist.mounting.positions import rotated, seat_positions
 from hdassist.run.run import Run
 from hdassist.variants import sheet_of
-from tests.process import TINY, in_a_line, run
-from tests.support import PROVEN
+from tests.helpers.process import TINY, in_a_line, run
+from tests.helpers.support import PROVEN
 
 OPEN = (
     "source.supports.C_3={kind: assumed, range: [1000, 8000], ref: judged}",

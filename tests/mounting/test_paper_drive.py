@@ -8,7 +8,7 @@ import pytest
 from hdassist import load_preset
 from hdassist.error.error_map import ErrorMap
 from hdassist.mounting.positions import rotated
-from tests.process import run
+from tests.helpers.process import run
 
 BEST = 8  # the hole that mount orders
 NEAR = np.array(

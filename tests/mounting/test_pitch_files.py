@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from hdassist import MeasuredTeeth, MeasuredWheel, check, load_preset, read_pitch
-from tests.process import SMALL, in_a_line, run
+from tests.helpers.process import SMALL, in_a_line, run
 
 TEETH = np.arange(1, 63)
 VALUES = np.round(18 * np.sin(2 * np.pi * TEETH / 62 + 1) + 6 * np.sin(4 * np.pi * TEETH / 62), 1)

@@ -9,8 +9,8 @@ from hdassist.mounting import positions as making
 from hdassist.mounting.positions import MountingCurve, mounting_curve, phase_deg, rotated
 from hdassist.run.run import UNCHECKED
 from hdassist.solve.answers import EMPTY
-from tests.process import SMALL
-from tests.support import changed
+from tests.helpers.process import SMALL
+from tests.helpers.support import changed
 
 
 def test_turning_the_wheel_is_turning_its_deviation():

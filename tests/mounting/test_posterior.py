@@ -15,6 +15,7 @@ from hdassist.mounting.advice import advise_after
 from hdassist.mounting.decision import value_of_measurement
 from hdassist.mounting.positions import rotated
 from hdassist.mounting.posterior import LOG_NOISES, HoleSamples, Trial, TrialSetup, likelier_torque, posterior_of
+from tests.helpers.process import SMALL
 from tests.mounting.drives import (
     HOLES,
     M_G,
@@ -29,7 +30,6 @@ from tests.mounting.drives import (
     told,
     trials,
 )
-from tests.process import SMALL
 
 ONE = told("operation.M_g=4")  # at the torque of the values alone
 

@@ -12,8 +12,8 @@ from hdassist.measuring.measure import Reading, measure
 from hdassist.mounting.advice import advise_after
 from hdassist.mounting.posterior import Trial, TrialSetup, hole_samples, posterior_of, read_trial_or_record
 from hdassist.readers.trace import read_trace
+from tests.helpers.process import SMALL, run
 from tests.mounting.drives import COARSE, M_G, told
-from tests.process import SMALL, run
 
 CYCLE = 30  # cam turns of the drive's full cycle
 SETUP = TrialSetup(M_G, noise_arcsec=2.0)

@@ -15,9 +15,9 @@ from hdassist.mounting.positions import rotated, usable_positions
 from hdassist.mounting.posterior import HoleSamples, Trial, hole_samples, open_prior, posterior_of
 from hdassist.pages.mount import mount_warnings
 from hdassist.preset.fields import Drive
+from tests.helpers.process import ASSUMED, SMALL
+from tests.helpers.support import changed
 from tests.mounting.drives import COARSE, COARSE_MESH, FEW, M_G, POSITIONS, SETUP, direction_of, learnt, shown, told
-from tests.process import ASSUMED, SMALL
-from tests.support import changed
 
 
 def require_turned(prior: HoleSamples, drive: Drive, sample: int, direction: int, rotation: float) -> None:

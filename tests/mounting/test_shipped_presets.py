@@ -8,7 +8,7 @@ from hdassist.mounting.advice import advise
 from hdassist.pages.report import card_text
 from hdassist.preset.knowledge import read_requirements
 from hdassist.run.run import UNCHECKED
-from tests.advices import card
+from tests.helpers.advices import card
 
 WITHOUT_PHASES = tuple(f"phases.{name}=unknown" for name in ("xi_g", "xi_b", "phi_hb", "phi_hh"))
 

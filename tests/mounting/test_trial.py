@@ -7,7 +7,7 @@ from hdassist.errors import UsageError
 from hdassist.measuring.measure import Reading
 from hdassist.mounting.positions import usable_positions
 from hdassist.mounting.posterior import Trial, TrialSetup, read_trial, read_trial_or_record
-from tests.process import SMALL
+from tests.helpers.process import SMALL
 
 
 @pytest.mark.parametrize("holes", [12, 14, 25, 49])

@@ -13,8 +13,8 @@ from hdassist.pages.mount import instruction_of, mount_report, next_value_words
 from hdassist.report import Table
 from hdassist.run.run import UNCHECKED
 from hdassist.terminal.output import report_object
-from tests.process import SMALL, run
-from tests.support import changed
+from tests.helpers.process import SMALL, run
+from tests.helpers.support import changed
 
 OVAL = ("harmonics.a_b2=1", "harmonics.xi_b2=unknown", "mounting.holes=6", "operation.M_g=4")
 

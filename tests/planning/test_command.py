@@ -14,7 +14,7 @@ import pytest
 from hdassist import load_preset
 from hdassist.pages.plan import seen_curve
 from hdassist.planning import choose_plan
-from tests.process import SMALL, TINY, in_a_line, run
+from tests.helpers.process import SMALL, TINY, in_a_line, run
 
 OPEN = ("--set", "phases.xi_b=unknown", "--draws", "8")
 

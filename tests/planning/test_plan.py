@@ -16,8 +16,8 @@ from hdassist.pages.plan import plan_report
 from hdassist.planning import ApproachRun, DrivesUnderTest, PlanDemands, ReadingPlan, choose_plan, rough_curves
 from hdassist.preset.fields import DEVIATIONS
 from hdassist.run.run import UNCHECKED
-from tests.paper import facts_of
-from tests.process import SMALL, TINY
+from tests.helpers.paper import facts_of
+from tests.helpers.process import SMALL, TINY
 
 ONE_WAVE = np.sin(2 * np.pi * np.arange(3600) / 3600)  # comes once in the cycle
 TEN = ReadingPlan.positions(10)

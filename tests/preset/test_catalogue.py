@@ -14,7 +14,7 @@ from hdassist.calibration import read_targets
 from hdassist.loading import load_text
 from hdassist.preset.knowledge import CATALOGUE_K3, REFERENCE, TORQUE_DENSITY
 from hdassist.run.run import UNCHECKED
-from tests.process import TINY
+from tests.helpers.process import TINY
 
 
 @pytest.mark.thorough

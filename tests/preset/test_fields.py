@@ -21,8 +21,8 @@ from hdassist.mounting.positions import MountingCurve, seat_positions
 from hdassist.preset.fields import DEVIATIONS, Acceptance, Drive, field_table
 from hdassist.run.run import UNCHECKED
 from hdassist.solve.answers import EMPTY
-from tests.acceptances import accept
-from tests.support import changed, solve_state, wind_up
+from tests.helpers.acceptances import accept
+from tests.helpers.support import changed, solve_state, wind_up
 
 
 def light(drive: Drive) -> float:

@@ -16,7 +16,7 @@ from hdassist.files import preset_names, read_preset
 from hdassist.loading import load_preset
 from hdassist.preset.fields import field_table, measures, origin_counts
 from hdassist.preset.text import read_yaml
-from tests.process import posix_only
+from tests.helpers.process import posix_only
 
 ROOT = Path(__file__).parents[2]
 

@@ -7,7 +7,7 @@ import pytest
 from hdassist import load_preset
 from hdassist.files import preset_names
 from hdassist.preset.knowledge import implausible
-from tests.process import run
+from tests.helpers.process import run
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from hdassist.files import preset_names, read_preset
 from hdassist.loading import load_text, preset_schema
 from hdassist.preset.fields import ResolvedField, field_table, resolved_fields
 from hdassist.preset.text import read_yaml
-from tests.support import fresh_preset
+from tests.helpers.support import fresh_preset
 
 SCHEMA = preset_schema()
 VALIDATOR = Draft202012Validator(SCHEMA)

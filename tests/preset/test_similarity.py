@@ -19,7 +19,7 @@ from hdassist.model.rules import conflicts
 from hdassist.preset.fields import Drive, field_table, measures, origin_counts, resolved_fields
 from hdassist.preset.knowledge import LAWS, PITCH_DIAMETER, STIFFNESS, F_p, SimilarValue, read_requirements, similar
 from hdassist.run.run import UNCHECKED
-from tests.process import run
+from tests.helpers.process import run
 
 LIKE = load_preset("vzp160")
 

@@ -12,7 +12,7 @@ from hdassist.errors import PresetError, UsageError
 from hdassist.loading import load_text
 from hdassist.preset.fields import field_table
 from hdassist.preset.text import UnitError, convert, read_spread, units_for
-from tests.process import SMALL
+from tests.helpers.process import SMALL
 
 
 @pytest.mark.parametrize(

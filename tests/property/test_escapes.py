@@ -36,8 +36,8 @@ from hdassist.run.kept import KeptOwner, RecordKind, open_kept
 from hdassist.terminal.output import csv_text, json_text, report_object
 from hdassist.terminal.page import report_page
 from hdassist.terminal.streams import Style, console
-from tests.advices import advice_of, card
-from tests.process import TINY, on_terminal, run
+from tests.helpers.advices import advice_of, card
+from tests.helpers.process import TINY, on_terminal, run
 from tests.test_hidden import EVERY_HIDDEN, hidden
 
 SURROGATES = re.compile("[\ud800-\udfff]")

@@ -14,7 +14,7 @@ from hdassist.model.deviations import deviation_scalars, is_half_turn_symmetric
 from hdassist.model.geometry import Kinematics, pitch_locked_states
 from hdassist.run.run import UNCHECKED
 from hdassist.solve.answers import ARCSEC
-from tests.support import changed, compliance, delta_p_of, rotation, solve_state, wind_up
+from tests.helpers.support import changed, compliance, delta_p_of, rotation, solve_state, wind_up
 
 micrometres = st.floats(-100, 100).map(lambda um: round(um, 3) * 1e-3)
 vectors = st.tuples(*[micrometres] * 4).map(np.array)

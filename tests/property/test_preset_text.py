@@ -14,7 +14,7 @@ from hdassist.files import GREATEST
 from hdassist.loading import load_text
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.text import UnitError, convert, read_yaml, scalar_value, units_for
-from tests.support import fresh_preset
+from tests.helpers.support import fresh_preset
 
 BASE = fresh_preset("base")
 PATHS = list(field_table())

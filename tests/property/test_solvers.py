@@ -9,7 +9,7 @@ from hdassist.model.contacts import StateGaps, contact_system
 from hdassist.solve.answers import ARCSEC, TOLERANCE, residuals
 from hdassist.solve.formulation import formulate
 from hdassist.solve.loadcase import MANY_STATES, solve_through_cvxpy
-from tests.support import changed, load_case
+from tests.helpers.support import changed, load_case
 
 
 def span(low: float, high: float):

@@ -11,7 +11,7 @@ import pytest
 from hdassist.errors import PresetError
 from hdassist.model.geometry import Array
 from hdassist.readers.trace import MeasuredTrace, TraceForm, read_trace
-from tests.process import run
+from tests.helpers.process import run
 
 SCALE, DECLINATION, RATE = 1.5, 40.0, 7.5  # arcsec/px, deg, and arcsec/s of the axis
 NAMES = "Frame,Time,mount,dx,dy,RARawDistance,DECRawDistance,RAGuideDistance,DECGuideDistance,RADuration,RADirection"

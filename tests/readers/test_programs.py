@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from hdassist.readers.words import is_of_moteus, moteus_unit_of, role_in
-from tests.process import run
-from tests.rigs import text
+from tests.helpers.process import run
+from tests.helpers.rigs import text
 
 CAM_DEG = np.arange(0, 100 * 360, 7.2)
 OUTPUT_DEG = CAM_DEG / 100 + 20 * np.sin(np.radians(2 * CAM_DEG)) / 3600

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from hdassist.errors import PresetError
 from hdassist.readers.table import NumberTable, read_numbers
 from hdassist.readers.words import sexagesimal_degrees
-from tests.process import run
+from tests.helpers.process import run
 
 FORMS = {
     "signs": "{sign}{d}°{m:02d}'{s:07.4f}\"",

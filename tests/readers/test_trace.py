@@ -13,7 +13,7 @@ import pytest
 from hdassist.errors import DataError, PresetError, UsageError
 from hdassist.readers.trace import MeasuredTrace, TraceForm, read_trace, sweeps
 from hdassist.readers.words import role_in, unit_in
-from tests.rigs import text
+from tests.helpers.rigs import text
 
 TURNS = np.arange(400) / 100
 CAM = 360 * TURNS

@@ -12,8 +12,8 @@ from hdassist.errors import DataError, PresetError, UsageError
 from hdassist.measuring.bench import LoopRecord, PositionRecord, bench_record
 from hdassist.readers.trace import MeasuredTrace, TraceForm, read_record, read_trace
 from hdassist.readers.words import TIMES, TORQUES, foreign_unit_in, length_in, role_in, unit_in
-from tests.process import run
-from tests.rigs import text
+from tests.helpers.process import run
+from tests.helpers.rigs import text
 
 TURNS = np.arange(400) / 100
 ERROR = 14.4 * np.cos(4 * np.pi * TURNS) + 0.1 * np.sin(1e3 * TURNS)

@@ -16,7 +16,7 @@ from hdassist.model.contacts import contact_system, flexspline_ring
 from hdassist.model.geometry import Array, Geometry, Kinematics, nominal_shape, pitch_locked_states
 from hdassist.run.run import UNCHECKED
 from hdassist.solve.formulation import formulate
-from tests.support import delta_p_of, load_case, solve_state
+from tests.helpers.support import delta_p_of, load_case, solve_state
 
 WIDTH, HEIGHT = 640, 330
 AROUND = np.linspace(0, 2 * np.pi, 181)

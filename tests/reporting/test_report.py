@@ -23,7 +23,7 @@ from hdassist.terminal.output import report_object
 from hdassist.terminal.streams import Style
 from hdassist.terminal.words import proof
 from hdassist.variants import DriveSheet, sheet_of
-from tests.process import SMALL, run
+from tests.helpers.process import SMALL, run
 
 LIMIT = "acceptance.F_ior=40"
 ASSUMED = "source.bearing.g_b={kind: assumed, range: [0, 3]}"

@@ -7,7 +7,7 @@ import pytest
 from hdassist import load_preset
 from hdassist.pages.report import drive_report, report_html
 from hdassist.variants import sheet_of
-from tests.browser import A4_POINTS, needs_browser, on_screen, printed
+from tests.helpers.browser import A4_POINTS, needs_browser, on_screen, printed
 
 pytestmark = needs_browser
 DRIVES = {"small": "tests/data/small.yaml", "vzp160": "vzp160"}

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from hdassist.run import kept
-from tests.process import TINY, keep_answers, posix_only, run
+from tests.helpers.process import TINY, keep_answers, posix_only, run
 
 KEYS = [sha256(bytes([k])).hexdigest() for k in range(5)]
 WARNED = "another user can write to"

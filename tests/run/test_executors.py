@@ -24,7 +24,7 @@ from hdassist.errors import DataError, UntrustedError, UsageError
 from hdassist.run import run as module
 from hdassist.run.run import Cluster, cluster, end_clusters, stream
 from hdassist.solve.walk import installation
-from tests.process import CLEAN, COMMAND, TINY, begun_by, ends, run
+from tests.helpers.process import CLEAN, COMMAND, TINY, begun_by, ends, run
 
 pytestmark = pytest.mark.filterwarnings("default")  # of packages that are not ours
 

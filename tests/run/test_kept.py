@@ -14,7 +14,7 @@ from pydantic import TypeAdapter
 
 from hdassist.errors import DataError, UsageError
 from hdassist.run.kept import ClosedRecord, KeptOwner, Magnitude, RecordKind, open_kept, read_kept
-from tests.process import CLEAN, posix_only
+from tests.helpers.process import CLEAN, posix_only
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from hdassist.errors import DataError, Fault, UntrustedError
 from hdassist.run import run as module
 from hdassist.run.run import Run, count, workers
 from hdassist.run.system import start_method
-from tests.process import CLEAN, SMALL
+from tests.helpers.process import CLEAN, SMALL
 
 BEGUN = """
 import os, threading

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.process import CLEAN, COMMAND, SMALL, TINY, ends
+from tests.helpers.process import CLEAN, COMMAND, SMALL, TINY, ends
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs /proc")
 
@@ -184,7 +184,7 @@ def test_signals_ignored_by_the_caller_stay_ignored_in_workers():
 
 SENDS = """
 import subprocess, sys
-from tests.process import COMMAND, hear_what_is_ignored
+from tests.helpers.process import COMMAND, hear_what_is_ignored
 
 hear_what_is_ignored()
 with subprocess.Popen([*COMMAND, "check", "vzp160"], stderr=subprocess.PIPE, text=True) as process:

@@ -18,7 +18,7 @@ from hdassist.run.kept import KeptOwner, RecordKind, open_kept, read_kept
 from hdassist.run.system import SPAWN, why_not_a_windows_file, windows_command_line
 from hdassist.solve import build
 from hdassist.terminal.streams import require_writable, write_text
-from tests.process import CLEAN, TINY
+from tests.helpers.process import CLEAN, TINY
 
 PACKAGE = Path(kept.__file__).parents[1]
 ASKS = re.compile(

@@ -26,9 +26,9 @@ def walk_over_drives(library: Path) -> int:
     from hdassist.model.deviations import ToothDeviations
     from hdassist.solve import walk
     from hdassist.solve.formulation import formulate
-    from tests.process import SMALL, TINY
+    from tests.helpers.process import SMALL, TINY
+    from tests.helpers.support import load_case
     from tests.solve.test_walk import states_of
-    from tests.support import load_case
 
     walk.walk_library = lambda: (walk._load(library), "")
     cases = [(load_preset(name), None) for name in preset_names()]

@@ -10,7 +10,7 @@ from hdassist.model.contacts import ROTATION, StateGaps, contact_system
 from hdassist.solve.answers import ARCSEC, Certificate, StateSums, proven_answers, residuals
 from hdassist.solve.formulation import formulate
 from hdassist.solve.loadcase import LoadCase
-from tests.support import compliance, load_case
+from tests.helpers.support import compliance, load_case
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ from hdassist.preset.fields import Drive
 from hdassist.run.run import UNCHECKED
 from hdassist.solve import answers
 from hdassist.solve.answers import Certificate, Residuals
-from tests.process import TINY
+from tests.helpers.process import TINY
 
 LIMITED = ("operation.M_g=[4]", "acceptance.F_ior=2000", "mounting.holes=6")
 ANSWERS: dict[str, Callable[[Drive], Certificate]] = {

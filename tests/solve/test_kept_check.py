@@ -12,8 +12,8 @@ from hdassist.run import kept
 from hdassist.solve import loadcase
 from hdassist.solve.formulation import formulate
 from hdassist.solve.loadcase import solve_again
-from tests.process import TINY, keep_answers
-from tests.support import load_case
+from tests.helpers.process import TINY, keep_answers
+from tests.helpers.support import load_case
 
 M_G = 4.0  # N*m
 

@@ -11,7 +11,7 @@ from hdassist.solve.answers import residuals
 from hdassist.solve.formulation import formulate
 from hdassist.solve.loadcase import OneByOne
 from hdassist.solve.pivoting import solve_near
-from tests.support import HAS_WALK, load_case
+from tests.helpers.support import HAS_WALK, load_case
 
 WAYS = [
     solve_near,

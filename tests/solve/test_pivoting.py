@@ -17,8 +17,8 @@ from hdassist.solve.answers import ARCSEC, N_MM, TOLERANCE, StateSums, residuals
 from hdassist.solve.formulation import Reference, formulate, principal_transform
 from hdassist.solve.loadcase import MANY_STATES, OneByOne
 from hdassist.solve.walk import walk_library
-from tests.process import SMALL
-from tests.support import changed, delta_p_of, load_case
+from tests.helpers.process import SMALL
+from tests.helpers.support import changed, delta_p_of, load_case
 
 EXACT = 1e-7  # arcsec
 

@@ -26,8 +26,8 @@ from hdassist.solve.loadcase import (
     solve_through_cvxpy,
     template_differences,
 )
-from tests.process import CLEAN, SMALL
-from tests.support import changed, load_case
+from tests.helpers.process import CLEAN, SMALL
+from tests.helpers.support import changed, load_case
 
 
 @pytest.fixture(scope="module")

@@ -24,8 +24,8 @@ from hdassist.solve import walk
 from hdassist.solve.answers import ARCSEC, N_MM
 from hdassist.solve.build import X86, compile_walk, development_folder, library_name, source_hash
 from hdassist.solve.formulation import formulate
-from tests.process import SMALL
-from tests.support import HAS_COMPILER, HAS_WALK, load_case
+from tests.helpers.process import SMALL
+from tests.helpers.support import HAS_COMPILER, HAS_WALK, load_case
 
 pytestmark = pytest.mark.skipif(not HAS_WALK, reason="no compiled walk: the numpy engine runs")
 needs_compiler = pytest.mark.skipif(not HAS_COMPILER, reason="no C compiler")

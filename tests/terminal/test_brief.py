@@ -28,7 +28,7 @@ from hdassist.terminal.words import (
     on_what,
     proof,
 )
-from tests.process import SMALL, in_a_line, run
+from tests.helpers.process import SMALL, in_a_line, run
 
 
 @pytest.mark.parametrize(

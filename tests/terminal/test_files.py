@@ -10,7 +10,7 @@ import pytest
 
 from hdassist.errors import DataError, UsageError
 from hdassist.terminal.streams import require_writable, write_text
-from tests.process import posix_only
+from tests.helpers.process import posix_only
 
 
 def test_a_file_is_written_and_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.process import CLEAN, COMMAND, TINY
+from tests.helpers.process import CLEAN, COMMAND, TINY
 
 ROOM = 512  # bytes that the file of standard output takes
 

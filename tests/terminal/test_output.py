@@ -24,8 +24,8 @@ from hdassist.terminal.output import Output, complain
 from hdassist.terminal.page import report_page
 from hdassist.terminal.streams import Style
 from tests.conftest import ROOT
-from tests.paper import on_paper
-from tests.process import SMALL, TINY, on_terminal, posix_only, run
+from tests.helpers.paper import on_paper
+from tests.helpers.process import SMALL, TINY, on_terminal, posix_only, run
 from tests.test_hidden import EVERY_HIDDEN, hidden
 
 NAME = "a\x1b]0;owned\x07\u202e[/bold]b"

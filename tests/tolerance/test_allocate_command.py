@@ -6,7 +6,7 @@ import re
 import pytest
 
 from hdassist.commands import design
-from tests.process import TINY, in_a_line, run
+from tests.helpers.process import TINY, in_a_line, run
 
 FEW = ("--torque", "4", "--limit", "1950", "--yield", "0.9", "-n", "40", "--as-built", "--jobs", "1")
 KNOWN = ("--known", "phases.xi_g", "--known", "phases.xi_b", "--set", "tolerances.e_hh=0", "--set", "tolerances.e_hb=0")

@@ -13,8 +13,8 @@ from hdassist.pages.tolerance import allocate_report
 from hdassist.preset.knowledge import F_p
 from hdassist.tolerance.production import Production, RandomDrive, production_law
 from hdassist.tolerance.tightening import Allocator, tolerances
-from tests.paper import facts_of
-from tests.process import TINY
+from tests.helpers.paper import facts_of
+from tests.helpers.process import TINY
 
 NONE = [f"tolerances.{name}=0" for name in ("F_i1", "F_i2", "e_hb", "e_hh")]
 SOFT = "source.supports.C_3={kind: assumed, range: [50, 80000], ref: judged}"

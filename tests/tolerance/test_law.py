@@ -9,7 +9,7 @@ from hdassist import Drive, load_preset
 from hdassist.belief.prior import prior_of
 from hdassist.errors import UsageError
 from hdassist.tolerance.production import RAYLEIGH_TAIL, TolerancedSize, production_law
-from tests.process import ASSUMED, TINY
+from tests.helpers.process import ASSUMED, TINY
 
 
 @pytest.fixture(scope="module")

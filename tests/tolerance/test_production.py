@@ -12,7 +12,7 @@ from hdassist.errors import UntrustedError, UsageError
 from hdassist.mounting.positions import merit, rotated
 from hdassist.run.run import Run
 from hdassist.tolerance.production import TIGHTER_STEP, Production, RandomDrive, production_law
-from tests.process import ASSUMED, SMALL, TINY
+from tests.helpers.process import ASSUMED, SMALL, TINY
 
 TORQUES = (1.0, 4.0)
 COUNT = 5

@@ -10,8 +10,8 @@ from hdassist.belief.statistics import weighted_quantile
 from hdassist.pages.tolerance import sensitivity_report
 from hdassist.tolerance.production import TIGHTER_STEP, Production, RandomDrive, production_law
 from hdassist.tolerance.tightening import Sensitivities, sensitivities, to_measure, worst_torque
-from tests.paper import facts_of
-from tests.process import TINY
+from tests.helpers.paper import facts_of
+from tests.helpers.process import TINY
 
 SOFT = "source.supports.C_3={kind: assumed, range: [50, 80000], ref: judged}"
 

@@ -5,7 +5,7 @@ import subprocess
 
 import pytest
 
-from tests.process import TINY, in_a_line, run
+from tests.helpers.process import TINY, in_a_line, run
 
 FEW = ("--torque", "4", "-n", "16", "--jobs", "1")
 

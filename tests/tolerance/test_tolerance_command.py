@@ -10,7 +10,7 @@ import pytest
 from pyarrow import parquet
 
 from hdassist.errors import UntrustedError
-from tests.process import CLEAN, COMMAND, TINY, in_a_line, run
+from tests.helpers.process import CLEAN, COMMAND, TINY, in_a_line, run
 
 FEW = ("--torque", "1", "--as-built", "--jobs", "1")  # the least that a run can do
 

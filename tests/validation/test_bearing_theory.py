@@ -12,7 +12,7 @@ from hdassist.model.contacts import FREEDOMS, ROTATION, contact_system
 from hdassist.model.geometry import Face
 from hdassist.solve.answers import residuals
 from hdassist.solve.formulation import formulate
-from tests.support import load_case
+from tests.helpers.support import load_case
 from tests.validation.case import Case, Kind, about, parameters
 
 TITLE = "Rolling bearings"

@@ -8,7 +8,7 @@ import pytest
 
 from hdassist.error.error_map import ErrorMap
 from hdassist.mounting.positions import rotated
-from tests.support import changed
+from tests.helpers.support import changed
 from tests.validation.case import Case, Kind, about, parameters
 from tests.validation.whole_flanks import whole_flanks
 

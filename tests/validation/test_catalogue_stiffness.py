@@ -9,7 +9,7 @@ import pytest
 from hdassist import Stiffness, load_preset, stiffness
 from hdassist.model.geometry import Array
 from hdassist.run.run import UNCHECKED
-from tests.support import changed
+from tests.helpers.support import changed
 from tests.validation.case import Case, Information, Kind, about, parameters
 
 TITLE = "Catalogue stiffness"

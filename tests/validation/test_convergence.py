@@ -12,7 +12,7 @@ from hdassist.model import geometry
 from hdassist.model.contacts import contact_system
 from hdassist.model.geometry import Kinematics, pitch_locked_states
 from hdassist.run.run import UNCHECKED
-from tests.support import changed
+from tests.helpers.support import changed
 from tests.validation.case import Case, Kind, about, parameters
 
 TITLE = "Convergence"

@@ -15,7 +15,7 @@ from hdassist.error.waves import trace
 from hdassist.model.geometry import Array
 from hdassist.preset.text import read_yaml
 from hdassist.run.run import UNCHECKED
-from tests.support import changed
+from tests.helpers.support import changed
 from tests.validation.case import Case, Kind, about, parameters
 from tests.validation.parameter_sets import TORQUES, F_ior_over_sets, span
 

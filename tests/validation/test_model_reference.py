@@ -17,7 +17,7 @@ from hdassist.model.deviations import deviation_scalars
 from hdassist.model.geometry import Geometry, Kinematics, pitch_locked_states
 from hdassist.run.run import UNCHECKED
 from hdassist.solve.answers import ARCSEC
-from tests.support import changed, solve_state, wind_up
+from tests.helpers.support import changed, solve_state, wind_up
 
 REL = 0.002  # the reference numbers carry four digits at most
 

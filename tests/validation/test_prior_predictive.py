@@ -14,7 +14,7 @@ from hdassist.error.cycle import kinematic_error
 from hdassist.error.error_map import ErrorMap
 from hdassist.model.geometry import Array, Kinematics, pitch_locked_states
 from hdassist.run.run import UNCHECKED
-from tests.support import changed
+from tests.helpers.support import changed
 from tests.validation.case import Case, Kind, about, parameters
 from tests.validation.drawn_drives import drawn_drives, percentiles
 

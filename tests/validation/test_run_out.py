@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hdassist.error.error_map import ErrorMap
-from tests.support import changed
+from tests.helpers.support import changed
 
 HOLES = 12
 

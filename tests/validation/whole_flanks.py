@@ -7,7 +7,7 @@ from typing import Any
 
 from hdassist import Drive, load_preset
 from hdassist.error.error_map import ErrorMap
-from tests.support import changed
+from tests.helpers.support import changed
 
 FOUND = {
     "numerics.stations": 1, "gears.j_n": 5.937, "flexspline.k_t": 1.186, "bearing.ring_h": 3.907,

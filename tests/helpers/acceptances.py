@@ -13,7 +13,7 @@ from hdassist.acceptance.request import Inputs, Request
 from hdassist.measuring.measure import Measurement
 from hdassist.model.deviations import MeasuredTeeth
 from hdassist.preset.fields import Drive
-from tests.process import SMALL, TINY
+from tests.helpers.process import SMALL, TINY
 
 
 def accept(

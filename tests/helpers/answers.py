@@ -1,7 +1,8 @@
 """JSON answers and their schemas, docs/schemas: every answer of the tests is held to that of its command.
 
-`HDASSIST_RECORD=FOLDER python -m pytest` keeps the answers, `python -m tests.answers FOLDER` makes the schemas of them:
-a key that all answers have is required, a value has the types that it had. Keys may be added, so none is forbidden.
+`HDASSIST_RECORD=FOLDER python -m pytest` keeps the answers, `python -m tests.helpers.answers FOLDER` makes the schemas
+of them: a key that all answers have is required, a value has the types that it had. Keys may be added, so none is
+forbidden.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from typing import Any
 
 from jsonschema import Draft202012Validator
 
-SCHEMAS = Path(__file__).parents[1] / "docs/schemas"
+SCHEMAS = Path(__file__).parents[2] / "docs/schemas"
 RECORD = "HDASSIST_RECORD"
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")  # of a key; others are values: torques, fields, holes
 TYPES = {bool: "boolean", int: "integer", float: "number", str: "string", dict: "object", list: "array"}

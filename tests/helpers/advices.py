@@ -19,7 +19,7 @@ from hdassist.pages.mount import mount_warnings
 from hdassist.readers.pitch import ASSUMED
 from hdassist.solve.answers import EMPTY
 from hdassist.terminal.words import texts
-from tests.process import SMALL
+from tests.helpers.process import SMALL
 
 MADE = date(2026, 3, 9)
 LIGHT = [28.09, 29.5, 30.8, 31.44, 30.0, 27.0, 24.0, 17.0, 14.94, 18.16, 21.0, 25.0]

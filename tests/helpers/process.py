@@ -29,13 +29,13 @@ from hypothesis import currently_in_test_context
 from hdassist.cli import run_command_line
 from hdassist.run.kept import FOLDER, NO_CACHE
 from hdassist.run.system import SPAWN, STOPS
-from tests import answers
+from tests.helpers import answers
 
-SMALL = str(Path(__file__).parent / "data/small.yaml")
-TINY = str(Path(__file__).parent / "data/tiny.yaml")  # for what is said and done, whatever the numbers are
+SMALL = str(Path(__file__).parents[1] / "data/small.yaml")
+TINY = str(Path(__file__).parents[1] / "data/tiny.yaml")  # for what is said and done, whatever the numbers are
 ASSUMED = "source.bearing.g_b={kind: assumed, range: [0, 3.75], ref: judged}"  # of the small drive all else is given
 COMMAND = [sys.executable, "-m", "hdassist"]
-ROOT = str(Path(__file__).parents[1])  # the tree under test, from whatever folder it runs
+ROOT = str(Path(__file__).parents[2])  # the tree under test, from whatever folder it runs
 CLEAN = {
     "PATH": os.environ["PATH"],
     "LANG": "C.UTF-8",
