@@ -462,7 +462,7 @@ class Sweep:
         sweep = cls(text, file, drive.origin.overrides, tuple(varied), further_axes)
         if sweep.rows > _MOST_ROWS:
             hint = "reduce the steps or the fields"
-            raise UsageError(f"{_VARY} asks for {sweep.rows} rows, more than {_MOST_ROWS}", hint)
+            raise UsageError(f"{_VARY} requires {sweep.rows} rows; the maximum is {_MOST_ROWS}", hint)
         return sweep
 
     @property

@@ -117,7 +117,7 @@ def test_files(tmp_path: Path):
 
 def test_correct(tmp_path: Path):
     output = output_of("correct.md", tmp_path)
-    assert "vzp160, correction at 80 N·m: 1280 correction terms leave 0.1 of 28.7″ (0 %)" in output
+    assert "vzp160, correction at 80 N·m: residual F'_ior 0.1″ (0 % of 28.7″) with 1280 correction terms" in output
     assert len((tmp_path / "table.csv").read_text().splitlines()) == 1501
     assert json.loads((tmp_path / "correction.json").read_text())["schema"] == "hdassist.compensate/1"
 

@@ -666,8 +666,8 @@ class AllocateCommand(o.FigureOptions, DrawOptions):
     inputs of the design. An assumed size is also treated as a tolerance to choose. The preset gives the costs: cost:
     {tolerances.e_hb: {share: 3, k: 1.5, least: 10}} costs 3 at the present tolerance and 3 (now/tolerance)^1.5
     otherwise, and the smallest feasible tolerance is 10 um. Defaults: share 1, k 1, least a tenth of the present
-    tolerance. A tolerance may grow to twice its value. Exit codes: 0 done, 3 no tolerances reach the yield, 6 none is
-    shown to reach it, 2 wrong usage, 4 invalid preset, 5 no trustworthy result, 130 stopped.
+    tolerance. A tolerance may grow to twice its value. Exit codes: 0 done, 3 no tolerances achieve the required yield,
+    6 none is shown to achieve it, 2 wrong usage, 4 invalid preset, 5 no trustworthy result, 130 stopped.
     """
 
     preset: str

@@ -186,8 +186,8 @@ def form_of_text(text: str) -> CorrectionForm:
     usual = {"phasors": TRIED_POINTS[None][-1], "output": USUAL_POINTS, "cam": CAM_POINTS, "half-cam": CAM_POINTS}
     number = int(points) if points.isdecimal() else usual.get(name, 0) if not points else 0
     if name not in usual or not 2 <= number <= 100000:
-        expected = "expected a form and its points, for example output:720"
-        raise UsageError(f"invalid --compensated {text}: {expected}", f"forms: {', '.join(usual)}")
+        expected = "expected a form, optionally with its number of points, for example output:720"
+        raise UsageError(f"invalid --compensated {text}: {expected}", f"use one of these forms: {', '.join(usual)}")
     turn = None if name == "phasors" else name
     return CorrectionForm(turn, number)  # type: ignore[arg-type]  # one of the names above, which a text cannot show
 

@@ -182,7 +182,10 @@ def _measured_value(session: Session, path: str) -> str:
     trace = read_trace(path, TraceForm(), gearing.ratio if gearing else None)
     sweep = with_full_cycle(measure(trace, drive=session.drive)).directions[0]
     if sweep.is_bound:
-        raise UsageError(f"{path}: a part of the full cycle, whose F'_ior may be greater", f"hdassist measure {path}")
+        raise UsageError(
+            f"{path} covers only part of the full mesh cycle, so its F'_ior is a lower bound",
+            f"hdassist measure {path}",
+        )
     return f"{sweep.F_ior_arcsec:.4g} ± {2 * sweep.uncertainty_arcsec:.2g}"
 
 

@@ -145,7 +145,7 @@ def influence_at(check: DesignCheck) -> str:
 def F_ior_table(check: DesignCheck) -> Table:
     """Return F'_ior by torque, with its range over the uncertain inputs and its limit if the drive has them."""
     if not (check.samples and check.prior):
-        zeros = ", unknown inputs as 0" if check.unknown else ""
+        zeros = ", unknown inputs set to 0" if check.unknown else ""
         return Table.by_row(f"F'_ior (peak-to-peak kinematic error){zeros}, ″", _ON_PAGE, check.points)
     fitted = f" ({len(check.prior.fitted)} others at fitted values)" if check.prior.fitted else ""
     title = f"F'_ior (peak-to-peak kinematic error) over {len(check.prior.fields)} uncertain inputs{fitted}, ″"
@@ -240,7 +240,7 @@ def fitted_words(prior: DrivePrior) -> str:
 def _error_curve(check: DesignCheck, point: OperatingPoint) -> Curve:
     """Return the error over the full cycle at a torque: of the drive, or of a sampled drive near the median."""
     assert point.error
-    zero = ", unknown inputs as 0" if check.unknown and not check.samples else ""
+    zero = ", unknown inputs set to 0" if check.unknown and not check.samples else ""
     sample_words = f" of a sampled drive with F'_ior {point.error.F_ior_arcsec:.1f}″" if check.samples else zero
     return Curve(
         point.error.states.phi_h / (2 * np.pi),
@@ -273,7 +273,7 @@ def error_tables(check: DesignCheck) -> Iterator[Table]:
     if check.samples:
         title += ", of a sampled drive near the median"
     elif check.unknown:
-        title += ", unknown inputs as 0"
+        title += ", unknown inputs set to 0"
     yield Table.by_column(title, (torque, *shown), check.points)
     yield Table.by_column("F'_ior over the uncertain inputs", (torque, *BELIEF, *_MONTE_CARLO), check.points)
 

@@ -144,8 +144,8 @@ def _verdict(result: Correction) -> str:
     residual = result.chosen.residuals[0]
     if not result.chosen.is_refused:
         noise = ", including noise of the recording" if result.M_g in result.records else ""
-        range_text = f"{_range(residual)} of {residual.uncorrected_p50:.1f}″ ({_percent(result.chosen)} %)"
-        return f"{form_words(form.name)} leave {range_text}{noise}"
+        residual_text = f"{_range(residual, ' to ')}″ ({_percent(result.chosen)} % of {residual.uncorrected_p50:.1f}″)"
+        return f"residual F'_ior {residual_text} with {form_words(form.name)}{noise}"
     if any(residual.is_refused for residual in result.forms if residual.form == form):
         return f"refused: {form_words(form.name)} may increase the error; {_enough(result)}"
     best = min(result.forms, key=lambda each: each.left[1])
@@ -244,8 +244,9 @@ def _percent(each: FormResiduals) -> str:
     return " to ".join(dict.fromkeys(f"{100 * share:.0f}" for share in each.left[::2]))
 
 
-def _range(each: ErrorPart | ExpectedResidual) -> str:
-    return "-".join(dict.fromkeys(f"{end:.1f}" for end in (each.p5, each.p95)))
+def _range(each: ErrorPart | ExpectedResidual, separator: str = "-") -> str:
+    """Return the 5th and the 95th percentile [arcsec], or their only value."""
+    return separator.join(dict.fromkeys(f"{end:.1f}" for end in (each.p5, each.p95)))
 
 
 def _residual_table(forms: Sequence[FormResiduals], *, short: bool = False) -> Table:

@@ -564,7 +564,7 @@ def _curve_notes(advice: Advice, M_g: float, limit: float | None) -> Iterator[st
     if advice.decision.is_sampled:
         yield "median, 5 to 95 %"
     elif advice.unknown:
-        yield "unknown inputs as 0"
+        yield "unknown inputs set to 0"
     if limit is not None:
         yield f"line: {limit:.4g} (limit {advice.drive.limit(M_g):g} minus self error)"
 

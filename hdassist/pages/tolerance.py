@@ -528,7 +528,9 @@ def _allocation_object(way: Allocation) -> Json:
 def _words(way: Allocation, found: Allocator) -> str:
     """Return in words whether a way to build reaches the yield, its cost, and its probability."""
     how = "In the best holes" if way.turned else "As assembled"
-    none = "no tolerances reach the yield" if way.verdict is Verdict.FAIL else "no tolerances are recommended"
+    none = (
+        "no tolerances achieve the required yield" if way.verdict is Verdict.FAIL else "no tolerances are recommended"
+    )
     cost = f"cost {way.cost:.2f}" if way.fits else f"{none}; the best tolerances found cost {way.cost:.2f}"
     return (
         f"{how}: {cost}; {100 * way.tried.share:.1f} % of "

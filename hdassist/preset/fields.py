@@ -295,7 +295,7 @@ class PresetField:
     def bounds(self, ends: Any) -> tuple[float, float]:
         """A plausible range of the field. Raises InvalidValueError: it is none."""
         if self.kind != "number":
-            raise InvalidValueError("only fields of a single number have a range")
+            raise InvalidValueError("only fields with a single number can have a range")
         if not isinstance(ends, list) or len(ends) != 2:
             raise InvalidValueError("must be two numbers, the smaller one first", "for example [0, 20]")
         low, high = (read_number(end, self.unit) for end in ends)

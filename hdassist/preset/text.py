@@ -434,7 +434,7 @@ def read_spread(text: str, unit: str) -> tuple[float, float]:
         for part, has_unit in zip(match.groups(), units, strict=True)
     )
     if match[2].startswith(("-", "+")):
-        raise UnitError("write the uncertainty without a sign", "for example 260 ± 10")
+        raise UnitError("the uncertainty has a sign", "write it without a sign, for example 260 ± 10")
     if not (isfinite(bounded(value)) and isfinite(bounded(spread))):
         is_huge = isfinite(value) and isfinite(spread)
         raise UnitError(f"must be a number up to {GREATEST:g}" if is_huge else "must be a finite number")

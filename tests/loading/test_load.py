@@ -231,7 +231,7 @@ def test_optional_fields_may_be_empty() -> None:
         ([], "source: {cam.W_0: {kind: given, range: [0.9, 11]}}\n", ["my.yaml:9:40: source.cam.W_0.range: "
          "exceeds the range of the field: 0.01 to 10 mm (got a list)"]),
         ([], "source: {gears.z_g: {kind: given, range: [190, 210]}}\n",
-         ["my.yaml:9:42: source.gears.z_g.range: only fields of a single number have a range (got a list)"]),
+         ["my.yaml:9:42: source.gears.z_g.range: only fields with a single number can have a range (got a list)"]),
         ([("j_n: 7", "wall")], "",
          ["my.yaml:3:57: gears.wall: unknown key (known: z_g, z_b, m, alpha, x_g, x_b, h_a, h_f, j_n)"]),
         ([], "uncertainty: {xi_b: 3}\n",

@@ -181,7 +181,7 @@ def test_given_twice_is_a_fault() -> None:
 
 
 def test_faults_have_their_place() -> None:
-    with pytest.raises(UsageError, match=r"--set:1:13: phases.xi_b: write the uncertainty without a sign"):
+    with pytest.raises(UsageError, match=r"--set:1:13: phases.xi_b: the uncertainty has a sign"):
         load_preset(SMALL, ["phases.xi_b=90 ± -5"])
     with pytest.raises(UsageError, match="must be a whole number"):
         load_preset(SMALL, ["gears.z_g=60±1"])

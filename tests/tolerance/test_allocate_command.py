@@ -49,7 +49,7 @@ def test_what_no_tolerances_reach_fails_and_says_why() -> None:
     done = run("allocate", TINY, *FEW, *KNOWN, *FIXED, *limit)
     assert done.returncode == 3, done.stderr
     words = in_a_line(done.stdout)
-    assert "no tolerances reach the yield" in words
+    assert "no tolerances achieve the required yield" in words
     assert words.startswith("tiny, tolerances for 90 % of drives within 1913.2 arcsec at 4 N*m: FAIL ")
     assert "self error 1913.1 of 1913.2 arcsec at 4 N*m, which no tolerance reduces" in words
     assert max(map(len, done.stdout.splitlines())) <= 80
