@@ -85,6 +85,7 @@ def test_a_preset_field_is_added_as_the_page_says(package: Path) -> None:
     assert "bearing.k_g" in [row.elts[0].value for row in moves.elts]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("package", ["A kind of reference data"], indirect=True)
 def test_a_kind_of_evidence_is_added_as_the_page_says(package: Path) -> None:
     told = subprocess.run(

@@ -75,6 +75,7 @@ def test_presets_are_found_in_a_wheel(wheel):
     require_presets(wheel, wheel)
 
 
+@pytest.mark.thorough
 def test_presets_are_found_in_an_editable_install(tmp_path):
     require_presets(build(tmp_path, "build_editable", "/bin/false"), ROOT)  # no library of this tree is made anew
 

@@ -204,6 +204,7 @@ def test_positions_of_no_plan_are_a_lower_bound(tmp_path):
     assert "--value NAME=VALUE±U" in done.stderr
 
 
+@pytest.mark.thorough
 def test_a_value_beside_a_record_of_the_same_is_refused(rig, tmp_path):
     limits = "--limit", "F_ior@4=60", "--limit", "lost_motion=60"
     both = accepted(rig, *limits, "--measured", "4=run.csv", "--value", "F_ior@4=8±1")

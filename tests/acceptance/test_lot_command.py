@@ -117,6 +117,7 @@ def test_a_lot_on_paper_and_in_files(folder, here):
     assert "a.csv exists" in said
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("rows", "code"),
     [

@@ -126,6 +126,7 @@ def test_unstated_uncertainty_source_prevents_pass_unless_the_rule_is_simple():
     )
 
 
+@pytest.mark.thorough
 def test_limit_must_leave_room_for_lines_in_another_cycle():
     x = np.arange(CYCLE * RATE) / RATE
     error = CURVE(x) + 2 * np.cos(2 * np.pi * 12.96 * x) + 0.1 * np.random.default_rng(2).standard_normal(len(x))
@@ -203,6 +204,7 @@ def test_the_worse_verdict_of_two_directions_counts():
     assert accept(small(f"F_ior@4={limit}"), {4.0: found}, measured_only=True).verdict == "FAIL"
 
 
+@pytest.mark.thorough
 def test_remarks_that_count():
     drive = small("F_ior@4=25", overrides=("operation.rated=3",))
     noisy = accept(drive, {4.0: measure(rig(CYCLE, noise=12.0), drive=drive)})

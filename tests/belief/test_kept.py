@@ -156,6 +156,7 @@ FORGERIES = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("change", FORGERIES.values(), ids=FORGERIES)
 def test_a_forged_draw_is_not_believed(folder, solved, change):
     first = drawn()
@@ -283,6 +284,7 @@ def test_check_reuses_the_samples_of_mount_with_equal_results(folder, solved):
     assert not solved
 
 
+@pytest.mark.thorough
 def test_self_error_and_steps_are_the_same_kept_as_computed(folder, monkeypatch):
     asked = ("check", TINY, "--set", OPEN, "--limit", "F_ior=1", "--draws", "8", "--json")
     first = run(*asked).stdout

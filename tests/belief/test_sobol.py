@@ -40,6 +40,7 @@ def test_points_are_drawn_where_scipy_keeps_its_numbers_elsewhere(monkeypatch, t
     require_scrambled(statistics.sobol_points(20, 5, 4), 5)
 
 
+@pytest.mark.thorough
 def test_the_shares_of_a_prior_import_no_scipy_stats():
     code = """
 import sys

@@ -81,6 +81,7 @@ def test_a_tighter_wheel_has_a_tighter_pitch_and_smaller_harmonics():
     assert alone.points[0].belief.p50 != pytest.approx(belief.p50, rel=1e-3)
 
 
+@pytest.mark.thorough
 def test_reference_data_are_reapplied_only_to_an_edited_drive():
     found = check(load_preset(TINY, (*OPEN, TESTED)), draws=16)
     applied = {step.kind: step.reference_data for step in found.steps}

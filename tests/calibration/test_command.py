@@ -29,6 +29,7 @@ def folder(tmp_path_factory):
     return folder
 
 
+@pytest.mark.thorough
 def test_values_are_found_written_and_used(folder):
     args = ("calibrate", "small.yaml", "--targets", "rig.yaml", "--evaluations", "16")
     first = run(*args, "--write", "found.yaml", "--json", cwd=folder)

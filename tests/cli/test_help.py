@@ -31,6 +31,7 @@ def test_the_start_page_of_a_narrow_terminal_breaks_no_word() -> None:
     assert " ".join(lines[-2:]).endswith("hdassist -h lists all commands.")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("env", "is_bold"), [({}, True), ({"NO_COLOR": "1"}, False), ({"TERM": "dumb"}, False)])
 def test_command_names_are_bold_on_a_terminal_that_supports_bold(env: dict[str, str], is_bold: bool) -> None:
     code, shown = on_terminal(columns=80, env=env)

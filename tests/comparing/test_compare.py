@@ -158,6 +158,7 @@ def test_mirrored_recording_by_two_encoders_is_reported_in_any_sense(drive, cam,
     assert again.conclusion.kind == "agrees"
 
 
+@pytest.mark.thorough
 def test_where_the_record_begins_is_found(drive):
     result = compare(rig(drive, 30, noise=0.5), drive, M_G, asked=FITTED)
     uncertainty, of_zero = result.uncertainties_deg

@@ -106,6 +106,7 @@ def test_noise_that_lines_can_follow_is_not_taken_for_error(per_turn: int):
     assert len(unsure) <= 20
 
 
+@pytest.mark.thorough
 def test_input_table_contains_only_lines_that_repeat_per_input_revolution():
     often, vectors = hidden_lines(2)
     found = alone(2, 2.0, CorrectionForm("cam", 256)).correction
@@ -126,6 +127,7 @@ def rows_of_drive(turns: int, noise: float = NOISE) -> str:
     return "cam_deg,error_arcsec\n" + "\n".join(lines) + "\n"
 
 
+@pytest.mark.thorough
 def test_compensate_by_recording_and_ratio_meets_its_prediction(tmp_path: Path):
     (tmp_path / "run.csv").write_text(rows_of_drive(20))
     options = ("compensate", "run.csv", "--ratio", "10", "--torque", "1 N·m", "--csv", "out.csv", "--json")
@@ -148,6 +150,7 @@ def test_compensate_by_recording_and_ratio_meets_its_prediction(tmp_path: Path):
     assert "does not distinguish noise from error" not in page
 
 
+@pytest.mark.thorough
 def test_single_cycle_cannot_resolve_noise_and_a_part_is_refused(tmp_path: Path):
     (tmp_path / "one.csv").write_text(rows_of_drive(10))
     (tmp_path / "part.csv").write_text(rows_of_drive(6))

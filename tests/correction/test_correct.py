@@ -87,6 +87,7 @@ def test_paper_drive_needs_correction_terms_rather_than_short_tables(paper):
     assert 256 < paper.fewest_points <= 720
 
 
+@pytest.mark.thorough
 def test_a_sampled_table_is_worse_than_least_squares(paper):
     curve = -paper.errors[80.0].lines.curves[0]
     cam_turns = np.arange(len(curve)) / POINTS_A_TURN

@@ -118,6 +118,7 @@ def test_a_refused_correction_has_no_promise_to_keep(bench):
     assert "record first" in answer.stdout
 
 
+@pytest.mark.thorough
 def test_partial_cycle_can_refute_a_predicted_residual_but_not_confirm(bench):
     _, error, _, taken = bench
     kept = verified(bench, error + taken, 4)

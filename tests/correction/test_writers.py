@@ -108,6 +108,7 @@ def test_linuxcnc_ramp_damps_a_correction_at_high_speed():
     assert np.ptp(moved(120, seconds=2.9)) > 10
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("u", [100, -101])
 @pytest.mark.parametrize(("sense", "zero_deg"), AXES)
 @pytest.mark.parametrize("turn", ["cam", "half-cam"])

@@ -263,6 +263,7 @@ def test_killed_sweep_resumes_its_file_and_refuses_other_inputs(tmp_path, whole)
     assert file.read_bytes() == whole
 
 
+@pytest.mark.thorough
 @needs_proc
 def test_an_interrupt_says_what_is_kept_and_leaves_no_worker(tmp_path):
     file = tmp_path / "rows.jsonl"

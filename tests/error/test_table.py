@@ -61,6 +61,7 @@ def missed_of(table: ErrorTable, drives: list[Drive]) -> np.ndarray:
     return np.array([search.extremes(drive).first for drive in drives]) / table.F_ior(columns_of(drives)) - 1
 
 
+@pytest.mark.thorough
 def test_table_agrees_with_a_search_within_a_constant_share(small: Drive, table: ErrorTable) -> None:
     missed = missed_of(table, drawn(small, 40, 2))
     assert 0 < missed.mean() < 0.03

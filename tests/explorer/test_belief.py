@@ -106,6 +106,7 @@ def test_outdated_and_incomplete_results_are_marked_as_such() -> None:
     assert "old …" in changed and verdict in changed and f"{typical_of(found)[1][0]:.2f} → 12.50" in changed
 
 
+@pytest.mark.thorough
 def test_inputs_change_a_typical_drive_that_includes_its_unknowns() -> None:
     open_ = ("operation.M_g=[4.0]", "tolerances.e_hb=unknown")
     *_, found, _ = believed(*open_)

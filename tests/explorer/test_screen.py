@@ -105,6 +105,7 @@ def test_one_pane_at_a_time_where_there_is_little_room() -> None:
     explored(act, size=(80, 24))
 
 
+@pytest.mark.thorough
 def test_seat_with_all_holes_and_angles_fits_80_columns() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         assert all(f"\n{hole:>4} " in screen(app) for hole in range(12))

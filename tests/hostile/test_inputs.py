@@ -325,6 +325,7 @@ ODD = ("5", "1" + "0" * 400, "{}", '"x"', "null")
 WRONG = ("-1", "NaN", "-Infinity", "[[]]", "1" + "0" * 5000)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("value", ODD, ids=lambda text: text[:9])
 @pytest.mark.parametrize("key", KEYS)
 def test_no_value_of_an_answer_is_a_bug(folder, answer, key, value):

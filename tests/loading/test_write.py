@@ -33,6 +33,7 @@ def test_line_of_a_new_preset_states_unit_and_meaning() -> None:
             assert lines[name] == ", ".join(filter(None, (field.unit, field.meaning)))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "name",
     [

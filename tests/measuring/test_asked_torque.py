@@ -62,6 +62,7 @@ def test_the_value_is_that_of_the_torque_asked(M_g: float):
     assert held >= 4
 
 
+@pytest.mark.thorough
 def test_a_record_without_the_column_stays_as_it_was():
     plain = "\n".join(line.rpartition(";")[0] for line in SWEEPS.splitlines()) + "\n"
     assert at(plain, 10.0).F_ior_arcsec == at(plain, None).F_ior_arcsec

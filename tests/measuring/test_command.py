@@ -216,6 +216,7 @@ def test_several_files(rig):
     assert "bad.csv" in mixed.stderr
 
 
+@pytest.mark.thorough
 def test_csv_of_the_curve(rig):
     result = run("measure", "run.csv", "--ratio", "30", "--csv", "-", cwd=rig)
     rows = list(csv.DictReader(io.StringIO(result.stdout)))

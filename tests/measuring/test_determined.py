@@ -32,6 +32,7 @@ def only_direction(turns: Array, error: Array, **how: float) -> SweepResult:
     return found
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("share", [0.5, 0.9, 0.955, 0.965])
 def test_less_than_an_output_revolution_is_a_bound(share):
     """Its slow terms are removed, so its range is none of the full cycle, however many positions it visited."""

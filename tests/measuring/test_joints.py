@@ -35,6 +35,7 @@ def joint_options(**ratios):
     return [f"--joint={name}=cam{name[1]}_deg,out{name[1]}_deg,{ratio:g}" for name, ratio in ratios.items()]
 
 
+@pytest.mark.thorough
 def test_measure_reports_a_range_for_all_joints_in_one_table(log):
     path, true = log
     answer = run("measure", path, *joint_options(**RATIOS), "--travel", "90", "--json")

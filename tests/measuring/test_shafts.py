@@ -70,6 +70,7 @@ def test_f_ior_does_not_depend_on_stated_shafts(tmp_path: Path) -> None:
     assert both["F_ior_arcsec"] == none["F_ior_arcsec"]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("shaft", "reason"),
     [

@@ -15,6 +15,7 @@ from tests.helpers.rigs import EVEN, RATIO, even_wave, recorded, simulated, text
 TWO = TraceForm(angle="enc1", second="enc2")
 
 
+@pytest.mark.thorough
 def test_a_spike_is_refused_or_left_out_and_named():
     turns, error, curve = simulated(0)
     error[777] += 500
@@ -97,6 +98,7 @@ def test_two_runs_in_one_file_are_no_wrap():
     assert not any("begins again" in note for note in found.notes)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", [1, 8, 11, 29])
 def test_clean_partial_recordings_at_uneven_angles_have_no_spikes(seed):
     # what the fit misses at their ends is as great as a spike, and stands off readings that are few: refused before

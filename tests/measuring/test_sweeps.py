@@ -88,6 +88,7 @@ def test_a_wrong_ratio_is_asked_about():
     assert any("check the ratio" in text for text in measure(recorded(turns, error), ratio=24).warnings)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("turns", "step", "share"), [(69.84, 20, 69.84 / 101), (101, 15, 1.0)])
 def test_coverage_is_of_turns_however_sparse(turns, step, share):
     x = np.arange(0, turns * 360, step) / 360

@@ -190,6 +190,7 @@ def test_two_torques_tell_no_bend():
         assert abs(each.F_ior_arcsec - true(each.M_g_Nm)) <= 3 * each.standard_uncertainty_arcsec
 
 
+@pytest.mark.thorough
 def test_interval_covers_the_error_along_a_varying_gravity_torque():
     def gravity(turns: np.ndarray) -> np.ndarray:
         return MIDDLE + 10 * np.cos(2 * np.pi * turns / RATIO + 0.4)
@@ -204,6 +205,7 @@ def test_interval_covers_the_error_along_a_varying_gravity_torque():
     assert sum(held) >= 3
 
 
+@pytest.mark.thorough
 def test_recording_that_cannot_resolve_the_effect_of_torque_is_reported():
     torque = MIDDLE + 6 * np.sin(2 * np.pi * ONCE / 7.3) + 4 * np.sin(ONCE**2 / 9)
     result, _ = rig(0, ONCE, torque, 2.0, 0.0)

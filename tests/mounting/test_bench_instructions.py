@@ -53,6 +53,7 @@ def tried_best_in(hole: int) -> Advice:
 # The destination
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("tried", [False, True])
 @pytest.mark.parametrize(
     ("hole", "turn"),
@@ -127,6 +128,7 @@ def result_of(advice: Advice) -> tuple[object, ...]:
     return word, int(hole), report.exit_code, report.values["word"], report.values["order"]
 
 
+@pytest.mark.thorough
 def test_a_verification_has_one_result() -> None:
     samples = once_around()
     tried = measured_in(samples, 0, 4, 8, 6, 7)

@@ -246,6 +246,7 @@ def test_names_are_escaped():
     assert f"serial number  {evil}" in card_text(made)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("language", languages())
 @pytest.mark.parametrize("name", CARDS)
 def test_text_is_78_columns_wide_and_plain_if_asked(name, language):

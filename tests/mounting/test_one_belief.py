@@ -201,6 +201,7 @@ def test_the_probability_decides_and_its_error_is_printed():
     assert re.search(r"100 % \(\d\d to 100\)", page.stdout)
 
 
+@pytest.mark.thorough
 def test_F_ior_measured_in_holes_tells_holes_apart():
     """Nothing is known of any direction but what F'_ior in three holes says of it."""
     unknown = [f"phases.{name}=unknown" for name in ("phi_hb", "xi_b")]
@@ -214,6 +215,7 @@ def test_F_ior_measured_in_holes_tells_holes_apart():
     assert advices[1].decision.probability_better(2) > 0.9
 
 
+@pytest.mark.thorough
 def test_nominal_values_name_the_hole_if_too_few_samples_agree():
     drive = drive_of("catalogue.K_2=1e9", "operation.M_g=4")
     advice = advise(drive, seat_positions(drive), draws=4)

@@ -77,6 +77,7 @@ def cloud():
     return hole_samples(told(), (1.0,), SETUP, **COARSE)
 
 
+@pytest.mark.thorough
 def test_a_value_counts_by_its_own_noise(cloud):
     rough, near = Trial(0.0, 30.0), Trial(0.0, 30.0, noise_arcsec=0.2)
     spread = [posterior_of(cloud, [each], [0.0]).F_ior_arcsec.std() for each in (rough, near)]
@@ -111,6 +112,7 @@ def test_preset_trial_counts_once_even_if_given_again(cloud):
     assert hole_samples(told(one), (1.0,), SETUP, **COARSE).weight == pytest.approx(cloud.weight)
 
 
+@pytest.mark.thorough
 def test_preset_values_and_trials_give_equal_decisions_at_any_torque(cloud):
     """F'_ior in holes at two torques, as `measured.F_ior` and as trials: the same decision, and far from none."""
     preset = told("measured.F_ior={h0@4: 30 ± 1, h0@1: 90 ± 1, h4@1: 40 ± 1}", "operation.M_g=[1, 4]")

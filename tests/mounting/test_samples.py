@@ -55,6 +55,7 @@ def test_mount_samples_stiffnesses_and_clearances_by_the_data_of_check() -> None
         hole_samples(changed(drive, catalogue__K_2=1e3 * figures["K_2"]), (), SETUP, **effort)
 
 
+@pytest.mark.thorough
 def test_mount_names_a_hole_and_warns_if_few_draws_agree(monkeypatch: pytest.MonkeyPatch) -> None:
     """Ten of 16 draws agree, 16 are wanted: a hole all the same, and a warning; at eight wanted none is due."""
     drive = load_preset(SMALL, ["operation.M_g=4", "tolerances.e_hh=0", ASSUMED])
@@ -88,6 +89,7 @@ def test_predicted_values_keep_the_stated_direction_and_others_reopen_it() -> No
     assert kept(180.0) < 0.1
 
 
+@pytest.mark.thorough
 def test_what_the_preset_knows_of_the_offset_counts() -> None:
     """A direction that is known needs no trial to tell it; nor does a size."""
     facing = told("phases.phi_hb=20", "tolerances.e_hb=50", **{"phases.phi_hb": 10.0, "tolerances.e_hb": 4.0})

@@ -95,6 +95,7 @@ def test_its_samples_are_drives_that_are_oval_in_any_direction(oval):
     assert len(set(best.tolist())) > 1  # such an ovality decides as much as all the rest
 
 
+@pytest.mark.thorough
 def test_F_ior_of_a_hole_is_the_median_of_samples(oval):
     told = report_object(mount_report(oval, 0))
     medians = {place["rotation_deg"]: place["F_ior_arcsec"]["p50"] for place in told["positions"]}

@@ -115,6 +115,7 @@ def test_a_test_asked_about_is_the_first_and_decides():
     assert steps["plans"][1]["test"] == "12 positions"
 
 
+@pytest.mark.thorough
 def test_json_and_csv():
     found = json.loads(run("plan", TINY, *OPEN, "--limit", "60", "--json").stdout)
     assert found["schema"] == "hdassist.plan/1"

@@ -315,6 +315,7 @@ def test_many_comments_are_cheap_and_the_last_may_contain_names() -> None:
     assert len(read_texts(b"a;b\n" + b"# x\n" * 60_000 + b"1;2\n").remarks) == 60_000
 
 
+@pytest.mark.thorough
 def test_memory_is_that_of_the_numbers() -> None:
     """A line without end is not kept, and text only while it is read."""
 

@@ -36,6 +36,7 @@ def test_a_whole_cycle_decides_both_ways(whole):
     assert figure.verdict(1.07 * TRUE, uncertainty_arcsec=0.1 * TRUE) is Verdict.INCONCLUSIVE
 
 
+@pytest.mark.thorough
 def test_a_part_of_the_cycle_leaves_a_wide_upper_end(whole, part):
     figure = range_figure(part)
     low, high = figure.interval_arcsec

@@ -106,6 +106,7 @@ def test_the_oldest_go_and_no_file_of_others(own: Path, monkeypatch: pytest.Monk
     assert all(path.exists() for path in [*foreign, *folders])
 
 
+@pytest.mark.thorough
 def test_doctor_shows_and_empties_the_answers_alone(own: Path) -> None:
     foreign = [own.parent / "thesis.tex", own / "notes.txt"]
     for path in foreign:

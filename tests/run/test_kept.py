@@ -338,6 +338,7 @@ def test_killed_run_loses_no_record_and_locks_out_other_writers(path, monkeypatc
         assert [record["value"] for record in kept.records()] == [k / 3 for k in range(kept.done)]
 
 
+@pytest.mark.thorough
 @posix_only("limits of processes")
 def test_a_full_disk_leaves_whole_records_to_go_on_from(path):
     import resource

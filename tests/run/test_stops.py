@@ -193,6 +193,7 @@ with subprocess.Popen([*COMMAND, "check", "vzp160"], stderr=subprocess.PIPE, tex
 """
 
 
+@pytest.mark.thorough
 def test_children_of_tests_that_were_begun_under_nohup_hear_signals():
     done = subprocess.run(
         [sys.executable, "-c", SENDS], env=CLEAN, capture_output=True, text=True, check=False, preexec_fn=ignoring

@@ -59,6 +59,7 @@ def test_assembled_and_best_errors_agree_with_searches_of_all_positions(
     assert len({record.best_rotation_deg for record in records}) > 2
 
 
+@pytest.mark.thorough
 def test_error_after_tolerance_step_is_at_most_the_searched_error(small: Drive, records: list[RandomDrive]) -> None:
     for record in records[:3]:
         for path, then in record.tighter.items():

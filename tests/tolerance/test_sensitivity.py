@@ -44,6 +44,7 @@ def oval() -> tuple[Production, Sensitivities]:
     return found_of(TINY, [*none, "harmonics.a_g2=0.2", "harmonics.a_b2=0.1", "operation.M_g=4"], 48, "uniform")
 
 
+@pytest.mark.thorough
 def test_larger_contribution_of_a_linear_drive_is_tightened_first(oval: tuple[Production, Sensitivities]) -> None:
     production, found = oval
     assert found.is_worth_tightening
@@ -69,6 +70,7 @@ def test_contributions_of_a_linear_drive_follow_its_sizes(oval: tuple[Production
     assert stated_percent(first[-1]) > stated_percent(second[-1])
 
 
+@pytest.mark.thorough
 def test_unknown_support_is_measured_before_any_tolerance_is_tightened() -> None:
     _, found = found_of(TINY, [SOFT, "operation.M_g=4", "tolerances.e_hb=60"], 64, "fixed")
     assert found.largest and found.largest.group == "supports.C_3"
@@ -80,6 +82,7 @@ def test_unknown_support_is_measured_before_any_tolerance_is_tightened() -> None
     assert facts_of(report)["next"].endswith(" --set supports.C_3=VALUE")
 
 
+@pytest.mark.thorough
 def test_recommended_measurement_is_for_the_governing_torque() -> None:
     sets = [SOFT, "operation.M_g=[1, 4]", "acceptance.F_ior.1=1e5", "acceptance.F_ior.4=50"]
     production, found = found_of(TINY, sets, 32)
