@@ -201,7 +201,7 @@ def test_no_key_is_silent() -> None:
 def test_explanation_and_torque_are_a_key_away() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         await pilot.press("question_mark")
-        assert isinstance(app.screen, Notice) and "REFINED" in screen(app)
+        assert isinstance(app.screen, Notice) and "SCREEN" in screen(app)
         await pilot.press("escape", "4", "m")
         await pilot.pause(REST + 0.2)
         await settled(app, pilot)
