@@ -31,10 +31,11 @@ SOURCES = (
 HEAD = """\
 # Validation
 
-This page compares the model with sources outside of it, and states how much each comparison shows. `python -m
-tests.validation` makes it from the cases that the tests run. CI fails if the page and the cases differ, and if a row
-that is marked as missed agrees. *note* is the reason of a tolerance or of a miss. An empty source is that of the row
-above. *got* is in the unit of *expected*, with 5 to 95 % over parameter sets in brackets.
+This page compares the model with independent sources, and states the significance of each comparison. `python -m
+tests.validation` generates the page from the cases in the tests. CI fails if the page and the cases differ, or if a row
+marked as missed agrees. The column *note* gives the reason for a tolerance or for a miss. If the column *source* is
+empty, the source of the row above applies. The value *got* is in the unit of *expected*, with the 5th to 95th
+percentile over parameter sets in brackets.
 
 |worth|meaning|
 |---|---|
@@ -46,11 +47,11 @@ above. *got* is in the unit of *expected*, with 5 to 95 % over parameter sets in
 |exact, convergence|the equations were stated and solved correctly|
 |model|has not been measured|
 
-No measurement of F'_ior hole by hole is known to us ([the experiment](experiment.md)). The gain from moving a wheel
-depends on the support of the wave generator. Otherwise it is robust across parameter sets of this model. It has not
-been measured. Absolute values depend on single micrometres and need one measurement. The equations are checked by
-reference numbers of two implementations (`tests/validation/test_model_reference.py`) and by identities
-(`tests/property`).
+We know of no measurement of F'_ior in each hole of a drive ([the experiment](experiment.md)). The gain from moving a
+wheel depends on the support of the wave generator. For a given support, the predicted gain is similar for different
+parameter sets of this model. The gain has not been measured. Absolute values of F'_ior depend on single micrometres, so
+they require at least one measurement. The equations are checked by reference values from two implementations
+(`tests/validation/test_model_reference.py`) and by identities (`tests/property`).
 """
 
 

@@ -17,8 +17,9 @@ from tests.validation.whole_flanks import whole_flanks
 
 TITLE = "Torque on the wave generator"
 ABOUT = (
-    "The sum of Q_k 2 W_0 sin 2 theta_k over the balls, divided by M_g/u, checks geometry, moment arm and signs. "
-    "The drives are like `vzp160` without deviations, at 80 N·m, mean over 4 tooth phases and 4 ball phases."
+    "The torque on the wave generator is the sum of Q_k 2 W_0 sin 2 theta_k over the balls. Its ratio to M_g/u "
+    "is a check of geometry, moment arm and signs. The drives are similar to `vzp160` without deviations, at "
+    "80 N·m. The ratio is the mean over 4 tooth phases and 4 ball phases."
 )
 WAVE = 2.4  # W_0 over the pitch radius, times z_g: a wave of 1.2 modules
 PHASES = (0.0, 0.25, 0.5, 0.75)  # of the teeth and of the balls

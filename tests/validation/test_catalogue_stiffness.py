@@ -14,13 +14,13 @@ from tests.validation.case import Case, Information, Kind, about, parameters
 
 TITLE = "Catalogue stiffness"
 ABOUT = (
-    "All rows except the fitted rows were not used in the fit."
-    " `vzp160` is compared with sizes 58 and 65 (40, 61, 71 and 54, "
-    "88, 98·10⁴ N·m/rad) by the cube of the diameter. The other rows use sizes 17 to 65, because the catalogue of "
-    "size 14 deviates from that cube. K1 of the sizes is fitted by one number, the clearance of their flexible "
-    "bearings: 0.085 µm per mm of diameter, 3.7 µm at size 17, 14 µm at 65. This clearance adds no backlash. A "
-    "thinner shell, a smaller radial deflection, softer flanks or Hertzian balls each make K2 or K3 wrong. For "
-    "lost motion, manufacturers promise 60″, by rule of thumb."
+    'The fit used only the rows of the kind "fitted". `vzp160` is compared with sizes 58 and 65 (40, 61, 71 '
+    "and 54, 88, 98·10⁴ N·m/rad) by scaling with the cube of the diameter. The other rows use sizes 17 to 65, "
+    "because the catalogue values of size 14 deviate from this rule. K1 of all sizes is fitted by one value, "
+    "the clearance of the flexible bearing. It is 0.085 µm per mm of diameter, which gives 3.7 µm at size 17 "
+    "and 14 µm at size 65. This clearance adds no backlash. A thinner shell, a smaller radial deflection, "
+    "softer flanks or Hertzian balls each make K2 or K3 wrong. As a rule of thumb, manufacturers state a lost "
+    "motion of 60″."
 )
 SIZES = {58: (40, 61, 71), 65: (54, 88, 98)}
 SIMILAR = (17, 20, 25, 32, 40, 45, 50, 58, 65)

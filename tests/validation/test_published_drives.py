@@ -27,18 +27,20 @@ STARTS = 4  # places of the cycle from which each drawn drive is recorded
 
 TITLE = "Published drives among sampled ones"
 ABOUT = (
-    "The table lists all published values that were found. The share [%] is that of drives sampled from "
-    "`size-17-100`, as `check` samples them with the catalogue's data, with a smaller value at 0.5 and at 2.4 "
-    "N·m. It uses the same number of input revolutions as the recording from any start, or 2.5 if the number is "
-    "not given. The share by F'_ior of the full mesh cycle is in brackets. Most drives are telescope mounts. "
-    "Their size is 14 or 17 if it is given, and taken as 17 otherwise, and their load is unknown. Limits, "
-    "statements about a class, and values from memory that were not read again are not compared.\n\n"
-    "If the sampled drives were like actual drives, the shares would be spread evenly. With "
-    "this number of values, the test of Kolmogorov and Smirnov could hardly refute this assumption."
-    " The standard error of a share is up to 7 %. The two "
-    "smallest values lie at 5 to 12 %. The largest, an owner's statement about a drive with unknown coupling, "
-    "lies beyond all samples. Order 6 of the recording above lies at 14 %, so single teeth may be better than the "
-    "class of their wheel."
+    "The table lists all published values that were found. Drives were sampled from `size-17-100` at 0.5 and "
+    "at 2.4 N·m, as `check` samples them with the data of the catalogue. The share [%] is the share of sampled "
+    "drives with a value below the published value. The sampled value is the range over the same number of "
+    "input revolutions as in the recording, from any start, or over 2.5 revolutions if the number is not "
+    "published. The share by F'_ior of the full mesh cycle is in brackets. Most published drives belong to "
+    "telescope mounts. Their size is 14 or 17 if it is published, and otherwise assumed to be 17. Their load "
+    "is unknown. Limits, statements about a class, and values from memory that were not read again are not "
+    "compared.\n\n"
+    "If the sampled drives were like actual drives, the shares would be spread evenly. With this number of "
+    "values, the test of Kolmogorov and Smirnov could hardly refute this assumption. The standard error of a "
+    "share is up to 7 %. The shares of the two smallest values are 5 to 12 %. The largest value, an owner's "
+    "statement about a drive with unknown coupling, is above all samples. The share of order 6 of the "
+    "recording in the previous section is 14 %, so single teeth may be better than the accuracy class of their "
+    "wheel."
 )
 
 
@@ -112,8 +114,8 @@ def table() -> str:
         )
         lines.append(f"|{'|'.join(cells)}|")
     ends = (", ".join(f"{samples().percentile(q, k):.0f}" for q in (0.05, 0.5, 0.95)) for k in range(len(TORQUES)))
-    return "\n".join([*lines, "", "Sampled, 5, 50, 95 %: " + "; ".join(
-        f"{M_g:g} N·m {words}″" for M_g, words in zip(TORQUES, ends, strict=True)
+    return "\n".join([*lines, "", "5th percentile, median and 95th percentile of the sampled drives: " + " and ".join(
+        f"{words}″ at {M_g:g} N·m" for M_g, words in zip(TORQUES, ends, strict=True)
     ) + "."])  # fmt: skip
 
 

@@ -16,13 +16,13 @@ RATIO, SWEPT = 101.0, 69.84  # turns of the cam: per turn of the output, in the 
 
 TITLE = "A robot joint"
 ABOUT = (
-    "The recording is of joint 3 of an arm with two 24-bit encoders. It is a sweep of 298° under gravity, with a "
-    "reading every 20.5° of the input (`measure --ratio 101`). Slow terms of the output span 1 070″ (graduation, "
-    "coupling, wind-up by gravity, lag, drift). Less than one output revolution does not separate these terms "
-    "from each other, nor from those of the drive, so they are subtracted. The remaining orders of the input up "
-    "to 6 give a lower bound of F'_ior, with two thirds of the mesh cycle and each order together with its "
-    "sidebands. The lines at 4.86 and 5.22 belong to no deviation of the model. The load and its sign are "
-    "unknown."
+    "The recording shows joint 3 of a robot arm with two 24-bit encoders. It is a sweep of 298° under gravity, "
+    "with a reading every 20.5° of the input (`measure --ratio 101`). Slow terms of the output span 1 070″ "
+    "(graduation, coupling, wind-up by gravity, lag, drift). A recording of less than one output revolution "
+    "cannot separate these terms from each other or from slow terms of the drive, so all slow terms are "
+    "subtracted. The remaining orders of the input up to 6 give a lower bound of F'_ior, with two thirds of "
+    "the mesh cycle and each order together with its sidebands. The lines at 4.86 and 5.22 belong to no "
+    "deviation of the model. The load and its sign are unknown."
 )
 SOURCE = "allwinlucious/MasterThesis"
 
