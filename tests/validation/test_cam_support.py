@@ -18,7 +18,7 @@ PAPERS = (
     "Theory 155 (2021) 104122)"
 )
 ABOUT = (
-    "Rows are at 80 N·m. A self-aligning wave generator (C_3 = 0, an Oldham coupling without friction) does not "
+    "All rows apply to 80 N·m. A self-aligning wave generator (C_3 = 0, an Oldham coupling without friction) does not "
     "respond to deviations fixed to the housing. Every hole is then equally good, and the error is at its minimum. "
     "The gain from moving the wheel is largest for a soft support with a large eccentricity, a stiff "
     "support with a small eccentricity, and the combinations between them (third table)."
