@@ -168,7 +168,7 @@ class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOption
     columns serial, preset, measured or measured@80, pitch_b, pitch_g (files), mark_b, mark_g, NAME[@TORQUE] (values
     like 28.1±1.2), limit NAME[@TORQUE], section.key (overrides). Exit codes: 0 PASS, 3 FAIL or a replay that differs, 6
     INCONCLUSIVE, 4 invalid preset or file, or no limit, 5 no trustworthy result. For several drives the worst code
-    counts, in the sequence 1, 5, 4, 3, 6, 0.
+    counts, in the sequence 1, 5, 4, 2, 3, 6, 0.
     """
 
     presets: list[str]
