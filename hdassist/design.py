@@ -381,7 +381,7 @@ def _axis(text: str) -> Axis:
     if field is None:
         same = (field for field in _fields() if field.split(".")[1] == path.split(".")[-1])
         close = f"the nearest name is {meant}" if (meant := next(same, "")) else near_miss(path, _fields())
-        raise InvalidValueError("a field of a single number", close or "write section.key, for example gears.j_n")
+        raise InvalidValueError("a field with a single number", close or "write section.key, for example gears.j_n")
     unit = field.unit
     is_count = field.kind == "count"
 

@@ -359,7 +359,7 @@ def _known_paths(document: Document, name: str, table: dict[str, Any]) -> dict[s
     paths, message = {
         "cost": (tuple(deviation_sizes()), "is not the size of a deviation"),
         "source": (tuple(field_table()), "is not a field"),
-    }.get(name, (tuple(measures()), "is not a field of a single number"))
+    }.get(name, (tuple(measures()), "is not a field with a single number"))
     for path in table.keys() - {*paths}:
         hint = f"for example {paths[0]}" if path in field_table() else "write section.key, for example gears.z_g"
         if path not in field_table() and len(document.findings) <= MAX_FINDINGS:

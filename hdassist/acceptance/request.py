@@ -391,7 +391,7 @@ def _columns(table: CellTable) -> list[_Column | None]:
         columns.append(column)
     if len(findings) == len(table.names) > 1:
         remedy = f"for a recording use hdassist measure {table.file}, or accept PRESET --measured TORQUE={table.file}"
-        raise DataError(f"{table.file}: no column of a lot", remedy, Fault.FILE_INVALID)
+        raise DataError(f"{table.file}: no column name belongs to a lot file", remedy, Fault.FILE_INVALID)
     if findings:
         raise PresetError(findings)
     return columns

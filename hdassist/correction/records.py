@@ -242,7 +242,7 @@ def require_fine_counts(measurement: Measurement) -> None:
         rounding = f"a correction would store their rounding, u = {u:.2g}″ of {sweep.range.value:.4g}″"
         raise UntrustedError(
             f"{trace.file}: {counts}: {rounding}",
-            "read both encoders by the clock, at uneven angles, or use an encoder with finer counts",
+            "sample both encoders at constant time intervals, not angles, or use an encoder with finer counts",
             Fault.ORDERS_UNTOLD,
         )
 

@@ -504,7 +504,9 @@ class _RecordUnderway:
         if trace.in_time and trace.step_arcsec > _COARSE_STEP * extent.value:
             size = f"{trace.step_arcsec:.2g}″"
             message = f"the output is read in steps of {size} at even angles: what they round looks like error"
-            raise UntrustedError(f"{trace.file}: {message}", "read both encoders by the clock", Fault.ORDERS_UNTOLD)
+            raise UntrustedError(
+                f"{trace.file}: {message}", "sample both encoders at constant time intervals", Fault.ORDERS_UNTOLD
+            )
         alone = combined([source for source in sources if source.name not in {*STATED, WIND_UP}])
         if not (self.may_be_noise or (fit.clear_of_noise and extent.value > COVERAGE_FACTOR * alone)):
             message = f"F'_ior of {max(extent.value, 0.0):.3g}″ is not above its noise, u = {alone:.3g}″"

@@ -415,7 +415,7 @@ def _step_words(step: Step, drive: Drive) -> str:
         "correction": f"record the full cycle, store {step.of} correction terms",
         "tolerance": f"reduce {step.of} by a third",
         "coupling": f"use an Oldham coupling (cam.coupling={step.of})",
-        "accuracy": f"use a drive of accuracy {step.of}″ (catalogue.accuracy)",
+        "accuracy": f"use a drive with an accuracy of {step.of}″ (catalogue.accuracy)",
     }[step.kind]
 
 

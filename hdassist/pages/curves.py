@@ -231,7 +231,7 @@ def _facts(drive: Drive, found: Stiffness) -> Iterator[Fact]:
     """Yield facts about the segments, a label and a text each."""
     segments = ""
     if ends_elsewhere(drive.catalogue, found.positive):
-        segments = "the segments end at other torques than those of the catalogue, so K is not compared"
+        segments = "the segments end at torques other than those in the catalogue, so K is not compared"
     yield "segments", segments
     ends = f"±{100 * LOST_MOTION_SHARE:.0f} % of {found.rated:g} N·m"
     yield "lost motion", f"{found.lost_motion_arcsec:.2f}″ between {ends}; backlash {found.play_arcsec:.2f}″"

@@ -597,7 +597,7 @@ def _seen_words(found: SeenRange) -> str:
     if found.is_cut:
         return f"{least}; planned positions or sides are missing, so the shares of the plan do not apply"
     if not found.seen:
-        return f"{least}; hdassist plan computes the share that they capture"
+        return f"{least}; hdassist plan computes the share of F'_ior that these positions capture"
     _, middle, high = found.estimates_arcsec
     share = f"{100 * found.seen[0]:.0f} to {100 * found.seen[2]:.0f} %"
     return f"{least}, which capture {share} of F'_ior: median {middle:.1f}″, up to {high:.1f}″ in 95 of 100 drives"

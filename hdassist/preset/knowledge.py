@@ -487,7 +487,10 @@ def read_requirements(like: Drive, *, ratio: float | None = None, **given: str |
         required[STIFFNESS] = SimilarValue(K, "given", ref)
     T_1, T_2 = (required[path].value if path in required else None for path in ("catalogue.T_1", "catalogue.T_2"))
     if T_1 is not None and T_2 is not None and T_1 >= T_2:
-        raise UsageError(f"--T1 {plain(T_1)} N*m must be below --T2 {plain(T_2)} N*m", "--T1 14 --T2 48")
+        raise UsageError(
+            f"--T1 {plain(T_1)} N*m must be below --T2 {plain(T_2)} N*m",
+            "state the smaller torque first, for example --T1 14 --T2 48",
+        )
     seat = _seat(like, given.get("holes"), given.get("allowed_holes"))
     return required | seat | _coupling(given.get("coupling"), given.get("shaft"))
 

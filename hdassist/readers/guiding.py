@@ -137,7 +137,7 @@ def guide_rows(lines: Sequence[str], form: GuideForm) -> GuideRows:
     chosen = unguided if is_preferred or not longest.is_guided else longest
     if not (chosen.span_s and isfinite(chosen.facts.scale)):
         raise DataError(
-            "a PHD2 guide log without a section of frames with pixel scale, times, distances and pulses",
+            "the PHD2 guide log has no section of frames with a pixel scale, times, distances and pulses",
             "use a log with the pixel scale above the frames, and with the columns Time, RARawDistance and RADuration",
         )
     where = _declination_words(chosen.facts, form)

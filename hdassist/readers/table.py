@@ -171,7 +171,7 @@ class NumberTable:
         stated = plain_unit(asked) if asked is not None else named or foreign_unit_in(name, units)
         if "deg" not in units:
             raise self.fault(
-                f'"{name}": degrees, minutes and seconds are not {words}', "check the names of the columns"
+                f'"{name}" is read as {words}, but contains degrees, minutes and seconds', "check the column names"
             )
         if stated not in ("", "deg"):
             message = f'"{name}": degrees, minutes and seconds, and the unit {stated} is stated'

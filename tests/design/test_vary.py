@@ -35,12 +35,12 @@ def test_values_are_what_their_words_say_in_every_digit(text, path, values):
 WRONG = [
     ("", "nothing: expected KEY=START:STOP:STEPS"),
     ("tolerances.e_hb", "expected KEY=START:STOP:STEPS"),
-    ("tolerances.e_hx=1,2", "expected a field of a single number", "the nearest name is tolerances.e_h"),
-    ("e_hb=1,2", "expected a field of a single number", "the nearest name is tolerances.e_hb"),
-    ("name=a,b", "expected a field of a single number"),
-    ("uncertainty.phases.xi_b=1,2", "expected a field of a single number"),
-    ("bearing.ball_motion=locked,rolling", "expected a field of a single number"),
-    ("acceptance.F_ior=1,2", "expected a field of a single number"),
+    ("tolerances.e_hx=1,2", "expected a field with a single number", "the nearest name is tolerances.e_h"),
+    ("e_hb=1,2", "expected a field with a single number", "the nearest name is tolerances.e_hb"),
+    ("name=a,b", "expected a field with a single number"),
+    ("uncertainty.phases.xi_b=1,2", "expected a field with a single number"),
+    ("bearing.ball_motion=locked,rolling", "expected a field with a single number"),
+    ("acceptance.F_ior=1,2", "expected a field with a single number"),
     ("tolerances.e_hb=", "numbers, but a value is missing"),
     ("tolerances.e_hb=1,,2", "numbers, but a value is missing"),
     ("tolerances.e_hb=1,a", "(a must be a number)"),
@@ -81,7 +81,7 @@ def test_a_field_is_varied_once():
 
 def test_a_grid_that_would_never_end_is_refused():
     axes = read_axes(["gears.j_n=0:9:1000", "cam.W_0=0:1:1001"], [])
-    with pytest.raises(UsageError, match="2002000 rows, more than 1000000"):
+    with pytest.raises(UsageError, match="2002000 rows; the maximum is 1000000"):
         Sweep.of(b"", SMALL, load_preset(SMALL), axes)  # at its two torques
 
 

@@ -235,10 +235,10 @@ def test_optional_fields_may_be_empty() -> None:
         ([("j_n: 7", "wall")], "",
          ["my.yaml:3:57: gears.wall: unknown key (known: z_g, z_b, m, alpha, x_g, x_b, h_a, h_f, j_n)"]),
         ([], "uncertainty: {xi_b: 3}\n",
-         ["my.yaml:9:15: uncertainty.xi_b: is not a field of a single number "
+         ["my.yaml:9:15: uncertainty.xi_b: is not a field with a single number "
          "(got xi_b; the nearest name is phases.xi_b)"]),
         ([], "uncertainty: {gears.z_g: 1}\n", ["my.yaml:9:15: uncertainty.gears.z_g: "
-         "is not a field of a single number (got gears.z_g; for example gears.m)"]),
+         "is not a field with a single number (got gears.z_g; for example gears.m)"]),
         ([], "uncertainty: {gears.m: -1 um}\n", ["my.yaml:9:24: uncertainty.gears.m: out of range: "
          "0 mm or more (got -1 um; that is -0.001 mm)"]),
         ([], "fit: {gears.m: 0.8}\n", ["my.yaml:9:16: fit.gears.m: "
@@ -249,7 +249,7 @@ def test_optional_fields_may_be_empty() -> None:
         ([], "fit: {gears.m: [0.8, {}]}\n", ["my.yaml:9:16: fit.gears.m: must be a number "
          "(got a list; write a number in mm)"]),
         ([], "fit: {gears.z_g: [200, 201]}\n",
-         ["my.yaml:9:7: fit.gears.z_g: is not a field of a single number (got gears.z_g; for example gears.m)"]),
+         ["my.yaml:9:7: fit.gears.z_g: is not a field with a single number (got gears.z_g; for example gears.m)"]),
         ([], "fit: {gears.m: [0.8, 0.81], cam.W_0: [0.96, 0.95, 0.97]}\n", ["my.yaml:9:38: fit.cam.W_0: "
          "has 3 draws, gears.m has 2 (got a list; give each field the same number of values; "
          "the k-th values of all fields are one drive)"]),

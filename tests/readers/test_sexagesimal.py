@@ -91,7 +91,7 @@ def test_a_recording_gives_the_same_error_as_in_degrees(tmp_path, form: str, sep
         ("cam_deg;output", ["12.6"], "1 of 400 rows"),
         ("cam_deg;output_arcsec", [], "the unit arcsec is stated"),
         ("cam_deg;output", ["12°75'"], "minutes or seconds of 60"),
-        ("cam_deg;torque_Nm;error", [], "not torque"),
+        ("cam_deg;torque_Nm;error", [], "is read as torque"),
     ],
 )
 def test_a_mixed_column_another_unit_and_another_quantity_are_refused(

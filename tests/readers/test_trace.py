@@ -325,7 +325,7 @@ def test_unguided_guide_log_section_gives_an_error_over_the_axis():
     bare = guide_log().replace("Dec = 30.0 deg", "Cal Dec = 60.0")
     assert read(bare, ratio=100).is_lower_bound
     for wrong, right in (("1.50 arc", "1.5.0 arc"), ("RARawDistance", "Raw"), ("RADuration", "Pulse")):
-        assert "without a section of frames" in fault(guide_log().replace(wrong, right), ratio=100)
+        assert "no section of frames" in fault(guide_log().replace(wrong, right), ratio=100)
 
 
 @pytest.mark.parametrize(("stated", "turn_s"), [("!StepsPerWorm=90000\n", 90000 / 187.5), ("", 479.0)])
