@@ -8,9 +8,10 @@ from contextlib import closing
 from dataclasses import replace
 from functools import partial
 from math import hypot
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hdassist.errors import HdassistError, UsageError
+from hdassist.errors import Fault, HdassistError, UsageError
 from hdassist.files import note_input
 from hdassist.report import Report
 from hdassist.run.stops import at_stop
@@ -141,6 +142,9 @@ class AcceptOptions(o.FigureOptions, o.SamplingOptions):
         """Where answers go. Raises UsageError and DataError unless each file has its own place, and can be written."""
         if self.jsonl == "-" or (self.resume and self.jsonl is None):
             raise UsageError("the results of a lot need a file", "give a file: --jsonl FILE")
+        if self.jsonl is not None and not (self.force or self.resume) and Path(self.jsonl).is_file():
+            hint = "--resume keeps its rows and computes the others; --force computes all rows again"
+            raise UsageError(f"{self.jsonl} exists", hint, Fault.FILE_EXISTS)
         out = super().open()
         if self.jsonl is not None:
             take_output(self.jsonl, self.force, is_kept=self.resume)

@@ -114,7 +114,7 @@ def test_a_lot_on_paper_and_in_files(folder, here):
     assert [root.getAttribute(key) for key in ("tests", "failures", "errors")] == ["6", "2", "2"]
     code, out, said = here(*MEASURED, *files)
     assert (code, out) == (2, "")
-    assert "a.csv exists" in said
+    assert "a.jsonl exists" in said
 
 
 @pytest.mark.thorough
@@ -382,6 +382,15 @@ def test_faults_end_clearly(folder, here, args, code, words):
     assert (ended, out) == (code, "")
     assert words in said
     assert set(folder.iterdir()) == before
+
+
+def test_hint_of_stored_results_names_resume_before_force(folder, here):
+    (folder / "a.jsonl").write_text("{}\n")
+    (folder / "a.csv").write_text("\n")
+    code, _, said = here(*MEASURED, "--jsonl", "a.jsonl", "--csv", "a.csv")
+    assert code == 2
+    assert said.startswith("error: a.jsonl exists") and said.index("--resume") < said.index("--force")
+    assert (folder / "a.jsonl").read_text() == "{}\n"
 
 
 def test_two_runs_do_not_write_the_same_answers(folder):
