@@ -8,7 +8,6 @@ from contextlib import closing
 from dataclasses import replace
 from functools import partial
 from math import hypot
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hdassist.errors import Fault, HdassistError, UsageError
@@ -142,13 +141,19 @@ class AcceptOptions(o.FigureOptions, o.SamplingOptions):
         """Where answers go. Raises UsageError and DataError unless each file has its own place, and can be written."""
         if self.jsonl == "-" or (self.resume and self.jsonl is None):
             raise UsageError("the results of a lot need a file", "give a file: --jsonl FILE")
-        if self.jsonl is not None and not (self.force or self.resume) and Path(self.jsonl).is_file():
-            hint = "--resume keeps its rows and computes the others; --force computes all rows again"
-            raise UsageError(f"{self.jsonl} exists", hint, Fault.FILE_EXISTS)
-        out = super().open()
         if self.jsonl is not None:
-            take_output(self.jsonl, self.force, is_kept=self.resume)
-        return out
+            self._take_results(self.jsonl)
+        return super().open()
+
+    def _take_results(self, path: str) -> None:
+        """Take the file of the results of a lot. Raises UsageError and DataError; the hint does not lose results."""
+        try:
+            take_output(path, self.force, is_kept=self.resume)
+        except UsageError as error:
+            if error.fault is not Fault.FILE_EXISTS:
+                raise
+            hint = "--resume keeps its rows and computes the others; --force computes all rows again"
+            raise UsageError(error.message, hint, error.fault) from None
 
 
 class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOptions):
