@@ -4,10 +4,11 @@ The rules of `orders` give the range of fitted orders at the recorded angles. Th
 these orders leave out, above all those of rough teeth, and for a part of the cycle what the prior of the waves leaves
 open at places without readings. Hence two ends: the lower one is of visited places, the upper one of the cycle. Of a
 part there is no value of the cycle in between, because that would be one of the prior, which is cautious: the value
-stated is that of the recorded part, and its lower end is the lower one of the model and of the fitted orders. The
-recording passes
-through the cleaning of `measure` first: spikes and steps are removed, and a lag and a wind-up are taken off, so that
-the model gets the averages of the fit. Sources of the budget that it does not contain widen both ends.
+stated is that of the recorded part, and its lower end is the lower one of the model and of the fitted orders.
+
+The recording passes through the cleaning of `measure` first: spikes and steps are removed, and a lag and a wind-up are
+taken off, so that the model gets the averages of the fit. Sources of uncertainty that the model does not contain widen
+both ends.
 
 `measure` and `accept` state this one interval. For a verdict two further numbers count: `at_most_arcsec`, the smallest
 limit that F'_ior of the full cycle meets with a probability of 95 %, and `at_least_arcsec`, the largest one that it
