@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from math import ceil, cos, radians, sin
+from math import ceil, cos, floor, log10, radians, sin
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,6 +20,7 @@ _FLAT = 1e-9  # a curve that moves less than this share of its values is a flat 
 _FAR = 0.5  # of a figure's height: a limit or a zero further off than that is said, and not drawn
 _TALL = 40  # lines of a terminal that has room for taller plots
 _TALL_ROWS = 12  # of a plot on a tall terminal
+_FINEST_PARTS = 5  # rows between two numbers of the vertical axis, at most
 _DASH = 8  # columns of dots, of which the second of two lines has every other half
 _DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])  # braille: 4 rows, 2 columns
 _UNBROKEN = "\xa0"  # between a sign of the legend and its words
@@ -81,10 +83,54 @@ def sign(mark: CurveMark, style: Style) -> str:
 
 
 @dataclass(frozen=True)
+class _Rows:
+    """Rows of a vertical axis, on which round numbers lie exactly in the middle of a row.
+
+    height: difference of the values of neighbouring rows; last: value of the lowest row over the height; count: number
+    of rows; parts: number of rows from one numbered row to the next.
+    """
+
+    height: float
+    last: int
+    count: int
+    parts: int
+
+    @classmethod
+    def within(cls, low: float, high: float, most: int) -> _Rows:
+        """Choose the rows that show the interval from low to high as large as possible.
+
+        Args:
+            low: Least value to be shown.
+            high: Greatest value to be shown, above low.
+            most: Greatest number of rows, at least 2.
+
+        Returns:
+            Rows of which two at least are numbered. Of equally many rows, those with every second row numbered.
+        """
+        power = floor(log10((high - low) / most))
+        candidates = []
+        for exponent in range(power - 1, power + 4):
+            for digit in (1, 2, 5):
+                for parts in range(1, _FINEST_PARTS + 1):
+                    height = digit * 10.0**exponent / parts
+                    last = floor(low / height + 0.5)
+                    count = floor(high / height + 0.5) - last + 1
+                    candidates.append(cls(height=height, last=last, count=count, parts=parts))
+        usable = [rows for rows in candidates if rows.count <= most and len(rows.numbered) >= 2]
+        return min(usable, key=lambda rows: (most - rows.count, abs(rows.parts - 2)))
+
+    @property
+    def numbered(self) -> dict[int, str]:
+        """The numbers of the axis by their row, counted from the top."""
+        first = self.last + self.count - 1
+        return {first - k: f"{k * self.height:.10g}" for k in range(self.last, first + 1) if k % self.parts == 0}
+
+
+@dataclass(frozen=True)
 class _Frame:
     """Numbered axes around a picture of so many columns and rows, with the figure in it; margin: of numbers beside.
 
-    low, high: at the lower and the upper edge.
+    low, high: at the lower and the upper edge; numbers: of the vertical axis, by row.
     """
 
     figure: Curve
@@ -93,6 +139,7 @@ class _Frame:
     columns: int
     rows: int
     margin: int
+    numbers: Mapping[int, str]
 
     @classmethod
     def around(cls, style: Style, figure: Curve) -> _Frame:
@@ -106,9 +153,20 @@ class _Frame:
             if low - _FAR * (high - low) <= value <= high + _FAR * (high - low):
                 low = min(low, value)
                 high = max(high, value)
-        rows = max(figure.rows + 1, _TALL_ROWS * (style.height >= _TALL))
-        margin = max(7, *(len(f"{tick:g}") for tick in _ticks_within(low, high, rows // 2)))
-        return cls(figure, low, high, style.width - margin - 2, rows, margin)
+        most = figure.rows + 1
+        if style.height >= _TALL:
+            most = max(most, _TALL_ROWS)
+        rows = _Rows.within(low, high, most)
+        margin = max(7, *map(len, rows.numbered.values()))
+        return cls(
+            figure=figure,
+            low=(rows.last - 0.5) * rows.height,
+            high=(rows.last + rows.count - 0.5) * rows.height,
+            columns=style.width - margin - 2,
+            rows=rows.count,
+            margin=margin,
+            numbers=rows.numbered,
+        )
 
     def finer(self, cell: tuple[int, ...]) -> _Frame:
         """The same in dots, with rows and columns of them to a character."""
@@ -143,9 +201,7 @@ class _Frame:
         """The picture with its axes, their numbers and labels, and the figure's limit."""
         corner, side, floor, mark = ("+", "|", "-", "+") if style.ascii else ("└", "│", "─", "┤")
         figure = self.figure
-        numbers = dict[int, str]()
-        for tick in _ticks_within(self.low, self.high, self.rows // 2):
-            numbers.setdefault(int(self.place(figure.x[0], tick)[1]), f"{tick:g} {mark}")
+        numbers = {row: f"{number} {mark}" for row, number in self.numbers.items()}
         if figure.limit is not None:
             limit_text = f" {figure.limit:.4g} "
             if self.low <= figure.limit <= self.high:
@@ -217,15 +273,6 @@ def ticks(low: float, high: float, count: int) -> list[float]:
     first = int(np.floor(low / step + 1e-9))
     last = int(np.ceil(high / step - 1e-9))
     return [round(k * step, 12) for k in range(first, max(last, first + 1) + 1)]
-
-
-def _ticks_within(low: float, high: float, count: int) -> list[float]:
-    """Round numbers between low and high, about count of them and two at least."""
-    for finer in range(max(2, count), 100):
-        within = [tick for tick in ticks(low, high, finer) if low <= tick <= high]
-        if len(within) >= 2:
-            return within
-    return [low, high]
 
 
 def seat_in_characters(seat: Seat) -> str:
