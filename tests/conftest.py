@@ -87,6 +87,14 @@ def reference() -> Drive:
     return load_preset(str(ROOT / "tests/validation/vzp160_reference.yaml"))
 
 
+@pytest.fixture(autouse=True)
+def own_files() -> None:
+    """Forget the files of the test before: the system may give a new file the number of a deleted one."""
+    from hdassist.files import begin_run
+
+    begin_run()
+
+
 @pytest.fixture(scope="module")
 def of_module(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder for the answers that are kept for the tests of one module."""

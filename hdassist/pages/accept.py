@@ -18,7 +18,7 @@ from hdassist.acceptance.answer import (
 )
 from hdassist.acceptance.decision import Belief, DecidedCheck, Predictions
 from hdassist.acceptance.limits import F_IOR, Limit, LimitText
-from hdassist.acceptance.request import Lot, torque_and_file
+from hdassist.acceptance.request import Lot, Request, torque_and_file
 from hdassist.errors import GUARD, SEVERITY, DataError, percent_text, worst_exit_code
 from hdassist.files import number_of, visible
 from hdassist.measuring.orders import STATED, parse_stated
@@ -237,7 +237,8 @@ def _facts(answer: AcceptAnswer, predictions: Predictions | None, drive: Drive) 
     elif first.verdict == "INCONCLUSIVE" and first.unstated:
         yield "next", again("accept", drive) + _with_budget(first.unstated)
     else:
-        yield "next", _to_explain(answer.checks)
+        failed = _failed_by_F_ior([answer])
+        yield "next", _turning_command(failed[0]) if failed else _to_explain(answer.checks)
 
 
 def _with_measured(check: DecidedCheck, answer: AcceptAnswer, drive: Drive) -> str:
@@ -360,22 +361,34 @@ def fault_words(answer: AcceptAnswer) -> str:
 def _lot_facts(answers: Sequence[AcceptAnswer]) -> Iterator[Fact]:
     """Yield notes, the next measurement and the next command, a label and a text each."""
     notes = Counter(code for answer in answers for code in {note.code for note in answer.remarks})
+    del notes["NOT_TESTED"]  # the next line names the drives
     yield "notes", "; ".join(f"{code}: {_drives(notes[code])}" for code in sorted(notes))
+    yield "not tested", "\n".join(_untested_limits(answers))
     checks = sorted((check for answer in answers for check in answer.checks), key=lambda check: check.code)
     open_ = sorted({check.label for check in checks if _is_open(check)})
     yield "measure", f"{'; '.join(open_)}; a prediction or a part of the cycle does not decide" if open_ else ""
     failed = _failed_by_F_ior(answers)
     if failed:
-        yield "other hole", f"for {_failed_words(failed)}"
-    with_request = [drive for drive in failed if drive.answer.request is not None]
-    yield "next", _turning_command(with_request[0]) if with_request else _to_explain(checks)
+        yield "other hole", _failed_words(failed)
+    yield "next", _turning_command(failed[0]) if failed else _to_explain(checks)
+
+
+def _untested_limits(answers: Sequence[AcceptAnswer]) -> Iterator[str]:
+    """Yield each limit that the verdicts omit, with the drives whose verdict omits it."""
+    drives: dict[str, list[str]] = {}
+    for answer in answers:
+        for label in answer.left_out:
+            drives.setdefault(label, []).append(title(answer))
+    for label, names in drives.items():
+        yield f"{label}: {shortened(names)}; the verdict omits it, --strict does not"
 
 
 @dataclass(frozen=True)
 class _FailedDrive:
-    """A drive that fails by F'_ior: its answer, the failed check with the largest value, and that over its limit."""
+    """A drive that fails by F'_ior: its request, the failed check with the largest value, and that over its limit."""
 
-    answer: AcceptAnswer
+    name: str
+    request: Request
     check: DecidedCheck
     times_limit: float
 
@@ -386,34 +399,38 @@ def _failed_by_F_ior(answers: Sequence[AcceptAnswer]) -> list[_FailedDrive]:
     for answer in answers:
         checks = [check for check in answer.checks if check.check is F_IOR and check.verdict == "FAIL"]
         ratios = [(check.value or 0.0) / check.limit for check in checks]
-        if checks:
+        if checks and answer.request is not None:
             worst = max(range(len(checks)), key=lambda k: (ratios[k], k))  # the last one of equal ones
-            failed.append(_FailedDrive(answer=answer, check=checks[worst], times_limit=ratios[worst]))
+            failed.append(
+                _FailedDrive(name=title(answer), request=answer.request, check=checks[worst], times_limit=ratios[worst])
+            )
     return sorted(failed, key=lambda drive: drive.times_limit)
 
 
 def _failed_words(failed: Sequence[_FailedDrive]) -> str:
-    """Return the first of the drives that fail by F'_ior, and the number of the others."""
-    named = [f"{title(drive.answer)} ({drive.times_limit:.3g} times its limit)" for drive in failed]
+    """Return what another hole may do for the drives that fail by F'_ior: the first ones, and the number of others."""
+    named = [f"{drive.name} (F'_ior is {drive.times_limit:.3g} times the limit)" for drive in failed]
     unnamed = len(named) - _NAMED_CHECKS
-    text = "; ".join(named[:_NAMED_CHECKS])
+    text = f"may reduce F'_ior of {'; '.join(named[:_NAMED_CHECKS])}"
     if unnamed > 0:
         text += f"; {unnamed} further"
     if len(named) > 1:
-        text += '. "next" is for the first one'
+        text += '. "next" is for the first drive'
     return text
 
 
 def _turning_command(failed: _FailedDrive) -> str:
-    """Return the command that finds another hole for a drive; empty without its request."""
-    request = failed.answer.request
-    if request is None:
-        return ""
+    """Return the command that finds another hole for a drive, by the value of its present hole if one was measured."""
     check = failed.check
-    value = "h0=VALUE" if check.basis == "predicted" or check.value is None else f"h0={check.value:g}"
-    sets = [word for text in request.overrides for word in ("--set", text)]
-    torque = ["--trial-torque", f"{check.M_g_Nm:g}"]
-    return command_line(["hdassist", "mount", request.preset, value, *sets, *torque])
+    words = ["hdassist", "mount", failed.request.preset]
+    is_measured = check.basis != "predicted" and check.value is not None
+    if is_measured:
+        words.append(f"h0={check.value:g}")
+    words += [word for text in failed.request.overrides for word in ("--set", text)]
+    words += ["--limit", f"F_ior@{check.M_g_Nm:g}={check.limit:g}"]
+    if is_measured:
+        words += ["--trial-torque", f"{check.M_g_Nm:g}"]
+    return command_line(words)
 
 
 def _drives(count: int) -> str:
@@ -460,22 +477,34 @@ def title(answer: AcceptAnswer) -> str:
 
 
 def csv(answers: Sequence[AcceptAnswer]) -> str:
-    """Return one row per drive and check as CSV; a drive without an answer has a row with its error."""
-    rows = [
-        {
-            "serial": answer.serial,
-            "preset": answer.preset.name,
-            **{figure.key: figure.of(check) for figure in _CHECK_FIGURES},
-            **({"verdict": answer.status} if answer.error else {}),
-            "exit_code": answer.exit_code,
-            "error": answer.error and answer.error.message,
-            **provenance(answer),
-            "status": answer.status,
-        }
-        for answer in answers
-        for check in answer.checks or [None]
-    ]
+    """Return one row per drive and limit as CSV.
+
+    A limit that the verdict omits has the verdict NOT_TESTED; a drive without an answer has a row with its error.
+    """
+    rows = []
+    for answer in answers:
+        for check in answer.checks or [None]:
+            verdict = answer.status if answer.error or check is None else check.verdict
+            rows.append(_csv_row(answer, check, verdict, check.reason if check else None))
+        rows += [_csv_row(answer, None, "NOT_TESTED", f"{label}: no value") for label in answer.left_out]
     return csv_text([*rows[0]], [[*row.values()] for row in rows])
+
+
+def _csv_row(
+    answer: AcceptAnswer, check: DecidedCheck | None, verdict: str | None, reason: str | None
+) -> dict[str, object]:
+    """Return a row of CSV: the figures of a check, and the grounds of the answer that it belongs to."""
+    return {
+        "serial": answer.serial,
+        "preset": answer.preset.name,
+        **{figure.key: figure.of(check) for figure in _CHECK_FIGURES},
+        "verdict": verdict,
+        "reason": reason,
+        "exit_code": answer.exit_code,
+        "error": answer.error and answer.error.message,
+        **provenance(answer),
+        "status": answer.status,
+    }
 
 
 SUITES_HEAD = '<?xml version="1.0" encoding="UTF-8"?>\n<!-- hdassist accept -->\n'

@@ -629,10 +629,10 @@ def _is_row(row: Sequence[Cell], width: int) -> bool:
     return len(row) == width and not any(fault_of(cell.text, decimal_mark_in(cell.text) or ".")[0] for cell in row)
 
 
-def shortened(numbers: Sequence[int], most: int = 5) -> str:
-    """Return numbers for a message, at most the given number of them: 3, 4, 5, 6, 7 ... (12 in all)."""
-    text = ", ".join(map(str, numbers[:most]))
-    return text if len(numbers) <= most else f"{text} ... ({len(numbers)} in all)"
+def shortened(items: Sequence[object], most: int = 5) -> str:
+    """Return numbers or names for a message, at most the given number of them: 3, 4, 5, 6, 7 ... (12 in all)."""
+    text = ", ".join(map(str, items[:most]))
+    return text if len(items) <= most else f"{text} ... ({len(items)} in all)"
 
 
 def _program_of(lines: Sequence[str]) -> str:

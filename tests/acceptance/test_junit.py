@@ -12,7 +12,7 @@ from junitparser import JUnitXml
 from hdassist.acceptance.accept import answer_rows
 from hdassist.acceptance.answer import AcceptAnswer, lot_summary
 from hdassist.acceptance.request import Request, read_lot
-from hdassist.pages.accept import junit
+from hdassist.pages.accept import csv, junit
 
 SMALL = str(Path(__file__).parents[1] / "data/small.yaml")
 ROWS = """\
@@ -130,3 +130,11 @@ def test_remarks_stand_once_and_fail_nothing_by_themselves(told):
     assert root is not None
     *_, part = elements(root, "testsuite")
     assert [node.nodeName for node in part.childNodes if node.nodeType == node.ELEMENT_NODE][-1] == "system-out"
+
+
+def test_csv_has_a_row_for_a_limit_that_was_not_tested(told):
+    head, *rows = [line.split(",") for line in csv(told).splitlines()]
+    drives = {row[head.index("serial")]: row for row in rows if row[head.index("verdict")] == "NOT_TESTED"}
+    assert list(drives) == ["part"]
+    assert "lost motion" in drives["part"][head.index("reason")]
+    assert [row[0] for row in rows].count("part") == 2

@@ -84,8 +84,8 @@ def test_a_lot_on_paper_and_in_files(folder, here):
     assert "F'_ior at 1 N·m: 55.00 ± 1.00″, limit ≤ 40, margin" in page[1]
     words = in_a_line(result.stdout)
     assert "margin 0.20, guard band 0.82, reported value; within the guard band" in words
-    turning = f"next hdassist mount {SMALL} h0=55 --trial-torque 1"
-    assert f"other hole for 17-2 (1.38 times its limit) {turning}" in words
+    turning = f"next hdassist mount {SMALL} h0=55 --limit F_ior@1=40 --trial-torque 1"
+    assert f"17-2 (F'_ior is 1.38 times the limit) {turning}" in words
     assert "lot.csv:5:10: measured@4: no such file: gone.csv" in page[3]
     for words in (
         "error: 17-4: lot.csv:5:10: measured@4: no such file: gone.csv",
@@ -526,8 +526,5 @@ def test_drive_nearest_to_its_limit_is_turned_first(folder, here):
     ]
     (folder / "lot.csv").write_text("\n".join(rows) + "\n")
     words = in_a_line(here(*MEASURED)[1])
-    turning = f"next hdassist mount {SMALL} h0=60 --set phases.xi_b=61 --trial-torque 4"
-    assert (
-        f'other hole for near (2 times its limit); far (100 times its limit). "next" is for the first one {turning}'
-        in words
-    )
+    turning = f"next hdassist mount {SMALL} h0=60 --set phases.xi_b=61 --limit F_ior@4=30 --trial-torque 4"
+    assert words.index("near (") < words.index("far (") < words.index(turning)
