@@ -380,7 +380,7 @@ def _untested_limits(answers: Sequence[AcceptAnswer]) -> Iterator[str]:
         for label in answer.left_out:
             drives.setdefault(label, []).append(title(answer))
     for label, names in drives.items():
-        yield f"{label}: {shortened(names)}; the verdict omits it, --strict does not"
+        yield f"{label}: {shortened(names)} (--strict does not omit it)"
 
 
 @dataclass(frozen=True)

@@ -132,7 +132,7 @@ def test_remarks_stand_once_and_fail_nothing_by_themselves(told):
     assert [node.nodeName for node in part.childNodes if node.nodeType == node.ELEMENT_NODE][-1] == "system-out"
 
 
-def test_csv_has_a_row_for_a_limit_that_was_not_tested(told):
+def test_csv_has_a_row_for_an_untested_limit(told):
     head, *rows = [line.split(",") for line in csv(told).splitlines()]
     drives = {row[head.index("serial")]: row for row in rows if row[head.index("verdict")] == "NOT_TESTED"}
     assert list(drives) == ["part"]

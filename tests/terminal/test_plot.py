@@ -62,7 +62,7 @@ def test_axis_number_is_in_the_row_of_its_value(size):
 
 
 @given(st.integers(2, 14), st.floats(-1e4, 1e4), st.floats(1e-3, 1e5))
-def test_axis_numbers_are_exact_at_the_middle_of_their_rows(size, low, span):
+def test_axis_numbers_are_exact_in_the_middle_of_rows(size, low, span):
     page = curve(ASCII, Curve(np.array([0.0, 1.0]), np.array([low, low + span]), "x", "y", rows=size))
     drawn = page.splitlines()[1:-3]
     assert 2 <= len(drawn) <= size + 1
@@ -157,7 +157,7 @@ def test_letters_at_one_position_of_the_seat_are_adjacent():
     assert "B" in drawn
 
 
-def test_plot_has_the_terminal_width_and_about_twelve_rows_if_tall():
+def test_plot_has_terminal_width_and_about_twelve_rows_if_tall():
     x = np.linspace(0, 1, 50)
     wide = curve(Style(ascii=False, codes=False, width=140, height=45), Curve(x, x, "x", "y", rows=2))
     assert max(map(len, wide.splitlines())) == 140
