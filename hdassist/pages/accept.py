@@ -422,15 +422,15 @@ def _failed_words(failed: Sequence[_FailedDrive]) -> str:
 def _turning_command(failed: _FailedDrive) -> str:
     """Return the command that finds another hole for a drive, by the value of its present hole if one was measured."""
     check = failed.check
-    words = ["hdassist", "mount", failed.request.preset]
+    arguments = ["hdassist", "mount", failed.request.preset]
     is_measured = check.basis != "predicted" and check.value is not None
     if is_measured:
-        words.append(f"h0={check.value:g}")
-    words += [word for text in failed.request.overrides for word in ("--set", text)]
-    words += ["--limit", f"F_ior@{check.M_g_Nm:g}={check.limit:g}"]
+        arguments.append(f"h0={check.value:g}")
+    arguments += [word for text in failed.request.overrides for word in ("--set", text)]
+    arguments += ["--limit", f"F_ior@{check.M_g_Nm:g}={check.limit:g}"]
     if is_measured:
-        words += ["--trial-torque", f"{check.M_g_Nm:g}"]
-    return command_line(words)
+        arguments += ["--trial-torque", f"{check.M_g_Nm:g}"]
+    return command_line(arguments)
 
 
 def _drives(count: int) -> str:

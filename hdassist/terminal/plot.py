@@ -96,13 +96,13 @@ class _Rows:
     parts: int
 
     @classmethod
-    def within(cls, low: float, high: float, most: int) -> _Rows:
+    def within(cls, low: float, high: float, row_limit: int) -> _Rows:
         """Choose the rows that show the interval from low to high as large as possible.
 
         Args:
             low: Least value to be shown.
             high: Greatest value to be shown, above low.
-            most: Greatest number of rows, at least 2.
+            row_limit: Greatest number of rows, at least 2.
 
         Returns:
             Rows of which two at least are numbered. Of equally many rows, those with every second row numbered.
@@ -116,8 +116,8 @@ class _Rows:
                     last = floor(low / height + 0.5)
                     count = floor(high / height + 0.5) - last + 1
                     candidates.append(cls(height=height, last=last, count=count, parts=parts))
-        usable = [rows for rows in candidates if rows.count <= most and len(rows.numbered) >= 2]
-        return min(usable, key=lambda rows: (most - rows.count, abs(rows.parts - 2)))
+        usable = [rows for rows in candidates if rows.count <= row_limit and len(rows.numbered) >= 2]
+        return min(usable, key=lambda rows: (row_limit - rows.count, abs(rows.parts - 2)))
 
     @property
     def numbered(self) -> dict[int, str]:
@@ -153,10 +153,10 @@ class _Frame:
             if low - _FAR * (high - low) <= value <= high + _FAR * (high - low):
                 low = min(low, value)
                 high = max(high, value)
-        most = figure.rows + 1
+        row_limit = figure.rows + 1
         if style.height >= _TALL:
-            most = max(most, _TALL_ROWS)
-        rows = _Rows.within(low, high, most)
+            row_limit = max(row_limit, _TALL_ROWS)
+        rows = _Rows.within(low, high, row_limit)
         margin = max(7, *map(len, rows.numbered.values()))
         return cls(
             figure=figure,
