@@ -107,7 +107,7 @@ class _Rows:
         Returns:
             Rows of which two at least are numbered. Of equally many rows, those with every second row numbered.
         """
-        power = floor(log10((high - low) / most))
+        power = floor(log10((high - low) / row_limit))
         candidates = []
         for exponent in range(power - 1, power + 4):
             for digit in (1, 2, 5):
