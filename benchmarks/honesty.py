@@ -207,7 +207,7 @@ def own_drives(jobs: int, seed: int) -> list[list[bool]]:
     asked = read_requirements(like, ratio=100, pitch_diameter="63.5 mm", torque="67", stiffness=stiffness)
     preset = load_text(similar_preset("own", like, asked), "own.yaml")
     prior, evidence, rng = prior_of(preset), evidence_of(preset), np.random.default_rng(seed)
-    sampling = Sampling(prior, preset.operation.M_g[:1], further=stiffness_figures)
+    sampling = Sampling(prior, preset.operation.M_g[:1], figures_of=stiffness_figures)
     drawn = []
     with ProcessPoolExecutor(jobs) as pool:
         for k, (count, within) in enumerate(zip(OWN_DRAWS, ({}, STIFF), strict=True)):

@@ -273,7 +273,7 @@ def _paired(one: _Believed, other: _Believed, rows: Indices, run: Run) -> DriveP
             prior,
             samples.torques,
             evidence=other.evidence,
-            further=_no_figures,
+            figures_of=_no_figures,
             enough=lambda _: False,
             effort=SamplingEffort(1, count, count),
             run=run,

@@ -259,8 +259,8 @@ def predict(
         prior,
         tuple(dict.fromkeys([*drive.operation.M_g, *(point.M_g for point in points)])),  # those of check too
         evidence=evidence_of(drive),
-        further=partial(_figures, figured) if figured else None,
-        further_name=" ".join(f"{limit.check.code}@{limit.M_g_Nm}#{limit.per_cam_rev}" for limit in figured),
+        figures_of=partial(_figures, figured) if figured else None,
+        figures_name=" ".join(f"{limit.check.code}@{limit.M_g_Nm}#{limit.per_cam_rev}" for limit in figured),
         enough=enough,
         effort=SamplingEffort.of(draws),
         run=run,

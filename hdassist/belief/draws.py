@@ -45,12 +45,13 @@ from hdassist.belief.prior import RIGID_SHIFT, DrivePrior
 from hdassist.belief.proposals import (
     PILOT_DRAWS,
     DeviationProposal,
+    ProposedDeviations,
     open_deviations,
     proposed_draws,
     stiffness_log_likelihoods,
 )
 from hdassist.error.cycle import WITHOUT_EFFECT
-from hdassist.error.error_map import Batch, ErrorMap, error_maps
+from hdassist.error.error_map import Batch, ErrorMap, Extremes, error_maps
 from hdassist.error.extremes import DRAWN_GRIDS, many_extremes
 from hdassist.error.stiffness import NEAR_ZERO, Twist
 from hdassist.errors import HdassistError
@@ -99,7 +100,7 @@ class Draw(ClosedRecord):
     @property
     def without_turns(self) -> Draw:
         """The same draw as it is where no turns are asked for."""
-        no_turns = self.turned_arcsec and ((),) * len(self.turned_arcsec)
+        no_turns = self.turned_arcsec and tuple(() for _ in self.turned_arcsec)
         return replace(self, turned_arcsec=no_turns, turned_proof=EMPTY)
 
 
@@ -118,25 +119,29 @@ _SHOWN_DIGITS = 6  # of an arcsec: the last ones hang on how many positions are 
 class Sampling:
     """Draws of a drive that answer one question: all that they depend on.
 
-    prior of the drive; torques [N*m]; rotations_deg, turns of the fixed wheel at which F'_ior is wanted too; evidence
-    on the drive; further, figures that each draw has beside F'_ior, and further_name, all that they depend on beside
-    the drive, in words, without which draws with them are not kept; seed of the draws; sets of deviations that a draw
-    has F'_ior of, as mounted, where deviations are open and no F'_ior was measured.
+    prior: of the drive.
+    torques: at which F'_ior is wanted [N*m].
+    rotations_deg: turns of the fixed wheel at which F'_ior is wanted too.
+    evidence: on the drive.
+    figures_of: figures that each draw has beside F'_ior; None for none.
+    figures_name: what these figures depend on beside the drive; draws with figures but without this name are not kept.
+    seed: of the draws.
+    sets: sets of deviations for which a draw has F'_ior as mounted, if deviations are open and no F'_ior was measured.
     """
 
     prior: DrivePrior
     torques: tuple[float, ...]
     rotations_deg: tuple[float, ...] = ()
     evidence: tuple[Evidence, ...] = ()
-    further: FiguresOf | None = None
-    further_name: str = ""
+    figures_of: FiguresOf | None = None
+    figures_name: str = ""
     seed: int = 0
     sets: int = 1
 
     @cached_property
     def measured(self) -> tuple[Evidence, ...]:
         """F'_ior as measured on the drive."""
-        return tuple(each for each in self.evidence if each.M_g)
+        return tuple(datum for datum in self.evidence if datum.M_g)
 
     @cached_property
     def near(self) -> DeviationProposal | None:
@@ -161,23 +166,26 @@ class Sampling:
             self.answer.keep(list(draws))
         alone = replace(self, rotations_deg=())
         if self.rotations_deg and len(alone.kept()) < len(draws):
-            alone.keep([each.without_turns for each in draws])
+            alone.keep([draw.without_turns for draw in draws])
 
     @property
     def _is_answer(self) -> bool:
         """Whether all that draws depend on is told."""
-        return bool(self.further_name or not self.further)
+        return bool(self.figures_name or not self.figures_of)
 
     @property
     def answer(self) -> KeptAnswer[list[Draw]]:
         """The draws as they are kept, by all that they depend on."""
         depends = {
             "drive": self.prior.drive.model_dump(mode="json", exclude=WITHOUT_EFFECT),
-            "fields": [[each.path, each.distribution, each.low, each.high, each.draws] for each in self.prior.fields],
+            "fields": [
+                [field_prior.path, field_prior.distribution, field_prior.low, field_prior.high, field_prior.draws]
+                for field_prior in self.prior.fields
+            ],
             "torques": self.torques,
             "rotations": self.rotations_deg,
-            "evidence": [astuple(each) for each in self.evidence],
-            "further": self.further_name,
+            "evidence": [astuple(datum) for datum in self.evidence],
+            "further": self.figures_name,
             "seed": self.seed,
             "sets": self.sets,
             "program": digits_depend_on(),
@@ -189,34 +197,51 @@ class Sampling:
     def new(
         self, draws: Sequence[Draw], first: int, last: int, run: Run, ahead: UnderWay, most: int
     ) -> Iterator[list[Draw]]:
-        """New draws, from the first to before the last, `alike` of them at a time.
+        """Yield new draws, `alike` of them at a time.
 
-        Arguments: draws so far, by the first of which the others are proposed; ahead, draws that are under way by their
-        number: of a run of many processes as many follow, of most at most, so that none waits at the end of a batch.
+        draws: those so far; the first of them propose the new ones.
+        first, last: numbers of the new draws, from the first to before the last.
+        run: the run; with many processes, draws beyond the last one begin, so that none waits at the end of a batch.
+        ahead: draws under way, by their number.
+        most: number of draws that are made at most.
         """
-        pilot = [each.figures for each in draws[:: self.alike][:PILOT_DRAWS]]
-        fresh = first // self.alike, -(-last // self.alike)
-        best = stiffness_log_likelihoods(self.evidence, pilot if len(pilot) == PILOT_DRAWS else ())
-        agreeing = float(np.exp(max(best.values(), default=0.0)))
-        kept = min(max(agreeing, _LEAST_KEPT_LIKELIHOOD), KEPT_LIKELIHOOD)
-
-        def tasks(begin: int, end: int) -> list[tuple[Any, ...]]:
-            """Arguments of `solved` for draws by their number."""
-            shares, density = proposed_draws(self.prior, self.evidence, pilot, begin, end, self.seed)
-            rows = zip(range(begin, end), self.prior.values(shares), shares.tolist(), density.tolist(), strict=True)
-            return [(*row, kept, self._unturned(row[0])) for row in rows]
-
+        pilot = [draw.figures for draw in draws[:: self.alike][:PILOT_DRAWS]]
+        kept_likelihood = self._kept_likelihood(pilot)
         if run.executor and run.at_a_time > _FEW_PROCESSES and self.alike == 1:
-            most = min(most, PILOT_DRAWS) if first < PILOT_DRAWS else most
-            begin, end = max(ahead, default=first - 1) + 1, min(last + run.at_a_time, most)
+            if first < PILOT_DRAWS:
+                most = min(most, PILOT_DRAWS)
+            begin = max(ahead, default=first - 1) + 1
+            end = min(last + run.at_a_time, most)
             if begin < end:
-                ahead |= {k: run.executor.submit(self.solved, k, *task) for k, *task in tasks(begin, end)}
-            return (ahead.pop(k).result() for k in range(first, last))
-        return run.map(self.solved, *zip(*tasks(*fresh), strict=True))
+                for number, *task in self._tasks(begin, end, pilot, kept_likelihood):
+                    ahead[number] = run.executor.submit(self.solved, number, *task)
+            return (ahead.pop(number).result() for number in range(first, last))
+        begin = first // self.alike
+        end = -(-last // self.alike)
+        tasks = self._tasks(begin, end, pilot, kept_likelihood)
+        return run.map(self.solved, *zip(*tasks, strict=True))
+
+    def _kept_likelihood(self, pilot: Sequence[Mapping[str, float]]) -> float:
+        """Return k of equation (1), from the figures of the first draws; KEPT_LIKELIHOOD while these are too few."""
+        if len(pilot) < PILOT_DRAWS:
+            pilot = ()
+        log_likelihood_of = stiffness_log_likelihoods(self.evidence, pilot)
+        best = float(np.exp(max(log_likelihood_of.values(), default=0.0)))
+        return min(max(best, _LEAST_KEPT_LIKELIHOOD), KEPT_LIKELIHOOD)
+
+    def _tasks(
+        self, begin: int, end: int, pilot: Sequence[Mapping[str, float]], kept_likelihood: float
+    ) -> list[tuple[Any, ...]]:
+        """Return the arguments of `solved` for draws from the number begin to before end."""
+        shares, density = proposed_draws(self.prior, self.evidence, pilot, begin, end, self.seed)
+        numbers = range(begin, end)
+        rows = zip(numbers, self.prior.values(shares), shares.tolist(), density.tolist(), strict=True)
+        return [(*row, kept_likelihood, self._unturned(number)) for number, row in zip(numbers, rows, strict=True)]
 
     def _unturned(self, number: int) -> Draw | None:
-        """A draw as it is kept without turns, to which they are added; None of one that made no drive."""
-        return next((each for each in self._kept_unturned[number : number + 1] if not each.refused), None)
+        """Return a draw as it is kept without turns, to which they are added; None of one that made no drive."""
+        candidates = self._kept_unturned[number : number + 1]
+        return next((draw for draw in candidates if not draw.refused), None)
 
     @cached_property
     def _kept_unturned(self) -> list[Draw]:
@@ -232,18 +257,25 @@ class Sampling:
         kept: float = KEPT_LIKELIHOOD,
         unturned: Draw | None = None,
     ) -> list[Draw]:
-        """Draws solved that share all but the deviations: why they are no drive, else their predictions and weights.
+        """Return draws that share all but the deviations: why they are no drive, else their predictions and weights.
 
-        Arguments: number among all; values, by path, and their shares of probability, with the chance behind them by
-        which a draw that agrees badly goes on; density that it was drawn with, over the prior's; kept, k of equation
-        (1); unturned, the draw where only its turns are not known.
+        number: number among all draws.
+        values: values of the fields, by path.
+        shares: their shares of probability, then the chance by which a draw that agrees badly goes on.
+        density: that the draw was drawn with, over the prior's.
+        kept: k of equation (1).
+        unturned: the draw, if only its turns are not known.
         """
         try:
             if unturned:
                 return [self._turned(unturned, values)]
             return self._solved(number, values, shares, density, kept)
         except HdassistError as error:
-            return [Draw(refused=str(error.fault))] * self.alike
+            return self._refused(str(error.fault))
+
+    def _refused(self, reason: str) -> list[Draw]:
+        """Return draws that are no drive, for a reason."""
+        return [Draw(refused=reason) for _ in range(self.alike)]
 
     def with_turns(self, unturned: Draw, values: dict[str, float]) -> Draw:
         """Return a draw of values by path with the turns that it lacks; one without a trustworthy answer says so."""
@@ -253,85 +285,135 @@ class Sampling:
             return Draw(refused=str(error.fault))
 
     def _turned(self, unturned: Draw, values: dict[str, float]) -> Draw:
-        """A draw of values by path with the turns that it lacks."""
+        """Return a draw of values by path with the turns that it lacks."""
         if unturned.F_ior_arcsec is None:
             return unturned
         drive = self.prior.drive.with_values(values).with_values(unturned.follows)
-        maps = error_maps(drive, self._held(drive, 0)[1])
+        torques = self._torques_with(self._tests_of(drive, 0))
+        maps = error_maps(drive, torques)
         turned, proof = errors_by_turn(maps, drive, self.torques, unturned.F_ior_arcsec, self.rotations_deg)
-        return replace(unturned, turned_arcsec=tuple(map(tuple, turned.tolist())), turned_proof=proof)
+        return replace(unturned, turned_arcsec=_as_rows(turned), turned_proof=proof)
 
-    def _held(self, drive: Drive, number: int) -> tuple[dict[str, tuple[float, float]], tuple[float, ...]]:
-        """Torque [N*m] and turn [deg] at which F'_ior is evidence on a drive, by figure; all torques that it needs.
+    def _tests_of(self, drive: Drive, number: int) -> dict[str, tuple[float, float]]:
+        """Return torque [N*m] and turn [deg] at which F'_ior is evidence on a drive, by figure.
 
         number: that of the draw, which decides the turn of the accuracy.
         """
-        held = {each.figure: (each.M_g, each.rotation_deg) for each in self.measured}
-        if self.torques and any(each.figure == ACCURACY for each in self.evidence):
-            held[ACCURACY] = (ACCURACY_LOAD * drive.rated_torque, turn_of_test_deg(drive, [self.seed, number]))
-        return held, tuple(dict.fromkeys((*self.torques, *(M_g for M_g, _ in held.values()))))
+        tests = {datum.figure: (datum.M_g, datum.rotation_deg) for datum in self.measured}
+        if self.torques and any(datum.figure == ACCURACY for datum in self.evidence):
+            tests[ACCURACY] = (ACCURACY_LOAD * drive.rated_torque, turn_of_test_deg(drive, [self.seed, number]))
+        return tests
+
+    def _torques_with(self, tests: Mapping[str, tuple[float, float]]) -> tuple[float, ...]:
+        """Return all torques [N*m] that a draw needs, each once: those that are asked for, then those of tests."""
+        return tuple(dict.fromkeys((*self.torques, *(M_g for M_g, _ in tests.values()))))
 
     def _solved(
         self, number: int, values: dict[str, float], shares: list[float], density: float, kept: float
     ) -> list[Draw]:
-        """The same; raises HdassistError where an answer cannot be trusted."""
-        *of_fields, chance = shares
-        drive, proof, follows = self.prior.drive.with_values(values), EMPTY, dict[str, float]()
-        if outside := next((path for path, value in values.items() if not drive.allows(path, value)), None):
-            return [Draw(refused=f"{outside}: out of range")] * self.alike
-        if self.prior.meshing:
-            place, beyond = self.prior.meshing
-            shift, proof = meshing_shift(drive)
-            follows = {beyond.path: shift + float(beyond.value(np.array(shares[place])))}
-            drive = drive.with_values(follows)
+        """Return the draws as `solved` does; raises HdassistError where an answer cannot be trusted."""
+        *field_shares, chance = shares
+        drive = self.prior.drive.with_values(values)
+        for path, value in values.items():
+            if not drive.allows(path, value):
+                return self._refused(f"{path}: out of range")
+        drive, follows, proof = self._meshed(drive, field_shares)
         if conflict := first_conflict(drive):
-            return [Draw(refused=f"{conflict.path}: {conflict.message}")] * self.alike
-        # stiffness takes some states: by its likelihood a draw goes on or not, and weighs the more
-        figures: Mapping[str, float] = {}
+            return self._refused(f"{conflict.path}: {conflict.message}")
+
         formulation = formulate(contact_system(drive))
+        figures: Mapping[str, float] = {}
         going_on = 1.0
-        if any(each.figure in STIFFNESS_FIGURES for each in self.evidence):
-            figures, of_stiffness = stiffness_figures(drive, formulation)
-            proof += of_stiffness
-            of_stiffness_alone = float(np.exp(log_likelihood(self.evidence, figures)))
-            going_on = min(1.0, of_stiffness_alone / density / kept)  # equation (1)
+        if any(datum.figure in STIFFNESS_FIGURES for datum in self.evidence):
+            figures, proof_of_figures = stiffness_figures(drive, formulation)
+            proof += proof_of_figures
+            stiffness_likelihood = float(np.exp(log_likelihood(self.evidence, figures)))
+            going_on = min(1.0, stiffness_likelihood / density / kept)  # equation (1)
         if chance >= going_on:
-            return [Draw(figures=figures, proof=proof, follows=follows)] * self.alike
-        held, torques = self._held(drive, number)
-        maps = error_maps(drive, torques, formulation)
-        nearer, of_tables = self.near.drawn(maps, number) if self.near else ([({}, 1.0)], EMPTY)
-        proof += of_tables
-        solved = list[Draw]()
-        for deviations, their_density in nearer:
-            own = [deviations.get(f.path, share) for f, share in zip(self.prior.fields, of_fields, strict=True)]
-            moved = drive.with_values(self.prior.values(np.array([own]))[0])
-            F_ior, there, of_errors = errors_now(maps, moved, self.torques, list(held.values()))
-            turned, of_turned = errors_by_turn(maps, moved, self.torques, F_ior.tolist(), self.rotations_deg)
-            more, of_further = self.further(moved) if self.further else ({}, EMPTY)
-            now = {**figures, **more, **dict(zip(held, there.tolist(), strict=True))}
-            weight = float(np.exp(log_likelihood(self.evidence, now))) / (density * their_density) / going_on
-            if self.measured:
-                seed = [self.seed, number * self.alike + len(solved)]
-                F_ior, turned = self._shown(there[: len(self.measured)], F_ior, turned, seed)
-            sets_arcsec, tested, of_sets = self._further_sets(maps, moved, number, own)
-            figures_of_sets = [{**figures, **({} if test is None else {ACCURACY: test})} for test in tested]
-            likelihoods = [np.exp(log_likelihood(self.evidence, of_set)) for of_set in figures_of_sets]
-            solved.append(
-                Draw(
-                    figures=now,
-                    F_ior_arcsec=tuple(F_ior.tolist()),
-                    turned_arcsec=tuple(map(tuple, turned.tolist())),
-                    weight=weight,
-                    shares=tuple(own),
-                    proof=proof + of_errors + of_further + of_sets,
-                    follows=follows,
-                    turned_proof=of_turned,
-                    sets_arcsec=tuple(map(tuple, sets_arcsec.T.tolist())),
-                    set_weights=tuple(float(likelihood) / density / going_on for likelihood in likelihoods),
-                )
-            )
+            return [Draw(figures=figures, proof=proof, follows=follows) for _ in range(self.alike)]
+
+        tests = self._tests_of(drive, number)
+        system = _System(
+            number=number,
+            drive=drive,
+            maps=error_maps(drive, self._torques_with(tests), formulation),
+            shares=field_shares,
+            follows=follows,
+            figures=figures,
+            tests=tests,
+            density=density,
+            going_on=going_on,
+        )
+        return self._draws_of(system, proof)
+
+    def _meshed(self, drive: Drive, shares: Sequence[float]) -> tuple[Drive, dict[str, float], Certificate]:
+        """Return a drive with the shift of the rigid wheel that follows from all else, that shift by path, and a proof.
+
+        shares: of the probability of all fields.
+        """
+        if not self.prior.meshing:
+            return drive, {}, EMPTY
+        place, beyond = self.prior.meshing
+        shift, proof = meshing_shift(drive)
+        follows = {beyond.path: shift + float(beyond.value(np.array(shares[place])))}
+        return drive.with_values(follows), follows, proof
+
+    def _draws_of(self, system: _System, proof: Certificate) -> list[Draw]:
+        """Return the draws of one contact system, each with deviations of its own.
+
+        proof: of the states of the system so far, which the first draw carries for all.
+        """
+        proposals = [ProposedDeviations(shares={}, density=1.0)]
+        if self.near:
+            proposals, proof_of_tables = self.near.drawn(system.maps, system.number)
+            proof += proof_of_tables
+        draws = []
+        for place, deviations in enumerate(proposals):
+            draw = self._draw_of(system, deviations, place)
+            draws.append(replace(draw, proof=proof + draw.proof))
             proof = EMPTY
-        return solved
+        return draws
+
+    def _draw_of(self, system: _System, deviations: ProposedDeviations, place: int) -> Draw:
+        """Return the draw of a contact system that has some deviations; place: that of it among those of the system."""
+        shares = [
+            deviations.shares.get(field_prior.path, share)
+            for field_prior, share in zip(self.prior.fields, system.shares, strict=True)
+        ]
+        drive = system.drive.with_values(self.prior.values(np.array([shares]))[0])
+        F_ior, tested, proof = errors_now(system.maps, drive, self.torques, list(system.tests.values()))
+        turned, turned_proof = errors_by_turn(system.maps, drive, self.torques, F_ior.tolist(), self.rotations_deg)
+        further_figures: Mapping[str, float] = {}
+        if self.figures_of:
+            further_figures, proof_of_figures = self.figures_of(drive)
+            proof += proof_of_figures
+        errors_by_figure = dict(zip(system.tests, tested.tolist(), strict=True))
+        figures = {**system.figures, **further_figures, **errors_by_figure}
+        likelihood = float(np.exp(log_likelihood(self.evidence, figures)))
+        if self.measured:
+            seed = [self.seed, system.number * self.alike + place]
+            F_ior, turned = self._shown(tested[: len(self.measured)], F_ior, turned, seed)
+        sets = self._further_sets(system, drive, shares)
+        return Draw(
+            figures=figures,
+            F_ior_arcsec=tuple(F_ior.tolist()),
+            turned_arcsec=_as_rows(turned),
+            weight=likelihood / (system.density * deviations.density) / system.going_on,  # equation (1)
+            shares=tuple(shares),
+            proof=proof + sets.proof,
+            follows=system.follows,
+            turned_proof=turned_proof,
+            sets_arcsec=_as_rows(sets.F_ior_arcsec.T),
+            set_weights=tuple(self._set_weight(system, tested_arcsec) for tested_arcsec in sets.tested_arcsec),
+        )
+
+    def _set_weight(self, system: _System, tested_arcsec: float | None) -> float:
+        """Return the weight of a set of deviations by equation (1); its F'_ior as tested [arcsec], None without."""
+        figures = dict(system.figures)
+        if tested_arcsec is not None:
+            figures[ACCURACY] = tested_arcsec
+        likelihood = float(np.exp(log_likelihood(self.evidence, figures)))
+        return likelihood / system.density / system.going_on
 
     @cached_property
     def _set_places(self) -> list[int]:
@@ -345,24 +427,27 @@ class Sampling:
             if field_prior in fields and not field_prior.draws
         ]
 
-    def _further_sets(
-        self, maps: Sequence[ErrorMap], drive: Drive, number: int, shares: Sequence[float]
-    ) -> tuple[Array, list[float | None], Certificate]:
-        """Return F'_ior [arcsec] of further sets of deviations, shape (torques, sets), that as tested, and the proof.
+    def _further_sets(self, system: _System, drive: Drive, shares: Sequence[float]) -> _FurtherSets:
+        """Return F'_ior of further sets of deviations on the contact system of a draw.
 
-        maps: of the error of the drive at all torques; number of the draw; shares of the fields of the draw.
+        drive: with the deviations of the draw.
+        shares: of the fields of the draw.
         """
         if not self._set_places:
-            return np.empty((len(self.torques), 0)), [], EMPTY
-        columns = self._set_columns(number, shares)
-        of_torque = {error_map.M_g: error_map for error_map in maps}
-        as_mounted = [many_extremes(of_torque[M_g], Batch(drive, columns), DRAWN_GRIDS) for M_g in self.torques]
-        F_ior = np.array([extremes.F_ior_arcsec for extremes in as_mounted])
-        proof = sum((extremes.certificate for extremes in as_mounted), EMPTY)
+            return _FurtherSets(F_ior_arcsec=np.empty((len(self.torques), 0)), tested_arcsec=(), proof=EMPTY)
+        columns = self._set_columns(system.number, shares)
+        map_of_torque = {error_map.M_g: error_map for error_map in system.maps}
+        as_mounted = [many_extremes(map_of_torque[M_g], Batch(drive, columns), DRAWN_GRIDS) for M_g in self.torques]
+        sets = _FurtherSets(
+            F_ior_arcsec=np.array([extremes.F_ior_arcsec for extremes in as_mounted]),
+            tested_arcsec=tuple(None for _ in range(1, self.sets)),
+            proof=sum((extremes.certificate for extremes in as_mounted), EMPTY),
+        )
         if not any(datum.figure == ACCURACY for datum in self.evidence):
-            return F_ior, [None for _ in range(1, self.sets)], proof
-        tested, of_test = self._tested_sets(of_torque[ACCURACY_LOAD * drive.rated_torque], drive, number, columns)
-        return F_ior, tested, proof + of_test
+            return sets
+        map_of_test = map_of_torque[ACCURACY_LOAD * drive.rated_torque]
+        tested = self._tested_sets(map_of_test, drive, system.number, columns)
+        return replace(sets, tested_arcsec=tuple(tested.F_ior_arcsec.tolist()), proof=sets.proof + tested.certificate)
 
     def _set_columns(self, number: int, shares: Sequence[float]) -> dict[str, Array]:
         """Return values of the deviations of further sets, by path, shape (sets,) each.
@@ -376,40 +461,108 @@ class Sampling:
         paths = [self.prior.fields[place].path for place in self._set_places]
         return {path: np.array([of_set[path] for of_set in values]) for path in paths}
 
-    def _tested_sets(
-        self, error_map: ErrorMap, drive: Drive, number: int, columns: Mapping[str, Array]
-    ) -> tuple[list[float | None], Certificate]:
-        """Return F'_ior [arcsec] of further sets of deviations as the manufacturer tests it, and the proof.
+    def _tested_sets(self, error_map: ErrorMap, drive: Drive, number: int, columns: Mapping[str, Array]) -> Extremes:
+        """Return the extremes of further sets of deviations as the manufacturer tests them.
 
-        error_map: at the load of the test; number of the draw; columns: values of the sets by path, shape (sets,) each.
+        error_map: at the load of the test.
+        number: of the draw.
+        columns: values of the sets by path, shape (sets,) each.
         """
         turns_deg = [turn_of_test_deg(drive, [self.seed, number, place]) for place in range(1, self.sets)]
         turned = {path: columns.get(path, drive.number(path)) + np.array(turns_deg) for path in carried(drive)}
-        extremes = many_extremes(error_map, Batch(drive, {**columns, **turned}), DRAWN_GRIDS)
-        return extremes.F_ior_arcsec.tolist(), extremes.certificate
+        return many_extremes(error_map, Batch(drive, {**columns, **turned}), DRAWN_GRIDS)
 
-    def _shown(self, there: Array, F_ior: Array, turned: Array, seed: list[int]) -> tuple[Array, Array]:
-        """F'_ior [arcsec] of the drive, where the model of a draw has F_ior and turned, by F'_ior as measured on it.
+    def _shown(self, tested: Array, F_ior: Array, turned: Array, seed: list[int]) -> tuple[Array, Array]:
+        """Return F'_ior of the drive [arcsec], drawn around F'_ior of the model by the values measured on the drive.
 
         A draw of its scale, misfit, noise and misread value (evidence.py, equation 1), the same whatever else is asked
-        for. Arguments: there, F'_ior of the model as measured, shape (values,); the others as of errors_by_turn.
+        for.
+
+        tested: F'_ior of the model as measured [arcsec], shape (values,).
+        F_ior, turned: F'_ior of the model [arcsec], shapes (torques,) and (torques, rotations), as are the results.
+        seed: of the draw.
         """
         y, stated, correlation = values_of_errors(self.measured)
-        f, rng, kinds = there[None], np.random.default_rng(seed), error_kinds(len(y), {1.0: 0.0})
-        mean = f.mean(axis=1)
-        kind = kinds[rng.choice(len(kinds), p=softmax(log_likelihoods(kinds, f, y, stated, correlation, mean)[:, 0]))]
-        of_scale, noise = rng.standard_normal(1), rng.standard_normal((1, len(y)))
-        points = [(M_g, turn) for M_g in self.torques for turn in (0.0, *self.rotations_deg)]
-        loads, turns = np.array([*points, *((each.M_g, each.rotation_deg) for each in self.measured)]).T
-        misfit = np.zeros((1, len(turns)))
+        predicted = tested[None]  # of one draw, shape (1, values)
+        mean = predicted.mean(axis=1)
+        rng = np.random.default_rng(seed)
+        kinds = error_kinds(len(y), {1.0: 0.0})
+        log_likelihood_of_kinds = log_likelihoods(kinds, predicted, y, stated, correlation, mean)[:, 0]
+        kind = kinds[rng.choice(len(kinds), p=softmax(log_likelihood_of_kinds))]
+        scale_normals = rng.standard_normal(1)
+        noise_normals = rng.standard_normal((1, len(y)))
+
+        loads, turns = self._points_shown()
+        misfit_normals = np.zeros((1, len(turns)))
         for M_g in np.unique(loads):
-            numbers = np.random.default_rng([*seed, int(M_g.view(np.uint64))]).standard_normal((1, SMOOTH_NUMBERS))
-            misfit[:, loads == M_g] = smooth_misfits(turns[loads == M_g], numbers)
-        every = np.append(np.column_stack([F_ior, turned]), there)[None]
-        spreads, alike = kind.spreads(stated, y)[None], kernel(turns, turns) * np.equal.outer(loads, loads)
-        shown, _ = errors_of_drive(every, y, (kind.misfit * mean) ** 2, spreads, alike, (of_scale, misfit, noise))
+            # by the torque's own bits, so that other torques do not move the numbers of this one
+            rng_of_torque = np.random.default_rng([*seed, int(M_g.view(np.uint64))])
+            numbers = rng_of_torque.standard_normal((1, SMOOTH_NUMBERS))
+            misfit_normals[:, loads == M_g] = smooth_misfits(turns[loads == M_g], numbers)
+
+        model = np.append(np.column_stack([F_ior, turned]), tested)[None]  # shape (1, points)
+        spreads = kind.spreads(stated, y)[None]
+        is_same_torque = np.equal.outer(loads, loads)
+        shown, _ = errors_of_drive(
+            model,
+            y,
+            (kind.misfit * mean) ** 2,
+            spreads,
+            kernel(turns.tolist(), turns.tolist()) * is_same_torque,
+            (scale_normals, misfit_normals, noise_normals),
+        )
         shown = np.round(shown, _SHOWN_DIGITS).reshape(len(self.torques), -1)
         return shown[:, 0], shown[:, 1:]
+
+    def _points_shown(self) -> tuple[Array, Array]:
+        """Return torque [N*m] and turn [deg] of each F'_ior: those asked for, by torque, then those of the values."""
+        points = [(M_g, turn) for M_g in self.torques for turn in (0.0, *self.rotations_deg)]
+        points += [(datum.M_g, datum.rotation_deg) for datum in self.measured]
+        loads, turns = np.array(points).T
+        return loads, turns
+
+
+@dataclass(frozen=True, eq=False)
+class _System:
+    """A contact system, which several draws share: a drive with all values but those of its deviations.
+
+    number: of the draw.
+    maps: of the error, at all torques that a draw needs.
+    shares: of the probability of each field, those of the deviations included.
+    follows: values that follow from others, by path.
+    figures: of its stiffness, by name, if there is evidence of stiffness.
+    tests: torque [N*m] and turn [deg] at which F'_ior is evidence, by figure.
+    density: that it was drawn with, over the prior's: q of equation (1).
+    going_on: probability with which it was solved further: p of equation (1).
+    """
+
+    number: int
+    drive: Drive
+    maps: Sequence[ErrorMap]
+    shares: Sequence[float]
+    follows: dict[str, float]
+    figures: Mapping[str, float]
+    tests: Mapping[str, tuple[float, float]]
+    density: float
+    going_on: float
+
+
+@dataclass(frozen=True, eq=False)
+class _FurtherSets:
+    """F'_ior [arcsec] of further sets of deviations on a contact system, and the proof.
+
+    F_ior_arcsec: as mounted, shape (torques, sets).
+    tested_arcsec: as the manufacturer tests it, of each set; None without an accuracy.
+    """
+
+    F_ior_arcsec: Array
+    tested_arcsec: Sequence[float | None]
+    proof: Certificate
+
+
+def _as_rows(values: Array) -> tuple[tuple[float, ...], ...]:
+    """Return an array of two dimensions as the tuples of a record."""
+    return tuple(map(tuple, values.tolist()))
 
 
 _SETS = 11  # of the seeds of a draw: that of its further sets of deviations
@@ -438,24 +591,32 @@ def errors_now(
     torques: Sequence[float],
     measured: Sequence[tuple[float, float]] = (),
 ) -> tuple[Array, Array, Certificate]:
-    """F'_ior [arcsec] of a drive at torques [N*m], shape (torques,), and as measured, shape (measured,), and the proof.
+    """Return F'_ior of a drive as it stands and as measured [arcsec], shapes (torques,) and (measured,), and the proof.
 
-    Arguments: maps of its error at all torques; measured, single torques [N*m] with a turn each [deg]. Raises
-    UntrustedError where an answer cannot be trusted.
+    maps: of its error at all torques.
+    drive: the drive.
+    torques: torques [N*m].
+    measured: torque [N*m] and turn [deg] of each measured value.
+    Raises UntrustedError if a state cannot be trusted.
     """
-    now, there, proof = dict[float, float](), dict[tuple[float, float], float](), EMPTY
+    F_ior_of_torque: dict[float, float] = {}
+    F_ior_of_test: dict[tuple[float, float], float] = {}
+    proof = EMPTY
     for error_map in maps:
         # by themselves, so that their digits are the same whatever else is searched
-        alone = [at for at in measured if at[0] == error_map.M_g]
-        first = np.nan
-        if error_map.M_g in torques or any(turn % 360 == 0 for _, turn in alone):
-            found = many_extremes(error_map, Batch.of(drive), DRAWN_GRIDS)
-            first = now[error_map.M_g] = found.first
-            proof += found.certificate
-        F_ior, of_measured = _at_turns(error_map, drive, first, [turn for _, turn in alone])
-        there |= zip(alone, F_ior.tolist(), strict=True)
-        proof += of_measured
-    return np.array([now[M_g] for M_g in torques]), np.array([there[at] for at in measured]), proof
+        tests = [test for test in measured if test[0] == error_map.M_g]
+        F_ior = np.nan
+        if error_map.M_g in torques or any(turn % 360 == 0 for _, turn in tests):
+            extremes = many_extremes(error_map, Batch.of(drive), DRAWN_GRIDS)
+            F_ior = extremes.first
+            F_ior_of_torque[error_map.M_g] = F_ior
+            proof += extremes.certificate
+        turned, proof_of_turns = _at_turns(error_map, drive, F_ior, [turn for _, turn in tests])
+        F_ior_of_test |= zip(tests, turned.tolist(), strict=True)
+        proof += proof_of_turns
+    as_it_stands = np.array([F_ior_of_torque[M_g] for M_g in torques])
+    as_measured = np.array([F_ior_of_test[test] for test in measured])
+    return as_it_stands, as_measured, proof
 
 
 def errors_by_turn(
@@ -465,49 +626,64 @@ def errors_by_turn(
     now: Sequence[float],
     rotations_deg: Sequence[float],
 ) -> tuple[Array, Certificate]:
-    """F'_ior [arcsec] of a drive with its fixed wheel turned [deg], shape (torques, rotations), and the proof.
+    """Return F'_ior of a drive with its fixed wheel turned [arcsec], shape (torques, rotations), and the proof.
 
-    Arguments: maps of its error at torques [N*m] and others; now, F'_ior where the wheel stands, at each torque. Raises
-    UntrustedError where an answer cannot be trusted.
+    maps: of its error, at these torques and others.
+    drive: the drive.
+    torques: torques [N*m].
+    now: F'_ior as the wheel stands [arcsec], at each torque.
+    rotations_deg: turns of the fixed wheel [deg].
+    Raises UntrustedError if a state cannot be trusted.
     """
-    of_torque = {each.M_g: each for each in maps}
-    found = [_at_turns(of_torque[M_g], drive, F_ior, rotations_deg) for M_g, F_ior in zip(torques, now, strict=True)]
-    turned = np.array([F_ior for F_ior, _ in found]).reshape(len(torques), len(rotations_deg))
-    return turned, sum((proof for _, proof in found), EMPTY)
+    map_of_torque = {error_map.M_g: error_map for error_map in maps}
+    turned = np.empty((len(torques), len(rotations_deg)))
+    proof = EMPTY
+    for k, (M_g, F_ior) in enumerate(zip(torques, now, strict=True)):
+        turned[k], proof_of_turns = _at_turns(map_of_torque[M_g], drive, F_ior, rotations_deg)
+        proof += proof_of_turns
+    return turned, proof
 
 
-def _at_turns(error_map: ErrorMap, drive: Drive, now: float, turns: Sequence[float]) -> tuple[Array, Certificate]:
-    """F'_ior [arcsec] of a drive with its fixed wheel turned [deg], shape (turns,), and the proof of it.
+def _at_turns(error_map: ErrorMap, drive: Drive, now: float, turns_deg: Sequence[float]) -> tuple[Array, Certificate]:
+    """Return F'_ior of a drive with its fixed wheel turned [arcsec], shape (turns,), and the proof.
 
-    Argument: now, F'_ior as it stands.
+    now: F'_ior as the wheel stands [arcsec], which a turn by whole revolutions leaves as it is.
     """
-    F_ior, away = np.full(len(turns), now), np.flatnonzero(np.array(turns) % 360)
-    if not len(away):
+    F_ior = np.full(len(turns_deg), now)
+    turned_places = np.flatnonzero(np.array(turns_deg) % 360)
+    if not len(turned_places):
         return F_ior, EMPTY
-    there = many_extremes(error_map, Batch.turned(drive, np.array(turns)[away]), DRAWN_GRIDS)
-    F_ior[away] = there.F_ior_arcsec
-    return F_ior, there.certificate
+    batch = Batch.turned(drive, np.array(turns_deg)[turned_places])
+    extremes = many_extremes(error_map, batch, DRAWN_GRIDS)
+    F_ior[turned_places] = extremes.F_ior_arcsec
+    return F_ior, extremes.certificate
 
 
 _OPENED = 0.1  # modules of clearance at each flank, with which any drive has play
 
 
 def meshing_shift(drive: Drive) -> tuple[float, Certificate]:
-    """Profile shift of the rigid wheel [modules] at which the teeth of a drive at rest just mesh, with the proof.
+    """Return the profile shift of the rigid wheel [modules] at which the teeth of a drive at rest just mesh, and proof.
 
     A harmonic drive is made so that its teeth just fill their spaces: wave, clearances and the shifts of both wheels
     are chosen for each other, whatever they are. Without load the flanks are free of each other up to there, so the
-    play grows by the same angle with each micrometre of clearance, and one answer with much clearance shows where it
-    begins. Raises UntrustedError where the drive has no answer with play.
+    backlash grows by the same angle with each micrometre of clearance, and one answer with much clearance shows where
+    it begins.
+
+    Raises UntrustedError if the drive has no answer with backlash.
     """
-    gears, alpha, opened = drive.gears, np.radians(drive.gears.alpha), _OPENED * drive.gears.m
+    gears = drive.gears
+    alpha = np.radians(gears.alpha)
+    mm_per_shift = gears.m * np.sin(alpha)  # by which a shift of 1 moves a flank along its normal
+    opened_mm = _OPENED * gears.m
     at_rest = drive.with_values({"operation.dT": 0.0})
-    nearest = float(flank_candidates(Geometry.of(at_rest)).gap.min()) + 1e-3 * gears.j_n  # on the cam's own shape
-    near = drive.number(RIGID_SHIFT) - nearest / (gears.m * np.sin(alpha))
-    there = at_rest.with_values({RIGID_SHIFT: near, "gears.j_n": gears.j_n + 1e3 * opened})
-    least = NEAR_ZERO * drive.rated_torque
-    contact, tube, proof = Twist(there).at(np.array([-least, least]))
-    play = float(np.diff(contact + tube)[0]) / ARCSEC  # rad
-    # a flank's force acts at the base circle: half of the play is the clearance over its radius
-    left = play / 2 * gears.m * gears.z_g / 2 * np.cos(alpha) - opened
-    return near - float(left / (gears.m * np.sin(alpha))), proof
+    # on the cam's own shape the flanks touch here; the elastic drive meshes nearby
+    least_gap_mm = float(flank_candidates(Geometry.of(at_rest)).gap.min()) + 1e-3 * gears.j_n
+    first_shift = drive.number(RIGID_SHIFT) - least_gap_mm / mm_per_shift
+    opened_drive = at_rest.with_values({RIGID_SHIFT: first_shift, "gears.j_n": gears.j_n + 1e3 * opened_mm})
+    least_torque = NEAR_ZERO * drive.rated_torque
+    contact, tube, proof = Twist(opened_drive).at(np.array([-least_torque, least_torque]))
+    backlash_rad = float(np.diff(contact + tube)[0]) / ARCSEC
+    # a flank's force acts at the base circle: half of the backlash is the clearance over its radius
+    clearance_mm = backlash_rad / 2 * gears.m * gears.z_g / 2 * np.cos(alpha)
+    return first_shift - float((clearance_mm - opened_mm) / mm_per_shift), proof

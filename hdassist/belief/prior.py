@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Literal
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from hdassist.belief.statistics import sobol_points
-from hdassist.model.deviations import MeasuredTeeth, assumptions, standing_offset, unknowns
+from hdassist.model.deviations import MeasuredTeeth, Unknown, assumptions, standing_offset, unknowns
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import DEVIATIONS, Drive, deviation_sizes, field_table, is_overridden, measures
 from hdassist.solve.answers import ARCSEC
@@ -26,6 +27,7 @@ _SHARE_LIMITS = (1e-9, 1 - 1e-9)  # probabilities that a normal distribution is 
 EVIDENCE = ("catalogue.", "measured.")  # sections that tell of fields, and are none of the drive's
 
 _FieldOwner = Literal["design", "drive", "assembly", "surroundings"]
+_Distribution = Literal["even", "logarithmic", "normal", "drawn", "meshing"]
 
 
 @dataclass(frozen=True)
@@ -40,7 +42,7 @@ class FieldPrior:
     """
 
     path: str
-    distribution: Literal["even", "logarithmic", "normal", "drawn", "meshing"]
+    distribution: _Distribution
     low: float
     high: float
     owner: _FieldOwner
@@ -49,22 +51,25 @@ class FieldPrior:
     draws: tuple[float, ...] = ()
 
     def value(self, share: Array) -> Array:
-        """Values of the field [its unit] at shares of its probability; a normal one is cut where the field ends."""
+        """Return values of the field [its unit] at shares of its probability; a normal one is cut at its end."""
         if self.draws:
             return np.sort(self.draws)[self._places(share)]
         if self.distribution == "logarithmic":
             return np.asarray(self.low * (self.high / self.low) ** share)
         if self.distribution in ("even", "meshing"):
             return np.asarray(self.low + (self.high - self.low) * share)
-        normal = (self.low + self.high) / 2 + (self.high - self.low) / 4 * ndtri(np.clip(share, *_SHARE_LIMITS))
+        mean = (self.low + self.high) / 2
+        standard_deviation = (self.high - self.low) / 4  # the bounds are two of them off the mean
+        normal = mean + standard_deviation * ndtri(np.clip(share, *_SHARE_LIMITS))
         return np.asarray(np.maximum(normal, field_table()[self.path].ge))
 
     def joined(self, share: Array) -> Array:
-        """Shares of the field's own probability where those of its fit are given."""
+        """Return shares of the field's own probability at shares of the probability of its fit."""
         ranks = np.argsort(np.argsort(self.draws, kind="stable"))
         return np.asarray((ranks[self._places(share)] + 0.5) / len(self.draws))
 
     def _places(self, share: Array) -> NDArray[np.int64]:
+        """Return the place of the draw of a fit at each share of its probability."""
         places: NDArray[np.int64] = np.minimum((share * len(self.draws)).astype(np.int64), len(self.draws) - 1)
         return places
 
@@ -107,32 +112,44 @@ class DrivePrior:
     @property
     def meshing(self) -> tuple[int, FieldPrior] | None:
         """The shift of the rigid wheel where it follows from all else, and its place among the fields."""
-        return next(((k, each) for k, each in enumerate(self.fields) if each.distribution == "meshing"), None)
+        for place, field in enumerate(self.fields):
+            if field.distribution == "meshing":
+                return place, field
+        return None
 
     def shares(self, count: int, seed: int = 0) -> Array:
-        """Joint draws as shares of each field's probability, shape (count, fields + 1); the last column is spare.
+        """Return joint draws as shares of each field's probability and a spare, shape (count, fields + 1).
 
         A scrambled Sobol sequence: of more draws by the same seed the first are the same.
         """
         return self.joined(sobol_points(count, len(self.fields) + 1, seed))
 
     def joined(self, shares: Array) -> Array:
-        """The same shares, those of fields that were fitted together by one draw of the fit, that of the first one."""
-        together = [k for k, each in enumerate(self.fields) if each.draws]
-        found = shares.copy()
-        for k in together:
-            found[:, k] = self.fields[k].joined(shares[:, together[0]])
-        return found
+        """Return shares with fields that were fitted together at one draw of their fit, that of the first such field.
+
+        shares: of each field's probability, shape (draws, at least fields), as is the result.
+        """
+        fitted = [k for k, field in enumerate(self.fields) if field.draws]
+        joined = shares.copy()
+        for k in fitted:
+            joined[:, k] = self.fields[k].joined(shares[:, fitted[0]])
+        return joined
 
     def values(self, shares: Array) -> list[dict[str, float]]:
-        """Values by path of draws, from their shares, shape (draws, at least fields), without a shift that follows."""
-        drawn = [(k, each) for k, each in enumerate(self.fields) if each.distribution != "meshing"]
-        columns = {each.path: each.value(shares[:, k]).tolist() for k, each in drawn}
+        """Return the values of draws by path, without a shift that follows from them.
+
+        shares: of each field's probability, shape (draws, at least fields).
+        """
+        columns = {
+            field.path: field.value(shares[:, k]).tolist()
+            for k, field in enumerate(self.fields)
+            if field.distribution != "meshing"
+        }
         return [{path: column[k] for path, column in columns.items()} for k in range(len(shares))]
 
 
 def prior_of(drive: Drive) -> DrivePrior:
-    """The prior of a drive, made from its preset alone.
+    """Return the prior of a drive, made from its preset alone.
 
     Teeth mesh without play where a catalogue says so: the rigid wheel's shift follows, where it is assumed.
     A field with an uncertainty is normal. One that is assumed, or left to a default with a plausible range, is even
@@ -140,54 +157,112 @@ def prior_of(drive: Drive) -> DrivePrior:
     not given is even up to the largest that its part may have, its direction even around. One that was fitted with
     others is drawn with them, while it has the value of their fit. All others are points.
     """
-    groups = {path: each.size for each in DEVIATIONS for path in (each.size, each.direction)}
-    assumed = {each.path: each for each in assumptions(drive)}
-    uncertain = {path: spread for path, spread in drive.uncertainty.items() if spread and drive.value(path) is not None}
-    # the direction of a deviation of size 0 matters where that size may be another
-    largest = {path: assumed[path].high for path in deviation_sizes() if path in assumed}
-    largest |= {path: drive.number(path) + uncertain[path] for path in deviation_sizes() if path in uncertain}
-    unknown = {each.path: each for each in (*unknowns(drive.with_values(largest)), *unknowns(drive))}
-    fitted = {
-        path: draws
-        for path, draws in drive.fit.items()
-        if drive.value(path) == draws[0] and not is_overridden(path, drive.origin.overrides)
-    }
-    found = []
-    for path in [path for path in measures() if not path.startswith(EVIDENCE)]:
-        own, owner = groups.get(path, path), owner_of(drive, path)
-        if path in uncertain:
-            low, high = (drive.number(path) + sign * uncertain[path] for sign in (-1, 1))
-            found.append(FieldPrior(path, "normal", low, high, owner, own, "its uncertainty, k = 2"))
-        elif path in fitted:
-            draws = fitted[path]
-            found.append(FieldPrior(path, "drawn", min(draws), max(draws), owner, own, "fitted with others", draws))
-        elif path in assumed:
-            low, high, reason = assumed[path].low, assumed[path].high, assumed[path].reason
-            wide = low > 0 and high / low > LOGARITHMIC
-            found.append(FieldPrior(path, "logarithmic" if wide else "even", low, high, owner, own, reason))
-        elif path == RIGID_SHIFT and (play := drive.catalogue.play) and _follows(drive):
+    knowledge = _Knowledge.of(drive)
+    candidates = [knowledge.field_prior(path) for path in measures() if not path.startswith(EVIDENCE)]
+    fields = tuple(field for field in candidates if field is not None)
+    varied = {field.path for field in fields}
+    exact = tuple(path for path, source in drive.source.items() if source.kind == "identified" and path not in varied)
+    return DrivePrior(drive, fields, exact)
+
+
+@dataclass(frozen=True, eq=False)
+class _Knowledge:
+    """What the preset of a drive states of its fields, by path.
+
+    uncertain: expanded uncertainty (k = 2) of values that have one.
+    fitted: equally likely values of fields that were fitted together.
+    assumed: ranges of values that are assumed or left to a default.
+    unknown: ranges of deviations that are not given.
+    """
+
+    drive: Drive
+    uncertain: Mapping[str, float]
+    fitted: Mapping[str, tuple[float, ...]]
+    assumed: Mapping[str, Unknown]
+    unknown: Mapping[str, Unknown]
+
+    @classmethod
+    def of(cls, drive: Drive) -> _Knowledge:
+        """Return what the preset of a drive states of its fields."""
+        assumed = {assumption.path: assumption for assumption in assumptions(drive)}
+        uncertain = {
+            path: spread for path, spread in drive.uncertainty.items() if spread and drive.value(path) is not None
+        }
+        # the direction of a deviation of size 0 matters where that size may be another
+        largest = {path: assumed[path].high for path in deviation_sizes() if path in assumed}
+        largest |= {path: drive.number(path) + uncertain[path] for path in deviation_sizes() if path in uncertain}
+        fitted = {
+            path: draws
+            for path, draws in drive.fit.items()
+            if drive.value(path) == draws[0] and not is_overridden(path, drive.origin.overrides)
+        }
+        all_unknown = (*unknowns(drive.with_values(largest)), *unknowns(drive))
+        return cls(
+            drive=drive,
+            uncertain=uncertain,
+            fitted=fitted,
+            assumed=assumed,
+            unknown={unknown.path: unknown for unknown in all_unknown},
+        )
+
+    def field_prior(self, path: str) -> FieldPrior | None:
+        """Return the prior of a field by the first statement on it; None if the field is a point."""
+        if path in self.uncertain:
+            value = self.drive.number(path)
+            spread = self.uncertain[path]
+            return self._prior(path, "normal", value - spread, value + spread, "its uncertainty, k = 2")
+        if path in self.fitted:
+            draws = self.fitted[path]
+            fitted = self._prior(path, "drawn", min(draws), max(draws), "fitted with others")
+            return replace(fitted, draws=draws)
+        if path in self.assumed:
+            assumption = self.assumed[path]
+            is_wide = assumption.low > 0 and assumption.high / assumption.low > LOGARITHMIC
+            distribution: _Distribution = "logarithmic" if is_wide else "even"
+            return self._prior(path, distribution, assumption.low, assumption.high, assumption.reason)
+        play = self.drive.catalogue.play
+        if path == RIGID_SHIFT and play and _follows(self.drive):
             reason = f"the teeth mesh: a backlash of {play:g} arcsec at most, a preload of {PRELOAD:g} modules at most"
-            most = play / ARCSEC * drive.gears.z_g / 4 / np.tan(np.radians(drive.gears.alpha))
-            found.append(FieldPrior(path, "meshing", -PRELOAD, float(most), owner, own, reason))
-        elif path in unknown:
-            each = unknown[path]
-            found.append(FieldPrior(path, "even", each.low, each.high, owner, own, each.reason))
-    drawn = {each.path for each in found}
-    exact = tuple(p for p, source in drive.source.items() if source.kind == "identified" and p not in drawn)
-    return DrivePrior(drive, tuple(found), exact)
+            return self._prior(path, "meshing", -PRELOAD, _shift_of_backlash(self.drive, play), reason)
+        if path in self.unknown:
+            unknown = self.unknown[path]
+            return self._prior(path, "even", unknown.low, unknown.high, unknown.reason)
+        return None
+
+    def _prior(self, path: str, distribution: _Distribution, low: float, high: float, reason: str) -> FieldPrior:
+        """Return the prior of a field, with its owner and its group."""
+        return FieldPrior(
+            path=path,
+            distribution=distribution,
+            low=low,
+            high=high,
+            owner=owner_of(self.drive, path),
+            group=_deviation_groups().get(path, path),
+            reason=reason,
+        )
+
+
+@cache
+def _deviation_groups() -> dict[str, str]:
+    """Return the path of the size of each deviation, by the paths of its size and of its direction."""
+    return {path: deviation.size for deviation in DEVIATIONS for path in (deviation.size, deviation.direction)}
+
+
+def _shift_of_backlash(drive: Drive, play_arcsec: float) -> float:
+    """Return the shift of the rigid wheel [modules] beyond the meshing one at which a drive has some backlash."""
+    return float(play_arcsec / ARCSEC * drive.gears.z_g / 4 / np.tan(np.radians(drive.gears.alpha)))
 
 
 def _follows(drive: Drive) -> bool:
-    """Whether the shift of the rigid wheel is assumed, nothing else is said of it, and no other value found by it."""
+    """Return whether the shift of the rigid wheel follows: it is only assumed, and no value was identified with it."""
     source = drive.source.get(RIGID_SHIFT)
-    found = any(each.kind == "identified" for each in drive.source.values())
-    return bool(
-        source and source.kind == "assumed" and not found and not is_overridden(RIGID_SHIFT, drive.origin.overrides)
-    )
+    if source is None or source.kind != "assumed" or is_overridden(RIGID_SHIFT, drive.origin.overrides):
+        return False
+    return not any(other_source.kind == "identified" for other_source in drive.source.values())
 
 
 def owner_of(drive: Drive, path: str) -> _FieldOwner:
-    """Whose the value of a field is, by path: the design's, a single drive's, or its assembly's."""
+    """Return whose the value of a field is, by path: the design's, a single drive's, or its assembly's."""
     if path in (*standing_offset(drive), "harmonics.a_s2", "harmonics.xi_s2"):
         return "assembly"
     if path.startswith(("tolerances.", "phases.", "harmonics.")) or path in _DRIVES_OWN:
@@ -199,9 +274,10 @@ _DRIVES_OWN: Sequence[str] = ("gears.j_n", "bearing.g_b", "bearing.beta")  # cle
 
 
 def beside_measured_teeth(drive: Drive, measured: MeasuredTeeth | None) -> tuple[Drive, DrivePrior]:
-    """The drive without the harmonics that measured teeth replace, and the prior of its inputs that are still open."""
+    """Return the drive without the harmonics that measured teeth replace, and the prior of its open inputs."""
     if measured is None:
         return drive, prior_of(drive)
-    known = measured.without_harmonics(drive)
-    prior = prior_of(known)
-    return known, replace(prior, fields=tuple(f for f in prior.fields if known.value(f.path) == drive.value(f.path)))
+    bare = measured.without_harmonics(drive)
+    prior = prior_of(bare)
+    open_fields = tuple(field for field in prior.fields if bare.value(field.path) == drive.value(field.path))
+    return bare, replace(prior, fields=open_fields)

@@ -27,7 +27,7 @@ from hdassist.belief.evidence import (
 )
 from hdassist.belief.prior import DrivePrior, FieldPrior
 from hdassist.belief.statistics import log_error, sobol_points
-from hdassist.error.error_map import TABLE_SECTIONS, Batch, ErrorMap, Mesh, Reach, error_table
+from hdassist.error.error_map import TABLE_SECTIONS, Batch, ErrorMap, ErrorTable, Mesh, Reach, error_table
 from hdassist.error.extremes import DRAWN_GRIDS, many_extremes
 from hdassist.model.deviations import carried, standing_offset
 from hdassist.model.geometry import Array
@@ -49,67 +49,95 @@ class Proposal:
     density: tuple[float, ...]
 
     def drawn(self, shares: Array) -> tuple[Array, Array]:
-        """Draws of the prior moved to this density, shape (draws, at least fields), and the density at each of them."""
+        """Return draws of the prior moved to this density, and the density at each of them.
+
+        shares: of the prior's draws, shape (draws, at least fields); the moved ones have the same shape.
+        """
         cells = len(self.density)
-        below = np.cumsum((0.0, *self.density)) / cells
+        edges = np.cumsum((0.0, *self.density)) / cells  # probability of the density below each edge of a cell
         moved = shares.copy()
-        moved[:, self.field] = np.interp(shares[:, self.field], below, np.linspace(0, 1, cells + 1))
-        cell = np.clip(np.searchsorted(below, shares[:, self.field], side="right") - 1, 0, cells - 1)
+        moved[:, self.field] = np.interp(shares[:, self.field], edges, np.linspace(0, 1, cells + 1))
+        cell = np.clip(np.searchsorted(edges, shares[:, self.field], side="right") - 1, 0, cells - 1)
         return moved, np.array(self.density)[cell]
 
 
 def proposed_draws(
     prior: DrivePrior, evidence: tuple[Evidence, ...], pilot: _Pilot, first: int, last: int, seed: int
 ) -> tuple[Array, Array]:
-    """Draws first to last - 1 as shares of each field's probability and a spare, and their density, shape (draws,).
+    """Return draws as shares of each field's probability and a spare, and their density, shape (draws,).
 
-    Arguments: pilot, figures of the first draws, PILOT_DRAWS of them where `first` is not below that; seed.
+    prior: of the drive.
+    evidence: on the drive.
+    pilot: figures of the first draws, PILOT_DRAWS of them if `first` is not below that.
+    first, last: numbers of the draws, from the first to before the last.
+    seed: of the draws.
     """
     shares = prior.shares(last, seed)
-    alone = [k for k, each in enumerate(prior.fields) if not each.draws]  # those of a fit are drawn together
-    pilot = pilot if alone and first >= PILOT_DRAWS else ()
-    found = proposal_of(shares[:PILOT_DRAWS, [*alone, -1]], evidence, pilot)
-    if found is None:
+    independent = [k for k, field_prior in enumerate(prior.fields) if not field_prior.draws]  # a fit draws its together
+    if not independent or first < PILOT_DRAWS:
+        pilot = ()
+    proposal = proposal_of(shares[:PILOT_DRAWS, [*independent, -1]], evidence, pilot)
+    if proposal is None:
         return shares[first:], np.ones(last - first)
-    return replace(found, field=alone[found.field]).drawn(shares[first:])
+    return replace(proposal, field=independent[proposal.field]).drawn(shares[first:])
 
 
 def proposal_of(shares: Array, evidence: tuple[Evidence, ...], pilot: _Pilot) -> Proposal | None:
-    """The proposal by the stiffness of the first draws, also the weeded ones; None where no field alone explains it.
+    """Return the proposal by the stiffness of the first draws; None if no field alone explains it.
 
     The field is that by whose share x, and its square, a regression of the log-likelihood leaves least; its density is
-    that of weighted draws as far as Legendre's first two polynomials have it. Arguments: shares of these draws, shape
-    (draws, at least fields).
+    that of weighted draws as far as Legendre's first two polynomials have it.
+
+    shares: of the first draws, those that did not go on included, shape (draws, at least fields).
+    evidence: on the drive.
+    pilot: figures of these draws.
     """
-    logs = stiffness_log_likelihoods(evidence, pilot)
-    found, y = list(logs), np.array(list(logs.values()))
+    log_of_draw = stiffness_log_likelihoods(evidence, pilot)
+    draws = list(log_of_draw)
+    y = np.array(list(log_of_draw.values()))
     if len(y) < PILOT_DRAWS / 2 or np.ptp(y) == 0:
         return None
-    x = 2 * shares[found, :-1] - 1
-    left = np.array([_left(column, y) for column in x.T])
-    field = int(np.argmin(left))
+    x = 2 * shares[draws, :-1] - 1
+    unexplained = np.array([_unexplained_share(column, y) for column in x.T])
+    field = int(np.argmin(unexplained))
     free = len(y) - 3  # degrees of freedom beside the mean, the share and its square
-    if fdtrc(2, free, (1 / left[field] - 1) * free / 2) > _CHANCE_OF_STEERING / len(left):
+    F_ratio = (1 / unexplained[field] - 1) * free / 2
+    if fdtrc(2, free, F_ratio) > _CHANCE_OF_STEERING / len(unexplained):
         return None
     weights = np.exp(y) / np.exp(y).sum()
+    mean = weights @ x[:, field]
+    mean_square = weights @ x[:, field] ** 2
+    return Proposal(field, _legendre_density(mean, mean_square))
+
+
+def _legendre_density(mean: float, mean_square: float) -> tuple[float, ...]:
+    """Return a density over -1 to 1 in equal cells, by the moments of x: 1 on average, at least LEAST_DENSITY.
+
+    p(x) = 1 + 3 E[P_1] P_1(x) + 5 E[P_2] P_2(x), with P_1 = x and P_2 = (3 x^2 - 1)/2.
+    """
     middles = 2 * (np.arange(_CELLS) + 0.5) / _CELLS - 1
-    mean, spread = weights @ x[:, field], weights @ x[:, field] ** 2
-    density = np.maximum(1 + 3 * mean * middles + 5 / 4 * (3 * spread - 1) * (3 * middles**2 - 1), 0)
-    return Proposal(field, tuple((LEAST_DENSITY + (1 - LEAST_DENSITY) * density / density.mean()).tolist()))
+    series = 1 + 3 * mean * middles + 5 / 4 * (3 * mean_square - 1) * (3 * middles**2 - 1)
+    density = np.maximum(series, 0)
+    return tuple((LEAST_DENSITY + (1 - LEAST_DENSITY) * density / density.mean()).tolist())
 
 
 def stiffness_log_likelihoods(evidence: tuple[Evidence, ...], pilot: _Pilot) -> dict[int, float]:
-    """Log likelihood of the stiffness of first draws, by their place; without those that have none."""
-    stiff = {k: each for k, each in enumerate(pilot) if each.keys() >= {*STIFFNESS_FIGURES}}
-    return {k: log_likelihood(evidence, {n: of[n] for n in STIFFNESS_FIGURES}) for k, of in stiff.items()}
+    """Return the log likelihood of the stiffness of first draws, by their place; without those that have none."""
+    log_of_draw = {}
+    for place, figures in enumerate(pilot):
+        if figures.keys() >= {*STIFFNESS_FIGURES}:
+            stiffness = {name: figures[name] for name in STIFFNESS_FIGURES}
+            log_of_draw[place] = log_likelihood(evidence, stiffness)
+    return log_of_draw
 
 
-def _left(x: Array, y: Array) -> float:
-    """Share of the variance of y that a parabola in x does not explain."""
+def _unexplained_share(x: Array, y: Array) -> float:
+    """Return the share of the variance of y that a parabola in x does not explain."""
     return float(np.var(y - np.polyval(np.polyfit(x, y, 2), x)) / np.var(y))
 
 
-_FINEST, _COARSEST = 36, 8  # directions that a draw is read in, at most and at least
+_FINEST = 36  # directions that a draw is read in, at most
+_COARSEST = 8  # and at least
 _KNOWN_DIRECTION = 8  # times as many draws where they count in one direction alone
 _OVALITY = "harmonics.xi_s2"  # direction of what the seat does to the rigid wheel; stands still where that is fixed
 _SEARCHED_DRAWS = 20  # draws of a drive that are searched, of which one is chosen
@@ -146,68 +174,135 @@ class TabledErrors:
 
 
 def open_deviations(prior: DrivePrior) -> tuple[FieldPrior, ...]:
-    """Fields of a prior that a table spans."""
-    return tuple(each for each in prior.fields if each.path.startswith(TABLE_SECTIONS))
+    """Return the fields of a prior that a table spans."""
+    return tuple(field_prior for field_prior in prior.fields if field_prior.path.startswith(TABLE_SECTIONS))
 
 
 def _directions_of(drive: Drive) -> int:
-    """Number of directions that draws are read in: the seat's holes, or some of each."""
+    """Return the number of directions that draws are read in: the seat's holes, or some in each of them."""
     holes = drive.mounting.holes
     return holes * -(-_COARSEST // holes) if 0 < holes <= _FINEST else _FINEST
 
 
 def any_direction(prior: DrivePrior) -> bool:
-    """Whether every direction of what stands is equally likely; else draws count in the one that they have.
+    """Return whether every direction of what stands is equally likely; else draws count in the one that they have.
 
     A standing ovality whose direction is known does not turn with the offset.
     """
-    drive, known = prior.drive, {each.path: each for each in prior.fields}
-    turn, ovality = (known.get(path) for path in (standing_offset(drive)[1], _OVALITY))
-    oval = drive.mounting.fixed == "rigid" and drive.value("harmonics.a_s2") != 0
+    drive = prior.drive
+    prior_of_path = {field_prior.path: field_prior for field_prior in prior.fields}
+    turn = prior_of_path.get(standing_offset(drive)[1])
+    ovality = prior_of_path.get(_OVALITY)
+    is_oval = drive.mounting.fixed == "rigid" and drive.value("harmonics.a_s2") != 0
     if turn is None or not turn.is_any_direction or turn.high != 360:
         return False
-    return not oval or (ovality is not None and ovality.is_any_direction)
+    return not is_oval or (ovality is not None and ovality.is_any_direction)
 
 
 def tabled_errors(
     maps: Sequence[ErrorMap], prior: DrivePrior, effort: TableEffort, seed: list[int], other: DrivePrior | None = None
 ) -> TabledErrors:
-    """Draws of the deviations that a prior leaves open, and their F'_ior with all else of a drive.
+    """Return draws of the deviations that a prior leaves open, and their F'_ior with all else of a drive.
 
-    Arguments: maps of the drive, one a torque; seed of these draws, its last number that of the drive among others;
-    other, a prior of which fewer draws stand behind these, each to be counted in the direction that it has.
-    Raises UntrustedError where an answer cannot be trusted.
+    maps: of the drive, one a torque.
+    prior: of the deviations.
+    effort: of the table.
+    seed: of these draws; its last number is that of the drive among others.
+    other: a prior of which fewer draws stand behind these, each to be counted in the direction that it has.
+    Raises UntrustedError if a state cannot be trusted.
     """
     drive = maps[0].drive
     shares, columns = _draws(prior, effort.deviations, seed)
     if other:
-        _, more = _draws(other, effort.deviations // _KNOWN_DIRECTION, seed, tuple(columns))
-        columns = {path: np.concatenate([of, more[path]]) for path, of in columns.items()}
-    shape, number = columns[standing_offset(drive)[1]].shape, seed[-1]
-    sizes = {path: float(column.max()) for path, column in columns.items() if path in deviation_sizes()}
-    reach, rows = Reach.of(drive.with_values(sizes)), np.arange(effort.compared)
-    some = {path: column[rows, (number + 5 * rows) % shape[1]] for path, column in columns.items()}
-    exact = [many_extremes(each, Batch(drive, some), DRAWN_GRIDS) for each in maps if len(rows)]
-    tables = [error_table(each, reach, effort.mesh) for each in maps]
-    read = [log_error(table.F_ior(some)) for table in tables if len(rows)]
-    log_missed = [log_error(known.F_ior_arcsec) - each for known, each in zip(exact, read, strict=True)]
-    flat = {path: column.ravel() for path, column in columns.items()}
-    F_ior = np.array([table.F_ior(flat).reshape(shape) for table in tables])
-    proof = sum((each.certificate for each in exact), sum((each.certificate for each in tables), EMPTY))
-    return TabledErrors(F_ior, np.array(log_missed), columns, shares, proof)
+        _, further = _draws(other, effort.deviations // _KNOWN_DIRECTION, seed, tuple(columns))
+        columns = {path: np.concatenate([values, further[path]]) for path, values in columns.items()}
+    largest = {path: float(values.max()) for path, values in columns.items() if path in deviation_sizes()}
+    reach = Reach.of(drive.with_values(largest))
+    tables = [error_table(error_map, reach, effort.mesh) for error_map in maps]
+    log_missed = np.zeros(0)
+    proof_of_compared = EMPTY
+    if effort.compared:
+        compared = _compared_columns(columns, effort.compared, seed[-1])
+        log_missed, proof_of_compared = _log_missed(maps, tables, drive, compared)
+    shape = columns[standing_offset(drive)[1]].shape
+    flat = {path: values.ravel() for path, values in columns.items()}
+    return TabledErrors(
+        F_ior_arcsec=np.array([table.F_ior(flat).reshape(shape) for table in tables]),
+        log_missed=log_missed,
+        values=columns,
+        shares=shares,
+        certificate=sum((table.certificate for table in tables), EMPTY) + proof_of_compared,
+    )
+
+
+def _compared_columns(columns: Mapping[str, Array], count: int, number: int) -> dict[str, Array]:
+    """Return the values of the first draws by path, shape (count,), each in another direction.
+
+    columns: values by path, shape (draws, directions).
+    number: that of the drive, by which the direction of its first draw is chosen.
+    """
+    rows = np.arange(count)
+    return {path: values[rows, (number + 5 * rows) % values.shape[1]] for path, values in columns.items()}
+
+
+def _log_missed(
+    maps: Sequence[ErrorMap], tables: Sequence[ErrorTable], drive: Drive, columns: Mapping[str, Array]
+) -> tuple[Array, Certificate]:
+    """Return ln of the exact F'_ior over that of the tables, shape (torques, drives), and the proof of the exact one.
+
+    columns: values of the deviations of the compared drives by path, shape (drives,) each.
+    """
+    log_missed = []
+    proof = EMPTY
+    for error_map, table in zip(maps, tables, strict=True):
+        exact = many_extremes(error_map, Batch(drive, columns), DRAWN_GRIDS)
+        log_missed.append(log_error(exact.F_ior_arcsec) - log_error(table.F_ior(columns)))
+        proof += exact.certificate
+    return np.array(log_missed), proof
 
 
 def turned_errors(F_ior: Array, rotations_deg: Sequence[float], places: NDArray[np.int64]) -> Array:
-    """F'_ior [arcsec] with the wheel turned, shape (places, rotations): that of directions less by as much.
+    """Return F'_ior with the wheel turned [arcsec], shape (places, rotations): that of directions less by as much.
 
-    Arguments: F_ior [arcsec] as the wheel stands, shape (draws, directions); flat places among these.
+    F_ior: as the wheel stands [arcsec], shape (draws, directions).
+    rotations_deg: turns of the wheel [deg].
+    places: flat places among draws and directions.
     """
     count = F_ior.shape[1]
     draw, direction = np.divmod(places, count)
-    whole, part = np.divmod(np.round(np.multiply(rotations_deg, count) / 360, 9), 1)
-    turned = direction[:, None] - whole.astype(int)
-    here, beside = (F_ior[draw[:, None], (turned - j) % count] for j in (0, 1))
-    return np.asarray((1 - part) * here + part * beside)
+    steps, fraction = np.divmod(np.round(np.multiply(rotations_deg, count) / 360, 9), 1)
+    turned = direction[:, None] - steps.astype(int)
+    nearer, farther = (F_ior[draw[:, None], (turned - j) % count] for j in (0, 1))
+    return np.asarray((1 - fraction) * nearer + fraction * farther)
+
+
+@dataclass(frozen=True, eq=False)
+class ProposedDeviations:
+    """A draw of the open deviations.
+
+    shares: of the probability of each of them, by path.
+    density: that they were drawn with, over the prior's; infinite if they were drawn before.
+    """
+
+    shares: Mapping[str, float]
+    density: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Candidates:
+    """Draws of a table from which those near the measured F'_ior are chosen, each in a direction.
+
+    places: flat places among draws and directions, shape (candidates,).
+    density: with which each is proposed, over the prior's, shape (candidates,).
+    """
+
+    table: TabledErrors
+    places: NDArray[np.int64]
+    density: Array
+
+    def columns(self, rows: NDArray[np.int64]) -> dict[str, Array]:
+        """Return values of the deviations of some candidates by path, shape (rows,) each."""
+        return {path: values.ravel()[self.places[rows]] for path, values in self.table.values.items()}
 
 
 @dataclass(frozen=True)
@@ -225,53 +320,103 @@ class DeviationProposal:
     effort: TableEffort = field(default_factory=partial(TableEffort, 64, Mesh((9, 5, 5, 5), 12), 0))
     draws: int = 4
 
-    def drawn(self, maps: Sequence[ErrorMap], number: int) -> tuple[list[tuple[dict[str, float], float]], Certificate]:
-        """Draws: shares of the probability of the open deviations, and density over the prior's; the proof of all.
+    def drawn(self, maps: Sequence[ErrorMap], number: int) -> tuple[list[ProposedDeviations], Certificate]:
+        """Return draws of the open deviations near F'_ior as measured, and the proof.
 
-        A draw that was chosen before has an infinite density, and that one less. Arguments: maps of a drive with all
-        else, those at the torques of the errors among them; its number. Raises UntrustedError where an answer cannot be
-        trusted.
+        Importance sampling in two steps: F'_ior of a table proposes _SEARCHED_DRAWS drives, and F'_ior that is searched
+        for these chooses among them. A draw that was chosen before has an infinite density, and that one less.
+
+        maps: of a drive with all else, those at the torques of the errors among them.
+        number: of the drive.
+        Raises UntrustedError if a state cannot be trusted.
         """
-        drive, fields = maps[0].drive, open_deviations(self.prior)
-        maps = [each for each in maps if any(error.M_g == each.M_g for error in self.errors)]
-        torques = [each.M_g for each in maps]
-        found = tabled_errors(maps, self.prior, self.effort, [self.seed, number])
-        every = np.arange(found.F_ior_arcsec[0].size).reshape(len(found.shares), -1)
-        places = every.ravel() if any_direction(self.prior) else every[:, 0]
-        tabled = [
-            turned_errors(found.F_ior_arcsec[torques.index(each.M_g)], [each.rotation_deg], places)
-            for each in self.errors
+        map_of_torque = {
+            error_map.M_g: error_map for error_map in maps if any(datum.M_g == error_map.M_g for datum in self.errors)
+        }
+        candidates = self._candidates(map_of_torque, number)
+        rng = np.random.default_rng([self.seed, number])
+        probability = candidates.density / candidates.density.sum()
+        searched = rng.choice(len(candidates.places), _SEARCHED_DRAWS, p=probability)
+        F_ior, proof = self._searched(map_of_torque, candidates.columns(searched))
+        log = log_likelihood_of_errors(F_ior, *values_of_errors(self.errors))
+        likelihood = np.exp(log - log.max())
+        ratio = likelihood / candidates.density[searched]
+        # systematic resampling: as many even steps over the cumulative weight as draws
+        even = (rng.random() + np.arange(self.draws)) / self.draws
+        steps = np.searchsorted(np.cumsum(ratio / ratio.sum()), even)
+        chosen = np.minimum(steps, _SEARCHED_DRAWS - 1)
+        places = candidates.places[searched[chosen]]
+        density = likelihood[chosen] / ratio.mean()
+        proposals = self._without_repetition(candidates.table, places, density)
+        return proposals, candidates.table.certificate + proof
+
+    def _candidates(self, map_of_torque: Mapping[float, ErrorMap], number: int) -> _Candidates:
+        """Return the draws of the table of a drive, with the density by which they are proposed."""
+        table = tabled_errors(list(map_of_torque.values()), self.prior, self.effort, [self.seed, number])
+        torques = list(map_of_torque)
+        place_of = np.arange(table.F_ior_arcsec[0].size).reshape(len(table.shares), -1)
+        places = place_of.ravel() if any_direction(self.prior) else place_of[:, 0]
+        as_measured = [
+            turned_errors(table.F_ior_arcsec[torques.index(datum.M_g)], [datum.rotation_deg], places)
+            for datum in self.errors
         ]
-        log = log_likelihood_of_errors(np.hstack(tabled), *values_of_errors(self.errors), _READ_ERROR)
+        log = log_likelihood_of_errors(np.hstack(as_measured), *values_of_errors(self.errors), _READ_ERROR)
         likelihood = np.exp(log - log.max())
         density = _LEAST_PROPOSED + (1 - _LEAST_PROPOSED) * likelihood / likelihood.mean()
-        rng = np.random.default_rng([self.seed, number])
-        some = rng.choice(len(places), _SEARCHED_DRAWS, p=density / density.sum())
-        columns = {path: of.ravel()[places[some]] for path, of in found.values.items()}
-        extremes, paths = [], carried(drive)
-        for each in self.errors:
-            turned = {p: columns.get(p, drive.number(p)) + np.full(len(some), each.rotation_deg) for p in paths}
-            batch = Batch(drive, columns | turned)
-            extremes.append(many_extremes(maps[torques.index(each.M_g)], batch, DRAWN_GRIDS))
-        searched = np.stack([each.F_ior_arcsec for each in extremes], axis=1)
-        log = log_likelihood_of_errors(searched, *values_of_errors(self.errors))
-        agreeing = np.exp(log - log.max())
-        ratio, chosen = agreeing / density[some], list[tuple[dict[str, float], float]]()
-        even = (rng.random() + np.arange(self.draws)) / self.draws
-        ones = np.minimum(np.searchsorted(np.cumsum(ratio / ratio.sum()), even), _SEARCHED_DRAWS - 1)
-        for k, (one, place) in enumerate(zip(ones, picked := places[some[ones]], strict=True)):
-            draw, direction = np.divmod(place, every.shape[1])
-            shares = dict(zip((each.path for each in fields), found.shares[draw].tolist(), strict=True))
-            for f in fields:
-                if any_direction(self.prior) and f.path in _standing_directions(drive):
-                    shares[f.path] = found.values[f.path][draw, direction] / f.high % 1
-            alike = np.inf if place in picked[:k] else 1 / np.count_nonzero(picked == place)
-            chosen.append((shares, float(agreeing[one] / ratio.mean() * alike)))
-        return chosen, sum((each.certificate for each in extremes), found.certificate)
+        return _Candidates(table=table, places=places, density=density)
+
+    def _searched(
+        self, map_of_torque: Mapping[float, ErrorMap], columns: Mapping[str, Array]
+    ) -> tuple[Array, Certificate]:
+        """Return F'_ior of drives as it was measured [arcsec], shape (drives, values), and the proof of the search.
+
+        columns: values of the deviations by path, shape (drives,) each.
+        """
+        F_ior = []
+        proof = EMPTY
+        for datum in self.errors:
+            error_map = map_of_torque[datum.M_g]
+            drive = error_map.drive
+            turned = {
+                path: columns.get(path, drive.number(path)) + np.full(_SEARCHED_DRAWS, datum.rotation_deg)
+                for path in carried(drive)
+            }
+            extremes = many_extremes(error_map, Batch(drive, {**columns, **turned}), DRAWN_GRIDS)
+            F_ior.append(extremes.F_ior_arcsec)
+            proof += extremes.certificate
+        return np.stack(F_ior, axis=1), proof
+
+    def _without_repetition(
+        self, table: TabledErrors, places: NDArray[np.int64], density: Array
+    ) -> list[ProposedDeviations]:
+        """Return the chosen draws; one that was chosen again stands once, with the weight of all its repetitions.
+
+        places: of the chosen draws among draws and directions of the table, shape (chosen,).
+        density: of each of them, over the prior's, shape (chosen,).
+        """
+        proposals = []
+        for k, place in enumerate(places):
+            repetitions = np.inf if place in places[:k] else 1 / np.count_nonzero(places == place)
+            shares = self._shares_at(table, place)
+            proposals.append(ProposedDeviations(shares=shares, density=float(density[k] * repetitions)))
+        return proposals
+
+    def _shares_at(self, table: TabledErrors, place: np.int64) -> dict[str, float]:
+        """Return the shares of the open deviations at a flat place among draws and directions, by path."""
+        draw, direction = np.divmod(place, table.F_ior_arcsec.shape[2])
+        fields = open_deviations(self.prior)
+        paths = [field_prior.path for field_prior in fields]
+        shares = dict(zip(paths, table.shares[draw].tolist(), strict=True))
+        if any_direction(self.prior):
+            standing = _standing_directions(self.prior.drive)
+            for field_prior in fields:
+                if field_prior.path in standing:
+                    shares[field_prior.path] = table.values[field_prior.path][draw, direction] / field_prior.high % 1
+        return shares
 
 
 def _standing_directions(drive: Drive) -> tuple[str, ...]:
-    """Directions of deviations that stand with the fixed wheel, by path."""
+    """Return the paths of the directions of deviations that stand with the fixed wheel."""
     turn = standing_offset(drive)[1]
     return (turn,) if drive.mounting.fixed == "flexspline" else (turn, _OVALITY)
 
@@ -279,20 +424,34 @@ def _standing_directions(drive: Drive) -> tuple[str, ...]:
 def _draws(
     prior: DrivePrior, count: int, seed: list[int], paths: tuple[str, ...] = ()
 ) -> tuple[Array, dict[str, Array]]:
-    """Draws of the open deviations: shares of each field's probability, and values with what stands turned, by path.
+    """Return draws of the open deviations: shares of their probability, and values by path, shape (draws, directions).
 
-    paths: of further fields, known by this prior. Where all are known it has one draw.
+    What stands is turned by equal steps. A prior without open deviations has one draw.
+
+    prior: of the drive.
+    count: number of draws if each counts in every direction.
+    seed: of the draws.
+    paths: of further fields, known by this prior.
     """
-    drive, directions, every = prior.drive, _directions_of(prior.drive), any_direction(prior)
-    fields, stand = open_deviations(prior), _standing_directions(drive)
-    count = (count if every else count * _KNOWN_DIRECTION) if fields else 1
+    drive = prior.drive
+    directions = _directions_of(drive)
+    is_any_direction = any_direction(prior)
+    fields = open_deviations(prior)
+    standing = _standing_directions(drive)
+    if not fields:
+        count = 1
+    elif not is_any_direction:
+        count *= _KNOWN_DIRECTION
     shares = sobol_points(2 ** int(np.ceil(np.log2(count))), len(fields), seed)
-    drawn = {path: np.full(len(shares), drive.number(path)) for path in (*standing_offset(drive), *stand, *paths)}
-    drawn |= {each.path: each.value(shares[:, k]) for k, each in enumerate(fields)}
-    if every:  # of each direction its own part of the turn
-        drawn[stand[0]] = drawn[stand[0]] / directions
-    turned = 360 / directions * np.arange(directions)
-    return shares, {
-        path: np.add.outer(of, turned) % 360 if path in stand else np.repeat(of[:, None], directions, axis=1)
-        for path, of in drawn.items()
-    }
+    values = {path: np.full(len(shares), drive.number(path)) for path in (*standing_offset(drive), *standing, *paths)}
+    values |= {field_prior.path: field_prior.value(shares[:, k]) for k, field_prior in enumerate(fields)}
+    if is_any_direction:  # each direction has its own part of the turn
+        values[standing[0]] = values[standing[0]] / directions
+    turns_deg = 360 / directions * np.arange(directions)
+    columns = {}
+    for path, of_draws in values.items():
+        if path in standing:
+            columns[path] = np.add.outer(of_draws, turns_deg) % 360
+        else:
+            columns[path] = np.repeat(of_draws[:, None], directions, axis=1)
+    return shares, columns

@@ -48,6 +48,7 @@ FEWEST_SAMPLES = 8  # effective ones, of which there is an answer where all draw
 _FEWEST_AT_ONCE = 4  # draws
 _SETS = 4  # of deviations on each contact system where no hole can be told from another
 _HOPELESS = 256  # draws of which none has an answer: no more are made
+_ROUNDING = 1e-9  # of an effective number: equal weights give a whole number but for rounding
 _CONTRADICTION = 300.0  # times that the mean likelihood grows without a figure which contradicts the others
 
 
@@ -69,8 +70,14 @@ class SamplingEffort:
 
     @classmethod
     def of(cls, effective: int) -> SamplingEffort:
-        """The effort for at least so many effective samples, and 16 times as many draws to settle a limit."""
-        return cls(effective, 16 * effective, 32 * effective, min(16, effective), min(FEWEST_SAMPLES, effective))
+        """Return the effort for at least so many effective samples, with 16 times as many draws to settle a limit."""
+        return cls(
+            effective=effective,
+            settling_draws=16 * effective,
+            most_draws=32 * effective,
+            batch=min(16, effective),
+            least=min(FEWEST_SAMPLES, effective),
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,21 +115,25 @@ class Samples:
     @property
     def sets_arcsec(self) -> Array:
         """F'_ior of all sets of deviations [arcsec], that of the sample first, shape (samples, sets, torques)."""
-        own = self.F_ior_arcsec[:, None]
-        return np.concatenate([own, self.further_arcsec], axis=1) if self.further_arcsec.shape[1] else own
+        first_set = self.F_ior_arcsec[:, None]
+        if not self.further_arcsec.shape[1]:
+            return first_set
+        return np.concatenate([first_set, self.further_arcsec], axis=1)
 
     @property
     def set_weights(self) -> Array:
         """Weights of all sets of deviations, shape (samples, sets)."""
-        own = self.weights[:, None]
-        return np.concatenate([own, self.further_weights], axis=1) if self.further_weights.shape[1] else own
+        first_set = self.weights[:, None]
+        if not self.further_weights.shape[1]:
+            return first_set
+        return np.concatenate([first_set, self.further_weights], axis=1)
 
     @property
     def remarks(self) -> tuple[str, ...]:
         """A remark on numbers that few samples stand for."""
-        return (
-            f"{self.few}, so the numbers are approximate; check the values of the preset, then its assumed ranges",
-        ) * bool(self.few)
+        if not self.few:
+            return ()
+        return (f"{self.few}, so the numbers are approximate; check the values of the preset, then its assumed ranges",)
 
     @property
     def of_ranges(self) -> Samples:
@@ -135,45 +146,57 @@ class Samples:
         return effective_number(self.weights)
 
     def values(self, rows: NDArray[np.integer] | None = None) -> list[dict[str, float]]:
-        """Values by path of the drives of some samples, by their places; of all without these."""
-        kept = [each for each in self.made if each.F_ior_arcsec is not None]
-        places = range(len(kept)) if rows is None else rows
-        drawn = self.prior.values(self.shares[rows] if rows is not None else self.shares)
-        return [values | kept[k].follows for k, values in zip(places, drawn, strict=True)]
+        """Return the values of the drives of some samples by path; rows: places of the samples, None for all."""
+        draws = [draw for draw in self.made if draw.F_ior_arcsec is not None]
+        if rows is None:
+            rows = np.arange(len(draws))
+        drawn = self.prior.values(self.shares[rows])
+        return [values | draws[row].follows for row, values in zip(rows, drawn, strict=True)]
 
     def equal_drives(self, count: int) -> list[dict[str, float]]:
-        """Values by path of so many drives of the same weight."""
+        """Return the values of some drives of the same weight by path; count: number of them."""
         return self.values(even_rows(self.weights, count))
 
     def middle_sample(self, torque: int) -> int:
-        """Place of the sample whose F'_ior at a torque, by its place, is nearest to the median."""
+        """Return the place of the sample whose F'_ior at a torque, by its place, is nearest to the median."""
         first = self.of_ranges
         return int(np.abs(first.F_ior_arcsec[:, torque] - first.percentile(0.5, torque)).argmin())
 
     def percentile(self, share: float, torque: int) -> float:
-        """Percentile [arcsec] of F'_ior, by its share (0.95), at a torque by its place."""
+        """Return a percentile [arcsec] of F'_ior, by its share (0.95), at a torque by its place."""
         return weighted_quantile(self.sets_arcsec[:, :, torque].ravel(), self.set_weights.ravel(), share)
 
     def keeping(self, accuracy_arcsec: float, torque: int) -> Samples:
-        """The same samples weighed by an accuracy [arcsec] as well that F'_ior at a torque, by its place, keeps."""
-        kept = Evidence("catalogue.accuracy", ACCURACY, accuracy_arcsec, SOFT_EDGE, "limit")
-        likelihood = np.exp(kept.log_likelihood(self.F_ior_arcsec[:, torque]))
-        of_sets = np.exp(kept.log_likelihood(self.further_arcsec[:, :, torque]))
+        """Return the same samples, weighted by an accuracy [arcsec] as well, which F'_ior meets.
+
+        torque: place of the torque at which it does.
+        """
+        accuracy = Evidence(
+            path="catalogue.accuracy", figure=ACCURACY, value=accuracy_arcsec, spread=SOFT_EDGE, kind="limit"
+        )
+        likelihood = np.exp(accuracy.log_likelihood(self.F_ior_arcsec[:, torque]))
+        likelihood_of_sets = np.exp(accuracy.log_likelihood(self.further_arcsec[:, :, torque]))
         return replace(
-            self, weights=self.weights * likelihood, further_weights=self.further_weights * of_sets, stages=()
+            self,
+            weights=self.weights * likelihood,
+            further_weights=self.further_weights * likelihood_of_sets,
+            stages=(),
         )
 
     def percentile_error(self, share: float, torque: int) -> float:
-        """Monte Carlo standard error [arcsec] of a percentile, from those one standard error off."""
-        step = np.sqrt(share * (1 - share) / self.effective)
-        low, high = (self.percentile(float(np.clip(share + s, 0, 1)), torque) for s in (-step, step))
+        """Return the Monte Carlo standard error [arcsec] of a percentile, from those one standard error off."""
+        error_of_share = np.sqrt(share * (1 - share) / self.effective)
+        low = self.percentile(float(np.clip(share - error_of_share, 0, 1)), torque)
+        high = self.percentile(float(np.clip(share + error_of_share, 0, 1)), torque)
         return (high - low) / 2
 
     def probability(self, outcome: Callable[[Samples], Array | NDArray[np.bool_]], sure: float = SURE) -> Probability:
-        """Probability of an outcome, from the fewest samples of which as many again would hardly change a verdict.
+        """Return the probability of an outcome, from the fewest samples that settle a verdict.
 
-        So samples that were drawn further for another question do not move it. Arguments: outcome, which of some
-        samples have it, shape (samples,); sure, probability that PASS needs.
+        As many samples again would hardly change it, so samples that were drawn for another question do not move it.
+
+        outcome: which of some samples have it, shape (samples,).
+        sure: probability that PASS needs.
         """
         return self._settled([probability_of(outcome(stage), stage.weights) for stage in self.stages or (self,)], sure)
 
@@ -194,12 +217,14 @@ class Samples:
             probabilities.append(probability_of_systems(shares, of_system))
         return self._settled(probabilities, sure)
 
-    def _settled(self, found: Sequence[Probability], sure: float) -> Probability:
+    def _settled(self, probabilities: Sequence[Probability], sure: float) -> Probability:
         """Return the probability of the first stage of which as many samples again would hardly change a verdict."""
-        return replace(next((each for each in found if each.is_stable(sure)), found[-1]), few=bool(self.few))
+        stable = [probability for probability in probabilities if probability.is_stable(sure)]
+        settled = stable[0] if stable else probabilities[-1]
+        return replace(settled, few=bool(self.few))
 
     def probability_within(self, limit_arcsec: float, torque: int, sure: float = SURE) -> Probability:
-        """Probability that F'_ior at a torque, by its place, is at most a limit [arcsec]; sure as in probability."""
+        """Return the probability that F'_ior at a torque, by its place, is at most a limit [arcsec]."""
         return self.probability_of_sets(lambda F_ior: F_ior[:, :, torque] <= limit_arcsec, sure)
 
 
@@ -218,8 +243,15 @@ class ErrorBelief:
 
     @classmethod
     def of(cls, samples: Samples, torque: int) -> ErrorBelief:
-        """F'_ior at one of the torques, by its place."""
-        return cls(samples, torque, *(samples.of_ranges.percentile(share, torque) for share in (0.05, 0.5, 0.95)))
+        """Return F'_ior at one of the torques, by its place."""
+        first = samples.of_ranges
+        return cls(
+            samples=samples,
+            torque=torque,
+            p5=first.percentile(0.05, torque),
+            p50=first.percentile(0.5, torque),
+            p95=first.percentile(0.95, torque),
+        )
 
 
 def draw_samples(
@@ -228,21 +260,27 @@ def draw_samples(
     *,
     rotations_deg: Sequence[float] = (),
     evidence: tuple[Evidence, ...] = (),
-    further: FiguresOf | None = None,
-    further_name: str = "",
+    figures_of: FiguresOf | None = None,
+    figures_name: str = "",
     enough: Callable[[Samples], bool] = lambda _samples: True,
     effort: SamplingEffort = SamplingEffort(),
     run: Run = Run(),
     seen: Callable[[Samples], None] | None = None,
     sets: int = 1,
 ) -> Samples:
-    """Samples of a drive at torques [N*m]: at least effort.effective of them, then more until they are enough.
+    """Return samples of a drive at torques [N*m]: at least effort.effective of them, then more until they are enough.
 
-    Arguments: prior of the drive; rotations_deg, turns of the fixed wheel at which F'_ior is wanted too; evidence on
-    the drive; further, figures that each sample has beside F'_ior, and further_name, all that they depend on beside the
-    drive, in words, without which draws with them are not kept; enough, whether samples suffice for their purpose;
-    effort, limits of sampling; seen, called with the samples so far once evidence allows one; sets of
-    deviations on each contact system.
+    prior: of the drive.
+    torques: torques [N*m].
+    rotations_deg: turns of the fixed wheel at which F'_ior is wanted too.
+    evidence: on the drive.
+    figures_of: figures that each sample has beside F'_ior.
+    figures_name: what these figures depend on beside the drive; draws with figures but without this name are not kept.
+    enough: whether samples suffice for their purpose.
+    effort: limits of sampling.
+    run: the run.
+    seen: called with the samples so far once evidence allows one.
+    sets: sets of deviations on each contact system.
     Raises UsageError for a drive with rolling balls, UntrustedError where a figure contradicts the others, hardly any
     sample agrees with all of them, or too few draws are drives.
     """
@@ -251,13 +289,14 @@ def draw_samples(
         torques=tuple(torques),
         rotations_deg=tuple(rotations_deg),
         evidence=tuple(evidence),
-        further=further,
-        further_name=further_name,
+        figures_of=figures_of,
+        figures_name=figures_name,
         seed=run.seed,
         sets=sets,
     )
     require_programme(prior.drive, run)
-    kept, draws = sampling.kept(), list[Draw]()
+    kept = sampling.kept()
+    draws: list[Draw] = []
     try:
         for samples in _growing(sampling, kept, draws, effort, run):
             if seen and samples.weights.any():
@@ -284,19 +323,28 @@ def drive_samples(
     run: Run = Run(),
     seen: Callable[[Samples], None] | None = None,
 ) -> Samples:
-    """Samples of a drive at its torques, until as many again would hardly change a verdict.
+    """Return samples of a drive at its torques, until as many again would hardly change a verdict.
 
-    Arguments: prior of the drive; held_arcsec, limit less self error at each torque, None without one; draws, effective
-    samples at least; sure, probability of a limit that settles a verdict; other_torques [N*m], which follow those of
-    the drive and have no limit; the others, and errors, as those of draw_samples.
+    prior: of the drive.
+    held_arcsec: limit minus self error at each torque; None without a limit.
+    draws: effective samples at least.
+    sure: probability of a limit that settles a verdict.
+    rotations_deg, run, seen: as those of draw_samples.
+    other_torques: torques [N*m] that follow those of the drive and have no limit.
+    Raises what draw_samples raises.
     """
     drive = prior.drive
-    torques = (*drive.operation.M_g, *other_torques)
     return draw_samples(
-        prior, torques, rotations_deg=rotations_deg, evidence=evidence_of(drive),
-        enough=partial(limits_settled, held_arcsec, sure=sure), effort=SamplingEffort.of(draws), run=run, seen=seen,
+        prior,
+        (*drive.operation.M_g, *other_torques),
+        rotations_deg=rotations_deg,
+        evidence=evidence_of(drive),
+        enough=partial(limits_settled, held_arcsec, sure=sure),
+        effort=SamplingEffort.of(draws),
+        run=run,
+        seen=seen,
         sets=deviation_sets(drive),
-    )  # fmt: skip
+    )
 
 
 def deviation_sets(drive: Drive) -> int:
@@ -331,60 +379,90 @@ def turned_samples(
     kept = sampling.kept()
     draws = kept[: len(samples.made)]
     fresh = samples.made[len(draws) :]
-    shares = [draw.shares or (0.5,) * len(samples.prior.fields) for draw in fresh]
+    anywhere = tuple(0.5 for _ in samples.prior.fields)  # of a draw that made no drive, which is not turned
+    shares = [draw.shares or anywhere for draw in fresh]
     values = samples.prior.values(np.array(shares)) if shares else []
     for draw in run.map(sampling.with_turns, fresh, values):
         draws.append(draw)
         run.solved(draw.turned_proof.states)
     if len(draws) > len(kept):
         sampling.keep(draws)
-    whole = _collected(sampling, draws)
     stages = tuple(_collected(sampling, draws[: len(stage.made)]) for stage in samples.stages)
-    return replace(whole, stages=stages, few=samples.few)
+    return replace(_collected(sampling, draws), stages=stages, few=samples.few)
 
 
 def _growing(
     sampling: Sampling, kept: Sequence[Draw], draws: list[Draw], effort: SamplingEffort, run: Run
 ) -> Iterator[Samples]:
-    """Samples after each batch of draws, which are added to the others: kept ones first, then new ones."""
-    effective, stages, samples = 0.0, tuple[Samples, ...](), None
+    """Yield the samples after each batch of draws.
+
+    sampling: what the draws depend on.
+    kept: draws that are kept, which are taken first.
+    draws: grows by each batch.
+    effort: limits of sampling.
+    run: the run.
+    """
+    samples: Samples | None = None
+    stages: tuple[Samples, ...] = ()
     ahead: UnderWay = {}
     try:
-        while len(draws) < effort.most_draws and not (samples and len(draws) >= _HOPELESS and not len(samples.weights)):
-            size = min(effort.batch, max(_HOPELESS, len(draws)))
-            if effective and not stages:  # no more than are likely to be needed
-                size = min(size, max(_FEWEST_AT_ONCE, int(np.ceil((effort.effective / effective - 1) * len(draws)))))
-            if len(draws) < PILOT_DRAWS:
-                size = min(size, PILOT_DRAWS - len(draws))
-            first, last = len(draws), min(len(draws) + size, effort.most_draws)
-            last += -last % sampling.alike  # as they are made: kept ones are taken up as far as new ones would go
+        while len(draws) < effort.most_draws and not _is_hopeless(samples, draws):
+            first = len(draws)
+            last = min(first + _batch_size(effort, samples, len(draws)), effort.most_draws)
+            # in whole groups, as they are made: kept ones are taken up as far as new ones would go
+            last += -last % sampling.alike
             batch: Iterable[list[Draw]] = [list(kept[first:last])]
             if last > len(kept):
-                batch = chain(
-                    batch, sampling.new(draws[:first], max(first, len(kept)), last, run, ahead, effort.most_draws)
-                )
-            for some in batch:
-                draws += some
-                run.solved(sum(each.certificate.states for each in some))
+                new = sampling.new(draws[:first], max(first, len(kept)), last, run, ahead, effort.most_draws)
+                batch = chain(batch, new)
+            for group in batch:
+                draws += group
+                run.solved(sum(draw.certificate.states for draw in group))
             samples = _collected(sampling, draws)
-            effective = samples.effective + 1e-9  # equal weights give a whole number but for rounding
-            if stages or effective >= effort.effective:
+            if stages or samples.effective + _ROUNDING >= effort.effective:
                 stages = (*stages, samples)
             samples = replace(samples, stages=stages)
             yield samples
     finally:
-        for each in ahead.values():
-            each.cancel()
+        for future in ahead.values():
+            future.cancel()
+
+
+def _is_hopeless(samples: Samples | None, draws: Sequence[Draw]) -> bool:
+    """Return whether many draws were made, and none of them has an answer."""
+    return samples is not None and len(draws) >= _HOPELESS and not len(samples.weights)
+
+
+def _batch_size(effort: SamplingEffort, samples: Samples | None, count: int) -> int:
+    """Return the number of draws of the next batch.
+
+    effort: limits of sampling.
+    samples: those so far; None before the first batch.
+    count: number of draws so far.
+    """
+    size = min(effort.batch, max(_HOPELESS, count))
+    if samples is not None and not samples.stages:
+        effective = samples.effective + _ROUNDING
+        needed = int(np.ceil((effort.effective / effective - 1) * count))  # no more than are likely to be needed
+        size = min(size, max(_FEWEST_AT_ONCE, needed))
+    if count < PILOT_DRAWS:  # the pilot is complete before any draw is proposed by it
+        size = min(size, PILOT_DRAWS - count)
+    return size
 
 
 def limits_settled(left_arcsec: Sequence[float | None], samples: Samples, sure: float = SURE) -> bool:
-    """Whether as many samples again would hardly change the verdict on any limit (Probability.is_stable).
+    """Return whether as many samples again would hardly change the verdict on any limit (Probability.is_stable).
 
-    Arguments: left_arcsec, at each torque the room that a limit leaves F'_ior beside the self error, None without a
-    limit; sure, probability that PASS needs.
+    left_arcsec: limit minus self error at each torque; None without a limit.
+    samples: of the drive.
+    sure: probability of meeting a limit that PASS needs.
     """
-    found = [samples.probability_within(left, k, sure) for k, left in enumerate(left_arcsec) if left is not None]
-    return all(each.is_stable(sure) for each in found)
+    probabilities = [
+        samples.probability_within(room_arcsec, torque, sure)
+        for torque, room_arcsec in enumerate(left_arcsec)
+        if room_arcsec is not None
+    ]
+    return all(probability.is_stable(sure) for probability in probabilities)
 
 
 def _collected(sampling: Sampling, draws: Sequence[Draw]) -> Samples:
@@ -429,46 +507,51 @@ def _figures_beside_error(sampling: Sampling, solved: Sequence[Draw]) -> dict[st
 
 def _require_shown(sampling: Sampling, draws: Sequence[Draw]) -> None:
     """Raise UntrustedError where no draw comes near F'_ior as measured: of equally bad ones all weigh the same."""
-    if errors := sampling.measured:
-        kept = [each.figures for each in draws if each.F_ior_arcsec is not None]
-        f = np.array([[figures[each.figure] for each in errors] for figures in kept])
-        hint = "check the values, torque and holes first, then the assumed ranges"
-        require_shown([each.path for each in errors], f, *values_of_errors(errors), hint)
+    if not sampling.measured:
+        return
+    solved = [draw.figures for draw in draws if draw.F_ior_arcsec is not None]
+    predicted = np.array([[figures[datum.figure] for datum in sampling.measured] for figures in solved])
+    paths = [datum.path for datum in sampling.measured]
+    hint = "check the values, torque and holes first, then the assumed ranges"
+    require_shown(paths, predicted, *values_of_errors(sampling.measured), hint)
 
 
 def _few(samples: Samples, draws: Sequence[Draw], evidence: tuple[Evidence, ...], effort: SamplingEffort) -> Samples:
-    """Samples with a remark that fewer are effective than were asked for.
+    """Return samples with a remark that fewer are effective than were asked for.
 
     Raises UntrustedError where that allows no answer, with the evidence without which most would agree.
     """
-    needed, is_answer = effort.effective, samples.effective >= (effort.least or effort.effective)
-    answer = replace(
-        samples, few=f"effective sample size {samples.effective:.3g} of {len(draws)} draws, {needed} required"
-    )
+    is_answer = samples.effective >= (effort.least or effort.effective)
+    of_draws = f"of {len(draws)} draws, {effort.effective} required"
+    answer = replace(samples, few=f"effective sample size {samples.effective:.3g} {of_draws}")
     if is_answer and effort.for_action:
         return answer
-    found = f"effective sample size {samples.effective:.0f} of {len(draws)} draws, {needed} required"
-    if (count := sum(samples.refused.values())) > len(draws) / 2 or not evidence:
-        reason = max(samples.refused, key=lambda each: samples.refused[each], default="no result")
+    too_few = f"effective sample size {samples.effective:.0f} {of_draws}"
+    refused = sum(samples.refused.values())
+    if refused > len(draws) / 2 or not evidence:
+        reason = max(samples.refused, key=samples.refused.__getitem__, default="no result")
         raise UntrustedError(
-            f"{found}: {count} samples are not valid drives (mostly: {reason})", "narrow the assumed ranges"
+            f"{too_few}: {refused} samples are not valid drives (mostly: {reason})", "narrow the assumed ranges"
         )
-    without = {each: _mean_likelihood(draws, tuple(e for e in evidence if e is not each)) for each in evidence}
-    doubted = max(without, key=lambda each: without[each])
-    if without[doubted] < _CONTRADICTION * _mean_likelihood(draws, evidence):
+    likelihood_without = {
+        datum: _mean_likelihood(draws, tuple(other for other in evidence if other is not datum)) for datum in evidence
+    }
+    doubted = max(likelihood_without, key=likelihood_without.__getitem__)
+    if likelihood_without[doubted] < _CONTRADICTION * _mean_likelihood(draws, evidence):
         if is_answer:
             return answer
         raise UntrustedError(
-            f"{found}: too few samples agree with all reference data together, "
+            f"{too_few}: too few samples agree with all reference data together, "
             "although no single value contradicts the rest",
             "narrow the assumed ranges",
         )
     raise UntrustedError(
-        f"{found}: {doubted.path} = {doubted.value:g} contradicts the other reference data or the assumed ranges",
+        f"{too_few}: {doubted.path} = {doubted.value:g} contradicts the other reference data or the assumed ranges",
         "check that value and its unit, then the assumed ranges",
     )
 
 
 def _mean_likelihood(draws: Sequence[Draw], evidence: tuple[Evidence, ...]) -> float:
-    """Mean likelihood of evidence over all draws that are drives, as far as each was predicted."""
-    return float(np.mean([np.exp(log_likelihood(evidence, each.figures)) for each in draws if not each.refused]))
+    """Return the mean likelihood of evidence over all draws that are drives, as far as each was predicted."""
+    likelihoods = [np.exp(log_likelihood(evidence, draw.figures)) for draw in draws if not draw.refused]
+    return float(np.mean(likelihoods))

@@ -23,7 +23,7 @@ def test_stiffness_and_lost_motion_narrow_error_and_radial_deflection():
     samples = draw_samples(prior, (6.7,), evidence=evidence, effort=SamplingEffort(effective=128))
     # another seed, no draw left out, no proposal: each draw of the prior weighed as a whole
     effort = SamplingEffort(PLAIN, PLAIN, 4 * PLAIN, 64)
-    plain = draw_samples(prior, (6.7,), further=stiffness_figures, effort=effort, run=Run(seed=1))
+    plain = draw_samples(prior, (6.7,), figures_of=stiffness_figures, effort=effort, run=Run(seed=1))
     log = np.zeros(len(plain.weights))
     for each in evidence:
         over = plain.figures[each.figure] / each.value

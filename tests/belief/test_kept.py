@@ -87,8 +87,8 @@ def test_cached_samples_equal_the_drawn_ones(folder, solved):
         "evidence": (Evidence("catalogue.K_1", "K_1", K_1, 0.02),),
         "rotations_deg": (0.0, 90.0),
         "effort": SamplingEffort(4, 8, 64, 16),
-        "further": lambda drive: stiffness_figures(drive),
-        "further_name": "again",
+        "figures_of": lambda drive: stiffness_figures(drive),
+        "figures_name": "again",
     }
     first = drawn(wide, **options)
     assert first.refused
@@ -113,7 +113,7 @@ def test_other_questions_have_other_samples(folder, solved, monkeypatch):
         {"torques": (5.0,)}, {"run": Run(seed=1)}, {"rotations_deg": (0.0, 90.0)}, {"overrides": ("gears.j_n=17",)},
         {"overrides": ("tolerances.e_hb=20±2",)},
         {"evidence": (Evidence("catalogue.accuracy", "accuracy", 50.0, 0.25, "limit"),)},
-        {"further": stiffness_figures, "further_name": "stiffness"},
+        {"figures_of": stiffness_figures, "figures_name": "stiffness"},
     ]  # fmt: skip
     for number, options in enumerate(asked, 2):
         drawn(*options.pop("overrides", ()), **options)
@@ -128,7 +128,7 @@ def test_other_questions_have_other_samples(folder, solved, monkeypatch):
 
 def test_figures_without_a_name_are_not_kept(folder, solved):
     for _ in range(2):
-        drawn(further=stiffness_figures)
+        drawn(figures_of=stiffness_figures)
     assert len(solved) == 16
     assert not list(folder.glob("samples-*"))
 
