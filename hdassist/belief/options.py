@@ -19,6 +19,7 @@ from functools import partial
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
 from hdassist.belief.edits import ASKED_COUPLINGS, COUPLING, SOURCE_REF, Edit, coupled, graded, tightened
@@ -140,37 +141,50 @@ def steps_of(
     middle: the full cycle of the sample in the middle at that torque, if it is known.
     The result is empty of drives with rolling balls. Raises UntrustedError where a state cannot be trusted.
     """
-    drive = prior.drive
-    if not searchable(drive):
+    if not searchable(prior.drive):
         return (), EMPTY
-    basis = OptionSamples.of(prior, samples, torque, left_arcsec[torque], sure)
-    is_measured = is_error_measured(drive) and samples is not None
     if samples is not None and not (samples.sets_arcsec[:, :, torque] > 0).all():
-        return (), EMPTY
-    edits = [*tightened(prior), *coupled(prior)]
-    if samples and not is_measured:
-        edits += graded(prior)
-    usable = [] if is_measured or unknown_turn(drive) else _usable_holes(drive)
-    question = EditQuestion(
-        samples=basis,
-        edits=edits,
-        torques=tuple(torques),
-        tried_deg=_tried_turns(drive) if samples and unknown_turn(drive) else (),
-        holes_deg=_turns_deg(drive, usable),
-        is_measured=is_measured,
-    )
+        return (), EMPTY  # a gain is a share of F'_ior
+    basis = OptionSamples.of(prior, samples, torque, left_arcsec[torque], sure)
+    question = _edit_question(basis, torques)
     effects = question.effects(run)
     if not (effects.stated_arcsec > 0).all():
         return (), effects.proof
     now = _outcome_now(effects, samples)
-    hole, of_hole = _hole_step(effects, usable, samples, torques, left_arcsec, run)
-    corrected, of_correction = _corrected_step(effects, middle, torques[torque], now, run)
-    found = [*_edited_steps(effects, edits, now, is_measured), *_tried_step(effects, now), *hole, *corrected]
-    found += _questions(basis, found, now)
-    gained = [replace(each, gain=_gain(now, each.outcomes)) for each in found]
-    kept = [each for each in gained if each.gain >= LEAST_STEP_GAIN]
-    proof = effects.proof + of_hole + of_correction
-    return tuple(sorted(kept, key=lambda each: (each.is_question, -each.gain))), proof
+    hole, proof_of_hole = _hole_step(effects, samples, torques, left_arcsec, run)
+    correction, proof_of_correction = _corrected_step(effects, middle, torques[torque], now, run)
+    steps = [*_edited_steps(effects, question.edits, now, question.is_measured), *_tried_step(effects, now)]
+    steps += [step for step in (hole, correction) if step is not None]
+    steps += _questions(basis, steps, now)
+    with_gain = [replace(step, gain=_gain(now, step.outcomes)) for step in steps]
+    worthwhile = [step for step in with_gain if step.gain >= LEAST_STEP_GAIN]
+    proof = effects.proof + proof_of_hole + proof_of_correction
+    return tuple(sorted(worthwhile, key=lambda step: (step.is_question, -step.gain))), proof
+
+
+def _edit_question(basis: OptionSamples, torques: Sequence[float]) -> EditQuestion:
+    """Return what to solve of the edits and turns of a drive.
+
+    basis: samples of the drive that edits are solved on.
+    torques: torques of the drive [N*m].
+    """
+    prior = basis.prior
+    drive = prior.drive
+    is_measured = is_error_measured(drive) and basis.samples is not None
+    edits = [*tightened(prior), *coupled(prior)]
+    if basis.samples and not is_measured:
+        edits += graded(prior)
+    tried_deg: tuple[float, ...] = ()
+    if basis.samples and unknown_turn(drive):
+        tried_deg = _turns_deg(drive, _apart(_usable_holes(drive)))
+    return EditQuestion(
+        samples=basis,
+        edits=edits,
+        torques=tuple(torques),
+        tried_deg=tried_deg,
+        holes_deg=_turns_deg(drive, _comparable_holes(basis)),
+        is_measured=is_measured,
+    )
 
 
 def _outcome_now(effects: Effects, samples: Samples | None) -> Outcome:
@@ -178,11 +192,11 @@ def _outcome_now(effects: Effects, samples: Samples | None) -> Outcome:
     basis = effects.samples
     if samples is None or basis.samples is None:
         return _outcome(effects.stated_arcsec, np.ones(1), basis.room_arcsec, None)
-    kept = (
-        None if basis.room_arcsec is None else samples.probability_within(basis.room_arcsec, basis.torque, basis.sure)
-    )
+    met: Probability | None = None
+    if basis.room_arcsec is not None:
+        met = samples.probability_within(basis.room_arcsec, basis.torque, basis.sure)
     F_ior, weights = _all_sets(basis.samples, basis.torque)
-    return _outcome(F_ior, weights, basis.room_arcsec, kept)
+    return _outcome(F_ior, weights, basis.room_arcsec, met)
 
 
 def _all_sets(samples: Samples, torque: int) -> tuple[Array, Array]:
@@ -196,30 +210,44 @@ def _gain(now: Outcome, outcomes: Sequence[Outcome]) -> float:
     now: the outcome without a step.
     outcomes: that of a step, or those of the answers to a question, which count by their size either way.
     """
-    total, gain = sum(each.chance for each in outcomes), 0.0
-    for each in outcomes:
-        move = 1 - each.p50 / now.p50
-        if now.probability is not None and each.probability is not None:
-            move = each.probability - now.probability
-        gain += each.chance / total * (move if len(outcomes) == 1 else abs(move))
+    chances = sum(outcome.chance for outcome in outcomes)
+    gain = 0.0
+    for outcome in outcomes:
+        move = 1 - outcome.p50 / now.p50
+        if now.probability is not None and outcome.probability is not None:
+            move = outcome.probability - now.probability
+        size = move if len(outcomes) == 1 else abs(move)
+        gain += outcome.chance / chances * size
     return gain
 
 
-def _outcome(F_ior: Array, weights: Array, left: float | None, kept: Probability | None) -> Outcome:
+def _outcome(F_ior: Array, weights: Array, room_arcsec: float | None, met: Probability | None = None) -> Outcome:
     """Return F'_ior [arcsec] over weighted samples.
 
     F_ior: F'_ior of the samples [arcsec], shape (samples,).
     weights: their weights, shape (samples,).
-    left: what a limit leaves F'_ior [arcsec]; None without a limit.
-    kept: probability of meeting it, if it is known from more samples.
+    room_arcsec: what a limit leaves F'_ior [arcsec]; None without a limit.
+    met: probability of meeting the limit, if it is known from more samples.
     """
-    p5, p50, p95 = (weighted_quantile(F_ior, weights, share) for share in (0.05, 0.5, 0.95))
-    if left is None:
-        return Outcome("", 1.0, p5, p50, p95, None)
-    kept = kept or probability_of(left >= F_ior, weights)
-    if len(F_ior) == 1:
-        kept = Probability(*[float(left >= F_ior[0])] * 3)
-    return Outcome("", 1.0, p5, p50, p95, kept.value, kept.low, kept.high)
+    outcome = Outcome(
+        answer="",
+        chance=1.0,
+        p5=weighted_quantile(F_ior, weights, 0.05),
+        p50=weighted_quantile(F_ior, weights, 0.5),
+        p95=weighted_quantile(F_ior, weights, 0.95),
+        probability=None,
+    )
+    if room_arcsec is None:
+        return outcome
+    if len(F_ior) == 1:  # a drive that is known meets the limit or does not
+        value = float(room_arcsec >= F_ior[0])
+        return _with_probability(outcome, Probability(value, value, value))
+    return _with_probability(outcome, met or probability_of(room_arcsec >= F_ior, weights))
+
+
+def _with_probability(outcome: Outcome, met: Probability) -> Outcome:
+    """Return an outcome with the probability of meeting the limit."""
+    return replace(outcome, probability=met.value, probability_low=met.low, probability_high=met.high)
 
 
 def _scaled(outcome: Outcome, now: Outcome, before: Outcome) -> Outcome:
@@ -237,9 +265,9 @@ def _scaled(outcome: Outcome, now: Outcome, before: Outcome) -> Outcome:
     )
 
 
-def _moved(kept: Probability, by: float) -> Probability:
+def _moved(probability: Probability, by: float) -> Probability:
     """Return a probability with its interval, moved by a difference."""
-    value, low, high = (float(np.clip(each + by, 0, 1)) for each in (kept.value, kept.low, kept.high))
+    value, low, high = np.clip(np.array([probability.value, probability.low, probability.high]) + by, 0, 1).tolist()
     return Probability(value, low, high)
 
 
@@ -257,27 +285,40 @@ def _edited_steps(effects: Effects, edits: Sequence[Edit], now: Outcome, is_meas
         outcome = _changed_outcome(effects, effects.by_name[edit.name], now)
         if edit.kind == "coupling":
             answers.append(replace(outcome, answer=edit.of, edit=edit.texts))
-        if edit.kind == "tolerance":
-            yield Step("tolerance", edit.of, (outcome,), 0.0, edit.texts, reference_data=reference_data)
-        elif edit.kind == "accuracy":
-            yield Step("accuracy", edit.of, (outcome,), 0.0, edit.texts, reference_data=reference_data)
-        elif edit.of == ASKED_COUPLINGS[0]:
-            yield Step("coupling", edit.of, (outcome,), 0.0, edit.texts, reference_data=reference_data)
+        kind = _kind_of(edit)
+        if kind is not None:
+            yield Step(
+                kind=kind, of=edit.of, outcomes=(outcome,), gain=0.0, edit=edit.texts, reference_data=reference_data
+            )
     if len(answers) == len(ASKED_COUPLINGS):
-        likely = tuple(replace(each, chance=1 / len(answers)) for each in answers)
-        yield Step("question", COUPLING, likely, 0.0, needs="answer", reference_data="applied again")
+        equally_likely = tuple(replace(answer, chance=1 / len(answers)) for answer in answers)
+        yield _question(COUPLING, equally_likely)
+
+
+def _kind_of(edit: Edit) -> _StepKind | None:
+    """Return the kind of the step that an edit is; None for a coupling that can only be asked for."""
+    if edit.kind == "tolerance":
+        return "tolerance"
+    if edit.kind == "accuracy":
+        return "accuracy"
+    return "coupling" if edit.of == ASKED_COUPLINGS[0] else None
+
+
+def _question(of: str, answers: tuple[Outcome, ...]) -> Step:
+    """Return a question; whatever the answer is, reference data are applied again to the drive that has it."""
+    return Step(kind="question", of=of, outcomes=answers, gain=0.0, needs="answer", reference_data="applied again")
 
 
 def _changed_outcome(effects: Effects, effect: Effect, now: Outcome) -> Outcome:
     """Return the outcome of an effect by equation (1)."""
     basis = effects.samples
-    outcome = _outcome(*effect.values(), basis.room_arcsec, None)
+    outcome = _outcome(*effect.values(), basis.room_arcsec)
     if basis.room_arcsec is None or now.probability is None or basis.all_sets is None:
         return outcome
     before, weights = basis.all_sets
-    kept = probability_of(*effect.of_samples(basis.room_arcsec, len(basis.rows)))
-    moved = _moved(kept, now.probability - float(np.average(before <= basis.room_arcsec, weights=weights)))
-    return replace(outcome, probability=moved.value, probability_low=moved.low, probability_high=moved.high)
+    met_before = float(np.average(before <= basis.room_arcsec, weights=weights))
+    met_after = probability_of(*effect.of_samples(basis.room_arcsec, len(basis.rows)))
+    return _with_probability(outcome, _moved(met_after, now.probability - met_before))
 
 
 def _tried_step(effects: Effects, now: Outcome) -> Iterator[Step]:
@@ -286,14 +327,8 @@ def _tried_step(effects: Effects, now: Outcome) -> Iterator[Step]:
     tried = _apart(_usable_holes(drive))
     if BEST_OF_HOLES in effects.by_name and len(tried) > 1:
         outcome = _changed_outcome(effects, effects.by_name[BEST_OF_HOLES], now)
-        yield Step(
-            "trials", ",".join(_place_text(drive, hole) for hole in tried), (outcome,), 0.0, needs="values in holes"
-        )
-
-
-def _tried_turns(drive: Drive) -> tuple[float, ...]:
-    """Return the turns [deg] of the holes that are tried."""
-    return _turns_deg(drive, _apart(_usable_holes(drive)))
+        places = ",".join(_place_text(drive, hole) for hole in tried)
+        yield Step(kind="trials", of=places, outcomes=(outcome,), gain=0.0, needs="values in holes")
 
 
 def _turns_deg(drive: Drive, holes: Sequence[int]) -> tuple[float, ...]:
@@ -308,55 +343,105 @@ def _place_text(drive: Drive, hole: int) -> str:
 
 def _hole_step(
     effects: Effects,
-    usable: Sequence[int],
     samples: Samples | None,
     torques: Sequence[float],
     left_arcsec: Sequence[float | None],
     run: Run,
-) -> tuple[list[Step], Certificate]:
-    """Return the step to the hole that `mount` names, from the same samples and by the same rule, and its proof."""
-    basis, drive = effects.samples, effects.samples.prior.drive
+) -> tuple[Step | None, Certificate]:
+    """Return the step to the hole that `mount` names, from the same samples and by the same rule, and its proof.
+
+    None if no hole can be named, or if the wheel stays where it is.
+
+    effects: with the factors of F'_ior in all holes.
+    samples: all stages of the samples; None where all is known.
+    torques: torques of the drive [N*m].
+    left_arcsec: what a limit leaves F'_ior at each torque [arcsec]; None without a limit.
+    run: the run.
+    """
+    usable = _comparable_holes(effects.samples)
     if not usable:
-        return [], EMPTY
-    turns = _turns_deg(drive, usable)
+        return None, EMPTY
     stay = usable.index(0) if 0 in usable else None
     if samples is None:
-        changes = [turned_directions(drive, turn) for turn in turns]
-        found = [searched(error_map, drive, changes, is_drawn=False) for error_map in error_maps(drive, torques)]
-        F_ior = np.array([values for values, _ in found])[:, None, :]
-        proof = sum((more for _, more in found), EMPTY)
-        met = limits_met(F_ior, left_arcsec)
-        losses = losses_of(governing_share(F_ior, F_ior))[0]
-        place = chosen_hole(losses, None if met is None else met[0].astype(float), stay)
-        if usable[place] == 0:
-            return [], proof
-        outcome = _outcome(F_ior[basis.torque][:, place], np.ones(1), basis.room_arcsec, None)
-        return [_turned_step(drive, usable[place], outcome)], proof
-    places = sorted({*_contending_holes(effects, left_arcsec, stay), *_level_places(drive)})
-    some = sorted({0.0, *(turns[place] for place in places)})
-    turned = turned_samples(samples, evidence_of(drive), some, run)
-    proof = sum((each.turned_proof for each in turned.made), EMPTY)
-    columns = {place: turned.rotations_deg.index(turns[place]) for place in places}
-    losses, kept = (
-        _mean_losses(effects, turned, columns),
-        _kept_in_holes(turned, columns, len(turns), left_arcsec, basis.sure),
+        place, outcome, proof = _exact_hole(effects, usable, stay, torques, left_arcsec)
+    else:
+        place, outcome, proof = _sampled_hole(effects, usable, stay, samples, left_arcsec, run)
+    if outcome is None:
+        return None, proof
+    drive = effects.samples.prior.drive
+    hole = usable[place]
+    [turn_deg] = _turns_deg(drive, [hole])
+    step = Step(
+        kind="hole", of=_place_text(drive, hole), outcomes=(outcome,), gain=0.0, edit=_turn_texts(drive, turn_deg)
     )
-    place = chosen_hole(losses, kept, stay)
+    return step, proof
+
+
+def _exact_hole(
+    effects: Effects,
+    usable: Sequence[int],
+    stay: int | None,
+    torques: Sequence[float],
+    left_arcsec: Sequence[float | None],
+) -> tuple[int, Outcome | None, Certificate]:
+    """Return the place of the hole to choose if all of a drive is known, what comes of it, and the proof.
+
+    The outcome is None if the wheel stays where it is. Arguments as those of _hole_step; stay: place of the present
+    hole, None if the wheel may not stay there.
+    """
+    basis = effects.samples
+    drive = basis.prior.drive
+    changes = [turned_directions(drive, turn_deg) for turn_deg in _turns_deg(drive, usable)]
+    F_ior_of_torque = []
+    proof = EMPTY
+    for error_map in error_maps(drive, torques):
+        values, proof_of_torque = searched(error_map, drive, changes, is_drawn=False)
+        F_ior_of_torque.append(values)
+        proof += proof_of_torque
+    F_ior = np.array(F_ior_of_torque)[:, None, :]  # shape (torques, one drive, holes)
+    met = limits_met(F_ior, left_arcsec)
+    losses = losses_of(governing_share(F_ior, F_ior))[0]
+    place = chosen_hole(losses, None if met is None else met[0].astype(float), stay)
     if usable[place] == 0:
-        return [], proof
-    column, inside = columns[place], None
+        return place, None, proof
+    return place, _outcome(F_ior[basis.torque][:, place], np.ones(1), basis.room_arcsec), proof
+
+
+def _sampled_hole(
+    effects: Effects,
+    usable: Sequence[int],
+    stay: int | None,
+    samples: Samples,
+    left_arcsec: Sequence[float | None],
+    run: Run,
+) -> tuple[int, Outcome | None, Certificate]:
+    """Return the place of the hole to choose over the samples of a drive, what comes of it, and the proof.
+
+    Only holes that may be the best are solved. The outcome is None if the wheel stays where it is. Arguments as those
+    of _exact_hole.
+    """
+    basis = effects.samples
+    drive = basis.prior.drive
+    turns_deg = _turns_deg(drive, usable)
+    places = sorted({*_contending_holes(effects, left_arcsec, stay), *_level_places(drive)})
+    solved_deg = sorted({0.0, *(turns_deg[place] for place in places)})
+    turned = turned_samples(samples, evidence_of(drive), solved_deg, run)
+    proof = sum((draw.turned_proof for draw in turned.made), EMPTY)
+    columns = {place: turned.rotations_deg.index(turns_deg[place]) for place in places}
+    losses = _mean_losses(effects, turned, columns)
+    probabilities = _kept_in_holes(turned, columns, len(turns_deg), left_arcsec, basis.sure)
+    place = chosen_hole(losses, probabilities, stay)
+    if usable[place] == 0:
+        return place, None, proof
+    met: Probability | None = None
     if basis.room_arcsec is not None:
-        left, torque = basis.room_arcsec, basis.torque
-        inside = turned.probability(lambda stage: stage.turned_arcsec[:, torque, column] <= left, basis.sure)
+        room_arcsec = basis.room_arcsec
+        met = turned.probability(
+            lambda stage: stage.turned_arcsec[:, basis.torque, columns[place]] <= room_arcsec, basis.sure
+        )
     first = turned.of_ranges
-    outcome = _outcome(first.turned_arcsec[:, basis.torque, column], first.weights, basis.room_arcsec, inside)
-    return [_turned_step(drive, usable[place], outcome)], proof
-
-
-def _turned_step(drive: Drive, hole: int, outcome: Outcome) -> Step:
-    """Return the step to put the fixed wheel in a hole."""
-    [turn] = _turns_deg(drive, [hole])
-    return Step("hole", _place_text(drive, hole), (outcome,), 0.0, _turn_texts(drive, turn))
+    F_ior = first.turned_arcsec[:, basis.torque, columns[place]]
+    return place, _outcome(F_ior, first.weights, basis.room_arcsec, met), proof
 
 
 def _contending_holes(effects: Effects, left_arcsec: Sequence[float | None], stay: int | None) -> list[int]:
@@ -368,23 +453,27 @@ def _contending_holes(effects: Effects, left_arcsec: Sequence[float | None], sta
     """
     basis = effects.samples
     assert basis.samples is not None
-    now = basis.samples.F_ior_arcsec[basis.rows]  # shape (rows, torques)
+    F_ior = basis.samples.F_ior_arcsec[basis.rows]  # shape (rows, torques)
     first = basis.first_rows
-    F_first = np.moveaxis(now[first][:, :, None] * effects.hole_factors, 1, 0)  # shape (torques, first rows, holes)
+    F_first = np.moveaxis(F_ior[first][:, :, None] * effects.hole_factors, 1, 0)  # shape (torques, first rows, holes)
     losses = losses_of(governing_share(F_first, F_first))
     best = int(losses.mean(axis=0).argmin())
-    lost = losses - losses[:, [best]]
-    error = lost.std(axis=0, ddof=min(1, len(first) - 1)) / np.sqrt(len(first))
-    may_win = lost.mean(axis=0) <= _CLEAR * error + _NEARLY
-    # of every sample with the factors of every first one, shape (torques, rows x first rows, holes)
-    every = np.einsum("rt,fth->trfh", now, effects.hole_factors).reshape(now.shape[1], -1, losses.shape[1])
-    met = limits_met(every, left_arcsec)
+    behind = losses - losses[:, [best]]
+    standard_error = behind.std(axis=0, ddof=min(1, len(first) - 1)) / np.sqrt(len(first))
+    may_win = behind.mean(axis=0) <= _CLEAR * standard_error + _NEARLY
+
+    # every sample with the factors of every first one, shape (torques, rows x first rows, holes)
+    by_factor = np.einsum("rt,fth->trfh", F_ior, effects.hole_factors).reshape(F_ior.shape[1], -1, losses.shape[1])
+    met = limits_met(by_factor, left_arcsec)
     if met is not None:
-        met = met.reshape(len(now), len(first), -1)
-        low, high = (np.average(end, axis=0, weights=basis.weights) for end in (met.all(axis=1), met.any(axis=1)))
+        met = met.reshape(len(F_ior), len(first), -1)
+        low = np.average(met.all(axis=1), axis=0, weights=basis.weights)  # with the factors of all first samples
+        high = np.average(met.any(axis=1), axis=0, weights=basis.weights)  # with those of any
         surest = float(low.max())
         may_win = (high >= surest - _NEARLY) & (may_win | (high > surest + _NEARLY))
-    places = {*np.flatnonzero(may_win).tolist(), *([] if stay is None else [stay])}
+    places = set(np.flatnonzero(may_win).tolist())
+    if stay is not None:
+        places.add(stay)
     return sorted(places)
 
 
@@ -396,14 +485,14 @@ def _level_places(drive: Drive) -> list[int]:
 def _mean_losses(effects: Effects, turned: Samples, columns: Mapping[int, int]) -> Array:
     """Return the mean loss of each hole, shape (holes,): of those that are no column of the samples by the factors."""
     first = turned.of_ranges
-    F_ior = (
-        first.F_ior_arcsec.T[:, :, None] * effects.hole_factors.mean(axis=0)[:, None, :]
-    )  # (torques, samples, holes)
+    mean_factors = effects.hole_factors.mean(axis=0)  # shape (torques, holes)
+    F_ior = first.F_ior_arcsec.T[:, :, None] * mean_factors[:, None, :]  # shape (torques, samples, holes)
     for place, column in columns.items():
         F_ior[:, :, place] = first.turned_arcsec[:, :, column].T
     level = F_ior[:, :, _level_places(first.prior.drive) or slice(None)]
     losses = np.average(losses_of(governing_share(F_ior, level)), axis=0, weights=first.weights)
-    losses[[place for place in range(len(losses)) if place not in columns]] = np.inf
+    not_solved = [place for place in range(len(losses)) if place not in columns]
+    losses[not_solved] = np.inf
     return np.asarray(losses)
 
 
@@ -414,18 +503,18 @@ def _kept_in_holes(
 
     columns: place among the turns of the samples of each hole that may be chosen; all others have the probability 0.
     """
-    if all(left is None for left in left_arcsec):
+    if all(room_arcsec is None for room_arcsec in left_arcsec):
         return None
 
-    def met(some: Samples, column: int) -> Array:
-        answer = limits_met(some.turned_arcsec[..., column].T, left_arcsec)
-        assert answer is not None
-        return answer
+    def met(stage: Samples, column: int) -> Array:
+        is_met = limits_met(stage.turned_arcsec[..., column].T, left_arcsec)
+        assert is_met is not None
+        return is_met
 
-    kept = np.zeros(holes)
+    probabilities = np.zeros(holes)
     for place, column in columns.items():
-        kept[place] = samples.probability(partial(met, column=column), sure).value
-    return kept
+        probabilities[place] = samples.probability(partial(met, column=column), sure).value
+    return probabilities
 
 
 def _turn_texts(drive: Drive, turn_deg: float) -> tuple[str, ...]:
@@ -437,45 +526,86 @@ def _turn_texts(drive: Drive, turn_deg: float) -> tuple[str, ...]:
             continue
         turned = float(f"{(float(value) + turn_deg) % 360:.6g}")
         spread = drive.uncertainty.get(path)
-        texts.append(f"{path}={turned:g}" + (f" ± {spread:g}" if spread else ""))
+        texts.append(f"{path}={turned:g} ± {spread:g}" if spread else f"{path}={turned:g}")
     return tuple(texts)
 
 
 def _corrected_step(
     effects: Effects, middle: KinematicError | None, M_g: float, now: Outcome, run: Run
-) -> tuple[list[Step], Certificate]:
-    """Return the step to record a drive and to correct its strongest phasors, from a few solved cycles, and the proof.
+) -> tuple[Step, Certificate]:
+    """Return the step to record a drive and to correct its strongest phasors, and the proof.
 
-    What a correction leaves as a share of F'_ior is taken from each of these cycles for each sample: from that of the
-    sample in the middle, which is known already, and from those of some others, evenly over F'_ior.
+    What a correction leaves as a share of F'_ior is taken from each of a few full cycles for each sample: from that of
+    the sample in the middle, which is known already, and from those of some others, evenly over F'_ior.
+
+    effects: with the samples of the drive.
+    middle: the full cycle of the sample in the middle, if it is known.
+    M_g: torque [N*m].
+    now: the outcome without the step.
+    run: the run.
+    """
+    basis = effects.samples
+    shares = [] if middle is None else [_share_left(middle)]
+    proof = EMPTY
+    for corrected in _corrected_cycles(effects, M_g, len(shares), run):
+        shares.append(corrected.share)
+        proof += corrected.proof
+    F_ior = np.array([now.p50])
+    weights = np.ones(1)
+    if basis.samples:
+        F_ior, weights = _all_sets(basis.samples, basis.torque)
+    corrected_arcsec = np.multiply.outer(F_ior, shares)  # shape (sets of all samples, cycles)
+    met: Probability | None = None
+    if basis.room_arcsec is not None and basis.samples:
+        met = _met_by_correction(corrected_arcsec <= basis.room_arcsec, basis.samples.set_weights)
+    weights_of_cycles = np.repeat(weights, len(shares))
+    outcome = _outcome(corrected_arcsec.ravel(), weights_of_cycles, basis.room_arcsec, met)
+    step = Step(kind="correction", of=str(_PHASORS_OFF), outcomes=(outcome,), gain=0.0, needs="recording")
+    return step, proof
+
+
+def _corrected_cycles(effects: Effects, M_g: float, available: int, run: Run) -> list[_Corrected]:
+    """Return what a correction leaves of the full cycles of some samples, evenly over F'_ior.
+
+    effects: with the samples of the drive.
+    M_g: torque [N*m].
+    available: number of cycles that are known already.
+    run: the run.
     """
     basis = effects.samples
     drive = basis.prior.drive
-    shares = [] if middle is None else [_share_left(middle)]
-    count = (_CORRECTED if basis.samples else 1) - len(shares)
+    count = (_CORRECTED if basis.samples else 1) - available
+    if not count:
+        return []
     order = np.argsort(effects.stated_arcsec, kind="stable")
-    rows = order[even_rows(basis.weights[order], count)] if count else np.zeros(0, dtype=np.int64)
+    rows = order[even_rows(basis.weights[order], count)]
     cycles = basis.row_values(rows.tolist())
-    parts = drive.model_dump(mode="json", exclude=WITHOUT_EFFECT)
-    depends = {"drive": parts, "cycles": cycles, "M_g": M_g, "terms": _PHASORS_OFF, "program": digits_depend_on()}
+    depends = {
+        "drive": drive.model_dump(mode="json", exclude=WITHOUT_EFFECT),
+        "cycles": cycles,
+        "M_g": M_g,
+        "terms": _PHASORS_OFF,
+        "program": digits_depend_on(),
+    }
 
     def corrected() -> list[_Corrected]:
         return list(run.map(partial(_corrected, drive, M_g), cycles))
 
-    found = kept_answer("options", depends, _CORRECTED_CYCLES, corrected) if cycles else []
-    shares += [each.share for each in found]
-    proof = sum((each.proof for each in found), EMPTY)
-    F_ior, weights = np.array([now.p50]), np.ones(1)
-    if basis.samples:
-        F_ior, weights = _all_sets(basis.samples, basis.torque)
-    left = np.multiply.outer(F_ior, shares)
-    kept = None
-    if basis.room_arcsec is not None and basis.samples:  # a sample is one case, however many cycles are tried on it
-        met = (left <= basis.room_arcsec).mean(axis=1).reshape(basis.samples.set_weights.shape)
-        of_sample = basis.samples.set_weights.sum(axis=1)
-        kept = probability_of((basis.samples.set_weights * met).sum(axis=1) / np.maximum(of_sample, 1e-300), of_sample)
-    outcome = _outcome(left.ravel(), np.repeat(weights, len(shares)), basis.room_arcsec, kept)
-    return [Step("correction", str(_PHASORS_OFF), (outcome,), 0.0, needs="recording")], proof
+    return kept_answer("options", depends, _CORRECTED_CYCLES, corrected)
+
+
+def _met_by_correction(is_met: NDArray[np.bool_], set_weights: Array) -> Probability:
+    """Return the probability that corrected samples meet the limit.
+
+    A sample is one case, however many cycles are tried on it, and however many sets of deviations it has.
+
+    is_met: whether a set with a cycle meets the limit, shape (sets of all samples, cycles).
+    set_weights: shape (samples, sets).
+    """
+    met_of_set = is_met.mean(axis=1).reshape(set_weights.shape)
+    weights = set_weights.sum(axis=1)
+    met_of_sample = (set_weights * met_of_set).sum(axis=1) / np.maximum(weights, 1e-300)
+    return probability_of(met_of_sample, weights)
 
 
 def _corrected(drive: Drive, M_g: float, values: Mapping[str, float]) -> _Corrected:
@@ -488,39 +618,60 @@ def _share_left(error: KinematicError) -> float:
     """Return the share of F'_ior of a full cycle that is left without its strongest phasors."""
     curve = error.error_arcsec
     spectrum = np.fft.rfft(curve)
-    spectrum[np.argsort(-np.abs(spectrum), kind="stable")[:_PHASORS_OFF]] = 0
-    whole = max(float(np.ptp(curve)), NO_ERROR)
-    return float(np.ptp(np.fft.irfft(spectrum, len(curve)))) / whole
+    strongest = np.argsort(-np.abs(spectrum), kind="stable")[:_PHASORS_OFF]
+    spectrum[strongest] = 0
+    F_ior = max(float(np.ptp(curve)), NO_ERROR)
+    return float(np.ptp(np.fft.irfft(spectrum, len(curve)))) / F_ior
 
 
-def _questions(basis: OptionSamples, found: Sequence[Step], now: Outcome) -> Iterator[Step]:
-    """Yield questions after the inputs of most influence: the samples on either side of the median of each."""
+def _questions(basis: OptionSamples, steps: Sequence[Step], now: Outcome) -> Iterator[Step]:
+    """Yield questions about the inputs of most influence, the samples on either side of the median of each.
+
+    basis: samples of the drive.
+    steps: those that are known; what one of them asks is not asked again.
+    now: the outcome without an answer.
+    """
     samples = basis.samples
     if samples is None:
         return
-    fields = {each.path: (k, each) for k, each in enumerate(samples.prior.fields)}
-    asked = {each.of for each in found if each.is_question}
-    F_ior = samples.F_ior_arcsec[:, basis.torque]
-    before = _outcome(F_ior, samples.weights, basis.room_arcsec, None)
-    for each in influences(samples, basis.torque):
-        if each.group not in fields or (each.group == SUPPORT_FIELD and COUPLING in asked):
+    place_of = {field_prior.path: place for place, field_prior in enumerate(samples.prior.fields)}
+    is_coupling_asked = any(step.is_question and step.of == COUPLING for step in steps)
+    for influence in influences(samples, basis.torque):
+        group = influence.group
+        if group not in place_of or (group == SUPPORT_FIELD and is_coupling_asked):
             continue
-        place, prior = fields[each.group]
-        x = prior.value(samples.shares[:, place])
-        middle = float(f"{weighted_quantile(x, samples.weights, 0.5):.3g}")
-        answers = []
-        for answer, inside, ends in (
-            (f"< {middle:g}", x < middle, (prior.low, middle)),
-            (f"> {middle:g}", x >= middle, (middle, prior.high)),
-        ):
-            weights = samples.weights * inside
-            if weights.any():
-                chance = float(weights.sum() / samples.weights.sum())
-                some = inside & (samples.weights > 0)
-                outcome = _answered(F_ior[some], samples.weights[some], basis, now, before)
-                answers.append(replace(outcome, answer=answer, chance=chance, edit=_range_texts(prior.path, *ends)))
+        answers = _answers_about(basis, samples, place_of[group], now)
         if len(answers) == 2:
-            yield Step("question", each.group, tuple(answers), 0.0, needs="answer", reference_data="applied again")
+            yield _question(group, answers)
+
+
+def _answers_about(basis: OptionSamples, samples: Samples, place: int, now: Outcome) -> tuple[Outcome, ...]:
+    """Return the outcomes of the answers that a field is below or above its median, without one that no sample has.
+
+    basis, samples: samples of the drive.
+    place: of the field among those of the prior.
+    now: the outcome without an answer.
+    """
+    field_prior = samples.prior.fields[place]
+    values = field_prior.value(samples.shares[:, place])
+    median = float(f"{weighted_quantile(values, samples.weights, 0.5):.3g}")
+    is_below = values < median
+    F_ior = samples.F_ior_arcsec[:, basis.torque]
+    before = _outcome(F_ior, samples.weights, basis.room_arcsec)
+    answers = []
+    for answer, has_answer, low, high in (
+        (f"< {median:g}", is_below, field_prior.low, median),
+        (f"> {median:g}", ~is_below, median, field_prior.high),
+    ):
+        weights = samples.weights * has_answer
+        if not weights.any():
+            continue
+        rows = has_answer & (samples.weights > 0)
+        outcome = _answered(F_ior[rows], samples.weights[rows], basis, now, before)
+        chance = float(weights.sum() / samples.weights.sum())
+        range_texts = _range_texts(field_prior.path, low, high)
+        answers.append(replace(outcome, answer=answer, chance=chance, edit=range_texts))
+    return tuple(answers)
 
 
 def _answered(F_ior: Array, weights: Array, basis: OptionSamples, now: Outcome, before: Outcome) -> Outcome:
@@ -531,19 +682,20 @@ def _answered(F_ior: Array, weights: Array, basis: OptionSamples, now: Outcome, 
     basis: all samples.
     now, before: the outcome without an answer, over all sets of deviations and over one set of each sample.
     """
-    outcome = _outcome(F_ior, weights, basis.room_arcsec, None)
+    outcome = _outcome(F_ior, weights, basis.room_arcsec)
     if not basis.has_sets:
         return outcome
     outcome = _scaled(outcome, now, before)
     if basis.room_arcsec is None or now.probability is None or before.probability is None:
         return outcome
-    moved = _moved(probability_of(basis.room_arcsec >= F_ior, weights), now.probability - before.probability)
-    return replace(outcome, probability=moved.value, probability_low=moved.low, probability_high=moved.high)
+    met = probability_of(basis.room_arcsec >= F_ior, weights)
+    return _with_probability(outcome, _moved(met, now.probability - before.probability))
 
 
 def _range_texts(path: str, low: float, high: float) -> tuple[str, ...]:
     """Return changes of a preset that state a range of a field."""
-    low, high = float(f"{low:.4g}"), float(f"{high:.4g}")
+    low = float(f"{low:.4g}")
+    high = float(f"{high:.4g}")
     range_text = f"source.{path}={{kind: assumed, range: [{low:g}, {high:g}], ref: {SOURCE_REF}}}"
     return f"{path}={(low + high) / 2:.4g}", range_text
 
@@ -560,6 +712,16 @@ def _usable_holes(drive: Drive) -> list[int]:
     if drive.mounting.allowed == "all":
         return list(range(drive.mounting.holes))
     return sorted(drive.mounting.allowed)
+
+
+def _comparable_holes(basis: OptionSamples) -> list[int]:
+    """Return the holes that can be compared without a value in any of them; none if the directions are unknown.
+
+    None either if F'_ior was measured on the drive: then mount compares the holes by these values.
+    """
+    drive = basis.prior.drive
+    is_measured = is_error_measured(drive) and basis.samples is not None
+    return [] if is_measured or unknown_turn(drive) else _usable_holes(drive)
 
 
 def _apart(holes: Sequence[int]) -> list[int]:
