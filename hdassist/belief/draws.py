@@ -208,10 +208,10 @@ class Sampling:
         pilot = [draw.figures for draw in draws[:: self.alike][:PILOT_DRAWS]]
         kept_likelihood = self._kept_likelihood(pilot)
         if run.executor and run.at_a_time > _FEW_PROCESSES and self.alike == 1:
-            if first < PILOT_DRAWS:
-                most = min(most, PILOT_DRAWS)
             begin = max(ahead, default=first - 1) + 1
             end = min(last + run.at_a_time, most)
+            if first < PILOT_DRAWS:  # the draws after the pilot wait for it
+                end = min(end, PILOT_DRAWS)
             if begin < end:
                 for number, *task in self._tasks(begin, end, pilot, kept_likelihood):
                     ahead[number] = run.executor.submit(self.solved, number, *task)
@@ -323,12 +323,10 @@ class Sampling:
 
         formulation = formulate(contact_system(drive))
         figures: Mapping[str, float] = {}
-        going_on = 1.0
         if any(datum.figure in STIFFNESS_FIGURES for datum in self.evidence):
             figures, proof_of_figures = stiffness_figures(drive, formulation)
             proof += proof_of_figures
-            stiffness_likelihood = float(np.exp(log_likelihood(self.evidence, figures)))
-            going_on = min(1.0, stiffness_likelihood / density / kept)  # equation (1)
+        going_on = self._chance_of_going_on(figures, density, kept)
         if chance >= going_on:
             return [Draw(figures=figures, proof=proof, follows=follows) for _ in range(self.alike)]
 
@@ -345,6 +343,13 @@ class Sampling:
             going_on=going_on,
         )
         return self._draws_of(system, proof)
+
+    def _chance_of_going_on(self, figures: Mapping[str, float], density: float, kept: float) -> float:
+        """Return p of equation (1) by the figures of stiffness of a draw; 1 without evidence of stiffness."""
+        if not figures:
+            return 1.0
+        likelihood = float(np.exp(log_likelihood(self.evidence, figures)))
+        return min(1.0, likelihood / density / kept)
 
     def _meshed(self, drive: Drive, shares: Sequence[float]) -> tuple[Drive, dict[str, float], Certificate]:
         """Return a drive with the shift of the rigid wheel that follows from all else, that shift by path, and a proof.
@@ -376,36 +381,45 @@ class Sampling:
 
     def _draw_of(self, system: _System, deviations: ProposedDeviations, place: int) -> Draw:
         """Return the draw of a contact system that has some deviations; place: that of it among those of the system."""
-        shares = [
-            deviations.shares.get(field_prior.path, share)
-            for field_prior, share in zip(self.prior.fields, system.shares, strict=True)
-        ]
+        shares = self._shares_with(deviations, system.shares)
         drive = system.drive.with_values(self.prior.values(np.array([shares]))[0])
-        F_ior, tested, proof = errors_now(system.maps, drive, self.torques, list(system.tests.values()))
-        turned, turned_proof = errors_by_turn(system.maps, drive, self.torques, F_ior.tolist(), self.rotations_deg)
-        further_figures: Mapping[str, float] = {}
-        if self.figures_of:
-            further_figures, proof_of_figures = self.figures_of(drive)
-            proof += proof_of_figures
-        errors_by_figure = dict(zip(system.tests, tested.tolist(), strict=True))
-        figures = {**system.figures, **further_figures, **errors_by_figure}
+        errors = self._errors_of(system, drive, place)
+        further_figures, proof_of_figures = self.figures_of(drive) if self.figures_of else ({}, EMPTY)
+        figures = {**system.figures, **further_figures, **errors.by_figure}
         likelihood = float(np.exp(log_likelihood(self.evidence, figures)))
-        if self.measured:
-            seed = [self.seed, system.number * self.alike + place]
-            F_ior, turned = self._shown(tested[: len(self.measured)], F_ior, turned, seed)
         sets = self._further_sets(system, drive, shares)
         return Draw(
             figures=figures,
-            F_ior_arcsec=tuple(F_ior.tolist()),
-            turned_arcsec=_as_rows(turned),
+            F_ior_arcsec=tuple(errors.F_ior_arcsec.tolist()),
+            turned_arcsec=_as_rows(errors.turned_arcsec),
             weight=likelihood / (system.density * deviations.density) / system.going_on,  # equation (1)
             shares=tuple(shares),
-            proof=proof + sets.proof,
+            proof=errors.proof + proof_of_figures + sets.proof,
             follows=system.follows,
-            turned_proof=turned_proof,
+            turned_proof=errors.turned_proof,
             sets_arcsec=_as_rows(sets.F_ior_arcsec.T),
             set_weights=tuple(self._set_weight(system, tested_arcsec) for tested_arcsec in sets.tested_arcsec),
         )
+
+    def _errors_of(self, system: _System, drive: Drive, place: int) -> _Errors:
+        """Return F'_ior of a drive on a contact system; place: that of the draw among those of the system."""
+        F_ior, tested, proof = errors_now(system.maps, drive, self.torques, list(system.tests.values()))
+        turned, turned_proof = errors_by_turn(system.maps, drive, self.torques, F_ior.tolist(), self.rotations_deg)
+        if self.measured:
+            seed = [self.seed, system.number * self.alike + place]
+            F_ior, turned = self._shown(tested[: len(self.measured)], F_ior, turned, seed)
+        return _Errors(
+            F_ior_arcsec=F_ior,
+            turned_arcsec=turned,
+            by_figure=dict(zip(system.tests, tested.tolist(), strict=True)),
+            proof=proof,
+            turned_proof=turned_proof,
+        )
+
+    def _shares_with(self, deviations: ProposedDeviations, shares: Sequence[float]) -> list[float]:
+        """Return the shares of all fields, those of the deviations replaced by proposed ones."""
+        paths = [field_prior.path for field_prior in self.prior.fields]
+        return [deviations.shares.get(path, share) for path, share in zip(paths, shares, strict=True)]
 
     def _set_weight(self, system: _System, tested_arcsec: float | None) -> float:
         """Return the weight of a set of deviations by equation (1); its F'_ior as tested [arcsec], None without."""
@@ -493,13 +507,6 @@ class Sampling:
         noise_normals = rng.standard_normal((1, len(y)))
 
         loads, turns = self._points_shown()
-        misfit_normals = np.zeros((1, len(turns)))
-        for M_g in np.unique(loads):
-            # by the torque's own bits, so that other torques do not move the numbers of this one
-            rng_of_torque = np.random.default_rng([*seed, int(M_g.view(np.uint64))])
-            numbers = rng_of_torque.standard_normal((1, SMOOTH_NUMBERS))
-            misfit_normals[:, loads == M_g] = smooth_misfits(turns[loads == M_g], numbers)
-
         model = np.append(np.column_stack([F_ior, turned]), tested)[None]  # shape (1, points)
         spreads = kind.spreads(stated, y)[None]
         is_same_torque = np.equal.outer(loads, loads)
@@ -509,7 +516,7 @@ class Sampling:
             (kind.misfit * mean) ** 2,
             spreads,
             kernel(turns.tolist(), turns.tolist()) * is_same_torque,
-            (scale_normals, misfit_normals, noise_normals),
+            (scale_normals, _misfit_normals(loads, turns, seed), noise_normals),
         )
         shown = np.round(shown, _SHOWN_DIGITS).reshape(len(self.torques), -1)
         return shown[:, 0], shown[:, 1:]
@@ -548,6 +555,23 @@ class _System:
 
 
 @dataclass(frozen=True, eq=False)
+class _Errors:
+    """F'_ior of a draw [arcsec], and the proofs.
+
+    F_ior_arcsec: as the wheel stands, shape (torques,).
+    turned_arcsec: with the wheel turned, shape (torques, rotations).
+    by_figure: F'_ior of the model that is compared with evidence, by figure.
+    turned_proof: of the states with the wheel turned.
+    """
+
+    F_ior_arcsec: Array
+    turned_arcsec: Array
+    by_figure: Mapping[str, float]
+    proof: Certificate
+    turned_proof: Certificate
+
+
+@dataclass(frozen=True, eq=False)
 class _FurtherSets:
     """F'_ior [arcsec] of further sets of deviations on a contact system, and the proof.
 
@@ -558,6 +582,21 @@ class _FurtherSets:
     F_ior_arcsec: Array
     tested_arcsec: Sequence[float | None]
     proof: Certificate
+
+
+def _misfit_normals(loads: Array, turns_deg: Array, seed: Sequence[int]) -> Array:
+    """Return misfits of variance 1 at points, independent between torques, shape (1, points).
+
+    loads, turns_deg: torque [N*m] and turn [deg] of each point, shape (points,).
+    seed: of the draw.
+    """
+    misfits = np.zeros((1, len(turns_deg)))
+    for M_g in np.unique(loads):
+        # by the torque's own bits, so that other torques do not move the numbers of this one
+        rng = np.random.default_rng([*seed, int(M_g.view(np.uint64))])
+        normals = rng.standard_normal((1, SMOOTH_NUMBERS))
+        misfits[:, loads == M_g] = smooth_misfits(turns_deg[loads == M_g], normals)
+    return misfits
 
 
 def _as_rows(values: Array) -> tuple[tuple[float, ...], ...]:

@@ -23,7 +23,8 @@ def governing_share(F_ior_arcsec: Array, holes_arcsec: Array) -> Array:
     holes_arcsec: F'_ior in all holes [arcsec], shape (torques, samples, holes).
     The result has the shape (samples, ...).
     """
-    mean = holes_arcsec.mean(axis=2).reshape(F_ior_arcsec.shape[:2] + (1,) * (F_ior_arcsec.ndim - 2))
+    added_axes = tuple(range(2, F_ior_arcsec.ndim))
+    mean = np.expand_dims(holes_arcsec.mean(axis=2), added_axes)
     return np.asarray((F_ior_arcsec / np.maximum(mean, NO_ERROR)).max(axis=0))
 
 

@@ -150,16 +150,20 @@ def steps_of(
     effects = question.effects(run)
     if not (effects.stated_arcsec > 0).all():
         return (), effects.proof
-    now = _outcome_now(effects, samples)
+    unchanged = _outcome_now(effects, samples)
     hole, proof_of_hole = _hole_step(effects, samples, torques, left_arcsec, run)
-    correction, proof_of_correction = _corrected_step(effects, middle, torques[torque], now, run)
-    steps = [*_edited_steps(effects, question.edits, now, question.is_measured), *_tried_step(effects, now)]
+    correction, proof_of_correction = _corrected_step(effects, middle, torques[torque], unchanged, run)
+    steps = [*_edited_steps(effects, question.edits, unchanged, question.is_measured), *_tried_step(effects, unchanged)]
     steps += [step for step in (hole, correction) if step is not None]
-    steps += _questions(basis, steps, now)
+    steps += _questions(basis, steps, unchanged)
+    return _worthwhile(steps, unchanged), effects.proof + proof_of_hole + proof_of_correction
+
+
+def _worthwhile(steps: Sequence[Step], now: Outcome) -> tuple[Step, ...]:
+    """Return the steps that gain enough, with their gain: options by it, then questions by theirs."""
     with_gain = [replace(step, gain=_gain(now, step.outcomes)) for step in steps]
     worthwhile = [step for step in with_gain if step.gain >= LEAST_STEP_GAIN]
-    proof = effects.proof + proof_of_hole + proof_of_correction
-    return tuple(sorted(worthwhile, key=lambda step: (step.is_question, -step.gain))), proof
+    return tuple(sorted(worthwhile, key=lambda step: (step.is_question, -step.gain)))
 
 
 def _edit_question(basis: OptionSamples, torques: Sequence[float]) -> EditQuestion:
@@ -433,15 +437,17 @@ def _sampled_hole(
     place = chosen_hole(losses, probabilities, stay)
     if usable[place] == 0:
         return place, None, proof
+    return place, _turned_outcome(basis, turned, columns[place]), proof
+
+
+def _turned_outcome(basis: OptionSamples, turned: Samples, column: int) -> Outcome:
+    """Return the outcome of a turn of the fixed wheel; column: its place among the turns of the samples."""
     met: Probability | None = None
     if basis.room_arcsec is not None:
         room_arcsec = basis.room_arcsec
-        met = turned.probability(
-            lambda stage: stage.turned_arcsec[:, basis.torque, columns[place]] <= room_arcsec, basis.sure
-        )
+        met = turned.probability(lambda stage: stage.turned_arcsec[:, basis.torque, column] <= room_arcsec, basis.sure)
     first = turned.of_ranges
-    F_ior = first.turned_arcsec[:, basis.torque, columns[place]]
-    return place, _outcome(F_ior, first.weights, basis.room_arcsec, met), proof
+    return _outcome(first.turned_arcsec[:, basis.torque, column], first.weights, basis.room_arcsec, met)
 
 
 def _contending_holes(effects: Effects, left_arcsec: Sequence[float | None], stay: int | None) -> list[int]:
@@ -462,19 +468,39 @@ def _contending_holes(effects: Effects, left_arcsec: Sequence[float | None], sta
     standard_error = behind.std(axis=0, ddof=min(1, len(first) - 1)) / np.sqrt(len(first))
     may_win = behind.mean(axis=0) <= _CLEAR * standard_error + _NEARLY
 
-    # every sample with the factors of every first one, shape (torques, rows x first rows, holes)
-    by_factor = np.einsum("rt,fth->trfh", F_ior, effects.hole_factors).reshape(F_ior.shape[1], -1, losses.shape[1])
-    met = limits_met(by_factor, left_arcsec)
-    if met is not None:
-        met = met.reshape(len(F_ior), len(first), -1)
-        low = np.average(met.all(axis=1), axis=0, weights=basis.weights)  # with the factors of all first samples
-        high = np.average(met.any(axis=1), axis=0, weights=basis.weights)  # with those of any
+    bounds = _probability_bounds(effects, F_ior, left_arcsec)
+    if bounds is not None:
+        low, high = bounds
         surest = float(low.max())
+        # a hole that may be surer than any other wins whatever its loss
         may_win = (high >= surest - _NEARLY) & (may_win | (high > surest + _NEARLY))
     places = set(np.flatnonzero(may_win).tolist())
     if stay is not None:
         places.add(stay)
     return sorted(places)
+
+
+def _probability_bounds(
+    effects: Effects, F_ior: Array, left_arcsec: Sequence[float | None]
+) -> tuple[Array, Array] | None:
+    """Return a lower and an upper bound of the probability of each hole to meet all limits, shape (holes,) each.
+
+    A sample counts for the lower one if the factors of all first samples let it meet the limits, for the upper one if
+    those of any do. None without a limit.
+
+    effects: with the factors of F'_ior in all holes.
+    F_ior: of all samples as the wheel stands [arcsec], shape (rows, torques).
+    left_arcsec: what a limit leaves F'_ior at each torque [arcsec]; None without a limit.
+    """
+    factors = effects.hole_factors  # shape (first rows, torques, holes)
+    first, torques, holes = factors.shape
+    in_holes = np.einsum("rt,fth->trfh", F_ior, factors)
+    met = limits_met(in_holes.reshape(torques, -1, holes), left_arcsec)
+    if met is None:
+        return None
+    met = met.reshape(len(F_ior), first, holes)
+    weights = effects.samples.weights
+    return np.average(met.all(axis=1), axis=0, weights=weights), np.average(met.any(axis=1), axis=0, weights=weights)
 
 
 def _level_places(drive: Drive) -> list[int]:

@@ -214,11 +214,9 @@ def tabled_errors(
     drive = maps[0].drive
     shares, columns = _draws(prior, effort.deviations, seed)
     if other:
-        _, further = _draws(other, effort.deviations // _KNOWN_DIRECTION, seed, tuple(columns))
-        columns = {path: np.concatenate([values, further[path]]) for path, values in columns.items()}
-    largest = {path: float(values.max()) for path, values in columns.items() if path in deviation_sizes()}
-    reach = Reach.of(drive.with_values(largest))
-    tables = [error_table(error_map, reach, effort.mesh) for error_map in maps]
+        _, directed = _draws(other, effort.deviations // _KNOWN_DIRECTION, seed, tuple(columns))
+        columns = {path: np.concatenate([values, directed[path]]) for path, values in columns.items()}
+    tables = _tables(maps, columns, effort.mesh)
     log_missed = np.zeros(0)
     proof_of_compared = EMPTY
     if effort.compared:
@@ -233,6 +231,13 @@ def tabled_errors(
         shares=shares,
         certificate=sum((table.certificate for table in tables), EMPTY) + proof_of_compared,
     )
+
+
+def _tables(maps: Sequence[ErrorMap], columns: Mapping[str, Array], mesh: Mesh) -> list[ErrorTable]:
+    """Return tables of the error, one a torque, that reach as far as the largest deviations of some draws."""
+    largest = {path: float(values.max()) for path, values in columns.items() if path in deviation_sizes()}
+    reach = Reach.of(maps[0].drive.with_values(largest))
+    return [error_table(error_map, reach, mesh) for error_map in maps]
 
 
 def _compared_columns(columns: Mapping[str, Array], count: int, number: int) -> dict[str, Array]:

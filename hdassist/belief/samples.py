@@ -534,7 +534,7 @@ def _few(samples: Samples, draws: Sequence[Draw], evidence: tuple[Evidence, ...]
             f"{too_few}: {refused} samples are not valid drives (mostly: {reason})", "narrow the assumed ranges"
         )
     likelihood_without = {
-        datum: _mean_likelihood(draws, tuple(other for other in evidence if other is not datum)) for datum in evidence
+        datum: _mean_likelihood(draws, evidence[:place] + evidence[place + 1 :]) for place, datum in enumerate(evidence)
     }
     doubted = max(likelihood_without, key=likelihood_without.__getitem__)
     if likelihood_without[doubted] < _CONTRADICTION * _mean_likelihood(draws, evidence):

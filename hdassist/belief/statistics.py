@@ -38,13 +38,15 @@ class Probability:
 
     @property
     def complement(self) -> Probability:
-        """That of the other outcome."""
+        """Probability of the other outcome."""
         return replace(self, value=1 - self.value, low=1 - self.high, high=1 - self.low)
 
     def verdict(self, sure: float = SURE) -> Verdict:
-        """Verdict on a limit that is kept with this probability; sure, the one that PASS needs."""
-        found = {verdict_by_probability(each, sure) for each in ((self.low, self.high) if self.few else (self.value,))}
-        return found.pop() if len(found) == 1 else Verdict.INCONCLUSIVE
+        """Return the verdict on a limit that is met with this probability; sure: the one that PASS needs."""
+        if not self.few:
+            return verdict_by_probability(self.value, sure)
+        verdict = verdict_by_probability(self.low, sure)
+        return verdict if verdict is verdict_by_probability(self.high, sure) else Verdict.INCONCLUSIVE
 
     def text(self, needed: float | None = None, *, outcome: str = Verdict.PASS) -> str:
         """Return it in per cent with its interval, and the probability that an outcome needs, as percent_text does."""
@@ -52,48 +54,52 @@ class Probability:
         return percent_text(self.value, self.low, self.high, needed, outcome=outcome) + over_all
 
     def is_stable(self, sure: float = SURE) -> bool:
-        """Whether as many samples again would leave a verdict that needs `sure` as it is, with 95 % at each threshold.
+        """Return whether as many samples again would leave a verdict that needs `sure` as it is, with 95 % each time.
 
         From n samples to 2 n the estimate moves by 1/sqrt(2) of its standard error; the interval has 5 % beyond an end.
         So is one whose interval is so narrow that its middle decides, whatever more samples would say.
         """
-        low, high = (self.value + (end - self.value) / np.sqrt(2) for end in (self.low, self.high))
+        low = self.value + (self.low - self.value) / np.sqrt(2)
+        high = self.value + (self.high - self.value) / np.sqrt(2)
         return self.high - self.low <= _FINE_ENOUGH * (1 - sure) or is_settled(low, high, sure)
 
 
 def log_error(arcsec: Array) -> Array:
-    """Logarithm of errors, shape (...,); less than a search can see counts as RESOLVED_ERROR."""
+    """Return the natural logarithm of errors [arcsec], same shape, floored at RESOLVED_ERROR."""
     return np.asarray(np.log(np.maximum(arcsec, RESOLVED_ERROR)))
 
 
 def effective_number(weights: Array) -> float:
-    """Effective number of weighted samples (Kish); 0 of none."""
-    shares = weights / weights.max() if weights.any() else weights  # squares of tiny ones are 0
-    return float(shares.sum() ** 2 / (shares**2).sum()) if weights.any() else 0.0
+    """Return the effective number of weighted samples (Kish), (sum of w)^2 / sum of w^2; 0 of none."""
+    if not weights.any():
+        return 0.0
+    shares = weights / weights.max()  # squares of tiny weights are 0
+    return float(shares.sum() ** 2 / (shares**2).sum())
 
 
 def shares_below(values: Array, weights: Array) -> tuple[Array, Array]:
-    """Per cent of the weight of values up to each of them, and the values in growing order, shape (values,) each."""
+    """Return the percentage of the weight up to each value, and the values in growing order, shape (values,) each."""
     order = np.argsort(values)
     return np.asarray(100 * np.cumsum(weights[order]) / weights.sum()), values[order]
 
 
 def even_rows(weights: Array, count: int) -> NDArray[np.int64]:
-    """Places among weighted samples of so many that weigh alike, shape (count,)."""
+    """Return the places of samples that stand for equal shares of all weights, shape (count,)."""
     return np.searchsorted(np.cumsum(weights) / weights.sum(), (np.arange(count) + 0.5) / count)
 
 
 def weighted_quantile(values: Array, weights: Array, share: float) -> float:
-    """Quantile of weighted values, straight between the middles of their weights (Hazen where all weigh the same)."""
+    """Return a quantile of weighted values, linear between the middles of their weights (Hazen if all are equal)."""
     order = np.argsort(values, kind="stable")
     middles = (np.cumsum(weights[order]) - weights[order] / 2) / weights.sum()
     return float(np.interp(share, middles, values[order]))
 
 
 def probability_of(inside: NDArray[np.bool_] | Array, weights: Array) -> Probability:
-    """Probability of an outcome from weighted samples, shape (samples,), with its interval.
+    """Return the probability of an outcome from weighted samples, with its interval.
 
     inside: which of them have it, or with which probability each has it, shape (samples,).
+    weights: of the samples, shape (samples,).
 
     Jeffreys' interval of equal weights: half a sample more has the outcome, and half a one has it not. Here that sample
     weighs as much as the heaviest one, for an outcome that was not drawn yet may weigh as much (Fay and Feuer 1997,
@@ -128,12 +134,12 @@ def probability_of_systems(shares: Array, weights: Array) -> Probability:
 
 
 def probability_by_share(value: float, count: float) -> Probability:
-    """Probability of an outcome that a share of so many effective samples has, with its Jeffreys interval."""
+    """Return the probability of an outcome that a share of so many effective samples has, with Jeffreys' interval."""
     return _with_interval(value, value * count + 0.5, (1 - value) * count + 0.5)
 
 
 def _with_interval(value: float, hits: float, misses: float) -> Probability:
-    """A probability with the interval of the beta distribution of so many hits and misses."""
+    """Return a probability with the interval of the beta distribution of so many hits and misses."""
     tail = (1 - CONFIDENCE) / 2
     low, high = betaincinv(hits, misses, [tail, 1 - tail]).tolist()
     return Probability(value, low if value > 0 else 0.0, high if value < 1 else 1.0)
@@ -145,7 +151,7 @@ _PLACES = np.arange(_BITS, dtype=np.uint32)
 
 
 def sobol_points(count: int, dimensions: int, seed: int | list[int]) -> Array:
-    """The first points of a scrambled sequence, shape (count, dimensions), each coordinate in 0..1.
+    """Return the first points of a scrambled sequence, shape (count, dimensions), each coordinate in 0..1.
 
     Of more points by the same seed the first are the same.
     """
@@ -154,31 +160,51 @@ def sobol_points(count: int, dimensions: int, seed: int | list[int]) -> Array:
 
         sequence = qmc.Sobol(dimensions, rng=np.random.default_rng(seed))
         return np.asarray(sequence.random_base2(max(count - 1, 1).bit_length())[:count])
-    rng, ones = np.random.default_rng(seed).spawn(1)[0], np.eye(_BITS, dtype=np.uint32)
-    shift = rng.integers(2, size=(dimensions, _BITS), dtype=np.uint32) @ (1 << _PLACES)
-    matrix = np.tril(rng.integers(2, size=(dimensions, _BITS, _BITS), dtype=np.uint32), -1) + ones
-    digits = _directions(dimensions)[:, None, :] >> _PLACES[::-1, None] & 1  # shape (dimensions, digits, directions)
-    scrambled = ((matrix @ digits & 1) << _PLACES[::-1, None]).sum(axis=1, dtype=np.uint32)
+    rng = np.random.default_rng(seed).spawn(1)[0]
+    shift_digits = rng.integers(2, size=(dimensions, _BITS), dtype=np.uint32)
+    matrix = np.tril(rng.integers(2, size=(dimensions, _BITS, _BITS), dtype=np.uint32), -1)
+    matrix += np.eye(_BITS, dtype=np.uint32)
+    directions = _scrambled(_directions(dimensions), matrix)
+    first_point = shift_digits @ (1 << _PLACES)  # the digital shift
+    points = np.tile(first_point.astype(np.uint32), (count, 1))
     index = np.arange(count, dtype=np.uint32)
-    points = np.tile(shift.astype(np.uint32), (count, 1))
-    for place, direction in zip(_PLACES, scrambled.T, strict=True):
-        points ^= ((index ^ index >> 1) >> place & 1)[:, None] * direction  # in the order of a Gray code
+    gray_code = index ^ index >> 1
+    for place, direction in zip(_PLACES, directions.T, strict=True):
+        has_digit = (gray_code >> place & 1)[:, None]  # shape (count, 1)
+        points ^= has_digit * direction
     return np.asarray(points / 2.0**_BITS)
+
+
+def _scrambled(directions: NDArray[np.uint32], matrix: NDArray[np.uint32]) -> NDArray[np.uint32]:
+    """Return direction numbers whose binary digits a matrix has mixed, modulo 2, shape (dimensions, BITS).
+
+    directions: shape (dimensions, BITS).
+    matrix: lower triangular, with a unit diagonal, shape (dimensions, BITS, BITS).
+    """
+    digits = directions[:, None, :] >> _PLACES[::-1, None] & 1  # shape (dimensions, digits, directions)
+    mixed = matrix @ digits & 1
+    return np.asarray((mixed << _PLACES[::-1, None]).sum(axis=1, dtype=np.uint32))
 
 
 @cache
 def _directions(dimensions: int) -> NDArray[np.uint32]:
-    """Direction numbers, shape (dimensions, BITS), by the recurrence of each dimension's primitive polynomial."""
-    with np.load(DIRECTION_NUMBERS) as known:
-        polynomials, first = known["poly"][:dimensions].tolist(), known["vinit"][:dimensions].tolist()
-    found = [[1] * _BITS]
-    for polynomial, row in zip(polynomials[1:], first[1:], strict=True):
+    """Return direction numbers, shape (dimensions, BITS), by the recurrence of each dimension's primitive polynomial.
+
+    m_j = m_(j-d) xor the sum, without carry, of 2^k a_k m_(j-k), k = 1..d (Joe and Kuo 2008); the first dimension has
+    m_j = 1 throughout.
+    """
+    with np.load(DIRECTION_NUMBERS) as table:
+        polynomials = table["poly"][:dimensions].tolist()
+        first_numbers = table["vinit"][:dimensions].tolist()
+    rows = [[1 for _ in range(_BITS)]]
+    for polynomial, first in zip(polynomials[1:], first_numbers[1:], strict=True):
         degree = polynomial.bit_length() - 1
-        numbers = row[:degree]
+        numbers = first[:degree]
         for j in range(degree, _BITS):
             number = numbers[j - degree]
             for k in range(1, degree + 1):
-                number ^= (polynomial >> degree - k & 1) * numbers[j - k] << k
+                coefficient = polynomial >> degree - k & 1
+                number ^= coefficient * numbers[j - k] << k
             numbers.append(number)
-        found.append(numbers)
-    return np.array(found[:dimensions], dtype=np.uint32).reshape(-1, _BITS) << _PLACES[::-1]
+        rows.append(numbers)
+    return np.array(rows[:dimensions], dtype=np.uint32).reshape(-1, _BITS) << _PLACES[::-1]

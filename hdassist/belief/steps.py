@@ -23,8 +23,10 @@ from hdassist.preset.fields import DEVIATIONS
 
 _CHANCE_OF_INFLUENCE = 0.05  # of any group at all to enter where none has an influence
 # what single teeth do depends on all of these together, not on one: columns of them would be chance
-_ONE_OF_MANY = frozenset(each.direction for each in DEVIATIONS if each.kind == "pitch")
+_ONE_OF_MANY = frozenset(deviation.direction for deviation in DEVIATIONS if deviation.kind == "pitch")
 _INDEPENDENT = 1e-8  # of a column's length, below which the part of it that is new is rounding
+_NO_VARIANCE = 1e-18  # of ln F'_ior: samples of less are the same
+_LEAST_MEAN_SQUARE = 1e-30  # of a residual that columns explain to the last digit, a divisor
 
 
 @dataclass(frozen=True)
@@ -36,107 +38,146 @@ class Influence:
 
 
 def influences(samples: Samples, torque: int) -> tuple[Influence, ...]:
-    """Shares of the variance of ln F'_ior at a torque, by its place, the largest first.
+    """Return the shares of the variance of ln F'_ior at a torque, by its place, the largest first.
 
-    The rest to 1 is unexplained. Empty where samples are too few, or F'_ior does not vary.
+    The remainder to 1 is unexplained. The result is empty if samples are too few, or if F'_ior does not vary.
     """
     return influences_on(samples, log_error(samples.F_ior_arcsec[:, torque]))
 
 
 def influences_on(samples: Samples, y: Array) -> tuple[Influence, ...]:
-    """Shares of the variance of another result of the samples, shape (samples,), the largest first."""
+    """Return the shares of the variance of another result of the samples, shape (samples,), the largest first."""
     groups = {name: columns_of(samples, samples.shares, name) for name in _groups_of(samples)}
     return shares_of_variance(groups, y, samples.weights)
 
 
 def _groups_of(samples: Samples) -> tuple[str, ...]:
-    """Groups of the fields of samples, by path, in the order of the preset."""
-    return tuple(dict.fromkeys(each.group for each in samples.prior.fields))
+    """Return the groups of the fields of samples, by path, in the order of the preset."""
+    return tuple(dict.fromkeys(field.group for field in samples.prior.fields))
 
 
 def columns_of(samples: Samples, shares: Array, group: str) -> Array:
-    """Columns of a regression that a group of fields makes of its shares, shape (samples, columns).
+    """Return the columns of a regression that a group of fields makes of its shares, shape (samples, columns).
 
     A number and its square; sine and cosine of a direction that is unknown, times the size where that is not
     known either. None of single teeth whose size is known.
+
+    samples: of the drive, whose prior names the fields.
+    shares: of each field's probability, shape (samples, fields).
+    group: path of the group.
     """
-    columns, size = [], np.ones(len(shares))
-    for k, each in enumerate(samples.prior.fields):
-        if each.group == group and not each.is_any_direction:
-            x = 2 * shares[:, k] - 1
+    columns: list[Array] = []
+    size = np.ones(len(shares))
+    fields = [(field, shares[:, k]) for k, field in enumerate(samples.prior.fields) if field.group == group]
+    for field, share in fields:
+        if not field.is_any_direction:
+            x = 2 * share - 1
             columns += [x, x**2]
-            size = shares[:, k] if each.path == group else size
-    for k, each in enumerate(samples.prior.fields):
-        if each.group == group and each.is_any_direction and each.path not in _ONE_OF_MANY:
-            turn = 2 * np.pi * shares[:, k]
-            columns += [size * np.cos(turn), size * np.sin(turn)]
+            if field.path == group:
+                size = share
+    for field, share in fields:
+        if field.is_any_direction and field.path not in _ONE_OF_MANY:
+            direction = 2 * np.pi * share
+            columns += [size * np.cos(direction), size * np.sin(direction)]
     return np.array(columns).reshape(-1, len(shares)).T
 
 
+@dataclass(frozen=True, eq=False)
+class _Explanation:
+    """What the columns of a group explain of a residual.
+
+    directions: new ones beside the groups that entered before, shape (samples, directions).
+    gain: squares that they explain, minus those that as many columns of chance would.
+    chance: probability that chance alone explains as much (F test).
+    """
+
+    directions: Array
+    gain: float
+    chance: float
+
+
 def shares_of_variance(groups: Mapping[str, Array], y: Array, weights: Array) -> tuple[Influence, ...]:
-    """Shares of the weighted variance of y, shape (samples,), that groups of columns add, the largest first."""
+    """Return the shares of the weighted variance of y that groups of columns add, the largest first.
+
+    groups: columns by the name of their group, shape (samples, columns) each.
+    y: values, shape (samples,).
+    weights: of the samples, shape (samples,).
+    """
     root = np.sqrt(weights / weights.sum())[:, None]
     basis = root / np.linalg.norm(root)
-    rest = _orthogonal_to(basis, root * y[:, None])
-    whole, free = float(np.sum(rest**2)), effective_number(weights) - 1
-    if whole <= 1e-18:
+    residual = _orthogonal_to(basis, root * y[:, None])
+    variance = float(np.sum(residual**2))
+    if variance <= _NO_VARIANCE:
         return ()
-    left = {name: root * columns for name, columns in groups.items()}
-    found: list[Influence] = []
-    while left:
-        candidates = {name: _explained_by(columns, basis, rest, free) for name, columns in left.items()}
-        best = min((chance, -gain, name) for name, (_, gain, chance) in candidates.items())[2]
-        directions, gain, chance = candidates[best]
-        if chance > _CHANCE_OF_INFLUENCE / len(groups):
+    free = effective_number(weights) - 1
+    remaining = {name: root * columns for name, columns in groups.items()}
+    influences: list[Influence] = []
+    while remaining:
+        explanations = {name: _explained_by(columns, basis, residual, free) for name, columns in remaining.items()}
+        # of equal chances the larger gain enters, and then the first name, so that the order is always the same
+        best = min((explained.chance, -explained.gain, name) for name, explained in explanations.items())[2]
+        explained = explanations[best]
+        if explained.chance > _CHANCE_OF_INFLUENCE / len(groups):
             break
-        found.append(Influence(best, gain / whole))
-        basis = np.hstack([basis, directions])
-        rest = _orthogonal_to(basis, rest)
-        free -= directions.shape[1]
-        del left[best]
-    return tuple(sorted(found, key=lambda each: -each.share))
+        influences.append(Influence(best, explained.gain / variance))
+        basis = np.hstack([basis, explained.directions])
+        residual = _orthogonal_to(basis, residual)
+        free -= explained.directions.shape[1]
+        del remaining[best]
+    return tuple(sorted(influences, key=lambda influence: -influence.share))
 
 
-def _explained_by(columns: Array, basis: Array, rest: Array, free: float) -> tuple[Array, float, float]:
-    """New directions of columns beside a basis, shares explained of the squares of a rest, and probability by chance.
+def _explained_by(columns: Array, basis: Array, residual: Array, free: float) -> _Explanation:
+    """Return what columns explain of a residual beside a basis.
 
-    The share is less that of as many columns of chance; the probability is that of chance alone explaining
-    as much (F test). Argument: free, degrees of freedom of the rest.
+    columns: shape (samples, columns).
+    basis: orthonormal directions that entered before, shape (samples, directions).
+    residual: shape (samples, 1).
+    free: degrees of freedom of the residual.
     """
     u, size, _ = np.linalg.svd(_orthogonal_to(basis, columns), full_matrices=False)
     directions = u[:, size > _INDEPENDENT * np.linalg.norm(columns)]
-    count, remaining = directions.shape[1], float(np.sum(rest**2))
+    count = directions.shape[1]
     if count == 0 or free - count < 1:
-        return directions, 0.0, 1.0
-    gain = float(np.sum((directions.T @ rest) ** 2))
-    left = max((remaining - gain) / (free - count), 1e-30)
-    return directions, gain - count * left, float(fdtrc(count, free - count, gain / count / left))
+        return _Explanation(directions=directions, gain=0.0, chance=1.0)
+    squares = float(np.sum(residual**2))
+    explained = float(np.sum((directions.T @ residual) ** 2))
+    by_chance = max((squares - explained) / (free - count), _LEAST_MEAN_SQUARE)  # squares that a column of chance takes
+    chance = float(fdtrc(count, free - count, explained / count / by_chance))
+    return _Explanation(directions=directions, gain=explained - count * by_chance, chance=chance)
 
 
 def _orthogonal_to(basis: Array, columns: Array) -> Array:
-    """The part of columns that is orthogonal to a basis."""
+    """Return the part of columns that is orthogonal to a basis."""
     return columns - basis @ (basis.T @ columns)
 
 
 @dataclass(frozen=True)
 class MeasurementGain:
-    """A measurement, by the path of a field or as `stiffness.K_1`, and the share of the spread that it takes off."""
+    """A measurement, by the path of a field or as `stiffness.K_1`, and the share of the spread that it removes."""
 
     measured: str
     gain: float
 
 
 def measurements(samples: Samples, torque: int) -> tuple[MeasurementGain, ...]:
-    """Measurements by the share of the spread of ln F'_ior at a torque, by its place, that each takes off, best first.
+    """Return measurements by the share of the spread of ln F'_ior that each removes, the best first.
 
     Each is taken as the only one, and as exact: a group of fields, or a stiffness that was not measured yet.
+
+    samples: of the drive.
+    torque: its place.
     """
     columns = {name: columns_of(samples, samples.shares, name) for name in _groups_of(samples)}
-    known = {each.figure for each in evidence_of(samples.prior.drive) if each.path.startswith("measured.")}
-    for name in [each for each in samples.figures if each not in known]:
-        x = log_error(samples.figures[name])
-        columns[f"stiffness.{name}"] = np.stack([x, x**2], axis=1)
+    evidence = evidence_of(samples.prior.drive)
+    measured_figures = {datum.figure for datum in evidence if datum.path.startswith("measured.")}
+    for name, values in samples.figures.items():
+        if name not in measured_figures:
+            x = log_error(values)
+            columns[f"stiffness.{name}"] = np.stack([x, x**2], axis=1)
     y = log_error(samples.F_ior_arcsec[:, torque])
-    found = {name: shares_of_variance({name: some}, y, samples.weights) for name, some in columns.items()}
-    gains = [MeasurementGain(name, 1 - float(np.sqrt(1 - each[0].share))) for name, each in found.items() if each]
-    return tuple(sorted(gains, key=lambda each: -each.gain))
+    gains = []
+    for name, columns_of_one in columns.items():
+        influences = shares_of_variance({name: columns_of_one}, y, samples.weights)
+        gains += [MeasurementGain(name, 1 - float(np.sqrt(1 - influence.share))) for influence in influences]
+    return tuple(sorted(gains, key=lambda gain: -gain.gain))
