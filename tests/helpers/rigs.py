@@ -86,7 +86,7 @@ def simulated(seed: int) -> tuple[Array, Array, Curve]:
 def even_wave(turns: Array, seed: int = 0) -> Array:
     """Orders 1 and 2 with noise of 0.3 arcsec: a range of 24.2 arcsec."""
     noise = 0.3 * np.random.default_rng(seed).standard_normal(len(turns))
-    return 10 * np.cos(4 * np.pi * turns) + 3 * np.cos(2 * np.pi * turns + 1) + noise
+    return np.asarray(10 * np.cos(4 * np.pi * turns) + 3 * np.cos(2 * np.pi * turns + 1) + noise)
 
 
 EVEN = np.arange(600) / 200
