@@ -31,27 +31,37 @@ SOURCES = (
 HEAD = """\
 # Validation
 
-This page compares the model with independent sources, and states the significance of each comparison. `python -m
-tests.validation` generates the page from the cases in the tests. CI fails if the page and the cases differ, or if a row
-marked as missed agrees. The column *note* gives the reason for a tolerance or for a miss. If the column *source* is
-empty, the source of the row above applies. The value *got* is in the unit of *expected*, with the 5th to 95th
-percentile over parameter sets in brackets.
+This page compares results of the model with published values, textbook solutions and a second implementation. A
+comparison of a model with the data to which it was fitted says little about the model. The column *kind* therefore
+states how strong each comparison is as a test of the model:
 
-|worth|meaning|
+|kind|meaning|
 |---|---|
-|fitted|used to find other values, so agreement verifies nothing|
-|bound|kept the fit within a range|
-|predicted|held back, without any tuning towards it; this is the test of the model|
-|prior|must lie within the assumed range; a miss refutes, and an agreement verifies nothing|
-|reading|a value read from a recording, before any model|
-|exact, convergence|the equations were stated and solved correctly|
-|model|has not been measured|
+|predicted|The expected value was not used in any fit. Only these rows test the model.|
+|fitted|The expected value was used in a fit of other inputs. Agreement is therefore no test of the model.|
+|bound|The expected range limited a fit. Agreement is therefore no test of the model.|
+|prior|The value must lie within the range of the sampled drives. A miss refutes the assumed ranges.|
+|reading|The value was read from a recording without use of the model.|
+|exact|The expected value is a closed-form solution. Agreement verifies the solution of the equations.|
+|convergence|The result must not depend on the resolution of the computation.|
+|model|The expected value also comes from a computation. It has not been measured.|
 
-We know of no measurement of F'_ior in each hole of a drive ([the experiment](experiment.md)). The gain from moving a
-wheel depends on the support of the wave generator. For a given support, the predicted gain is similar for different
-parameter sets of this model. The gain has not been measured. Absolute values of F'_ior depend on single micrometres, so
-they require at least one measurement. The equations are checked by reference values from two implementations
-(`tests/validation/test_model_reference.py`) and by identities (`tests/property`).
+In the tables, *expected* is the accepted range with its unit, and *result* is the value from hdassist in the same unit.
+If the result is followed by a range in brackets, this range contains the 5th to 95th percentile over parameter sets
+that were not fitted to any data. The column *note* refers to the numbered reasons below each table, which explain the
+width of the accepted range or the cause of a miss. If the column *source* is empty, the source of the row above
+applies.
+
+The predicted gain from moving the fixed wheel has not been measured, and we know of no published measurement of F'_ior
+in each hole of a drive ([the experiment](experiment.md)). In the model, the gain depends mainly on the support of the
+wave generator. For a given support, the predicted gain is similar for different parameter sets. Absolute values of
+F'_ior change with clearances of a single micrometre, so the prediction of an absolute value requires at least one
+measurement of the drive.
+
+The equations themselves are verified by reference values from two implementations
+(`tests/validation/test_model_reference.py`) and by identities that hold for every drive (`tests/property`).
+`python -m tests.validation` generates this page from the cases in the tests. The continuous integration fails if the
+page differs from the cases, or if a row marked as missed agrees.
 """
 
 
@@ -69,7 +79,7 @@ def row(case: Case, above: str, notes: list[str]) -> str:
     spread = f" ({case.spread()})" if case.spread else ""
     got, verdict = format(case.got, case.digits) + spread, "yes" if case.agrees else "**no**"
     numbers = []
-    for note in filter(None, (case.why, case.miss and f"**missed**: {case.miss}")):
+    for note in filter(None, (case.why, case.miss and f"**Missed.** {case.miss}")):
         notes += [note] * (note not in notes)
         numbers.append(str(notes.index(note) + 1))
     source = "" if case.source == above else case.source
@@ -80,27 +90,27 @@ def row(case: Case, above: str, notes: list[str]) -> str:
 def information(shown: Iterable[Information]) -> list[str]:
     """Lines of the table of what is shown only, if anything is."""
     rows = [f"|{item.quantity}|{item.value():{item.digits}} {item.unit}|{item.why}|" for item in shown]
-    return ["", "|for information|got|why no range|", "|---|---|---|", *rows] if rows else []
+    return ["", "|for information|result|why no range is given|", "|---|---|---|", *rows] if rows else []
 
 
 def section(module: ModuleType) -> str:
-    """A section of the page: tables, notes by their numbers, words. Raises AssertionError where a case fails."""
+    """A section of the page: text, tables, notes by their numbers. Raises AssertionError where a case fails."""
     for case in module.CASES:
         case.check()
     notes: list[str] = []
-    table = ["|quantity|source|expected|got|agrees|worth|note|", f"|{'---|' * 7}"]
+    table = ["|quantity|source|expected|result|agrees|kind|note|", f"|{'---|' * 7}"]
     above = ["", *(case.source for case in module.CASES)]
     table += [row(case, source, notes) for case, source in zip(module.CASES, above, strict=False)]
     numbered = [f"{number}. {note}." for number, note in enumerate(notes, 1)]
     drawn = [module.table(), ""] if hasattr(module, "table") else []
     shown = information(getattr(module, "INFORMATION", ()))
-    return "\n".join([f"## {module.TITLE}", "", *drawn, *table, *shown, "", *numbered, "", module.ABOUT.strip(), ""])
+    return "\n".join([f"## {module.TITLE}", "", module.ABOUT.strip(), "", *drawn, *table, *shown, "", *numbered, ""])
 
 
 def page() -> str:
     """The page as text. Raises AssertionError where a case does not come out as it says."""
     sections = [section(import_module(f"tests.validation.{name}")) for name in SOURCES]
-    return "\n".join([HEAD, *sections, f"## {study.TITLE}", "", study.table(), "", study.ABOUT, ""])
+    return "\n".join([HEAD, *sections, f"## {study.TITLE}", "", study.ABOUT, "", study.table(), ""])
 
 
 def main() -> None:

@@ -12,17 +12,20 @@ from tests.validation.parameter_sets import COUNT, F_ior_over_sets, scatter, spa
 
 TITLE = "How far to trust it"
 ABOUT = (
-    "The table gives F'_ior of `vzp160` in arcsec with one change at a time. The last rows are for sets sampled "
-    "within the bounds of `docs/vzp160.targets.yaml`, which were not fitted to any data. "
-    "F'_ior depends strongly on single micrometres and on conventions of second order. A refitted "
-    "clearance compensates most of these conventions."
-    " Absolute values therefore "
-    "need one measurement. 180° is better than 0° in all rows of the first table. Most of the spread over the "
-    "sets comes from C_3 (1e3 to 1e5 N/mm). With C_3 as in the preset, the standard deviations at 80 N·m are 0.21 "
-    "(0°) and 0.49 (180°).\n\n"
-    "With rolling balls (second table) `mount --draws 0` solves every mesh position, and the start of the cage "
-    "hardly matters. Otherwise the balls are locked, and the gain is a range over their phase if the preset does "
-    "not specify it. The gain of hole 8 stays the same, and that of hole 9 decreases."
+    "The first table gives F'_ior of `vzp160` in arcsec, with one input or assumption changed in each row. The "
+    "columns are two torques and two mounting phases of the circular spline. The last two rows apply to parameter "
+    "sets sampled within the bounds of `docs/vzp160.targets.yaml`, which were not fitted to any data.\n\nF'_ior "
+    "depends strongly on single micrometres of clearance, and on second-order conventions of the geometry such as the "
+    "nominal curve. The clearance can be fitted again after a change of convention, and this compensates most of the "
+    "change. The prediction of an absolute value therefore requires at least one measurement. The comparison of two "
+    "holes is more reliable: F'_ior at 180° is smaller than at 0° in all rows with one change.\n\nMost of the spread "
+    "over the parameter sets comes from the support stiffness C_3 (1e3 to 1e5 N/mm). With the value of C_3 from the "
+    "preset, the standard deviations of ln F'_ior at 80 N·m are only 0.21 (0°) and 0.49 (180°).\n\nThe second table "
+    "gives the reduction of F'_ior in holes 8 and 9, compared with hole 0, for two models of the balls. Rolling balls "
+    "do not reduce the gain in hole 8, but at 800 N·m they reduce the gain in hole 9. The starting angle of the cage "
+    "has hardly any effect. With rolling balls, `mount --draws 0` solves every mesh position. Otherwise the balls are "
+    "locked in their phase, and if the preset does not specify this phase, the gain is given as a range over the "
+    "phase."
 )
 STARTS = (0.0, 0.5)  # of the cage, ball pitches
 ADVISED = (8, 9)  # holes of twelve, by the values as given and over all that is assumed
@@ -73,7 +76,10 @@ def table() -> str:
 def rolling() -> list[str]:
     """Lines of a table: what a turn to the advised holes takes off with balls that are held, and with rolling ones."""
     rolls = [load_preset("vzp160", ["bearing.ball_motion=rolling", f"bearing.beta={beta}"]) for beta in STARTS]
-    lines = ["|reduction in|balls locked|rolling, the cage starting at 0, 1/2 pitch|", "|---|---|---|"]
+    lines = [
+        "|reduction of F'_ior in|balls locked|balls rolling, the cage starting at 0 and 1/2 ball pitch|",
+        "|---|---|---|",
+    ]
     for M_g in (80.0, 800.0):
         found = [by_hole(drive, M_g) for drive in (load_preset("vzp160"), *rolls)]
         for k, hole in enumerate(ADVISED):

@@ -17,8 +17,9 @@ from tests.validation.case import Case, Kind, about, parameters
 
 TITLE = "Rolling bearings"
 ABOUT = (
-    "The rows compare a ball between two grooves (the law of ISO/TS 16281), and the load over the balls of a "
-    "rigid bearing. The programme and the engine of the drive solve both cases."
+    "The first two rows concern the approach of a ball and its raceways by Hertz's law, as in ISO/TS 16281. The last "
+    "two rows concern the load on the balls of a bearing with rigid rings, which has a closed-form solution. The "
+    "solver of the drive solves the case of these two rows."
 )
 GROOVE = (0.515, 0.53)  # groove radius over ball diameter: usual for deep-groove bearings; assumed
 
@@ -73,8 +74,8 @@ def stribeck() -> tuple[float, float]:
 
 CASES = [
     Case(
-        "sphere on a plane, approach over Q^(2/3) Σρ^(1/3)", "10⁻⁴mm/N^(2/3)", "Hertz",
-        **about(2.79, 0.02), why="E of the textbook's steel",
+        "sphere on a plane: approach, divided by Q^(2/3) Σρ^(1/3)", "10⁻⁴mm/N^(2/3)", "Hertz",
+        **about(2.79, 0.02), why="The elastic modulus of the textbook is used",
         kind=Kind.CLOSED_FORM,
         value=lambda: approach(1e3, (0.1, 0.1, 0.0, 0.0), 2.075e5, 0.3) / (1e2 * 0.2 ** (1 / 3)) * 1e4,
     ),
@@ -82,17 +83,17 @@ CASES = [
         "contact.c_ball of vzp160", "10⁻⁵mm/N",
         "Hertz, tangent at 1000 and 100 N",
         low=tangent(1000, GROOVE[0]) * 1e5, high=tangent(100, GROOVE[1]) * 1e5,
-        why="ball of 14.3 mm, groove of 0.515 to 0.53 d assumed",
+        why="The ball has a diameter of 14.3 mm. A groove radius of 0.515 to 0.53 ball diameters is assumed",
         kind=Kind.BOUND, value=lambda: load_preset("vzp160").contact.c_ball * 1e5,
     ),
     Case(
-        "largest ball load over 4 F/N", "", "Stribeck",
-        **about(1, 1e-9), why="exact for N divisible by 4",
+        "largest ball load, divided by 4 F/N", "", "Stribeck",
+        **about(1, 1e-9), why="The formula is exact if the number of balls N is divisible by 4",
         kind=Kind.CLOSED_FORM, value=lambda: stribeck()[0], digits=".6f",
     ),
     Case(
-        "deflection over 4 F c/N", "", "Stribeck",
-        **about(1, 1e-9), why="exact",
+        "deflection, divided by 4 F c/N", "", "Stribeck",
+        **about(1, 1e-9), why="The formula is exact",
         kind=Kind.CLOSED_FORM, value=lambda: stribeck()[1], digits=".6f",
     ),
 ]  # fmt: skip

@@ -16,7 +16,11 @@ from tests.helpers.support import changed
 from tests.validation.case import Case, Kind, about, parameters
 
 TITLE = "Convergence"
-ABOUT = "Change of F'_ior of `vzp160` with the model's resolution."
+ABOUT = (
+    "The table gives the change of F'_ior of `vzp160` if the resolution of the model is increased: the number n_max "
+    "of harmonics of the rings, the number n_2 of nodes between bore and outer ring, or the number of points along a "
+    "flank."
+)
 FINER = {"numerics__n_max": 80, "numerics__n_2": 200}
 
 
@@ -31,9 +35,15 @@ def F_ior(M_g: float, *fields: str) -> float:
 
 def finer(words: str, M_g: float, *fields: str) -> Case:
     return Case(
-        f"F'_ior, {M_g:g} N·m, {words}", "arcsec", "default resolution", **about(0, 0.2),
-        why=CERTAIN, kind=Kind.CONVERGENCE, value=lambda: F_ior(M_g, *fields) - F_ior(M_g), digits="+z.3f",
-    )  # fmt: skip
+        f"F'_ior, {M_g:g} N·m, {words}",
+        "arcsec",
+        "default resolution",
+        **about(0, 0.2),
+        why=CERTAIN,
+        kind=Kind.CONVERGENCE,
+        value=lambda: F_ior(M_g, *fields) - F_ior(M_g),
+        digits="+z.3f",
+    )
 
 
 def worst_change(M_g: float) -> float:
@@ -73,38 +83,60 @@ def phases() -> float:
     )
 
 
-CERTAIN = "smaller than the printed uncertainty"
+CERTAIN = "The accepted change is smaller than the stated uncertainty of F'_ior"
 CASES = [
     *(
         finer(words, M_g, *fields)
         for M_g in (80.0, 800.0)
         for words, fields in (
-            ("n_max 80 for 40", ["numerics__n_max"]),
-            ("n_2 200 for 100", ["numerics__n_2"]),
-            ("all of these", FINER),
+            ("n_max 80 instead of 40", ["numerics__n_max"]),
+            ("n_2 200 instead of 100", ["numerics__n_2"]),
+            ("both changes", FINER),
         )
     ),
     Case(
-        "F'_ior, 800 N·m, all of these, largest over the phase", "arcsec",
-        "default resolution", **about(0, 0.2), why=CERTAIN, kind=Kind.CONVERGENCE, value=lambda: worst_change(800.0),
-        digits="+z.3f", slow=True,
-    ),
-    Case(
-        "a gap below 0.3 mm, ten times the flank samples", "nm", "401 samples", **about(0, 1),
-        why="a nanometre is 0.003 arcsec", kind=Kind.CONVERGENCE, value=flank_samples,
-    ),
-    Case(
-        "self error at 800 N·m, 30 x 30 phases for 20 x 20", "arcsec", "numerics.n_phase",
-        **about(0, 0.1), why="a finer grid can only find more", kind=Kind.CONVERGENCE, value=phases, digits="+.3f",
+        "F'_ior, 800 N·m, both changes, largest over the phase",
+        "arcsec",
+        "default resolution",
+        **about(0, 0.2),
+        why=CERTAIN,
+        kind=Kind.CONVERGENCE,
+        value=lambda: worst_change(800.0),
+        digits="+z.3f",
         slow=True,
     ),
     Case(
-        "share of F'_ior, every 101st state", "", "why no state is left out", 0.2, 0.8,
-        why="every 101st position has only two input angles",
+        "gaps below 0.3 mm, ten times as many points along a flank",
+        "nm",
+        "401 points",
+        **about(0, 1),
+        why="A gap of one nanometre corresponds to 0.003 arcsec",
         kind=Kind.CONVERGENCE,
-        value=strided, digits=".2f",
+        value=flank_samples,
     ),
-]  # fmt: skip
+    Case(
+        "self error at 800 N·m, 30 x 30 phases instead of 20 x 20",
+        "arcsec",
+        "numerics.n_phase",
+        **about(0, 0.1),
+        why="The self error is the range over a grid of phases, so a finer grid can only increase it",
+        kind=Kind.CONVERGENCE,
+        value=phases,
+        digits="+.3f",
+        slow=True,
+    ),
+    Case(
+        "share of F'_ior found in every 101st mesh position",
+        "",
+        "reason for solving every position",
+        0.2,
+        0.8,
+        why="Every 101st position has one of only two input angles, so a part of F'_ior is overlooked",
+        kind=Kind.CONVERGENCE,
+        value=strided,
+        digits=".2f",
+    ),
+]
 
 
 @pytest.mark.thorough

@@ -9,7 +9,11 @@ from hdassist.model.geometry import Geometry
 from tests.validation.case import Case, Kind, about, parameters
 
 TITLE = "Closed forms of rings and shells"
-ABOUT = "A thin ring under two opposite forces, and a tube under torque."
+ABOUT = (
+    "The first two rows concern a thin ring under two opposite forces P. Its diameter increases along the forces and "
+    "decreases across them. The last row compares the torsional stiffness of the shell, computed as a thin tube, with "
+    "that of a thick tube."
+)
 
 RADIUS, E, WIDTH, THICKNESS = 80.0, 2.06e5, 24.0, 4.0
 INERTIA = WIDTH * THICKNESS**3 / 12
@@ -35,18 +39,18 @@ def tube() -> float:
 
 CASES = [
     Case(
-        "diameter along the forces", "P·r³/(E·I)", "textbooks: pi/4-2/pi",
-        **about(np.pi / 4 - 2 / np.pi, 1e-5), why="40 modes",
+        "change of the diameter along the forces", "P·r³/(E·I)", "textbooks: pi/4-2/pi",
+        **about(np.pi / 4 - 2 / np.pi, 1e-5), why="The series of the ring is truncated after 40 harmonics",
         kind=Kind.CLOSED_FORM, value=lambda: diameter(0), digits=".5f",
     ),
     Case(
-        "diameter across them, its reduction", "P·r³/(E·I)", "2/pi-1/2",
-        **about(2 / np.pi - 0.5, 1e-5), why="40 modes",
+        "reduction of the diameter across the forces", "P·r³/(E·I)", "2/pi-1/2",
+        **about(2 / np.pi - 0.5, 1e-5), why="The series of the ring is truncated after 40 harmonics",
         kind=Kind.CLOSED_FORM, value=lambda: -diameter(np.pi / 2), digits=".5f",
     ),
     Case(
-        "twist of the shell against a thick tube", "", "G pi (r_o⁴ - r_i⁴)/(2 l)",
-        **about(1, 1e-3), why="the thin tube leaves out (h/2r)²",
+        "torsional stiffness of the shell, divided by that of a thick tube", "", "G pi (r_o⁴ - r_i⁴)/(2 l)",
+        **about(1, 1e-3), why="The theory of the thin tube neglects terms of the size (h/2r)²",
         kind=Kind.CLOSED_FORM, value=tube, digits=".5f",
     ),
 ]  # fmt: skip

@@ -16,13 +16,15 @@ RATIO, SWEPT = 101.0, 69.84  # turns of the cam: per turn of the output, in the 
 
 TITLE = "A robot joint"
 ABOUT = (
-    "The recording shows joint 3 of a robot arm with two 24-bit encoders. It is a sweep of 298° under gravity, "
-    "with a reading every 20.5° of the input (`measure --ratio 101`). Slow terms of the output span 1 070″ "
-    "(graduation, coupling, wind-up by gravity, lag, drift). A recording of less than one output revolution "
-    "cannot separate these terms from each other or from slow terms of the drive, so all slow terms are "
-    "subtracted. The remaining orders of the input up to 6 give a lower bound of F'_ior, with two thirds of "
-    "the mesh cycle and each order together with its sidebands. The lines at 4.86 and 5.22 belong to no "
-    "deviation of the model. The load and its sign are unknown."
+    "The recording shows joint 3 of a robot arm, which has an encoder with 24 bits at the input and another at the "
+    "output. The joint turned by 298° at the output under gravity, with one reading every 20.5° of the input. The "
+    "recording was evaluated with `measure --ratio 101`, without a preset. The load and its sign are unknown.\n\nSlow "
+    "terms with a range of about 1 070″ dominate the recording. Their possible causes are graduation and coupling of "
+    "the encoder, wind-up by gravity, lag and drift. A recording of less than one output revolution cannot separate "
+    "these terms from slow terms of the drive, so all slow terms are subtracted. The orders up to 6 of the input "
+    "remain. They give a lower bound of F'_ior, because the recording covers only two thirds of the mesh cycle. An "
+    "order cannot be separated from its sidebands, so the table gives each order together with its sidebands. The "
+    "lines at 4.86 and 5.22 periods per input revolution correspond to no deviation of the model."
 )
 SOURCE = "allwinlucious/MasterThesis"
 
@@ -53,41 +55,74 @@ def turns() -> float:
 
 CASES = [
     Case(
-        "input revolutions covered, of 101", "", SOURCE, SWEPT - 2, SWEPT, why="69.84 swept; gaps above 30°",
-        kind=Kind.READING, value=turns, digits=".2f",
+        "covered input revolutions of the mesh cycle of 101 revolutions",
+        "",
+        SOURCE,
+        SWEPT - 2,
+        SWEPT,
+        why="The input turned by 69.84 revolutions. Gaps between readings of more than 30° are not counted",
+        kind=Kind.READING,
+        value=turns,
+        digits=".2f",
     ),
     Case(
-        "F'_ior, at least", "arcsec", SOURCE, **about(46.7, 6),
-        why="without output orders 0 to 12, by plain least squares, with the noise of two readings",
-        kind=Kind.READING, value=lambda: sweep().range.fitted, digits=".1f",
+        "lower bound of F'_ior",
+        "arcsec",
+        SOURCE,
+        **about(46.7, 6),
+        why="A least-squares fit without prior gives this value after subtraction of the output orders 0 to 12. It "
+        "contains the noise of two readings",
+        kind=Kind.READING,
+        value=lambda: sweep().range.fitted,
+        digits=".1f",
     ),
     Case(
-        "slow terms subtracted", "arcsec", SOURCE, **about(1063, 20),
-        why="output orders 0 to 12 by plain least squares", kind=Kind.READING,
-        value=lambda: sweep().slow_arcsec, digits=".0f",
+        "slow terms subtracted",
+        "arcsec",
+        SOURCE,
+        **about(1063, 20),
+        why="A least-squares fit without prior gives this value for the output orders 0 to 12",
+        kind=Kind.READING,
+        value=lambda: sweep().slow_arcsec,
+        digits=".0f",
     ),
     *(
         Case(
-            f"order {order:g} with its sidebands", "arcsec", SOURCE, **about(value, 0.4),
-            why="by plain least squares, noise included", kind=Kind.READING,
-            value=lambda order=order: of_cam(order), digits=".1f",
+            f"order {order:g} with its sidebands",
+            "arcsec",
+            SOURCE,
+            **about(value, 0.4),
+            why="A least-squares fit without prior gives this value. It contains noise",
+            kind=Kind.READING,
+            value=lambda order=order: of_cam(order),
+            digits=".1f",
         )
         for order, value in ((2.0, 4.1), (3.0, 1.4), (4.0, 2.8))
     ),
     *(
         Case(
-            f"line at {order}", "arcsec", SOURCE, **about(value, 1), why="by plain least squares",
-            kind=Kind.READING, value=lambda order=order: amplitude(order), digits=".1f",
+            f"line at {order} per input revolution",
+            "arcsec",
+            SOURCE,
+            **about(value, 1),
+            why="A least-squares fit without prior gives this value",
+            kind=Kind.READING,
+            value=lambda order=order: amplitude(order),
+            digits=".1f",
         )
         for order, value in ((4.86, 5.2), (5.22, 6.2))
     ),
-]  # fmt: skip
+]
 INFORMATION = [
     Information(
-        "order 1 with its sidebands", "arcsec", "known to 1.6 only: most of the noise is slow; or the input encoder",
-        value=lambda: of_cam(1.0), digits=".1f",
+        "order 1 with its sidebands",
+        "arcsec",
+        "The uncertainty of 1.6 arcsec is nearly as large as the value, because most of the noise is slow. The input "
+        "encoder may also cause order 1.",
+        value=lambda: of_cam(1.0),
+        digits=".1f",
     ),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize("case", parameters(CASES))
