@@ -21,10 +21,10 @@ def page(measured: dict[str, Any], first: dict[str, Any] | None = None) -> str:
         HEAD,
         _machine(measured["machine"]),
         *_anew(measured.get("anew", {})),
-        *([f"The run before it was made at load {first['machine']['load']}.\n"] if first else []),
+        *([f"The previous run was made at load {first['machine']['load']}.\n"] if first else []),
         "## Targets\n",
         _table(
-            ("work", "target", *(["run before"] if first else []), "measured", ""),
+            ("work", "target", *(["previous run"] if first else []), "measured", ""),
             ((*_target(row)[:2], *([_before(row, before)] if first else []), *_target(row)[2:]) for row in targets),
         ),
         _missed(targets),
@@ -98,7 +98,7 @@ def _missed(targets: list[Row]) -> str:
     if not missed:
         return "Every target is met.\n"
     keys = dict.fromkeys(row.key for row in missed)
-    lines = ["### Missed, why, and next attempts\n"]
+    lines = ["### Reasons for missed targets\n"]
     for key in keys:
         works = "; ".join(f"{row.work} ({row.got}, target {row.asked})" for row in missed if row.key == key)
         lines.append(f"- **{works}**: {REASONS[key]}")
