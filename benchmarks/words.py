@@ -5,8 +5,7 @@ WALK, NUMPY, WARM_DAQP = "compiled walk, AVX2", "numpy engine", "DAQP, warm from
 HEAD = """\
 # Speed and memory
 
-This page gives the times and the memory of hdassist, compares them with targets, and states the reason for each target
-that is missed. `python -m benchmarks --json second.json --first first.json --write` measures all values in one run of
+This page gives the times and the memory of hdassist, compares them with targets, and states the reason for each missed target. `python -m benchmarks --json second.json --first first.json --write` measures all values in one run of
 about ten minutes and generates this page. The previous run is shown for comparison. `--from` with `--anew` measures
 parts of an earlier run again. Ratios are comparable between machines. Absolute times depend on the machine named below
 and on its other load.
@@ -110,7 +109,7 @@ REASONS = {
     "tolerance": "For 150 drives the states solved in C take 45 % of the time. The search in numpy takes 12 %, and "
     "the scalars of the deviations 10 %. Walks and their references take 7 %, imports 5 %, and the reading of tables "
     "4 %. Counted by purpose instead, the tables of the error take 15 % and the self error 11 %. Next attempt: solve "
-    "fewer states where a table of the error is sufficient.",
+    "fewer states, and use the table of the error instead.",
     "sensitivity": "Flanks with five stations take half as much time again as whole flanks. The states solved in C "
     "take 43 % of the time. The search and its local searches in numpy take 20 %, walks and their references 17 %, "
     "and the scalars of the deviations 10 %. Counted by purpose instead, the slopes with respect to every input of "

@@ -18,8 +18,8 @@ from tests.validation.case import Case, Kind, about, parameters
 TITLE = "Rolling bearings"
 ABOUT = (
     "The first two rows concern the approach of a ball and its raceways by Hertz's law, as in ISO/TS 16281. The last "
-    "two rows concern the load on the balls of a bearing with rigid rings, which has a closed-form solution. The "
-    "solver of the drive solves the case of these two rows."
+    "two rows concern the load on the balls of a bearing with rigid rings. A closed-form solution is known for this "
+    "bearing. The solver of the drive solves the case of these two rows."
 )
 GROOVE = (0.515, 0.53)  # groove radius over ball diameter: usual for deep-groove bearings; assumed
 
@@ -64,9 +64,15 @@ def stribeck() -> tuple[float, float]:
     G[:, ROTATION] = -np.cos(2 * np.pi * np.arange(balls) / balls)
     C = np.where(np.arange(len(FREEDOMS)) == ROTATION, 0.0, 1.0)
     bearing = replace(
-        system, compliance=np.zeros((balls, balls)), local=np.full(balls, c), G=G, C=C, delta_p=np.zeros(balls),
-        face=Face(np.zeros(1), np.array([c])), flanks=replace(system.flanks, theta=np.zeros(0)),
-    )  # fmt: skip
+        system,
+        compliance=np.zeros((balls, balls)),
+        local=np.full(balls, c),
+        G=G,
+        C=C,
+        delta_p=np.zeros(balls),
+        face=Face(np.zeros(1), np.array([c])),
+        flanks=replace(system.flanks, theta=np.zeros(0)),
+    )
     forces, free, _ = load_case(formulate(bearing), load).forces(bearing.delta_p[None])
     assert residuals(bearing, bearing.delta_p[None], load, forces, free).shares[0, 3] < 1e-12
     return float(forces.max() / (4 * load / balls)), float(free[0, 0] / (4 * load * c / balls))
@@ -74,29 +80,45 @@ def stribeck() -> tuple[float, float]:
 
 CASES = [
     Case(
-        "sphere on a plane: approach, divided by Q^(2/3) Σρ^(1/3)", "10⁻⁴mm/N^(2/3)", "Hertz",
-        **about(2.79, 0.02), why="The elastic modulus of the textbook is used",
+        "sphere on a plane: approach, divided by Q^(2/3) Σρ^(1/3)",
+        "10⁻⁴mm/N^(2/3)",
+        "Hertz",
+        **about(2.79, 0.02),
+        why="The elastic modulus of the textbook is used",
         kind=Kind.CLOSED_FORM,
         value=lambda: approach(1e3, (0.1, 0.1, 0.0, 0.0), 2.075e5, 0.3) / (1e2 * 0.2 ** (1 / 3)) * 1e4,
     ),
     Case(
-        "contact.c_ball of vzp160", "10⁻⁵mm/N",
+        "contact.c_ball of vzp160",
+        "10⁻⁵mm/N",
         "Hertz, tangent at 1000 and 100 N",
-        low=tangent(1000, GROOVE[0]) * 1e5, high=tangent(100, GROOVE[1]) * 1e5,
+        low=tangent(1000, GROOVE[0]) * 1e5,
+        high=tangent(100, GROOVE[1]) * 1e5,
         why="The ball has a diameter of 14.3 mm. A groove radius of 0.515 to 0.53 ball diameters is assumed",
-        kind=Kind.BOUND, value=lambda: load_preset("vzp160").contact.c_ball * 1e5,
+        kind=Kind.BOUND,
+        value=lambda: load_preset("vzp160").contact.c_ball * 1e5,
     ),
     Case(
-        "largest ball load, divided by 4 F/N", "", "Stribeck",
-        **about(1, 1e-9), why="The formula is exact if the number of balls N is divisible by 4",
-        kind=Kind.CLOSED_FORM, value=lambda: stribeck()[0], digits=".6f",
+        "largest ball load, divided by 4 F/N",
+        "",
+        "Stribeck",
+        **about(1, 1e-9),
+        why="The formula is exact if the number of balls N is divisible by 4",
+        kind=Kind.CLOSED_FORM,
+        value=lambda: stribeck()[0],
+        digits=".6f",
     ),
     Case(
-        "deflection, divided by 4 F c/N", "", "Stribeck",
-        **about(1, 1e-9), why="The formula is exact",
-        kind=Kind.CLOSED_FORM, value=lambda: stribeck()[1], digits=".6f",
+        "deflection, divided by 4 F c/N",
+        "",
+        "Stribeck",
+        **about(1, 1e-9),
+        why="The formula is exact",
+        kind=Kind.CLOSED_FORM,
+        value=lambda: stribeck()[1],
+        digits=".6f",
     ),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize("case", parameters(CASES))

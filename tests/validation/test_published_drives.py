@@ -40,8 +40,7 @@ ABOUT = (
     "assumption, but five values are too few for a conclusive test. The standard error of a share is up to 7 %. The "
     "two smallest values have shares of 5 to 12 %. The largest value, which an owner states for a drive with an "
     "unknown coupling, is above all samples. In the previous section, the recording has a percentile of only 14 for "
-    "order 6. The teeth of actual drives may therefore be better than the accuracy class that is assumed for the "
-    "wheel."
+    "order 6. The teeth of actual drives may therefore be better than the accuracy class assumed for the wheel."
 )
 
 
