@@ -5,10 +5,11 @@ WALK, NUMPY, WARM_DAQP = "compiled walk, AVX2", "numpy engine", "DAQP, warm from
 HEAD = """\
 # Speed and memory
 
-This page gives the times and the memory of hdassist, compares them with targets, and states the reason for each missed target. `python -m benchmarks --json second.json --first first.json --write` measures all values in one run of
-about ten minutes and generates this page. The previous run is shown for comparison. `--from` with `--anew` measures
-parts of an earlier run again. Ratios are comparable between machines. Absolute times depend on the machine named below
-and on its other load.
+This page gives the times and the memory of hdassist, compares them with targets, and states the reason for each missed
+target. `python -m benchmarks --json second.json --first first.json --write` measures all values in one run of about ten
+minutes and generates this page. The previous run is shown for comparison. `--from` with `--anew` measures parts of an
+earlier run again. Ratios are comparable between machines. Absolute times depend on the machine named below and on its
+other load.
 
 All times are processor times. The time of a whole process includes the command and its workers, the start of the
 interpreter, and all imports. In the targets, this time is divided by the time of an import that every result needs or
