@@ -100,9 +100,9 @@ def _missed(targets: list[Row]) -> str:
     keys = dict.fromkeys(row.key for row in missed)
     lines = ["### Reasons for missed targets\n"]
     for key in keys:
-        works = "; ".join(f"{row.work} ({row.got}, target {row.asked})" for row in missed if row.key == key)
-        lines.append(f"- **{works}**: {REASONS[key]}")
-    return "\n".join(lines) + "\n"
+        works = [f"- **{row.work}**: {row.got}, target {row.asked}" for row in missed if row.key == key]
+        lines += [*works, "", f"{REASONS[key]}\n"]
+    return "\n".join(lines)
 
 
 def _solvers(torques: list[dict[str, Any]]) -> str:

@@ -19,15 +19,15 @@ PAPERS = (
 )
 ABOUT = (
     "C_3 is the stiffness of the support of the wave generator, and e_h^b is its eccentricity fixed to the housing. "
-    "The first three tables show how the gain from moving the fixed wheel depends on both. The rows of the last table "
-    "apply to 80 N·m.\n\nA self-aligning wave generator (C_3 = 0, an Oldham coupling without friction) aligns itself, "
-    "so deviations fixed to the housing have no effect. All holes are then equivalent, and F'_ior is smallest. The "
-    "gain from moving the wheel is largest if the eccentricity, reduced by the compliance of the support, has about "
-    "the same effect as the deviation of the wheel. This occurs with a soft support and a large eccentricity, with a "
-    "stiff support and a small eccentricity, and with combinations between these cases. Plausible values of C_3 are "
-    "1e3 to 1e5 N/mm. The fit of `vzp160` to Fig. 3 of the paper requires 9e3 N/mm.\n\nThe two papers in the table of "
-    f"comparisons are {PAPERS}. Both are known to us only from citations, without figures. They were not used in the "
-    "fit."
+    "The first three tables show how the gain from moving the fixed wheel depends on C_3 and e_h^b. The rows of the "
+    "last table apply to 80 N·m.\n\nA self-aligning wave generator (C_3 = 0, an Oldham coupling without friction) "
+    "aligns itself, so deviations fixed to the housing have no effect. All holes are then equivalent, and F'_ior is "
+    "smallest. The gain from moving the wheel is largest if the eccentricity, reduced by the compliance of the "
+    "support, has about the same effect as the deviation of the wheel. This occurs with a soft support and a large "
+    "eccentricity, with a stiff support and a small eccentricity, and with combinations between these cases. "
+    "Plausible values of C_3 are 1e3 to 1e5 N/mm. The fit of `vzp160` to Fig. 3 of the paper requires 9e3 "
+    f"N/mm.\n\nThe two papers in the table of comparisons are {PAPERS}. Both are known to us only from citations, "
+    "without figures. They were not used in the fit."
 )
 HOLES, SUPPORT = 12, 2.3e4  # C_2 [N/mm] of the tables by C_3
 STIFFNESSES = (0, 500, 1000, 2000, 4000, 8400, 16000, 30000, 60000, 100000)
@@ -52,8 +52,8 @@ def table() -> str:
     """By C_3, by e_hb, and greatest over least by both, in Markdown."""
     heads = ("|{}|80 N·m|800 N·m|", "|---|---|---|")
     lines = [
-        "The cells give the smallest and the largest F'_ior of `vzp160` (whole flanks) in twelve holes, in arcsec, and "
-        "the ratio of both.",
+        "The cells give the smallest and the largest F'_ior of `vzp160` (whole flanks) in twelve holes, in arcsec, "
+        "and the ratio of the two values.",
         "",
     ]
     lines += [heads[0].format("C_3, N/mm"), heads[1]]

@@ -19,11 +19,11 @@ TITLE = "Torque on the wave generator"
 ABOUT = (
     "By the principle of virtual work, the torque on the wave generator is the output torque divided by the ratio, "
     "M_g/u. The equilibrium of the contacts (equation (1) of [theory](theory.md#equilibrium-of-the-contacts)) does "
-    "not contain this condition. The torque computed from the ball forces Q_k, which is the sum of Q_k 2 W_0 sin 2 "
-    "theta_k over all balls, is therefore an independent check of geometry, moment arm and signs.\n\nThe table gives "
-    "the computed torque divided by M_g/u, as a mean over 4 tooth phases and 4 ball phases. The drives are similar to "
-    "`vzp160`, without deviations, at 80 N·m. The ratio is below 1 by about W_0/r for whole flanks, and by half of "
-    "this for coned flanks."
+    "not contain this condition. The torque is computed from the ball forces Q_k as the sum of Q_k 2 W_0 sin 2 "
+    "theta_k over all balls. It is therefore an independent check of geometry, moment arm and signs.\n\nThe table "
+    "gives the computed torque divided by M_g/u, as a mean over 4 tooth phases and 4 ball phases. The drives are "
+    "similar to `vzp160`, without deviations, at 80 N·m. The ratio is below 1 by about W_0/r for whole flanks, and by "
+    "half of this for coned flanks."
 )
 WAVE = 2.4  # W_0 over the pitch radius, times z_g: a wave of 1.2 modules
 PHASES = (0.0, 0.25, 0.5, 0.75)  # of the teeth and of the balls
@@ -48,12 +48,19 @@ def share(z_g: int, stations: int) -> float:
 
 CASES = [
     Case(
-        f"{z_g} teeth, {words} flanks", "", f"1 minus {law}",
-        **about(1 - WAVE * part / z_g, 0.005), why="This law describes the computed values. It was not derived",
-        kind=Kind.MODEL, digits=".3f", value=lambda z_g=z_g, n=n: share(z_g, n), slow=z_g == 96 or n > 1,
+        f"{z_g} teeth, {words} flanks",
+        "",
+        f"1 minus {law}",
+        **about(1 - WAVE * part / z_g, 0.005),
+        why="This law describes the computed values. It was not derived",
+        kind=Kind.MODEL,
+        digits=".3f",
+        value=lambda z_g=z_g, n=n: share(z_g, n),
+        slow=z_g == 96 or n > 1,
     )
-    for words, n, part, law in (("whole", 1, 1.0, "W_0/r"), ("coned", 5, 0.5, "W_0/2r")) for z_g in (200, 96, 51)
-]  # fmt: skip
+    for words, n, part, law in (("whole", 1, 1.0, "W_0/r"), ("coned", 5, 0.5, "W_0/2r"))
+    for z_g in (200, 96, 51)
+]
 
 
 @pytest.mark.parametrize("case", parameters(CASES))

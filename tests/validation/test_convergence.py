@@ -17,9 +17,9 @@ from tests.validation.case import Case, Kind, about, parameters
 
 TITLE = "Convergence"
 ABOUT = (
-    "The table gives the change of F'_ior of `vzp160` if the resolution of the model is increased: the number n_max "
-    "of harmonics of the rings, the number n_2 of nodes between bore and outer ring, or the number of points along a "
-    "flank."
+    "The table gives the change of F'_ior of `vzp160` if the resolution of the model is increased. Three numbers "
+    "determine the resolution: the harmonics of the rings (n_max), the nodes between bore and outer ring (n_2), and "
+    "the points along a flank."
 )
 FINER = {"numerics__n_max": 80, "numerics__n_2": 200}
 

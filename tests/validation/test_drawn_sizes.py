@@ -24,8 +24,8 @@ ABOUT = (
     "preset. The drives are sampled as in `check`, before any measurement, over all design values and deviations that "
     "a catalogue does not specify. The columns differ in the reference data. The first of the three columns uses the "
     "catalogue values of stiffness, lost motion and backlash, and the second also uses the accuracy in the catalogue. "
-    "In the third column the reference data are the same as in the second, but the wave generator has a solid hub "
-    "(`cam.coupling=solid`) instead of the Oldham coupling of the standard version. The backlash follows from the "
+    "The reference data of the third column are those of the second. Its wave generator is on a solid hub "
+    "(`cam.coupling=solid`), and not on the Oldham coupling of the standard version. The backlash follows from the "
     "mesh of the teeth. With 64 effective samples the standard error is about 7 % for a median and 15 % for a 95th "
     "percentile."
 )

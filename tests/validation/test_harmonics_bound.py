@@ -89,7 +89,7 @@ CASES = [
         SOURCE,
         90,
         100,
-        why="At least 95 % of the drives must meet the accuracy. The uncertainty with 64 drives is subtracted",
+        why="The required share of drives that meet the accuracy is 95 %, minus its uncertainty with 64 drives",
         kind=Kind.CHECK,
         digits=".0f",
         value=lambda: min(kept(size) for size in SIZES),
