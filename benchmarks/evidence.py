@@ -17,8 +17,8 @@ STIFFNESS = ("catalogue.K_1=3.1e4", "catalogue.K_2=5.0e4", "catalogue.K_3=5.7e4"
 EVIDENCE: dict[str, tuple[str, ...]] = {
     "no reference data": (),
     "K_1 to K_3 of the catalogue": STIFFNESS,
-    "and its lost motion, at most 60″": (*STIFFNESS, "catalogue.lost_motion=60"),
-    "and F'_ior as assembled, 40 ± 3″": (
+    "plus lost motion, at most 60″": (*STIFFNESS, "catalogue.lost_motion=60"),
+    "plus F'_ior as assembled, 40 ± 3″": (
         *STIFFNESS, "catalogue.lost_motion=60", f"measured.F_ior={{h0@{M_G}: 40 ± 3}}"
     ),
 }  # fmt: skip
