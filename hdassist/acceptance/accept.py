@@ -31,6 +31,7 @@ from hdassist.measuring.fit import COVERAGE_FACTOR
 from hdassist.measuring.full_cycle import with_full_cycle
 from hdassist.measuring.measure import Measurement, SweepResult
 from hdassist.model.deviations import unknown_names
+from hdassist.preset.fields import Drive
 from hdassist.readers.table import NO_UNIT
 
 _QUARTER = 0.25  # of the limit: a test uncertainty ratio of 4 to 1
@@ -42,72 +43,38 @@ def accept(
     predictions: Predictions | None = None,
     place: str | None = None,
 ) -> AcceptAnswer:
-    """Hold a drive against the limits of its preset.
+    """Compare a drive with the limits of its preset.
 
-    Arguments: request; inputs that it names; predictions that it needs, of the same drive and limits; place of the row
-    of a lot. Raises DataError: no limit, something measured that no limit is for,
-    nothing measured without a prediction, or an order that the full cycle does not have; UsageError: such an
-    order on the command line.
+    request: the request.
+    inputs: those that it names.
+    predictions: those that it needs, of the same drive and limits.
+    place: of the row of a lot.
+    Raises DataError if there is no limit, if something is measured for which there is no limit, if nothing is measured
+    and nothing predicted, or if the full cycle does not have an order; UsageError for such an order on the command
+    line.
     """
-    drive = inputs.drive
     measured = {M_g: with_full_cycle(measurement) for M_g, measurement in inputs.measurements.items()}
     inputs = replace(inputs, measurements=measured)
-    limits, rule = limits_of(drive), drive.acceptance.rule
-    left = inputs.unmeasured
-    if predictions is None and len(left) == len(limits) and not request.strict:
-        raise DataError(
-            f"{drive.name}: no measured value belongs to a limit",
-            " ".join(limit.option for limit in limits) + ", or no --measured-only" * request.measured_only,
-        )
-    decisions = []
-    for limit in limits:
-        if limit in inputs.stated:
-            values = [inputs.stated[limit]]
-        elif limit not in left and measured[limit.M_g_Nm or 0.0].trace.is_between_torques:
-            values = [AcceptedValue.between_torques()]
-        elif limit not in left:
-            measurement = measured[limit.M_g_Nm or 0.0]
-            by_direction = [
-                AcceptedValue.measured(limit, direction, _covered_cycle(limit, measurement, direction))
-                for direction in measurement.directions
-            ]
-            values = sorted(
-                (value for value in by_direction if value.value is not None), key=lambda value: -(value.value or 0.0)
-            )
-            values = values or [AcceptedValue()]
-        elif predictions and limit.check.needs:
-            values = [AcceptedValue.predicted(limit, predictions)]
-        elif request.strict or (not request.measured_only and not limit.check.needs):
-            values = [AcceptedValue()]  # only a measured value decides it
-        else:
-            continue
-        decisions.append(_decisive([decide(limit, value, rule, request.sure) for value in values]))
-    if request.shared and not request.shared_records:
-        decisions = [_open_by_sharing(decision, request.shared) for decision in decisions]
-    left_out = [] if predictions or request.strict else left
-    samples = predictions.samples if predictions else None
-    remarks = [*_of_traces(inputs, decisions), *_of_decisions(inputs, decisions, left_out, predictions)]
-    if request.shared:
-        remarks.append(Note("SHARED_RECORD", f"a recording is that of {', '.join(request.shared)} too"))
-    verdict = worst(decision.verdict for decision in decisions)
-    traces = [
-        TraceRecord(
-            found.trace.file, found.trace.sha256, M_g, len(found.trace.line), found.F_ior_arcsec,
-            found.directions[0].is_bound, found.directions[0].uncertainty_arcsec, found.trace.is_between_torques,
-        )
-        for M_g, found in measured.items()
-    ]  # fmt: skip
-    traces += [
-        TraceRecord(
-            table.file, table.sha256, M_g, len(table.lines), found.arcsec, True, found.uncertainty_arcsec or 0.0
-        )
-        for M_g, (table, found) in inputs.positions.items()
+    drive = inputs.drive
+    unmeasured = inputs.unmeasured
+    _require_value(request, drive, unmeasured, predictions)
+    decisions = _decisions(request, inputs, unmeasured, predictions)
+    left_out = () if predictions or request.strict else unmeasured
+    remarks = [
+        *_of_traces(inputs, decisions),
+        *_of_decisions(inputs, decisions, left_out, predictions),
+        *_of_sharing(request),
     ]
+    verdict = worst(decision.verdict for decision in decisions)
+    rule = drive.acceptance.rule
+    warnings = (*drive.origin.warnings,)
+    if predictions and predictions.samples:
+        warnings += predictions.samples.remarks
     return ANSWER.validate_python({
         "version": __version__,
         "preset": PresetRecord(drive.name, drive.origin.sha256, drive.origin.overrides),
         "exit_code": verdict.exit_code,
-        "warnings": (*drive.origin.warnings, *(samples.remarks if samples else ())),
+        "warnings": warnings,
         "serial": request.serial,
         "seed": request.seed,
         "request": request,
@@ -116,11 +83,99 @@ def accept(
         "checks": decisions,
         "left_out": [limit.label for limit in left_out],
         "remarks": remarks,
-        "measured": traces,
-        "rule": RuleRecord(rule, GUARD * (rule == "guard"), request.sure),
+        "measured": _trace_records(inputs),
+        "rule": RuleRecord(rule, GUARD if rule == "guard" else 0.0, request.sure),
         "place": place,
         **of_predictions(predictions, inputs.wheels),
     })  # fmt: skip
+
+
+def _require_value(
+    request: Request, drive: Drive, unmeasured: Sequence[Limit], predictions: Predictions | None
+) -> None:
+    """Raise DataError if no limit of a drive has a measured or a predicted value, unless each limit needs one."""
+    limits = limits_of(drive)
+    if predictions is not None or len(unmeasured) < len(limits) or request.strict:
+        return
+    hint = " ".join(limit.option for limit in limits)
+    if request.measured_only:
+        hint += ", or no --measured-only"
+    raise DataError(f"{drive.name}: no measured value belongs to a limit", hint)
+
+
+def _decisions(
+    request: Request, inputs: Inputs, unmeasured: Sequence[Limit], predictions: Predictions | None
+) -> list[DecidedCheck]:
+    """Return the decision on each limit that is not left out, in the order of the limits."""
+    rule = inputs.drive.acceptance.rule
+    decisions = []
+    for limit in limits_of(inputs.drive):
+        if limit not in unmeasured:
+            values = _measured_values(limit, inputs)
+        else:
+            values = _unmeasured_values(limit, request, predictions)
+        if values:
+            decisions.append(_decisive([decide(limit, value, rule, request.sure) for value in values]))
+    if request.shared and not request.shared_records:
+        return [_open_by_sharing(decision, request.shared) for decision in decisions]
+    return decisions
+
+
+def _measured_values(limit: Limit, inputs: Inputs) -> list[AcceptedValue]:
+    """Return the measured values for a limit: the stated one, or those of the directions of a recording."""
+    if limit in inputs.stated:
+        return [inputs.stated[limit]]
+    measurement = inputs.measurements[limit.M_g_Nm or 0.0]
+    if measurement.trace.is_between_torques:
+        return [AcceptedValue.between_torques()]
+    by_direction = [
+        AcceptedValue.measured(limit, direction, _covered_cycle(limit, measurement, direction))
+        for direction in measurement.directions
+    ]
+    values = [value for value in by_direction if value.value is not None]
+    # of decisions alike, that on the largest value is the first
+    return sorted(values, key=lambda value: -(value.value or 0.0)) or [AcceptedValue()]
+
+
+def _unmeasured_values(limit: Limit, request: Request, predictions: Predictions | None) -> list[AcceptedValue]:
+    """Return the predicted value for a limit, an unknown value if only a measured one decides it, or none."""
+    if predictions and limit.check.needs:
+        return [AcceptedValue.predicted(limit, predictions)]
+    if request.strict or (not request.measured_only and not limit.check.needs):
+        return [AcceptedValue()]
+    return []
+
+
+def _trace_records(inputs: Inputs) -> list[TraceRecord]:
+    """Return the records of the recordings, then of the approached positions, by torque."""
+    records = []
+    for M_g, measurement in inputs.measurements.items():
+        first = measurement.directions[0]
+        records.append(
+            TraceRecord(
+                file=measurement.trace.file,
+                sha256=measurement.trace.sha256,
+                M_g_Nm=M_g,
+                rows=len(measurement.trace.line),
+                F_ior_arcsec=measurement.F_ior_arcsec,
+                F_ior_is_lower_bound=first.is_bound,
+                standard_uncertainty_arcsec=first.uncertainty_arcsec,
+                is_between_torques=measurement.trace.is_between_torques,
+            )
+        )
+    for M_g, (table, error_range) in inputs.positions.items():
+        records.append(
+            TraceRecord(
+                file=table.file,
+                sha256=table.sha256,
+                M_g_Nm=M_g,
+                rows=len(table.lines),
+                F_ior_arcsec=error_range.arcsec,
+                F_ior_is_lower_bound=True,  # positions see a part of the range
+                standard_uncertainty_arcsec=error_range.uncertainty_arcsec or 0.0,
+            )
+        )
+    return records
 
 
 def _covered_cycle(limit: Limit, measurement: Measurement, direction: SweepResult) -> CoveredCycle | None:
@@ -144,38 +199,55 @@ def _open_by_sharing(decision: DecidedCheck, others: Sequence[str]) -> DecidedCh
 
 
 def _decisive(decisions: Sequence[DecidedCheck]) -> DecidedCheck:
-    """The worst decision, the first of those alike.
+    """Return the worst decision, the first of those alike.
 
-    Beside a direction that visited the whole cycle, one of a part counts only where it is not clear of the limit.
+    Beside a direction that covers the whole cycle, one of a part counts only where it is not clear of the limit.
     """
-    if any(d.extent == "whole" for d in decisions):
-        close = [d for d in decisions if d.extent == "at least" and d.room(d.value or 0.0) < d.guard]
-        decisions = [d for d in decisions if d.extent == "whole" or d in close]
+    if any(decision.extent == "whole" for decision in decisions):
+        decisions = [decision for decision in decisions if decision.extent == "whole" or _is_close_bound(decision)]
     return min(decisions, key=lambda decision: SEVERITY.index(decision.verdict))
 
 
+def _is_close_bound(decision: DecidedCheck) -> bool:
+    """Return whether a decision is by a lower bound that comes nearer to the limit than the guard band."""
+    return decision.extent == "at least" and decision.room(decision.value or 0.0) < decision.guard
+
+
 def _of_traces(inputs: Inputs, decisions: Sequence[DecidedCheck]) -> Iterator[Note]:
-    """Remarks on traces."""
+    """Yield remarks on recordings."""
     for M_g, measurement in inputs.measurements.items():
-        where, directions = f"{measurement.trace.file}, {M_g:g} N*m", measurement.directions
-        if any(d.M_g_Nm == M_g and d.extent not in (None, "whole", "between torques") for d in decisions):
-            shares = [direction.coverage.share for direction in directions if direction.is_bound and direction.coverage]
-            visited = [f"{100 * share:.3g} % of the full mesh cycle covered" for share in shares]
-            yield Note("COVERAGE", f"{where}: {' and '.join(visited) or 'unknown cycle'}")
-        if missing := [source.name for source in directions[0].sources if source.arcsec is None]:
-            yield Note("BUDGET", f"{where}: no uncertainty is stated for {', '.join(missing)}")
-        if lines := dict.fromkeys(f"{line.per_cam_rev:.3f}" for direction in directions for line in direction.lines):
+        place = f"{measurement.trace.file}, {M_g:g} N*m"
+        directions = measurement.directions
+        if any(decision.M_g_Nm == M_g and _is_by_a_part(decision) for decision in decisions):
+            yield Note("COVERAGE", f"{place}: {_coverage_text(directions)}")
+        unstated = [source.name for source in directions[0].sources if source.arcsec is None]
+        if unstated:
+            yield Note("BUDGET", f"{place}: no uncertainty is stated for {', '.join(unstated)}")
+        lines = dict.fromkeys(f"{line.per_cam_rev:.3f}" for direction in directions for line in direction.lines)
+        if lines:
             rise = max(direction.range.rise for direction in directions)
-            more = f"; F'_ior may be {rise:.3g}″ larger in another cycle" if rise else ""
-            yield Note("LINES", f"{where}: {', '.join(lines)} per input revolution{more}")
+            in_another_cycle = f"; F'_ior may be {rise:.3g}″ larger in another cycle" if rise else ""
+            yield Note("LINES", f"{place}: {', '.join(lines)} per input revolution{in_another_cycle}")
         assumed = [note for note in measurement.notes if NO_UNIT in note]
-        yield from (Note("RECORD", f"{where}: {text}") for text in (*measurement.warnings, *assumed))
+        yield from (Note("RECORD", f"{place}: {text}") for text in (*measurement.warnings, *assumed))
+
+
+def _is_by_a_part(decision: DecidedCheck) -> bool:
+    """Return whether a decision is by a value of a part of the cycle."""
+    return decision.extent not in (None, "whole", "between torques")
+
+
+def _coverage_text(directions: Sequence[SweepResult]) -> str:
+    """Return what share of the full cycle the directions cover that do not cover all of it."""
+    shares = [direction.coverage.share for direction in directions if direction.is_bound and direction.coverage]
+    texts = [f"{100 * share:.3g} % of the full mesh cycle covered" for share in shares]
+    return " and ".join(texts) or "unknown cycle"
 
 
 def _of_decisions(
     inputs: Inputs, decisions: Sequence[DecidedCheck], left_out: Sequence[Limit], predictions: Predictions | None
 ) -> Iterator[Note]:
-    """Remarks on values, on unknown inputs, and on limits without a decision."""
+    """Yield remarks on values, on unknown inputs, and on limits without a decision."""
     for decision in decisions:
         if decision.expanded_uncertainty is not None and decision.expanded_uncertainty > _QUARTER * decision.limit:
             text = f"U = {decision.expanded_uncertainty:.3g} (k = {COVERAGE_FACTOR:g}), limit {decision.limit:g}"
@@ -190,20 +262,30 @@ def _of_decisions(
         yield Note("NOT_TESTED", "; ".join(limit.label for limit in left_out))
 
 
+def _of_sharing(request: Request) -> Iterator[Note]:
+    """Yield the remark on recordings that are those of other drives too."""
+    if request.shared:
+        yield Note("SHARED_RECORD", f"a recording is that of {', '.join(request.shared)} too")
+
+
 def answer_rows(rows: Sequence[LotRow], debug: bool, first: int, last: int) -> list[AcceptAnswer]:
-    """Answers to the rows first ... last - 1; debug: whether a bug in a row is raised, and no answer."""
+    """Return the results of the rows first ... last - 1; debug: raise a bug in a row instead of reporting it."""
     return [answer_row(row, debug=debug) for row in rows[first:last]]
 
 
 def answer_row(row: LotRow, *, debug: bool = False) -> AcceptAnswer:
-    """The answer of a row; whatever is wrong with it is its answer."""
+    """Return the result of a row; an error of the row is its result.
+
+    debug: raise a bug in the program instead of reporting it as the result.
+    """
     try:
         if row.fault:
             raise row.fault
         drive = row.request.load()
         inputs = row.request.read(drive)
-        alike = replace(row.request, serial="", measured=(), values=(), shared=())
-        predictions = predicted(alike, inputs.unmeasured)
+        # without what differs from drive to drive, so that drives of the same preset share their predictions
+        design = replace(row.request, serial="", measured=(), values=(), shared=())
+        predictions = predicted(design, inputs.unmeasured)
         return accept(row.request, inputs, predictions, row.place)
     except HdassistError as error:
         return failure_of(row, error)
@@ -212,16 +294,15 @@ def answer_row(row: LotRow, *, debug: bool = False) -> AcceptAnswer:
     except Exception as bug:  # the result of this row, with the exit code of a bug; the other rows continue
         if debug:
             raise
-        where = traceback.extract_tb(bug.__traceback__)[-1]
-        words = f"internal error: {type(bug).__name__}: {bug} ({where.name})"
-        return failure_of(
-            row, HdassistError(words, "report this bug in hdassist, with the traceback that --debug shows")
-        )
+        function = traceback.extract_tb(bug.__traceback__)[-1].name
+        message = f"internal error: {type(bug).__name__}: {bug} ({function})"
+        hint = "report this bug in hdassist, with the traceback that --debug shows"
+        return failure_of(row, HdassistError(message, hint))
 
 
 @lru_cache(maxsize=2)
 def predicted(request: Request, limits: tuple[Limit, ...]) -> Predictions | None:
-    """Predictions for limits of a drive, kept for the next row in this process that needs the same."""
+    """Return predictions for limits of a drive, kept for the next row in this process that needs the same."""
     drive = request.load()
     return request.predict(drive, limits, request.read_wheels(drive))
 
@@ -235,10 +316,16 @@ def _drive_name(request: Request) -> str:
 
 
 def failure_of(row: LotRow, error: HdassistError) -> AcceptAnswer:
-    """The answer of a row with an error; the fault of a row is wrong data, not wrong usage."""
-    kind, request = DataError if isinstance(error, UsageError) else error, row.request
+    """Return the result of a row with an error; the fault of a row is wrong data, not wrong usage."""
+    kind = DataError if isinstance(error, UsageError) else error
     return AcceptAnswer(
-        version=__version__, preset=PresetRecord(_drive_name(request)), exit_code=kind.exit_code, serial=request.serial,
-        seed=request.seed, request=None if row.fault else request, time=now(), place=row.place,
+        version=__version__,
+        preset=PresetRecord(_drive_name(row.request)),
+        exit_code=kind.exit_code,
+        serial=row.request.serial,
+        seed=row.request.seed,
+        request=None if row.fault else row.request,
+        time=now(),
+        place=row.place,
         error=ErrorRecord(row.message(error), error.hint, kind.fault),
-    )  # fmt: skip
+    )

@@ -294,7 +294,9 @@ def read_answers(path: str) -> list[AcceptAnswer]:
 
     A last line that breaks off is left out. Raises DataError: a file that cannot be read, or says something else.
     """
-    data, file, hint = bytearray(), STDIN if path == "-" else path, "use a file written by --json or --jsonl"
+    data = bytearray()
+    file = STDIN if path == "-" else path
+    hint = "use a file written by --json or --jsonl"
     with opened(path) as stream:
         while part := stream.read(PART):
             data += part
@@ -319,16 +321,16 @@ def read_answers(path: str) -> list[AcceptAnswer]:
 
 
 def _read(fields: Any, place: str) -> AcceptAnswer:
-    """The answer that a JSON value is; place, of it in messages. Raises DataError: it is none."""
+    """Return the result that a JSON value is; place: its name in messages. Raises DataError if it is none."""
     try:
         return ANSWER.validate_python(fields)
     except ValidationError as error:
-        words = f"{place}: a result is incomplete: {why_invalid(error)}"
-        raise DataError(words, "the file was changed, or written by another version") from None
+        message = f"{place}: a result is incomplete: {why_invalid(error)}"
+        raise DataError(message, "the file was changed, or written by another version") from None
 
 
 def changed_file(answer: AcceptAnswer) -> DataError | None:
-    """The fault of the first file of an answer that is not as it was, or was standard input.
+    """Return the fault of the first file of a result that is not as it was, or was standard input.
 
     An answer of an error never got as far as its hashes.
     """
@@ -339,25 +341,26 @@ def changed_file(answer: AcceptAnswer) -> DataError | None:
     recorded[answer.request.preset] = answer.preset.sha256
     for file in answer.request.files():
         if file == "-":
-            words = "the preset or a file was read from standard input and is not available any more"
-            return DataError(words, "save it as a file, and run accept with the file")
+            message = "the preset or a file was read from standard input and is not available any more"
+            return DataError(message, "save it as a file, and run accept with the file")
         if answer.error:
             continue
         try:
             data = read_preset(file)[0] if file == answer.request.preset else read_bytes(file, MAX_TRACE_BYTES + 1)[0]
         except DataError:
-            words = "run the command in the folder in which the result was computed"
-            return DataError(f"{file} cannot be read", words)
-        if (now := hashlib.sha256(data).hexdigest()) != recorded.get(file):
-            then = f"sha256 {str(recorded.get(file))[:12]}... when the result was computed, {now[:12]}... now"
-            return DataError(f"{file} has changed: {then}", "compute a new result with hdassist accept")
+            hint = "run the command in the folder in which the result was computed"
+            return DataError(f"{file} cannot be read", hint)
+        sha256 = hashlib.sha256(data).hexdigest()
+        if sha256 != recorded.get(file):
+            change = f"sha256 {str(recorded.get(file))[:12]}... when the result was computed, {sha256[:12]}... now"
+            return DataError(f"{file} has changed: {change}", "compute a new result with hdassist accept")
     return None
 
 
 def still_stands(answer: AcceptAnswer, request: Request) -> bool:
-    """Whether an answer is that which a request would get again: same version, options and files, and no error."""
-    same = (answer.version, answer.request, answer.error) == (__version__, request, None)
-    return same and changed_file(answer) is None
+    """Return whether a request would get a result again: same version, options and files, and no error."""
+    is_same_request = (answer.version, answer.request, answer.error) == (__version__, request, None)
+    return is_same_request and changed_file(answer) is None
 
 
 @dataclass(frozen=True)
@@ -369,9 +372,14 @@ class _AnswerDifference:
     now: Any
 
     def __str__(self) -> str:
-        values = ("none" if value is None else value for value in (self.recorded, self.now))
-        then, now = (f"{value:.9g}" if isinstance(value, float) else value for value in values)
-        return f"{self.key}: {then} then, {now} now"
+        return f"{self.key}: {_value_text(self.recorded)} then, {_value_text(self.now)} now"
+
+
+def _value_text(value: Any) -> str:
+    """Return a JSON value as a difference states it."""
+    if value is None:
+        return "none"
+    return f"{value:.9g}" if isinstance(value, float) else str(value)
 
 
 def answer_differences(recorded: AcceptAnswer, now: AcceptAnswer) -> list[_AnswerDifference]:

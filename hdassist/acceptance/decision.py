@@ -27,7 +27,7 @@ import numpy as np
 
 from hdassist.acceptance.limits import F_IOR, Extent, Limit, LimitText, torques_of
 from hdassist.belief.evidence import evidence_of
-from hdassist.belief.prior import beside_measured_teeth
+from hdassist.belief.prior import DrivePrior, beside_measured_teeth
 from hdassist.belief.samples import EFFECTIVE_SAMPLES, Samples, SamplingEffort, deviation_sets, draw_samples
 from hdassist.belief.statistics import Probability, weighted_quantile
 from hdassist.design import DesignCheck, OperatingPoint
@@ -43,7 +43,7 @@ from hdassist.measuring.full_cycle import LEAST_SHARE_OF_PASS
 from hdassist.measuring.measure import SweepResult
 from hdassist.measuring.orders import FullCycle, UncertaintySource, combined
 from hdassist.model.deviations import MeasuredTeeth, unknowns
-from hdassist.model.geometry import Array, Kinematics
+from hdassist.model.geometry import Kinematics
 from hdassist.preset.fields import Drive
 from hdassist.preset.text import UnitError, is_spread, read_spread
 from hdassist.run.kept import ClosedRecord
@@ -80,12 +80,13 @@ class _PredictedQuantities:
         return sum((part.certificate for part in self.parts), EMPTY)
 
     def amplitude(self, M_g: float, order: float) -> float:
-        """Amplitude [arcsec] of an order per cam turn over the full cycle at a torque [N*m].
+        """Return the amplitude [arcsec] of an order per input revolution over the full cycle at a torque [N*m].
 
-        Raises UsageError: an order that is none of the cycle's, or beyond what its states resolve.
+        Raises UsageError for an order that the cycle does not have, or that its states do not resolve.
         """
-        values, place = self.errors[M_g].error_arcsec, order_place(self.kinematics, order)
-        return float(2 * np.abs(np.fft.rfft(values)[place]) / len(values))
+        error_arcsec = self.errors[M_g].error_arcsec
+        place = order_place(self.kinematics, order)
+        return float(2 * np.abs(np.fft.rfft(error_arcsec)[place]) / len(error_arcsec))
 
     def value(self, limit: Limit) -> float:
         """Return the value that a limit is compared with, in its unit; NaN if it is not predicted."""
@@ -158,7 +159,7 @@ class Predictions(DesignCheck):
 
     @property
     def is_of_travel(self) -> bool:
-        """Whether the drive turns through less than its full cycle, which is predicted: less may come."""
+        """Whether the drive turns through less than its full cycle, which is predicted: F'_ior may be smaller."""
         kinematics = Kinematics.of(self.drive)
         return self.drive.acceptance.travel < 360 * kinematics.cycle_cam_revolutions / abs(kinematics.u)
 
@@ -166,28 +167,32 @@ class Predictions(DesignCheck):
         """Return the distribution of the value of a limit; None if nothing moves it, or without samples."""
         if self.samples is None or not self.is_open(limit):
             return None
-
-        def values(samples: Samples) -> Array:
-            return samples.figures[limit.label]
-
-        first = self.samples.of_ranges
         if limit.check is F_IOR:
             return self._error_belief(limit, self.samples)
-        p5, p50, p95 = (weighted_quantile(values(first), first.weights, share) for share in (0.05, 0.5, 0.95))
-        kept = self.samples.probability(lambda samples: limit.room(values(samples)) >= 0, self.sure)
-        return Belief(p5, p50, p95, kept.value, kept.low, kept.high, kept.few)
+        first = self.samples.of_ranges
+        values = first.figures[limit.label]
+        met = self.samples.probability(lambda stage: limit.room(stage.figures[limit.label]) >= 0, self.sure)
+        return Belief(
+            p5=weighted_quantile(values, first.weights, 0.05),
+            p50=weighted_quantile(values, first.weights, 0.5),
+            p95=weighted_quantile(values, first.weights, 0.95),
+            probability=met.value,
+            probability_low=met.low,
+            probability_high=met.high,
+            few=met.few,
+        )
 
     def _error_belief(self, limit: Limit, samples: Samples) -> Belief:
-        """Return F'_ior with the self error on top over all that is not known exactly, as check states it."""
+        """Return the distribution of F'_ior plus the self error over the uncertain inputs, as check states it."""
         M_g = limit.M_g_Nm or 0.0
         self_error = self.quantities.self_errors[M_g].range_arcsec
         torque = samples.torques.index(M_g)
-        p5, p50, p95 = (samples.of_ranges.percentile(share, torque) + self_error for share in (0.05, 0.5, 0.95))
+        first = samples.of_ranges
         met = samples.probability_of_sets(lambda F_ior: limit.room(F_ior[:, :, torque] + self_error) >= 0, self.sure)
         return Belief(
-            p5,
-            p50,
-            p95,
+            p5=first.percentile(0.05, torque) + self_error,
+            p50=first.percentile(0.5, torque) + self_error,
+            p95=first.percentile(0.95, torque) + self_error,
             probability=met.value,
             probability_low=met.low,
             probability_high=met.high,
@@ -202,17 +207,29 @@ def quantities(
     *,
     run: Run = Run(),
 ) -> _PredictedQuantities:
-    """Quantities that limits need, at the numbers of the preset; error_of gives the error over the cycle by torque."""
-    cycles, own_at = torques_of(limits, "cycle"), torques_of(limits, "self error")
-    twists = any("stiffness" in limit.check.needs for limit in limits)
-    known = _PredictedQuantities(
-        Kinematics.of(drive),
-        dict(zip(cycles, run.map(error_of, cycles), strict=True)),
-        dict(zip(own_at, self_error(drive, own_at, run=run.of_task) if own_at else (), strict=True)),
-        (stiffness(drive, points=1, run=run.of_task),) if twists else (),
+    """Return the quantities that limits need, at the numbers of the preset.
+
+    drive: the drive.
+    limits: its limits.
+    error_of: the error over the cycle by torque [N*m].
+    run: the run.
+    """
+    cycle_torques = torques_of(limits, "cycle")
+    self_error_torques = torques_of(limits, "self error")
+    errors = dict(zip(cycle_torques, run.map(error_of, cycle_torques), strict=True))
+    self_errors: dict[float, SelfError] = {}
+    if self_error_torques:
+        answers = self_error(drive, self_error_torques, run=run.of_task)
+        self_errors = dict(zip(self_error_torques, answers, strict=True))
+    has_stiffness = any("stiffness" in limit.check.needs for limit in limits)
+    predicted = _PredictedQuantities(
+        kinematics=Kinematics.of(drive),
+        errors=errors,
+        self_errors=self_errors,
+        stiffness=(stiffness(drive, points=1, run=run.of_task),) if has_stiffness else (),
     )
-    run.finished(known.certificate.states)
-    return known
+    run.finished(predicted.certificate.states)
+    return predicted
 
 
 def predict(
@@ -232,32 +249,59 @@ def predict(
     sure: probability of meeting a limit that PASS needs.
     Raises UntrustedError if a result cannot be trusted, or the preset's catalogue contradicts its other values.
     """
-    there, teeth = wheels.in_drive(drive) if wheels else (drive, None)
-    known = quantities(drive, limits, partial(kinematic_error, there, teeth=teeth, run=run.of_task), run=run)
-    without, prior = beside_measured_teeth(drive, wheels)
-    unknown = unknowns(without) if known.errors else ()
-    points = [
-        OperatingPoint(
-            M_g, known.self_errors[M_g], drive.limit(M_g), bool(prior.fields),
-            error=cast(KinematicError, known.errors[M_g]), sure=sure,
-        )
-        for M_g in torques_of((limit for limit in limits if limit.check is F_IOR), "cycle")
-    ]  # fmt: skip
+    with_teeth, teeth = wheels.in_drive(drive) if wheels else (drive, None)
+    error_of = partial(kinematic_error, with_teeth, teeth=teeth, run=run.of_task)
+    at_nominal = quantities(drive, limits, error_of, run=run)
+    bare, prior = beside_measured_teeth(drive, wheels)
     predictions = Predictions(
-        drive, tuple(points), wheels, unknown, prior, limits=tuple(limits), quantities=known, sure=sure
+        drive=drive,
+        points=tuple(
+            OperatingPoint(
+                M_g=M_g,
+                self_error=at_nominal.self_errors[M_g],
+                limit_arcsec=drive.limit(M_g),
+                open_=bool(prior.fields),
+                error=cast(KinematicError, at_nominal.errors[M_g]),
+                sure=sure,
+            )
+            for M_g in torques_of((limit for limit in limits if limit.check is F_IOR), "cycle")
+        ),
+        measured=wheels,
+        unknown=unknowns(bare) if at_nominal.errors else (),
+        prior=prior,
+        limits=tuple(limits),
+        quantities=at_nominal,
+        sure=sure,
     )
-    open_ = [limit for limit in limits if predictions.is_open(limit)]
-    if not (open_ and draws and searchable(drive) and not wheels):
+    open_limits = [limit for limit in limits if predictions.is_open(limit)]
+    if not (open_limits and draws and searchable(drive) and not wheels):
         return predictions
+    return predictions.with_samples(_samples(predictions, prior, open_limits, draws, run))
+
+
+def _samples(
+    predictions: Predictions, prior: DrivePrior, open_limits: Sequence[Limit], draws: int, run: Run
+) -> Samples:
+    """Return samples of a drive that settle the verdict on each limit whose value they move.
+
+    predictions: at nominal values.
+    prior: of the drive.
+    open_limits: limits whose value an uncertain input moves.
+    draws: minimum effective sample size.
+    run: the run.
+    Raises UntrustedError if too few samples agree with the preset's catalogue.
+    """
+    drive = predictions.drive
 
     def enough(samples: Samples) -> bool:
-        beliefs = map(predictions.with_samples(samples).belief, open_)
-        return all(belief.kept.is_stable(sure) for belief in beliefs if belief)
+        beliefs = map(predictions.with_samples(samples).belief, open_limits)
+        return all(belief.kept.is_stable(predictions.sure) for belief in beliefs if belief)
 
-    figured = tuple(limit for limit in open_ if limit.check is not F_IOR)
-    samples = draw_samples(
+    figured = tuple(limit for limit in open_limits if limit.check is not F_IOR)
+    torques = [*drive.operation.M_g, *(point.M_g for point in predictions.points)]
+    return draw_samples(
         prior,
-        tuple(dict.fromkeys([*drive.operation.M_g, *(point.M_g for point in points)])),  # those of check too
+        tuple(dict.fromkeys(torques)),  # those of check too, so that its draws are those of accept
         evidence=evidence_of(drive),
         figures_of=partial(_figures, figured) if figured else None,
         figures_name=" ".join(f"{limit.check.code}@{limit.M_g_Nm}#{limit.per_cam_rev}" for limit in figured),
@@ -266,17 +310,16 @@ def predict(
         run=run,
         sets=deviation_sets(drive),
     )
-    return predictions.with_samples(samples)
 
 
 def _figures(limits: tuple[Limit, ...], drive: Drive) -> tuple[dict[str, float], Certificate]:
     """Return values of a drive by the label of their limit, with the certificate of the solved states."""
-    known = quantities(drive, limits, partial(estimated_cycle, drive), run=UNCHECKED)
-    return {limit.label: known.value(limit) for limit in limits}, known.certificate
+    predicted = quantities(drive, limits, partial(estimated_cycle, drive), run=UNCHECKED)
+    return {limit.label: predicted.value(limit) for limit in limits}, predicted.certificate
 
 
 def order_place(kinematics: Kinematics, order: float) -> int:
-    """Periods of an order per cam turn in the full cycle. Raises UsageError as amplitude does."""
+    """Return the periods of an order per input revolution in the full cycle. Raises UsageError as amplitude does."""
     turns = kinematics.cycle_cam_revolutions
     place = round(order * turns)
     if not 0 < place < kinematics.cycle_states / 2 or abs(place / turns - order) > 1e-6:
@@ -371,46 +414,49 @@ class AcceptedValue(ClosedRecord):
 
     @classmethod
     def predicted(cls, limit: Limit, predictions: Predictions) -> AcceptedValue:
-        """The value of predictions that a limit is for."""
-        whole: Extent = "at most" if limit.check.of_trace and predictions.is_of_travel else "whole"
-        if belief := predictions.belief(limit):
-            return cls(belief.p50, None, "predicted", whole, belief=belief)
-        extent = "not known" if predictions.is_open(limit) else whole
-        return cls(predictions.quantities.value(limit), None, "predicted", extent)
+        """Return the predicted value that a limit is compared with."""
+        extent: Extent = "at most" if limit.check.of_trace and predictions.is_of_travel else "whole"
+        belief = predictions.belief(limit)
+        if belief is not None:
+            return cls(value=belief.p50, basis="predicted", extent=extent, belief=belief)
+        if predictions.is_open(limit):
+            extent = "not known"
+        return cls(value=predictions.quantities.value(limit), basis="predicted", extent=extent)
 
     @classmethod
-    def stated(cls, given: LimitText, limit: Limit) -> AcceptedValue:
-        """The value that was measured otherwise, VALUE±U with U the expanded uncertainty, k = 2.
+    def stated(cls, stated: LimitText, limit: Limit) -> AcceptedValue:
+        """Return a value that was measured otherwise, VALUE±U with U the expanded uncertainty, k = 2.
 
-        Raises UsageError: it is none, has no uncertainty, or is below zero.
+        Raises UsageError if it is no value, has no uncertainty, or is below zero.
         """
-        if not is_spread(given.text):
-            number = given.text if isfinite(number_of(given.text)) else 28.1
+        option = f"--value {stated}"
+        if not is_spread(stated.text):
+            number = stated.text if isfinite(number_of(stated.text)) else 28.1
             hint = f"state the expanded uncertainty (k = 2), for example {number}±1.2, or ±0 if there is none"
-            raise UsageError(f"--value {given}: the uncertainty is missing", hint)
+            raise UsageError(f"{option}: the uncertainty is missing", hint)
         try:
-            value, expanded = read_spread(with_decimal_points(given.text), limit.check.unit)
+            value, expanded = read_spread(with_decimal_points(stated.text), limit.check.unit)
         except UnitError as error:
-            raise UsageError(f"--value {given}: {error.message}", error.hint) from None
+            raise UsageError(f"{option}: {error.message}", error.hint) from None
         if value < 0:
-            raise UsageError(
-                f"--value {given}: {limit.label} cannot be below zero", "give its magnitude, without a sign"
-            )
+            raise UsageError(f"{option}: {limit.label} cannot be below zero", "give its magnitude, without a sign")
         if value == 0 and (limit.check is F_IOR or not expanded):
-            words = f"--value {given}: {limit.label} must be above 0"
-            raise UsageError(words, "omit the value if it was not measured")
-        return cls(value, expanded, "stated", "whole")
+            raise UsageError(f"{option}: {limit.label} must be above 0", "omit the value if it was not measured")
+        return cls(value=value, expanded_uncertainty=expanded, basis="stated", extent="whole")
 
     @classmethod
-    def at_positions(cls, found: SeenRange, sources: Sequence[UncertaintySource]) -> AcceptedValue:
-        """F'_ior by approached positions, which see a part of it; sources: of its uncertainty, stated or not."""
-        unstated = tuple(source.name for source in sources if source.arcsec is None)
-        expanded = hypot(found.expanded_arcsec, COVERAGE_FACTOR * combined(sources))
-        if found.uncertainty_arcsec is None:
-            extent: Extent = "at least" if found.expanded_arcsec else "scatter not known"
-            return cls(found.arcsec, expanded, "measured", extent, unstated=unstated)
-        greatest = found.estimates_arcsec[-1] if found.seen else None
-        return cls(found.arcsec, expanded, "measured", "at least", unstated=unstated, at_most=greatest)
+    def at_positions(cls, seen: SeenRange, sources: Sequence[UncertaintySource]) -> AcceptedValue:
+        """Return F'_ior by approached positions, which see a part of it; sources: of its uncertainty, stated or not."""
+        accepted = cls(
+            value=seen.arcsec,
+            expanded_uncertainty=hypot(seen.expanded_arcsec, COVERAGE_FACTOR * combined(sources)),
+            basis="measured",
+            extent="at least",
+            unstated=tuple(source.name for source in sources if source.arcsec is None),
+        )
+        if seen.uncertainty_arcsec is not None:
+            return replace(accepted, at_most=seen.estimates_arcsec[-1] if seen.seen else None)
+        return accepted if seen.expanded_arcsec else replace(accepted, extent="scatter not known")
 
     @classmethod
     def between_torques(cls) -> AcceptedValue:
@@ -428,25 +474,30 @@ class AcceptedValue(ClosedRecord):
         if read is None:
             return cls()
         value, uncertainty, rise = read
-        unstated = tuple(source.name for source in sweep.sources if source.arcsec is None)
-        extent = limit.check.of_part if sweep.is_bound else "whole"
-        expanded = COVERAGE_FACTOR * uncertainty
+        accepted = cls(
+            value=value,
+            expanded_uncertainty=COVERAGE_FACTOR * uncertainty,
+            basis="measured",
+            extent=limit.check.of_part if sweep.is_bound else "whole",
+            rise=rise,
+            unstated=tuple(source.name for source in sweep.sources if source.arcsec is None),
+        )
         if cycle is None or limit.check is not F_IOR:
-            return cls(value, expanded, "measured", extent, rise, unstated)
-        at_most = cycle.at_most if sweep.is_bound else None
-        return cls(value, expanded, "measured", extent, rise, unstated, at_most=at_most, full_cycle=cycle)
+            return accepted
+        return replace(accepted, at_most=cycle.at_most if sweep.is_bound else None, full_cycle=cycle)
 
 
 def _amplitude(sweep: SweepResult, order: float) -> tuple[float, float, float] | None:
-    found = sweep.order_alone(order)
-    return (found.amplitude_arcsec, found.uncertainty_arcsec, 0.0) if found else None
+    """Return the amplitude of an order [arcsec], its standard uncertainty, and no rise; None without the order."""
+    fitted = sweep.order_alone(order)
+    return (fitted.amplitude_arcsec, fitted.uncertainty_arcsec, 0.0) if fitted else None
 
 
 # values of checks by their code, from a direction of a trace and the order: with its standard uncertainty, and by how
 # much lines off the orders may make it greater in another cycle; None where the trace does not have it
 MEASURED: dict[str, Callable[[SweepResult, float], tuple[float, float, float] | None]] = {
-    "F_IOR": lambda found, _: (found.F_ior_arcsec, found.uncertainty_arcsec, found.range.rise),
-    "TURN_RANGE": lambda of, _: (of.revolution.value, of.revolution.uncertainty, of.revolution.rise),
+    "F_IOR": lambda sweep, _: (sweep.F_ior_arcsec, sweep.uncertainty_arcsec, sweep.range.rise),
+    "TURN_RANGE": lambda sweep, _: (sweep.revolution.value, sweep.revolution.uncertainty, sweep.revolution.rise),
     "ORDER": _amplitude,
 }
 
@@ -469,18 +520,26 @@ class DecidedCheck(AcceptedValue, Limit):
     reason: str | None = None
 
 
-def decide(limit: Limit, held: AcceptedValue, rule: Rule, sure: float) -> DecidedCheck:
-    """Decide on a value by a rule; sure: probability of meeting a limit that PASS of a prediction needs."""
-    known = held.value is not None and held.basis != "predicted"
-    held = replace(held, expanded_uncertainty=(held.expanded_uncertainty or 0.0) if known else None)
-    guard = _guard_band(held) if rule == "guard" else 0.0
-    room = margin = None if held.value is None else limit.room(held.value)
-    verdict, reason = _verdict(held, room, guard, rule, sure)
-    if held.at_most is not None and verdict is not Verdict.FAIL:
-        margin = limit.room(held.at_most)
+def decide(limit: Limit, accepted: AcceptedValue, rule: Rule, sure: float) -> DecidedCheck:
+    """Return the decision on a value by a rule.
+
+    limit: with which the value is compared.
+    accepted: the value.
+    rule: of measured values.
+    sure: probability of meeting a limit that PASS of a prediction needs.
+    """
+    is_measured = accepted.value is not None and accepted.basis != "predicted"
+    expanded = (accepted.expanded_uncertainty or 0.0) if is_measured else None
+    accepted = replace(accepted, expanded_uncertainty=expanded)
+    guard = _guard_band(accepted) if rule == "guard" else 0.0
+    room = None if accepted.value is None else limit.room(accepted.value)
+    verdict, reason = _verdict(accepted, room, guard, rule, sure)
+    margin = room
+    if accepted.at_most is not None and verdict is not Verdict.FAIL:
+        margin = limit.room(accepted.at_most)
     return DecidedCheck(
         **vars(limit),
-        **vars(held),
+        **vars(accepted),
         guard=guard,
         limit_is="greatest" if limit.check.upper else "least",
         margin=margin,
@@ -490,60 +549,93 @@ def decide(limit: Limit, held: AcceptedValue, rule: Rule, sure: float) -> Decide
     )
 
 
-def _guard_band(held: AcceptedValue) -> float:
+def _guard_band(accepted: AcceptedValue) -> float:
     """Return the distance below a value at which a limit is exceeded with a probability of 95 %.
 
     The model of a recording states it; else it is a multiple of the standard uncertainty.
     """
-    if held.full_cycle and held.full_cycle.at_least is not None and held.value is not None:
-        return held.value - held.full_cycle.at_least
-    return GUARD * (held.expanded_uncertainty or 0.0) / COVERAGE_FACTOR
+    if accepted.full_cycle and accepted.full_cycle.at_least is not None and accepted.value is not None:
+        return accepted.value - accepted.full_cycle.at_least
+    return GUARD * (accepted.expanded_uncertainty or 0.0) / COVERAGE_FACTOR
 
 
-def _below(held: AcceptedValue) -> float:
+def _below(accepted: AcceptedValue) -> float:
     """Return the distance of the lower end of the 95 % interval below a value."""
-    if held.full_cycle and held.full_cycle.interval and held.value is not None:
-        return held.value - held.full_cycle.interval[0]
-    return held.expanded_uncertainty or 0.0
+    if accepted.full_cycle and accepted.full_cycle.interval and accepted.value is not None:
+        return accepted.value - accepted.full_cycle.interval[0]
+    return accepted.expanded_uncertainty or 0.0
 
 
-def _verdict(known: AcceptedValue, room: float | None, guard: float, rule: Rule, sure: float) -> tuple[Verdict, str]:
-    """The verdict on a value by its room to the limit, and why where that is not plain."""
-    if known.extent == "between torques":
+# why a value that stands for an extent decides nothing
+_OPEN_EXTENTS: dict[Extent | None, str] = {
+    "not known": "the uncertain inputs were not sampled",
+    "scatter not known": "each position was approached once, so scatter may increase the range",
+    "part": "the value covers only a part of the cycle",
+}
+
+
+def _verdict(accepted: AcceptedValue, room: float | None, guard: float, rule: Rule, sure: float) -> tuple[Verdict, str]:
+    """Return the verdict on a value, and the reason if the verdict needs one.
+
+    room: that the value leaves to the limit; None without a value.
+    guard: guard band of the value.
+    rule: of measured values.
+    sure: probability of meeting a limit that PASS of a prediction needs.
+    """
+    if accepted.extent == "between torques":
         return Verdict.INCONCLUSIVE, "there is no recording at this torque, only at lower and higher torques"
     if room is None:
         return Verdict.INCONCLUSIVE, "neither the recording nor a reported value (--value) gives it"
-    if belief := known.belief:
-        verdict = belief.kept.verdict(sure)
-        if verdict is Verdict.FAIL and known.extent == "at most":
-            return Verdict.INCONCLUSIVE, OF_TRAVEL
-        open_ = verdict is Verdict.INCONCLUSIVE
-        return verdict, f"probability that the limit is met: {belief.kept.text(sure)}" * open_
-    if known.extent == "not known":
-        return Verdict.INCONCLUSIVE, "the uncertain inputs were not sampled"
-    if known.extent == "scatter not known":
-        return Verdict.INCONCLUSIVE, "each position was approached once, so scatter may increase the range"
-    if known.extent == "part":
-        return Verdict.INCONCLUSIVE, "the value covers only a part of the cycle"
+    if accepted.belief:
+        return _verdict_by_probability(accepted.belief, accepted.extent, sure)
+    if accepted.extent in _OPEN_EXTENTS:
+        return Verdict.INCONCLUSIVE, _OPEN_EXTENTS[accepted.extent]
     if room < -guard:
-        if known.extent == "at most":
-            return Verdict.INCONCLUSIVE, OF_TRAVEL
-        within = known.extent == "at least" and room + _below(known) > 0
-        return Verdict.FAIL, f"the estimate {known.value:.4g} is beyond the limit by its rule" * within
-    strict = rule == "guard" and known.basis != "predicted"
-    if known.extent == "at least":
-        if why := _why_bound_is_open(known, room, guard):
-            return Verdict.INCONCLUSIVE, why
-    elif why := _why_within_guard(known, room, guard, strict=strict):
-        return Verdict.INCONCLUSIVE, why
-    if strict and known.unstated:
-        names, options = ", ".join(known.unstated), ",".join(f"{name}=U" for name in known.unstated)
-        words = f"no uncertainty is stated for {names}: --budget {options}, U in ″, 0 if a source adds nothing"
-        return Verdict.INCONCLUSIVE, words
-    return Verdict.PASS, ""
+        return _verdict_beyond(accepted, room)
+    is_strict = rule == "guard" and accepted.basis != "predicted"
+    reason = _why_open(accepted, room, guard, is_strict=is_strict)
+    return (Verdict.INCONCLUSIVE, reason) if reason else (Verdict.PASS, "")
 
 
-def _why_within_guard(known: AcceptedValue, room: float, guard: float, *, strict: bool) -> str:
+def _verdict_by_probability(belief: Belief, extent: Extent | None, sure: float) -> tuple[Verdict, str]:
+    """Return the verdict on a predicted value by its distribution, and the reason if it needs one."""
+    verdict = belief.kept.verdict(sure)
+    if verdict is Verdict.FAIL and extent == "at most":
+        return Verdict.INCONCLUSIVE, OF_TRAVEL
+    if verdict is Verdict.INCONCLUSIVE:
+        return verdict, f"probability that the limit is met: {belief.kept.text(sure)}"
+    return verdict, ""
+
+
+def _verdict_beyond(accepted: AcceptedValue, room: float) -> tuple[Verdict, str]:
+    """Return the verdict on a value beyond its limit by the guard band, and the reason if it needs one."""
+    if accepted.extent == "at most":
+        return Verdict.INCONCLUSIVE, OF_TRAVEL
+    if accepted.extent == "at least" and room + _below(accepted) > 0:
+        # the lower end of the interval is within the limit, and yet the rule rejects the value
+        return Verdict.FAIL, f"the estimate {accepted.value:.4g} is beyond the limit by its rule"
+    return Verdict.FAIL, ""
+
+
+def _why_open(accepted: AcceptedValue, room: float, guard: float, *, is_strict: bool) -> str:
+    """Return why a value that is not beyond its limit does not pass; empty if it does.
+
+    room: that the value leaves to the limit.
+    guard: guard band of the value.
+    is_strict: whether the guard rule decides.
+    """
+    if accepted.extent == "at least":
+        reason = _why_bound_is_open(accepted, room, guard)
+    else:
+        reason = _why_within_guard(accepted, room, guard, is_strict=is_strict)
+    if reason or not (is_strict and accepted.unstated):
+        return reason
+    names = ", ".join(accepted.unstated)
+    options = ",".join(f"{name}=U" for name in accepted.unstated)
+    return f"no uncertainty is stated for {names}: --budget {options}, U in ″, 0 if a source adds nothing"
+
+
+def _why_within_guard(accepted: AcceptedValue, room: float, guard: float, *, is_strict: bool) -> str:
     """Return why a value that is not beyond its limit does not pass; empty if it does.
 
     The upper end of the model of a recording takes the place of the guard band, where there is one: it contains what
@@ -551,23 +643,27 @@ def _why_within_guard(known: AcceptedValue, room: float, guard: float, *, strict
 
     room: that the value leaves to the limit.
     guard: guard band of the value.
-    strict: whether the guard rule decides.
+    is_strict: whether the guard rule decides.
     """
-    at_most = known.full_cycle.at_most if known.full_cycle else None
-    if strict and at_most is not None:
-        return _MAY_BE.format(at_most) if room < at_most - (known.value or 0.0) else ""
-    rise = known.rise if strict else 0.0
-    lines = f", with {rise:.3g} that spectral lines may add in another cycle" if rise else ""
-    return f"within the guard band{lines}" if room - rise < guard else ""
+    at_most = accepted.full_cycle.at_most if accepted.full_cycle else None
+    if is_strict and at_most is not None:
+        return _MAY_BE.format(at_most) if room < at_most - (accepted.value or 0.0) else ""
+    rise = accepted.rise if is_strict else 0.0
+    is_within_guard_band = room - rise < guard
+    if is_within_guard_band and rise:
+        return f"within the guard band, with {rise:.3g} that spectral lines may add in another cycle"
+    return "within the guard band" if is_within_guard_band else ""
 
 
-def _why_bound_is_open(known: AcceptedValue, room: float, guard: float) -> str:
+def _why_bound_is_open(accepted: AcceptedValue, room: float, guard: float) -> str:
     """Return why a lower bound that is not beyond its limit does not pass; empty if its upper end meets the limit.
 
     room: that the value leaves to the limit.
     guard: guard band of the value.
     """
-    cycle, at_most, value = known.full_cycle, known.at_most, known.value or 0.0
+    cycle = accepted.full_cycle
+    at_most = accepted.at_most
+    value = accepted.value or 0.0
     if at_most is None:
         return f"a lower bound: {cycle.why_open + cycle.advice if cycle else 'only a part of the cycle was recorded'}"
     room_of_end = room - (at_most - value)

@@ -68,7 +68,7 @@ class Check(_Explained):
 _TABLE = package_table("acceptance/checks.toml")
 CHECKS = tuple(Check(code=code, **declared) for code, declared in _TABLE["checks"].items())
 CODES: dict[str, _Explained] = {check.code: check for check in CHECKS} | {
-    code: _Explained(code=code, **words) for code, words in _TABLE["remarks"].items()
+    code: _Explained(code=code, **declared) for code, declared in _TABLE["remarks"].items()
 }
 F_IOR, ORDER_CHECK = (next(check for check in CHECKS if check.code == code) for code in ("F_IOR", "ORDER"))
 
@@ -103,8 +103,8 @@ class Limit(ClosedRecord):
     def label(self) -> str:
         """The check in words, with order and torque."""
         order = self.per_cam_rev
-        words = self.check.words if order is None else f"amplitude of order {order:g} alone"
-        return words if self.M_g_Nm is None else f"{words} at {self.M_g_Nm:g} N·m"
+        name = self.check.words if order is None else f"amplitude of order {order:g} alone"
+        return name if self.M_g_Nm is None else f"{name} at {self.M_g_Nm:g} N·m"
 
     @property
     def option(self) -> str:
@@ -116,14 +116,14 @@ class Limit(ClosedRecord):
         return f"--value {name}{torque and f'@{torque}'}=VALUE±U"
 
     def room(self, value: _ValueT) -> _ValueT:
-        """Room that a value or an array of values leaves to the limit, in the unit of the check: negative beyond it."""
+        """Return the room that values leave to the limit, in the unit of the check: negative beyond it."""
         return self.limit - value if self.check.upper else value - self.limit
 
 
 def limits_of(drive: Drive) -> tuple[Limit, ...]:
-    """Limits of a drive: for torques, those of operation.M_g and those the limits name, for orders, for the drive.
+    """Return the limits of a drive: for torques (operation.M_g and those the limits name), for orders, for the drive.
 
-    Raises DataError: there is none.
+    Raises DataError if there is none.
     """
     limits = tuple(limit for check in CHECKS for limit in _limits_of(check, drive))
     if not limits:
@@ -135,7 +135,7 @@ def limits_of(drive: Drive) -> tuple[Limit, ...]:
 
 
 def _limits_of(check: Check, drive: Drive) -> Iterator[Limit]:
-    """Limits of a check; one for a torque wins over one for each."""
+    """Yield the limits of a check; one for a torque replaces the one for all torques there."""
     stated = drive.value(f"acceptance.{check.field}")
     if check.kind == "number":
         if stated is not None:
@@ -147,13 +147,15 @@ def _limits_of(check: Check, drive: Drive) -> Iterator[Limit]:
         bounds = by_order.setdefault(float(order) if order else None, {})
         bounds[float(torque) if torque else None] = bound
     for number, bounds in by_order.items():
-        for M_g in dict.fromkeys([*drive.operation.M_g, *(at for at in bounds if at is not None)]):
-            if (bound := bounds.get(M_g, bounds.get(None))) is not None:
-                yield Limit(check.code, bound, M_g, number)
+        stated_torques = [M_g for M_g in bounds if M_g is not None]
+        for M_g in dict.fromkeys([*drive.operation.M_g, *stated_torques]):
+            bound = bounds.get(M_g, bounds.get(None))
+            if bound is not None:
+                yield Limit(check.code, bound, M_g_Nm=M_g, per_cam_rev=number)
 
 
 def torques_of(limits: Iterable[Limit], need: str) -> tuple[float, ...]:
-    """Torques [N*m] at which limits need something of a drive (Need), each once."""
+    """Return the torques [N*m] at which limits need a figure of a drive (_Need), each once."""
     return tuple(
         dict.fromkeys(limit.M_g_Nm for limit in limits if need in limit.check.needs and limit.M_g_Nm is not None)
     )
@@ -179,7 +181,8 @@ class LimitText:
         """
         name, equals, value = (part.strip() for part in text.partition("="))
         if option == "--limit" and not equals and name[:1] in tuple("+-.0123456789"):
-            name, value = F_IOR.field, name
+            value = name
+            name = F_IOR.field
         match = LIMIT_NAME.fullmatch(name)
         if not (match and value):
             raise UsageError(f"invalid {option} {text or 'without a value'}: expected {_USE[option]}", _HINT)
@@ -200,7 +203,7 @@ class LimitText:
         return f"{'.'.join(filter(None, ('acceptance', self.field, key)))}={self.text}"
 
     def limit_of(self, limits: Sequence[Limit]) -> Limit:
-        """The limit of a drive that a value is for. Raises UsageError: there is none, or several."""
+        """Return the limit of a drive that a value is for. Raises UsageError if there is none, or several."""
         fitting = [
             limit
             for limit in limits
@@ -216,19 +219,19 @@ class LimitText:
 
 
 def load_limited(preset: str, overrides: Sequence[str], limits: Sequence[LimitText], asked: Asked = ()) -> Drive:
-    """The drive of a preset with overrides and limits on top, and with options that go into its origin.
+    """Return the drive of a preset with overrides and limits on top, and with options that go into its origin.
 
     Raises DataError, PresetError or UsageError, the last with limits named as they were given.
     """
     try:
         return load_preset(preset, [*overrides, *(limit.override for limit in limits)], asked)
     except UsageError as error:
-        names = [""] * len(overrides) + [f"--limit {limit}" for limit in limits]
+        names = ["" for _ in overrides] + [f"--limit {limit}" for limit in limits]
         raise UsageError(named_overrides(error.message, names), error.hint) from None
 
 
 def named_overrides(message: str, names: Sequence[str]) -> str:
-    """A message about overrides of a preset with the names that some of them have (empty: none), in their order."""
+    """Return a message about overrides of a preset with the names that some of them have (empty: none), in order."""
 
     def name(match: re.Match[str]) -> str:
         names_of_override = names[int(match[1]) - 1 : int(match[1])]

@@ -47,6 +47,7 @@ from hdassist.preset.text import InvalidValueError, near_miss, shown
 from hdassist.readers.pitch import WheelFiles
 from hdassist.readers.table import CellTable, NumberTable, read_texts, shortened
 from hdassist.readers.trace import MAX_TRACE_BYTES
+from hdassist.readers.words import Cell
 from hdassist.run.kept import ClosedRecord
 from hdassist.run.run import Run
 
@@ -81,7 +82,8 @@ class Inputs:
         Raises DataError: no limit, something measured that no limit is for, or an order that the full cycle does not
         have; UsageError: such an order on the command line.
         """
-        drive, limits = self.drive, limits_of(self.drive)
+        drive = self.drive
+        limits = limits_of(drive)
         for order in filter(None, (limit.per_cam_rev for limit in limits)):
             try:
                 order_place(Kinematics.of(drive), order)
@@ -90,9 +92,11 @@ class Inputs:
                     raise
                 raise DataError(f"{drive.name}: acceptance.order_amplitude: {error.message}", error.hint) from None
         by_trace = [limit for limit in limits if limit.check.of_trace and limit.M_g_Nm in self.measurements]
-        if without := set(self.measurements) - {limit.M_g_Nm for limit in by_trace}:
-            words = f"{drive.name}: measured at {min(without):g} N*m, for which there is no limit"
-            raise DataError(words, f"--limit F_ior@{min(without):.15g}=30")
+        without_limit = set(self.measurements) - {limit.M_g_Nm for limit in by_trace}
+        if without_limit:
+            M_g = min(without_limit)
+            message = f"{drive.name}: measured at {M_g:g} N*m, for which there is no limit"
+            raise DataError(message, f"--limit F_ior@{M_g:.15g}=30")
         return tuple(limit for limit in limits if limit not in by_trace and limit not in self.stated)
 
 
@@ -155,86 +159,87 @@ class Request(ClosedRecord):
             self.load()
 
     def traces(self, drive: Drive) -> dict[float, str]:
-        """Files of traces by torque [N*m]. Raises UsageError: the limits leave a torque open, or one stands twice."""
+        """Return the files of recordings by torque [N*m].
+
+        Raises UsageError if the limits do not determine a torque, or if there are two recordings at one.
+        """
         files: dict[float, str] = {}
         for text in self.measured:
             torque, file = torque_and_file(text)
-            held = dict.fromkeys(limit.M_g_Nm for limit in limits_of(drive) if limit.M_g_Nm is not None)
-            torques = [float(torque)] if torque else list(held or drive.operation.M_g[:1])
+            limited_torques = dict.fromkeys(limit.M_g_Nm for limit in limits_of(drive) if limit.M_g_Nm is not None)
+            torques = [float(torque)] if torque else list(limited_torques or drive.operation.M_g[:1])
             if len(torques) > 1:
                 named = ", ".join(f"{M_g:g}={text}" for M_g in torques)
                 raise UsageError(f"--measured {text}: the torque is missing", f"write one of {named}")
             if torques[0] in files:
-                words = f"two recordings at {torques[0]:g} N*m"
-                raise UsageError(words, "give one recording for each torque; join repeated runs in one file")
+                message = f"two recordings at {torques[0]:g} N*m"
+                raise UsageError(message, "give one recording for each torque; join repeated runs in one file")
             files[torques[0]] = file
         return files
 
     def read(self, drive: Drive) -> Inputs:
-        """The inputs of the request, read, with the drive.
+        """Return the inputs of the request, read, with the drive.
 
-        Raises UsageError where the torque of a trace is open or stands twice, or a value is none of a limit;
-        PresetError or DataError for a file that cannot be used; UntrustedError where a record does not tell its orders
-        apart.
+        Raises UsageError if the torque of a recording is open, if there are two recordings at one torque, or if a value
+        belongs to no limit; PresetError or DataError for a file that cannot be used; UntrustedError if a recording does
+        not resolve its orders.
         """
-        files = self.traces(drive).items()
-        how = {"seed": self.seed, "travel_deg": drive.acceptance.travel}
+        files = self.traces(drive)
+        stated = stated_values(self.values, drive)
         measurements: dict[float, Measurement] = {}
         positions: dict[float, tuple[NumberTable, SeenRange]] = {}
-        given = stated_values(self.values, drive)
         recorded: dict[Limit, AcceptedValue] = {}
-        for M_g, file in files:
-            found = self.reading.measured_or_bench(file, drive, M_g=M_g, **how)
-            if isinstance(found, Measurement):
-                measurements[M_g] = found
-                own = (each for each in given if each.check.of_trace and each.M_g_Nm == M_g)
-                if not found.trace.is_between_torques:
-                    recorded |= {each: AcceptedValue.measured(each, found.directions[0]) for each in own}
-            elif isinstance(found, PositionRecord):
-                quantities = position_quantities(found, seed=self.seed)
-                if (plan := found.plan) and plan.drive != drive.name:
-                    words = f"{found.table.file}: the positions were planned for {plan.drive}, not for {drive.name}"
-                    raise DataError(
-                        words, f"plan the test of {drive.name} with hdassist plan {drive.name} --approach FILE"
-                    )
-                seen = seen_range(found, quantities)
-                if seen is None:
-                    advice = "approach at least two positions; 12 or 211 positions capture more of F'_ior"
-                    raise DataError(f"{found.table.file}: F'_ior needs at least two positions, it lists one", advice)
-                positions[M_g] = found.table, seen
-                recorded |= self._at_positions(*positions[M_g], quantities, M_g, drive)
+        for M_g, file in files.items():
+            record = self.reading.measured_or_bench(
+                file, drive, M_g=M_g, seed=self.seed, travel_deg=drive.acceptance.travel
+            )
+            if isinstance(record, Measurement):
+                measurements[M_g] = record
+                recorded |= _recorded_values(record, M_g, stated)
+            elif isinstance(record, PositionRecord):
+                quantities = position_quantities(record, seed=self.seed)
+                error_range = _range_of_positions(record, quantities, drive)
+                positions[M_g] = (record.table, error_range)
+                recorded |= self._at_positions(record.table, error_range, quantities, M_g, drive)
             else:
-                words = f"{found.table.file}: F'_ior cannot be computed from a torque loop"
-                raise DataError(
-                    words, "compute its figures with hdassist measure; pass them to accept with --value NAME=VALUE±U"
-                )
-        for limit in given:
+                message = f"{record.table.file}: F'_ior cannot be computed from a torque loop"
+                hint = "compute its figures with hdassist measure; pass them to accept with --value NAME=VALUE±U"
+                raise DataError(message, hint)
+        for limit in stated:
             if limit in recorded and recorded[limit].value is not None:
                 raise UsageError(f"both a value and a recording for {limit.label}", "leave out one of the two")
-        return Inputs(drive, measurements, recorded | given, self.read_wheels(drive), positions)
+        return Inputs(
+            drive=drive,
+            measurements=measurements,
+            stated=recorded | stated,
+            wheels=self.read_wheels(drive),
+            positions=positions,
+        )
 
     def _at_positions(
-        self, table: NumberTable, found: SeenRange, quantities: Sequence[StatedQuantity], M_g: float, drive: Drive
+        self, table: NumberTable, error_range: SeenRange, quantities: Sequence[StatedQuantity], M_g: float, drive: Drive
     ) -> dict[Limit, AcceptedValue]:
-        """Values by approached positions at a torque M_g [N*m], of the limits of a drive that they are for.
+        """Return the values by approached positions at a torque, by the limits of a drive to which they belong.
 
-        Raises DataError: positions of a plan at another torque, or that no limit is for.
+        table: of the positions.
+        error_range: F'_ior by the positions.
+        quantities: the figures that they give beside F'_ior.
+        M_g: torque [N*m].
+        drive: the drive.
+        Raises DataError for positions of a plan at another torque, or if there is no limit for them.
         """
-        by_name = {each.name: each for each in quantities}
-        if found.M_g is not None and not isclose(found.M_g, M_g, rel_tol=_PRINTED):
-            words = f"{table.file}: planned for {found.M_g:.9g} N*m, not for {M_g:.9g} N*m"
-            raise DataError(words, f"--measured {found.M_g:.9g}={table.file}")
+        if error_range.M_g is not None and not isclose(error_range.M_g, M_g, rel_tol=_PRINTED):
+            message = f"{table.file}: planned for {error_range.M_g:.9g} N*m, not for {M_g:.9g} N*m"
+            raise DataError(message, f"--measured {error_range.M_g:.9g}={table.file}")
+        by_name = {quantity.name: quantity for quantity in quantities}
         sources = stated_sources(parse_stated(self.reading.budget))
         values = {}
         for limit in limits_of(drive):
+            quantity = by_name.get(limit.check.field)
             if limit.check is F_IOR and limit.M_g_Nm == M_g:
-                values[limit] = AcceptedValue.at_positions(found, sources)
-            elif own := by_name.get(limit.check.field):
-                unsure = own.uncertainty_arcsec
-                extent: Extent = "at least" if found.is_cut else "whole"
-                if unsure is None:
-                    extent = "scatter not known"
-                values[limit] = AcceptedValue(own.arcsec, COVERAGE_FACTOR * (unsure or 0.0), "measured", extent)
+                values[limit] = AcceptedValue.at_positions(error_range, sources)
+            elif quantity is not None:
+                values[limit] = _accepted_quantity(quantity, is_cut=error_range.is_cut)
         if not values:
             raise DataError(
                 f"{drive.name}: positions at {M_g:g} N*m, for which there is no limit", f"--limit F_ior@{M_g:.15g}=30"
@@ -242,16 +247,16 @@ class Request(ClosedRecord):
         return values
 
     def read_wheels(self, drive: Drive) -> MeasuredTeeth | None:
-        """Measured wheels; None without any, and without a prediction. Raises what WheelFiles.read does."""
+        """Return the measured wheels; None without any, and without a prediction. Raises what WheelFiles.read does."""
         self.wheels.require_sound()
         return None if self.measured_only else self.wheels.read(drive)
 
     def predict(
         self, drive: Drive, limits: Sequence[Limit], wheels: MeasuredTeeth | None, run: Run = Run()
     ) -> Predictions | None:
-        """Predictions for limits of the drive; None without any, and without a prediction.
+        """Return predictions for limits of the drive; None without any, and without a prediction.
 
-        Raises UntrustedError: no answer to be trusted.
+        Raises UntrustedError if a result cannot be trusted.
         """
         limits = tuple(limit for limit in limits if limit.check.needs)
         if self.measured_only or self.strict or not limits:
@@ -260,23 +265,66 @@ class Request(ClosedRecord):
         return predict(drive, limits=limits, wheels=wheels, draws=self.draws, sure=self.sure, run=run)
 
 
+def _recorded_values(
+    measurement: Measurement, M_g: float, stated: Mapping[Limit, AcceptedValue]
+) -> dict[Limit, AcceptedValue]:
+    """Return what a recording gives for limits that have a stated value, which one of the two has to leave.
+
+    A recording between torques gives no value for its own torque.
+    """
+    if measurement.trace.is_between_torques:
+        return {}
+    direction = measurement.directions[0]
+    limits = [limit for limit in stated if limit.check.of_trace and limit.M_g_Nm == M_g]
+    return {limit: AcceptedValue.measured(limit, direction) for limit in limits}
+
+
+def _range_of_positions(record: PositionRecord, quantities: Sequence[StatedQuantity], drive: Drive) -> SeenRange:
+    """Return F'_ior by approached positions of a drive.
+
+    Raises DataError if the positions were planned for another drive, or if there is only one.
+    """
+    if record.plan and record.plan.drive != drive.name:
+        message = f"{record.table.file}: the positions were planned for {record.plan.drive}, not for {drive.name}"
+        raise DataError(message, f"plan the test of {drive.name} with hdassist plan {drive.name} --approach FILE")
+    error_range = seen_range(record, quantities)
+    if error_range is None:
+        message = f"{record.table.file}: F'_ior needs at least two positions, it lists one"
+        raise DataError(message, "approach at least two positions; 12 or 211 positions capture more of F'_ior")
+    return error_range
+
+
+def _accepted_quantity(quantity: StatedQuantity, *, is_cut: bool) -> AcceptedValue:
+    """Return a figure of approached positions as a value; is_cut: whether they see a part of the travel only."""
+    extent: Extent = "at least" if is_cut else "whole"
+    if quantity.uncertainty_arcsec is None:
+        extent = "scatter not known"
+    return AcceptedValue(
+        value=quantity.arcsec,
+        expanded_uncertainty=COVERAGE_FACTOR * (quantity.uncertainty_arcsec or 0.0),
+        basis="measured",
+        extent=extent,
+    )
+
+
 def torque_and_file(text: str) -> tuple[str, str]:
-    """Torque as it is written, empty for none, and file of [TORQUE=]FILE."""
+    """Return the torque as it is written, empty for none, and file of [TORQUE=]FILE."""
     torque, _, file = text.partition("=")
     return ("", text) if isnan(number_of(torque)) else (torque, file)
 
 
 def stated_values(texts: Sequence[str], drive: Drive) -> dict[Limit, AcceptedValue]:
-    """Values measured otherwise, by the limit of the drive that they are for.
+    """Return values measured otherwise, by the limit of the drive that they are for.
 
-    Raises UsageError: a text that is no value, one without its uncertainty, or one that no limit of the drive is for.
+    Raises UsageError for a text that is no value or has no uncertainty, and if the drive has no limit for it.
     """
     values: dict[Limit, AcceptedValue] = {}
-    for given in (LimitText.parse(text, "--value") for text in texts):
-        limit = given.limit_of(limits_of(drive))
+    for text in texts:
+        stated = LimitText.parse(text, "--value")
+        limit = stated.limit_of(limits_of(drive))
         if limit in values:
-            raise UsageError(f"--value {given}: given twice")
-        values[limit] = AcceptedValue.stated(given, limit)
+            raise UsageError(f"--value {stated}: given twice")
+        values[limit] = AcceptedValue.stated(stated, limit)
     return values
 
 
@@ -302,14 +350,14 @@ class LotRow:
         return message if self.place in message else f"{self.place}: {message}"
 
     def _in_cell(self, line: str) -> str:
-        """A line of a message, with the cell in place of the option that it names."""
-        called = max((cell for cell in self.cells if cell in line), key=len, default="")
-        if not called:
+        """Return a line of a message with the cell in place of the option that it names."""
+        option = max((option for option in self.cells if option in line), key=len, default="")
+        if not option:
             return line
-        name, text = self.cells[called]
-        rest = line.partition(f"{called}: ")[2]
-        got = "" if not rest or "(got " in rest else f" (got {shown(text)})"
-        return f"{name}: {rest or line}{got}"
+        name, text = self.cells[option]
+        fault = line.partition(f"{option}: ")[2]
+        got = "" if not fault or "(got " in fault else f" (got {shown(text)})"
+        return f"{name}: {fault or line}{got}"
 
 
 @dataclass(frozen=True)
@@ -325,58 +373,62 @@ class Lot:
         """Return the lot with the other drives named in each request whose recording is that of several drives."""
         recordings = [_recordings(row.request) for row in self.rows]
         serials: dict[str, dict[str, None]] = {}  # of the drives of each recording, by its SHA-256
-        for row, found in zip(self.rows, recordings, strict=True):
-            for sha256 in found:
+        for row, hashes in zip(self.rows, recordings, strict=True):
+            for sha256 in hashes:
                 serials.setdefault(sha256, {})[row.request.serial] = None
         rows = []
-        for row, found in zip(self.rows, recordings, strict=True):
-            others = dict.fromkeys(serial for sha256 in found for serial in serials[sha256])
-            others.pop(row.request.serial, None)
-            rows.append(replace(row, request=replace(row.request, shared=tuple(others))) if others else row)
+        for row, hashes in zip(self.rows, recordings, strict=True):
+            sharing = dict.fromkeys(serial for sha256 in hashes for serial in serials[sha256])
+            sharing.pop(row.request.serial, None)
+            if sharing:
+                row = replace(row, request=replace(row.request, shared=tuple(sharing)))
+            rows.append(row)
         return replace(self, rows=tuple(rows))
 
 
 def _recordings(request: Request) -> list[str]:
     """Return the SHA-256 of each recording of a request that is a file; a file that cannot be read has none."""
-    found = []
+    hashes = []
     for text in request.measured:
         path = torque_and_file(text)[1]
         with suppress(OSError, ValueError):
             if is_file(path) and os.path.getsize(path) <= MAX_TRACE_BYTES:  # noqa: PTH202 (a path may have a NUL)
                 with open(path, "rb") as stream:  # noqa: PTH123
-                    found.append(hashlib.file_digest(stream, "sha256").hexdigest())
-    return found
+                    hashes.append(hashlib.file_digest(stream, "sha256").hexdigest())
+    return hashes
 
 
 _Column = tuple[str, str]  # the field of a request (or of its wheels) that a column gives, and the text before a cell
 
 
 def is_lot(path: str) -> bool:
-    """Whether an argument is a lot: a file with the name of a table."""
+    """Return whether an argument is a lot: a file with the name of a table."""
     return path.lower().endswith(_TABLES)
 
 
 def read_lot(path: str, base: Request) -> Lot:
-    """Read a lot.
+    """Return a lot; the fault of a row is kept with it.
 
-    Arguments: path of a table; base, the request of every drive, its preset empty or that of rows without one. A row
-    adds its cells.
-    Raises DataError: a file that cannot be read or has no drive; PresetError: names of columns that cannot be meant.
-    The fault of a row is kept with it.
+    path: of a table.
+    base: the request of every drive, to which a row adds its cells; its preset is empty or that of rows without one.
+    Raises DataError for a file that cannot be read or has no drive; PresetError for unusable names of columns.
     """
     table = read_texts(path)
     columns = _columns(table)
-    lines: dict[str, list[int]] = {}  # of each serial
+    lines: dict[str, list[int]] = {}  # in which each serial stands
     for line, cells in table.rows:
         for cell, column in zip(cells, columns, strict=False):
             if column == ("serial", ""):
                 lines.setdefault(cell.text, []).append(line)
     rows = [_row(table, columns, place, base, lines) for place in range(len(table.rows))]
-    return Lot(table.file, table.sha256, tuple(rows), table.remarks)
+    return Lot(file=table.file, sha256=table.sha256, rows=tuple(rows), remarks=table.remarks)
 
 
 def _columns(table: CellTable) -> list[_Column | None]:
-    """Columns of a table; None for those that are not used. Raises PresetError: every name that cannot be meant."""
+    """Return the columns of a table; None for those that are not used.
+
+    Raises PresetError with every name that is no column's, DataError if that is none at all.
+    """
     findings: list[Finding] = []
     columns: list[_Column | None] = []
     for name in table.names:
@@ -386,8 +438,16 @@ def _columns(table: CellTable) -> list[_Column | None]:
                 raise InvalidValueError(f"column {columns.index(column) + 1} has the same name")
         except InvalidValueError as fault:
             column = None
-            place = table.file, table.names_line, name.column, name.text
-            findings.append(Finding(*place, fault.message, hint=fault.hint))
+            findings.append(
+                Finding(
+                    file=table.file,
+                    line=table.names_line,
+                    column=name.column,
+                    path=name.text,
+                    message=fault.message,
+                    hint=fault.hint,
+                )
+            )
         columns.append(column)
     if len(findings) == len(table.names) > 1:
         remedy = f"for a recording use hdassist measure {table.file}, or accept PRESET --measured TORQUE={table.file}"
@@ -398,13 +458,14 @@ def _columns(table: CellTable) -> list[_Column | None]:
 
 
 def _column(name: str) -> _Column:
-    """The field that a column gives. Raises InvalidValueError: none."""
+    """Return the field that a column gives. Raises InvalidValueError if there is none."""
     if name.lower() in _PLAIN_COLUMNS:
         return name.lower(), ""
-    if at := _MEASURED.fullmatch(name):
-        if at[1] and not is_number(at[1]):
+    if match := _MEASURED.fullmatch(name):
+        torque = match[1]
+        if torque and not is_number(torque):
             raise InvalidValueError("not a column of a lot", "for example measured@80")
-        return "measured", f"{float(at[1]):g}=" if at[1] else ""
+        return "measured", f"{float(torque):g}=" if torque else ""
     limit = _LIMIT.fullmatch(name)
     for gives, text in (("limits", limit[1] if limit else ""), ("values", name)):
         if LIMIT_NAME.fullmatch(text.strip()):
@@ -414,10 +475,10 @@ def _column(name: str) -> _Column:
     typed = name.partition("@")[2].replace(",", ".")
     torque = typed if is_number(typed) else "80"
     examples = [f"{column}@{torque}" for column in ("F_ior", "limit F_ior", "measured")]
-    known = [*_PLAIN_COLUMNS, "measured", *field_table(), *examples]
+    possible_names = [*_PLAIN_COLUMNS, "measured", *field_table(), *examples]
     hint = (
         REMOVED.get(name)
-        or near_miss(name, known)
+        or near_miss(name, possible_names)
         or "use F_ior@80, limit F_ior@80, section.key, or note for a column to ignore"
     )
     raise InvalidValueError("not a column of a lot", hint)
@@ -426,55 +487,126 @@ def _column(name: str) -> _Column:
 def _row(
     table: CellTable, columns: Sequence[_Column | None], place: int, base: Request, lines: Mapping[str, list[int]]
 ) -> LotRow:
-    """One row by its place; lines: those in which each serial stands."""
+    """Return one row of a lot.
+
+    table: of the lot.
+    columns: what each of its columns gives.
+    place: of the row.
+    base: the request of every drive.
+    lines: those in which each serial stands.
+    """
     line, cells = table.rows[place]
-    folder = Path() if table.file == STDIN else Path(table.file).parent
-    given: dict[str, Any] = {"serial": "" if ("serial", "") in columns else f"line {line}"}
-    named: dict[str, tuple[str, str]] = {}
-    faults = []
-
-    def wrong(column: int, path: str, message: str, got: str = "", hint: str = "") -> None:
-        faults.append(Finding(table.file, line, column, path, message, shown(got), hint))
-
+    reader = _RowReader(table=table, line=line, base=base, has_serials=("serial", "") in columns)
     if opened := table.unclosed.get(line):
-        wrong(opened, "", "quotes are not closed", hint="close the quotes at the end of the cell")
+        reader.note_fault(opened, "", "quotes are not closed", hint="close the quotes at the end of the cell")
     for index, cell in enumerate(cells):
-        name, column = (table.names[index].text, columns[index]) if index < len(columns) else ("", None)
+        if index < len(columns):
+            reader.take(cell, table.names[index].text, columns[index])
+        else:
+            reader.take(cell, "", None)
+    reader.require_own_serial(lines)
+    return reader.row()
+
+
+@dataclass(eq=False)
+class _RowReader:
+    """Reads the cells of one row of a lot into a request.
+
+    parts: what the cells give, by the field of a request or of its wheels.
+    cells: name and text of each cell, by how messages call the value that it sets.
+    """
+
+    table: CellTable
+    line: int
+    base: Request
+    has_serials: bool
+    parts: dict[str, Any] = field(default_factory=dict)
+    cells: dict[str, tuple[str, str]] = field(default_factory=dict)
+    faults: list[Finding] = field(default_factory=list)
+
+    def note_fault(self, column: int, path: str, message: str, got: str = "", hint: str = "") -> None:
+        """Note a fault of the row; column: its place in the line, path: the name of its column."""
+        finding = Finding(
+            file=self.table.file,
+            line=self.line,
+            column=column,
+            path=path,
+            message=message,
+            got=shown(got),
+            hint=hint,
+        )
+        self.faults.append(finding)
+
+    def take(self, cell: Cell, name: str, column: _Column | None) -> None:
+        """Take a cell; name: of its column, empty for none; column: what that gives, None if it is not used."""
         if cell.text and not name:
-            wrong(
-                cell.column,
-                "",
-                "a cell in a column without a name",
-                cell.text,
-                "put a cell that contains a comma in quotes",
-            )
+            hint = "put a cell that contains a comma in quotes"
+            self.note_fault(cell.column, "", "a cell in a column without a name", cell.text, hint)
         if not cell.text or column is None:
-            continue
-        gives, start = column
-        text = cell.text if gives in ("serial", *_FILE_COLUMNS) else table.with_points(cell.text)
-        if gives == "measured" and not start:
+            return
+        part, start = column
+        text = cell.text if part in ("serial", *_FILE_COLUMNS) else self.table.with_points(cell.text)
+        if part == "measured" and not start:
             torque, text = torque_and_file(text)
             start = f"{torque}=" if torque else ""
-        if gives in _FILE_COLUMNS:
-            if text == "-":
-                wrong(cell.column, name, "a row cannot read standard input", "-", "name a file")
-            elif gives != "preset" or text not in preset_names():
-                text = str(folder / text)
-        elif gives in _MARK_COLUMNS and not is_number(text):
-            wrong(cell.column, name, "must be an angle in deg", cell.text)
-            continue
-        given[gives] = (*given.get(gives, getattr(base, gives)), start + text) if gives in _LISTS else text
-        called = text if gives in _FILE_COLUMNS else f"--{gives.replace('_', '-')}" if not start else start + text
-        named.setdefault(called, (f"{table.file}:{line}:{cell.column}: {shown(name)}", cell.text))
-    if not given["serial"]:
-        wrong(1, "serial", "missing", hint="give each drive a serial, or leave out the column")
-        given["serial"] = f"line {line}"
-    elif others := [other for other in lines.get(given["serial"], ()) if other != line]:
-        words = f"is also in line {shortened(others)}"
-        wrong(1, "serial", words, given["serial"], "write one row for each drive")
-    given |= {mark: float(given[mark]) for mark in _MARK_COLUMNS if mark in given}
-    wheels = {option.name: given.pop(option.name) for option in fields(WheelFiles) if option.name in given}
-    request = replace(base, **given, wheels=replace(base.wheels, **wheels))
-    if not request.preset:
-        wrong(1, "preset", "missing", hint="add a column preset, or use --preset NAME for all rows")
-    return LotRow(request, f"{table.file}:{line}", PresetError(faults) if faults else None, named)
+        if part in _FILE_COLUMNS:
+            text = self._path(cell, name, part, text)
+        elif part in _MARK_COLUMNS and not is_number(text):
+            self.note_fault(cell.column, name, "must be an angle in deg", cell.text)
+            return
+        if part in _LISTS:
+            self.parts[part] = (*self.parts.get(part, getattr(self.base, part)), start + text)
+        else:
+            self.parts[part] = text
+        name_of_cell = f"{self.table.file}:{self.line}:{cell.column}: {shown(name)}"
+        self.cells.setdefault(_name_in_messages(part, start, text), (name_of_cell, cell.text))
+
+    def _path(self, cell: Cell, name: str, part: str, text: str) -> str:
+        """Return the path of a file that a cell names, from the folder of the lot; a preset may be of the library."""
+        if text == "-":
+            self.note_fault(cell.column, name, "a row cannot read standard input", "-", "name a file")
+            return text
+        if part == "preset" and text in preset_names():
+            return text
+        folder = Path() if self.table.file == STDIN else Path(self.table.file).parent
+        return str(folder / text)
+
+    def require_own_serial(self, lines: Mapping[str, list[int]]) -> None:
+        """Note a fault if the row has no serial number, or that of another row; lines: those of each serial."""
+        serial = self.parts.get("serial", "")
+        if not serial:
+            self.parts["serial"] = f"line {self.line}"
+            if self.has_serials:
+                hint = "give each drive a serial, or leave out the column"
+                self.note_fault(1, "serial", "missing", hint=hint)
+            return
+        equal_lines = [line for line in lines.get(serial, ()) if line != self.line]
+        if equal_lines:
+            message = f"is also in line {shortened(equal_lines)}"
+            self.note_fault(1, "serial", message, serial, "write one row for each drive")
+
+    def row(self) -> LotRow:
+        """Return the row, with its faults."""
+        wheel_names = [option.name for option in fields(WheelFiles)]
+        parts = dict(self.parts)
+        for name in _MARK_COLUMNS:
+            if name in parts:
+                parts[name] = float(parts[name])
+        wheels = {name: parts.pop(name) for name in wheel_names if name in parts}
+        request = replace(self.base, **parts, wheels=replace(self.base.wheels, **wheels))
+        if not request.preset:
+            hint = "add a column preset, or use --preset NAME for all rows"
+            self.note_fault(1, "preset", "missing", hint=hint)
+        return LotRow(
+            request=request,
+            place=f"{self.table.file}:{self.line}",
+            fault=PresetError(self.faults) if self.faults else None,
+            cells=self.cells,
+        )
+
+
+def _name_in_messages(part: str, start: str, text: str) -> str:
+    """Return how messages call a value that a cell sets: a file, an option, or an option's argument."""
+    if part in _FILE_COLUMNS:
+        return text
+    return start + text if start else f"--{part.replace('_', '-')}"

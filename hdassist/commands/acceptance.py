@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Generator, Sequence
 from contextlib import closing
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from math import hypot
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from hdassist.errors import Fault, HdassistError, UsageError
 from hdassist.files import note_input
@@ -21,7 +21,7 @@ from hdassist.terminal.streams import begins_with, say, take_output, write_text
 if TYPE_CHECKING:
     from hdassist.acceptance.answer import AcceptAnswer
     from hdassist.acceptance.request import Lot, LotRow, Request
-    from hdassist.planning import ReadingPlan
+    from hdassist.planning import PlanChoice, ReadingPlan
     from hdassist.preset.fields import Drive
     from hdassist.report import Json
     from hdassist.run.kept import Kept
@@ -85,38 +85,55 @@ class PlanCommand(o.PlotOptions, o.SamplingOptions, o.LimitedDriveOptions):
         return None
 
     def report(self, out: Output, preset: str) -> Report:
-        """Tests of the drive, judged."""
+        """Return the tests of the drive, judged."""
         from hdassist.design import check_states
         from hdassist.model.geometry import Kinematics
-        from hdassist.pages.plan import approach_csv, plan_report, sheet_report
-        from hdassist.pages.report import blocks_text, report_html
+        from hdassist.pages.plan import plan_report
         from hdassist.planning import ApproachRun, EncoderData, PlanDemands, choose_plan
 
+        self._require_sheet()
+        drive = self.load(preset)
+        encoders = EncoderData.of(self.encoders) if self.encoders is not None else EncoderData()
+        noise = hypot(self.noise, encoders.uncertainty_arcsec(abs(Kinematics.of(drive).u)))
+        demands = PlanDemands(self.wrong, noise, self.corrected)
+        test = ApproachRun(repeats=self.repeats, dwell_s=self.dwell, warm_up_min=self.warm_up, cam_rpm=self.rpm)
+        with out.run(drive.name, check_states(drive, draws=self.draws), self) as run:
+            choice = choose_plan(
+                drive,
+                self.plan(drive),
+                test=test,
+                travel_deg=self.travel,
+                run=run,
+                demands=demands,
+                draws=self.draws,
+            )
+        self._write_files(choice)
+        record = self.approach if self.approach and self.approach != "-" else "record.csv"
+        return plan_report(choice, record)
+
+    def _require_sheet(self) -> None:
+        """Raise UsageError for the name of a test sheet that is none, or for more readings than a test has."""
         if self.sheet is not None and self.sheet != "-" and not self.sheet.endswith((".html", ".txt")):
             raise UsageError(f"invalid name of a test sheet: {self.sheet!r}", "use a name that ends in .html or .txt")
         readings = (self.positions or 0) * self.repeats * (1 + self.both)
         if readings > _MOST_READINGS and not self.approach is self.sheet is None:
             message = f"{self.positions} positions, {self.repeats} times: {readings} readings are too many for a test"
             raise UsageError(message, f"reduce --positions or --repeats to at most {_MOST_READINGS} readings")
-        drive = self.load(preset)
-        encoders = EncoderData.of(self.encoders) if self.encoders is not None else EncoderData()
-        noise = hypot(self.noise, encoders.uncertainty_arcsec(abs(Kinematics.of(drive).u)))
-        test = ApproachRun(repeats=self.repeats, dwell_s=self.dwell, warm_up_min=self.warm_up, cam_rpm=self.rpm)
-        how: dict[str, Any] = {"demands": PlanDemands(self.wrong, noise, self.corrected), "draws": self.draws}
-        with out.run(drive.name, check_states(drive, draws=self.draws), self) as run:
-            choice = choose_plan(drive, self.plan(drive), test=test, travel_deg=self.travel, run=run, **how)
+
+    def _write_files(self, choice: PlanChoice) -> None:
+        """Write the approached positions and the test sheet that are asked for."""
+        from hdassist.pages.plan import approach_csv, sheet_report
+        from hdassist.pages.report import blocks_text, report_html
+
         if self.approach is not None:
             write_text(self.approach, approach_csv(choice), self.force)
         if self.sheet is not None:
             sheet = sheet_report(choice, self.serial, self.approach or "")
-            is_page = self.sheet.endswith(".html")
-            write_text(
-                self.sheet,
-                report_html(sheet) if is_page else blocks_text(sheet.head, sheet.blocks, ascii=self.ascii),
-                self.force,
-            )
-        record = self.approach if self.approach and self.approach != "-" else "record.csv"
-        return plan_report(choice, record)
+            if self.sheet.endswith(".html"):
+                text = report_html(sheet)
+            else:
+                text = blocks_text(sheet.head, sheet.blocks, ascii=self.ascii)
+            write_text(self.sheet, text, self.force)
 
 
 class AcceptOptions(o.FigureOptions, o.SamplingOptions):
@@ -201,21 +218,12 @@ class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOption
 
             base = self.request()
         lots = [name for name in self.presets if is_lot(name) or (name == "-" and self.preset)]
-        if not self.presets and self.replay is None:
-            raise UsageError("no drive to accept", "name a preset or a lot.csv; see hdassist accept -h")
-        if len(self.presets) > 1 and lots:
-            raise UsageError(f"{lots[0]} is a lot, and cannot be combined with other drives or lots")
-        wheels = base.wheels
-        files = base.files()[1:]
+        self._require_drives(lots)
         if not lots:
-            wheels.require_sound()
-        of_one = self.measured or self.value or self.serial or wheels.files or wheels.marks
-        if (len(self.presets) > 1 or lots) and of_one:
-            raise UsageError("measured values belong to one drive", "name one PRESET, or use the columns of a LOT.csv")
-        if (self.preset or self.resume or self.jsonl) and not (lots or self.replay):
-            raise UsageError("--preset, --jsonl and --resume apply to lots only", "use hdassist accept LOT.csv")
-        o.stdin_once(*self.presets, *files, self.replay)
-        if self.measured_only and wheels.files:
+            base.wheels.require_sound()
+        self._require_inputs_of_drives(lots, base)
+        o.stdin_once(*self.presets, *base.files()[1:], self.replay)
+        if self.measured_only and base.wheels.files:
             raise UsageError("--measured-only makes no prediction, so it cannot use measured teeth")
         if self.preset == "-":
             raise UsageError("a row of a lot cannot read from standard input", "--preset FILE")
@@ -225,6 +233,21 @@ class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOption
                 raise UsageError("--replay takes its inputs and options from the stored result", hint)
             return _replay_answers(self.replay, self, out)
         return accept_lot(lots[0], base, self, out) if lots else _accept_presets(self.presets, base, self, out)
+
+    def _require_drives(self, lots: Sequence[str]) -> None:
+        """Raise UsageError unless there is a drive, or one lot alone; lots: those among the arguments."""
+        if not self.presets and self.replay is None:
+            raise UsageError("no drive to accept", "name a preset or a lot.csv; see hdassist accept -h")
+        if len(self.presets) > 1 and lots:
+            raise UsageError(f"{lots[0]} is a lot, and cannot be combined with other drives or lots")
+
+    def _require_inputs_of_drives(self, lots: Sequence[str], base: Request) -> None:
+        """Raise UsageError for inputs of one drive that are given for several, or options of a lot without one."""
+        of_one = self.measured or self.value or self.serial or base.wheels.files or base.wheels.marks
+        if (len(self.presets) > 1 or lots) and of_one:
+            raise UsageError("measured values belong to one drive", "name one PRESET, or use the columns of a LOT.csv")
+        if (self.preset or self.resume or self.jsonl) and not (lots or self.replay):
+            raise UsageError("--preset, --jsonl and --resume apply to lots only", "use hdassist accept LOT.csv")
 
     def request(self) -> Request:
         """The request that every drive gets. Raises UsageError for an invalid limit."""
@@ -250,98 +273,140 @@ class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOption
 
 
 def _accept_presets(presets: Sequence[str], base: Request, options: AcceptCommand, out: Output) -> int:
-    """Accept drives one after the other; returns the exit code.
+    """Accept drives one after the other, and return the exit code.
 
     Raises what is wrong with the only drive, and UsageError with any.
     """
-    from hdassist.acceptance.accept import accept, failure_of
+    from hdassist.acceptance.accept import failure_of
     from hdassist.acceptance.answer import answer_json
     from hdassist.acceptance.request import LotRow
-    from hdassist.design import check_states
-    from hdassist.pages.accept import accept_report
-    from hdassist.run.run import Run
 
     answers: list[AcceptAnswer] = []
 
-    def one(preset: str) -> Report:
-        request = replace(base, preset=preset)
-        drive = request.load(options.taken_over())
-        inputs = request.read(drive)
-        o.note_teeth(inputs.wheels)
-        states = 0 if request.measured_only else check_states(drive, inputs.wheels, request.draws)
-        with out.progress(drive.name, states) as progress, out.workers(options) as executor:
-            run = Run(executor, progress)
-            predictions = request.predict(drive, inputs.unmeasured, inputs.wheels, run)
-            predictions = predictions and predictions.with_steps(run)
-        answers.append(accept(request, inputs, predictions))
-        return accept_report(answers[-1], predictions, drive)
+    def report_of(preset: str) -> Report:
+        answer, report = _accept_preset(replace(base, preset=preset), options, out)
+        answers.append(answer)
+        return report
 
     def failed(preset: str, error: HdassistError) -> Json:
         answers.append(failure_of(LotRow(replace(base, preset=preset)), error))
         return answer_json(answers[-1])
 
-    reports = run_each("accept", presets, one, out, failed=failed, keep_failures=options.junit is not None)
+    reports = run_each("accept", presets, report_of, out, failed=failed, keep_failures=options.junit is not None)
     return _give(reports, answers, "accept", options, out)
 
 
+def _accept_preset(request: Request, options: AcceptCommand, out: Output) -> tuple[AcceptAnswer, Report]:
+    """Return the result of one drive, and its page."""
+    from hdassist.acceptance.accept import accept
+    from hdassist.design import check_states
+    from hdassist.pages.accept import accept_report
+    from hdassist.run.run import Run
+
+    drive = request.load(options.taken_over())
+    inputs = request.read(drive)
+    o.note_teeth(inputs.wheels)
+    states = 0 if request.measured_only else check_states(drive, inputs.wheels, request.draws)
+    with out.progress(drive.name, states) as progress, out.workers(options) as executor:
+        run = Run(executor, progress)
+        predictions = request.predict(drive, inputs.unmeasured, inputs.wheels, run)
+        predictions = predictions and predictions.with_steps(run)
+    answer = accept(request, inputs, predictions)
+    return answer, accept_report(answer, predictions, drive)
+
+
 def accept_lot(path: str, base: Request, options: AcceptOptions, out: Output) -> int:
-    """Accept the drives of a lot; returns the exit code.
+    """Accept the drives of a lot, and return the exit code.
 
-    Arguments: path of a table; base, the request that every drive gets; options; out.
-    Raises UsageError: options that cannot be meant, or a file that is there already; DataError: a table or file
-    that cannot be read or written; PresetError: names of columns that cannot be meant.
+    path: of a table.
+    base: the request that every drive gets.
+    options: of the command.
+    out: where results go.
+    Raises UsageError for options that do not go together, or for an existing file; DataError for a table or file that
+    cannot be read or written; PresetError for unusable names of columns.
     """
-    from hdassist.acceptance.answer import ANSWERS
-    from hdassist.acceptance.request import read_lot
-    from hdassist.pages.accept import fault_words, lot_report, title
-    from hdassist.run.kept import KeptOwner, open_kept
+    acceptance = _LotAcceptance(base=base, options=options, out=out, name=path)
+    reports = run_each("accept", [path], acceptance.report_of, out, kind="file")
+    return _give(reports, acceptance.answers, acceptance.name, options, out, acceptance.sha256)
 
-    finished: list[AcceptAnswer] = []
-    faults = Counter[str]()  # by their words
-    name = path
-    sha256 = ""
 
-    def one(path: str) -> Report:
-        nonlocal name, sha256
-        base.require_sound()
-        lot = read_lot(path, base).with_shared_records()
-        name = lot.file
-        sha256 = lot.sha256
-        for file in (file for row in lot.rows for file in row.request.files()):
-            note_input(file)
-        owner = KeptOwner(command="accept", inputs={})  # each answer has the files that it comes from
+@dataclass(eq=False)
+class _LotAcceptance:
+    """The acceptance of a lot: results of its rows as they come, and how often each fault occurs among them.
+
+    name: of the lot, in reports.
+    sha256: of its file; empty before it is read.
+    """
+
+    base: Request
+    options: AcceptOptions
+    out: Output
+    name: str
+    sha256: str = ""
+    answers: list[AcceptAnswer] = field(default_factory=list)
+    faults: Counter[str] = field(default_factory=Counter)
+
+    def report_of(self, path: str) -> Report:
+        """Return the page of the lot in a file, after all its rows. Raises what accept_lot raises."""
+        from hdassist.acceptance.answer import ANSWERS
+        from hdassist.acceptance.request import read_lot
+        from hdassist.pages.accept import lot_report
+        from hdassist.run.kept import KeptOwner, open_kept
+
+        self.base.require_sound()
+        lot = read_lot(path, self.base).with_shared_records()
+        self.name = lot.file
+        self.sha256 = lot.sha256
+        for row in lot.rows:
+            for file in row.request.files():
+                note_input(file)
+        options = self.options
+        owner = KeptOwner(command="accept", inputs={})  # each result has the files that it comes from
         with open_kept(options.jsonl, owner, ANSWERS, force=not options.resume) as kept:
-            stored_answers = _known(lot, kept, options) if options.resume else [None] * len(lot.rows)
-            is_known = sum(map(bool, stored_answers))
-            before = kept.done
-
-            def state() -> str:
-                where = f"are stored in {options.jsonl}; continue with the same command and --resume"
-                hint = where if options.jsonl else "are done but not stored; store them with --jsonl FILE"
-                return f"{is_known + kept.done - before} of {len(lot.rows)} rows {hint}"
-
-            to_do = [row for row, answer in zip(lot.rows, stored_answers, strict=True) if answer is None]
-            with at_stop(state), closing(_answers(to_do, lot.file, options, out)) as fresh:
-                for stored in stored_answers:
-                    answer = stored or next(fresh)
-                    if stored is None:
-                        kept.append([answer])
-                    finished.append(answer)
-                    if error := answer.error:
-                        fault = fault_words(answer)
-                        if fault not in faults:
-                            complain(HdassistError(f"{title(answer)}: {error.message}", error.hint, error.code))
-                        faults[fault] += 1
-            if repeated := sum(faults.values()) - len(faults):
+            stored: list[AcceptAnswer | None] = [None for _ in lot.rows]
+            if options.resume:
+                stored = _known(lot, kept, options)
+            self._compute(lot, stored, kept)
+            repeated = self.faults.total() - len(self.faults)
+            if repeated:
                 say(f"note: the same for {repeated} further row{'s' if repeated > 1 else ''}")
             if options.resume:
-                kept.rewrite(finished)  # in the order of the rows, each once
+                kept.rewrite(self.answers)  # in the order of the rows, each once
         if options.jsonl:
             say(f"wrote {options.jsonl}")
-        return lot_report(lot, finished)
+        return lot_report(lot, self.answers)
 
-    reports = run_each("accept", [path], one, out, kind="file")
-    return _give(reports, finished, name, options, out, sha256)
+    def _compute(self, lot: Lot, stored: Sequence[AcceptAnswer | None], kept: Kept[AcceptAnswer]) -> None:
+        """Take the results of all rows in their order: stored ones, and new ones, which are kept at once."""
+        stored_count = sum(answer is not None for answer in stored)
+        kept_before = kept.done
+
+        def state() -> str:
+            count = stored_count + kept.done - kept_before
+            where = f"are stored in {self.options.jsonl}; continue with the same command and --resume"
+            hint = where if self.options.jsonl else "are done but not stored; store them with --jsonl FILE"
+            return f"{count} of {len(lot.rows)} rows {hint}"
+
+        to_do = [row for row, answer in zip(lot.rows, stored, strict=True) if answer is None]
+        with at_stop(state), closing(_answers(to_do, lot.file, self.options, self.out)) as fresh:
+            for stored_answer in stored:
+                answer = stored_answer or next(fresh)
+                if stored_answer is None:
+                    kept.append([answer])
+                self._take(answer)
+
+    def _take(self, answer: AcceptAnswer) -> None:
+        """Take the result of a row; a fault is shown the first time that it occurs."""
+        from hdassist.pages.accept import fault_words, title
+
+        self.answers.append(answer)
+        error = answer.error
+        if error is None:
+            return
+        fault = fault_words(answer)
+        if fault not in self.faults:
+            complain(HdassistError(f"{title(answer)}: {error.message}", error.hint, error.code))
+        self.faults[fault] += 1
 
 
 def _give(
