@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import date
 from math import isfinite
 from pathlib import Path
@@ -21,7 +21,9 @@ if TYPE_CHECKING:
     from hdassist.correction.forms import CorrectionForm
     from hdassist.correction.records import RecordedError
     from hdassist.correction.writers import ControllerFormat
-    from hdassist.measuring.measure import LoggedJoint, Measurement
+    from hdassist.measuring.bench import LoopRecord, PositionRecord
+    from hdassist.measuring.measure import LoggedJoint, Measurement, Reading
+    from hdassist.measuring.shafts import Shaft
     from hdassist.model.deviations import MeasuredTeeth
     from hdassist.mounting.advice import Advice
     from hdassist.mounting.posterior import Trial, TrialSetup
@@ -277,14 +279,13 @@ class ArchiveOptions(o.OptionGroup):
             raise UsageError(message, "see hdassist measure -h")
         conditions = read_conditions(self.serial, self.conditions)
 
-        def take(found: Measurement) -> None:
-            if self.archive:
-                is_new = add_to_archive(self.archive, conditions, found)
-                day = f" of {conditions['date']}" if "date" in conditions else ""
-                text = (
-                    f"added as {self.serial}{day}" if is_new else f"already stored for {self.serial}; not added again"
-                )
-                say(f"{self.archive}: {found.trace.file} {text}")
+        def take(measurement: Measurement) -> None:
+            if not self.archive:
+                return
+            is_new = add_to_archive(self.archive, conditions, measurement)
+            day = f" of {conditions['date']}" if "date" in conditions else ""
+            text = f"added as {self.serial}{day}" if is_new else f"already stored for {self.serial}; not added again"
+            say(f"{self.archive}: {measurement.trace.file} {text}")
 
         return take
 
@@ -329,16 +330,15 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
     seed: int = 0
 
     def run(self) -> int:
-        """Measure the traces; returns the exit code."""
+        """Measure the recordings, and return the exit code."""
         o.stdin_once(*self.files, self.preset)
         out = self.open()
         with out.progress(self.files[0] if self.files else ""):  # words before numpy is imported
             from hdassist.loading import load_preset
-            from hdassist.measuring.full_cycle import with_full_cycle
-            from hdassist.measuring.measure import LoggedJoint, Measurement
+            from hdassist.measuring.measure import LoggedJoint
             from hdassist.measuring.orders import gearing_of
             from hdassist.measuring.shafts import parse_shafts
-            from hdassist.pages.measure import bench_report, joint_lines, measure_report, repeats
+            from hdassist.pages.measure import joint_lines, repeats
 
             take = self.archiving(self.files)
             if self.history is not None:
@@ -351,36 +351,18 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
             joints = [LoggedJoint.of(text) for text in self.joint]
             if joints and (drive or self.ratio or self.archive):
                 raise UsageError("--joint states the ratio of each joint", "leave out --ratio, --drive and --archive")
-            measurements: list[Measurement] = []
-
-            def report_of(name: str) -> Report:
-                file, joint = joints_by_name.get(name, (name, None))
-                next_options = self._next_options(joint)
-                ratio = joint.ratio if joint else self.ratio
-                read = form.measured_or_bench
-                if joint:
-                    read = replace(form, angle=joint.angle, second=joint.second).measured
-                travel = self.travel or (drive and drive.acceptance.travel)
-                result = read(file, drive, ratio, seed=self.seed, travel_deg=travel, shafts=shafts)
-                if not isinstance(result, Measurement):
-                    self._require_recording(name)
-                    return bench_report(result, drive, self.seed, next_options)
-                result = with_full_cycle(result)
-                measurements.append(result)
-                take(result)
-                speed = form.output_speed(result.gearing.ratio) if result.gearing else self.speed
-                report = measure_report(result, drive, next_options, speed)
-                return _of_joint(report, joint.name, name) if joint else report
-
-            joints_by_name = {f"{file}: {joint.name}": (file, joint) for file in self.files for joint in joints}
-            answers = run_each("measure", [*joints_by_name] or self.files, report_of, out, kind="file")
-            repeat_values, lines = repeats(measurements)
+            session = _MeasureSession(options=self, form=form, drive=drive, shafts=shafts, take=take)
+            for file in self.files:
+                for joint in joints:
+                    session.joints[f"{file}: {joint.name}"] = (file, joint)
+            reports = run_each("measure", [*session.joints] or self.files, session.report_of, out, kind="file")
+            repeat_values, lines = repeats(session.measurements)
             if joints:  # of one drive each, so they are no repeats
                 repeat_values = {}
-                lines = joint_lines(answers, measurements)
-        return give("measure", answers, out, more=repeat_values, below=lines)
+                lines = joint_lines(reports, session.measurements)
+        return give("measure", reports, out, more=repeat_values, below=lines)
 
-    def _require_recording(self, name: str) -> None:
+    def require_recording(self, name: str) -> None:
         """Raise UsageError if positions or torque loops, by the name of their file, are to be stored in an archive."""
         if self.archive:
             raise UsageError(
@@ -388,7 +370,7 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
                 "use --archive with recordings only",
             )
 
-    def _next_options(self, joint: LoggedJoint | None) -> list[str]:
+    def next_options(self, joint: LoggedJoint | None) -> list[str]:
         """Return the options by which a recording, or a joint of it, was read, as a next command takes them."""
         options = self.words_of_reading()
         if self.seed:
@@ -396,6 +378,62 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
         if joint:
             options += [f"--angle={joint.angle}", f"--second={joint.second}"]
         return options
+
+
+@dataclass(eq=False)
+class _MeasureSession:
+    """What the recordings of a call of `hdassist measure` share, and their results as they come.
+
+    form: how recordings are read.
+    drive: of which they are; None if it is not known.
+    shafts: whose components are told apart.
+    take: called with each result.
+    joints: file and joint of each recording, by its name; empty without --joint.
+    """
+
+    options: MeasureCommand
+    form: Reading
+    drive: Drive | None
+    shafts: tuple[Shaft, ...]
+    take: Callable[[Measurement], None]
+    joints: dict[str, tuple[str, LoggedJoint]] = field(default_factory=dict)
+    measurements: list[Measurement] = field(default_factory=list)
+
+    def report_of(self, name: str) -> Report:
+        """Return the page on a recording, by its name: that of its file, and of the joint in it."""
+        from hdassist.measuring.full_cycle import with_full_cycle
+        from hdassist.measuring.measure import Measurement
+        from hdassist.pages.measure import bench_report, measure_report
+
+        file, joint = self.joints.get(name, (name, None))
+        next_options = self.options.next_options(joint)
+        result = self._read(file, joint)
+        if not isinstance(result, Measurement):
+            self.options.require_recording(name)
+            return bench_report(result, self.drive, self.options.seed, next_options)
+        result = with_full_cycle(result)
+        self.measurements.append(result)
+        self.take(result)
+        speed = self.form.output_speed(result.gearing.ratio) if result.gearing else self.options.speed
+        report = measure_report(result, self.drive, next_options, speed)
+        return _of_joint(report, joint.name, name) if joint else report
+
+    def _read(self, file: str, joint: LoggedJoint | None) -> Measurement | PositionRecord | LoopRecord:
+        """Return what a file, or the columns of a joint in it, shows of F'_ior or of its figures."""
+        travel_deg = self.options.travel or (self.drive and self.drive.acceptance.travel)
+        if joint is None:
+            return self.form.measured_or_bench(
+                file,
+                self.drive,
+                self.options.ratio,
+                seed=self.options.seed,
+                travel_deg=travel_deg,
+                shafts=self.shafts,
+            )
+        form = replace(self.form, angle=joint.angle, second=joint.second)
+        return form.measured(
+            file, self.drive, joint.ratio, seed=self.options.seed, travel_deg=travel_deg, shafts=self.shafts
+        )
 
 
 def _of_joint(report: Report, joint: str, about: str) -> Report:
