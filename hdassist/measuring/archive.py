@@ -180,5 +180,12 @@ def histories(entries: Iterable[ArchiveEntry]) -> tuple[DriveHistory, ...]:
         y, u = np.array([(each.F_ior_arcsec, each.standard_uncertainty_arcsec) for each in own]).T
         chi_square = float((((y - np.average(y, weights=u**-2)) / u) ** 2).sum())
         probability = float(chdtrc(len(own) - 1, chi_square))
-        found.append(DriveHistory(tuple(own), chi_square, probability, probability < _CHANGED / len(compared)))
+        found.append(
+            DriveHistory(
+                entries=tuple(own),
+                chi_square=chi_square,
+                probability=probability,
+                is_changed=probability < _CHANGED / len(compared),
+            )
+        )
     return tuple(found)

@@ -95,12 +95,13 @@ class PositionRecord:
         positions = int(written["count"])
         if not (positions and 0 < turns < GREATEST):
             return None
-        return _SheetPlan(written["drive"], positions, turns, bool(written["both"]))
+        return _SheetPlan(drive=written["drive"], positions=positions, turns=turns, both=bool(written["both"]))
 
     def is_carried_out(self, plan: _SheetPlan) -> bool:
         """Return whether every position of a plan was approached from every planned side."""
         step = TURN_ARCSEC * plan.turns / plan.positions
-        planned, within = step * np.arange(plan.positions), _PLANNED_NEAR * step
+        planned = step * np.arange(plan.positions)
+        within = _PLANNED_NEAR * step
         sides = (1, -1) if plan.both else (1,)
         for side in sides:
             targets = self.target_arcsec[self.side == side]
@@ -225,14 +226,16 @@ def bench_record(table: NumberTable, form: TraceForm | None = None) -> PositionR
             asked = angles[-1] if angles else None
             deviation = _from_any_zero(table.in_unit(columns[angle], angle, "deg", asked, "--angle-unit") - target)
         _require_deviations(table, deviation)
-        return PositionRecord(table, target, deviation, np.sign(marks("side")))
+        return PositionRecord(
+            table=table, target_arcsec=target, deviation_arcsec=deviation, side=np.sign(marks("side"))
+        )
     if "torque" in columns and angle and "error" not in columns:
         given = [*form.angle_units, *([] if form.error_unit is None else [form.error_unit])]
         if len(given) > 1:
             raise UsageError("a torque loop has one column of angles, but several units are given")
         torque = table.in_unit(columns["torque"], "torque", "N·m")
         twist = table.in_unit(columns[angle], angle, "arcsec", given[0] if given else None, "--angle-unit")
-        return LoopRecord(table, torque, twist, marks("place"))
+        return LoopRecord(table=table, torque_Nm=torque, twist_arcsec=twist, place=marks("place"))
     return None
 
 
@@ -277,7 +280,8 @@ def _positions_of_runs(table: NumberTable, target_column: int, runs: dict[int, i
         words = f"--error-unit {form.error_unit}: the positions have no column of deviations"
         raise UsageError(words, "state the unit of their angles with --angle-unit")
     target = table.in_unit(target_column, "target", "deg", asked, "--angle-unit")
-    readings, sides = [], []
+    readings = []
+    sides = []
     for column, side in runs.items():
         way = "forward" if side > 0 else "backward"
         if any(are_angles):
@@ -293,7 +297,9 @@ def _positions_of_runs(table: NumberTable, target_column: int, runs: dict[int, i
     if unused:
         table.notes.append(f"not used: {', '.join(unused)}")
     _require_deviations(table, deviation)
-    return PositionRecord(table, np.tile(target, len(runs)), deviation, np.concatenate(sides))
+    return PositionRecord(
+        table=table, target_arcsec=np.tile(target, len(runs)), deviation_arcsec=deviation, side=np.concatenate(sides)
+    )
 
 
 def _from_any_zero(off_arcsec: Array) -> Array:
@@ -315,7 +321,9 @@ def position_quantities(record: PositionRecord, *, seed: int = 0, draws: int = 2
     """
     target = np.rint(record.target_arcsec / _SAME_TARGET)
     order = np.lexsort([record.side, target])
-    target, side, deviation = target[order], record.side[order], record.deviation_arcsec[order]
+    target = target[order]
+    side = record.side[order]
+    deviation = record.deviation_arcsec[order]
     positions = [np.flatnonzero(target == each) for each in np.unique(target)]
     if len(target) < 2:
         hint = "approach at least two positions, better 12 or 211, or one position from both sides"
@@ -353,7 +361,11 @@ def position_quantities(record: PositionRecord, *, seed: int = 0, draws: int = 2
         unsure = hypot(widened * float(drawn[name].std()), BIAS_SHARE * bias) if drawn else None
         words = f"{_counted(len(positions), 'position')}, {len(target)} approaches"
         noise = max(0.0, float(np.quantile(by_noise[name], _LEAST_CHANCE)) - bias) if drawn else 0.0
-        quantities.append(StatedQuantity(name, max(0.0, float(value) - bias), unsure, words, noise))
+        quantities.append(
+            StatedQuantity(
+                name=name, arcsec=max(0.0, float(value) - bias), uncertainty_arcsec=unsure, of=words, noise_arcsec=noise
+            )
+        )
     return tuple(quantities)
 
 
@@ -394,18 +406,34 @@ def seen_range(record: PositionRecord, quantities: Sequence[StatedQuantity]) -> 
     found = next((quantity for quantity in quantities if quantity.name == "positioning"), None)
     if found is None:
         return None
-    unsure, own = record.remark("uncertainty"), found.uncertainty_arcsec  # scatter is known by repetition alone
-    seen, torque = record.remark("sees"), record.remark("torque")
+    unsure = record.remark("uncertainty")
+    own = found.uncertainty_arcsec  # scatter is known by repetition alone
+    seen = record.remark("sees")
+    torque = record.remark("torque")
     M_g = torque[0] if torque else None
     plan = record.plan
     is_cut = bool(seen) and (plan is None or not record.is_carried_out(plan))
     if is_cut:
         seen = ()
     if own is None:  # the scatter of the readings is known only from the plan
-        return SeenRange(found.arcsec, None, COVERAGE_FACTOR * hypot(*unsure), seen, M_g, is_cut)
+        return SeenRange(
+            arcsec=found.arcsec,
+            uncertainty_arcsec=None,
+            expanded_arcsec=COVERAGE_FACTOR * hypot(*unsure),
+            seen=seen,
+            M_g=M_g,
+            is_cut=is_cut,
+        )
     by_scatter = max(COVERAGE_FACTOR * own, found.noise_arcsec)
     expanded = hypot(by_scatter, COVERAGE_FACTOR * hypot(*unsure))
-    return SeenRange(found.arcsec, hypot(own, *unsure), expanded, seen, M_g, is_cut)
+    return SeenRange(
+        arcsec=found.arcsec,
+        uncertainty_arcsec=hypot(own, *unsure),
+        expanded_arcsec=expanded,
+        seen=seen,
+        M_g=M_g,
+        is_cut=is_cut,
+    )
 
 
 def place_loops(record: LoopRecord, rated: float) -> tuple[PlaceLoop, ...]:
@@ -432,7 +460,8 @@ def place_loops(record: LoopRecord, rated: float) -> tuple[PlaceLoop, ...]:
             if not parts:
                 raise DataError(f"{where}: no {words} branch from {at[0]:.3g} to {at[2]:.3g} N*m", _LOOP_HINT)
             sides.append([_twist_at(np.concatenate(parts, axis=1), each, at[2]) for each in at])
-        (low, none, high), variance = np.array(sides)[..., 0].T, np.array(sides)[..., 1].sum(axis=0)
+        low, none, high = np.array(sides)[..., 0].T
+        variance = np.array(sides)[..., 1].sum(axis=0)
         hysteresis = abs(float(none[0] - none[1])), sqrt(variance[1])
         loops.append(
             PlaceLoop(float(place), hysteresis, (abs(float((high - low).mean())), sqrt(variance[0] + variance[2]) / 2))
@@ -443,7 +472,8 @@ def place_loops(record: LoopRecord, rated: float) -> tuple[PlaceLoop, ...]:
 def loop_quantities(loops: tuple[PlaceLoop, ...]) -> tuple[StatedQuantity, ...]:
     """The greatest hysteresis loss and lost motion over places."""
     words = f"the largest of {len(loops)} places" if len(loops) > 1 else "one place"
-    hysteresis, lost = max(loop.hysteresis for loop in loops), max(loop.lost_motion for loop in loops)
+    hysteresis = max(loop.hysteresis for loop in loops)
+    lost = max(loop.lost_motion for loop in loops)
     return StatedQuantity("hysteresis_loss", *hysteresis, words), StatedQuantity("lost_motion", *lost, words)
 
 

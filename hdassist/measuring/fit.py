@@ -9,6 +9,7 @@ noise. It is error outside the given orders, or slow; its size is `unmodelled`.
 from __future__ import annotations
 
 from copy import copy
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import factorial
 
@@ -38,45 +39,70 @@ SLOWEST_ORDER = 0.5  # per cam turn: lower ones are of the output, or drift
 _NEIGHBOURS = 10.0  # bins: readings closer than that show the correlation of neighbours
 
 
+@dataclass(frozen=True)
+class Wave:
+    """A wave of one order or of a group: amplitude cos(per_cam_rev angle + phase), with its standard uncertainty."""
+
+    per_cam_rev: float
+    amplitude_arcsec: float
+    uncertainty_arcsec: float
+    phase_deg: float
+
+
+@dataclass(frozen=True, eq=False)
+class FitBlock:
+    """Coefficients of some unknowns of a fit, shape (unknowns,), and their rows of the root of the design."""
+
+    coefficients: Array
+    root: Array
+
+
 class TraceFit:
     """Least squares of values at the bins of a design [arcsec], shape (bins,).
 
-    orders: per cam turn, rising; lines: those that were found in the residuals, rising; coefficients: of the cosines,
-    then of the sines, at the mean torque, shape (2 orders,); level: shape (levels,); drift: coefficients, shape
-    (degree,); slopes: over columns of the bins by name, each with its standard uncertainty: over speed [arcsec s/turn],
-    over the load; blocks: coefficients and rows of the design's root, of orders and of their changes with the torque;
-    residual: shape (bins,); variance: of it, at weight 1; correlated: bins that err together; unmodelled: size of the
-    residuals beyond noise of reading.
+    orders: per input revolution, rising, shape (orders,).
+    lines: those that were found in the residuals, rising.
+    coefficients: of the cosines, then of the sines, at the mean torque, shape (2 orders,).
+    order_root: their rows of the root of the design, shape (2 orders, columns).
+    level: of the error, shape (levels,).
+    drift: coefficients of the slow terms, shape (degree,).
+    slopes: over columns of the bins by name, each with its standard uncertainty: over speed [arcsec s/turn] and load.
+    blocks: of the orders, and of their changes with the torque.
+    residual: of the values [arcsec], shape (bins,).
+    variance: of the residuals at weight 1 [arcsec^2].
+    correlated: number of bins that err together.
+    unmodelled: size of the residuals beyond noise of reading [arcsec].
     """
 
     def __init__(self, design: TraceDesign, values: Array, lines: Array) -> None:
-        bins = self.bins = design.bins
-        self.design, self.lines, self.orders = design, lines, design.orders
+        self.design = design
+        self.bins = design.bins
+        self.lines = lines
+        self.orders = design.orders
         solution, self.residual = design.fitted(values)
-        self.variance = float(bins.weight @ self.residual**2) / (len(bins) - design.columns)
+        self.variance = float(self.bins.weight @ self.residual**2) / (len(self.bins) - design.columns)
         self.correlated, self.unmodelled = _residual_memory(design, self.residual, self.variance)
-        waves = 2 * len(design.orders)
-        sizes = waves, bins.levels, design.slow.degree, len(design.slow.over), *[waves] * design.slow.order_changes
-        ends = np.cumsum(sizes)[:-1]
-        parts = list(zip(np.split(solution, ends), np.split(design.root, ends), strict=True))
-        self.blocks = [parts[0], *parts[4:]]
-        (self.level, _), (self.drift, _), (slopes, root) = parts[1:4]
-        self.coefficients, self.order_root = parts[0]
-        unsure = np.linalg.norm(root, axis=1) * np.sqrt(self.variance * max(self.correlated, 1.0))
-        pairs = zip(slopes.tolist(), unsure.tolist(), strict=True)
-        self.slopes = dict(zip(design.slow.over, pairs, strict=True))
+        orders, levels, drift, slopes, *order_changes = _blocks_of(design, solution)
+        self.blocks = [orders, *order_changes]
+        self.coefficients = orders.coefficients
+        self.order_root = orders.root
+        self.level = levels.coefficients
+        self.drift = drift.coefficients
+        uncertainty = np.linalg.norm(slopes.root, axis=1) * np.sqrt(self.variance * max(self.correlated, 1.0))
+        slope_pairs = zip(slopes.coefficients.tolist(), uncertainty.tolist(), strict=True)
+        self.slopes = dict(zip(design.slow.over, slope_pairs, strict=True))
 
     def combined(self, *shares: float) -> TraceFit:
-        """The same with the curve that is such shares of its blocks together."""
-        found = copy(self)
+        """Return the same fit with the curve that is a sum of such shares of its blocks."""
+        combined_fit = copy(self)
         pairs = list(zip(shares, self.blocks, strict=False))
-        found.coefficients = np.asarray(sum(share * coefficients for share, (coefficients, _) in pairs))
-        found.order_root = np.asarray(sum(share * root for share, (_, root) in pairs))
-        found.__dict__.pop("factor", None)
-        return found
+        combined_fit.coefficients = np.asarray(sum(share * block.coefficients for share, block in pairs))
+        combined_fit.order_root = np.asarray(sum(share * block.root for share, block in pairs))
+        combined_fit.__dict__.pop("factor", None)  # cached, of the former root
+        return combined_fit
 
     def at_torque(self, torque: float) -> TraceFit:
-        """The same with the curve at a torque between the least and the greatest [N*m]."""
+        """Return the same fit with the curve at a torque between the smallest and the largest [N*m]."""
         away = float(self.bins.away(torque))
         return self.combined(1.0, away, abs(away))
 
@@ -107,9 +133,9 @@ class TraceFit:
         """Whether an order is a line, shape (orders,)."""
         return np.isin(self.orders, self.lines)
 
-    def pair(self, own: OrderIndices) -> OrderIndices:
-        """Places of the cosines, then of the sines of some orders among the coefficients."""
-        return np.concatenate([own, own + len(self.orders)])
+    def pair(self, indices: OrderIndices) -> OrderIndices:
+        """Return the places of the cosines, then of the sines of some orders among the coefficients."""
+        return np.concatenate([indices, indices + len(self.orders)])
 
     def covariance(self, pair: OrderIndices | slice = slice(None)) -> Array:
         """Covariance of coefficients by noise [arcsec^2], of all by default."""
@@ -121,10 +147,15 @@ class TraceFit:
         return self.curve(self.bins.turns) + self.residual
 
     def beside(self, curves: Array) -> tuple[Array, Array]:
-        """Further columns of the design, shape (bins, columns), less what others of it fit, and their coefficients."""
-        own = self.design.fitted(curves)[1]
-        weighted = own * self.bins.weight[:, None]
-        return own, np.asarray(np.linalg.lstsq(weighted.T @ own, weighted.T @ self.residual, rcond=None)[0])
+        """Return further columns of the design without the part that its own columns fit, and their coefficients.
+
+        curves: shape (bins, columns). Columns are left as by a fit of them to the others, so that the coefficients are
+        those of a joint fit.
+        """
+        remainder = self.design.fitted(curves)[1]
+        weighted = remainder * self.bins.weight[:, None]
+        normal = weighted.T @ remainder
+        return remainder, np.asarray(np.linalg.lstsq(normal, weighted.T @ self.residual, rcond=None)[0])
 
     @property
     def amplitude(self) -> Array:
@@ -134,61 +165,77 @@ class TraceFit:
 
     @property
     def groups(self) -> list[OrderIndices]:
-        """Places of the orders in groups: those that the record does not resolve from a line are together."""
-        line = self.is_line
-        near = np.diff(self.orders) < RESOLVED_GAP / self.bins.span
-        ends = np.flatnonzero(~(near & (line[1:] | line[:-1]))) + 1
-        return np.split(np.arange(len(self.orders)), ends)
+        """Places of the orders in groups: those that the recording does not resolve from a line are together."""
+        is_line = self.is_line
+        is_close = np.diff(self.orders) < RESOLVED_GAP / self.bins.span
+        is_joined = is_close & (is_line[1:] | is_line[:-1])
+        return np.split(np.arange(len(self.orders)), np.flatnonzero(~is_joined) + 1)
 
     @property
     def unresolved(self) -> NDArray[np.bool_]:
-        """Whether an order stands in a group with others, shape (orders,)."""
-        return np.concatenate([np.full(len(own), len(own) > 1) for own in self.groups])
+        """Whether an order is in a group with others, shape (orders,)."""
+        return np.concatenate([np.full(len(group), len(group) > 1) for group in self.groups])
 
     @property
     def is_slow(self) -> NDArray[np.bool_]:
-        """Whether an order is of the output's turns, not of the cam's, shape (orders,)."""
+        """Whether an order is of the output revolution, not of the input, shape (orders,)."""
         return self.orders < SLOWEST_ORDER
 
-    def mean_square(self, own: OrderIndices) -> Array:
-        """Twice the mean products of cosines and sines of some orders over the record: of even turns, the identity."""
-        pair = self.pair(own)
-        return 2 * self.design.gram[np.ix_(pair, pair)] / self.bins.weight.sum() if len(own) > 1 else np.eye(2)
+    def mean_square(self, indices: OrderIndices) -> Array:
+        """Return twice the mean products of cosines and sines of orders over the recording, shape (2 n, 2 n).
 
-    def wave(self, own: OrderIndices, square: Array | None = None) -> tuple[float, float, float, float]:
-        """Order, amplitude, its standard uncertainty [arcsec] and phase [deg] of the wave of the orders of a group.
-
-        Of several: the amplitude of a wave of the same mean square, by default over the record, and its mean order.
+        Over whole revolutions it is the identity.
         """
-        orders, pair = self.orders[own], self.pair(own)
-        coefficients, square = self.coefficients[pair], self.mean_square(own) if square is None else square
-        a, b = coefficients[: len(own)], coefficients[len(own) :]
+        if len(indices) == 1:
+            return np.eye(2)
+        pair = self.pair(indices)
+        return np.asarray(2 * self.design.gram[np.ix_(pair, pair)] / self.bins.weight.sum())
+
+    def wave(self, indices: OrderIndices, square: Array | None = None) -> Wave:
+        """Return the wave of a group of orders, with its standard uncertainty.
+
+        The amplitude of several orders is that of a wave of the same mean square, and their order that of the same
+        mean square slope.
+
+        indices: of the orders of the group.
+        square: mean products as `mean_square` returns them; None for those over the recording.
+        """
+        orders = self.orders[indices]
+        pair = self.pair(indices)
+        coefficients = self.coefficients[pair]
+        if square is None:
+            square = self.mean_square(indices)
+        cosines = coefficients[: len(indices)]
+        sines = coefficients[len(indices) :]
         order = float(orders[0])
-        if len(own) > 1:
-            slope = np.concatenate([orders * b, -orders * a])
+        if len(indices) > 1:
+            slope = np.concatenate([orders * sines, -orders * cosines])
             order = float(np.sqrt(slope @ square @ slope / max(coefficients @ square @ coefficients, 1e-300)))
         amplitude = float(np.sqrt(coefficients @ square @ coefficients))
-        along = square @ coefficients / max(amplitude, 1e-300) @ self.factor[pair]
-        return (
-            order,
-            amplitude,
-            float(np.linalg.norm(along) * self.noise[1][own].max()),
-            float(np.degrees(np.angle((a - 1j * b).sum()))),
+        gradient = square @ coefficients / max(amplitude, 1e-300)  # of the amplitude over the coefficients
+        return Wave(
+            per_cam_rev=order,
+            amplitude_arcsec=amplitude,
+            uncertainty_arcsec=float(np.linalg.norm(gradient @ self.factor[pair]) * self.noise[1][indices].max()),
+            phase_deg=float(np.degrees(np.angle((cosines - 1j * sines).sum()))),
         )
 
-    def joint_wave(self, own: OrderIndices) -> tuple[float, float, float, float]:
-        """The wave of an order and its beats without the part that noise adds to its mean square.
+    def joint_wave(self, indices: OrderIndices) -> Wave:
+        """Return the wave of an order and its sidebands without the part that noise adds to its mean square.
 
-        The mean is over whole turns of the output, or over the record where it is part of one.
+        The mean is over whole output revolutions, or over the recording if it is a part of one.
         """
-        pair = self.pair(own)
+        pair = self.pair(indices)
         slow = self.design.slow
-        square = self.mean_square(own) if slow.by_angle or slow.ridge else np.eye(len(pair))
-        order, amplitude, uncertainty, phase = self.wave(own, square)
+        square = self.mean_square(indices) if slow.by_angle or slow.ridge else np.eye(len(pair))
+        wave = self.wave(indices, square)
         noise = square @ self.covariance(pair)
-        spread = float(np.hypot(2 * amplitude * uncertainty, np.sqrt(2 * np.trace(noise @ noise))))
-        left = float(np.sqrt(max(0.0, amplitude**2 - np.trace(noise))))
-        return order, left, min(spread / max(2 * left, 1e-300), float(np.sqrt(spread))), phase
+        spread_by_order = 2 * wave.amplitude_arcsec * wave.uncertainty_arcsec
+        spread = float(np.hypot(spread_by_order, np.sqrt(2 * np.trace(noise @ noise))))  # of the mean square
+        amplitude = float(np.sqrt(max(0.0, wave.amplitude_arcsec**2 - np.trace(noise))))
+        # to first order, but no more than the root of the spread, where the amplitude is as small as the noise
+        uncertainty = min(spread / max(2 * amplitude, 1e-300), float(np.sqrt(spread)))
+        return replace(wave, amplitude_arcsec=amplitude, uncertainty_arcsec=uncertainty)
 
     @property
     def clear_of_noise(self) -> bool:
@@ -211,62 +258,111 @@ def fit_orders(bins: Bins, orders: Array, slow: SlowTerms = SlowTerms(), lines: 
     return TraceFit(TraceDesign(bins, np.sort(np.concatenate([orders, lines])), slow), bins.error, lines)
 
 
-def drift_of(fit: TraceFit, extent: float) -> float:
-    """Linear drift [arcsec] over a record that residuals of a fit without drift show clearly beside a range, else 0.
+def _blocks_of(design: TraceDesign, solution: Array) -> list[FitBlock]:
+    """Return the solution of a design in blocks: orders, levels, slow terms, slopes, and changes of the orders."""
+    coefficients = 2 * len(design.orders)
+    slow = design.slow
+    sizes = [coefficients, design.bins.levels, slow.degree, len(slow.over)]
+    sizes += [coefficients for _ in range(slow.order_changes)]
+    ends = np.cumsum(sizes)[:-1]
+    parts = zip(np.split(solution, ends), np.split(design.root, ends), strict=True)
+    return [FitBlock(coefficients=part, root=root) for part, root in parts]
 
-    It is fitted together with the orders: those of the beats take most of it, but none of them closes with the cycle as
-    a drift does not.
+
+def drift_of(fit: TraceFit, extent: float) -> float:
+    """Return the linear drift [arcsec] over a recording, if the residuals of a fit without drift show it, else 0.
+
+    It is fitted together with the orders: sidebands take most of it, but none of them closes with the cycle as a
+    drift does not.
+
+    fit: without a drift.
+    extent: range of its curve [arcsec]; a drift that is small beside it does not count.
     """
-    design, bins = fit.design, fit.bins
-    own, (size,) = fit.beside(bins.travel[:, None] / design.reach)
-    left = fit.residual - size * own[:, 0]
-    variance = float(bins.weight @ left**2) / (len(bins) - design.columns)
-    correlated, _ = _residual_memory(design, left, variance)
-    uncertainty = float(np.sqrt(variance * max(correlated, 1.0) / (bins.weight @ own**2)[0]))
+    design = fit.design
+    bins = fit.bins
+    column, (size,) = fit.beside(bins.travel[:, None] / design.reach)
+    residual = fit.residual - size * column[:, 0]
+    variance = float(bins.weight @ residual**2) / (len(bins) - design.columns)
+    correlated, _ = _residual_memory(design, residual, variance)
+    uncertainty = float(np.sqrt(variance * max(correlated, 1.0) / (bins.weight @ column**2)[0]))
     return float(size) if abs(size) > max(_DRIFT_CLEAR * uncertainty, _DRIFTED * extent) else 0.0
 
 
 def _residual_memory(design: TraceDesign, residual: Array, variance: float) -> tuple[float, float]:
-    """Number of bins that err together, and size of the correlated part of the residuals [arcsec]."""
-    size, columns, bins = len(residual), design.columns, design.bins
+    """Return the number of bins that err together, and the size of the correlated part of the residuals [arcsec].
+
+    residual: [arcsec], shape (bins,); variance: at weight 1 [arcsec^2].
+    """
     if not variance:
         return 1.0, 0.0
-    padded = np.fft.rfft(residual, 2 * size)
-    products = np.fft.irfft(np.abs(padded) ** 2)[: min(_LAGS, size // 4)] / size
-    # the fit takes white noise away at its own orders alone: what is left of it is alike as much less from step to step
-    waves = 2 * len(design.orders) * (1 + design.slow.order_changes)
-    turned = 2 * np.pi * float(np.median(np.abs(np.diff(bins.turns)))) * np.arange(len(products))
-    taken = (waves * np.cos(turned[:, None] * design.orders).mean(axis=1) + columns - waves) / size
-    rho = products / products[0] * (1 - columns / size) + taken
-    below = np.flatnonzero(rho[1:] < 2 / np.sqrt(size))
-    last = int(below[0]) if len(below) else len(rho) - 1
+    size = len(residual)
+    products = _lagged_products(residual)
+    removed = _removed_by_fit(design, size, len(products))
+    rho = products / products[0] * (1 - design.columns / size) + removed  # autocorrelation
+    insignificant = np.flatnonzero(rho[1:] < 2 / np.sqrt(size))
+    last = int(insignificant[0]) if len(insignificant) else len(rho) - 1
     correlated = 1 + 2 * float(rho[1 : last + 1].sum())
-    near = (np.diff(bins.turns) < _NEIGHBOURS / bins.per_turn) & (np.diff(bins.sweep) == 0)
-    if near.sum() < size / 5:
-        return correlated, 0.0
-    following = float((residual[1:] * residual[:-1])[near].mean()) + variance * float(taken[1])
-    clear = following > 2 * variance / np.sqrt(near.sum())
-    return correlated, float(np.sqrt(following)) if clear else 0.0
+    return correlated, _correlated_size(design.bins, residual, variance, float(removed[1]))
+
+
+def _lagged_products(residual: Array) -> Array:
+    """Return the mean products of residuals with later ones, by their lag in bins, shape (lags,).
+
+    The transform is of twice the length, so that the last residuals do not meet the first ones.
+    """
+    size = len(residual)
+    spectrum = np.fft.rfft(residual, 2 * size)
+    return np.asarray(np.fft.irfft(np.abs(spectrum) ** 2)[: min(_LAGS, size // 4)] / size)
+
+
+def _removed_by_fit(design: TraceDesign, size: int, lags: int) -> Array:
+    """Return the part of the autocorrelation of white noise that a fit removes, by the lag, shape (lags,).
+
+    The fit removes white noise at its own orders only: what remains is correlated by as much less.
+    """
+    waves = 2 * len(design.orders) * (1 + design.slow.order_changes)
+    step = float(np.median(np.abs(np.diff(design.bins.turns))))
+    angles = 2 * np.pi * step * np.arange(lags)
+    by_waves = waves * np.cos(angles[:, None] * design.orders).mean(axis=1)
+    return np.asarray((by_waves + design.columns - waves) / size)
+
+
+def _correlated_size(bins: Bins, residual: Array, variance: float, removed: float) -> float:
+    """Return the size of the part of residuals [arcsec] that is correlated from one bin to the next; 0 if unclear.
+
+    removed: part of their correlation that the fit removed.
+    """
+    are_neighbours = (np.diff(bins.turns) < _NEIGHBOURS / bins.per_turn) & (np.diff(bins.sweep) == 0)
+    if are_neighbours.sum() < len(residual) / 5:
+        return 0.0
+    covariance = float((residual[1:] * residual[:-1])[are_neighbours].mean()) + variance * removed
+    is_clear = covariance > 2 * variance / np.sqrt(are_neighbours.sum())
+    return float(np.sqrt(covariance)) if is_clear else 0.0
 
 
 def residual_power(bins: Bins, residual: Array, variance: float) -> tuple[Array, Array]:
-    """Power of residuals, shape (bins,) [arcsec], over that of independent ones of the same variance at weight 1.
+    """Return orders per input revolution, and the power of residuals there over that of independent ones.
 
-    Returns orders per cam turn, rising, at least twice as dense as the record resolves, and the power there.
+    The orders rise, and are at least twice as dense as the recording resolves, shape (probes,). Readings lie somewhere
+    within the places of the transform: exp(i a x) of their distance x from the middle is a series in powers of x.
+    Without it even readings in uneven places would have images.
+
+    residual: [arcsec], shape (bins,); variance: of the independent ones at weight 1 [arcsec^2].
     """
     parts = list(zip(bins.by_sweep(bins.turns * bins.per_turn), bins.by_sweep(bins.weight * residual), strict=True))
     longest = max(int(np.ptp(np.floor(turns))) for turns, _ in parts) + 1
     length = 1 << int(np.ceil(np.log2(2 * longest)))
-    turned = -2j * np.pi * np.arange(length // 2 + 1) / length
+    frequency = -2j * np.pi * np.arange(length // 2 + 1) / length
     power = np.zeros(length // 2 + 1)
     for turns, values in parts:
-        at = np.floor(turns)
-        off = turns - at - 0.5  # of a reading from the middle of its place
-        places, transform = (at - at[0]).astype(np.int64), np.zeros(length // 2 + 1, complex)
-        for k in range(_MOMENTS):  # exp(turned off) as a series: without it, even readings in uneven places have images
+        cell = np.floor(turns)
+        offset = turns - cell - 0.5  # of a reading from the middle of its place
+        places = (cell - cell[0]).astype(np.int64)
+        transform = np.zeros(length // 2 + 1, complex)
+        for moment in range(_MOMENTS):
             line = np.zeros(longest)
-            line[places] = values * off**k
-            transform += turned**k / factorial(k) * np.fft.rfft(line, length)
+            line[places] = values * offset**moment
+            transform += frequency**moment / factorial(moment) * np.fft.rfft(line, length)
         power += np.abs(transform) ** 2
     power /= float((bins.weight**2).sum()) * variance
     return np.arange(1, len(power)) * bins.per_turn / length, power[1:]
@@ -287,31 +383,52 @@ def distance(probes: Array, orders: Array) -> Array:
 
 
 def noise_floor(design: TraceDesign, residual: Array, variance: float) -> tuple[Array, Array] | None:
-    """Power of the noise at each order, over that of independent residuals of the same variance, shape (orders,).
+    """Return the power of the noise at each order over that of independent residuals, and the Student factor.
 
-    And the Student factor of an interval of k = 2 where that power is of few places.
+    Residuals of a real recording are not white: low orders have more noise than high ones. Their power halfway between
+    fitted orders, and on both sides of a group of them, stands for the power of the noise at the orders.
+    Both have shape (orders,); the factor is that of an interval of k = 2 where the power is of few places. The result
+    is None if the recording is too short.
 
-    Residuals of a real trace are not white: slow ones weigh on low orders more than on high ones. Their power halfway
-    between fitted orders, and on both sides of a group of them, stands for the power of the noise at the orders.
-    The fit has taken a share of the noise there too: where rows are lost, all of its columns take some everywhere.
-    Arguments: residual, shape (bins,) [arcsec]; variance, of the residuals at weight 1. None: the record is too short.
+    residual: [arcsec], shape (bins,); variance: of the residuals at weight 1 [arcsec^2].
     """
-    bins, orders = design.bins, design.orders
+    bins = design.bins
     if bins.span < _FLOOR_SHORTEST or not variance:
         return None
     probes, power = residual_power(bins, residual, variance)
-    resolved = probes[0] * bins.span  # places for each probe
-    free = probes >= design.slow.periods / bins.span
-    free &= (distance(probes, orders) >= _FLOOR_APART / bins.span) & (probes <= orders[-1] + 1)
-    probes, power = probes[free], power[free]
+    places_per_probe = probes[0] * bins.span
+    is_free = probes >= design.slow.periods / bins.span
+    is_free &= distance(probes, design.orders) >= _FLOOR_APART / bins.span
+    is_free &= probes <= design.orders[-1] + 1
+    probes = probes[is_free]
+    power = power[is_free]
     if len(probes) < _FLOOR_FEWEST:
         return None
-    waves = order_columns(bins.turns, probes[:: max(1, len(probes) // _FLOOR_WAVES)])
-    power /= (bins.weight @ design.fitted(waves)[1] ** 2).mean() / (bins.weight @ waves**2).mean()
+    power /= _share_left(design, probes)
+    first, last = _floor_windows(probes, design.orders)
     total = np.concatenate([[0.0], np.cumsum(power)])
-    first, last = np.searchsorted(probes, orders - _FLOOR_AROUND), np.searchsorted(probes, orders + _FLOOR_AROUND)
-    few = last - first < _FLOOR_FEWEST
-    middle = np.clip(np.searchsorted(probes, orders) - _FLOOR_FEWEST // 2, 0, len(probes) - _FLOOR_FEWEST)
-    first, last = np.where(few, middle, first), np.where(few, middle + _FLOOR_FEWEST, last)
-    student = stdtrit(np.maximum(1.0, 2 * resolved * (last - first)), _STUDENT_SHARE) / COVERAGE_FACTOR
+    freedom = np.maximum(1.0, 2 * places_per_probe * (last - first))
+    student = stdtrit(freedom, _STUDENT_SHARE) / COVERAGE_FACTOR
     return (total[last] - total[first]) / (last - first), student
+
+
+def _share_left(design: TraceDesign, probes: Array) -> float:
+    """Return the share of the noise between the orders that a fit leaves in the residuals.
+
+    If rows are lost, all columns of the design take some of it everywhere.
+    """
+    bins = design.bins
+    waves = order_columns(bins.turns, probes[:: max(1, len(probes) // _FLOOR_WAVES)])
+    return float((bins.weight @ design.fitted(waves)[1] ** 2).mean() / (bins.weight @ waves**2).mean())
+
+
+def _floor_windows(probes: Array, orders: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the first probe around each order, and the one after the last, each of shape (orders,).
+
+    A window is _FLOOR_AROUND orders to each side, or the nearest _FLOOR_FEWEST probes if it has fewer.
+    """
+    first = np.searchsorted(probes, orders - _FLOOR_AROUND)
+    last = np.searchsorted(probes, orders + _FLOOR_AROUND)
+    has_few = last - first < _FLOOR_FEWEST
+    nearest = np.clip(np.searchsorted(probes, orders) - _FLOOR_FEWEST // 2, 0, len(probes) - _FLOOR_FEWEST)
+    return np.where(has_few, nearest, first), np.where(has_few, nearest + _FLOOR_FEWEST, last)

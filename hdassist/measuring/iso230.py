@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 from hdassist.measuring.bench import PositionRecord
 from hdassist.model.geometry import Array
 
-_FORWARD, _BACKWARD = 1.0, -1.0
+_FORWARD = 1.0
+_BACKWARD = -1.0
 FEWEST_APPROACHES = 5  # of each position from each side, by the standard
 _SIDES = 2
 _FEWEST_FOR_SCATTER = 2  # approaches, of which a sample standard deviation is defined
@@ -111,7 +112,9 @@ def positioning_test(record: PositionRecord) -> PositioningTest | None:
     if not figures:
         return None
     approaches = min(int(statistics.count.min()) for statistics in sides.values())
-    return PositioningTest(tuple(figures), count, approaches, uncertainty)
+    return PositioningTest(
+        figures=tuple(figures), positions=count, approaches=approaches, reversal_uncertainty_arcsec=uncertainty
+    )
 
 
 def _side_statistics(
@@ -124,7 +127,9 @@ def _side_statistics(
     is_side: whether an approach was from the side, shape (rows,).
     count: number of positions.
     """
-    means, deviations, counts = np.empty(count), np.empty(count), np.empty(count)
+    means = np.empty(count)
+    deviations = np.empty(count)
+    counts = np.empty(count)
     for number in range(count):
         own = deviation_arcsec[is_side & (numbers == number)]
         if not len(own):
@@ -172,7 +177,8 @@ def _two_sided(forward: _SideStatistics, backward: _SideStatistics) -> list[_Pos
             _PositioningFigure("R", "bidirectional positioning repeatability", float(np.maximum(both, one_sided).max()))
         )
         if is_several:
-            high, low = max(forward.high.max(), backward.high.max()), min(forward.low.min(), backward.low.min())
+            high = max(forward.high.max(), backward.high.max())
+            low = min(forward.low.min(), backward.low.min())
             figures.append(_PositioningFigure("A", "bidirectional positioning accuracy", float(high - low)))
     return figures
 

@@ -24,9 +24,11 @@ from hdassist.measuring.orders import (
     WHOLE_TURN,
     WIND_UP,
     Coverage,
+    CurveRanges,
     FullCycle,
     Gearing,
     MeasuredOrder,
+    OtherUncertainties,
     Range,
     UncertaintySource,
     combined,
@@ -99,17 +101,26 @@ class _TorqueRange:
 
 @dataclass(frozen=True, eq=False)
 class SweepResult:
-    """One direction of a trace: 1 for growing cam angles, -1 for falling ones, 0 for both as one.
+    """Results of one direction of a trace.
 
-    fit: see there; range: over the visited angles, grid_turns, shape (angles,); revolution: the greatest within one
-    turn of the cam; cam: of the orders of the cam, without slow terms of the output; slope: the
-    greatest [arcsec a cam turn]; slow_arcsec: range of these;
-    raw_range_arcsec: of the readings themselves, drift taken off where asked; orders_of_cam: each with its beats;
-    coverage: None where the ratio is not known; sources: of the uncertainty of F'_ior; torques: the least, the mean and
-    the greatest, where the orders change with it, and torque_miss_arcsec, the most that lines between them miss.
-    is_scale_bound: whether all errors may be larger by one factor. shafts: components of stated shafts.
+    direction: 1 for growing input angles, -1 for falling ones, 0 for both as one.
+    fit: of the orders, lines and slow terms.
+    grid_turns: visited input angles, shape (angles,).
+    range: of the curve over the visited angles.
+    revolution: the largest range within one input revolution.
+    cam: range of the orders of the cam, without slow terms of the output.
+    slope: largest slope [arcsec per input revolution].
+    slow_arcsec: range of the slow terms.
+    raw_range_arcsec: of the readings themselves, without the drift if its removal was requested.
+    orders, orders_of_cam: of the fit, and the declared ones with their sidebands.
+    coverage: None if the ratio is unknown.
+    sources: of the uncertainty of F'_ior.
+    torques: the smallest, the mean and the largest, if the orders change with the torque.
+    torque_miss_arcsec: most that lines between these torques miss, None if it is unknown.
+    is_scale_bound: whether all errors may be larger by one factor.
+    shafts: components of stated shafts.
     full_cycle: F'_ior of the full cycle by the model of the recording, or why there is none (with_full_cycle); None
-    before. Its value and its interval are then those of F'_ior.
+        before. Its value and its interval are then those of F'_ior.
     """
 
     direction: int
@@ -198,10 +209,17 @@ class SweepResult:
 
 @dataclass(frozen=True, eq=False)
 class Measurement:
-    """Answers from a measured trace: directions, that of the greatest F'_ior first; seed of the bootstrap.
+    """Results of a measured trace.
 
-    lag: between the encoders, None where it is not known; torque: None where it was not recorded; alone: each direction
-    by itself beside both as one, empty otherwise or where they are too short.
+    trace: as it was read.
+    gearing: None if the ratio is unknown.
+    directions: that of the largest F'_ior first.
+    reversal: difference of both directions, None without both.
+    lag: between the encoders, None if it is unknown.
+    notes, warnings: what was omitted or removed.
+    seed: of the bootstrap.
+    torque: None if it was not recorded.
+    alone: each direction by itself besides both as one; empty otherwise, or if they are too short.
     """
 
     trace: MeasuredTrace
@@ -230,7 +248,8 @@ class Measurement:
         """Greatest slope over the angle of the output, and its standard uncertainty; None without a ratio."""
         if self.gearing is None:
             return None
-        steepest = max((each.slope for each in self.alone or self.directions), key=lambda slope: slope.value)
+        slopes = [sweep.slope for sweep in self.alone or self.directions]
+        steepest = max(slopes, key=lambda slope: slope.value)
         per_deg = self.gearing.ratio / 360  # cam turns
         return steepest.value * per_deg, steepest.uncertainty * per_deg
 
@@ -255,16 +274,23 @@ def measure(
     M_g: float | None = None,
     shafts: Sequence[Shaft] = (),
 ) -> Measurement:
-    """F'_ior, orders and coverage of a measured trace.
+    """Return F'_ior, orders and coverage of a measured trace.
 
-    Arguments: trace; drive or ratio, for cycle, coverage and beats with the output; orders per cam turn, rising, to
-    which the error is limited (None: 1 to 12, or as far as the steps of the angle resolve them); drift, none, linear
-    or quadratic, to take off; stated, standard uncertainties [arcsec] by source; seed of the bootstrap;
-    together, both directions as one, which is then 0; may_be_noise, whether F'_ior need not be clear of its noise;
-    travel_deg, of the output: F'_ior is the range of the error there, and slow terms are part of it; M_g, torque [N*m]
-    that is asked for, where the trace has a column of it; shafts, beside the drive, whose components are wanted.
-    Raises UsageError: a wrong argument; DataError: less than one input revolution in one direction, or another torque;
-    UntrustedError: orders that the record does not resolve, or an F'_ior that is not clear of its noise.
+    trace: of one or both directions.
+    drive, ratio: one of both, for cycle, coverage and sidebands at the output frequency; None if it is unknown.
+    orders: per input revolution, rising, to which the error is limited; None for 1 to 12, or as far as the steps of the
+        angle resolve them.
+    drift: none, linear or quadratic, to remove.
+    stated: standard uncertainties [arcsec] by source.
+    seed: of the bootstrap.
+    together: whether both directions count as one, whose number is then 0.
+    may_be_noise: whether F'_ior need not be clear of its noise.
+    travel_deg: of the output: F'_ior is the range of the error there, and slow terms are part of it.
+    M_g: torque of which F'_ior is wanted [N*m], if the trace has a column of it.
+    shafts: beside the drive, whose components are wanted.
+    Raises UsageError for a wrong argument; DataError for less than one input revolution in one direction, or for
+    another torque; UntrustedError for orders that the recording does not resolve, or for an F'_ior that is not clear
+    of its noise.
     """
     _require_drift(drift)
     gearing = gearing_of(drive, ratio)
@@ -272,26 +298,53 @@ def measure(
     if M_g is not None:
         trace = at_torque(trace, M_g, drive.rated_torque if drive else 0.0)
     record = _RecordUnderway(
-        trace, gearing, drive, orders, drift, stated or {}, seed, together, may_be_noise, M_g, shafts
+        trace=trace,
+        gearing=gearing,
+        drive=drive,
+        orders=orders,
+        drift=drift,
+        stated=stated or {},
+        seed=seed,
+        together=together,
+        may_be_noise=may_be_noise,
+        M_g=M_g,
+        shafts=shafts,
     )
-    apart, alone = replace(record, together=False, may_be_noise=True), list[SweepResult]()
+    alone: list[SweepResult] = []
     if together:
-        with suppress(HdassistError):
-            alone = apart.directions()
+        with suppress(HdassistError):  # directions that are too short by themselves may be sufficient together
+            alone = replace(record, together=False, may_be_noise=True).directions()
         record.read_in_time(alone)
     directions = record.directions()
-    growing_first = sorted(directions, key=lambda each: -each.direction)
-    places = [np.rint(each.grid_turns * 1e6) for each in growing_first]
-    reversal, lag = reversal_and_lag(
-        [each.fit for each in growing_first],
-        np.intersect1d(places[0], places[-1]) / 1e6,
-        combined([source for each in directions for source in each.sources if source.name == "drift"]),
-        trace,
-        gearing.ratio if gearing else None,
-    )
-    notes, warnings = (tuple(dict.fromkeys(words)) for words in (record.notes, record.warnings))
+    reversal, lag = _reversal_of(directions, trace, gearing)
     return Measurement(
-        trace, gearing, tuple(directions), reversal, lag, notes, warnings, seed, record.torque, tuple(alone)
+        trace=trace,
+        gearing=gearing,
+        directions=tuple(directions),
+        reversal=reversal,
+        lag=lag,
+        notes=tuple(dict.fromkeys(record.notes)),
+        warnings=tuple(dict.fromkeys(record.warnings)),
+        seed=seed,
+        torque=record.torque,
+        alone=tuple(alone),
+    )
+
+
+def _reversal_of(
+    directions: Sequence[SweepResult], trace: MeasuredTrace, gearing: Gearing | None
+) -> tuple[Reversal | None, EncoderLag | None]:
+    """Return what is lost at the reversal, and the lag between the encoders, as far as both directions show them."""
+    growing_first = sorted(directions, key=lambda sweep: -sweep.direction)
+    first_turns = np.rint(growing_first[0].grid_turns * 1e6)  # whole numbers, so that equal angles are equal
+    last_turns = np.rint(growing_first[-1].grid_turns * 1e6)
+    drifts = [source for sweep in directions for source in sweep.sources if source.name == "drift"]
+    return reversal_and_lag(
+        fits=[sweep.fit for sweep in growing_first],
+        shared=np.intersect1d(first_turns, last_turns) / 1e6,
+        drift_arcsec=combined(drifts),
+        trace=trace,
+        ratio=gearing.ratio if gearing else None,
     )
 
 
@@ -319,218 +372,349 @@ class _RecordUnderway:
         """Begin without anything left out."""
         load = self.trace.load
         self.torque = None if load is None else RecordedTorque(float(load.mean()), float(load.min()), float(load.max()))
-        self.notes, self.warnings = list(self.trace.notes), list[str]()
+        self.notes = list(self.trace.notes)
+        self.warnings: list[str] = []
 
     def read_in_time(self, alone: Sequence[SweepResult]) -> None:
-        """Take the lag between the encoders off the angles of the cam, if both directions as one agree better then.
+        """Remove the lag between the encoders from the input angles, if both directions agree better then.
 
-        A lag moves the error along the angle, one way in each direction, and more at a higher speed. The level tells
-        its size; the better agreement tells its sense, and that it is no friction. alone: results of each direction.
+        A lag moves the error along the angle, one way in each direction, and more at a higher speed. The level gives
+        its size; the better agreement gives its sense, and shows that it is no friction.
+
+        alone: results of each direction by itself.
         """
         if self.trace.time_s is None or self.gearing is None or len(alone) != _BOTH_WAYS:
             return
-        fits = [each.fit for each in sorted(alone, key=lambda each: -each.direction)]
+        fits = [sweep.fit for sweep in sorted(alone, key=lambda sweep: -sweep.direction)]
         _, lag = reversal_and_lag(fits, np.empty(0), 0.0, self.trace, self.gearing.ratio)
         if lag is None or abs(lag.ms) <= _LAG_CLEAR * lag.uncertainty_ms:
             return
-        as_read = self.trace
-        least = self._fitted_once(0).variance
+        trace_as_read = self.trace
+        least_variance = self._fitted_once(0).variance
         for lag_s in (lag.ms / 1e3, -lag.ms / 1e3):
-            moved = without_lag(as_read, lag_s)
-            other = replace(self, trace=moved)._fitted_once(0).variance
-            if other < least:
-                self.trace, least = moved, other
+            moved = without_lag(trace_as_read, lag_s)
+            variance = replace(self, trace=moved)._fitted_once(0).variance
+            if variance < least_variance:
+                self.trace = moved
+                least_variance = variance
 
     def directions(self) -> list[SweepResult]:
-        """Results of each direction, that of the greatest F'_ior first. Raises what `measure` does."""
-        found = [each for sign in ((0,) if self.together else (1, -1)) if (each := self._result(sign))]
-        if not found:
+        """Return the results of each direction, that of the largest F'_ior first. Raises what `measure` does."""
+        signs = (0,) if self.together else (1, -1)
+        results = [self._result(sign) for sign in signs]
+        directions = [result for result in results if result is not None]
+        if not directions:
             hint = "F'_ior needs at least one input revolution; check that the angle is the input angle, and its unit"
             raise DataError(f"{self.trace.file}: less than one input revolution in one direction", hint)
-        return sorted(found, key=lambda each: -each.range.value)
+        return sorted(directions, key=lambda sweep: -sweep.range.value)
 
     def _result(self, sign: int) -> SweepResult | None:
-        """Results of a direction, 0 for both as one; None of less than a turn of the cam."""
-        own, gearing = self.trace.one_way(sign), self.gearing
-        angles = own.by_sweep(own.cam_deg)
-        longest = max((float(np.ptp(each)) / 360 * len(each) / (len(each) - 1) for each in angles), default=0.0)
-        if longest < _SHORTEST_TURNS - 0.01:
-            if own.sweeps:
-                way = "growing" if sign > 0 else "falling"
-                self.notes.append(f"{way} angles omitted: they cover only {longest:.2g} of an input revolution")
+        """Return the results of a direction, 0 for both as one; None if it covers less than an input revolution."""
+        if self._is_too_short(sign):
             return None
         fit = self._fitted(sign)
-        own, bins = self.trace.one_way(sign), fit.bins
-        drift_left, miss = 0.0, None
-        # a torque that changes within sweeps but goes with the output's turn changes the beats
-        if (torque := self.torque) and torque.is_change([bins.load]):
-            if "load" in fit.slopes or not torque.is_change(own.by_sweep(np.asarray(own.load))):
-                fit, miss = with_order_changes(fit, self.seed)
-            if "load" in fit.slopes and len(fit.blocks) == 1:
-                self.warnings.append(_CHANGES_LEFT)
-        if not self.together:  # a comparison looks for drift in the difference, and counts lines as noise
-            fit, drift_left = _with_lines_or_drift(fit)
-            if drift_left and gearing and bins.span >= WHOLE_TURN * gearing.cycle:
-                self.warnings.append(_DRIFT_OFF.format(drift_left, float(np.ptp(fit.curve(bins.turns)))))
-                fit = fit_orders(bins, fit.orders[~fit.is_line], replace(fit.design.slow, degree=1))
-                fit, drift_left = _with_lines_or_drift(fit)
-            elif drift_left:
-                self.warnings.append(DRIFT_LEFT.format(drift_left))
+        fit, torque_miss = self._with_order_changes(sign, fit)
+        fit, drift_left = self._with_lines(fit)
         if self.M_g is not None and len(fit.blocks) > 1:
-            low, _, high = bins.torques
-            nearest = min((self.M_g, -self.M_g), key=lambda load: max(low - load, load - high))
-            fit = fit.at_torque(min(max(nearest, low), high))
-            if miss is None:
-                self.warnings.append(_STRAIGHT.format(self.M_g, low, high))
+            fit = self._at_requested_torque(fit, self.M_g, is_bend_known=torque_miss is not None)
         self._require_ratio(fit)
-        found = self._sweep_result(sign, fit, drift_left, miss)
-        if not fit.unmodelled < _UNMODELLED * found.range.value:
+        result = self._sweep_result(sign, fit, drift_left, torque_miss)
+        if not fit.unmodelled < _UNMODELLED * result.range.value:
             size = f"{fit.unmodelled:.2g}″"
             self.warnings.append(f"error beyond the declared orders, {size}: declare more orders, or remove a drift")
-        shafts = shaft_components(self.trace.one_way(sign), fit, self.shafts, gearing)
-        return replace(found, shafts=shafts)
+        shafts = shaft_components(self.trace.one_way(sign), fit, self.shafts, self.gearing)
+        return replace(result, shafts=shafts)
+
+    def _is_too_short(self, sign: int) -> bool:
+        """Return whether a direction covers less than an input revolution, and note it."""
+        trace = self.trace.one_way(sign)
+        longest = 0.0  # turns of a sweep, with the step after its last reading
+        for angles in trace.by_sweep(trace.cam_deg):
+            longest = max(longest, float(np.ptp(angles)) / 360 * len(angles) / (len(angles) - 1))
+        if longest >= _SHORTEST_TURNS - 0.01:
+            return False
+        if trace.sweeps:
+            way = "growing" if sign > 0 else "falling"
+            self.notes.append(f"{way} angles omitted: they cover only {longest:.2g} of an input revolution")
+        return True
+
+    def _with_order_changes(self, sign: int, fit: TraceFit) -> tuple[TraceFit, float | None]:
+        """Return a fit whose orders change with the torque if they do, and the most that lines miss [arcsec].
+
+        A torque that changes within sweeps but follows the output angle changes the sidebands.
+        """
+        torque = self.torque
+        if torque is None or not torque.is_change([fit.bins.load]):
+            return fit, None
+        trace = self.trace.one_way(sign)
+        torque_miss = None
+        if "load" in fit.slopes or not torque.is_change(trace.by_sweep(np.asarray(trace.load))):
+            fit, torque_miss = with_order_changes(fit, self.seed)
+        if "load" in fit.slopes and len(fit.blocks) == 1:
+            self.warnings.append(_CHANGES_LEFT)
+        return fit, torque_miss
+
+    def _with_lines(self, fit: TraceFit) -> tuple[TraceFit, float]:
+        """Return a fit with its lines, and the linear drift [arcsec] that it has not removed.
+
+        A cycle that was recorded as a whole closes: a drift over it is removed. A comparison of both directions as one
+        looks for drift in the difference, and counts lines as noise.
+        """
+        if self.together:
+            return fit, 0.0
+        bins = fit.bins
+        fit, drift_left = _with_lines_or_drift(fit)
+        if not drift_left:
+            return fit, 0.0
+        if self.gearing is None or bins.span < WHOLE_TURN * self.gearing.cycle:
+            self.warnings.append(DRIFT_LEFT.format(drift_left))
+            return fit, drift_left
+        self.warnings.append(_DRIFT_OFF.format(drift_left, float(np.ptp(fit.curve(bins.turns)))))
+        without_drift = fit_orders(bins, fit.orders[~fit.is_line], replace(fit.design.slow, degree=1))
+        return _with_lines_or_drift(without_drift)
+
+    def _at_requested_torque(self, fit: TraceFit, M_g: float, *, is_bend_known: bool) -> TraceFit:
+        """Return a fit with its curve at the requested torque [N*m], whose column may count the other way."""
+        low, _, high = fit.bins.torques
+        nearest = min((M_g, -M_g), key=lambda load: max(low - load, load - high))
+        if not is_bend_known:
+            self.warnings.append(_STRAIGHT.format(M_g, low, high))
+        return fit.at_torque(min(max(nearest, low), high))
 
     def _require_ratio(self, fit: TraceFit) -> None:
-        """Raise DataError if the beats of a record show another ratio than that of the drive, or of --ratio."""
+        """Raise DataError if the sidebands of a recording show another ratio than that of the drive, or of --ratio."""
         gearing = self.gearing
         if gearing is None or fit.bins.span < _CYCLES_OF_RATIO * gearing.cycle:
             return
-        shown = with_lines(fit) if self.together else fit
-        other = other_ratio(shown, _declared(self.trace, self.orders, []), gearing.ratio)
-        if other is None:
+        fit_with_lines = with_lines(fit) if self.together else fit
+        shown_ratio = other_ratio(fit_with_lines, _declared(self.trace, self.orders, []), gearing.ratio)
+        if shown_ratio is None:
             return
-        words = f"{self.trace.file}: the error repeats every {other:.3g} input revolutions, not every {gearing.ratio:g}"
-        hint = f"check the file and the ratio; sidebands of such a spacing indicate a ratio of about {other:.0f}"
-        raise DataError(words, hint, Fault.FILE_INVALID)
+        period = f"every {shown_ratio:.3g} input revolutions, not every {gearing.ratio:g}"
+        hint = f"check the file and the ratio; sidebands of such a spacing indicate a ratio of about {shown_ratio:.0f}"
+        raise DataError(f"{self.trace.file}: the error repeats {period}", hint, Fault.FILE_INVALID)
 
     def _fitted(self, sign: int) -> TraceFit:
-        """The fit to a direction, once all is left out and taken off that fits before show."""
-        trace = self.trace
+        """Return the fit to a direction, without everything that earlier fits showed to be omitted or removed."""
+        fitted_trace = self.trace
         fit = self._fitted_once(sign)
-        while self.trace is not trace:
-            trace = self.trace
+        while self.trace is not fitted_trace:
+            fitted_trace = self.trace
             fit = self._fitted_once(sign)
         return fit
 
     def _fitted_once(self, sign: int) -> TraceFit:
-        """The fit to a direction; another trace takes its place where the fit shows something to leave out."""
-        own, ratio = self.trace.one_way(sign), self.gearing.ratio if self.gearing else USUAL_RATIO
-        declared = _declared(own, self.orders, self.notes)
-        bins, slow = bins_of(own, declared[-1]), SlowTerms(_DRIFTS[self.drift])
-        is_travel = bool(self.gearing and self.gearing.travel)
-        if is_travel or not self.together:
-            slow = slow_terms(bins.span_on_output(ratio), ratio, slow.degree, is_travel=is_travel)
-        if own.time_s is not None and not self.together and speed_changes(bins):
-            slow = replace(slow, over=("speed",))
+        """Return the fit to a direction; if it shows something to omit or to remove, another trace replaces it."""
+        trace = self.trace.one_way(sign)
+        ratio = self.gearing.ratio if self.gearing else USUAL_RATIO
+        declared = _declared(trace, self.orders, self.notes)
+        bins = bins_of(trace, declared[-1])
+        slow = self._slow_terms(trace, bins, ratio)
         fit = _fit(bins, declared, ratio, slow, self.notes)
-        torques, torque = [] if own.load is None else own.by_sweep(own.load), self.torque
+        torques = [] if trace.load is None else trace.by_sweep(trace.load)
+        torque = self.torque
         if torque and torque.by != "catalogue" and torque.is_change(torques):
             if tells_compliance(fit):
-                wound = _fit(bins, declared, ratio, replace(slow, over=(*slow.over, "load")), self.notes)
-                if by_record := torque.fitted(fit, wound, torques):
-                    fit, self.torque = wound, by_record
-            elif without := torque.by_catalogue(self.trace, self.drive):
-                self.trace, self.torque = without
+                with_load = replace(slow, over=(*slow.over, "load"))
+                wound = _fit(bins, declared, ratio, with_load, self.notes)
+                torque_by_record = torque.fitted(fit, wound, torques)
+                if torque_by_record:
+                    fit = wound
+                    self.torque = torque_by_record
+            elif without_wind_up := torque.by_catalogue(self.trace, self.drive):
+                self.trace, self.torque = without_wind_up
                 return fit
             else:
                 self.warnings.append(_WIND_UP_LEFT)
-        if found := without_spikes(own, fit) or with_step(own, fit):
-            changed, words = found
-            self.trace = replace(changed, sweeps=tuple(sweeps(changed.cam_deg)))
-            self.warnings.append(words)
+        change = without_spikes(trace, fit) or with_step(trace, fit)
+        if change:
+            self.trace = replace(change.trace, sweeps=tuple(sweeps(change.trace.cam_deg)))
+            self.warnings.append(change.warning)
         return fit
 
-    def _sweep_result(self, sign: int, fit: TraceFit, drift_left: float, torque_miss: float | None) -> SweepResult:
-        """The range of a fit with its uncertainty, refused where it is noise and may not be; orders and coverage.
+    def _slow_terms(self, trace: MeasuredTrace, bins: Bins, ratio: float) -> SlowTerms:
+        """Return the slow terms of a direction, with a lag between the encoders if its speed changes."""
+        slow = SlowTerms(_DRIFTS[self.drift])
+        is_travel = bool(self.gearing and self.gearing.travel)
+        if is_travel or not self.together:
+            slow = slow_terms(bins.span_on_output(ratio), ratio, slow.degree, is_travel=is_travel)
+        if trace.time_s is not None and not self.together and speed_changes(bins):
+            slow = replace(slow, over=("speed",))
+        return slow
 
-        drift_left: linear drift [arcsec] that the fit has in it; torque_miss: of lines between torques.
+    def _sweep_result(self, sign: int, fit: TraceFit, drift_left: float, torque_miss: float | None) -> SweepResult:
+        """Return the range of a fit with its uncertainty, its orders and its coverage.
+
+        drift_left: linear drift [arcsec] that the fit contains.
+        torque_miss: most that lines between torques miss [arcsec], None if it is unknown.
+        Raises UntrustedError for a range that steps of the readings or noise may explain.
         """
-        trace, gearing, bins = self.trace.one_way(sign), self.gearing, fit.bins
-        places, per_turn = visited_angles(fit)
-        visits = None
-        if gearing:
-            cycle = gearing.cycle * per_turn
-            visited = np.unique(np.mod(places, cycle))
-            steps = int(np.isin(np.mod(visited + 1, cycle), visited).sum())  # from one visited place to the next
-            share, longest = (min(1.0, turns / gearing.cam_turns) for turns in (steps / per_turn, bins.span))
-            visits = Coverage(steps / per_turn, share, longest)
-            if bins.span_on_output(gearing.ratio) >= WHOLE_TURN * gearing.ratio and not len(fit.lines):
-                places = visited
-        grid = places / per_turn
-        slow = fit.design.drift_at(fit.drift, bins.turns, bins.travel)
-        if not fit.design.slow.by_angle:
-            slow = curve_of(fit.coefficients[np.tile(fit.is_slow, 2)], fit.orders[fit.is_slow], bins.turns)
-        # a drift that was left in may be none at all; one that was taken off may be bent
+        trace = self.trace.one_way(sign)
+        visited = _visited(fit, self.gearing)
+        drifts = self._drift_sources(fit, drift_left)
+        errors = self._error_sources(trace, fit, visited.grid_turns, torque_miss)
+
+        def ranges(curve_fit: TraceFit) -> CurveRanges:
+            """Return the ranges of the curve at one torque, with the same draws at each."""
+            return ranges_of(
+                curve_fit,
+                visited.grid_turns,
+                np.random.default_rng([self.seed, sign + 1]),
+                _other_uncertainties(drifts, errors, fit.bins.span),
+                whole=visited.coverage is not None and visited.coverage.share >= FULL_SHARE,
+            )
+
+        fitted = ranges(fit)
+        F_ior = fitted.visited
+        # both are without their own bias: a part is no more than the whole
+        revolution_bias = max(fitted.revolution.bias, fitted.revolution.fitted - F_ior.value)
+        revolution = replace(fitted.revolution, bias=revolution_bias)
+        at_torques = []
+        for torque in fit.bins.torques if len(fit.blocks) > 1 else ():
+            at_torque_range = ranges(fit.at_torque(torque)).visited
+            at_torques.append(_TorqueRange(torque, at_torque_range.value, at_torque_range.uncertainty))
+        sources = (
+            UncertaintySource("noise", F_ior.spread, "bootstrap of the residuals"),
+            UncertaintySource("bias correction", F_ior.bias_uncertainty, "a third of the removed bias"),
+            *drifts,
+            *errors,
+        )
+        _require_fine_steps(trace, F_ior)
+        if not self.may_be_noise:
+            _require_clear(trace, fit, F_ior, sources, is_drifting=bool(drift_left))
+        orders, orders_of_cam = order_tables(fit, _declared(trace, self.orders, []), self.drive, self.gearing)
+        raw_range = _range_without_drift(trace, fit)
+        result = SweepResult(
+            direction=sign,
+            fit=fit,
+            grid_turns=visited.grid_turns,
+            range=F_ior,
+            revolution=revolution,
+            cam=fitted.cam,
+            slope=fitted.slope,
+            slow_arcsec=_slow_range(fit),
+            raw_range_arcsec=raw_range,
+            orders=orders,
+            orders_of_cam=orders_of_cam,
+            coverage=visited.coverage,
+            sources=sources,
+            torques=tuple(at_torques),
+            torque_miss_arcsec=torque_miss,
+            is_scale_bound=trace.is_lower_bound,
+        )
+        if not result.is_bound:
+            return result
+        largest = min(raw_range, float(np.ptp(trace.error_arcsec[trace.rows])))
+        return replace(result, range=F_ior.at_most(largest), revolution=revolution.at_most(largest))
+
+    def _drift_sources(self, fit: TraceFit, drift_left: float) -> tuple[UncertaintySource, ...]:
+        """Return the sources that change the error slowly along a recording; drift_left: in the fit [arcsec]."""
+        # a drift that was left in may be none at all; one that was removed may be bent
         drift = abs(drift_left) / 2 if len(fit.drift) != 1 else _BENT * abs(float(fit.drift[0]))
         wind_up = self.torque.uncertainty_arcsec if self.torque and self.torque.by == "catalogue" else 0.0
-        drifting = (
+        return (
             UncertaintySource("drift", drift / sqrt(3), "departure of the drift from a straight line"),
             UncertaintySource(WIND_UP, wind_up, "catalogue stiffnesses by which it was removed"),
         )
+
+    def _error_sources(
+        self, trace: MeasuredTrace, fit: TraceFit, turns: Array, torque_miss: float | None
+    ) -> tuple[UncertaintySource, ...]:
+        """Return the sources besides noise and drift; turns: visited angles, torque_miss: see `_sweep_result`."""
         errors_range = float(np.ptp(trace.error_arcsec[trace.rows]))
-        misses = [torque_miss] if torque_miss else []
-        common = (
-            # both extremes of a range err by themselves: hence sqrt(2)
-            UncertaintySource(
-                "between readings", image_change(fit, grid) / sqrt(2), "orders hidden by evenly spaced readings"
-            ),
-            UncertaintySource("beyond the orders", sqrt(2) * fit.unmodelled, "residuals correlated from step to step"),
+        reading_scatter = float(np.sqrt(np.mean(fit.bins.rows * fit.residual**2)))
+        # both extremes of a range err independently: hence sqrt(2)
+        images = image_change(fit, turns) / sqrt(2)
+        unmodelled = sqrt(2) * fit.unmodelled
+        sources = [
+            UncertaintySource("between readings", images, "orders hidden by evenly spaced readings"),
+            UncertaintySource("beyond the orders", unmodelled, "residuals correlated from step to step"),
             UncertaintySource("guide rate", trace.scale_uncertainty * errors_range, "guide pulses added back"),
-            resolution_source(trace, float(np.sqrt(np.mean(bins.rows * fit.residual**2)))),
-            *(
-                UncertaintySource("between torques", each / sqrt(12), "curvature of the orders between torques")
-                for each in misses
-            ),
-            *stated_sources(self.stated),
-        )
-        drifts, others = combined(drifting), combined(common)
+            resolution_source(trace, reading_scatter),
+        ]
+        if torque_miss:
+            bend = torque_miss / sqrt(12)
+            sources.append(UncertaintySource("between torques", bend, "curvature of the orders between torques"))
+        return (*sources, *stated_sources(self.stated))
 
-        def ranges(own: TraceFit) -> tuple[Range, Range, Range, Range]:
-            parts = hypot(drifts, others), hypot(drifts / bins.span, others), others
-            is_whole = visits is not None and visits.share >= FULL_SHARE
-            return ranges_of(own, grid, np.random.default_rng([self.seed, sign + 1]), parts, whole=is_whole)
 
-        extent, revolution, cam, slope = ranges(fit)
-        # both are without their own bias: a part is no more than the whole
-        revolution = replace(revolution, bias=max(revolution.bias, revolution.fitted - extent.value))
-        torques = bins.torques if len(fit.blocks) > 1 else ()
-        at_torques = [(torque, ranges(fit.at_torque(torque))[0]) for torque in torques]
-        sources = (
-            UncertaintySource("noise", extent.spread, "bootstrap of the residuals"),
-            UncertaintySource("bias correction", extent.bias_uncertainty, "a third of the removed bias"),
-            *drifting,
-            *common,
-        )
-        if trace.in_time and trace.step_arcsec > _COARSE_STEP * extent.value:
-            size = f"{trace.step_arcsec:.2g}″"
-            message = f"the output is read in steps of {size} at even angles: what they round looks like error"
-            raise UntrustedError(
-                f"{trace.file}: {message}", "sample both encoders at constant time intervals", Fault.ORDERS_UNTOLD
-            )
-        alone = combined([source for source in sources if source.name not in {*STATED, WIND_UP}])
-        if not (self.may_be_noise or (fit.clear_of_noise and extent.value > COVERAGE_FACTOR * alone)):
-            message = f"F'_ior of {max(extent.value, 0.0):.3g}″ is not above its noise, u = {alone:.3g}″"
-            hint = (
-                "the recording drifts; use --drift linear"
-                if drift_left
-                else "record longer or with less noise, and check the column"
-            )
-            if BY_ORDER in trace.notes:
-                hint = f"{BY_ORDER} in arcsec; of a second encoder at the output: --second 2"
-            raise UntrustedError(f"{trace.file}: {message}", hint, Fault.ORDERS_UNTOLD)
-        rows = trace.rows
-        drifted = fit.design.drift_at(fit.drift, trace.cam_deg[rows] / 360, travel_of(trace)[rows])
-        at_each = tuple(_TorqueRange(torque, each.value, each.uncertainty) for torque, each in at_torques)
-        raw = float(np.ptp(trace.error_arcsec[rows] - drifted))
-        orders = order_tables(fit, _declared(trace, self.orders, []), self.drive, gearing)
-        found = SweepResult(
-            sign, fit, grid, extent, revolution, cam, slope, float(np.ptp(slow)), raw, *orders, visits, sources,
-            at_each, torque_miss, trace.is_lower_bound,
-        )  # fmt: skip
-        if not found.is_bound:
-            return found
-        span = min(raw, float(np.ptp(trace.error_arcsec[rows])))
-        return replace(found, range=extent.at_most(span), revolution=revolution.at_most(span))
+@dataclass(frozen=True, eq=False)
+class _Visited:
+    """Visited input angles [turns], rising, shape (angles,), and how much they cover; None without a ratio."""
+
+    grid_turns: Array
+    coverage: Coverage | None
+
+
+def _visited(fit: TraceFit, gearing: Gearing | None) -> _Visited:
+    """Return the input angles that a recording visits, each angle of the cycle once if the curve closes with it."""
+    places, per_turn = visited_angles(fit)
+    if gearing is None:
+        return _Visited(places / per_turn, None)
+    cycle = gearing.cycle * per_turn
+    places_in_cycle = np.unique(np.mod(places, cycle))
+    # a place counts as visited if the next one is visited too
+    steps = int(np.isin(np.mod(places_in_cycle + 1, cycle), places_in_cycle).sum())
+    cam_turns = steps / per_turn
+    coverage = Coverage(
+        cam_turns=cam_turns,
+        share=min(1.0, cam_turns / gearing.cam_turns),
+        longest_share=min(1.0, fit.bins.span / gearing.cam_turns),
+    )
+    is_whole = fit.bins.span_on_output(gearing.ratio) >= WHOLE_TURN * gearing.ratio
+    if is_whole and not len(fit.lines):
+        places = places_in_cycle
+    return _Visited(places / per_turn, coverage)
+
+
+def _other_uncertainties(
+    drifts: Sequence[UncertaintySource], errors: Sequence[UncertaintySource], span: float
+) -> OtherUncertainties:
+    """Return the uncertainties of the ranges by drifts over a span [turns], and by sources that do not grow with it."""
+    drift = combined(drifts)
+    error = combined(errors)
+    return OtherUncertainties(visited=hypot(drift, error), revolution=hypot(drift / span, error), cam=error)
+
+
+def _slow_range(fit: TraceFit) -> float:
+    """Return the range of the slow terms of a fit at its bins [arcsec]."""
+    bins = fit.bins
+    if fit.design.slow.by_angle:
+        return float(np.ptp(fit.design.drift_at(fit.drift, bins.turns, bins.travel)))
+    return float(np.ptp(curve_of(fit.coefficients[np.tile(fit.is_slow, 2)], fit.orders[fit.is_slow], bins.turns)))
+
+
+def _range_without_drift(trace: MeasuredTrace, fit: TraceFit) -> float:
+    """Return the range of the readings of a trace without the drift of its fit [arcsec]."""
+    rows = trace.rows
+    drift = fit.design.drift_at(fit.drift, trace.cam_deg[rows] / 360, travel_of(trace)[rows])
+    return float(np.ptp(trace.error_arcsec[rows] - drift))
+
+
+def _require_fine_steps(trace: MeasuredTrace, F_ior: Range) -> None:
+    """Raise UntrustedError if the steps of the output's readings are so coarse that rounding looks like error."""
+    if trace.in_time and trace.step_arcsec > _COARSE_STEP * F_ior.value:
+        size = f"{trace.step_arcsec:.2g}″"
+        message = f"the output is read in steps of {size} at even angles: what they round looks like error"
+        hint = "sample both encoders at constant time intervals"
+        raise UntrustedError(f"{trace.file}: {message}", hint, Fault.ORDERS_UNTOLD)
+
+
+def _require_clear(
+    trace: MeasuredTrace, fit: TraceFit, F_ior: Range, sources: Sequence[UncertaintySource], *, is_drifting: bool
+) -> None:
+    """Raise UntrustedError if F'_ior is not above its noise; is_drifting: whether a drift is left in the recording."""
+    by_recording = [source for source in sources if source.name not in {*STATED, WIND_UP}]
+    uncertainty = combined(by_recording)
+    if fit.clear_of_noise and F_ior.value > COVERAGE_FACTOR * uncertainty:
+        return
+    hint = "record longer or with less noise, and check the column"
+    if is_drifting:
+        hint = "the recording drifts; use --drift linear"
+    if BY_ORDER in trace.notes:
+        hint = f"{BY_ORDER} in arcsec; of a second encoder at the output: --second 2"
+    message = f"F'_ior of {max(F_ior.value, 0.0):.3g}″ is not above its noise, u = {uncertainty:.3g}″"
+    raise UntrustedError(f"{trace.file}: {message}", hint, Fault.ORDERS_UNTOLD)
 
 
 def _require_drift(kind: str) -> None:
@@ -540,49 +724,57 @@ def _require_drift(kind: str) -> None:
 
 
 def _with_lines_or_drift(fit: TraceFit) -> tuple[TraceFit, float]:
-    """A fit with its lines, and the linear drift [arcsec] that it has not taken off."""
+    """Return a fit with its lines, and the linear drift [arcsec] that it has not removed."""
     fit = with_lines(fit)
     extent = float(np.ptp(fit.bins.error - fit.residual))
     return fit, 0.0 if len(fit.drift) else drift_of(fit, extent)
 
 
 def _declared(trace: MeasuredTrace, orders: Sequence[float] | None, notes: list[str]) -> Sequence[float]:
-    """Declared orders, refused where the steps of the angle do not resolve them, the default ones cut instead."""
+    """Return the declared orders, or the default ones that the steps of the angle resolve.
+
+    notes: to which orders that are not resolved are added.
+    Raises UntrustedError for declared orders that are not resolved.
+    """
     declared = orders or DEFAULT_ORDERS
     steps = np.concatenate(list(map(np.diff, trace.by_sweep(trace.cam_deg)))) / 360
     highest = 1 / (_STEPS_PER_PERIOD * float(np.quantile(np.abs(steps[steps != 0]), 0.75)))
     if declared[-1] <= highest:
         return declared
-    kept = tuple(order for order in declared if order <= highest)
-    if orders is not None or not kept:
-        message = f"steps of {360 / (_STEPS_PER_PERIOD * highest):.3g}° are too long for order {declared[-1]:g}"
-        raise UntrustedError(
-            f"{trace.file}: {message}",
-            f"use smaller steps, or declare orders up to {highest:.2g} with --orders",
-            Fault.ORDERS_UNTOLD,
-        )
-    notes.append(
-        f"orders up to {kept[-1]:g} only: the angle steps do not resolve higher orders, which may appear as lower ones"
-    )
-    return kept
+    resolved = tuple(order for order in declared if order <= highest)
+    if orders is not None or not resolved:
+        step_deg = 360 / (_STEPS_PER_PERIOD * highest)
+        message = f"{trace.file}: steps of {step_deg:.3g}° are too long for order {declared[-1]:g}"
+        hint = f"use smaller steps, or declare orders up to {highest:.2g} with --orders"
+        raise UntrustedError(message, hint, Fault.ORDERS_UNTOLD)
+    limit = f"orders up to {resolved[-1]:g} only"
+    notes.append(f"{limit}: the angle steps do not resolve higher orders, which may appear as lower ones")
+    return resolved
 
 
 def _fit(bins: Bins, declared: Sequence[float], ratio: float, slow: SlowTerms, notes: list[str]) -> TraceFit:
-    """Fit with as many beats as the record resolves and has bins for, or with none."""
+    """Return a fit with as many sidebands as the recording resolves and has bins for, or with none.
+
+    notes: to which sidebands that are not fitted are added.
+    """
     turns = bins.span if slow.ridge else bins.span_on_output(ratio)
-    every = ((beats, order_grid(declared, turns, ratio, slow, beats=beats)) for beats in range(BEATS, -1, -1))
-    *grids, (_, without) = {len(orders): (beats, orders) for beats, orders in every}.values()  # each size once
-    for beats, orders in grids:
-        if len(bins) >= BINS_PER_COLUMN * 2 * (2 * len(orders) + 4):
-            with suppress(UntrustedError):
-                fit = fit_orders(bins, orders, slow)
-                if orders is not grids[0][1]:
-                    notes.append(f"{beats} sidebands on each side of an order: too few angles for {BEATS}")
-                return fit
-    if len(without) < len(declared):
+    grids: dict[int, tuple[int, Array]] = {}  # fewest sidebands and orders, by the number of orders
+    for beats in range(BEATS, -1, -1):
+        orders = order_grid(declared, turns, ratio, slow, beats=beats)
+        grids[len(orders)] = (beats, orders)
+    *with_sidebands, (_, without_sidebands) = grids.values()
+    for number, (beats, orders) in enumerate(with_sidebands):
+        if len(bins) < BINS_PER_COLUMN * 2 * (2 * len(orders) + 4):
+            continue
+        with suppress(UntrustedError):
+            fit = fit_orders(bins, orders, slow)
+            if number:
+                notes.append(f"{beats} sidebands on each side of an order: too few angles for {BEATS}")
+            return fit
+    if len(without_sidebands) < len(declared):
         notes.append(f"orders closer than 1/{turns:.3g} combined: the recording does not resolve them")
     notes.append("sidebands at the output frequency are not resolved and are included in the orders")
-    return fit_orders(bins, without, slow)
+    return fit_orders(bins, without_sidebands, slow)
 
 
 @dataclass(frozen=True)
@@ -622,34 +814,45 @@ class Reading(ClosedRecord, TraceForm):
         _require_drift(self.drift)
 
     def measured(self, file: str, drive: Drive | None, ratio: float | None = None, **how: Any) -> Measurement:
-        """Results of a record of a drive, or of one of a ratio; how: more arguments of `measure`.
+        """Return the results of a recording.
 
-        Raises what it and read_trace do; DataError for a torque between those that were recorded.
+        drive, ratio: one of both.
+        how: more arguments of `measure`.
+        Raises what `measure` and read_trace do; DataError for a torque between those that were recorded, and for a file
+        of another kind.
         """
-        found = self.measured_or_bench(file, drive, ratio, **how)
-        if isinstance(found, Measurement):
-            require_recorded(found.trace, how.get("M_g"))
-            if found.trace.is_lower_bound:
-                words = "the declination of the guide star is unknown, and with it the size of the error"
-                raise DataError(f"{found.trace.file}: {words}", "--declination DEG")
-            return found
-        words = f"{found.table.file}: approached positions or a torque loop, not a recording of angles and errors"
-        raise DataError(
-            words, "compute its figures with hdassist measure; pass them to accept with --value NAME=VALUE±U"
-        )
+        result = self.measured_or_bench(file, drive, ratio, **how)
+        if not isinstance(result, Measurement):
+            kind = "approached positions or a torque loop, not a recording of angles and errors"
+            hint = "compute its figures with hdassist measure; pass them to accept with --value NAME=VALUE±U"
+            raise DataError(f"{result.table.file}: {kind}", hint)
+        require_recorded(result.trace, how.get("M_g"))
+        if result.trace.is_lower_bound:
+            message = "the declination of the guide star is unknown, and with it the size of the error"
+            raise DataError(f"{result.trace.file}: {message}", "--declination DEG")
+        return result
 
     def measured_or_bench(
         self, file: str, drive: Drive | None, ratio: float | None = None, **how: Any
     ) -> Measurement | PositionRecord | LoopRecord:
-        """The same of a trace; approached positions and torque loops as they were recorded."""
-        table, gearing = read_record(file, self), gearing_of(drive, ratio)
-        if record := bench_record(table, self):
+        """Return the results of a recording, or approached positions and torque loops as they were recorded.
+
+        The arguments are those of `measured`.
+        """
+        table = read_record(file, self)
+        gearing = gearing_of(drive, ratio)
+        record = bench_record(table, self)
+        if record:
             if self.has_pace or how.get("shafts"):
-                message = (
-                    f"{table.file} contains positions or torque loops, which have no components of shafts and no times"
-                )
-                raise UsageError(message, "leave out --speed, --period and --shafts")
+                kind = "positions or torque loops, which have no components of shafts and no times"
+                raise UsageError(f"{table.file} contains {kind}", "leave out --speed, --period and --shafts")
             return record
-        trace = trace_of(table, self, gearing.ratio if gearing else None)
-        orders, stated = parse_orders(self.orders or None), parse_stated(self.budget)
-        return measure(trace, drive=drive, ratio=ratio, orders=orders, drift=self.drift, stated=stated, **how)
+        return measure(
+            trace_of(table, self, gearing.ratio if gearing else None),
+            drive=drive,
+            ratio=ratio,
+            orders=parse_orders(self.orders or None),
+            drift=self.drift,
+            stated=parse_stated(self.budget),
+            **how,
+        )

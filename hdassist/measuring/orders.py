@@ -21,6 +21,7 @@ from dataclasses import dataclass, replace
 from math import hypot, sqrt
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from hdassist.error.waves import NO_CAUSE, known_causes
@@ -33,13 +34,16 @@ from hdassist.preset.fields import Drive
 from hdassist.readers.trace import MeasuredTrace
 
 _FULL_CYCLE_DEG = 720.0  # of the output, at most
-_LEAST_RATIO, _GREATEST_RATIO = 10.0, 1000.0
+_LEAST_RATIO = 10.0
+_GREATEST_RATIO = 1000.0
 _RATIO_ROUNDING = 1e-9
+_ORDER_ROUNDING = 1e-9  # orders per input revolution
 FULL_SHARE = 0.95  # share from which the cycle counts as visited
 DEFAULT_ORDERS = tuple(float(order) for order in range(1, 13))
 _HIGHEST_ORDER = 200.0
 BEATS = 6
-_SLOW_ORDERS, _SLOW_PER_CAM_TURN = 12, 0.2  # periods of slow terms in a turn, at most: of the output and of the cam
+_SLOW_ORDERS = 12  # periods of slow terms in an output revolution, at most
+_SLOW_PER_CAM_TURN = 0.2  # periods of slow terms in an input revolution, at most
 USUAL_RATIO = 100.0  # assumed for the width of the beats where none is known
 _DRIFTING = 4.0  # cam turns: from here on one order to either side stands for beats that change the error slowly
 _SIZE_ITERATIONS = 8  # of the size of beats that a record leaves open
@@ -180,7 +184,8 @@ def parse_orders(text: str | None) -> tuple[float, ...] | None:
         match = re.fullmatch(r"\s*([0-9]+(?:\.[0-9]+)?)\s*(?:-\s*([0-9]+)\s*)?", part)
         if match is None:
             raise UsageError(f"invalid --orders {text}: expected orders", 'like "1-12" or "1,2,4"')
-        first, last = float(match[1]), float(match[2] or match[1])
+        first = float(match[1])
+        last = float(match[2] or match[1])
         if not 0 < first <= last <= _HIGHEST_ORDER or (match[2] and not first.is_integer()):
             raise UsageError(f"invalid --orders {text}: expected rising orders above 0, up to {_HIGHEST_ORDER:g}")
         orders.update(np.arange(first, last + 0.5).tolist() if match[2] else [first])
@@ -230,119 +235,233 @@ def order_grid(
     return np.asarray(every[np.concatenate([[True], np.diff(every) > step / 2])])
 
 
+@dataclass(frozen=True, eq=False)
+class _Causes:
+    """Causes of the orders of a fit, in words.
+
+    width: distance from an order up to which it is taken for that of a product of deviations.
+    products: products of deviations at each order, as their degree and their words.
+    sidebands: lines that are sidebands of a declared order, not resolved in a part of an output revolution.
+    """
+
+    fit: TraceFit
+    gearing: Gearing | None
+    has_drive: bool
+    width: float
+    products: tuple[tuple[tuple[int, str], ...], ...]
+    sidebands: Array
+
+    @classmethod
+    def of(cls, fit: TraceFit, drive: Drive | None, gearing: Gearing | None, sidebands: Array) -> _Causes:
+        """Assign each product of the deviations of a drive to the nearest order of a fit, if it is close enough."""
+        fitted = fit.orders[~fit.is_line]
+        width = float(np.diff(fitted).min()) / 2 if len(fitted) > 1 else 0.5
+        products: list[list[tuple[int, str]]] = [[] for _ in fit.orders]
+        for (k_g, k_b), (order, text) in (known_causes(drive) if drive else {}).items():
+            index = int(np.abs(fit.orders - order).argmin())
+            if abs(fit.orders[index] - order) <= width + _ORDER_ROUNDING:
+                products[index].append((abs(k_g) + abs(k_b), text))
+        return cls(
+            fit=fit,
+            gearing=gearing,
+            has_drive=drive is not None,
+            width=width,
+            products=tuple(map(tuple, products)),
+            sidebands=sidebands,
+        )
+
+    def text_of(self, group: OrderIndices) -> str:
+        """Return the causes of a group of orders, the simplest ones of the drive first; empty without any."""
+        causes = self._simplest_products(group)
+        if self.gearing:
+            causes += self._causes_of_rig(self.fit.orders[group], self.gearing.ratio)
+        if np.isin(self.fit.orders[group], self.sidebands).any():
+            causes.append(_BEAT_CAUSE)
+        elif self.fit.is_line[group].any():
+            causes.append(_LINE_CAUSE)
+        if causes:
+            return "; ".join(dict.fromkeys(causes))
+        return NO_CAUSE if self.has_drive else ""
+
+    def _simplest_products(self, group: OrderIndices) -> list[str]:
+        """Return the products of the lowest degree, which are the largest ones of small deviations."""
+        products = [product for index in group for product in self.products[index]]
+        lowest_degree = min((degree for degree, _ in products), default=0)
+        return [text for degree, text in products if degree == lowest_degree]
+
+    def _causes_of_rig(self, orders: Array, ratio: float) -> list[str]:
+        """Return the parts of the test rig that repeat as often as some orders."""
+        reach = min(self.width * ratio, 0.5)
+        causes = [text for per_output, text in _RIG_CAUSES.items() if (abs(orders * ratio - per_output) < reach).any()]
+        if (abs(orders - 1) < _ORDER_ROUNDING).any():
+            causes.append(_CAM_CAUSE)
+        return causes
+
+
 def order_tables(
     fit: TraceFit, declared: Sequence[float], drive: Drive | None, gearing: Gearing | None
 ) -> tuple[tuple[MeasuredOrder, ...], tuple[MeasuredOrder, ...]]:
-    """Orders of a fit with their simplest causes, rising; and each declared order with its beats, as one wave.
+    """Return the orders of a fit with their simplest causes, rising, and each declared order with its sidebands.
 
-    A line and the orders that the record does not resolve from it are one entry. Over a part of an output turn a line
-    among the beats of a declared order is none, and the beats that it leaves open are part of the uncertainty.
+    A line and the orders that the recording does not resolve from it are one entry. In a part of an output revolution
+    a line among the sidebands of a declared order is one of these, and the sidebands that the recording does not
+    determine are part of the uncertainty.
+
+    fit: with its lines.
+    declared: orders per input revolution, rising.
+    drive: whose deviations are the causes, None if it is unknown.
+    gearing: None if the ratio is unknown.
     """
-    orders, span, ratio = fit.orders, fit.bins.span, gearing.ratio if gearing else USUAL_RATIO
+    ratio = gearing.ratio if gearing else USUAL_RATIO
     is_part = fit.bins.span_on_output(ratio) < WHOLE_TURN * ratio
-    fitted = orders[~fit.is_line]
-    width = float(np.diff(fitted).min()) / 2 if len(fitted) > 1 else 0.5
-    is_beat = is_part & (distance(fit.lines, np.asarray(declared)) <= BEATS / ratio + LINE_WIDTH / span)
-    causes: list[list[tuple[int, str]]] = [[] for _ in orders]
-    for (k_g, k_b), (order, words) in (known_causes(drive) if drive else {}).items():
-        place = int(np.abs(orders - order).argmin())
-        if abs(orders[place] - order) <= width + 1e-9:
-            causes[place].append((abs(k_g) + abs(k_b), words))
-
-    def cause(own: OrderIndices) -> str:
-        known = [each for place in own for each in causes[place]]
-        words = [text for degree, text in known if degree == min(known)[0]]
-        if gearing:
-            reach = min(width * ratio, 0.5)
-            words += [text for often, text in _RIG_CAUSES.items() if (abs(orders[own] * ratio - often) < reach).any()]
-            words += [_CAM_CAUSE] * bool((abs(orders[own] - 1) < 1e-9).any())
-        if np.isin(orders[own], fit.lines[is_beat]).any():
-            words.append(_BEAT_CAUSE)
-        elif fit.is_line[own].any():
-            words.append(_LINE_CAUSE)
-        return "; ".join(dict.fromkeys(words)) or (NO_CAUSE if drive else "")
-
-    table = [
-        MeasuredOrder(*fit.wave(own), cause(own), bool(np.isin(orders[own], fit.lines[~is_beat]).any()))
-        for own in fit.groups
-    ]
-    together = []
+    sideband_reach = BEATS / ratio + LINE_WIDTH / fit.bins.span
+    is_sideband = is_part & (distance(fit.lines, np.asarray(declared)) <= sideband_reach)
+    causes = _Causes.of(fit, drive, gearing, fit.lines[is_sideband])
+    table = [_order_of(fit, group, fit.lines[~is_sideband], causes) for group in fit.groups]
+    joint_table = []
     for order in declared:
-        off = np.abs(orders - order)
-        near = off <= np.minimum(BEATS / ratio, np.diff(declared).min(initial=1.0) / 2) + 1e-9
-        if not len(own := np.flatnonzero(near & ~fit.is_slow)):
+        offset = np.abs(fit.orders - order)
+        reach = np.minimum(BEATS / ratio, np.diff(declared).min(initial=1.0) / 2)  # half way to the next order
+        indices = np.flatnonzero((offset <= reach + _ORDER_ROUNDING) & ~fit.is_slow)
+        if not len(indices):
             continue
-        joint = MeasuredOrder(order, *fit.joint_wave(own)[1:], "")
-        place = next((k for k, group in enumerate(fit.groups) if off.argmin() in group), 0)
+        joint = _joint_order(fit, order, indices)
+        row = next((row for row, group in enumerate(fit.groups) if offset.argmin() in group), 0)
         if is_part:
-            widened = _over_whole_turns(fit, own, joint, ratio)
-            joint, table[place] = widened(joint, BEATS), widened(table[place], 0)
-        together.append(replace(joint, cause=table[place].cause))
-    return tuple(table), tuple(together)
+            widened = _over_whole_turns(fit, indices, joint, ratio)
+            joint = widened(joint, BEATS)
+            table[row] = widened(table[row], 0)
+        joint_table.append(replace(joint, cause=table[row].cause))
+    return tuple(table), tuple(joint_table)
+
+
+def _order_of(fit: TraceFit, group: OrderIndices, lines: Array, causes: _Causes) -> MeasuredOrder:
+    """Return the order of a group of a fit; lines: those that are no sidebands."""
+    wave = fit.wave(group)
+    return MeasuredOrder(
+        per_cam_rev=wave.per_cam_rev,
+        amplitude_arcsec=wave.amplitude_arcsec,
+        uncertainty_arcsec=wave.uncertainty_arcsec,
+        phase_deg=wave.phase_deg,
+        cause=causes.text_of(group),
+        is_line=bool(np.isin(fit.orders[group], lines).any()),
+    )
+
+
+def _joint_order(fit: TraceFit, per_cam_rev: float, indices: OrderIndices) -> MeasuredOrder:
+    """Return a declared order together with its sidebands, without a cause."""
+    wave = fit.joint_wave(indices)
+    return MeasuredOrder(
+        per_cam_rev=per_cam_rev,
+        amplitude_arcsec=wave.amplitude_arcsec,
+        uncertainty_arcsec=wave.uncertainty_arcsec,
+        phase_deg=wave.phase_deg,
+        cause="",
+    )
 
 
 def other_ratio(fit: TraceFit, declared: Sequence[float], ratio: float) -> float | None:
-    """Return the ratio that the beats of a fit show, if it is another one than that of the drive; else None.
+    """Return the ratio that the sidebands of a fit show, if it is another one than that of the drive; else None.
 
-    The error of a drive has beats at the same distances from several orders. Lines of a ball pass or of the rig do not
-    come in such pairs around declared orders.
+    The error of a drive has sidebands at the same distances from several orders. Lines of a ball pass or of the test
+    rig do not come in such pairs around declared orders.
 
     fit: with its lines; declared: orders per cam turn, rising; ratio: cam turns in an output turn of the drive.
     """
-    within, step = _SAME_BEAT / fit.bins.span, 1 / ratio
-    beats: dict[tuple[float, bool], float] = {}  # distance from its order, by the order and the side
-    for place in np.flatnonzero(fit.is_line):
-        line, size = float(fit.orders[place]), float(fit.amplitude[place])
-        order = min(declared, key=lambda each: abs(each - line))
-        away = abs(line - order)
-        is_own = abs(away / step - round(away / step)) * step <= within
-        is_beat = within < away <= min(BEATS / ratio, 1 / _LEAST_RATIO) and not is_own
-        if is_beat and size >= _CLEAR_BEAT * float(fit.amplitude.max()):
-            beats[order, line > order] = away
-    for away in sorted(beats.values()):
-        alike = [other for other in beats.values() if abs(other - away) <= within]
-        if len(alike) >= _FEWEST_BEATS:
-            return 1 / float(np.mean(alike))
+    tolerance = _SAME_BEAT / fit.bins.span
+    step = 1 / ratio
+    distances: dict[tuple[float, bool], float] = {}  # of the lines from their orders, by the order and the side
+    for index in np.flatnonzero(fit.is_line):
+        line = float(fit.orders[index])
+        order = min(declared, key=lambda declared_order: abs(declared_order - line))
+        offset = abs(line - order)
+        is_of_ratio = abs(offset / step - round(offset / step)) * step <= tolerance
+        is_sideband = tolerance < offset <= min(BEATS / ratio, 1 / _LEAST_RATIO) and not is_of_ratio
+        if is_sideband and float(fit.amplitude[index]) >= _CLEAR_BEAT * float(fit.amplitude.max()):
+            distances[order, line > order] = offset
+    for offset in sorted(distances.values()):
+        equal = [distance for distance in distances.values() if abs(distance - offset) <= tolerance]
+        if len(equal) >= _FEWEST_BEATS:
+            return 1 / float(np.mean(equal))
     return None
 
 
 def _over_whole_turns(
-    fit: TraceFit, own: OrderIndices, joint: MeasuredOrder, ratio: float
+    fit: TraceFit, indices: OrderIndices, joint: MeasuredOrder, ratio: float
 ) -> Callable[[MeasuredOrder, int], MeasuredOrder]:
     """Return orders of a part of an output revolution with the uncertainty of their amplitude over whole revolutions.
 
-    Arguments: positions of an order and its sidebands in a fit, which form a joint component over the recording.
-    Cosine and sine of each sideband c are drawn from a normal distribution. The sidebands next to the order are as
-    large as the order itself, and each further one is half as large as the one before. The coefficients of the
-    recording are B c and noise. Their common size is found by expectation and maximisation.
+    The function that is returned takes an order, and how many sidebands on each side belong to it.
+
+    fit: of the recording.
+    indices: of an order and its sidebands in the fit, which form a joint component over the recording.
+    joint: that component.
+    ratio: input revolutions in an output revolution.
     """
-    away = np.tile(np.arange(-BEATS, BEATS + 1), 2)
-    pair = fit.pair(own)
-    beats, turns = joint.per_cam_rev + away[: len(away) // 2] / ratio, fit.bins.turns
-    record = fit.design.project(lambda rows: order_columns(turns[rows], beats))[pair]
-    noise = fit.covariance(pair)
-    share = 4.0 ** -np.maximum(np.abs(away) - 1.0, 0)
-    variance = joint.amplitude_arcsec**2 / share.sum() + np.trace(noise)
-    for _ in range(_SIZE_ITERATIONS):
-        prior = record * (variance * share)
-        gain = np.linalg.lstsq(prior @ record.T + noise, prior, rcond=None)[0].T
-        mean, covariance = gain @ fit.coefficients[pair], np.diag(variance * share) - gain @ prior
-        variance = float(np.mean((mean**2 + np.diag(covariance)) / share))
-    freedom = len(away) - float((np.diag(covariance) / (variance * share)).sum())  # of that size
-    student = float(stdtrit(max(freedom, 1.0), 0.975)) / COVERAGE_FACTOR
+    sidebands = _Sidebands.of(fit, indices, joint, ratio)
 
     def widened(order: MeasuredOrder, beats: int) -> MeasuredOrder:
-        kept = np.abs(away) <= beats
-        centre, spread = mean[kept], covariance[kept][:, kept]
-        size = float(np.sqrt(centre @ centre + np.trace(spread)))
-        scatter = float(np.sqrt(2 * np.trace(spread @ spread) + 4 * centre @ spread @ centre)) / (2 * size)
-        room = _UNSEEN_FACTOR * student * np.hypot(size - order.amplitude_arcsec, scatter)
-        uncertainty = float(np.hypot(order.uncertainty_arcsec, room))
+        margin = sidebands.margin_arcsec(order.amplitude_arcsec, beats)
+        uncertainty = float(np.hypot(order.uncertainty_arcsec, margin))
         if uncertainty > order.amplitude_arcsec:
             return replace(order, is_of_record=True)
         return replace(order, uncertainty_arcsec=uncertainty)
 
     return widened
+
+
+@dataclass(frozen=True, eq=False)
+class _Sidebands:
+    """Distribution of the sidebands of an order over whole output revolutions, given a part of one.
+
+    numbers: of the sidebands, from -BEATS to BEATS, of the cosines and then of the sines, shape (coefficients,).
+    mean: of the coefficients [arcsec], shape (coefficients,).
+    covariance: of the coefficients [arcsec^2], shape (coefficients, coefficients).
+    student: factor of an interval over that of a normal distribution, because their size is estimated.
+    """
+
+    numbers: NDArray[np.int64]
+    mean: Array
+    covariance: Array
+    student: float
+
+    @classmethod
+    def of(cls, fit: TraceFit, indices: OrderIndices, joint: MeasuredOrder, ratio: float) -> _Sidebands:
+        """Return the distribution of the sidebands of a joint component.
+
+        Cosine and sine of each sideband c are drawn from a normal distribution. The sidebands next to the order are as
+        large as the order itself, and each further one is half as large as the one before. The coefficients of the
+        recording are B c and noise. The common size of c is found by expectation and maximisation.
+        """
+        numbers = np.tile(np.arange(-BEATS, BEATS + 1), 2)
+        pair = fit.pair(indices)
+        orders = joint.per_cam_rev + numbers[: len(numbers) // 2] / ratio
+        turns = fit.bins.turns
+        projection = fit.design.project(lambda rows: order_columns(turns[rows], orders))[pair]  # B
+        noise = fit.covariance(pair)
+        share = 4.0 ** -np.maximum(np.abs(numbers) - 1.0, 0)  # of the variance
+        variance = joint.amplitude_arcsec**2 / share.sum() + np.trace(noise)
+        for _ in range(_SIZE_ITERATIONS):
+            # expectation: the normal distribution of c, given the coefficients and the size
+            prior = projection * (variance * share)
+            gain = np.linalg.lstsq(prior @ projection.T + noise, prior, rcond=None)[0].T
+            mean = gain @ fit.coefficients[pair]
+            covariance = np.diag(variance * share) - gain @ prior
+            # maximisation: the size that makes this distribution most likely
+            variance = float(np.mean((mean**2 + np.diag(covariance)) / share))
+        freedom = len(numbers) - float((np.diag(covariance) / (variance * share)).sum())  # of that size
+        student = float(stdtrit(max(freedom, 1.0), 0.975)) / COVERAGE_FACTOR
+        return cls(numbers=numbers, mean=mean, covariance=covariance, student=student)
+
+    def margin_arcsec(self, amplitude_arcsec: float, beats: int) -> float:
+        """Return how far the amplitude with some sidebands on each side may differ from that in the recording."""
+        is_part = np.abs(self.numbers) <= beats
+        mean = self.mean[is_part]
+        covariance = self.covariance[is_part][:, is_part]
+        size = float(np.sqrt(mean @ mean + np.trace(covariance)))
+        variance_of_square = 2 * np.trace(covariance @ covariance) + 4 * mean @ covariance @ mean
+        scatter = float(np.sqrt(variance_of_square)) / (2 * size)
+        return float(_UNSEEN_FACTOR * self.student * np.hypot(size - amplitude_arcsec, scatter))
 
 
 @dataclass(frozen=True)
@@ -477,7 +596,8 @@ def visited_angles(fit: TraceFit) -> tuple[Array, int]:
     """
     slow = fit.design.slow
     longest = _BRIDGED_TURNS if slow.by_angle or slow.ridge else _BRIDGED_IN_CYCLE
-    bins, wide = fit.bins, GAP_PERIODS / float(fit.orders[~fit.is_line][-1])
+    bins = fit.bins
+    wide = GAP_PERIODS / float(fit.orders[~fit.is_line][-1])
     per_turn = _POINTS_PER_PERIOD * int(np.ceil(fit.orders[-1]))
     usual = float(np.median(_spread(fit, bins.turns[:: max(1, len(bins) // _SPREAD_PLACES)])))
     visited = []
@@ -507,7 +627,8 @@ def image_change(fit: TraceFit, turns: Array) -> float:
     for their images up to HIGHEST_IMAGE.
     """
     rate, start, evenness = even_readings(fit.bins)
-    image, order = rate - fit.orders, np.rint(fit.orders)
+    image = rate - fit.orders
+    order = np.rint(fit.orders)
     hidden = (rate - order > order) & (rate - order <= _HIGHEST_IMAGE)  # an order with all of its beats, or none
     if evenness < EVEN or not hidden.any():
         return 0.0
@@ -520,76 +641,181 @@ def image_change(fit: TraceFit, turns: Array) -> float:
     return float(np.abs(ranges - np.ptp(fit.curve(turns))).max())
 
 
+@dataclass(frozen=True)
+class CurveRanges:
+    """Ranges of a fitted curve, and its largest slope.
+
+    visited: over all visited angles.
+    revolution: the largest within one input revolution.
+    cam: of the orders of the cam, without slow terms of the output.
+    slope: largest slope [arcsec per input revolution]; of a travel without its ends.
+    """
+
+    visited: Range
+    revolution: Range
+    cam: Range
+    slope: Range
+
+
+@dataclass(frozen=True)
+class OtherUncertainties:
+    """Standard uncertainties of the ranges of a curve [arcsec] by all sources except noise."""
+
+    visited: float = 0.0
+    revolution: float = 0.0
+    cam: float = 0.0
+
+
 def ranges_of(
-    fit: TraceFit, turns: Array, rng: np.random.Generator, others: Sequence[float], *, whole: bool, draws: int = 200
-) -> tuple[Range, Range, Range, Range]:
-    """Range of a fitted curve over angles [turns], shape (angles,), rising, within one cam turn, and of its cam orders.
+    fit: TraceFit,
+    turns: Array,
+    rng: np.random.Generator,
+    others: OtherUncertainties,
+    *,
+    whole: bool,
+    draws: int = 200,
+) -> CurveRanges:
+    """Return the ranges of a fitted curve over angles, and its largest slope, with their bias and spread by noise.
 
-    And its greatest slope [arcsec a cam turn], of a travel without its ends.
+    fit: of a direction.
+    turns: input angles [turns], rising, shape (angles,).
+    rng: of the parametric bootstrap.
+    others: standard uncertainties of the ranges by all sources except noise.
+    whole: whether the angles are those of the full cycle; in other cycles the lines may then add more.
+    draws: number of draws of the bootstrap.
+    """
+    curves = _bootstrap_curves(fit, rng, draws)
+    extremes = _extremes_of(fit, turns, curves)
+    lines = 0.0
+    if whole:
+        is_line = fit.is_line | fit.unresolved
+        lines = 2 * sum(fit.wave(group).amplitude_arcsec for group in fit.groups if is_line[group[0]])
+    return CurveRanges(
+        visited=_range(extremes.range_in_all(), lines, others.visited),
+        revolution=_range(extremes.range_in_revolution(), lines, others.revolution),
+        cam=_range(extremes.cam_high - extremes.cam_low, 0.0, others.cam),
+        slope=_range(extremes.steepest, 0.0, 0.0),
+    )
 
-    others: standard uncertainty of each of the three by all sources but noise; whole: whether the angles are those of
-    the full cycle, in others of which lines may add more.
+
+def _bootstrap_curves(fit: TraceFit, rng: np.random.Generator, draws: int) -> Array:
+    """Return coefficients of curves [arcsec], shape (2 orders, 3 + draws), for `_range` and `_slope_coefficients`.
+
+    The curves are the fitted one, this one without lines, the fitted one shrunk by its share of noise, and the shrunk
+    one with drawn noise.
     """
     noise = fit.factor @ rng.standard_normal((fit.factor.shape[1], draws))
-    best = fit.coefficients * np.tile(_kept_shares(fit), 2)
-    line = fit.is_line | fit.unresolved
-    own = np.where(np.tile(line, 2), 0.0, fit.coefficients)
-    curves = np.concatenate([np.stack([fit.coefficients, own, best], axis=1), best[:, None] + noise], axis=1)
-    slow = np.tile(fit.is_slow, 2)
-    cosines, sines = curves[:, [0, 0, *range(2, 3 + _SLOPE_DRAWS)]].reshape(2, len(fit.orders), -1)
-    slopes = (2 * np.pi * np.tile(fit.orders, 2))[:, None] * np.concatenate([sines, -cosines])
-    steepest = np.zeros(slopes.shape[1])
-    inner = np.minimum(turns - turns[0], turns[-1] - turns) >= _SLOPE_ENDS * bool(fit.design.slow.ridge)
-    lines = 2 * sum(fit.wave(own)[1] for own in fit.groups if line[own[0]]) if whole else 0.0
+    shrunk = fit.coefficients * np.tile(_kept_shares(fit), 2)
+    is_line = np.tile(fit.is_line | fit.unresolved, 2)
+    without_lines = np.where(is_line, 0.0, fit.coefficients)
+    fitted = np.stack([fit.coefficients, without_lines, shrunk], axis=1)
+    return np.concatenate([fitted, shrunk[:, None] + noise], axis=1)
+
+
+def _slope_coefficients(orders: Array, curves: Array) -> Array:
+    """Return the coefficients of the slopes of curves [arcsec per input revolution], shape (2 orders, slopes).
+
+    The columns are those that `_range` expects. Lines count in a slope, so the fitted curve takes the place of the
+    curve without lines.
+    """
+    columns = [0, 0, *range(2, 3 + _SLOPE_DRAWS)]
+    cosines, sines = curves[:, columns].reshape(2, len(orders), -1)
+    return np.asarray((2 * np.pi * np.tile(orders, 2))[:, None] * np.concatenate([sines, -cosines]))
+
+
+class _Extremes:
+    """Extremes of curves over angles, collected from one part of the angles after the other.
+
+    high, low: in each part of an input revolution [arcsec], shape (parts, curves).
+    cam_high, cam_low: of the orders of the cam over all angles [arcsec], shape (curves,).
+    steepest: largest slopes [arcsec per input revolution], shape (slopes,).
+    """
+
+    def __init__(self, parts: int, curves: int, slopes: int) -> None:
+        self.high = np.full((parts, curves), -np.inf)
+        self.low = np.full((parts, curves), np.inf)
+        self.cam_high = np.full(curves, -np.inf)
+        self.cam_low = np.full(curves, np.inf)
+        self.steepest = np.zeros(slopes)
+
+    def add_values(self, part: NDArray[np.int64], values: Array) -> None:
+        """Add values [arcsec], shape (angles, curves), and the part of a revolution of each angle, rising."""
+        parts, first = np.unique(part, return_index=True)
+        self.high[parts] = np.maximum(self.high[parts], np.maximum.reduceat(values, first))
+        self.low[parts] = np.minimum(self.low[parts], np.minimum.reduceat(values, first))
+
+    def add_cam_values(self, values: Array) -> None:
+        """Add values of the orders of the cam [arcsec], shape (angles, curves)."""
+        self.cam_high = np.maximum(self.cam_high, values.max(axis=0))
+        self.cam_low = np.minimum(self.cam_low, values.min(axis=0))
+
+    def add_slopes(self, slopes: Array) -> None:
+        """Add slopes [arcsec per input revolution], shape (angles, slopes); there may be no angles."""
+        self.steepest = np.maximum(self.steepest, np.abs(slopes).max(axis=0, initial=0.0))
+
+    def range_in_all(self) -> Array:
+        """Return the range of each curve over all angles [arcsec], shape (curves,)."""
+        return np.asarray(self.high.max(axis=0) - self.low.min(axis=0))
+
+    def range_in_revolution(self) -> Array:
+        """Return the largest range of each curve within one input revolution [arcsec], shape (curves,)."""
+        ranges = []
+        for first in range(len(self.high)):
+            parts = slice(first, first + _TURN_PARTS)
+            ranges.append(self.high[parts].max(axis=0) - self.low[parts].min(axis=0))
+        return np.asarray(np.max(ranges, axis=0))
+
+
+def _extremes_of(fit: TraceFit, turns: Array, curves: Array) -> _Extremes:
+    """Return the extremes of curves, shape (2 orders, curves), at angles [turns], rising, shape (angles,)."""
+    slopes = _slope_coefficients(fit.orders, curves)
+    is_slow = np.tile(fit.is_slow, 2)
+    margin = _SLOPE_ENDS if fit.design.slow.ridge else 0.0
+    is_inner = np.minimum(turns - turns[0], turns[-1] - turns) >= margin
     part = np.floor(turns * _TURN_PARTS + 1e-6).astype(np.int64)
     part -= part[0]
-    shape = int(part[-1]) + 1, curves.shape[1]
-    high, low, cam_high, cam_low = (np.full(size, end) for size in (shape, shape[1]) for end in (-np.inf, np.inf))
+    extremes = _Extremes(parts=int(part[-1]) + 1, curves=curves.shape[1], slopes=slopes.shape[1])
     for start in range(0, len(turns), DESIGN_CHUNK):
         rows = slice(start, start + DESIGN_CHUNK)
         columns = order_columns(turns[rows], fit.orders)
         values = columns @ curves
-        steepness = np.abs((columns if inner[rows].all() else columns[inner[rows]]) @ slopes)
-        steepest = np.maximum(steepest, steepness.max(axis=0, initial=0.0))
-        places, first = np.unique(part[rows], return_index=True)
-        high[places] = np.maximum(high[places], np.maximum.reduceat(values, first))
-        low[places] = np.minimum(low[places], np.minimum.reduceat(values, first))
-        values -= columns[:, slow] @ curves[slow]
-        cam_high, cam_low = np.maximum(cam_high, values.max(axis=0)), np.minimum(cam_low, values.min(axis=0))
-
-    def extents(parts: slice) -> Array:
-        return np.asarray(high[parts].max(axis=0) - low[parts].min(axis=0))
-
-    turn = np.max([extents(slice(k, k + _TURN_PARTS)) for k in range(len(high))], axis=0)
-    return (
-        _range(extents(slice(None)), lines, others[0]),
-        _range(turn, lines, others[1]),
-        _range(cam_high - cam_low, 0.0, others[2]),
-        _range(steepest, 0.0, 0.0),
-    )
+        extremes.add_values(part[rows], values)
+        extremes.add_cam_values(values - columns[:, is_slow] @ curves[is_slow])
+        inner_columns = columns if is_inner[rows].all() else columns[is_inner[rows]]
+        extremes.add_slopes(inner_columns @ slopes)
+    return extremes
 
 
 def _kept_shares(fit: TraceFit) -> Array:
-    """Share of each order that is no noise, shape (orders,); in a travel that of an order with its beats."""
+    """Return the share of each order that is no noise, shape (orders,); of a travel that with its sidebands."""
     noise = (fit.factor**2).sum(axis=1).reshape(2, -1).sum(axis=0)  # of each order, arcsec^2
     power = fit.amplitude**2
     if fit.design.slow.ridge:
         turns = fit.bins.turns[:: max(1, len(fit.bins) // _SPREAD_PLACES)]
-        columns, cluster = order_columns(turns, fit.orders), np.rint(fit.orders)
-        for order in np.unique(cluster):
-            own = np.tile(cluster == order, 2)
-            power[cluster == order] = np.mean((columns[:, own] @ fit.coefficients[own]) ** 2)
-            noise[cluster == order] = np.mean(((columns[:, own] @ fit.factor[own]) ** 2).sum(axis=1))
+        columns = order_columns(turns, fit.orders)
+        nearest = np.rint(fit.orders)
+        for order in np.unique(nearest):
+            is_in = nearest == order
+            pair = np.tile(is_in, 2)
+            power[is_in] = np.mean((columns[:, pair] @ fit.coefficients[pair]) ** 2)
+            noise[is_in] = np.mean(((columns[:, pair] @ fit.factor[pair]) ** 2).sum(axis=1))
     elif fit.design.condition > _CORRELATED:
         return np.ones(len(power))
     return np.asarray(np.maximum(0.0, 1 - _SHRINK * noise / np.maximum(power, 1e-300)))
 
 
 def _range(extents: Array, lines: float, others: float) -> Range:
-    """Range out of those of the fitted curve, of it without lines, of the shrunk one, and of the drawn ones.
+    """Return a range from those of the curves of `_bootstrap_curves`, shape (curves,).
 
-    lines: range that they add where their extremes meet those of the curve [arcsec]; others: see Range.
+    lines: range that lines add if their extremes coincide with those of the curve [arcsec].
+    others: see Range.
     """
-    (fitted, own, without), drawn = extents[:3].tolist(), extents[3:]
-    bias, spread = max(0.0, float(drawn.mean()) - without), _SPREAD_FACTOR * float(drawn.std(ddof=1))
-    return Range(fitted, bias, spread, max(0.0, own + lines - fitted) if lines else 0.0, others)
+    fitted, without_lines, shrunk = extents[:3].tolist()
+    drawn = extents[3:]
+    return Range(
+        fitted=fitted,
+        bias=max(0.0, float(drawn.mean()) - shrunk),
+        spread=_SPREAD_FACTOR * float(drawn.std(ddof=1)),
+        rise=max(0.0, without_lines + lines - fitted) if lines else 0.0,
+        others=others,
+    )

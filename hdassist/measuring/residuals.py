@@ -15,10 +15,12 @@ slipped, or an encoder has lost counts. After it the error has another level, wh
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hdassist.errors import Fault, UntrustedError
 from hdassist.measuring.fit import EVEN, RESOLVED_GAP, TraceFit, distance, even_readings, fit_orders, residual_power
@@ -57,11 +59,19 @@ _MOST_BREAKS = 3  # of more the rig is at fault, or the drive
 
 @dataclass(frozen=True)
 class _Peak:
-    """A peak of the residuals: its order per cam turn, amplitude [arcsec], and how often noise has such a one."""
+    """A peak of the residuals: its order per input revolution, amplitude [arcsec], and how often noise has one."""
 
     order: float
     amplitude: float
     chance: float
+
+
+@dataclass(frozen=True, eq=False)
+class TraceChange:
+    """A trace without a fault of its readings, and the warning that names the fault."""
+
+    trace: MeasuredTrace
+    warning: str
 
 
 def with_lines(fit: TraceFit) -> TraceFit:
@@ -71,12 +81,13 @@ def with_lines(fit: TraceFit) -> TraceFit:
     them, except for sidebands that a part of an output revolution leaves in the residuals, whose images look like
     lines.
     """
-    bins, orders = fit.bins, fit.orders
+    bins = fit.bins
+    orders = fit.orders
     rate, _, evenness = even_readings(bins)
     has_images = evenness > EVEN or fit.design.slow.by_angle
-    finest = min(_HIGHEST_LINE * float(orders[-1]), rate / 2 if has_images else np.inf)
+    highest = min(_HIGHEST_LINE * float(orders[-1]), rate / 2 if has_images else np.inf)
     while len(fit.lines) < _MAX_LINES and len(bins) >= BINS_PER_COLUMN * (fit.design.columns + 2):
-        peak = _highest_peak(fit, finest)
+        peak = _highest_peak(fit, highest)
         if peak is None or peak.chance > _LINE_FALSE_ALARM or peak.amplitude < _SMALLEST_LINE * fit.amplitude.max():
             break
         try:
@@ -90,168 +101,323 @@ def with_lines(fit: TraceFit) -> TraceFit:
 
 
 def _highest_peak(fit: TraceFit, highest: float) -> _Peak | None:
-    """The peak of the residuals, up to an order, that stands out most from its neighbours; None: there is no room."""
+    """Return the peak of the residuals that stands out most from its neighbours; None if there is no room for one.
+
+    highest: order up to which peaks are looked for.
+    """
     bins = fit.bins
     variance = float((bins.weight * fit.residual**2).mean())
     if not variance:
         return None
     probes, power = residual_power(bins, fit.residual, variance)
     resolution = 1 / bins.span
-    per_probe = bins.per_turn * bins.span / len(probes) / 2  # resolved places for each probe
-    free = (distance(probes, fit.orders) >= RESOLVED_GAP * resolution) & (probes <= highest)
-    free &= probes >= fit.design.slow.periods * resolution
-    if not (free & (probes >= _FEWEST_PERIODS * resolution)).any():
+    places_per_probe = bins.per_turn * bins.span / len(probes) / 2
+    is_free = (distance(probes, fit.orders) >= RESOLVED_GAP * resolution) & (probes <= highest)
+    is_free &= probes >= fit.design.slow.periods * resolution
+    if not (is_free & (probes >= _FEWEST_PERIODS * resolution)).any():
         return None
-    place, tail = _least_likely(probes[free], power[free], power[free], resolution, per_probe)
-    order = float(probes[free][place])
-    # in a short record side lobes of a line reach its neighbours: they are looked at without it
-    own, pair = fit.beside(order_columns(bins.turns, np.array([order])))
-    _, others = residual_power(bins, fit.residual - own @ pair, variance)
-    near = np.abs(probes[free] - order) < LINE_WIDTH * resolution
-    _, alone = _least_likely(probes[free], np.where(near, power[free], 0.0), others[free], resolution, per_probe)
-    chance = _PROBES_PER_PLACE * int(free.sum()) * per_probe * float(np.exp(min(tail, alone)))
-    top = 2 * np.sqrt(power[free][place] * variance * float((bins.weight**2).sum())) / float(bins.weight.sum())
-    return _Peak(order, float(top), chance)
+    free_probes = probes[is_free]
+    free_power = power[is_free]
+    index, log_chance = _least_likely(free_probes, free_power, free_power, resolution, places_per_probe)
+    order = float(free_probes[index])
+    # in a short recording side lobes of a line reach its neighbours: they are looked at without it as well
+    column, coefficients = fit.beside(order_columns(bins.turns, np.array([order])))
+    _, power_without = residual_power(bins, fit.residual - column @ coefficients, variance)
+    is_peak = np.abs(free_probes - order) < LINE_WIDTH * resolution
+    peak_power = np.where(is_peak, free_power, 0.0)
+    _, log_chance_alone = _least_likely(free_probes, peak_power, power_without[is_free], resolution, places_per_probe)
+    chance_in_place = float(np.exp(min(log_chance, log_chance_alone)))
+    square = free_power[index] * variance * float((bins.weight**2).sum())
+    amplitude = 2 * np.sqrt(square) / float(bins.weight.sum())
+    chance = _PROBES_PER_PLACE * int(is_free.sum()) * places_per_probe * chance_in_place
+    return _Peak(order=order, amplitude=float(amplitude), chance=chance)
 
 
-def _least_likely(probes: Array, power: Array, others: Array, resolution: float, per_probe: float) -> tuple[int, float]:
-    """The place whose power noise has least often, and the logarithm of the chance; others: power of its neighbours.
+def _least_likely(
+    probes: Array, power: Array, neighbours: Array, resolution: float, places_per_probe: float
+) -> tuple[int, float]:
+    """Return the index of the probe whose power is least likely noise, and the logarithm of that probability.
 
-    per_probe: resolved places for each of them.
+    Power of noise in m places has a chi-square distribution of 2 m degrees of freedom. That a single place exceeds
+    their mean by a ratio r has the probability (1 + r / m)^-m.
+
+    probes: orders, rising, shape (probes,).
+    power: at the probes, shape (probes,).
+    neighbours: power that the neighbours of a probe have, shape (probes,).
+    resolution: of the recording [orders].
+    places_per_probe: number of resolved places of each probe.
     """
-    total = np.concatenate([[0.0], np.cumsum(others)])
-    reach, at = max(1, int(_NEIGHBOURHOOD / per_probe)), np.arange(len(probes))
-    below, above = (np.searchsorted(probes, probes + side * resolution) for side in (-LINE_WIDTH, LINE_WIDTH))
-    sides = ((np.maximum(at - reach, 0), below), (above, np.minimum(at + reach, len(probes))))
-    tails = []
-    for first, last in sides:
-        places = np.maximum(last - first, 0) * per_probe
-        ratio = power / np.maximum((total[np.maximum(first, last)] - total[first]) * per_probe, 1e-300)
-        tails.append(np.where(places >= _FEWEST_NEIGHBOURS, -places * np.log1p(ratio), 0.0))
-    # above the last place there is no neighbour, and no more noise than below
-    tail = np.where(at + reach < len(probes), np.max(tails, axis=0), tails[0])
-    tail = np.where(probes >= _FEWEST_PERIODS * resolution, tail, np.inf)
-    best = int(tail.argmin())
-    return best, float(tail[best])
+    count = len(probes)
+    total = np.concatenate([[0.0], np.cumsum(neighbours)])
+    reach = max(1, int(_NEIGHBOURHOOD / places_per_probe))
+    index = np.arange(count)
+    last_below = np.searchsorted(probes, probes - LINE_WIDTH * resolution)
+    first_above = np.searchsorted(probes, probes + LINE_WIDTH * resolution)
+    windows = (
+        (np.maximum(index - reach, 0), last_below),
+        (first_above, np.minimum(index + reach, count)),
+    )
+    log_chances = []
+    for first, last in windows:
+        places = np.maximum(last - first, 0) * places_per_probe
+        noise = (total[np.maximum(first, last)] - total[first]) * places_per_probe
+        ratio = power / np.maximum(noise, 1e-300)
+        log_chances.append(np.where(places >= _FEWEST_NEIGHBOURS, -places * np.log1p(ratio), 0.0))
+    # above the last probe there is no neighbour, and no more noise than below
+    log_chance = np.where(index + reach < count, np.max(log_chances, axis=0), log_chances[0])
+    log_chance = np.where(probes >= _FEWEST_PERIODS * resolution, log_chance, np.inf)
+    least = int(log_chance.argmin())
+    return least, float(log_chance[least])
 
 
 def _settled(fit: TraceFit, orders: Array, order: float) -> TraceFit:
     """Return a fit with one further line, with the orders of the lines moved to the best fit.
 
-    If a line is so close to a fitted order that the recording does not resolve them, it is put halfway between two
-    orders, or half the resolution from one, where it reduces the residuals most: together they fit the error there.
+    If a line is so close to a fitted order that the recording does not resolve them, it is put between orders
+    instead.
+
+    fit: with the lines so far.
+    orders: that are no lines, rising, shape (orders,).
+    order: of the further line.
     Raises UntrustedError if there is no room.
     """
-    bins, slow, resolution = fit.bins, fit.design.slow, 1 / fit.bins.span
-    held = fit.unresolved[fit.is_line]
+    slow = fit.design.slow
     with suppress(UntrustedError):  # it came to where an order is
-        trial = fit_orders(bins, orders, slow, np.append(fit.lines, order))
+        trial = fit_orders(fit.bins, orders, slow, np.append(fit.lines, order))
+        fixed_lines = fit.lines[fit.unresolved[fit.is_line]]
         for _ in range(_ORDER_ITERATIONS):
-            free = ~np.isin(trial.lines, fit.lines[held])
-            a, b = trial.coefficients.reshape(2, -1)[:, trial.is_line]
-            phase = (2 * np.pi) * bins.turns[:, None] * trial.lines
-            slopes = (2 * np.pi) * (bins.turns - bins.turns.mean())[:, None] * (b * np.cos(phase) - a * np.sin(phase))
-            step = np.clip(trial.beside(slopes)[1], -resolution / 2, resolution / 2)  # to first order
-            trial = fit_orders(bins, orders, slow, trial.lines + free * step)
+            is_free = ~np.isin(trial.lines, fixed_lines)
+            trial = fit_orders(fit.bins, orders, slow, trial.lines + is_free * _line_steps(trial))
         if trial.unresolved.sum() <= fit.unresolved.sum():
             return trial
-    every = fit.orders
-    gaps = np.diff(every) < 2 * RESOLVED_GAP * resolution
-    places = np.concatenate([(every[1:] + every[:-1])[gaps] / 2, every - resolution / 2, every + resolution / 2])
-    places = np.unique(
-        places[(np.abs(places - order) < 0.5) & (distance(places, every) > _CLOSEST_ORDERS * resolution)]
-    )
+    return fit_orders(fit.bins, orders, slow, np.append(fit.lines, _place_between(fit, order)))
+
+
+def _line_steps(fit: TraceFit) -> Array:
+    """Return the steps of the orders of lines to a better fit, to first order, shape (lines,).
+
+    Derivative of a cos(p) + b sin(p) over the order f, p = 2 pi f x: 2 pi x (b cos(p) - a sin(p)). The angle x counts
+    from the middle of the recording, so that a step does not turn the phase there.
+    """
+    bins = fit.bins
+    resolution = 1 / bins.span
+    a, b = fit.coefficients.reshape(2, -1)[:, fit.is_line]
+    phase = (2 * np.pi) * bins.turns[:, None] * fit.lines
+    derivative = (2 * np.pi) * (bins.turns - bins.turns.mean())[:, None] * (b * np.cos(phase) - a * np.sin(phase))
+    return np.clip(fit.beside(derivative)[1], -resolution / 2, resolution / 2)
+
+
+def _place_between(fit: TraceFit, order: float) -> float:
+    """Return the order of a line between fitted orders that the recording does not resolve from it.
+
+    It is halfway between two orders, or half the resolution from one, where the line reduces the residuals most:
+    together they fit the error there. Raises UntrustedError if there is no room.
+    """
+    bins = fit.bins
+    orders = fit.orders
+    resolution = 1 / bins.span
+    has_narrow_gap = np.diff(orders) < 2 * RESOLVED_GAP * resolution
+    middles = (orders[1:] + orders[:-1])[has_narrow_gap] / 2
+    places = np.concatenate([middles, orders - resolution / 2, orders + resolution / 2])
+    is_near = np.abs(places - order) < 0.5
+    is_free = distance(places, orders) > _CLOSEST_ORDERS * resolution
+    places = np.unique(places[is_near & is_free])
     if not len(places):
         raise UntrustedError("no room for a line", "")
-    pairs = [fit.beside(order_columns(bins.turns, place[None])) for place in places]
-    squares = [bins.weight @ (own @ pair) ** 2 for own, pair in pairs]
-    return fit_orders(bins, orders, slow, np.append(fit.lines, places[int(np.argmax(squares))]))
+    reductions = []
+    for place in places:
+        column, coefficients = fit.beside(order_columns(bins.turns, place[None]))
+        reductions.append(bins.weight @ (column @ coefficients) ** 2)
+    return float(places[int(np.argmax(reductions))])
 
 
 def _departures(trace: MeasuredTrace, bins: Bins, fitted: Array) -> list[Array]:
-    """Errors [arcsec] of the rows of each sweep of a trace less a curve, from its values at the bins."""
-    columns = *map(trace.by_sweep, (trace.cam_deg / 360, trace.error_arcsec)), *map(bins.by_sweep, (bins.turns, fitted))
-    return [error - np.interp(turns, at, curve) for turns, error, at, curve in zip(*columns, strict=True)]
+    """Return the errors [arcsec] of the rows of each sweep of a trace minus a curve.
+
+    fitted: values of the curve at the bins [arcsec], shape (bins,).
+    """
+    departures = []
+    sweeps = zip(
+        trace.by_sweep(trace.cam_deg / 360),
+        trace.by_sweep(trace.error_arcsec),
+        bins.by_sweep(bins.turns),
+        bins.by_sweep(fitted),
+        strict=True,
+    )
+    for turns, error, bin_turns, curve in sweeps:
+        departures.append(error - np.interp(turns, bin_turns, curve))
+    return departures
 
 
-def with_step(trace: MeasuredTrace, fit: TraceFit) -> tuple[MeasuredTrace, str] | None:
-    """A trace with a level of its own behind the greatest step of what a fit leaves, and the warning; None without any.
+@dataclass(frozen=True, eq=False)
+class _StepSizes:
+    """Differences of mean errors behind and before rows [arcsec], and the numbers of these rows, each (rows,)."""
 
-    A step is the difference of the means over STEP_TURNS before and behind a reading, far above that of all readings,
-    and no less over a quarter of that, where a slope would be.
+    size: Array
+    row: NDArray[np.int64]
+
+    @property
+    def usual(self) -> float:
+        """Robust standard deviation of the differences [arcsec]."""
+        if not self.size.any():
+            return 0.0
+        return _TO_SIGMA * float(np.median(np.abs(self.size[self.size != 0])))
+
+
+def with_step(trace: MeasuredTrace, fit: TraceFit) -> TraceChange | None:
+    """Return a trace with a level of its own behind the largest step of the residuals; None without a step.
+
+    A step is the difference of the means over _STEP_TURNS before and behind a reading, far above that of all readings,
+    and about as large over a quarter of that, where a slope would be smaller.
     """
     if len(trace.breaks) == _MOST_BREAKS:
         return None
-    bins, fitted = fit.bins, fit.curve(fit.bins.turns)
-    sizes, rows = [], []
-    for sweep, apart in zip(trace.sweeps, _departures(trace, bins, fitted), strict=True):
-        reach = int(_STEP_TURNS * len(sweep) / max(float(np.ptp(trace.cam_deg[sweep.rows])) / 360, _STEP_TURNS))
+    fitted = fit.curve(fit.bins.turns)
+    steps = _step_sizes(trace, _departures(trace, fit.bins, fitted))
+    if steps is None:
+        return None
+    index = int(np.abs(steps.size).argmax())
+    size = float(steps.size[index])
+    row = int(steps.row[index])
+    line = int(trace.line[row])
+    is_small = abs(size) < max(_STEP_SIGMAS * steps.usual, _STEP_RANGE_SHARE * float(np.ptp(fitted)))
+    if is_small or line in trace.breaks:
+        return None
+    fitted_size = _fitted_step(trace, fit, row)
+    if fitted_size is None:
+        return None
+    where = f"the error steps by {fitted_size:.3g}″ at line {line}"
+    warning = f"{where}, as if a coupling slips or counts are lost; the step is removed"
+    return TraceChange(replace(trace, breaks=tuple(sorted((*trace.breaks, line)))), warning)
+
+
+def _step_sizes(trace: MeasuredTrace, departures: Sequence[Array]) -> _StepSizes | None:
+    """Return the sharp differences of means behind and before the rows of a trace; None if sweeps are too short.
+
+    Differences that a slope may explain are 0.
+
+    departures: of the readings from a fit [arcsec], by sweep.
+    """
+    sizes = []
+    rows = []
+    for sweep, departure in zip(trace.sweeps, departures, strict=True):
+        span = float(np.ptp(trace.cam_deg[sweep.rows])) / 360
+        reach = int(_STEP_TURNS * len(sweep) / max(span, _STEP_TURNS))
         if reach < _FEWEST_BESIDE_STEP or len(sweep) < 4 * reach:
             continue
-        total, at = np.cumsum(np.append(0.0, apart)), np.arange(reach, len(sweep) - reach)
-        near = max(reach // 4, _FEWEST_BESIDE_STEP)
-        far, close = ((total[at + r] - 2 * total[at] + total[at - r]) / r for r in (reach, near))
-        sizes.append(np.where(close / np.where(far, far, 1.0) > _SHARP, far, 0.0))
-        rows.append(sweep.start + at)
+        total = np.cumsum(np.append(0.0, departure))
+        index = np.arange(reach, len(sweep) - reach)
+        wide = _difference_of_means(total, index, reach)
+        close = _difference_of_means(total, index, max(reach // 4, _FEWEST_BESIDE_STEP))
+        is_sharp = close / np.where(wide, wide, 1.0) > _SHARP
+        sizes.append(np.where(is_sharp, wide, 0.0))
+        rows.append(sweep.start + index)
     if not sizes:
         return None
-    size, row = np.concatenate(sizes), np.concatenate(rows)
-    usual = _TO_SIGMA * float(np.median(np.abs(size[size != 0]))) if size.any() else 0.0
-    place = int(np.abs(size).argmax())
-    step, line = float(size[place]), int(trace.line[row[place]])
-    if abs(step) < max(_STEP_SIGMAS * usual, _STEP_RANGE_SHARE * float(np.ptp(fitted))) or line in trace.breaks:
+    return _StepSizes(size=np.concatenate(sizes), row=np.concatenate(rows))
+
+
+def _difference_of_means(total: Array, index: NDArray[np.int64], reach: int) -> Array:
+    """Return the mean over `reach` values behind minus that before some indices, from the cumulative sum of values."""
+    return np.asarray((total[index + reach] - 2 * total[index] + total[index - reach]) / reach)
+
+
+def _fitted_step(trace: MeasuredTrace, fit: TraceFit, row: int) -> float | None:
+    """Return the size of a step at a row by a joint fit [arcsec]; None if a drift explains more of the residuals.
+
+    A cycle that does not close by a drift has a step at its end.
+    """
+    bins = fit.bins
+    turns = trace.cam_deg[row] / 360
+    number = next(number for number, sweep in enumerate(trace.sweeps) if sweep.start <= row < sweep.stop)
+    direction = trace.sweeps[number].direction
+    is_behind = (bins.sweep == number) & ((bins.turns - turns) * direction >= 0)
+    step_column, (step,) = fit.beside(is_behind.astype(float)[:, None])
+    drift_column, (drift,) = fit.beside((bins.travel / fit.design.reach)[:, None])
+    by_step = step**2 * (bins.weight @ step_column**2)[0]
+    by_drift = drift**2 * (bins.weight @ drift_column**2)[0]
+    return None if by_step < by_drift else float(step)
+
+
+def without_spikes(trace: MeasuredTrace, fit: TraceFit) -> TraceChange | None:
+    """Return a trace without spikes, which are short departures from a fit to its sweeps; None without any.
+
+    Raises UntrustedError for spikes of a trace that is not to be read without them, or for too many to omit.
+    """
+    fitted = fit.bins.error - fit.residual
+    departures = _departures(trace, fit.bins, fitted)
+    size = np.abs(np.concatenate(departures))
+    is_spike = _is_short_spike(departures, size, float(np.ptp(fitted)))
+    is_spike &= size > _least_spike(trace, fit, float(np.ptp(fitted)))
+    is_spike &= size > 2 * _largest_of_others(trace, size, is_spike)
+    spikes = np.flatnonzero(is_spike)
+    if not len(spikes):
         return None
-    there = trace.cam_deg[row[place]] / 360
-    k = next(k for k, each in enumerate(trace.sweeps) if each.start <= row[place] < each.stop)
-    behind = (bins.sweep == k) & ((bins.turns - there) * trace.sweeps[k].direction >= 0)
-    columns = [
-        behind.astype(float),
-        bins.travel / fit.design.reach,
-    ]  # a cycle that does not close has a step at its end
-    (own, (step,)), (drift, (slope,)) = (fit.beside(column[:, None]) for column in columns)
-    if step**2 * (bins.weight @ own**2)[0] < slope**2 * (bins.weight @ drift**2)[0]:
-        return None
-    words = (
-        f"the error steps by {step:.3g}″ at line {line}, as if a coupling slips or counts are lost; the step is removed"
+    spike_rows = trace.rows[spikes]
+    lines = shortened(trace.line[spike_rows].tolist(), _NAMED_LINES)
+    message = f"lines {lines}: {size[spikes].max():.3g}″ off the others"
+    if len(spikes) > _MAX_SPIKE_SHARE * len(trace.rows):
+        hint = "check the encoders' cables and counters"
+        raise UntrustedError(f"{trace.file}: {message}: too many to leave out", hint, Fault.ORDERS_UNTOLD)
+    is_within = _rows_to_end(departures)[spikes] >= _LONGEST_SPIKE
+    if not trace.robust and is_within.any():  # a shaft that turns back has play and a lag
+        hint = "check the encoders' cables and counters, or leave out these rows: --robust"
+        raise UntrustedError(f"{trace.file}: {message}, no readings of a shaft", hint, Fault.ORDERS_UNTOLD)
+    span = np.ptp(fit.curve(fit.bins.turns))
+    return TraceChange(
+        trace=trace.without(spike_rows),
+        warning=f"{message}, omitted; with them the curve would span {span:.1f}″",
     )
-    return replace(trace, breaks=tuple(sorted((*trace.breaks, line)))), words
 
 
-def without_spikes(trace: MeasuredTrace, fit: TraceFit) -> tuple[MeasuredTrace, str] | None:
-    """A trace without the spikes beside a fit to its sweeps, and the warning that names them; None without any.
+def _is_short_spike(departures: Sequence[Array], size: Array, extent: float) -> NDArray[np.bool_]:
+    """Return whether a reading is far off the fit and its neighbours, in a group that is short, shape (rows,).
 
-    Raises UntrustedError: spikes where the trace is not to be read without them, or too many to leave out.
+    departures: of the readings from the fit [arcsec], by sweep.
+    size: of these, shape (rows,).
+    extent: range of the fitted curve [arcsec].
     """
     from scipy.ndimage import binary_opening, median_filter  # 20 ms, which values in holes do without
 
-    bins, fitted = fit.bins, fit.bins.error - fit.residual
-    rows, apart = trace.rows, _departures(trace, bins, fitted)
-    size = np.abs(np.concatenate(apart))
-    beside = np.concatenate([np.abs(each - median_filter(each, _BESIDE_SPIKE, mode="mirror")) for each in apart])
-    # a spike draws the fit to it, and so its neighbours off: only the farthest are looked at
     noise = _TO_SIGMA * float(np.median(size))
-    far = size > max(_SPIKE_SIGMAS * noise, _SPIKE_RANGE_SHARE * float(np.ptp(fitted)), float(size.max()) / 2)
-    short = far & ~binary_opening(far, np.ones(_LONGEST_SPIKE + 1))
-    # the misfit, greatest at the ends of a record, is smooth where rows are many, and comes near others as great
-    short &= beside > np.maximum(size / 2, _SPIKE_SIGMAS * _TO_SIGMA * np.median(beside))
-    turns = trace.cam_deg[rows] / 360
-    gaps = np.maximum(np.abs(np.diff(turns, append=turns[-1])), np.abs(np.diff(turns, prepend=turns[0])))
-    short &= size > np.where(gaps > 1 / (2 * fit.orders[-1]), _SPIKE_SPARSE_SHARE * np.ptp(fitted), 0.0)
-    turn = np.floor(turns - turns.min()).astype(np.int64) + 1
-    greatest = np.zeros(turn.max() + 2)  # of the others in each turn of the cam
-    np.maximum.at(greatest, turn, np.where(short, 0.0, size))
-    others = np.max([greatest[turn + off] for off in (-1, 0, 1)], axis=0)
-    spikes = np.flatnonzero(short & (size > 2 * others))
-    if not len(spikes):
-        return None
-    lines = shortened(trace.line[rows[spikes]].tolist(), _NAMED_LINES)
-    words = f"lines {lines}: {size[spikes].max():.3g}″ off the others"
-    if len(spikes) > _MAX_SPIKE_SHARE * len(rows):
-        hint = "check the encoders' cables and counters"
-        raise UntrustedError(f"{trace.file}: {words}: too many to leave out", hint, Fault.ORDERS_UNTOLD)
-    inside = np.concatenate([np.minimum(np.arange(len(each)), np.arange(len(each))[::-1]) for each in apart])
-    if not trace.robust and (inside[spikes] >= _LONGEST_SPIKE).any():  # a shaft that turns back has play and a lag
-        hint = "check the encoders' cables and counters, or leave out these rows: --robust"
-        raise UntrustedError(f"{trace.file}: {words}, no readings of a shaft", hint, Fault.ORDERS_UNTOLD)
-    words += f", omitted; with them the curve would span {np.ptp(fit.curve(bins.turns)):.1f}″"
-    return trace.without(rows[spikes]), words
+    # a spike draws the fit to it, and so its neighbours off: only the farthest readings are looked at
+    is_far = size > max(_SPIKE_SIGMAS * noise, _SPIKE_RANGE_SHARE * extent, float(size.max()) / 2)
+    is_short = is_far & ~binary_opening(is_far, np.ones(_LONGEST_SPIKE + 1))
+    # the misfit, largest at the ends of a recording, is smooth if rows are many: neighbours depart by as much
+    from_neighbours = np.concatenate(
+        [np.abs(departure - median_filter(departure, _BESIDE_SPIKE, mode="mirror")) for departure in departures]
+    )
+    usual = _SPIKE_SIGMAS * _TO_SIGMA * np.median(from_neighbours)
+    return np.asarray(is_short & (from_neighbours > np.maximum(size / 2, usual)))
+
+
+def _least_spike(trace: MeasuredTrace, fit: TraceFit, extent: float) -> Array:
+    """Return the smallest spike that counts at each reading [arcsec], shape (rows,).
+
+    It is larger beside a gap in which the curve is not followed.
+
+    extent: range of the fitted curve [arcsec].
+    """
+    turns = trace.cam_deg[trace.rows] / 360
+    gap_behind = np.abs(np.diff(turns, append=turns[-1]))
+    gap_before = np.abs(np.diff(turns, prepend=turns[0]))
+    is_sparse = np.maximum(gap_behind, gap_before) > 1 / (2 * fit.orders[-1])
+    return np.where(is_sparse, _SPIKE_SPARSE_SHARE * extent, 0.0)
+
+
+def _largest_of_others(trace: MeasuredTrace, size: Array, is_spike: NDArray[np.bool_]) -> Array:
+    """Return the largest departure of readings that are no spikes [arcsec], within a revolution, shape (rows,).
+
+    It is taken over the input revolution of a reading and its two neighbours.
+    """
+    turns = trace.cam_deg[trace.rows] / 360
+    revolution = np.floor(turns - turns.min()).astype(np.int64) + 1  # from 1: there is none before the first
+    largest = np.zeros(revolution.max() + 2)
+    np.maximum.at(largest, revolution, np.where(is_spike, 0.0, size))
+    return np.asarray(np.max([largest[revolution - 1], largest[revolution], largest[revolution + 1]], axis=0))
+
+
+def _rows_to_end(departures: Sequence[Array]) -> NDArray[np.int64]:
+    """Return the number of rows between each reading and the nearer end of its sweep, shape (rows,)."""
+    numbers = [np.arange(len(departure)) for departure in departures]
+    return np.concatenate([np.minimum(number, number[::-1]) for number in numbers])

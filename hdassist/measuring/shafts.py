@@ -159,8 +159,13 @@ def shaft_components(
 def _with_wave(component: ShaftComponent, fit: TraceFit, order: float) -> ShaftComponent:
     """Return a component with the amplitude and phase of an order of a fit."""
     index = int(np.abs(fit.orders - order).argmin())
-    _, amplitude, uncertainty, phase = fit.wave(np.array([index]))
-    return replace(component, amplitude_arcsec=amplitude, uncertainty_arcsec=uncertainty, phase_deg=phase)
+    wave = fit.wave(np.array([index]))
+    return replace(
+        component,
+        amplitude_arcsec=wave.amplitude_arcsec,
+        uncertainty_arcsec=wave.uncertainty_arcsec,
+        phase_deg=wave.phase_deg,
+    )
 
 
 def _input_speed(trace: MeasuredTrace) -> float | None:

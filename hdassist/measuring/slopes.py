@@ -19,11 +19,12 @@ from dataclasses import dataclass, replace
 from math import hypot, sqrt
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hdassist.error.stiffness import catalogue_torques
 from hdassist.errors import DataError, Fault, UntrustedError
 from hdassist.measuring.fit import TraceFit, fit_orders
-from hdassist.measuring.orders import ranges_of
+from hdassist.measuring.orders import OtherUncertainties, ranges_of
 from hdassist.measuring.terms import Bins
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
@@ -34,7 +35,8 @@ _LEAST_SPEED_APART = 0.2  # of the greatest speed: between sweeps, from which on
 _LEAST_SPEED_CHANGE = 0.02  # of the speed: within sweeps, from which on a lag is fitted
 _LEAST_CHANGE = 0.01  # of the greatest torque: smaller ones wind up too little to see
 _LOAD_APART = 0.1  # of a torque's changes: least part that does not go with orders and slow terms
-_SAME_TORQUE, _SAME_OF_RATED = 0.02, 0.01  # of a torque, and of the rated one: columns that differ so little are at it
+_SAME_TORQUE = 0.02  # of a torque: a column that differs by so little is at it
+_SAME_OF_RATED = 0.01  # the same, of the rated torque
 _WIDEST_LOAD_GAP = 0.25  # of the torques of a sweep: a torque within a wider gap was not recorded
 _TORQUE_CLEAR = 2.0  # times the noise of its readings: spread of a torque that changes
 _SPEED_ROWS = 15  # rows that the speed of a row is averaged over
@@ -73,43 +75,78 @@ class Reversal:
 
 
 def speed_changes(bins: Bins) -> bool:
-    """Whether the speed within the sweeps changes by enough to tell a lag."""
-    apart = [speed - np.median(speed) for speed in bins.by_sweep(bins.speed)]
-    low, high = np.quantile(np.concatenate(apart), (0.05, 0.95))  # a turning point alone tells no lag
+    """Return whether the speed within the sweeps changes by enough to determine a lag."""
+    departures = [speed - np.median(speed) for speed in bins.by_sweep(bins.speed)]
+    low, high = np.quantile(np.concatenate(departures), (0.05, 0.95))  # a turning point alone determines no lag
     return float(high - low) / 2 > _LEAST_SPEED_CHANGE * float(np.abs(bins.speed).mean())
 
 
 def reversal_and_lag(
     fits: Sequence[TraceFit], shared: Array, drift_arcsec: float, trace: MeasuredTrace, ratio: float | None
 ) -> tuple[Reversal | None, EncoderLag | None]:
-    """What is lost where the shaft turns back, and the lag of the output's encoder; None where they are not known.
+    """Return what is lost at the reversal, and the lag of the output's encoder; None for what is unknown.
 
-    Arguments: fits of the directions, growing angles first; shared, angles [turns] that all have visited, shape
-    (angles,); drift_arcsec, standard uncertainty by drifts; ratio, cam turns per output turn, None where unknown.
+    fits: of the directions, growing angles first.
+    shared: angles [turns] that all directions cover, shape (angles,).
+    drift_arcsec: standard uncertainty by drifts.
+    trace: recording of both directions.
+    ratio: input revolutions per output revolution, None if it is unknown.
     """
-    timed = trace.time_s is not None
-    lost, over_speed = (timed and len(fits) == 2 and _lost_by_sweeps(fits)) or (None, None)
+    is_timed = trace.time_s is not None
+    levels = _levels_over_speed(fits) if is_timed and len(fits) == 2 else None
     slopes = [fit.slopes["speed"] for fit in fits if "speed" in fit.slopes]
-    slopes += [over_speed] if over_speed else []
-    reversal, lag = None, None
+    if levels:
+        slopes.append(levels.over_speed)
+    lag = None
     if ratio and slopes:
-        values, spreads = np.array(slopes).T * (1e3 * ratio * (trace.sense or 1) / TURN_ARCSEC)  # ms
-        weight = np.maximum(np.abs(spreads), 1e-15) ** -2
-        lag = EncoderLag(float(np.average(values, weights=weight)), float(weight.sum() ** -0.5))
+        lag = _mean_lag(slopes, 1e3 * ratio * (trace.sense or 1) / TURN_ARCSEC)
+    reversal = None
     if len(fits) == 2 and len(shared):
-        apart = np.subtract(*(fit.curve(shared) + fit.level.mean() for fit in fits))
-        mean, by, per_ms = float(apart.mean()), "one speed", None
-        departure = float(np.abs(apart - mean).max())
-        unsure = hypot(drift_arcsec, *(sqrt(float(fit.level_covariance.mean())) for fit in fits))
-        if lost:
-            by, per_ms = "speeds of sweeps", 0.0
-        elif all("speed" in fit.slopes for fit in fits):
-            by, per_ms = "speeds within sweeps", 0.0
-        elif ratio and timed:
-            speed = float(np.mean([np.median(np.abs(fit.bins.speed)) for fit in fits]))
-            per_ms = 2e-3 * speed * TURN_ARCSEC / ratio
-        reversal = Reversal(mean, departure, *(lost or (abs(mean), unsure)), per_ms, by)
+        reversal = _reversal(fits, shared, drift_arcsec, levels)
+        if reversal.by == "one speed":
+            per_ms = _lost_per_ms(fits, ratio) if ratio and is_timed else None
+            reversal = replace(reversal, arcsec_per_ms=per_ms)
     return reversal, lag
+
+
+def _mean_lag(slopes: Sequence[_ValueAndSpread], ms_per_slope: float) -> EncoderLag:
+    """Return the weighted mean of lags by slopes over the speed [arcsec s/turn]."""
+    values, spreads = np.array(slopes).T * ms_per_slope
+    weight = np.maximum(np.abs(spreads), 1e-15) ** -2
+    return EncoderLag(float(np.average(values, weights=weight)), float(weight.sum() ** -0.5))
+
+
+def _reversal(
+    fits: Sequence[TraceFit], shared: Array, drift_arcsec: float, levels: _LevelsOverSpeed | None
+) -> Reversal:
+    """Return the difference of two directions at shared angles [turns], and the lost motion.
+
+    The arguments are those of `reversal_and_lag`; levels: of the sweeps, None if they do not determine the lost motion.
+    """
+    growing, falling = (fit.curve(shared) + fit.level.mean() for fit in fits)
+    difference = growing - falling
+    mean = float(difference.mean())
+    lost_motion = abs(mean)
+    uncertainty = hypot(drift_arcsec, *(sqrt(float(fit.level_covariance.mean())) for fit in fits))
+    by = "one speed"
+    if levels:
+        lost_motion, uncertainty = levels.lost_motion
+        by = "speeds of sweeps"
+    elif all("speed" in fit.slopes for fit in fits):
+        by = "speeds within sweeps"
+    return Reversal(
+        mean_arcsec=mean,
+        greatest_departure_arcsec=float(np.abs(difference - mean).max()),
+        lost_motion_arcsec=lost_motion,
+        lost_motion_standard_uncertainty_arcsec=uncertainty,
+        by=by,
+    )
+
+
+def _lost_per_ms(fits: Sequence[TraceFit], ratio: float) -> float:
+    """Return the part of the lost motion that each ms of lag makes at one speed [arcsec/ms]."""
+    speed = float(np.mean([np.median(np.abs(fit.bins.speed)) for fit in fits]))
+    return 2e-3 * speed * TURN_ARCSEC / ratio
 
 
 def without_lag(trace: MeasuredTrace, lag_s: float) -> MeasuredTrace:
@@ -118,38 +155,56 @@ def without_lag(trace: MeasuredTrace, lag_s: float) -> MeasuredTrace:
     lag_s: time by which the reading of the output is older than that of the cam [s].
     """
     cam_deg = trace.cam_deg.copy()
+    time_s = np.asarray(trace.time_s)
     for sweep in trace.sweeps:
-        speed = np.gradient(trace.cam_deg[sweep.rows], np.asarray(trace.time_s)[sweep.rows])
-        around = min(_SPEED_ROWS, len(speed))
-        even = np.convolve(speed, np.ones(around), mode="same") / np.convolve(
-            np.ones(len(speed)), np.ones(around), "same"
-        )
-        cam_deg[sweep.rows] -= even * lag_s
+        speed = np.gradient(trace.cam_deg[sweep.rows], time_s[sweep.rows])
+        window = np.ones(min(_SPEED_ROWS, len(speed)))
+        rows_in_window = np.convolve(np.ones(len(speed)), window, mode="same")  # fewer at the ends of a sweep
+        mean_speed = np.convolve(speed, window, mode="same") / rows_in_window
+        cam_deg[sweep.rows] -= mean_speed * lag_s
     return replace(trace, cam_deg=cam_deg)
 
 
-def _lost_by_sweeps(fits: Sequence[TraceFit]) -> tuple[_ValueAndSpread, _ValueAndSpread] | None:
-    """Return parts of the levels of sweeps: lost at the reversal [arcsec], and over the speed [arcsec s/turn].
+@dataclass(frozen=True)
+class _LevelsOverSpeed:
+    """Parts of the levels of sweeps, each with its standard uncertainty.
 
-    Each has its standard uncertainty. The result is None if the sweeps of both directions do not determine the parts,
-    or if slopes over the speed are fitted within the sweeps.
+    lost_motion: lost at the reversal [arcsec].
+    over_speed: slope over the speed [arcsec s/turn].
+    """
+
+    lost_motion: _ValueAndSpread
+    over_speed: _ValueAndSpread
+
+
+def _levels_over_speed(fits: Sequence[TraceFit]) -> _LevelsOverSpeed | None:
+    """Return the parts of the levels of sweeps: level = mean + lost motion sign(speed) / 2 + slope speed.
+
+    The result is None if the sweeps of both directions do not determine the parts, or if slopes over the speed are
+    fitted within the sweeps.
     """
     if any("speed" in fit.slopes or fit.bins.levels != fit.bins.sweeps for fit in fits):
         return None
     level = np.concatenate([fit.level for fit in fits])
-    speed = np.array([own.mean() for fit in fits for own in fit.bins.by_sweep(fit.bins.speed)])
-    pace = np.abs(speed)
-    if len(level) < 3 or not np.ptp(pace) > _LEAST_SPEED_APART * pace.max():
+    speed = np.array([speeds.mean() for fit in fits for speeds in fit.bins.by_sweep(fit.bins.speed)])
+    size = np.abs(speed)
+    if len(level) < 3 or not np.ptp(size) > _LEAST_SPEED_APART * size.max():
         return None
     from scipy.linalg import block_diag  # 20 ms, which values in holes do without
 
     precision = np.linalg.pinv(block_diag(*[fit.level_covariance for fit in fits]))
     columns = np.column_stack([np.ones(len(level)), np.sign(speed) / 2, speed])
     covariance = np.linalg.pinv(columns.T @ precision @ columns)
-    found = covariance @ columns.T @ precision @ level
-    left, freedom = level - columns @ found, len(level) - 3
-    spread = np.sqrt(np.diag(covariance) * max(1.0, float(left @ precision @ left) / max(freedom, 1)))
-    return (abs(float(found[1])), float(spread[1])), (float(found[2]), float(spread[2]))
+    solution = covariance @ columns.T @ precision @ level
+    residual = level - columns @ solution
+    freedom = len(level) - 3
+    # levels that differ by more than their noise widen the uncertainty, those that differ by less do not narrow it
+    widening = max(1.0, float(residual @ precision @ residual) / max(freedom, 1))
+    spread = np.sqrt(np.diag(covariance) * widening)
+    return _LevelsOverSpeed(
+        lost_motion=(abs(float(solution[1])), float(spread[1])),
+        over_speed=(float(solution[2]), float(spread[2])),
+    )
 
 
 @dataclass(frozen=True)
@@ -169,27 +224,35 @@ class RecordedTorque:
     stiffness_Nm_rad: tuple[float, float] | None = None
 
     def is_change(self, torques: Sequence[Array]) -> bool:
-        """Whether it changes within some of its rows [N*m] by enough to matter."""
-        least = max(_LEAST_CHANGE * abs(self.least_Nm), _LEAST_CHANGE * abs(self.greatest_Nm))
-        is_large = float(max(map(np.ptp, torques))) > max(least, _LOAD_APART * (self.greatest_Nm - self.least_Nm))
-        return is_large and any(float(np.std(each)) > _TORQUE_CLEAR * _noise_of(each) for each in torques)
+        """Return whether it changes within some of its rows by enough to matter; torques of the rows [N*m]."""
+        smallest = max(_LEAST_CHANGE * abs(self.least_Nm), _LEAST_CHANGE * abs(self.greatest_Nm))
+        largest_change = float(max(map(np.ptp, torques)))
+        is_large = largest_change > max(smallest, _LOAD_APART * (self.greatest_Nm - self.least_Nm))
+        return is_large and any(float(np.std(torque)) > _TORQUE_CLEAR * _noise_of(torque) for torque in torques)
 
     def fitted(self, fit: TraceFit, wound: TraceFit, torques: Sequence[Array]) -> RecordedTorque | None:
-        """The same with the slope over the torque that a fit has taken off; None of a slope that may be chance.
+        """Return the torque with the slope over it that a fit has removed; None if the slope may be chance.
 
-        Arguments: fit without that slope; wound, with it; torques [N*m] of the rows.
+        fit: without that slope.
+        wound: with that slope.
+        torques: of the rows [N*m].
         """
-        slope, unsure = wound.slopes["load"]
-        if abs(slope) <= _SLOPE_CLEAR * unsure:
+        slope, uncertainty = wound.slopes["load"]
+        if abs(slope) <= _SLOPE_CLEAR * uncertainty:
             return None
         # noise of the torque makes the slope too small, by its share of the variance of the bins' load
-        noise = float(np.mean([_noise_of(each) for each in torques]) ** 2 * np.mean(1 / fit.bins.rows))
-        unsure = hypot(unsure, slope * noise / float(np.var(fit.design.fitted(fit.bins.load)[1])))
-        size, reach = max(abs(slope), 1e-300), self.greatest_Nm - self.least_Nm
+        noise_variance = float(np.mean([_noise_of(torque) for torque in torques]) ** 2 * np.mean(1 / fit.bins.rows))
+        load_variance = float(np.var(fit.design.fitted(fit.bins.load)[1]))
+        uncertainty = hypot(uncertainty, slope * noise_variance / load_variance)
+        size = max(abs(slope), 1e-300)
+        span = self.greatest_Nm - self.least_Nm
         stiffness = _ARCSEC_PER_RAD / size
-        own = stiffness, stiffness * unsure / size
         return replace(
-            self, by="record", wind_up_arcsec=size * reach, uncertainty_arcsec=unsure * reach, stiffness_Nm_rad=own
+            self,
+            by="record",
+            wind_up_arcsec=size * span,
+            uncertainty_arcsec=uncertainty * span,
+            stiffness_Nm_rad=(stiffness, stiffness * uncertainty / size),
         )
 
     def by_catalogue(self, trace: MeasuredTrace, drive: Drive | None) -> tuple[MeasuredTrace, RecordedTorque] | None:
@@ -205,10 +268,11 @@ class RecordedTorque:
         knees = np.array([0.0, T_1, T_2, T_2 + float(size.max())])
         twist = np.cumsum([0.0, *(np.diff(knees) / np.array(stiffness, float))]) * _ARCSEC_PER_RAD
         load = np.sign(trace.load) * np.interp(size, knees, twist)
-        sense = -1.0 if float(np.corrcoef(load, trace.error_arcsec)[0, 1]) < -_CLEAR_SENSE else 1.0
+        correlation = float(np.corrcoef(load, trace.error_arcsec)[0, 1])
+        sense = -1.0 if correlation < -_CLEAR_SENSE else 1.0
         span = float(np.ptp(load))
-        found = replace(self, by="catalogue", wind_up_arcsec=span, uncertainty_arcsec=_CATALOGUE_SHARE * span)
-        return replace(trace, error_arcsec=trace.error_arcsec - sense * load), found
+        removed = replace(self, by="catalogue", wind_up_arcsec=span, uncertainty_arcsec=_CATALOGUE_SHARE * span)
+        return replace(trace, error_arcsec=trace.error_arcsec - sense * load), removed
 
 
 def _noise_of(torque: Array) -> float:
@@ -217,41 +281,64 @@ def _noise_of(torque: Array) -> float:
 
 
 def at_torque(trace: MeasuredTrace, M_g: float, rated: float = 0.0) -> MeasuredTrace:
-    """A trace whose column of torque has a torque M_g [N*m]: its sweeps there, or all around it if it has none there.
+    """Return the sweeps of a trace at a torque, or all around it if it has none there.
 
-    The column may count the other way. rated: torque of the drive [N*m]. A trace without the column stays as it is.
+    The column of torque may count the other way. A trace without the column stays as it is.
+
+    M_g: torque [N*m].
+    rated: torque of the drive [N*m], 0 if it is unknown.
     Raises DataError: the column excludes the torque.
     """
     if trace.load is None:
         return trace
-    loads, room = trace.by_sweep(trace.load), max(_SAME_TORQUE * abs(M_g), _SAME_OF_RATED * rated)
-    low, high = np.array([np.quantile(load, (0.05, 0.95)) for load in loads]).T
-    way = np.array([sweep.direction for sweep in trace.sweeps])
-    recorded = np.zeros(len(loads), dtype=bool)
-    around = np.zeros(len(loads), dtype=bool)
-    for own in (way > 0, way < 0):
-        least, greatest = np.min(low, where=own, initial=np.inf), np.max(high, where=own, initial=-np.inf)
-        for torque in (M_g, -M_g):
-            has_it = own & np.array([_has_torque(load, torque, room) for load in loads])
-            is_between = bool(least <= torque <= greatest)
-            if has_it.any() or is_between:
-                recorded |= has_it
-                around |= own & ~has_it.any()
-                break
-    kept = recorded if recorded.any() else around
-    if not kept.any():
-        has = dict.fromkeys(_torque_text(load, *ends) for load, *ends in zip(loads, low, high, strict=True))
-        words = f"{trace.file}: its column of torque contains {', '.join(has)} N·m, not {M_g:g}"
+    loads = trace.by_sweep(trace.load)
+    coverage = _torque_coverage(trace, loads, M_g, rated)
+    is_recorded = bool(coverage.is_at.any())
+    is_kept = coverage.is_at if is_recorded else coverage.is_around
+    if not is_kept.any():
+        ranges = ", ".join(dict.fromkeys(_torque_text(load) for load in loads))
+        message = f"{trace.file}: its column of torque contains {ranges} N·m, not {M_g:g}"
         hint = f"select a torque of the recording, or record at {M_g:g} N·m; rename a column of another torque"
-        raise DataError(words, hint, Fault.FILE_INVALID)
-    if not recorded.any():
+        raise DataError(message, hint, Fault.FILE_INVALID)
+    if not is_recorded:
         trace = replace(trace, is_between_torques=True)
-    if kept.all():
+    if is_kept.all():
         return trace
-    every = trace.by_sweep(np.arange(len(trace.line)))
-    left = np.setdiff1d(np.arange(len(trace.line)), np.concatenate([every[k] for k in np.flatnonzero(kept)]))
-    note = f"sweeps at other torques than {M_g:g} N·m left out: {np.sum(~kept)} of {len(kept)}"
-    return replace(trace.without(left), notes=(*trace.notes, note))
+    rows_of_sweeps = trace.by_sweep(np.arange(len(trace.line)))
+    kept_rows = np.concatenate([rows_of_sweeps[number] for number in np.flatnonzero(is_kept)])
+    omitted_rows = np.setdiff1d(np.arange(len(trace.line)), kept_rows)
+    note = f"sweeps at other torques than {M_g:g} N·m left out: {np.sum(~is_kept)} of {len(is_kept)}"
+    return replace(trace.without(omitted_rows), notes=(*trace.notes, note))
+
+
+@dataclass(frozen=True, eq=False)
+class _TorqueCoverage:
+    """Which sweeps were recorded at a torque, and which lie around it, each of shape (sweeps,)."""
+
+    is_at: NDArray[np.bool_]
+    is_around: NDArray[np.bool_]
+
+
+def _torque_coverage(trace: MeasuredTrace, loads: Sequence[Array], M_g: float, rated: float) -> _TorqueCoverage:
+    """Return which sweeps of a trace cover a torque M_g [N*m], each direction by itself.
+
+    loads: torque of the readings of each sweep [N*m]; rated: torque of the drive [N*m].
+    """
+    tolerance = max(_SAME_TORQUE * abs(M_g), _SAME_OF_RATED * rated)
+    low, high = np.array([np.quantile(load, (0.05, 0.95)) for load in loads]).T
+    direction = np.array([sweep.direction for sweep in trace.sweeps])
+    is_at = np.zeros(len(loads), dtype=bool)
+    is_around = np.zeros(len(loads), dtype=bool)
+    for is_way in (direction > 0, direction < 0):
+        smallest = np.min(low, where=is_way, initial=np.inf)
+        largest = np.max(high, where=is_way, initial=-np.inf)
+        for torque in (M_g, -M_g):
+            has_torque = is_way & np.array([_has_torque(load, torque, tolerance) for load in loads])
+            if has_torque.any() or smallest <= torque <= largest:
+                is_at |= has_torque
+                is_around |= is_way & ~has_torque.any()
+                break
+    return _TorqueCoverage(is_at=is_at, is_around=is_around)
 
 
 def _has_torque(load: Array, torque: float, room: float) -> bool:
@@ -277,10 +364,11 @@ def require_recorded(trace: MeasuredTrace, M_g: float | None) -> None:
         )
 
 
-def _torque_text(load: Array, low: float, high: float) -> str:
-    """Torque of a sweep [N*m], or its least and greatest where it changes."""
-    changes = np.std(load) > _TORQUE_CLEAR * _noise_of(load) and high - low > _SAME_TORQUE * abs(load.mean())
-    return f"{low:.3g} to {high:.3g}" if changes else f"{load.mean():.3g}"
+def _torque_text(load: Array) -> str:
+    """Return the torque of a sweep [N*m] as text, or its smallest and largest if it changes."""
+    low, high = np.quantile(load, (0.05, 0.95))
+    is_changing = np.std(load) > _TORQUE_CLEAR * _noise_of(load) and high - low > _SAME_TORQUE * abs(load.mean())
+    return f"{low:.3g} to {high:.3g}" if is_changing else f"{load.mean():.3g}"
 
 
 def tells_compliance(fit: TraceFit) -> bool:
@@ -290,23 +378,32 @@ def tells_compliance(fit: TraceFit) -> bool:
 
 
 def with_order_changes(fit: TraceFit, seed: int) -> tuple[TraceFit, float | None]:
-    """A fit whose orders change with the torque, where its bins show that they do, and the most that lines miss.
+    """Return a fit whose orders change with the torque, if its bins show a change, and the most that lines miss.
 
     That is the bend of the curve [arcsec] at the mean torque, by which a straight line misses it there, or a quarter of
-    it where there is a line to either side; None where the orders do not change, or the record does not tell a bend.
+    the bend if there is a line to either side. It is None if the orders do not change, or if the recording does not
+    determine a bend.
+
+    fit: with orders that do not change.
+    seed: of the bootstrap.
     """
-    bins, miss = fit.bins, None
+    miss_arcsec = None
     for changes in (2, 1):
         with suppress(UntrustedError):
-            trial = fit_orders(bins, fit.orders, replace(fit.design.slow, order_changes=changes))
-            noise = max(float(np.linalg.norm(trial.at_torque(torque).order_root)) for torque in bins.torques)
-            if noise > _CHANGE_TOLD * float(np.linalg.norm(fit.order_root)):
+            trial = fit_orders(fit.bins, fit.orders, replace(fit.design.slow, order_changes=changes))
+            if _noise_at_torques(trial) > _CHANGE_TOLD * float(np.linalg.norm(fit.order_root)):
                 continue
-            last = trial.combined(*[0.0] * changes, 1.0)
+            last_change = trial.combined(*np.zeros(changes), 1.0)
             if changes == 2:
                 rng = np.random.default_rng([seed, 4])
-                bend, *_ = ranges_of(last, np.sort(bins.turns), rng, (0.0, 0.0, 0.0), whole=False)
-                miss = bend.interval[1]
-            if last.clear_of_noise:
-                return trial, miss and miss / changes**2
+                turns = np.sort(fit.bins.turns)
+                bend = ranges_of(last_change, turns, rng, OtherUncertainties(), whole=False).visited
+                miss_arcsec = bend.interval[1]
+            if last_change.clear_of_noise:
+                return trial, miss_arcsec and miss_arcsec / changes**2
     return fit, None
+
+
+def _noise_at_torques(fit: TraceFit) -> float:
+    """Return the largest noise of the curve at the torques of a recording, over that of a reading."""
+    return max(float(np.linalg.norm(fit.at_torque(torque).order_root)) for torque in fit.bins.torques)

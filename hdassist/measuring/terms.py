@@ -92,7 +92,8 @@ class Bins:
         cells = round(ratio * _JOINED_CELLS)
         is_covered = np.zeros(cells, dtype=bool)
         for turns in self.by_sweep(self.turns):
-            first, last = np.ceil(turns.min() * _JOINED_CELLS), np.floor(turns.max() * _JOINED_CELLS)
+            first = np.ceil(turns.min() * _JOINED_CELLS)
+            last = np.floor(turns.max() * _JOINED_CELLS)
             is_covered[np.arange(first, last).astype(np.int64) % cells] = True
         return max(self.span, float(np.count_nonzero(is_covered)) / cells * ratio)
 
@@ -108,7 +109,8 @@ def travel_of(trace: MeasuredTrace) -> Array:
 
 def bins_of(trace: MeasuredTrace, highest: float) -> Bins:
     """Average rows of the sweeps of a trace over bins of 1/(PER_PERIOD highest) of a turn; highest order per turn."""
-    travel, per_turn = travel_of(trace), _PER_PERIOD * highest
+    travel = travel_of(trace)
+    per_turn = _PER_PERIOD * highest
     load = np.zeros(len(travel)) if trace.load is None else trace.load
     parts: list[tuple[Array, ...]] = []
     levels = 0
@@ -140,7 +142,8 @@ def order_columns(turns: Array, orders: Array) -> Array:
     columns = np.empty((2, len(orders), len(turns)))
     for row, (n, off) in enumerate(zip(whole.tolist(), part.tolist(), strict=True)):
         wave = waves[n] * waves[off]
-        columns[0, row], columns[1, row] = wave.real, wave.imag
+        columns[0, row] = wave.real
+        columns[1, row] = wave.imag
     return columns.reshape(2 * len(orders), len(turns)).T
 
 
@@ -188,7 +191,9 @@ class TraceDesign:
     """
 
     def __init__(self, bins: Bins, orders: Array, slow: SlowTerms = SlowTerms()) -> None:
-        self.bins, self.orders, self.slow = bins, orders, slow
+        self.bins = bins
+        self.orders = orders
+        self.slow = slow
         self.reach = max(float(bins.travel.max()), 1e-12)
         self.columns = columns = 2 * len(orders) * (1 + slow.order_changes) + bins.levels + slow.degree + len(slow.over)
         if len(bins) < BINS_PER_COLUMN * columns:
@@ -215,11 +220,13 @@ class TraceDesign:
     @lru_cache(maxsize=4)  # noqa: B019 - of four parts in all: most records have fewer, of which fits ask several times
     def _rows(self, start: int) -> Array:
         """Rows of the design from a bin on, shape (DESIGN_CHUNK at most, columns)."""
-        bins, rows = self.bins, slice(start, start + DESIGN_CHUNK)
+        bins = self.bins
+        rows = slice(start, start + DESIGN_CHUNK)
         levels = np.eye(bins.levels)[bins.level[rows]]
         slow = self._slow(bins.turns[rows], bins.travel[rows])
         over = [getattr(bins, name)[rows, None] for name in self.slow.over]
-        away, waves = bins.away(bins.load[rows, None]), order_columns(bins.turns[rows], self.orders)
+        away = bins.away(bins.load[rows, None])
+        waves = order_columns(bins.turns[rows], self.orders)
         changes = (waves * share for share in (away, np.abs(away))[: self.slow.order_changes])
         return np.concatenate([waves, levels, slow, *over, *changes], axis=1)
 
@@ -227,7 +234,8 @@ class TraceDesign:
         """Drift, or polynomials of the angle, at angles and travels [turns], shape (angles, degree)."""
         if not self.slow.by_angle:
             return (travel[:, None] / self.reach) ** np.arange(1, self.slow.degree + 1)
-        least, greatest = self.bins.turns.min(), self.bins.turns.max()
+        least = self.bins.turns.min()
+        greatest = self.bins.turns.max()
         return legvander((2 * turns - least - greatest) / (greatest - least), self.slow.degree)[:, 1:]
 
     def fitted(self, curves: Array) -> tuple[Array, Array]:

@@ -94,8 +94,8 @@ def test_amplitudes_are_as_uncertain_as_they_say():
     for seed in range(40):
         noise = slow_noise(np.random.default_rng(seed), 600, 1.0, 0.9)
         (found,) = measure(recorded(turns, 10 * np.cos(4 * np.pi * turns) + noise), ratio=100).directions
-        _, amplitude, uncertainty, _ = found.fit.wave(np.flatnonzero(found.fit.orders == 2))
-        departures.append((amplitude - 10) / uncertainty)
+        wave = found.fit.wave(np.flatnonzero(found.fit.orders == 2))
+        departures.append((wave.amplitude_arcsec - 10) / wave.uncertainty_arcsec)
     assert 0.6 < np.std(departures) < 1.4
 
 
