@@ -20,7 +20,7 @@ from scipy.special import chdtrc
 from hdassist import __version__
 from hdassist.errors import DataError, UsageError
 from hdassist.files import read_bytes
-from hdassist.measuring.measure import Measurement
+from hdassist.measuring.measure import Measurement, SweepResult
 from hdassist.preset.fields import OneLine
 from hdassist.report import Json
 from hdassist.run.kept import KeptOwner, RecordKind, open_kept, own_schema, read_kept, why_invalid
@@ -89,57 +89,74 @@ class DriveHistory:
 
 
 def read_conditions(serial: str, texts: Sequence[str]) -> Json:
-    """Fields of an entry from a serial and texts like "torque=80,hole=h4". Raises UsageError: no such text."""
-    found = {"serial": serial}
-    for text in (part for each in texts for part in each.split(",")):
+    """Return fields of an entry from a serial number and texts like "torque=80,hole=h4".
+
+    Raises UsageError for any other text.
+    """
+    conditions = {"serial": serial}
+    for text in ",".join(texts).split(",") if texts else ():
         name, _, value = text.partition("=")
         if name not in _CONDITIONS or not value:
             hint = f"use NAME one of {', '.join(_CONDITIONS)}, for example hole=h4,torque=80,date=2026-03-01"
             raise UsageError(f"invalid --conditions {text}: expected NAME=VALUE", hint)
-        found[_CONDITIONS[name]] = value
-    return found
+        conditions[_CONDITIONS[name]] = value
+    return conditions
 
 
-def add_to_archive(folder: str, conditions: Json, found: Measurement) -> bool:
-    """Add a record to the archive of a folder; False where each of its directions is there as one of this drive.
+def _fields_of(sweep: SweepResult) -> Json:
+    """Return the fields of an entry that follow from one direction of a recording."""
+    low_arcsec, high_arcsec = sweep.interval_arcsec
+    return {
+        "direction": sweep.direction,
+        "F_ior_arcsec": sweep.F_ior_arcsec,
+        "standard_uncertainty_arcsec": sweep.uncertainty_arcsec,
+        "low_arcsec": low_arcsec,
+        "high_arcsec": high_arcsec,
+        "F_ior_is_lower_bound": sweep.is_bound,
+        "unstated": tuple(source.name for source in sweep.sources if source.arcsec is None),
+        "is_by_model": sweep.by_model is not None,
+    }
 
-    One that is there is added once more where conditions are stated otherwise, or where F'_ior comes from the model and
-    did not: the last one counts.
-    Raises UsageError: conditions that cannot be, or another file; DataError: it cannot be written, or does not hold.
+
+def add_to_archive(folder: str, conditions: Json, measurement: Measurement) -> bool:
+    """Add a recording to the archive of a folder; return whether some of its directions are new.
+
+    An entry of this drive, recording and direction is added once more if its conditions are stated otherwise, or if
+    F'_ior comes from the model and did not before: the last one counts.
+
+    conditions: of the recording, as `read_conditions` returns them.
+    Raises UsageError for conditions that cannot be, or another file; DataError for an archive that cannot be written,
+    or is damaged.
     """
-    today = datetime.now(UTC).date().isoformat()
-    travel = found.gearing and found.gearing.travel_deg
-    about = {"date": today, "travel_deg": travel, **conditions, "file": found.trace.file, "sha256": found.trace.sha256}
+    common = {
+        "date": datetime.now(UTC).date().isoformat(),
+        "travel_deg": measurement.gearing and measurement.gearing.travel_deg,
+        **conditions,
+        "file": measurement.trace.file,
+        "sha256": measurement.trace.sha256,
+    }
     try:
-        fresh = [
-            _ENTRY.validate_python(
-                {
-                    **about,
-                    "direction": each.direction,
-                    "F_ior_arcsec": each.F_ior_arcsec,
-                    "standard_uncertainty_arcsec": each.uncertainty_arcsec,
-                    "low_arcsec": each.interval_arcsec[0],
-                    "high_arcsec": each.interval_arcsec[1],
-                    "F_ior_is_lower_bound": each.is_bound,
-                    "unstated": tuple(source.name for source in each.sources if source.arcsec is None),
-                    "is_by_model": each.by_model is not None,
-                }
-            )
-            for each in found.directions
-        ]
+        entries = [_ENTRY.validate_python({**common, **_fields_of(sweep)}) for sweep in measurement.directions]
     except ValidationError as error:
         raise UsageError(f"invalid --serial or --conditions: {why_invalid(error)}") from None
     with suppress(OSError):  # the file's fault is reported
         Path(folder).mkdir()
     with open_kept(str(Path(folder) / ARCHIVE_FILE), OWNER, _ENTRIES, patience=_WRITERS_WAIT) as kept:
-        known = {(each.serial, each.sha256, each.direction): each for each in kept.records()}
-        for k, each in enumerate(fresh):
-            entry = known.get((each.serial, each.sha256, each.direction))
-            if entry and entry.is_by_model == each.is_by_model:
-                fresh[k] = replace(entry, **{name: getattr(each, name) for name in conditions})
-        fresh = [each for each in fresh if each not in known.values()]
-        kept.append(fresh)
-    return bool(fresh)
+        archived = {_identity(entry): entry for entry in kept.records()}
+        new_entries = []
+        for entry in entries:
+            former = archived.get(_identity(entry))
+            if former and former.is_by_model == entry.is_by_model:
+                entry = replace(former, **{name: getattr(entry, name) for name in conditions})
+            if entry not in archived.values():
+                new_entries.append(entry)
+        kept.append(new_entries)
+    return bool(new_entries)
+
+
+def _identity(entry: ArchiveEntry) -> tuple[str, str, int]:
+    """Return what entries of one direction of one recording of a drive have in common."""
+    return entry.serial, entry.sha256, entry.direction
 
 
 def is_cut_off(folder: str) -> bool:
@@ -156,36 +173,39 @@ def read_archive(folder: str, serial: str) -> list[ArchiveEntry]:
     if len(data) > _MAX_ARCHIVE_BYTES:
         raise DataError(f"{name} is larger than {_MAX_ARCHIVE_BYTES / 1e6:g} MB", "start another archive")
     entries = read_kept(data, name, _ENTRIES) or []
-    last = {(each.sha256, each.direction): each for each in entries if each.serial == serial}.values()
-    own = sorted(last, key=lambda each: each.date)
-    if not own:
-        serials = ", ".join(sorted({each.serial for each in entries})[:10])
+    last = {(entry.sha256, entry.direction): entry for entry in entries if entry.serial == serial}
+    if not last:
+        serials = ", ".join(sorted({entry.serial for entry in entries})[:10])
         raise DataError(f"{name} has no measurement of {serial}", f"it contains {serials or 'no drive'}")
-    return own
+    return sorted(last.values(), key=lambda entry: entry.date)
 
 
 def histories(entries: Iterable[ArchiveEntry]) -> tuple[DriveHistory, ...]:
-    """Changes of a drive by hole, torque and direction, where it was measured over the whole cycle twice or more.
+    """Return the changes of a drive by hole, torque and direction, if it was measured over the cycle twice or more.
 
     F'_ior by the model of the recording is not compared with the range of the fitted orders, which is smaller.
     """
     groups: dict[tuple[str | float | None, ...], list[ArchiveEntry]] = {}
-    for each in entries:
-        if not each.F_ior_is_lower_bound:
-            group = (each.hole, each.M_g_Nm, each.travel_deg, each.direction, each.is_by_model)
-            groups.setdefault(group, []).append(each)
-    compared = [own for own in groups.values() if len(own) > 1]
-    found = []
-    for own in compared:
-        y, u = np.array([(each.F_ior_arcsec, each.standard_uncertainty_arcsec) for each in own]).T
-        chi_square = float((((y - np.average(y, weights=u**-2)) / u) ** 2).sum())
-        probability = float(chdtrc(len(own) - 1, chi_square))
-        found.append(
-            DriveHistory(
-                entries=tuple(own),
-                chi_square=chi_square,
-                probability=probability,
-                is_changed=probability < _CHANGED / len(compared),
-            )
-        )
-    return tuple(found)
+    for entry in entries:
+        if not entry.F_ior_is_lower_bound:
+            key = (entry.hole, entry.M_g_Nm, entry.travel_deg, entry.direction, entry.is_by_model)
+            groups.setdefault(key, []).append(entry)
+    repeated = [group for group in groups.values() if len(group) > 1]
+    return tuple(_history(group, comparisons=len(repeated)) for group in repeated)
+
+
+def _history(entries: Sequence[ArchiveEntry], comparisons: int) -> DriveHistory:
+    """Return whether results under equal conditions differ by more than their uncertainty.
+
+    comparisons: number of such groups; each has its share of the probability that chance looks like a change.
+    """
+    y, u = np.array([(entry.F_ior_arcsec, entry.standard_uncertainty_arcsec) for entry in entries]).T
+    mean = np.average(y, weights=u**-2)
+    chi_square = float((((y - mean) / u) ** 2).sum())
+    probability = float(chdtrc(len(entries) - 1, chi_square))
+    return DriveHistory(
+        entries=tuple(entries),
+        chi_square=chi_square,
+        probability=probability,
+        is_changed=probability < _CHANGED / comparisons,
+    )

@@ -59,12 +59,12 @@ def _are_shares(numbers: Sequence[float]) -> bool:
 
 @dataclass(frozen=True)
 class _SheetPlan:
-    """The plan of a filled-in sheet: its drive by name, positions, output turns, and whether both ways."""
+    """The plan of a filled-in sheet: its drive by name, positions, output revolutions, and whether from both sides."""
 
     drive: str
     positions: int
     turns: float
-    both: bool
+    has_both_sides: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,19 +95,21 @@ class PositionRecord:
         positions = int(written["count"])
         if not (positions and 0 < turns < GREATEST):
             return None
-        return _SheetPlan(drive=written["drive"], positions=positions, turns=turns, both=bool(written["both"]))
+        return _SheetPlan(
+            drive=written["drive"], positions=positions, turns=turns, has_both_sides=bool(written["both"])
+        )
 
     def is_carried_out(self, plan: _SheetPlan) -> bool:
         """Return whether every position of a plan was approached from every planned side."""
         step = TURN_ARCSEC * plan.turns / plan.positions
         planned = step * np.arange(plan.positions)
-        within = _PLANNED_NEAR * step
-        sides = (1, -1) if plan.both else (1,)
+        tolerance = _PLANNED_NEAR * step
+        sides = (1, -1) if plan.has_both_sides else (1,)
         for side in sides:
             targets = self.target_arcsec[self.side == side]
             if len(targets) < plan.positions:
                 return False
-            if np.abs(planned[:, None] - targets).min(axis=1).max() > within:
+            if np.abs(planned[:, None] - targets).min(axis=1).max() > tolerance:
                 return False
         return True
 
@@ -117,9 +119,9 @@ class PositionRecord:
         Raises PresetError with the line of the remark for other text and for numbers that a plan cannot have.
         """
         numbers = tuple(map(number_of, self._remark_text(key).split()))
-        low, high, words = _REMARKS[key]
+        low, high, expected = _REMARKS[key]
         if not all(low <= number <= high for number in numbers) or (key == "sees" and not _are_shares(numbers)):
-            raise self._remark_fault(key, f"expected {words}")
+            raise self._remark_fault(key, f"expected {expected}")
         return numbers
 
     def _remark_fault(self, key: str, message: str) -> PresetError:
@@ -205,38 +207,75 @@ def bench_record(table: NumberTable, form: TraceForm | None = None) -> PositionR
     is_trace = not (form.angle is form.angle_of is form.error is form.second is None)
     if "cam" in columns or is_trace:
         return None
-
-    def marks(role: str) -> Array:
-        return table.values[:, columns[role]] if role in columns else np.ones(len(table.lines))
-
-    if "target" in columns and (runs := _run_sides(table)):
-        return _positions_of_runs(table, columns["target"], runs, form)
-    if "target" in columns and ("error" in columns or angle):
-        angles = form.angle_units
-        if len(angles) > 1 and "error" in columns:
-            raise UsageError(f"--angle-unit {form.angle_unit}: positions with deviations have one column of angles")
-        asked = angles[0] if angles else None
-        target = table.in_unit(columns["target"], "target", "deg", asked, "--angle-unit")
-        if "error" in columns:
-            deviation = table.in_unit(columns["error"], "error", "arcsec", form.error_unit, "--error-unit")
-        else:
-            if form.error_unit is not None:
-                words = f"--error-unit {form.error_unit}: the positions have no column of deviations"
-                raise UsageError(words, "state the unit of their angles with --angle-unit")
-            asked = angles[-1] if angles else None
-            deviation = _from_any_zero(table.in_unit(columns[angle], angle, "deg", asked, "--angle-unit") - target)
-        _require_deviations(table, deviation)
-        return PositionRecord(
-            table=table, target_arcsec=target, deviation_arcsec=deviation, side=np.sign(marks("side"))
-        )
+    if "target" in columns:
+        runs = _run_sides(table)
+        if runs:
+            return _positions_of_runs(table, columns["target"], runs, form)
+        if "error" in columns or angle:
+            return _positions_of_rows(table, columns, angle, form)
     if "torque" in columns and angle and "error" not in columns:
-        given = [*form.angle_units, *([] if form.error_unit is None else [form.error_unit])]
-        if len(given) > 1:
-            raise UsageError("a torque loop has one column of angles, but several units are given")
-        torque = table.in_unit(columns["torque"], "torque", "N·m")
-        twist = table.in_unit(columns[angle], angle, "arcsec", given[0] if given else None, "--angle-unit")
-        return LoopRecord(table=table, torque_Nm=torque, twist_arcsec=twist, place=marks("place"))
+        return _loop(table, columns, angle, form)
     return None
+
+
+def _numbers_of(table: NumberTable, columns: dict[str, int], role: str) -> Array:
+    """Return the numbers of the column of a role, shape (rows,); ones without it."""
+    return table.values[:, columns[role]] if role in columns else np.ones(len(table.lines))
+
+
+def _positions_of_rows(table: NumberTable, columns: dict[str, int], angle: str, form: TraceForm) -> PositionRecord:
+    """Return the approaches of a table that has a row for each.
+
+    table: table of numbers with the names of its columns.
+    columns: numbers of the columns by their roles.
+    angle: role of the column of angles that were reached, empty if there is none.
+    form: units that options state.
+    Raises UsageError for a unit of a column that the table does not have; PresetError for a name with a unit that is
+    not understood; DataError for readings that are no deviations.
+    """
+    units = form.angle_units
+    has_deviations = "error" in columns
+    _require_columns(form, has_angles=not has_deviations)
+    target = table.in_unit(columns["target"], "target", "deg", units[0] if units else None, "--angle-unit")
+    if has_deviations:
+        deviation = table.in_unit(columns["error"], "error", "arcsec", form.error_unit, "--error-unit")
+    else:
+        reached = table.in_unit(columns[angle], angle, "deg", units[-1] if units else None, "--angle-unit")
+        deviation = _from_any_zero(reached - target)
+    _require_deviations(table, deviation)
+    return PositionRecord(
+        table=table,
+        target_arcsec=target,
+        deviation_arcsec=deviation,
+        side=np.sign(_numbers_of(table, columns, "side")),
+    )
+
+
+def _require_columns(form: TraceForm, *, has_angles: bool) -> None:
+    """Raise UsageError for a stated unit of a column that approached positions do not have.
+
+    form: units that options state; has_angles: whether the table has the angles that were reached, not deviations.
+    """
+    if len(form.angle_units) > 1 and not has_angles:
+        raise UsageError(f"--angle-unit {form.angle_unit}: positions with deviations have one column of angles")
+    if form.error_unit is not None and has_angles:
+        message = f"--error-unit {form.error_unit}: the positions have no column of deviations"
+        raise UsageError(message, "state the unit of their angles with --angle-unit")
+
+
+def _loop(table: NumberTable, columns: dict[str, int], angle: str, form: TraceForm) -> LoopRecord:
+    """Return the torque loops of a table; the arguments are those of `_positions_of_rows`."""
+    units = list(form.angle_units)
+    if form.error_unit is not None:
+        units.append(form.error_unit)
+    if len(units) > 1:
+        raise UsageError("a torque loop has one column of angles, but several units are given")
+    return LoopRecord(
+        table=table,
+        torque_Nm=table.in_unit(columns["torque"], "torque", "N·m"),
+        twist_arcsec=table.in_unit(columns[angle], angle, "arcsec", units[0] if units else None, "--angle-unit"),
+        place=_numbers_of(table, columns, "place"),
+    )
 
 
 def _run_sides(table: NumberTable) -> dict[int, int]:
@@ -268,38 +307,41 @@ def _positions_of_runs(table: NumberTable, target_column: int, runs: dict[int, i
     Raises UsageError for a unit of a column that the table does not have; PresetError for a name with a unit that is
     not understood, and for runs of both kinds; DataError for readings that are no deviations.
     """
-    angles = form.angle_units
-    asked = angles[0] if angles else None
-    roles = table.roles
-    are_angles = [roles[column] in _ANGLE_ROLES for column in runs]
-    if any(are_angles) and not all(are_angles):
+    units = form.angle_units
+    are_angles = [table.roles[column] in _ANGLE_ROLES for column in runs]
+    has_angles = any(are_angles)
+    if has_angles and not all(are_angles):
         raise table.fault("some runs contain deviations, others contain angles", "write all runs in the same way")
-    if len(angles) > 1 and not any(are_angles):
-        raise UsageError(f"--angle-unit {form.angle_unit}: positions with deviations have one column of angles")
-    if form.error_unit is not None and any(are_angles):
-        words = f"--error-unit {form.error_unit}: the positions have no column of deviations"
-        raise UsageError(words, "state the unit of their angles with --angle-unit")
-    target = table.in_unit(target_column, "target", "deg", asked, "--angle-unit")
+    _require_columns(form, has_angles=has_angles)
+    target = table.in_unit(target_column, "target", "deg", units[0] if units else None, "--angle-unit")
     readings = []
     sides = []
+    reached_unit = units[-1] if units else None
     for column, side in runs.items():
         way = "forward" if side > 0 else "backward"
-        if any(are_angles):
-            reached = table.in_unit(column, f"angles, {way}", "deg", angles[-1] if angles else None, "--angle-unit")
-            readings.append(reached - target)
+        if has_angles:
+            readings.append(table.in_unit(column, f"angles, {way}", "deg", reached_unit, "--angle-unit") - target)
         else:
             readings.append(table.in_unit(column, f"deviations, {way}", "arcsec", form.error_unit, "--error-unit"))
         sides.append(np.full(len(target), float(side)))
     deviation = np.concatenate(readings)
-    if any(are_angles):
+    if has_angles:
         deviation = _from_any_zero(deviation)
-    unused = [name for column, name in enumerate(table.names) if column not in runs and column != target_column]
-    if unused:
-        table.notes.append(f"not used: {', '.join(unused)}")
+    _note_unused(table, {target_column, *runs})
     _require_deviations(table, deviation)
     return PositionRecord(
-        table=table, target_arcsec=np.tile(target, len(runs)), deviation_arcsec=deviation, side=np.concatenate(sides)
+        table=table,
+        target_arcsec=np.tile(target, len(runs)),
+        deviation_arcsec=deviation,
+        side=np.concatenate(sides),
     )
+
+
+def _note_unused(table: NumberTable, used: set[int]) -> None:
+    """Add the names of columns that are not used to the notes of a table; used: numbers of the other columns."""
+    unused = [name for column, name in enumerate(table.names) if column not in used]
+    if unused:
+        table.notes.append(f"not used: {', '.join(unused)}")
 
 
 def _from_any_zero(off_arcsec: Array) -> Array:
@@ -314,58 +356,128 @@ def _require_deviations(table: NumberTable, deviation_arcsec: Array) -> None:
         raise DataError(f"{table.file}: readings differ from their targets by up to {extent:.3g}″", hint)
 
 
+@dataclass(frozen=True, eq=False)
+class _Approaches:
+    """Approaches of positions, sorted by target and then by side.
+
+    side: 1 or -1, shape (rows,).
+    deviation_arcsec: shape (rows,).
+    positions: rows of each position.
+    groups: rows of each position and side.
+    """
+
+    side: Array
+    deviation_arcsec: Array
+    positions: list[NDArray[np.int64]]
+    groups: list[NDArray[np.int64]]
+
+    @classmethod
+    def of(cls, record: PositionRecord) -> _Approaches:
+        """Sort the approaches of a record; targets that differ by less than _SAME_TARGET are one."""
+        target = np.rint(record.target_arcsec / _SAME_TARGET)
+        order = np.lexsort([record.side, target])
+        target = target[order]
+        side = record.side[order]
+        positions = [np.flatnonzero(target == position) for position in np.unique(target)]
+        groups = [rows[side[rows] == way] for rows in positions for way in np.unique(side[rows])]
+        return cls(side=side, deviation_arcsec=record.deviation_arcsec[order], positions=positions, groups=groups)
+
+    def figures(self, deviations: Array) -> dict[str, Array]:
+        """Return quantities of sets of deviations [arcsec], shape (sets, rows), each of shape (sets,).
+
+        Quantities that need more approaches are left out.
+        """
+        positioning = []  # of each side
+        for way in np.unique(self.side):
+            means = [deviations[:, rows].mean(axis=1) for rows in self.groups if self.side[rows[0]] == way]
+            if len(means) > 1:
+                positioning.append(np.ptp(means, axis=0))
+        both_sides = [rows for rows in self.positions if np.ptp(self.side[rows])]
+        ranges = {
+            "positioning": positioning,
+            "repeatability": [np.ptp(deviations[:, rows], axis=1) / 2 for rows in self.groups if len(rows) > 1],
+            "bidirectional": [np.ptp(deviations[:, rows], axis=1) / 2 for rows in both_sides],
+        }
+        return {name: np.max(values, axis=0) for name, values in ranges.items() if values}
+
+
+@dataclass(frozen=True, eq=False)
+class _DrawnFigures:
+    """Quantities of drawn approaches by their names [arcsec].
+
+    of_mean: of the mean deviations without what scatter adds to their spread, shape (1,).
+    drawn: of these with drawn scatter, shape (draws,).
+    by_scatter: of the drawn scatter alone, shape (draws,).
+    """
+
+    of_mean: dict[str, Array]
+    drawn: dict[str, Array]
+    by_scatter: dict[str, Array]
+
+    @classmethod
+    def of(cls, approaches: _Approaches, seed: int, draws: int) -> _DrawnFigures | None:
+        """Draw approaches with the scatter of measured ones, whose size is uncertain; None without repetition."""
+        deviation = approaches.deviation_arcsec
+        freedom = len(deviation) - len(approaches.groups)
+        if not freedom:
+            return None
+        means = np.concatenate([np.full(len(rows), deviation[rows].mean()) for rows in approaches.groups])
+        square_sum = float(np.sum((deviation - means) ** 2))
+        rng = np.random.default_rng(seed)
+        scatter = np.sqrt(square_sum / rng.chisquare(freedom, (draws, 1)))
+        errors = scatter * rng.standard_normal((draws, len(deviation)))
+        best = _without_scatter(deviation, approaches.side, approaches.groups, square_sum / freedom)
+        return cls(
+            of_mean=approaches.figures(best[None]),
+            drawn=approaches.figures(best + errors),
+            by_scatter=approaches.figures(errors),
+        )
+
+    def bias(self, name: str) -> float:
+        """Return by how much scatter widens a quantity [arcsec]; that of positioning is corrected alone."""
+        if name != "positioning":
+            return 0.0
+        return max(0.0, float(self.drawn[name].mean() - self.of_mean[name][0]))
+
+    def standard_uncertainty(self, name: str) -> float:
+        """Return the standard uncertainty of a quantity without its bias [arcsec]."""
+        factor = _SPREAD_FACTOR if name == "positioning" else 1.0
+        return hypot(factor * float(self.drawn[name].std()), BIAS_SHARE * self.bias(name))
+
+    def noise(self, name: str) -> float:
+        """Return the most by which scatter widens a range beyond its bias [arcsec], but once in 40 records.
+
+        A range is at most that of the true deviations plus that of the scatter.
+        """
+        return max(0.0, float(np.quantile(self.by_scatter[name], _LEAST_CHANCE)) - self.bias(name))
+
+
 def position_quantities(record: PositionRecord, *, seed: int = 0, draws: int = 2000) -> tuple[StatedQuantity, ...]:
     """Return positioning one way, repeatability, and repeatability from both sides, as far as they were measured.
 
-    One position has no positioning. Raises DataError for a single approach.
+    One position has no positioning.
+
+    record: of approached positions.
+    seed, draws: of the drawn approaches, by which the uncertainty is estimated.
+    Raises DataError for a single approach.
     """
-    target = np.rint(record.target_arcsec / _SAME_TARGET)
-    order = np.lexsort([record.side, target])
-    target = target[order]
-    side = record.side[order]
-    deviation = record.deviation_arcsec[order]
-    positions = [np.flatnonzero(target == each) for each in np.unique(target)]
-    if len(target) < 2:
+    count = len(record.target_arcsec)
+    if count < 2:
         hint = "approach at least two positions, better 12 or 211, or one position from both sides"
         raise DataError(f"{record.table.file}: only one approach of one position", hint)
-    groups = [rows[side[rows] == way] for rows in positions for way in np.unique(side[rows])]
-
-    def figures(values: Array) -> dict[str, Array]:
-        """Quantities of sets of deviations, shape (sets, rows), each of shape (sets,)."""
-        means = {way: [values[:, rows].mean(axis=1) for rows in groups if side[rows[0]] == way] for way in set(side)}
-        found = {
-            "positioning": [np.ptp(each, axis=0) for each in means.values() if len(each) > 1],
-            "repeatability": [np.ptp(values[:, rows], axis=1) / 2 for rows in groups if len(rows) > 1],
-            "bidirectional": [np.ptp(values[:, rows], axis=1) / 2 for rows in positions if np.ptp(side[rows])],
-        }
-        return {name: np.max(each, axis=0) for name, each in found.items() if each}
-
-    freedom = len(target) - len(groups)
-    drawn: dict[str, Array] = {}
-    if freedom:
-        means = np.concatenate([np.full(len(rows), deviation[rows].mean()) for rows in groups])
-        rng = np.random.default_rng(seed)
-        squares = float(np.sum((deviation - means) ** 2))
-        scatter = np.sqrt(squares / rng.chisquare(freedom, (draws, 1)))
-        errors = scatter * rng.standard_normal((draws, len(target)))
-        best = _without_scatter(deviation, side, groups, squares / freedom)
-        best_figures = figures(best[None])
-        drawn = figures(best + errors)
-        by_noise = figures(errors)  # a range is at most that of the true deviations plus this one
+    approaches = _Approaches.of(record)
+    drawn = _DrawnFigures.of(approaches, seed, draws)
     quantities = []
-    for name, (value,) in figures(deviation[None]).items():
-        bias = 0.0
-        if drawn and name == "positioning":
-            bias = max(0.0, float(drawn[name].mean() - best_figures[name][0]))
-        widened = _SPREAD_FACTOR if name == "positioning" else 1.0
-        unsure = hypot(widened * float(drawn[name].std()), BIAS_SHARE * bias) if drawn else None
-        words = f"{_counted(len(positions), 'position')}, {len(target)} approaches"
-        noise = max(0.0, float(np.quantile(by_noise[name], _LEAST_CHANCE)) - bias) if drawn else 0.0
-        quantities.append(
-            StatedQuantity(
-                name=name, arcsec=max(0.0, float(value) - bias), uncertainty_arcsec=unsure, of=words, noise_arcsec=noise
-            )
+    for name, (value,) in approaches.figures(approaches.deviation_arcsec[None]).items():
+        bias = drawn.bias(name) if drawn else 0.0
+        quantity = StatedQuantity(
+            name=name,
+            arcsec=max(0.0, float(value) - bias),
+            uncertainty_arcsec=drawn.standard_uncertainty(name) if drawn else None,
+            of=f"{_counted(len(approaches.positions), 'position')}, {count} approaches",
+            noise_arcsec=drawn.noise(name) if drawn else 0.0,
         )
+        quantities.append(quantity)
     return tuple(quantities)
 
 
@@ -398,92 +510,140 @@ def _counted(number: int, noun: str) -> str:
 
 
 def seen_range(record: PositionRecord, quantities: Sequence[StatedQuantity]) -> SeenRange | None:
-    """Return what a record of positions with such quantities tells of F'_ior; None for one position.
+    """Return what a record of positions shows of F'_ior; None for one position.
 
-    The shares that a plan sees count only if all of its positions were approached from its sides. Raises PresetError
-    for remarks that no plan has.
+    The shares that a plan sees count only if all of its positions were approached from its sides.
+
+    record: of approached positions.
+    quantities: of the record.
+    Raises PresetError for remarks that no plan has.
     """
-    found = next((quantity for quantity in quantities if quantity.name == "positioning"), None)
-    if found is None:
+    positioning = next((quantity for quantity in quantities if quantity.name == "positioning"), None)
+    if positioning is None:
         return None
-    unsure = record.remark("uncertainty")
-    own = found.uncertainty_arcsec  # scatter is known by repetition alone
-    seen = record.remark("sees")
+    planned_uncertainty = record.remark("uncertainty")
+    by_scatter = positioning.uncertainty_arcsec  # known by repetition alone
+    shares = record.remark("sees")
     torque = record.remark("torque")
-    M_g = torque[0] if torque else None
     plan = record.plan
-    is_cut = bool(seen) and (plan is None or not record.is_carried_out(plan))
-    if is_cut:
-        seen = ()
-    if own is None:  # the scatter of the readings is known only from the plan
-        return SeenRange(
-            arcsec=found.arcsec,
-            uncertainty_arcsec=None,
-            expanded_arcsec=COVERAGE_FACTOR * hypot(*unsure),
-            seen=seen,
-            M_g=M_g,
-            is_cut=is_cut,
-        )
-    by_scatter = max(COVERAGE_FACTOR * own, found.noise_arcsec)
-    expanded = hypot(by_scatter, COVERAGE_FACTOR * hypot(*unsure))
+    is_cut = bool(shares) and (plan is None or not record.is_carried_out(plan))
+    by_plan = COVERAGE_FACTOR * hypot(*planned_uncertainty)
+    if by_scatter is None:  # the scatter of the readings is known only from the plan
+        uncertainty = None
+        expanded = by_plan
+    else:
+        uncertainty = hypot(by_scatter, *planned_uncertainty)
+        expanded = hypot(max(COVERAGE_FACTOR * by_scatter, positioning.noise_arcsec), by_plan)
     return SeenRange(
-        arcsec=found.arcsec,
-        uncertainty_arcsec=hypot(own, *unsure),
+        arcsec=positioning.arcsec,
+        uncertainty_arcsec=uncertainty,
         expanded_arcsec=expanded,
-        seen=seen,
-        M_g=M_g,
+        seen=() if is_cut else shares,
+        M_g=torque[0] if torque else None,
         is_cut=is_cut,
     )
 
 
 def place_loops(record: LoopRecord, rated: float) -> tuple[PlaceLoop, ...]:
-    """Hysteresis loss and lost motion of loops at each place; rated torque [N*m].
+    """Return hysteresis loss and lost motion of the loops at each place.
 
-    Raises DataError: a loop without a rising and a falling branch between the torques of the lost motion.
+    record: of torque loops.
+    rated: torque of the drive [N*m].
+    Raises DataError for a loop without a rising and a falling branch between the torques of the lost motion.
     """
-    at = _LOOP_SHARE * rated * np.array([-1.0, 0.0, 1.0])
+    torques = _LOOP_SHARE * rated * np.array([-1.0, 0.0, 1.0])
     loops = []
     for place in np.unique(record.place):
-        points = np.array([record.torque_Nm, record.twist_arcsec])[:, record.place == place]
-        where = f"{record.table.file}: place {place:g}"
-        try:
-            branches = sweeps(points[0] * WHOLE_TURN_DEG / max(np.ptp(points[0]), TINY))
-        except AngleError:
-            raise DataError(
-                f"{where}: the torque does not increase and decrease in complete branches",
-                f"{_LOOP_HINT}; for a recording over the input angle, select its columns with --angle and --second",
-            ) from None
-        sides = []
-        for way, words in ((1, "rising"), (-1, "falling")):
-            parts = [points[:, branch.rows] for branch in branches if branch.direction == way]
-            parts = [part for part in parts if part[0].min() <= at[0] and part[0].max() >= at[2]]
-            if not parts:
-                raise DataError(f"{where}: no {words} branch from {at[0]:.3g} to {at[2]:.3g} N*m", _LOOP_HINT)
-            sides.append([_twist_at(np.concatenate(parts, axis=1), each, at[2]) for each in at])
-        low, none, high = np.array(sides)[..., 0].T
-        variance = np.array(sides)[..., 1].sum(axis=0)
-        hysteresis = abs(float(none[0] - none[1])), sqrt(variance[1])
-        loops.append(
-            PlaceLoop(float(place), hysteresis, (abs(float((high - low).mean())), sqrt(variance[0] + variance[2]) / 2))
+        is_here = record.place == place
+        branches = _LoopBranches(
+            label=f"{record.table.file}: place {place:g}",
+            torque_Nm=record.torque_Nm[is_here],
+            twist_arcsec=record.twist_arcsec[is_here],
         )
+        loops.append(branches.figures(float(place), torques))
     return tuple(loops)
 
 
+@dataclass(frozen=True, eq=False)
+class _LoopBranches:
+    """Torque loops at one place: file and place in words, and torque and twist of each reading, shape (rows,)."""
+
+    label: str
+    torque_Nm: Array
+    twist_arcsec: Array
+
+    def figures(self, place: float, torques: Array) -> PlaceLoop:
+        """Return hysteresis loss and lost motion.
+
+        place: its number.
+        torques: the negative one of the lost motion, 0, and the positive one [N*m], shape (3,).
+        """
+        try:
+            branches = sweeps(self.torque_Nm * WHOLE_TURN_DEG / max(np.ptp(self.torque_Nm), TINY))
+        except AngleError:
+            raise DataError(
+                f"{self.label}: the torque does not increase and decrease in complete branches",
+                f"{_LOOP_HINT}; for a recording over the input angle, select its columns with --angle and --second",
+            ) from None
+        rising = self._twists([branch.rows for branch in branches if branch.direction == 1], "rising", torques)
+        falling = self._twists([branch.rows for branch in branches if branch.direction == -1], "falling", torques)
+        difference = rising.arcsec - falling.arcsec
+        variance = rising.variance + falling.variance
+        widths = np.array([twists.arcsec[2] - twists.arcsec[0] for twists in (rising, falling)])
+        return PlaceLoop(
+            place=place,
+            hysteresis=(abs(float(difference[1])), sqrt(variance[1])),
+            lost_motion=(abs(float(widths.mean())), sqrt(variance[0] + variance[2]) / 2),
+        )
+
+    def _twists(self, branches: Sequence[slice], way: str, torques: Array) -> _BranchTwists:
+        """Return the twists at torques [N*m] by all branches of one way that reach over them; way: in words."""
+        complete = []
+        for rows in branches:
+            torque = self.torque_Nm[rows]
+            if torque.min() <= torques[0] and torque.max() >= torques[2]:
+                complete.append(rows)
+        if not complete:
+            span = f"from {torques[0]:.3g} to {torques[2]:.3g} N*m"
+            raise DataError(f"{self.label}: no {way} branch {span}", _LOOP_HINT)
+        torque = np.concatenate([self.torque_Nm[rows] for rows in complete])
+        twist = np.concatenate([self.twist_arcsec[rows] for rows in complete])
+        values = [_twist_at(torque, twist, wanted, torques[2]) for wanted in torques]
+        return _BranchTwists(*np.array(values).T)
+
+
+@dataclass(frozen=True, eq=False)
+class _BranchTwists:
+    """Twists at some torques [arcsec] and their variances [arcsec^2], each of shape (torques,)."""
+
+    arcsec: Array
+    variance: Array
+
+
 def loop_quantities(loops: tuple[PlaceLoop, ...]) -> tuple[StatedQuantity, ...]:
-    """The greatest hysteresis loss and lost motion over places."""
-    words = f"the largest of {len(loops)} places" if len(loops) > 1 else "one place"
+    """Return the largest hysteresis loss and the largest lost motion over places."""
+    places = f"the largest of {len(loops)} places" if len(loops) > 1 else "one place"
     hysteresis = max(loop.hysteresis for loop in loops)
-    lost = max(loop.lost_motion for loop in loops)
-    return StatedQuantity("hysteresis_loss", *hysteresis, words), StatedQuantity("lost_motion", *lost, words)
+    lost_motion = max(loop.lost_motion for loop in loops)
+    return (
+        StatedQuantity("hysteresis_loss", *hysteresis, places),
+        StatedQuantity("lost_motion", *lost_motion, places),
+    )
 
 
-def _twist_at(points: Array, at: float, within: float) -> tuple[float, float]:
-    """Twist [arcsec] at a torque [N*m] by a parabola through the readings around it, and the variance of that."""
-    torque, twist = points
-    off = torque - at
-    near = np.abs(off) <= max(within, float(np.partition(np.abs(off), _AROUND - 1)[_AROUND - 1]))
-    columns = np.vander(off[near], 3, increasing=True)
+def _twist_at(torque: Array, twist: Array, wanted: float, reach: float) -> tuple[float, float]:
+    """Return the twist at a torque by a parabola through the readings around it [arcsec], and its variance.
+
+    torque, twist: of the readings [N*m], [arcsec], shape (rows,).
+    wanted: the torque [N*m].
+    reach: distance of readings that are used [N*m]; more if there are too few.
+    """
+    offset = torque - wanted
+    nearest = float(np.partition(np.abs(offset), _AROUND - 1)[_AROUND - 1])
+    is_near = np.abs(offset) <= max(reach, nearest)
+    columns = np.vander(offset[is_near], 3, increasing=True)
     inverse = np.linalg.pinv(columns)
-    solution = inverse @ twist[near]
-    left = twist[near] - columns @ solution
-    return float(solution[0]), float(left @ left / (len(left) - 3) * (inverse[0] @ inverse[0]))
+    solution = inverse @ twist[is_near]
+    residual = twist[is_near] - columns @ solution
+    variance = residual @ residual / (len(residual) - 3)
+    return float(solution[0]), float(variance * (inverse[0] @ inverse[0]))

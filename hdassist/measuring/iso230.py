@@ -131,29 +131,27 @@ def _side_statistics(
     deviations = np.empty(count)
     counts = np.empty(count)
     for number in range(count):
-        own = deviation_arcsec[is_side & (numbers == number)]
-        if not len(own):
+        approaches = deviation_arcsec[is_side & (numbers == number)]
+        if not len(approaches):
             return None
-        counts[number] = len(own)
-        means[number] = own.mean()
-        deviations[number] = own.std(ddof=1) if len(own) > 1 else np.nan
+        counts[number] = len(approaches)
+        means[number] = approaches.mean()
+        deviations[number] = approaches.std(ddof=1) if len(approaches) > 1 else np.nan
     return _SideStatistics(means, deviations, counts)
 
 
 def _one_sided(side: _SideStatistics, sign: str) -> list[_PositioningFigure]:
     """Return the figures of one side of several positions, by (3) to (5); of one position its repeatability only."""
-    words = "forward" if sign == "+" else "backward"
+    way = "forward" if sign == "+" else "backward"
     figures = []
     if len(side.mean) > 1:
-        figures.append(
-            _PositioningFigure(f"E{sign}", f"systematic positioning error, {words}", float(np.ptp(side.mean)))
-        )
+        figures.append(_PositioningFigure(f"E{sign}", f"systematic positioning error, {way}", float(np.ptp(side.mean))))
     if side.has_scatter:
         repeatability = float(4 * side.deviation.max())
-        figures.append(_PositioningFigure(f"R{sign}", f"positioning repeatability, {words}", repeatability))
+        figures.append(_PositioningFigure(f"R{sign}", f"positioning repeatability, {way}", repeatability))
         if len(side.mean) > 1:
             accuracy = float(side.high.max() - side.low.min())
-            figures.append(_PositioningFigure(f"A{sign}", f"positioning accuracy, {words}", accuracy))
+            figures.append(_PositioningFigure(f"A{sign}", f"positioning accuracy, {way}", accuracy))
     return figures
 
 
@@ -171,10 +169,12 @@ def _two_sided(forward: _SideStatistics, backward: _SideStatistics) -> list[_Pos
         figures.append(_PositioningFigure("M", "mean bidirectional positioning error", float(np.ptp(centre))))
         figures.append(_PositioningFigure("E", "bidirectional systematic positioning error", float(np.ptp(means))))
     if forward.has_scatter and backward.has_scatter:
-        both = 2 * forward.deviation + 2 * backward.deviation + np.abs(reversal)
+        two_sided = 2 * forward.deviation + 2 * backward.deviation + np.abs(reversal)
         one_sided = 4 * np.maximum(forward.deviation, backward.deviation)
         figures.append(
-            _PositioningFigure("R", "bidirectional positioning repeatability", float(np.maximum(both, one_sided).max()))
+            _PositioningFigure(
+                "R", "bidirectional positioning repeatability", float(np.maximum(two_sided, one_sided).max())
+            )
         )
         if is_several:
             high = max(forward.high.max(), backward.high.max())

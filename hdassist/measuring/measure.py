@@ -192,8 +192,8 @@ class SweepResult:
 
     def order_alone(self, per_cam_rev: float) -> MeasuredOrder | None:
         """Return an order without its beats, the value that a limit of it is compared with; None if it has none."""
-        near = [order for order in self.orders if abs(order.per_cam_rev - per_cam_rev) <= 0.5 / self.bins.span]
-        return min(near, key=lambda order: abs(order.per_cam_rev - per_cam_rev), default=None)
+        candidates = [order for order in self.orders if abs(order.per_cam_rev - per_cam_rev) <= 0.5 / self.bins.span]
+        return min(candidates, key=lambda order: abs(order.per_cam_rev - per_cam_rev), default=None)
 
     @property
     def is_bound(self) -> bool:

@@ -16,7 +16,7 @@ the estimate, and a BIAS_SHARE of the correction. Both numbers come from simulat
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import hypot, sqrt
 
@@ -214,25 +214,31 @@ def order_grid(
     *,
     beats: int = BEATS,
 ) -> Array:
-    """Orders per cam turn to fit, rising, shape (orders,).
+    """Return the orders per input revolution to fit, rising, shape (orders,).
 
-    Arguments: declared orders; turns of the cam that the record spans; ratio; slow terms beside them; beats to either
-    side of the declared orders, as far as the record resolves them, and all of them around 0 unless slow terms
-    are there. In a travel they are those of whole turns, or nearer than the record resolves: its curve has no period.
+    In a travel they are those of whole revolutions, or closer than the recording resolves: its curve has no period.
+
+    declared: orders per input revolution.
+    turns: input revolutions that the recording spans.
+    ratio: input revolutions per output revolution.
+    slow: slow terms besides the orders; if these are polynomials, there are no sidebands around 0.
+    beats: number of sidebands on each side of a declared order, as far as the recording resolves them.
     """
-    base = 1 / ratio
-    width = BEATS * base
+    spacing = 1 / ratio
+    width = BEATS * spacing
     if slow.ridge:
-        step = max(base, _TRAVEL_GAP / turns)
+        step = max(spacing, _TRAVEL_GAP / turns)
         width = step * np.ceil(width / step - 1e-9)
     else:
-        step = base if turns * base >= WHOLE_TURN else 1 / turns
-    count = np.arange(1, max(int(width / step + 1e-9), int(turns >= _DRIFTING)) + 1)
-    beside = step * count[:beats]
-    around = np.concatenate([-beside, [0.0], beside])
-    every = np.concatenate([[] if slow.by_angle else step * count, *(order + around for order in declared)])
-    every = np.sort(every[every > 0])
-    return np.asarray(every[np.concatenate([[True], np.diff(every) > step / 2])])
+        step = spacing if turns * spacing >= WHOLE_TURN else 1 / turns
+    resolved_beats = max(int(width / step + 1e-9), int(turns >= _DRIFTING))
+    offsets = step * np.arange(1, resolved_beats + 1)
+    sidebands = np.concatenate([-offsets[:beats], [0.0], offsets[:beats]])
+    around_zero = np.empty(0) if slow.by_angle else offsets
+    orders = np.concatenate([around_zero, *(order + sidebands for order in declared)])
+    orders = np.sort(orders[orders > 0])
+    is_new = np.concatenate([[True], np.diff(orders) > step / 2])  # sidebands of two orders may coincide
+    return np.asarray(orders[is_new])
 
 
 @dataclass(frozen=True, eq=False)
@@ -318,19 +324,19 @@ def order_tables(
     is_sideband = is_part & (distance(fit.lines, np.asarray(declared)) <= sideband_reach)
     causes = _Causes.of(fit, drive, gearing, fit.lines[is_sideband])
     table = [_order_of(fit, group, fit.lines[~is_sideband], causes) for group in fit.groups]
+    reach = np.minimum(BEATS / ratio, np.diff(declared).min(initial=1.0) / 2)  # half way to the next order
     joint_table = []
     for order in declared:
         offset = np.abs(fit.orders - order)
-        reach = np.minimum(BEATS / ratio, np.diff(declared).min(initial=1.0) / 2)  # half way to the next order
         indices = np.flatnonzero((offset <= reach + _ORDER_ROUNDING) & ~fit.is_slow)
         if not len(indices):
             continue
-        joint = _joint_order(fit, order, indices)
         row = next((row for row, group in enumerate(fit.groups) if offset.argmin() in group), 0)
+        joint = _joint_order(fit, order, indices)
         if is_part:
-            widened = _over_whole_turns(fit, indices, joint, ratio)
-            joint = widened(joint, BEATS)
-            table[row] = widened(table[row], 0)
+            sidebands = _Sidebands.of(fit, indices, joint, ratio)
+            joint = sidebands.widened(joint, BEATS)
+            table[row] = sidebands.widened(table[row], 0)
         joint_table.append(replace(joint, cause=table[row].cause))
     return tuple(table), tuple(joint_table)
 
@@ -386,30 +392,6 @@ def other_ratio(fit: TraceFit, declared: Sequence[float], ratio: float) -> float
     return None
 
 
-def _over_whole_turns(
-    fit: TraceFit, indices: OrderIndices, joint: MeasuredOrder, ratio: float
-) -> Callable[[MeasuredOrder, int], MeasuredOrder]:
-    """Return orders of a part of an output revolution with the uncertainty of their amplitude over whole revolutions.
-
-    The function that is returned takes an order, and how many sidebands on each side belong to it.
-
-    fit: of the recording.
-    indices: of an order and its sidebands in the fit, which form a joint component over the recording.
-    joint: that component.
-    ratio: input revolutions in an output revolution.
-    """
-    sidebands = _Sidebands.of(fit, indices, joint, ratio)
-
-    def widened(order: MeasuredOrder, beats: int) -> MeasuredOrder:
-        margin = sidebands.margin_arcsec(order.amplitude_arcsec, beats)
-        uncertainty = float(np.hypot(order.uncertainty_arcsec, margin))
-        if uncertainty > order.amplitude_arcsec:
-            return replace(order, is_of_record=True)
-        return replace(order, uncertainty_arcsec=uncertainty)
-
-    return widened
-
-
 @dataclass(frozen=True, eq=False)
 class _Sidebands:
     """Distribution of the sidebands of an order over whole output revolutions, given a part of one.
@@ -434,24 +416,32 @@ class _Sidebands:
         recording are B c and noise. The common size of c is found by expectation and maximisation.
         """
         numbers = np.tile(np.arange(-BEATS, BEATS + 1), 2)
-        pair = fit.pair(indices)
-        orders = joint.per_cam_rev + numbers[: len(numbers) // 2] / ratio
-        turns = fit.bins.turns
-        projection = fit.design.project(lambda rows: order_columns(turns[rows], orders))[pair]  # B
-        noise = fit.covariance(pair)
         share = 4.0 ** -np.maximum(np.abs(numbers) - 1.0, 0)  # of the variance
+        pair = fit.pair(indices)
+        coefficients = fit.coefficients[pair]
+        noise = fit.covariance(pair)
+        orders = joint.per_cam_rev + numbers[: len(numbers) // 2] / ratio
+        projection = fit.design.project(lambda rows: order_columns(fit.bins.turns[rows], orders))[pair]  # B
         variance = joint.amplitude_arcsec**2 / share.sum() + np.trace(noise)
         for _ in range(_SIZE_ITERATIONS):
             # expectation: the normal distribution of c, given the coefficients and the size
             prior = projection * (variance * share)
             gain = np.linalg.lstsq(prior @ projection.T + noise, prior, rcond=None)[0].T
-            mean = gain @ fit.coefficients[pair]
+            mean = gain @ coefficients
             covariance = np.diag(variance * share) - gain @ prior
             # maximisation: the size that makes this distribution most likely
             variance = float(np.mean((mean**2 + np.diag(covariance)) / share))
         freedom = len(numbers) - float((np.diag(covariance) / (variance * share)).sum())  # of that size
         student = float(stdtrit(max(freedom, 1.0), 0.975)) / COVERAGE_FACTOR
         return cls(numbers=numbers, mean=mean, covariance=covariance, student=student)
+
+    def widened(self, order: MeasuredOrder, beats: int) -> MeasuredOrder:
+        """Return an order with its uncertainty over whole output revolutions; beats: sidebands on each side of it."""
+        margin = self.margin_arcsec(order.amplitude_arcsec, beats)
+        uncertainty = float(np.hypot(order.uncertainty_arcsec, margin))
+        if uncertainty > order.amplitude_arcsec:
+            return replace(order, is_of_record=True)
+        return replace(order, uncertainty_arcsec=uncertainty)
 
     def margin_arcsec(self, amplitude_arcsec: float, beats: int) -> float:
         """Return how far the amplitude with some sidebands on each side may differ from that in the recording."""
@@ -474,18 +464,18 @@ class UncertaintySource:
 
 
 def parse_stated(texts: Sequence[str]) -> dict[str, float]:
-    """Stated standard uncertainties [arcsec] by source, from texts like "encoder=0.5" or "encoder=0.5,coupling=0".
+    """Return stated standard uncertainties [arcsec] by source, from texts like "encoder=0.5,coupling=0".
 
-    Raises UsageError: no such text, an unknown source, or one given twice.
+    Raises UsageError for any other text, an unknown source, or a source that is stated twice.
     """
     stated: dict[str, float] = {}
-    for text in (part for given in texts for part in given.split(",")):
+    for text in ",".join(texts).split(",") if texts else ():
         name, _, number = text.partition("=")
         value = number_of(number)
         if name not in STATED or name in stated or not 0 <= value <= LARGEST_UNCERTAINTY:
-            expected = (
-                "state each source only once" if name in stated else f"NAME=ARCSEC, from 0 to {LARGEST_UNCERTAINTY:g}"
-            )
+            expected = f"NAME=ARCSEC, from 0 to {LARGEST_UNCERTAINTY:g}"
+            if name in stated:
+                expected = "state each source only once"
             hint = f"a standard uncertainty of F'_ior, NAME one of {', '.join(STATED)}"
             raise UsageError(f"invalid --budget {text}: expected {expected}", hint)
         stated[name] = value
@@ -493,30 +483,33 @@ def parse_stated(texts: Sequence[str]) -> dict[str, float]:
 
 
 def resolution_source(trace: MeasuredTrace, scatter: float) -> UncertaintySource:
-    """Source of the step of a trace's readings; scatter of single readings [arcsec].
+    """Return the source of the step of a trace's readings.
 
-    Counts at uneven angles are dithered, and a step below twice the scatter, but for counts of the cam at even angles,
-    as noise of the output does not move them. In time with the turns the fit follows the rounding, and both extremes of
-    a range may err together: hence 2; else by themselves: hence sqrt(2).
+    Counts at uneven angles are dithered, and so is a step below twice the scatter, except for counts of the input at
+    even angles, as noise of the output does not move them. A rounded value has the standard uncertainty step/sqrt(12).
+    If the readings are in time with the revolutions, the fit follows the rounding, and both extremes of a range may err
+    together: hence 2. Otherwise they err independently: hence sqrt(2).
+
+    scatter: standard deviation of single readings [arcsec].
     """
-    unit = trace.step_arcsec / sqrt(12)
+    rounding = trace.step_arcsec / sqrt(12)
     if trace.dithered or trace.step_arcsec / 2 < scatter:
         if trace.in_time and trace.cam_step_arcsec:
-            return UncertaintySource(
-                "resolution", 2 * trace.cam_step_arcsec / sqrt(12), "counts of the input at even angles"
-            )
+            by_input = 2 * trace.cam_step_arcsec / sqrt(12)
+            return UncertaintySource("resolution", by_input, "counts of the input at even angles")
         return UncertaintySource("resolution", 0.0, "no step seen above the noise")
     if trace.in_time:
-        return UncertaintySource("resolution", 2 * unit, "step of the readings, at even angles")
-    return UncertaintySource("resolution", sqrt(2) * unit, "step of the readings")
+        return UncertaintySource("resolution", 2 * rounding, "step of the readings, at even angles")
+    return UncertaintySource("resolution", sqrt(2) * rounding, "step of the readings")
 
 
 def stated_sources(stated: Mapping[str, float]) -> tuple[UncertaintySource, ...]:
-    """Sources that a single record cannot show, by their stated standard uncertainties [arcsec]."""
-    return tuple(
-        UncertaintySource(name, stated.get(name), "stated" if name in stated else f"not stated; {words}")
-        for name, words in STATED.items()
-    )
+    """Return the sources that a single recording cannot show, by their stated standard uncertainties [arcsec]."""
+    sources = []
+    for name, effect in STATED.items():
+        origin = "stated" if name in stated else f"not stated; {effect}"
+        sources.append(UncertaintySource(name, stated.get(name), origin))
+    return tuple(sources)
 
 
 def combined(sources: Sequence[UncertaintySource]) -> float:
@@ -589,55 +582,66 @@ class FullCycle:
 
 
 def visited_angles(fit: TraceFit) -> tuple[Array, int]:
-    """Places of a fine grid of cam angles whose error a fit tells, rising, and the places in a turn.
+    """Return the places of a fine grid of input angles at which a fit determines the error, and places per revolution.
 
-    They lie between readings that follow its highest declared order, or at most BRIDGED_TURNS apart (of whole output
-    turns BRIDGED_IN_CYCLE) where the fit knows the curve between about as surely as at the readings.
+    The places are whole numbers, rising, shape (places,). They lie between readings that are close enough to follow the
+    highest declared order. Larger gaps up to _BRIDGED_TURNS (_BRIDGED_IN_CYCLE of whole output revolutions) count too
+    if the fit determines the curve between about as well as at the readings.
     """
     slow = fit.design.slow
-    longest = _BRIDGED_TURNS if slow.by_angle or slow.ridge else _BRIDGED_IN_CYCLE
     bins = fit.bins
-    wide = GAP_PERIODS / float(fit.orders[~fit.is_line][-1])
+    longest_gap = _BRIDGED_TURNS if slow.by_angle or slow.ridge else _BRIDGED_IN_CYCLE
+    followed_gap = GAP_PERIODS / float(fit.orders[~fit.is_line][-1])
     per_turn = _POINTS_PER_PERIOD * int(np.ceil(fit.orders[-1]))
-    usual = float(np.median(_spread(fit, bins.turns[:: max(1, len(bins) // _SPREAD_PLACES)])))
+    usual_spread = float(np.median(_spread(fit, bins.turns[:: max(1, len(bins) // _SPREAD_PLACES)])))
     visited = []
     for turns in bins.by_sweep(bins.turns):
         gaps = np.diff(turns)
-        told = gaps <= wide
-        bridged = np.flatnonzero(~told & (gaps <= longest))
+        is_determined = gaps <= followed_gap
+        bridged = np.flatnonzero(~is_determined & (gaps <= longest_gap))
         if len(bridged):
-            told[bridged] = _spread(fit, turns[bridged] + gaps[bridged] / 2) <= _BRIDGED_SPREAD * usual
+            middles = turns[bridged] + gaps[bridged] / 2
+            is_determined[bridged] = _spread(fit, middles) <= _BRIDGED_SPREAD * usual_spread
         grid = np.arange(np.ceil(turns[0] * per_turn), np.floor(turns[-1] * per_turn) + 1)
-        after = np.clip(np.searchsorted(turns, grid / per_turn), 1, len(turns) - 1)
-        visited.append(grid[told[after - 1]])
+        next_reading = np.clip(np.searchsorted(turns, grid / per_turn), 1, len(turns) - 1)
+        visited.append(grid[is_determined[next_reading - 1]])
     return np.unique(np.concatenate(visited)), per_turn
 
 
 def _spread(fit: TraceFit, turns: Array) -> Array:
-    """Standard deviation [arcsec] of a fitted curve by noise at angles [turns], shape (angles,)."""
-    parts = range(0, len(turns), DESIGN_CHUNK)
-    columns = (order_columns(turns[k : k + DESIGN_CHUNK], fit.orders) @ fit.factor for k in parts)
-    return np.concatenate([np.linalg.norm(each, axis=1) for each in columns])
+    """Return the standard deviation of a fitted curve by noise [arcsec] at angles [turns], shape (angles,)."""
+    spreads = []
+    for start in range(0, len(turns), DESIGN_CHUNK):
+        errors = order_columns(turns[start : start + DESIGN_CHUNK], fit.orders) @ fit.factor
+        spreads.append(np.linalg.norm(errors, axis=1))
+    return np.concatenate(spreads)
 
 
 def image_change(fit: TraceFit, turns: Array) -> float:
-    """Greatest change of a range [arcsec] if orders are images of higher ones; angles [turns], shape (angles,).
+    """Return the largest change of a range [arcsec] if orders are images of higher ones.
 
-    N even readings a turn show order N - n as order n. Each declared order with its beats, and all together, are taken
-    for their images up to HIGHEST_IMAGE.
+    N even readings per revolution show order N - n as order n. Each declared order with its sidebands, and all
+    together, are replaced by their images up to _HIGHEST_IMAGE.
+
+    turns: visited input angles [turns], shape (angles,).
     """
     rate, start, evenness = even_readings(fit.bins)
-    image = rate - fit.orders
-    order = np.rint(fit.orders)
-    hidden = (rate - order > order) & (rate - order <= _HIGHEST_IMAGE)  # an order with all of its beats, or none
-    if evenness < EVEN or not hidden.any():
+    images = rate - fit.orders
+    declared = np.rint(fit.orders)
+    # a declared order is hidden with all of its sidebands, or not at all
+    is_hidden = (rate - declared > declared) & (rate - declared <= _HIGHEST_IMAGE)
+    if evenness < EVEN or not is_hidden.any():
         return 0.0
     turns = np.concatenate([turns, turns + 1 / (2 * _POINTS_PER_PERIOD * fit.orders[-1])])  # images are finer
-    taken = np.column_stack([hidden, *(hidden & (order == n) for n in np.unique(order[hidden]))])
-    turned = (fit.coefficients.reshape(2, -1).T @ [1, -1j] * np.exp(2j * np.pi * rate * start)).conj()[:, None] * taken
-    curves = curve_of(np.concatenate([turned.real, -turned.imag]), image, turns)
-    kept = np.tile(~taken, (2, 1)) * fit.coefficients[:, None]
-    ranges = np.ptp(curves + curve_of(kept, fit.orders, turns), axis=0)
+    # a column for all hidden orders together, then one for each
+    is_replaced = np.column_stack(
+        [is_hidden, *(is_hidden & (declared == order) for order in np.unique(declared[is_hidden]))]
+    )
+    amplitudes = fit.coefficients.reshape(2, -1).T @ [1, -1j]  # complex: a cos(p) + b sin(p) = Re((a - i b) exp(i p))
+    image_amplitudes = (amplitudes * np.exp(2j * np.pi * rate * start)).conj()[:, None] * is_replaced
+    image_curves = curve_of(np.concatenate([image_amplitudes.real, -image_amplitudes.imag]), images, turns)
+    remaining = np.tile(~is_replaced, (2, 1)) * fit.coefficients[:, None]
+    ranges = np.ptp(image_curves + curve_of(remaining, fit.orders, turns), axis=0)
     return float(np.abs(ranges - np.ptp(fit.curve(turns))).max())
 
 

@@ -187,8 +187,7 @@ def _levels_over_speed(fits: Sequence[TraceFit]) -> _LevelsOverSpeed | None:
         return None
     level = np.concatenate([fit.level for fit in fits])
     speed = np.array([speeds.mean() for fit in fits for speeds in fit.bins.by_sweep(fit.bins.speed)])
-    size = np.abs(speed)
-    if len(level) < 3 or not np.ptp(size) > _LEAST_SPEED_APART * size.max():
+    if len(level) < 3 or not np.ptp(np.abs(speed)) > _LEAST_SPEED_APART * np.abs(speed).max():
         return None
     from scipy.linalg import block_diag  # 20 ms, which values in holes do without
 
@@ -358,10 +357,9 @@ def _has_torque(load: Array, torque: float, room: float) -> bool:
 def require_recorded(trace: MeasuredTrace, M_g: float | None) -> None:
     """Raise DataError if a torque M_g [N*m] that is asked of a trace lies between those that were recorded."""
     if trace.is_between_torques and M_g is not None:
-        words = f"{trace.file}: no recording at {M_g:g} N·m, only below and above it"
-        raise DataError(
-            words, f"record a sweep at {M_g:g} N·m; between torques the error may not be linear", Fault.FILE_INVALID
-        )
+        message = f"{trace.file}: no recording at {M_g:g} N·m, only below and above it"
+        hint = f"record a sweep at {M_g:g} N·m; between torques the error may not be linear"
+        raise DataError(message, hint, Fault.FILE_INVALID)
 
 
 def _torque_text(load: Array) -> str:
@@ -372,9 +370,10 @@ def _torque_text(load: Array) -> str:
 
 
 def tells_compliance(fit: TraceFit) -> bool:
-    """Whether the load of a fit's bins has a part that goes neither with its orders nor with its slow terms."""
+    """Return whether the load of a fit's bins has a part that follows neither its orders nor its slow terms."""
     load = fit.bins.load
-    return float(np.std(fit.design.fitted(load)[1])) > _LOAD_APART * float(np.std(load))
+    _, remainder = fit.design.fitted(load)
+    return float(np.std(remainder)) > _LOAD_APART * float(np.std(load))
 
 
 def with_order_changes(fit: TraceFit, seed: int) -> tuple[TraceFit, float | None]:

@@ -103,54 +103,105 @@ class Bins:
 
 
 def travel_of(trace: MeasuredTrace) -> Array:
-    """Travel of the cam since the first row, in either direction, shape (rows,) [turns]."""
+    """Return the travel of the input since the first row, in either direction, shape (rows,) [turns]."""
     return np.concatenate([[0.0], np.cumsum(np.abs(np.diff(trace.cam_deg)))]) / 360
 
 
+@dataclass(frozen=True, eq=False)
+class _SweepBins:
+    """Averages of the rows of one sweep, shape (bins,); the names are those of `Bins`, levels from 0 in the sweep."""
+
+    turns: Array
+    error: Array
+    travel: Array
+    speed: Array
+    load: Array
+    rows: Array
+    level: NDArray[np.int64]
+
+
 def bins_of(trace: MeasuredTrace, highest: float) -> Bins:
-    """Average rows of the sweeps of a trace over bins of 1/(PER_PERIOD highest) of a turn; highest order per turn."""
+    """Return averages of the rows of a trace over bins of 1/(_PER_PERIOD highest) of an input revolution.
+
+    trace: with its sweeps.
+    highest: order per input revolution.
+    """
     travel = travel_of(trace)
     per_turn = _PER_PERIOD * highest
-    load = np.zeros(len(travel)) if trace.load is None else trace.load
-    parts: list[tuple[Array, ...]] = []
-    levels = 0
-    for number, sweep in enumerate(trace.sweeps):
-        rows = slice(sweep.start, sweep.stop)
-        turns = trace.cam_deg[rows] / 360
-        speed = np.zeros(len(turns)) if trace.time_s is None else np.gradient(turns, trace.time_s[rows])
-        behind = np.searchsorted(trace.breaks, trace.line[rows], side="right")  # steps of the level before a row
-        _, behind = np.unique(behind, return_inverse=True)
-        _, place = np.unique(np.floor(turns * per_turn) + behind / len(turns), return_inverse=True)
-        count = np.bincount(place).astype(float)
-        values = turns, trace.error_arcsec[rows], travel[rows], speed, load[rows]
-        means = [np.bincount(place, each) / count for each in (*values, behind)]
-        level = np.rint(means.pop()) + levels
-        levels = int(level.max()) + 1
-        parts.append((*means, count, level, np.full(len(count), number)))
-    columns = (np.concatenate(column) for column in zip(*parts, strict=True))
-    turns, error, path, speed, loads, count, level, index = columns
-    weight = np.minimum(count, _HEAVIEST * np.median(count))
-    counts = index.astype(np.int64), level.astype(np.int64)
-    return Bins(turns, error, count, weight / weight.mean(), *counts, path, speed, loads, per_turn)
+    sweeps = [_bins_of_sweep(trace, slice(sweep.start, sweep.stop), travel, per_turn) for sweep in trace.sweeps]
+    numbers = [np.full(len(sweep.turns), number, dtype=np.int64) for number, sweep in enumerate(sweeps)]
+    levels = []
+    first_level = 0  # of a sweep: levels of all sweeps are counted together
+    for sweep in sweeps:
+        levels.append(sweep.level + first_level)
+        first_level = int(levels[-1].max()) + 1
+    rows = np.concatenate([sweep.rows for sweep in sweeps])
+    weight = np.minimum(rows, _HEAVIEST * np.median(rows))
+    return Bins(
+        turns=np.concatenate([sweep.turns for sweep in sweeps]),
+        error=np.concatenate([sweep.error for sweep in sweeps]),
+        rows=rows,
+        weight=weight / weight.mean(),
+        sweep=np.concatenate(numbers),
+        level=np.concatenate(levels),
+        travel=np.concatenate([sweep.travel for sweep in sweeps]),
+        speed=np.concatenate([sweep.speed for sweep in sweeps]),
+        load=np.concatenate([sweep.load for sweep in sweeps]),
+        per_turn=per_turn,
+    )
+
+
+def _bins_of_sweep(trace: MeasuredTrace, rows: slice, travel: Array, per_turn: float) -> _SweepBins:
+    """Return averages of the rows of a sweep, by their input angle and by the steps of the error before them.
+
+    travel: of all rows [turns], shape (rows,); per_turn: bins in an input revolution.
+    """
+    turns = trace.cam_deg[rows] / 360
+    steps_before = np.searchsorted(trace.breaks, trace.line[rows], side="right")
+    _, level = np.unique(steps_before, return_inverse=True)  # from 0
+    # levels part a bin: each has a place of its own behind that of the level before
+    _, place = np.unique(np.floor(turns * per_turn) + level / len(turns), return_inverse=True)
+    count = np.bincount(place).astype(float)
+
+    def mean_of(values: Array) -> Array:
+        """Return the means of values over the rows of each bin, shape (bins,)."""
+        return np.asarray(np.bincount(place, values) / count)
+
+    return _SweepBins(
+        turns=mean_of(turns),
+        error=mean_of(trace.error_arcsec[rows]),
+        travel=mean_of(travel[rows]),
+        speed=np.zeros(len(count)) if trace.time_s is None else mean_of(np.gradient(turns, trace.time_s[rows])),
+        load=np.zeros(len(count)) if trace.load is None else mean_of(trace.load[rows]),
+        rows=count,
+        level=np.rint(mean_of(level.astype(float))).astype(np.int64),
+    )
 
 
 def order_columns(turns: Array, orders: Array) -> Array:
-    """Cosines, then sines, of the orders at angles [turns], shape (angles, 2 orders)."""
-    whole, part = np.divmod(orders, 1)  # the wave of n + k/ratio is the product of two of few waves
-    part = part.round(12)
-    waves = {order: np.exp(2j * np.pi * order * turns) for order in {*whole.tolist(), *part.tolist()}}
+    """Return cosines, then sines, of orders at angles [turns], shape (angles, 2 orders).
+
+    The wave of an order n + k/ratio is the product of those of n and of k/ratio, of which there are few.
+    """
+    whole_orders, part_orders = np.divmod(orders, 1)
+    part_orders = part_orders.round(12)
+    waves = {order: np.exp(2j * np.pi * order * turns) for order in {*whole_orders.tolist(), *part_orders.tolist()}}
     columns = np.empty((2, len(orders), len(turns)))
-    for row, (n, off) in enumerate(zip(whole.tolist(), part.tolist(), strict=True)):
-        wave = waves[n] * waves[off]
+    pairs = zip(whole_orders.tolist(), part_orders.tolist(), strict=True)
+    for row, (whole_order, part_order) in enumerate(pairs):
+        wave = waves[whole_order] * waves[part_order]
         columns[0, row] = wave.real
         columns[1, row] = wave.imag
     return columns.reshape(2 * len(orders), len(turns)).T
 
 
 def curve_of(coefficients: Array, orders: Array, turns: Array) -> Array:
-    """Curves [arcsec] of coefficients, shape (2 orders, ...), at cam angles [turns], shape (angles, ...)."""
-    parts = range(0, len(turns), DESIGN_CHUNK)
-    return np.concatenate([order_columns(turns[k : k + DESIGN_CHUNK], orders) @ coefficients for k in parts])
+    """Return curves [arcsec] at input angles [turns], shape (angles, ...).
+
+    coefficients: of cosines and sines of the orders [arcsec], shape (2 orders, ...).
+    """
+    chunks = [turns[start : start + DESIGN_CHUNK] for start in range(0, len(turns), DESIGN_CHUNK)]
+    return np.concatenate([order_columns(chunk, orders) @ coefficients for chunk in chunks])
 
 
 @dataclass(frozen=True)
@@ -195,39 +246,43 @@ class TraceDesign:
         self.orders = orders
         self.slow = slow
         self.reach = max(float(bins.travel.max()), 1e-12)
-        self.columns = columns = 2 * len(orders) * (1 + slow.order_changes) + bins.levels + slow.degree + len(slow.over)
-        if len(bins) < BINS_PER_COLUMN * columns:
-            message = f"{len(bins)} steps of the angle are too few for {columns} unknowns"
-            raise UntrustedError(
-                message, "record more densely, or declare fewer orders: --orders 1,2,4", Fault.ORDERS_UNTOLD
-            )
-        self._parts = [slice(k, min(k + DESIGN_CHUNK, len(bins))) for k in range(0, len(bins), DESIGN_CHUNK)]
-        gram = np.zeros((columns, columns))
-        for rows in self._parts:
-            matrix = self._rows(rows.start) * np.sqrt(bins.weight[rows, None])
-            gram += matrix.T @ matrix  # of one array with itself: half the work
-        self.gram = gram
-        scale = 1 / np.sqrt(np.diag(gram))
-        values, vectors = np.linalg.eigh(gram * scale * scale[:, None])
+        self.columns = 2 * len(orders) * (1 + slow.order_changes) + bins.levels + slow.degree + len(slow.over)
+        if len(bins) < BINS_PER_COLUMN * self.columns:
+            message = f"{len(bins)} steps of the angle are too few for {self.columns} unknowns"
+            hint = "record more densely, or declare fewer orders: --orders 1,2,4"
+            raise UntrustedError(message, hint, Fault.ORDERS_UNTOLD)
+        starts = range(0, len(bins), DESIGN_CHUNK)
+        self._parts = [slice(start, min(start + DESIGN_CHUNK, len(bins))) for start in starts]
+        self.gram = self._normal_equations()
+        scale = 1 / np.sqrt(np.diag(self.gram))  # to a unit diagonal, so that the condition is that of the angles
+        values, vectors = np.linalg.eigh(self.gram * scale * scale[:, None])
         values += slow.ridge
         self.condition = float(values[-1] / values[0]) if values[0] > 0 else float("inf")
         if self.condition > _WORST_CONDITION:
             hint = "record at least one input revolution at even steps, or declare fewer orders: --orders 1,2,4"
             raise UntrustedError("the recorded angles do not resolve the declared orders", hint, Fault.ORDERS_UNTOLD)
-        # the symmetric root: vectors of values that are nearly alike are a matter of rounding, and draws with them
+        # the symmetric root: vectors of values that are nearly equal are a matter of rounding, and draws with them
         self.root: Array = scale[:, None] * ((vectors / np.sqrt(values)) @ vectors.T)
+
+    def _normal_equations(self) -> Array:
+        """Return the weighted products of the columns, shape (columns, columns)."""
+        gram = np.zeros((self.columns, self.columns))
+        for rows in self._parts:
+            matrix = self._rows(rows.start) * np.sqrt(self.bins.weight[rows, None])
+            gram += matrix.T @ matrix  # of one array with itself: half the work
+        return gram
 
     @lru_cache(maxsize=4)  # noqa: B019 - of four parts in all: most records have fewer, of which fits ask several times
     def _rows(self, start: int) -> Array:
-        """Rows of the design from a bin on, shape (DESIGN_CHUNK at most, columns)."""
+        """Return the rows of the design from a bin on, shape (DESIGN_CHUNK at most, columns)."""
         bins = self.bins
         rows = slice(start, start + DESIGN_CHUNK)
         levels = np.eye(bins.levels)[bins.level[rows]]
         slow = self._slow(bins.turns[rows], bins.travel[rows])
         over = [getattr(bins, name)[rows, None] for name in self.slow.over]
-        away = bins.away(bins.load[rows, None])
         waves = order_columns(bins.turns[rows], self.orders)
-        changes = (waves * share for share in (away, np.abs(away))[: self.slow.order_changes])
+        away = bins.away(bins.load[rows, None])
+        changes = [waves * share for share in (away, np.abs(away))[: self.slow.order_changes]]
         return np.concatenate([waves, levels, slow, *over, *changes], axis=1)
 
     def _slow(self, turns: Array, travel: Array) -> Array:
@@ -239,12 +294,12 @@ class TraceDesign:
         return legvander((2 * turns - least - greatest) / (greatest - least), self.slow.degree)[:, 1:]
 
     def fitted(self, curves: Array) -> tuple[Array, Array]:
-        """Unknowns that fit curves at the bins best, shape (columns, ...), and what they leave, shape (bins, ...)."""
+        """Return the unknowns that fit curves best, shape (columns, ...), and the residuals, shape (bins, ...)."""
         solution = self.project(lambda rows: curves[rows])
         return solution, curves - np.concatenate([self._rows(rows.start) @ solution for rows in self._parts])
 
     def project(self, curves: Callable[[slice], Array]) -> Array:
-        """Unknowns that fit curves best, shape (columns, ...), from their values at a slice of the bins."""
+        """Return the unknowns that fit curves best, shape (columns, ...), from their values at a slice of the bins."""
         moments = [(self._rows(rows.start) * self.bins.weight[rows, None]).T @ curves(rows) for rows in self._parts]
         return self.root @ (self.root.T @ sum(moments))
 
