@@ -293,35 +293,37 @@ def _fitted_correction(
     misfit: float | None = None,
     certificate: Certificate = EMPTY,
 ) -> Correction:
-    """Corrections fitted to errors by torque, the first of which counts most; name: of the drive, or of its record."""
+    """Return corrections fitted to errors by torque, the first of which counts most.
+
+    drive: None for a correction from a recording alone.
+    errors: of drives as this one may be, by torque [N*m].
+    form: that is wanted.
+    records: of the drive, by torque.
+    name: of the drive, or of its recording.
+    samples, misfit, certificate: as in `Correction`.
+    """
     torques = tuple(errors)
     design = errors[torques[0]]
-    uncorrected = design.uncorrected_p50
-    phasors = _ranges_by_points(None, design, together=True)
     is_recorded = torques[0] in records and misfit is None
+    phasors = _phasor_residuals(torques[0], design, is_recorded=is_recorded)
     number = _enough_phasors(phasors)
-    if not is_recorded and _residuals_of(CorrectionForm(None, number), {torques[0]: design}, together=True).is_refused:
-        phasors = _ranges_by_points(None, design)  # phases are not known: as if they were
-        number = _enough_phasors(phasors)
     if not form.turn:
         number = form.points or number
         form = replace(form, points=number)
-    usual = (CorrectionForm(None, number), CorrectionForm(None, number, each_load=True), *USUAL_TABLES)
-    forms = dict.fromkeys((*(form for form in usual if len(torques) > 1 or not form.each_load), form))
     chosen = _residuals_of(form, errors, together=True)
-    residuals = tuple(_residuals_of(form, errors, together=is_recorded or not chosen.is_refused) for form in forms)
+    is_together = is_recorded or not chosen.is_refused
+    forms = _forms_to_compare(form, number, has_loads=len(torques) > 1)
     tables = _ranges_by_points("output", design, together=is_recorded)
-    halving = next((points for points, residual in tables.items() if residual <= HALVED * uncorrected), None)
-    in_place = zip(torques, chosen.residuals[: len(torques)] if form.each_load else chosen.residuals[:1], strict=False)
-    kept = [M_g for M_g, residual in in_place if M_g == torques[0] or residual.p95 < residual.uncorrected_p50]
-    corrections = {M_g: _exported(chosen, errors, M_g, name) for M_g in kept}
+    most_residual = HALVED * design.uncorrected_p50
+    halving = next((points for points, residual in tables.items() if residual <= most_residual), None)
+    corrected = _corrected_torques(chosen, torques)
     return Correction(
         drive=drive,
         errors=errors,
         parts=_error_parts(errors),
-        forms=residuals,
+        forms=tuple(_residuals_of(compared, errors, together=is_together) for compared in forms),
         chosen=chosen,
-        corrections=corrections,
+        corrections={M_g: _exported(chosen, errors, M_g, name) for M_g in corrected},
         fewest_points=halving,
         phasors=phasors,
         records=records,
@@ -329,6 +331,40 @@ def _fitted_correction(
         samples=samples,
         certificate=certificate,
     )
+
+
+def _phasor_residuals(M_g: float, design: _LoadedError, *, is_recorded: bool) -> dict[int, float]:
+    """Return the median of the residual range [arcsec] by number of correction terms.
+
+    If the phases are so uncertain that common terms may make the error worse, it is that of each drive with its own.
+
+    M_g: torque [N*m].
+    design: error at this torque.
+    is_recorded: whether a recording of the full cycle shows the error.
+    """
+    phasors = _ranges_by_points(None, design, together=True)
+    form = CorrectionForm(None, _enough_phasors(phasors))
+    if not is_recorded and _residuals_of(form, {M_g: design}, together=True).is_refused:
+        return _ranges_by_points(None, design)
+    return phasors
+
+
+def _forms_to_compare(form: CorrectionForm, phasors: int, *, has_loads: bool) -> list[CorrectionForm]:
+    """Return the usual forms and a wanted one, each once; phasors: number of correction terms of the usual ones."""
+    usual = [CorrectionForm(None, phasors), CorrectionForm(None, phasors, each_load=True), *USUAL_TABLES]
+    if not has_loads:
+        usual = [candidate for candidate in usual if not candidate.each_load]
+    return list(dict.fromkeys([*usual, form]))
+
+
+def _corrected_torques(chosen: FormResiduals, torques: Sequence[float]) -> list[float]:
+    """Return the torques [N*m] that get a correction: the first, and with a table for each load those it improves."""
+    corrected = [torques[0]]
+    if chosen.form.each_load:
+        for M_g, residual in zip(torques[1:], chosen.residuals[1:], strict=False):
+            if residual.p95 < residual.uncorrected_p50:
+                corrected.append(M_g)
+    return corrected
 
 
 def _loaded_error(
@@ -358,27 +394,44 @@ def _loaded_error(
     lines = error_lines(drive, M_g, drives, run)
     rows = np.linspace(0, len(drives), 1 if alike else min(solved, len(drives)), endpoint=False).astype(int)
     cycles = []
-    proof = lines.certificate
+    certificate = lines.certificate
     for row in rows.tolist():
-        cycle, of_cycle = solved_error(drive.with_values(drives[row]), M_g, run)
+        cycle, certificate_of_cycle = solved_error(drive.with_values(drives[row]), M_g, run)
         cycles.append(cycle)
-        proof += of_cycle
+        certificate += certificate_of_cycle
     if alike:
         remainder = cycles[0].apart(replace(lines, amplitude=lines.amplitude[:1]))
         lines = with_more_lines(lines, replace(cycles[0], error_arcsec=remainder).lines(lines.kinematics))
-    ranges = np.maximum(np.ptp(lines.curves, axis=1), np.finfo(float).tiny)
-    of_cycles = np.array([np.ptp(cycle.error_arcsec) for cycle in cycles])
-    if F_ior_arcsec is None:
-        scale = np.full(len(drives), np.mean(of_cycles / ranges[rows]))
-        scale[rows] = of_cycles / ranges[rows]
-    else:
-        scale = F_ior_arcsec / ranges
-    lines = replace(lines, amplitude=lines.amplitude * scale[:, None], certificate=proof)
-    beyond = []
-    for row, cycle in zip(rows.tolist(), cycles, strict=True):
-        one = replace(lines, amplitude=lines.amplitude[row : row + 1])
-        beyond.append(float(np.ptp(cycle.apart(one))) / max(float(np.ptp(one.curves)), np.finfo(float).tiny))
+    scale = _scale_to_cycles(lines, cycles, rows, F_ior_arcsec)
+    lines = replace(lines, amplitude=lines.amplitude * scale[:, None], certificate=certificate)
+    beyond = [_share_beyond(lines, row, cycle) for row, cycle in zip(rows.tolist(), cycles, strict=True)]
     return _LoadedError(lines, np.resize(beyond, len(drives)))
+
+
+def _scale_to_cycles(
+    lines: ErrorLines, cycles: Sequence[RecordedError], rows: NDArray[np.int64], F_ior_arcsec: Array | None
+) -> Array:
+    """Return the factors that give the curves of lines the range of the error, shape (drives,).
+
+    lines: of the drives.
+    cycles: of the drives that were solved.
+    rows: numbers of these drives.
+    F_ior_arcsec: F'_ior of all drives [arcsec]; None to take it from the solved cycles, and their mean for the others.
+    """
+    ranges = np.maximum(np.ptp(lines.curves, axis=1), np.finfo(float).tiny)
+    if F_ior_arcsec is not None:
+        return np.asarray(F_ior_arcsec / ranges)
+    solved_ranges = np.array([np.ptp(cycle.error_arcsec) for cycle in cycles])
+    scale = np.full(len(ranges), np.mean(solved_ranges / ranges[rows]))
+    scale[rows] = solved_ranges / ranges[rows]
+    return scale
+
+
+def _share_beyond(lines: ErrorLines, row: int, cycle: RecordedError) -> float:
+    """Return the range of the part of a solved cycle that the lines of its drive leave out, over that of the lines."""
+    lines_of_drive = replace(lines, amplitude=lines.amplitude[row : row + 1])
+    line_range = max(float(np.ptp(lines_of_drive.curves)), np.finfo(float).tiny)
+    return float(np.ptp(cycle.apart(lines_of_drive))) / line_range
 
 
 def _enough_phasors(left_arcsec: Mapping[int, float]) -> int:
@@ -391,24 +444,42 @@ def _enough_phasors(left_arcsec: Mapping[int, float]) -> int:
 
 
 def _exported(chosen: FormResiduals, errors: _ErrorsByTorque, M_g: float, preset: str) -> CorrectionTable | Phasors:
-    """The correction of a form for a torque, and its uncertainty; tables have the opposite torque's too."""
+    """Return the correction of a form for a torque, with its uncertainty.
+
+    Tables contain that of the opposite torque as well.
+
+    chosen: form with its residuals.
+    errors: by torque [N*m].
+    M_g: torque [N*m].
+    preset: name of the drive or of its recording.
+    """
     form = chosen.form
     lines = errors[M_g].lines
     exported = replace(form.fitted(lines.mean, M_g), preset=preset, promised=chosen.residuals)
     if isinstance(exported, Phasors):
         exported = replace(exported, amplitude_arcsec=exported.amplitude_arcsec[0], phase_deg=exported.phase_deg[0])
-        if len(lines.amplitude) == 1:
-            return exported
-        often = np.rint(exported.per_cam_turn * lines.kinematics.cycle_cam_revolutions)
-        vectors = lines.amplitude[:, np.isin(lines.per_cycle, often)]
-        along = vectors / np.exp(1j * np.radians(exported.phase_deg))  # real of lines with the phase of the mean
-        across_deg = np.degrees(along.imag.std(axis=0) / np.maximum(exported.amplitude_arcsec, _LEAST_AMPLITUDE))
-        unsure = along.real.std(axis=0), np.minimum(across_deg, _ANY_PHASE_DEG)
-        return replace(exported, amplitude_uncertainty_arcsec=unsure[0], phase_uncertainty_deg=unsure[1])
-    of_other_direction = form.fitted(errors[-M_g].lines.mean, -M_g) if form.each_load and -M_g in errors else None
-    if isinstance(of_other_direction, CorrectionTable):
-        exported = replace(exported, other_direction_arcsec=of_other_direction.error_arcsec[0], other_M_g=-M_g)
+        return exported if len(lines.amplitude) == 1 else _with_uncertainty(exported, lines)
+    if form.each_load and -M_g in errors:
+        opposite = form.fitted(errors[-M_g].lines.mean, -M_g)
+        if isinstance(opposite, CorrectionTable):
+            exported = replace(exported, other_direction_arcsec=opposite.error_arcsec[0], other_M_g=-M_g)
     return replace(exported, error_arcsec=exported.error_arcsec[0])
+
+
+def _with_uncertainty(phasors: Phasors, lines: ErrorLines) -> Phasors:
+    """Return correction terms with the uncertainty of their amplitudes and phases by the spread of drives.
+
+    lines: of several drives.
+    """
+    per_cycle = np.rint(phasors.per_cam_turn * lines.kinematics.cycle_cam_revolutions)
+    vectors = lines.amplitude[:, np.isin(lines.per_cycle, per_cycle)]
+    turned = vectors / np.exp(1j * np.radians(phasors.phase_deg))  # real for lines with the phase of the mean
+    phase_rad = turned.imag.std(axis=0) / np.maximum(phasors.amplitude_arcsec, _LEAST_AMPLITUDE)
+    return replace(
+        phasors,
+        amplitude_uncertainty_arcsec=turned.real.std(axis=0),
+        phase_uncertainty_deg=np.minimum(np.degrees(phase_rad), _ANY_PHASE_DEG),
+    )
 
 
 def _residuals_of(form: CorrectionForm, errors: _ErrorsByTorque, *, together: bool) -> FormResiduals:
@@ -504,49 +575,68 @@ def correction_alone(
     Raises UsageError for a table over the output turn without output_turns, and for angles of the output with another
     form than a table over the input; UntrustedError for another form from less than the full cycle.
     """
-    trace = found.trace
-    sweep = found.directions[0]
-    gearing = found.gearing
-    way = output_turns or {1: "with", -1: "against"}.get(trace.sense)
     is_over_input = form.turn in ("cam", "half-cam")
-    is_by_output = trace.angle_of == "output"
-    if is_by_output and not way:
-        way = "with"  # the input angle is then counted in the sense of the output
-    if gearing is None or (not is_over_input and (is_by_output or (form.turn == "output" and not way))):
-        raise UsageError(
-            "the recording does not show whether input and output rotate in the same sense",
-            "for input angles, use --output-turns against (circular spline fixed) or with; or give a preset",
-        )
+    kinematics = _kinematics_alone(found, form, output_turns)
+    sweep = found.directions[0]
     is_drawn = is_over_input and (sweep.is_bound or found.is_of_travel)
     if sweep.is_bound and not is_drawn:
         share = f"{100 * sweep.coverage.share:.0f} % of the full cycle" if sweep.coverage else "no full cycle"
-        message = f"{trace.file}: {share}, in which closely spaced components are not resolved"
+        message = f"{found.trace.file}: {share}, in which closely spaced components are not resolved"
         hint = (
             "record the full mesh cycle, use a table over the input (--form cam), state the travel (--travel DEG), "
             "or use a preset: hdassist compensate PRESET FILE"
         )
         raise UntrustedError(message, hint)
-    moving = round(2 * gearing.ratio)
-    kinematics = Kinematics(moving, moving + 2, "rigid")
+    record = recorded_error(found, kinematics, asked)
+    if is_drawn:
+        record = replace(record, is_part=True)
+        error = _drawn_belief(found, record, kinematics, asked)
+    else:
+        error = _recorded_belief(_no_lines(kinematics), record, Run(seed=found.seed))
+    return _fitted_correction(None, {M_g: error}, form, {M_g: record}, found.trace.file)
+
+
+def _kinematics_alone(found: Measurement, form: CorrectionForm, output_turns: str | None) -> Kinematics:
+    """Return the kinematics of a drive from its recording alone: ratio, and the sense in which the output rotates.
+
+    The arguments are those of `correction_alone`, which says what is raised.
+    """
+    trace = found.trace
+    is_over_input = form.turn in ("cam", "half-cam")
+    is_by_output = trace.angle_of == "output"
+    way = output_turns or {1: "with", -1: "against"}.get(trace.sense)
+    if is_by_output and not way:
+        way = "with"  # the input angle is then counted in the sense of the output
+    needs_sense = not is_over_input and (is_by_output or (form.turn == "output" and not way))
+    if found.gearing is None or needs_sense:
+        raise UsageError(
+            "the recording does not show whether input and output rotate in the same sense",
+            "for input angles, use --output-turns against (circular spline fixed) or with; or give a preset",
+        )
+    moving_teeth = round(2 * found.gearing.ratio)
     if way == "with":
-        kinematics = Kinematics(moving - 2, moving, "flexspline")
-    none_known = ErrorLines(
+        return Kinematics(moving_teeth - 2, moving_teeth, "flexspline")
+    return Kinematics(moving_teeth, moving_teeth + 2, "rigid")
+
+
+def _no_lines(kinematics: Kinematics) -> ErrorLines:
+    """Return lines of a drive of which nothing is known."""
+    return ErrorLines(
         kinematics=kinematics,
         per_cycle=np.zeros(0, dtype=np.int64),
         amplitude=np.zeros((1, 0), dtype=complex),
         certificate=EMPTY,
     )
-    record = recorded_error(found, kinematics, asked)
-    if is_drawn:
-        record = replace(record, is_part=True)
-        visited = record.visited(kinematics) if found.is_of_travel else None
-        drawn = drawn_errors(found, kinematics, asked)
-        lines = with_scale_spread(drawn.lines, record.scale_uncertainty, found.seed)
-        error = _LoadedError(lines, visited=visited)
-        error = replace(error, beyond=drawn.beyond_arcsec / np.maximum(error.ranges, np.finfo(float).tiny))
-        return _fitted_correction(None, {M_g: error}, form, {M_g: record}, trace.file)
-    error = _recorded_belief(none_known, record, Run(seed=found.seed))
-    return _fitted_correction(None, {M_g: error}, form, {M_g: record}, trace.file)
+
+
+def _drawn_belief(found: Measurement, record: RecordedError, kinematics: Kinematics, asked: Alignment) -> _LoadedError:
+    """Return errors that agree with a recording of a part of the cycle."""
+    drawn = drawn_errors(found, kinematics, asked)
+    error = _LoadedError(
+        lines=with_scale_spread(drawn.lines, record.scale_uncertainty, found.seed),
+        visited=record.visited(kinematics) if found.is_of_travel else None,
+    )
+    return replace(error, beyond=drawn.beyond_arcsec / np.maximum(error.ranges, np.finfo(float).tiny))
 
 
 @dataclass(frozen=True)
@@ -580,61 +670,73 @@ def verify(result: Correction, record: RecordedError, run: Run) -> VerifiedCorre
     *_, largest = percentiles(np.ptp(lines.curves, axis=1))  # what noise leaves open added, which may have added before
     low = max(0.0, 2 * F_ior_arcsec - largest)
     high = None if record.is_part else largest
-    is_kept = high is not None and high <= promised.p95
-    verdict = Verdict.PASS if is_kept else Verdict.FAIL if low > promised.p95 else Verdict.INCONCLUSIVE
-    taken = correction_curve(result.correction, error.lines.kinematics).reshape(-1)
-    spectrum = np.fft.rfft(taken)[error.lines.per_cycle] * (2 / len(taken))
-    corrected_lines = replace(error.lines, amplitude=error.lines.amplitude + spectrum)
-    parts = [
-        _error_parts({result.M_g: replace(error, lines=lines_of_part)}) for lines_of_part in (corrected_lines, lines)
-    ]
-    promised_parts, parts_that_came = ((), ()) if record.is_part else parts
-    cause = _likely_cause(error.actual.mean(axis=0), taken, record, lines) if verdict is Verdict.FAIL else ""
+    verdict = _verdict_of(low, high, promised.p95)
+    correction = correction_curve(result.correction, error.lines.kinematics).reshape(-1)
+    promised_parts: tuple[ErrorPart, ...] = ()
+    parts: tuple[ErrorPart, ...] = ()
+    if not record.is_part:
+        spectrum = np.fft.rfft(correction)[error.lines.per_cycle] * (2 / len(correction))
+        promised_lines = replace(error.lines, amplitude=error.lines.amplitude + spectrum)
+        promised_parts = _error_parts({result.M_g: replace(error, lines=promised_lines)})
+        parts = _error_parts({result.M_g: replace(error, lines=lines)})
+    cause = _likely_cause(error.actual.mean(axis=0), correction, record, lines) if verdict is Verdict.FAIL else ""
     return VerifiedCorrection(
         F_ior_arcsec=F_ior_arcsec,
         interval_arcsec=(low, high),
         promised=promised,
         promised_parts=promised_parts,
-        parts=parts_that_came,
+        parts=parts,
         cause=cause,
         verdict=verdict,
     )
 
 
-def _likely_cause(before: Array, taken: Array, record: RecordedError, lines: ErrorLines) -> str:
-    """Words for the sign and zero with which a correction acts that explain a record best; empty where none does.
+def _verdict_of(low: float, high: float | None, limit: float) -> Verdict:
+    """Return the verdict of an interval without an upper end if it is None: PASS within a limit, FAIL above it."""
+    if high is not None and high <= limit:
+        return Verdict.PASS
+    return Verdict.FAIL if low > limit else Verdict.INCONCLUSIVE
 
-    Arguments: error before and correction [arcsec] over the full cycle, shape (points,) each. The square of before less
-    after less the correction is least where their correlation is greatest.
+
+def _likely_cause(before: Array, taken: Array, record: RecordedError, lines: ErrorLines) -> str:
+    """Return the sign and zero with which a correction acts that explain a record best, in words; empty if none does.
+
+    The square of before - after - correction is smallest if their correlation is largest.
+
+    before, taken: error before and correction over the full cycle [arcsec], shape (points,).
+    record: after the correction.
+    lines: of the record.
     """
     count = len(taken)
     points = record.points(lines)
     applied = before[points] + record.error_arcsec  # F_kpp is the opposite of the actual error
     applied -= applied.mean()
 
-    def correlation(read: Array, curve: Array) -> Array:
-        """Sum over readings by the points that the zero is off, shape (points,)."""
-        return np.fft.irfft(np.conj(np.fft.rfft(np.bincount(points, read, count))) * np.fft.rfft(curve), count)
+    def correlation(readings: Array, curve: Array) -> Array:
+        """Return the sum over readings by the points that the zero is off, shape (points,)."""
+        spectrum = np.fft.rfft(np.bincount(points, readings, count))
+        return np.fft.irfft(np.conj(spectrum) * np.fft.rfft(curve), count)
 
     product = correlation(applied, taken)
     power = correlation(np.ones(len(points)), taken**2)
-    squares_left = applied @ applied + np.stack(
-        [power - 2 * product, power + 2 * product, 0 * power]
-    )  # as it is, flipped, off
-    if squares_left.min() > _EXPLAINED_RMS_SHARE**2 * squares_left[0, 0]:
+    # rows: as it is, with the sign flipped, and off
+    squares = applied @ applied + np.stack([power - 2 * product, power + 2 * product, 0 * power])
+    if squares.min() > _EXPLAINED_RMS_SHARE**2 * squares[0, 0]:
         return ""
-    steps_away = np.fft.fftfreq(count, 1 / count)
-    way, place = min(
-        np.argwhere(squares_left <= _ALIKE * squares_left.min()).tolist(),
-        key=lambda each: (abs(steps_away[each[1]]), each[0]),
-    )
-    off_turns = float(steps_away[place]) / POINTS_A_TURN
+    offsets = np.fft.fftfreq(count, 1 / count)  # points that the zero is off, to either side
+    candidates = np.argwhere(squares <= _ALIKE * squares.min()).tolist()
+    row, point = min(candidates, key=lambda candidate: (abs(offsets[candidate[1]]), candidate[0]))
+    return _cause_text(row, float(offsets[point]) / POINTS_A_TURN)
+
+
+def _cause_text(row: int, off_turns: float) -> str:
+    """Return a cause in words: 0 as it is, 1 flipped, 2 off; off_turns: input revolutions that the zero is off."""
+    if row == 2:
+        return "the correction is not on"
     turns = round(off_turns)
     off_deg = 360 * (off_turns - turns)
-    if way == 2:
-        return "the correction is not on"
     causes = []
-    if way == 1:
+    if row == 1:
         causes.append("its sign is flipped")
     if abs(off_deg) > _IN_ZERO_DEG:
         causes.append(f"its zero is off by {abs(off_deg):.0f}° of the input")
@@ -653,40 +755,50 @@ def advice_corrected(advice: Advice, form: CorrectionForm, draws: int, run: Run)
     samples of the advice. The error of each drive is that of its own lines there, as if it were recorded in that
     position, with all that these lines do not have.
     """
-    drive = advice.drive
     choice = advice.decision
-    drives = [dict[str, float]()]
     if choice.all_alike:
         return advice
+    drives = [dict[str, float]()]
     if choice.is_sampled and advice.samples:
         drives = advice.samples.of_ranges.equal_drives(draws)
     rotations = sorted({0.0, *choice.rotations_deg})
-    proof = EMPTY
-    residuals = []
-    for rotation_deg in rotations:
-        changes = [
-            values | {path: values.get(path, drive.number(path)) + rotation_deg for path in carried(drive)}
-            for values in drives
-        ]
-        for M_g in advice.torques:
-            error = _loaded_error(drive, M_g, changes, run, alike=len(drives) == 1, solved=_SOLVED_A_POSITION)
-            proof += error.lines.certificate
-            residuals.append(ranges_left(form.fitted(error.lines, M_g), error)[0])
-    arcsec = np.reshape(residuals, (len(rotations), -1, len(drives))).transpose(1, 2, 0)  # (torques, drives, positions)
+    residuals, certificate = _residuals_in_positions(advice, drives, rotations, form, run)
     columns = [rotations.index(rotation) for rotation in choice.rotations_deg]
-    ones = np.ones(len(drives))
-    now_arcsec = arcsec[..., rotations.index(0.0)]
     decision = Decision(
         rotations_deg=choice.rotations_deg,
-        F_ior_arcsec=arcsec[..., columns],
-        now_arcsec=now_arcsec,
-        sample_weights=ones,
+        F_ior_arcsec=residuals[..., columns],
+        now_arcsec=residuals[..., rotations.index(0.0)],
+        sample_weights=np.ones(len(drives)),
         room_arcsec=(),
         cost=choice.cost,
     )
-    curve = advice.curve and replace(advice.curve, certificate=advice.curve.certificate + proof)
+    curve = advice.curve and replace(advice.curve, certificate=advice.curve.certificate + certificate)
     advice = replace(advice, curve=curve, compensated=(form.name, decision))
     return advice if decision.word(advice.sure) == "ANY_HOLE" else replace(advice, decision=decision, value=None)
+
+
+def _residuals_in_positions(
+    advice: Advice, drives: Sequence[dict[str, float]], rotations: Sequence[float], form: CorrectionForm, run: Run
+) -> tuple[Array, Certificate]:
+    """Return what corrections leave of drives in positions [arcsec], shape (torques, drives, positions), with proof.
+
+    drives: values by path.
+    rotations: of the fixed wheel [deg], shape (positions,).
+    """
+    drive = advice.drive
+    certificate = EMPTY
+    residuals = []
+    for rotation_deg in rotations:
+        rotated_drives = []
+        for values in drives:
+            rotated = {path: values.get(path, drive.number(path)) + rotation_deg for path in carried(drive)}
+            rotated_drives.append(values | rotated)
+        for M_g in advice.torques:
+            error = _loaded_error(drive, M_g, rotated_drives, run, alike=len(drives) == 1, solved=_SOLVED_A_POSITION)
+            certificate += error.lines.certificate
+            residuals.append(ranges_left(form.fitted(error.lines, M_g), error)[0])
+    by_position = np.reshape(residuals, (len(rotations), -1, len(drives)))
+    return by_position.transpose(1, 2, 0), certificate
 
 
 def corrected_states(drive: Drive, positions: int, draws: int) -> int:

@@ -31,7 +31,7 @@ from hdassist.model.deviations import unknowns
 from hdassist.model.geometry import Array, Kinematics
 from hdassist.preset.fields import Drive
 from hdassist.recording.positions import recording_from_columns
-from hdassist.recording.posterior import posterior_of_recording
+from hdassist.recording.posterior import AmplitudePosterior, posterior_of_recording
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
 
@@ -70,10 +70,14 @@ _LARGEST = 3.0  # standard deviations that a field differs by, at most
 
 @dataclass(frozen=True, eq=False)
 class RecordedError:
-    """Error F_kpp [arcsec] that was read where the cam had turned so far from the record's zero, shape (readings,).
+    """Error F_kpp of a recording, by the angle of the input from the recording's zero.
 
-    is_part: whether that is less than the full cycle; recorded_turns: first and last of a travel that was recorded,
-    None of others; F_ior_arcsec: as `measure` states it, None of a solved error; sha256: of its file;
+    cam_turns: input angles [turns], shape (readings,).
+    error_arcsec: shape (readings,).
+    is_part: whether the readings cover less than the full cycle.
+    recorded_turns: first and last input angle of a travel that was recorded, None for the full cycle.
+    F_ior_arcsec: as `measure` gives it, None for a solved error.
+    sha256: of its file.
     scale_uncertainty: relative standard uncertainty of one factor of all errors.
     """
 
@@ -92,30 +96,29 @@ class RecordedError:
         return np.asarray(np.mod(turns - first, _whole_turns(last - first, kinematics)) <= last - first)
 
     def filled(self, kinematics: Kinematics, fitted: Array) -> RecordedError:
-        """The record of a travel continued over the full cycle, mirrored at both ends, from one end into the other.
+        """Return the record of a travel continued over the full cycle, mirrored at both ends.
 
-        So a correction has no leap where the output never comes, and no bend at the ends. fitted: of each reading.
+        So a correction has no leap where the output never comes, and no bend at the ends.
+
+        kinematics: of the drive.
+        fitted: values of the fit at the readings [arcsec], shape (readings,).
         """
-        order = np.argsort(self.cam_turns, kind="stable")
-        turns = self.cam_turns[order]
-        error = self.error_arcsec[order]
-        first = float(turns[0])
-        span = float(np.ptp(turns))
-        whole_turns = _whole_turns(span, kinematics)
-        beyond = np.arange(span, whole_turns, span / len(turns))[1:]
-        share = (1 + np.cos(np.pi * (beyond - span) / max(whole_turns - span, 1e-12))) / 2  # of the last end
-
-        def mirrored(away: Array, end: int) -> Array:
-            inwards = span - np.abs(np.mod(away, 2 * span) - span)
-            even = np.interp(turns[end] + (inwards if end == 0 else -inwards), turns, error)
-            return np.asarray(even + 2 * np.exp(-((away / _BEND_TURNS) ** 2)) * (fitted[order][end] - even))
-
-        mirrored_error = share * mirrored(beyond - span, -1) + (1 - share) * mirrored(whole_turns - beyond, 0)
-        turns = np.append(turns, first + beyond)
-        error = np.append(error, mirrored_error)
+        travel = _Travel.of(self, fitted)
+        whole_turns = _whole_turns(travel.span, kinematics)
+        beyond = np.arange(travel.span, whole_turns, travel.span / len(travel.turns))[1:]
+        # from the mirror image at the last end to that at the first one
+        share = (1 + np.cos(np.pi * (beyond - travel.span) / max(whole_turns - travel.span, 1e-12))) / 2
+        from_last = travel.mirrored(beyond - travel.span, -1)
+        from_first = travel.mirrored(whole_turns - beyond, 0)
+        turns = np.append(travel.turns, travel.first + beyond)
+        error = np.append(travel.error_arcsec, share * from_last + (1 - share) * from_first)
         repeats = max(1, round(kinematics.cycle_cam_revolutions / whole_turns))
-        again = np.arange(repeats)[:, None] * whole_turns
-        return RecordedError((turns + again).ravel(), np.tile(error, repeats), recorded_turns=(first, first + span))
+        offsets = np.arange(repeats)[:, None] * whole_turns
+        return RecordedError(
+            (turns + offsets).ravel(),
+            np.tile(error, repeats),
+            recorded_turns=(travel.first, travel.first + travel.span),
+        )
 
     def points(self, lines: ErrorLines, finer: int = 1) -> NDArray[np.int64]:
         """Return the nearest points of the curves of lines, or of a grid finer by an integer factor."""
@@ -143,11 +146,11 @@ class RecordedError:
         return weights
 
     def apart(self, lines: ErrorLines) -> Array:
-        """The readings less the mean of lines [arcsec]."""
+        """Return the readings minus the mean of lines [arcsec], shape (readings,)."""
         return self.error_arcsec - self._read(lines, lines.amplitude.mean(axis=0))
 
     def _read(self, lines: ErrorLines, amplitude: Complex) -> Array:
-        """A curve [arcsec] of amplitudes of lines at the readings."""
+        """Return the curve of amplitudes of lines at the readings [arcsec], shape (readings,)."""
         points = _FINER * POINTS_A_TURN * lines.kinematics.cycle_cam_revolutions
         spectrum = np.zeros(points // 2 + 1, dtype=complex)
         spectrum[lines.per_cycle] = amplitude
@@ -156,54 +159,65 @@ class RecordedError:
     def lines(self, kinematics: Kinematics) -> ErrorLines:
         """Fit as many lines as the readings resolve and curves have, by least squares: those of one drive.
 
-        The readings resolve as many lines as the usual gap between them allows, without lines that are images of each
-        other: readings of two sweeps in closely spaced pairs resolve the components of one sweep. The fit uses
-        conjugate gradients, because uneven readings mix lines, and few iterations, so that the error stays small
-        where there are no readings.
+        The fit uses conjugate gradients, because uneven readings mix lines, and few iterations, so that the error stays
+        small where there are no readings.
+        """
+        weights = self.weights(kinematics)
+        lines = self._resolved_lines(kinematics, weights)
+        points = self.points(lines, _FINER)
+        grid = _FINER * POINTS_A_TURN * kinematics.cycle_cam_revolutions
+        total = weights.sum()
+
+        def gradient(residual: Array) -> Complex:
+            """Return the gradient of half the weighted squares over the amplitudes, shape (lines,)."""
+            levelled = weights * (residual - weights @ residual / total)
+            return np.asarray(np.fft.rfft(np.bincount(points, levelled, grid))[lines.per_cycle])
+
+        amplitude = np.zeros(len(lines.per_cycle), dtype=complex)
+        descent = direction = gradient(self.error_arcsec)
+        power = first_power = float(np.vdot(descent, descent).real)
+        for _ in range(_ROUNDS):
+            if power <= _SOLVED**2 * first_power:
+                break
+            curvature = gradient(self._read(lines, direction))
+            step = power / float(np.vdot(direction, curvature).real)
+            amplitude = amplitude + step * direction
+            descent = descent - step * curvature
+            previous_power = power
+            power = float(np.vdot(descent, descent).real)
+            direction = descent + power / previous_power * direction
+        return replace(lines, amplitude=amplitude[None])
+
+    def _resolved_lines(self, kinematics: Kinematics, weights: Array) -> ErrorLines:
+        """Return as many lines as the usual gap between readings resolves, with amplitudes of 0.
+
+        Lines that are images of each other are left out: readings of two sweeps in closely spaced pairs resolve the
+        components of one sweep. A line is an image of another if the window of the readings, the transform of their
+        weights, is large at the difference.
+
+        weights: of the readings, shape (readings,).
         """
         cycle = kinematics.cycle_cam_revolutions
         gaps = np.sort(self._gaps(kinematics)[1])
-        weights = self.weights(kinematics)
-        usual = gaps[np.searchsorted(np.cumsum(gaps), _USUAL_GAP * gaps.sum())]
-        finest = min(min(round(1 / usual), len(gaps)) // 2 + 1, POINTS_A_TURN * cycle // 2)
-        fitted_lines = ErrorLines(
+        usual_gap = gaps[np.searchsorted(np.cumsum(gaps), _USUAL_GAP * gaps.sum())]
+        end = min(min(round(1 / usual_gap), len(gaps)) // 2 + 1, POINTS_A_TURN * cycle // 2)
+        lines = ErrorLines(
             kinematics=kinematics,
-            per_cycle=np.arange(1, finest),
-            amplitude=np.zeros((1, finest - 1), dtype=complex),
+            per_cycle=np.arange(1, end),
+            amplitude=np.zeros((1, end - 1), dtype=complex),
             certificate=EMPTY,
         )
-        points = self.points(fitted_lines, _FINER)
         total = weights.sum()
-        window = np.abs(np.fft.rfft(np.bincount(points, weights, _FINER * POINTS_A_TURN * cycle)))[: 2 * finest]
-        is_alike = window > _IMAGE * total
-        first_apart = int(np.argmin(is_alike))  # of part of the cycle, neighbours are alike, and no images
-        images = np.flatnonzero(is_alike[first_apart:])
-        often = fitted_lines.per_cycle
-        if len(images):
-            image = first_apart + int(images[0])
-            often = often[: (image - (window[image] < _EVEN * total)) // 2]  # of even readings half of it is a line too
-        fitted_lines = replace(fitted_lines, per_cycle=often)
-
-        def slope(left: Array) -> Complex:
-            put = np.bincount(points, weights * (left - weights @ left / total), _FINER * POINTS_A_TURN * cycle)
-            return np.asarray(np.fft.rfft(put)[often])
-
-        amplitude = np.zeros(len(often), dtype=complex)
-        residual = self.error_arcsec
-        down = way = slope(residual)
-        power = first = float(np.vdot(down, down).real)
-        for _ in range(_ROUNDS):
-            if power <= _SOLVED**2 * first:
-                break
-            curve = self._read(fitted_lines, way)
-            bend = slope(curve)
-            size = power / float(np.vdot(way, bend).real)
-            amplitude = amplitude + size * way
-            down = down - size * bend
-            before = power
-            power = float(np.vdot(down, down).real)
-            way = down + power / before * way
-        return replace(fitted_lines, amplitude=amplitude[None])
+        on_grid = np.bincount(self.points(lines, _FINER), weights, _FINER * POINTS_A_TURN * cycle)
+        window = np.abs(np.fft.rfft(on_grid))[: 2 * end]
+        is_image = window > _IMAGE * total
+        first_distinct = int(np.argmin(is_image))  # neighbours in a part of the cycle look the same, but are no images
+        images = np.flatnonzero(is_image[first_distinct:])
+        if not len(images):
+            return lines
+        image = first_distinct + int(images[0])
+        is_uneven = window[image] < _EVEN * total  # even readings resolve the line at half the image too
+        return replace(lines, per_cycle=lines.per_cycle[: (image - is_uneven) // 2])
 
     def noise(self, lines: ErrorLines) -> tuple[int, float]:
         """Number of readings beyond those that lines can follow, and the variance of noise [arcsec^2]."""
@@ -211,17 +225,66 @@ class RecordedError:
         return again, float((self.apart(lines) ** 2).sum()) / max(again, 1)
 
 
-def require_sense(measurement: Measurement, drive: Drive, M_g: float, asked: Alignment) -> None:
-    """Raise UntrustedError where a record at a torque M_g [N*m] fits its drive clearly better when read the other way.
+@dataclass(frozen=True, eq=False)
+class _Travel:
+    """Readings of a travel in the order of their angles, each of shape (readings,).
 
-    Its start and zero are any over the full cycle, those of the drive over part of it. A drive with unknown deviations
-    may be either way round.
+    turns: input angles [turns].
+    error_arcsec: at these.
+    fitted_arcsec: values of the fit at these.
+    """
+
+    turns: Array
+    error_arcsec: Array
+    fitted_arcsec: Array
+
+    @classmethod
+    def of(cls, record: RecordedError, fitted: Array) -> _Travel:
+        """Sort the readings of a record; fitted: values of the fit [arcsec], shape (readings,)."""
+        order = np.argsort(record.cam_turns, kind="stable")
+        return cls(
+            turns=record.cam_turns[order],
+            error_arcsec=record.error_arcsec[order],
+            fitted_arcsec=fitted[order],
+        )
+
+    @property
+    def first(self) -> float:
+        """First input angle [turns]."""
+        return float(self.turns[0])
+
+    @property
+    def span(self) -> float:
+        """Input revolutions from the first to the last angle."""
+        return float(np.ptp(self.turns))
+
+    def mirrored(self, away: Array, end: int) -> Array:
+        """Return the error mirrored at an end [arcsec], 0 for the first and -1 for the last, at distances [turns].
+
+        The mirror image is even, so it has a bend at the end. Close to the end the odd one takes its place.
+        """
+        inwards = self.span - np.abs(np.mod(away, 2 * self.span) - self.span)
+        turns = self.turns[end] + (inwards if end == 0 else -inwards)
+        even = np.interp(turns, self.turns, self.error_arcsec)
+        closeness = np.exp(-((away / _BEND_TURNS) ** 2))
+        return np.asarray(even + 2 * closeness * (self.fitted_arcsec[end] - even))
+
+
+def require_sense(measurement: Measurement, drive: Drive, M_g: float, alignment: Alignment) -> None:
+    """Raise UntrustedError if a recording fits its drive clearly better when it is read the other way.
+
+    Its start and zero are any over the full cycle, those of the drive over a part of it. A drive with unknown
+    deviations may be either way round.
+
+    M_g: torque [N*m].
+    alignment: how the file counts.
     """
     if unknowns(drive):
         return
     sweep = measurement.directions[0]
-    asked = replace(asked, fitted=(not sweep.is_bound, not sweep.is_bound))
-    if mirror := mirrored_reading(measurement, drive, M_g, asked):
+    is_free = not sweep.is_bound
+    mirror = mirrored_reading(measurement, drive, M_g, replace(alignment, fitted=(is_free, is_free)))
+    if mirror:
         message = f"{measurement.trace.file}: the mirrored recording fits {drive.name} clearly better"
         raise UntrustedError(f"{message}, {mirror.rms_arcsec:.2f}″ rms off", mirror.options)
 
@@ -298,25 +361,34 @@ def drawn_errors(measurement: Measurement, kinematics: Kinematics, asked: Alignm
     alignment = asked.of_file(trace, kinematics)
     ratio = abs(kinematics.u)
     cleaned = cleaned_recording(sweep, ratio)
-    along = np.lexsort((cleaned.input_rev, cleaned.sweep))  # each sweep in the sense of growing angles
+    order = np.lexsort((cleaned.input_rev, cleaned.sweep))  # each sweep in the sense of growing angles
     recording = recording_from_columns(
-        input_rev=alignment.sense * cleaned.input_rev[along],
-        error_arcsec=alignment.sign * cleaned.error_arcsec[along],
+        input_rev=alignment.sense * cleaned.input_rev[order],
+        error_arcsec=alignment.sign * cleaned.error_arcsec[order],
         ratio=ratio,
-        sweep=cleaned.sweep[along],
+        sweep=cleaned.sweep[order],
         time=np.sort(cleaned.time),
     )
     posterior = posterior_of_recording(recording, seed=measurement.seed)
-    chosen = np.linspace(0, len(posterior.amplitudes) - 1, RECORDED_DRAWS).astype(np.int64)
-    cosines, sines = np.split(posterior.amplitudes[chosen], 2, axis=1)
-    periods = posterior.pairs[:, 0] * posterior.cycle.numerator + posterior.pairs[:, 1] * posterior.cycle.denominator
-    per_cycle, place = np.unique(periods, return_inverse=True)
-    amplitude = np.zeros((RECORDED_DRAWS, len(per_cycle)), dtype=complex)
-    np.add.at(amplitude.T, place, (cosines - 1j * sines).T)
-    beyond_arcsec = 2 * posterior.line_amplitudes[chosen].sum(axis=1)
+    draws = np.linspace(0, len(posterior.amplitudes) - 1, RECORDED_DRAWS).astype(np.int64)
     return _DrawnErrors(
-        ErrorLines(kinematics=kinematics, per_cycle=per_cycle, amplitude=amplitude, certificate=EMPTY), beyond_arcsec
+        lines=_lines_of_draws(posterior, draws, kinematics),
+        beyond_arcsec=2 * posterior.line_amplitudes[draws].sum(axis=1),
     )
+
+
+def _lines_of_draws(posterior: AmplitudePosterior, draws: NDArray[np.int64], kinematics: Kinematics) -> ErrorLines:
+    """Return the components of some draws of a posterior as lines of the full cycle.
+
+    draws: numbers of the draws, shape (drives,).
+    """
+    cosines, sines = np.split(posterior.amplitudes[draws], 2, axis=1)
+    cycle = posterior.cycle
+    periods = posterior.pairs[:, 0] * cycle.numerator + posterior.pairs[:, 1] * cycle.denominator
+    per_cycle, index = np.unique(periods, return_inverse=True)
+    amplitude = np.zeros((len(draws), len(per_cycle)), dtype=complex)
+    np.add.at(amplitude.T, index, (cosines - 1j * sines).T)  # several components may have the same period
+    return ErrorLines(kinematics=kinematics, per_cycle=per_cycle, amplitude=amplitude, certificate=EMPTY)
 
 
 def with_scale_spread(lines: ErrorLines, scale_uncertainty: float, seed: int) -> ErrorLines:
@@ -373,47 +445,87 @@ def _drawn(drives: int, lines: int, run: Run) -> Complex:
     return np.concatenate([np.zeros((drives % 2, lines)), drawn, -drawn])
 
 
+@dataclass(frozen=True)
+class _ReadingNoise:
+    """Mean squares of the amplitude of a line by noise of readings [arcsec^2].
+
+    power: best estimate.
+    least: what it is at least, but for a probability of _LEAST_CHANCE.
+    freedom: readings by which it is known, 0 if it is not known from the readings.
+    """
+
+    power: float
+    least: float
+    freedom: int
+
+    @classmethod
+    def of(cls, record: RecordedError, fitted: ErrorLines, weights: Array) -> _ReadingNoise:
+        """Return the noise by readings that no line can follow, or else the power that most lines have."""
+        freedom, variance = record.noise(fitted)
+        if freedom < _LEAST_REPEATS:
+            median_power = float(np.median(np.abs(fitted.amplitude[0]) ** 2))
+            return cls(power=max(median_power / np.log(2), _LEAST_POWER), least=_LEAST_POWER, freedom=0)
+        power = max(4 * variance * float(weights @ weights), _LEAST_POWER)
+        return cls(power=power, least=power * freedom / chdtri(freedom, _LEAST_CHANCE), freedom=freedom)
+
+
 def recorded_lines(lines: ErrorLines, record: RecordedError, run: Run) -> ErrorLines:
-    """Lines of drives that agree with a record of the full cycle, from those of drives as this one may be.
+    """Return lines of drives that agree with a record of the full cycle.
 
     Each line is shrunk by what its kind shows of its size: lines of the model, of single teeth, of neither. Noise of
-    readings is known from what no line can follow. Else the power that most lines have counts as noise, and stays open,
-    as it may be the error.
+    readings is known from what no line can follow. Otherwise the power that most lines have counts as noise, and stays
+    open, as it may be the error.
+
+    lines: of drives as this one may be.
+    record: of the full cycle.
+    run: whose seed draws the drives.
     """
     fitted = record.lines(lines.kinematics)
-    weights = record.weights(lines.kinematics)
-    often = fitted.per_cycle
+    noise = _ReadingNoise.of(record, fitted, record.weights(lines.kinematics))
+    kept_share, largest_power = _shrunk_by_kind(fitted, lines, noise)
+    phase = np.angle(fitted.amplitude)
+    shrunk_lines = replace(fitted, amplitude=kept_share * fitted.amplitude)
+    with_peaks = with_more_lines(shrunk_lines, _peaks_of(record, shrunk_lines).lines(lines.kinematics))
+    lost = (1 - kept_share) * np.sqrt(largest_power) * np.exp(1j * phase)  # as noise may be least; peaks stay peaks
+    hidden = np.clip(np.linspace(-1, 1, RECORDED_DRAWS) / _ALL_HIDDEN, -1, 1)[:, None]  # share that noise hides
+    spread = kept_share + np.abs(hidden) * (np.sqrt(kept_share) - kept_share)
+    drawn = spread * np.sqrt(noise.power / 2) * _drawn(RECORDED_DRAWS, len(fitted.per_cycle), run)
+    if noise.freedom:
+        chi_square = np.random.default_rng([run.seed, 2]).chisquare(noise.freedom, (RECORDED_DRAWS, 1))
+        drawn *= np.sqrt(noise.freedom / chi_square)
+    drawn += hidden * lost
+    return replace(with_peaks, amplitude=with_peaks.amplitude + drawn - drawn.mean(axis=0))
+
+
+def _shrunk_by_kind(fitted: ErrorLines, lines: ErrorLines, noise: _ReadingNoise) -> tuple[Array, Array]:
+    """Return the share of each fitted line that is no noise, and its mean square if noise is least, shape (lines,).
+
+    Kinds are lines of the model, lines of single teeth, of both, and of neither.
+
+    fitted: to the readings.
+    lines: of the model.
+    """
+    kinematics = fitted.kinematics
     power = np.abs(fitted.amplitude[0]) ** 2
-    again, variance = record.noise(fitted)
-    is_known = again >= _LEAST_REPEATS
-    noise = 4 * variance * float(weights @ weights) if is_known else float(np.median(power)) / np.log(2)
-    noise = max(noise, _LEAST_POWER)
-    least = noise * again / chdtri(again, _LEAST_CHANCE) if is_known else _LEAST_POWER
-    wheels = lines.kinematics.z_g, lines.kinematics.z_b
-    of_teeth = np.any([often % (lines.kinematics.cycle_states // z) == 0 for z in wheels], axis=0)  # single ones
-    kinds = np.isin(often, lines.per_cycle) + 2 * of_teeth
-    share = np.empty(len(often))
-    size = np.empty(len(often))
+    is_of_teeth = np.zeros(len(power), dtype=bool)
+    for teeth in (kinematics.z_g, kinematics.z_b):
+        is_of_teeth |= fitted.per_cycle % (kinematics.cycle_states // teeth) == 0
+    kinds = np.isin(fitted.per_cycle, lines.per_cycle) + 2 * is_of_teeth
+    share = np.empty(len(power))
+    size = np.empty(len(power))
     for kind in np.unique(kinds):
         is_of_kind = kinds == kind
-        share[is_of_kind], _ = shrunk(power[is_of_kind], noise)
-        _, size[is_of_kind] = shrunk(power[is_of_kind], least)
-    phase = np.angle(fitted.amplitude)
-    fitted = replace(fitted, amplitude=share * fitted.amplitude)
-    remainder = record.apart(fitted)
-    peaks = np.abs(remainder) > np.median(np.abs(remainder)) / _MEDIAN_DEVIATION * float(
-        ndtri(1 - _PEAK_CHANCE / len(remainder))
-    )
-    fitted = with_more_lines(fitted, replace(record, error_arcsec=remainder * peaks).lines(lines.kinematics))
-    lost = (1 - share) * np.sqrt(size) * np.exp(1j * phase)  # as noise may be least; peaks stay peaks
-    hidden = np.clip(np.linspace(-1, 1, RECORDED_DRAWS) / _ALL_HIDDEN, -1, 1)[:, None]  # of what noise may hide
-    spread = share + np.abs(hidden) * (np.sqrt(share) - share)
-    drawn = spread * np.sqrt(noise / 2) * _drawn(RECORDED_DRAWS, len(often), run)
-    if is_known:
-        chance = np.random.default_rng([run.seed, 2]).chisquare(again, (RECORDED_DRAWS, 1))
-        drawn *= np.sqrt(again / chance)
-    drawn += hidden * lost
-    return replace(fitted, amplitude=fitted.amplitude + drawn - drawn.mean(axis=0))
+        share[is_of_kind], _ = shrunk(power[is_of_kind], noise.power)
+        _, size[is_of_kind] = shrunk(power[is_of_kind], noise.least)
+    return share, size
+
+
+def _peaks_of(record: RecordedError, lines: ErrorLines) -> RecordedError:
+    """Return the readings of a record that stand out from its lines more than noise does, the others as 0."""
+    remainder = record.apart(lines)
+    deviation = np.median(np.abs(remainder)) / _MEDIAN_DEVIATION
+    is_peak = np.abs(remainder) > deviation * float(ndtri(1 - _PEAK_CHANCE / len(remainder)))
+    return replace(record, error_arcsec=remainder * is_peak)
 
 
 def shrunk(power: Array, noise: float) -> tuple[Array, Array]:
