@@ -33,7 +33,7 @@ from hdassist.errors import (
     worst,
 )
 from hdassist.loading import OVERRIDE_PLACE, load_text
-from hdassist.model.deviations import MeasuredTeeth, Unknown, unknown_notes, unknowns
+from hdassist.model.deviations import MeasuredTeeth, ToothDeviations, Unknown, unknown_notes, unknowns
 from hdassist.model.geometry import Array, Kinematics
 from hdassist.preset.fields import Drive, PresetField, field_table, is_overridden, path_of
 from hdassist.preset.text import InvalidValueError, near_miss, read_count, read_number, scalar_value, shown
@@ -273,32 +273,50 @@ def check(
     Raises UsageError for an unknown solver; UntrustedError if a result cannot be trusted, or if the preset's
     catalogue contradicts its other values.
     """
-    torques = drive.operation.M_g
     shown_drive, teeth = measured.in_drive(drive) if measured else (drive, None)
     require_solver(run.cross_check or CROSS_SOLVER)
     assumed_drive, prior = beside_measured_teeth(drive, measured)
     require_programme(drive, run)
     points = _unsolved_points(drive, is_open=bool(prior.fields), sure=sure, run=run)
     checked = DesignCheck(drive=drive, points=points, measured=measured, unknown=unknowns(assumed_drive), prior=prior)
-    rooms = [point.left_arcsec for point in points]
-    sampled = searchable(drive) and not measured and bool(prior.fields)
-    if sampled and draws and not samples:
+    is_sampled = searchable(drive) and not measured and bool(prior.fields)
+    if is_sampled and draws and not samples:
+        rooms = [point.left_arcsec for point in points]
         so_far = None if seen is None else lambda samples: seen(checked.with_samples(samples))
         samples = drive_samples(prior, rooms, draws=draws, sure=sure, run=run, seen=so_far)
         checked = replace(checked, predicted=beside_prediction(prior, draws=draws, run=run))
-    checked = checked.with_samples(samples) if samples else checked
-    shown = [_middle(shown_drive, samples, k) if samples else shown_drive for k in range(len(torques))]
-    errors = list[KinematicError]()
-    for error in run.map(partial(whole_error, teeth=teeth, solver=solver, run=run.of_task), shown, torques):
-        errors.append(error)
-        run.finished(len(error.states))
+    if samples:
+        checked = checked.with_samples(samples)
+    torque_numbers = range(len(drive.operation.M_g))
+    drives = [_middle(shown_drive, samples, number) if samples else shown_drive for number in torque_numbers]
+    errors = _whole_errors(drives, drive.operation.M_g, teeth, solver, run)
     # another solver looks at the extremes while steps are taken
     solved = [
-        (shown_drive, teeth, error.sampled(seed=run.seed)) for shown_drive, error in zip(shown, errors, strict=True)
+        (solved_drive, teeth, error.sampled(seed=run.seed)) for solved_drive, error in zip(drives, errors, strict=True)
     ]
     checks = run.beside(cross_checks_of, solved, run.of_task)
     checked = checked.with_errors(errors).with_steps(run)
-    return checked.with_errors([replace(e, cross_check=c) for e, c in zip(errors, checks.result(), strict=True)])
+    cross_checked = [
+        replace(error, cross_check=cross_check) for error, cross_check in zip(errors, checks.result(), strict=True)
+    ]
+    return checked.with_errors(cross_checked)
+
+
+def _whole_errors(
+    drives: Sequence[Drive], torques: Sequence[float], teeth: ToothDeviations | None, solver: str | None, run: Run
+) -> list[KinematicError]:
+    """Return the error of the full cycle at each torque.
+
+    drives: one for each torque.
+    torques: [N*m].
+    teeth: measured teeth of the wheels, None without.
+    solver, run: as in `check`.
+    """
+    errors = []
+    for error in run.map(partial(whole_error, teeth=teeth, solver=solver, run=run.of_task), drives, torques):
+        errors.append(error)
+        run.finished(len(error.states))
+    return errors
 
 
 def _unsolved_points(drive: Drive, *, is_open: bool, sure: float, run: Run) -> tuple[OperatingPoint, ...]:
@@ -372,36 +390,46 @@ def _fields() -> dict[str, PresetField]:
 
 
 def _axis(text: str) -> Axis:
-    """The field that a text varies. Raises InvalidValueError, with what was expected: it is not of the form."""
+    """Return the field that a text varies, with its values.
+
+    Raises InvalidValueError for another form, with what was expected.
+    """
     key, equals, values = text.partition("=")
     if not equals:
         raise InvalidValueError("KEY=START:STOP:STEPS or KEY=A,B,C", _FORM)
-    path = ".".join(map(str, path_of(key)))
-    field = _fields().get(path)
-    if field is None:
-        same = (field for field in _fields() if field.split(".")[1] == path.split(".")[-1])
-        close = f"the nearest name is {meant}" if (meant := next(same, "")) else near_miss(path, _fields())
-        raise InvalidValueError("a field with a single number", close or "write section.key, for example gears.j_n")
-    unit = field.unit
-    is_count = field.kind == "count"
-
-    def number(part: str) -> float:
-        value = scalar_value(part)
-        try:
-            return read_count(value) if is_count else float(read_number(value, unit))
-        except InvalidValueError as fault:
-            expected = f"numbers ({shown(part)} {fault.message})" if part else "numbers, but a value is missing"
-            raise InvalidValueError(expected, fault.hint) from None
-
-    parts = [part.strip() for part in values.split(":" if ":" in values else ",")]
-    if ":" in values and len(parts) != 3:
+    path, field = _varied_field(key)
+    is_grid = ":" in values
+    parts = [part.strip() for part in values.split(":" if is_grid else ",")]
+    if is_grid and len(parts) != 3:
         raise InvalidValueError("KEY=START:STOP:STEPS", _FORM)
-    numbers = [number(part) for part in (parts if ":" not in values else parts[:2])]
+    numbers = [_axis_number(part, field) for part in (parts[:2] if is_grid else parts)]
     if len(set(numbers)) < len(numbers):
         raise InvalidValueError("each value only once")
-    if ":" in values:
-        numbers = _grid(Fraction(repr(numbers[0])), Fraction(repr(numbers[1])), parts[2], is_count)
-    return Axis(path, unit, tuple(numbers))
+    if is_grid:
+        start, stop = (Fraction(repr(number)) for number in numbers)
+        numbers = _grid(start, stop, parts[2], field.kind == "count")
+    return Axis(path, field.unit, tuple(numbers))
+
+
+def _varied_field(key: str) -> tuple[str, PresetField]:
+    """Return the path and the field of a key. Raises InvalidValueError for a field that has no single number."""
+    path = ".".join(map(str, path_of(key)))
+    field = _fields().get(path)
+    if field is not None:
+        return path, field
+    same_key = next((known_path for known_path in _fields() if known_path.split(".")[1] == path.split(".")[-1]), "")
+    hint = f"the nearest name is {same_key}" if same_key else near_miss(path, _fields())
+    raise InvalidValueError("a field with a single number", hint or "write section.key, for example gears.j_n")
+
+
+def _axis_number(part: str, field: PresetField) -> float:
+    """Return a number of a field from its text. Raises InvalidValueError for another text."""
+    value = scalar_value(part)
+    try:
+        return read_count(value) if field.kind == "count" else float(read_number(value, field.unit))
+    except InvalidValueError as fault:
+        expected = f"numbers ({shown(part)} {fault.message})" if part else "numbers, but a value is missing"
+        raise InvalidValueError(expected, fault.hint) from None
 
 
 def _grid(start: Fraction, stop: Fraction, steps: str, is_count: bool) -> list[float]:

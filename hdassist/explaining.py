@@ -119,43 +119,45 @@ def entries() -> tuple[Entry, ...]:
 
 
 def _entries() -> Iterator[Entry]:
-    """Checks and remarks, words, symbols, sections, fields and errors."""
-    for code, item in CODES.items():
-        limit: tuple[tuple[str, str], ...] = ()
-        names: tuple[str, ...] = (code,)
-        if isinstance(item, Check):
-            how = "largest" if item.upper else "smallest"
-            limit = (("limit", f"acceptance.{item.field}, the {how} value allowed, {item.unit.replace('*', '·')}"),)
-            names = (code, item.words)
-        meaning = (("tests", item.tests), ("goes wrong", item.wrong), ("change", item.change))
-        yield Entry(
-            kind="check" if isinstance(item, Check) else "remark",
-            names=names,
-            words=item.words,
-            facts=(*limit, *meaning),
-        )
+    """Yield checks and remarks, words, symbols, sections, fields and errors."""
+    yield from _code_entries()
     for term in TERMS:
         russian = tuple(term.russian.split(", ")) if term.russian else ()
         facts = (("Russian", term.russian), ("unit", term.unit), ("also", ", ".join(term.others)))
-        yield Entry(
-            kind="quantity or word", names=(term.word, *russian, *term.others), words=term.meaning, facts=_given(facts)
-        )
+        names = (term.word, *russian, *term.others)
+        yield Entry(kind="quantity or word", names=names, words=term.meaning, facts=_given(facts))
     for names, page_meaning in _WORDS_OF_PAGES.items():
         yield Entry("quantity or word", names, page_meaning)
-    for symbol in SYMBOLS:
-        of_symbol = (("in the code", symbol.code.replace("`", "")), ("unit", symbol.unit))
-        for name in symbol.paper:
-            shared = f"{', '.join(symbol.paper)}: {symbol.words}" if len(symbol.paper) > 1 else symbol.words
-            yield Entry(kind="symbol", names=(name,), words=shared, facts=_given(of_symbol))
+    yield from _symbol_entries()
     for section, model in sections():
-        keys = ", ".join(model.model_fields)
-        yield Entry(kind="section", names=(section,), words=str(model.__doc__).rstrip("."), facts=(("fields", keys),))
+        fields = (("fields", ", ".join(model.model_fields)),)
+        yield Entry(kind="section", names=(section,), words=str(model.__doc__).rstrip("."), facts=fields)
     for path, field in field_table().items():
         yield Entry(kind="field", names=(path, path.split(".")[1]), words=field.meaning, facts=_given(_of_field(field)))
-    for fault, fault_words in FAULTS.items():
-        yield Entry(
-            kind="error", names=(str(fault),), words=fault_words.meaning, facts=(("change", fault_words.change),)
-        )
+    for fault, text in FAULTS.items():
+        yield Entry(kind="error", names=(str(fault),), words=text.meaning, facts=(("change", text.change),))
+
+
+def _code_entries() -> Iterator[Entry]:
+    """Yield checks, with the limit that each compares with, and remarks."""
+    for code, item in CODES.items():
+        meaning = (("tests", item.tests), ("goes wrong", item.wrong), ("change", item.change))
+        if isinstance(item, Check):
+            bound = "largest" if item.upper else "smallest"
+            limit = f"acceptance.{item.field}, the {bound} value allowed, {item.unit.replace('*', '·')}"
+            facts = (("limit", limit), *meaning)
+            yield Entry(kind="check", names=(code, item.words), words=item.words, facts=facts)
+        else:
+            yield Entry(kind="remark", names=(code,), words=item.words, facts=meaning)
+
+
+def _symbol_entries() -> Iterator[Entry]:
+    """Yield each symbol of the paper by itself; symbols with one meaning name each other."""
+    for symbol in SYMBOLS:
+        facts = (("in the code", symbol.code.replace("`", "")), ("unit", symbol.unit))
+        meaning = f"{', '.join(symbol.paper)}: {symbol.words}" if len(symbol.paper) > 1 else symbol.words
+        for name in symbol.paper:
+            yield Entry(kind="symbol", names=(name,), words=meaning, facts=_given(facts))
 
 
 def _of_field(field: PresetField) -> tuple[tuple[str, str], ...]:
@@ -194,10 +196,13 @@ def _has_word(entry: Entry, stem: str) -> bool:
 
 
 def explained(name: str, options: Mapping[str, str] | None = None) -> list[Entry]:
-    """Entries of a name, or with it in their names or values; of a letter those of its case, of a phrase of its parts.
+    """Return the entries of a name, or with it in their names or values.
 
-    Argument: help of the options of commands, by their fields. Raises UsageError: an unknown name; its hint has the
-    nearest names.
+    For a letter they are those of its case, for a phrase those of its parts.
+
+    name: as it was typed.
+    options: help of the options of commands, by their fields.
+    Raises UsageError for an unknown name, with the nearest names in its hint.
     """
     spelling = _normal_spelling(name)
     entries_by_spelling = _by_spelling()
@@ -206,18 +211,31 @@ def explained(name: str, options: Mapping[str, str] | None = None) -> list[Entry
     exact = [entry for entry in same_spelling if name in entry.names]
     if len(spelling) == 1 and exact:  # m and M, N and n
         return exact
-    if stem and (entries_found := same_spelling or [entry for entry in entries() if _has_word(entry, stem)]):
-        return entries_found
-    if option := (options or {}).get(re.sub(r"\W", "_", name)):
+    if stem and same_spelling:
+        return same_spelling
+    with_word = [entry for entry in entries() if _has_word(entry, stem)] if stem else []
+    if with_word:
+        return with_word
+    option = (options or {}).get(re.sub(r"\W", "_", name))
+    if option:
         return [Entry("option", (name,), option.rstrip("."))]
-    phrase = name.split()[:_LONGEST_PHRASE]
-    for size in range(len(phrase) - 1, 0, -1):
-        parts = (_normal_spelling(" ".join(phrase[k : k + size])) for k in range(len(phrase) - size + 1))
-        if entries_found := list(dict.fromkeys(entry for part in parts for entry in entries_by_spelling.get(part, ()))):
-            return entries_found
-    near_spellings = get_close_matches(spelling[:_LONGEST_NAME], entries_by_spelling, 3, 0.6)
-    meant = " or ".join(dict.fromkeys(entries_by_spelling[key][0].names[0] for key in near_spellings))
-    raise UsageError(
-        f"unknown name: {name[:_LONGEST_NAME]}",
-        f"the nearest name is {meant}" if meant else "list all names with hdassist explain",
-    )
+    of_parts = _entries_of_parts(name)
+    if of_parts:
+        return of_parts
+    nearest_spellings = get_close_matches(spelling[:_LONGEST_NAME], entries_by_spelling, 3, 0.6)
+    nearest = " or ".join(dict.fromkeys(entries_by_spelling[key][0].names[0] for key in nearest_spellings))
+    hint = f"the nearest name is {nearest}" if nearest else "list all names with hdassist explain"
+    raise UsageError(f"unknown name: {name[:_LONGEST_NAME]}", hint)
+
+
+def _entries_of_parts(phrase: str) -> list[Entry]:
+    """Return the entries of the longest parts of a phrase that have any, each entry once; empty without any."""
+    phrase_words = phrase.split()[:_LONGEST_PHRASE]
+    for size in range(len(phrase_words) - 1, 0, -1):
+        entries_of_size: list[Entry] = []
+        for first in range(len(phrase_words) - size + 1):
+            part = _normal_spelling(" ".join(phrase_words[first : first + size]))
+            entries_of_size += _by_spelling().get(part, ())
+        if entries_of_size:
+            return list(dict.fromkeys(entries_of_size))
+    return []

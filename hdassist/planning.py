@@ -528,38 +528,63 @@ def rough_curves(
     path; points of the cycle; run, its seed among it.
     """
     rng = np.random.default_rng([run.seed, 2])
-    kinematics = Kinematics.of(drive)
-    proof = EMPTY
-    smooth = drive.with_values({deviation.size: 0.0 for deviation in DEVIATIONS})
-    state, part = np.divmod(np.arange(points) * kinematics.cycle_states / points, 1)
+    cycle_states = Kinematics.of(drive).cycle_states
+    certificate = EMPTY
+    state, part = np.divmod(np.arange(points) * cycle_states / points, 1)
     index = state.astype(np.int64)
     curves = np.zeros((len(changes), points))
-    for wheel, z, k in (("g", drive.gears.z_g, 1), ("b", drive.gears.z_b, 2)):
-        composite, pitch = (
-            np.array([change.get(path, drive.number(path)) for change in changes])
-            for path in (f"tolerances.F_i{k}", f"tolerances.f_p{k}")
-        )
-        sizes = np.where(pitch, 0.0, composite / _ROUGH_UM)
+    for wheel, teeth, number in (("g", drive.gears.z_g, 1), ("b", drive.gears.z_b, 2)):
+        sizes = _rough_sizes(drive, changes, number)
         if not sizes.any():
             continue
-        errors = []
-        turn = 2 * np.pi * np.arange(z) / z
-        for _ in range(_ROUGH_WHEELS):
-            teeth = rng.uniform(0, _ROUGH_NOISE) * rng.standard_normal(z)
-            for order in _ROUGH_ORDERS:
-                teeth += _ROUGH_SIZE * rng.rayleigh() / order / 2 * np.cos(order * turn - 2 * np.pi * rng.random())
-            states = pitch_locked_states(kinematics, np.arange(z))
-            rough = ToothDeviations(**{wheel: _ROUGH_UM * teeth})
-            solved = kinematic_error(smooth, M_g, states=states, teeth=rough, run=UNCHECKED)
-            proof += solved.certificate
-            run.solved(solved.certificate.states)
-            errors.append(solved.error_arcsec - solved.error_arcsec.mean())
+        wheels = [_solved_rough_wheel(drive, M_g, wheel, rng, run) for _ in range(_ROUGH_WHEELS)]
+        for solved_wheel in wheels:
+            certificate += solved_wheel.certificate
         for curve, size in zip(curves, sizes, strict=True):
-            error = errors[rng.integers(_ROUGH_WHEELS)]
-            first = rng.integers(z)
-            places = (index + first) % z
-            curve += size * (error[places] * (1 - part) + error[(places + 1) % z] * part)
-    return _RoughCurves(curves, proof)
+            error = wheels[rng.integers(_ROUGH_WHEELS)].error_arcsec
+            places = (index + rng.integers(teeth)) % teeth
+            curve += size * (error[places] * (1 - part) + error[(places + 1) % teeth] * part)
+    return _RoughCurves(curves, certificate)
+
+
+def _rough_sizes(drive: Drive, changes: Sequence[Mapping[str, float]], number: int) -> Array:
+    """Return the sizes of rough teeth of drives, in those of the solved wheels, shape (drives,); 0 for known pitch.
+
+    changes: values of the drives by path.
+    number: of the wheel, 1 for the flexspline and 2 for the circular spline.
+    """
+    composite_path = f"tolerances.F_i{number}"
+    pitch_path = f"tolerances.f_p{number}"
+    composite = np.array([change.get(composite_path, drive.number(composite_path)) for change in changes])
+    pitch = np.array([change.get(pitch_path, drive.number(pitch_path)) for change in changes])
+    return np.where(pitch, 0.0, composite / _ROUGH_UM)
+
+
+@dataclass(frozen=True, eq=False)
+class _RoughWheel:
+    """Error of a drive by rough teeth of one wheel [arcsec], by its teeth in contact, shape (teeth,), with proof."""
+
+    error_arcsec: Array
+    certificate: Certificate
+
+
+def _solved_rough_wheel(drive: Drive, M_g: float, wheel: str, rng: np.random.Generator, run: Run) -> _RoughWheel:
+    """Return the error of a drive without other deviations by a wheel with drawn teeth.
+
+    M_g: torque [N*m].
+    wheel: g for the flexspline, b for the circular spline.
+    """
+    count = drive.gears.z_g if wheel == "g" else drive.gears.z_b
+    angle = 2 * np.pi * np.arange(count) / count
+    teeth = rng.uniform(0, _ROUGH_NOISE) * rng.standard_normal(count)
+    for order in _ROUGH_ORDERS:
+        teeth += _ROUGH_SIZE * rng.rayleigh() / order / 2 * np.cos(order * angle - 2 * np.pi * rng.random())
+    smooth = drive.with_values({deviation.size: 0.0 for deviation in DEVIATIONS})
+    states = pitch_locked_states(Kinematics.of(drive), np.arange(count))
+    deviations = ToothDeviations(**{wheel: _ROUGH_UM * teeth})
+    solved = kinematic_error(smooth, M_g, states=states, teeth=deviations, run=UNCHECKED)
+    run.solved(solved.certificate.states)
+    return _RoughWheel(solved.error_arcsec - solved.error_arcsec.mean(), solved.certificate)
 
 
 def _lines_seen(lines: ErrorLines, drives: DrivesUnderTest, plan: ReadingPlan) -> tuple[_LineSeen, ...]:

@@ -112,25 +112,39 @@ def _explanation(fit: VectorFit, base: VectorFit, fitter: VectorFitter) -> Expla
     record = fitter.record
     drive = fitter.drive
     unknowns = len(fit.free)
-    further_unknowns = len(fit.free) - len(base.free)
     freedom = record.freedom(unknowns)
-    before = base.chi_square - record.freedom(len(base.free))
     excess = max(1.0, fit.chi_square / freedom)
-    changes = [change for i in range(len(fit.fitted)) if (change := _change(fit, i, excess * fit.covariance, drive))]
+    candidates = [_change(fit, number, excess * fit.covariance, drive) for number in range(len(fit.fitted))]
+    changes = [change for change in candidates if change is not None]
     names = _not_told_apart(fit)
-    by_chance = max(_CLEAR_GAIN, further_unknowns + CHI_SQUARE_CLEAR * float(np.sqrt(2 * further_unknowns)))
+    is_determined = len(changes) == len(fit.fitted) and not names
+    gain = (base.chi_square - fit.chi_square) / excess
     return Explanation(
         deviations=tuple(VECTORS[k].size for k in fit.fitted),
         changes=tuple(changes),
         not_told_apart=names,
         chi_square=fit.chi_square,
         degrees_of_freedom=freedom,
-        explained_share=1 - max(fit.chi_square - freedom, 0.0) / before if before > 0 else None,
-        clear=(base.chi_square - fit.chi_square) / excess > by_chance,
+        explained_share=_explained_share(fit, base, fitter),
+        clear=gain > _gain_by_chance(unknowns - len(base.free)),
         sufficient=record.within_noise(fit.chi_square, unknowns),
-        overrides=_overrides(fit, changes, drive) if len(changes) == len(fit.fitted) and not names else (),
+        overrides=_overrides(fit, changes, drive) if is_determined else (),
         alignment=replace(record.alignment, start_deg=float(fit.unknowns[-2]), zero_deg=float(fit.unknowns[-1])),
     )
+
+
+def _explained_share(fit: VectorFit, base: VectorFit, fitter: VectorFitter) -> float | None:
+    """Return the share of the chi-square above that of noise that a fit removes; None if there is none above it."""
+    freedom = fitter.record.freedom
+    excess_before = base.chi_square - freedom(len(base.free))
+    if excess_before <= 0:
+        return None
+    return 1 - max(fit.chi_square - freedom(len(fit.free)), 0.0) / excess_before
+
+
+def _gain_by_chance(unknowns: int) -> float:
+    """Return the decrease of chi-square that further unknowns reach by chance, but for four times in a million."""
+    return max(_CLEAR_GAIN, unknowns + CHI_SQUARE_CLEAR * float(np.sqrt(2 * unknowns)))
 
 
 def _polar(fit: VectorFit, i: int) -> Array:
@@ -351,25 +365,20 @@ def compare(measurement: Measurement, drive: Drive, M_g: float, *, asked: Alignm
     errors whose size is not known.
     """
     measurement.trace.require_known_scale()
-    sweep = measurement.directions[0]
     reader = _RecordReader(measurement=measurement, drive=drive, M_g=M_g, asked=asked, run=run)
     fitter, base = reader.fitted(asked)
-    record = fitter.record
     unchanged = _explanation(base, base, fitter)
     mirrored = None if unchanged.sufficient else reader.mirrored(asked, base)
     singles, joint, mirror = _explanations(fitter, base, unchanged, mirrored)
 
     # every range and every residual from solved states
     solved = SolvedStates(M_g)
-    curve = solved.curve(drive, sweep.bins.turns, unchanged.alignment)
-    # a drift of the prediction, too, is a beat
-    fit = TraceFit(sweep.fit.design, sweep.bins.error - curve, sweep.fit.lines)
-    slope = not len(fit.drift) and drift_of(fit, sweep.range.value)
-    predicted = record.measured - fit.coefficients  # (2 orders,)
+    difference = _Difference.of(fitter, drive, unchanged, solved)
     unchanged = replace(unchanged, F_ior_arcsec=solved.F_ior(drive))
     least = min((single.chi_square for single in singles), default=np.inf)
     singles = [_solved(single, fitter, solved, curve=single.chi_square == least) for single in singles]
     joint = joint and _solved(joint, fitter, solved, curve=True)
+    drift_warnings = [DRIFT_LEFT.format(difference.drift)] if difference.drift else []
     return Comparison(
         drive=drive,
         measurement=measurement,
@@ -377,18 +386,55 @@ def compare(measurement: Measurement, drive: Drive, M_g: float, *, asked: Alignm
         asked=asked,
         unchanged=unchanged,
         uncertainties_deg=_angle_uncertainties(base, unchanged),
-        predicted_arcsec=sweep.fit.error - fit.error,
-        residual_arcsec=fit.error,
-        orders=record.pairs(predicted, fit.coefficients),
-        predicted_curve=curve_of(predicted, sweep.fit.orders, sweep.grid_turns),
-        difference_curve=fit.curve(sweep.grid_turns),
+        predicted_arcsec=difference.predicted_arcsec,
+        residual_arcsec=difference.fit.error,
+        orders=difference.orders,
+        predicted_curve=difference.predicted_curve,
+        difference_curve=difference.curve,
         singles=tuple(singles),
         joint=joint,
         conclusion=_conclude(unchanged, singles, joint, mirrored=mirror is not None),
         mirror=mirror,
         certificate=solved.certificate + reader.torus.certificate,
-        warnings=(*measurement.warnings, *([DRIFT_LEFT.format(slope)] if slope else [])),
+        warnings=(*measurement.warnings, *drift_warnings),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Difference:
+    """Difference between a record and the solved states of a drive.
+
+    fit: to the difference.
+    drift: linear drift that is left in it [arcsec]; 0 without.
+    orders: measured and predicted ones.
+    predicted_arcsec: prediction at the bins, shape (bins,).
+    predicted_curve, curve: prediction and difference at the visited angles [arcsec], shape (angles,).
+    """
+
+    fit: TraceFit
+    drift: float
+    orders: tuple[OrderPair, ...]
+    predicted_arcsec: Array
+    predicted_curve: Array
+    curve: Array
+
+    @classmethod
+    def of(cls, fitter: VectorFitter, drive: Drive, unchanged: Explanation, solved: SolvedStates) -> _Difference:
+        """Return the difference of a drive as it is, from the record of a fitter."""
+        record = fitter.record
+        sweep = record.sweep
+        solved_curve = solved.curve(drive, sweep.bins.turns, unchanged.alignment)
+        fit = TraceFit(sweep.fit.design, sweep.bins.error - solved_curve, sweep.fit.lines)
+        predicted = record.measured - fit.coefficients  # (2 orders,)
+        return cls(
+            fit=fit,
+            # a drift of the prediction, too, is a sideband
+            drift=0.0 if len(fit.drift) else drift_of(fit, sweep.range.value),
+            orders=record.pairs(predicted, fit.coefficients),
+            predicted_arcsec=sweep.fit.error - fit.error,
+            predicted_curve=curve_of(predicted, sweep.fit.orders, sweep.grid_turns),
+            curve=fit.curve(sweep.grid_turns),
+        )
 
 
 def _explanations(
@@ -398,25 +444,36 @@ def _explanations(
     mirrored: tuple[_MirroredFile, VectorFit] | None,
 ) -> tuple[list[Explanation], Explanation | None, _MirroredFile | None]:
     """Explanations of the difference: each vector alone, all together, or the file read the other way round."""
-    usual = unchanged.chi_square <= unchanged.degrees_of_freedom + np.sqrt(2 * unchanged.degrees_of_freedom)
-    if unchanged.sufficient and usual and fitter.linear_gains(base).max() < _SCREEN * _CLEAR_GAIN:
+    if unchanged.sufficient and _is_usual(unchanged) and fitter.linear_gains(base).max() < _SCREEN * _CLEAR_GAIN:
         return [], None, None
     mirror, mirrored_base = mirrored or (None, base)
     if mirror and mirror.within_noise:
         return [], None, mirror
-    fits = [fitter.single(k, base) for k in range(len(VECTORS))]
-    good = _POLISHED * min(fit.chi_square for fit in fits)
-    fits = [fitter.refined(fit) if fit.chi_square <= good else fit for fit in fits]
-    best = int(np.argmin([fit.chi_square for fit in fits]))
-    fits[best] = fitter.with_shift(fitter.profiled(fits[best]))
+    fits = _single_fits(fitter, base)
     singles = [_explanation(fit, base, fitter) for fit in fits]
-    least = min(fit.chi_square for fit in fits)
-    if mirrored_base.chi_square > least:
+    best_fit = min(fits, key=lambda fit: fit.chi_square)
+    if mirrored_base.chi_square > best_fit.chi_square:
         mirror = None
     if _conclude(unchanged, singles, None, mirrored=mirror is not None).kind in ("agrees", "mirrored"):
         return singles, None, mirror
-    joint = fitter.with_shift(fitter.refined(min(fits, key=lambda fit: fit.chi_square), range(len(VECTORS))))
+    joint = fitter.with_shift(fitter.refined(best_fit, range(len(VECTORS))))
     return singles, _explanation(joint, base, fitter), mirror
+
+
+def _is_usual(explanation: Explanation) -> bool:
+    """Return whether a chi-square is at most one standard deviation above its expectation."""
+    freedom = explanation.degrees_of_freedom
+    return bool(explanation.chi_square <= freedom + np.sqrt(2 * freedom))
+
+
+def _single_fits(fitter: VectorFitter, base: VectorFit) -> list[VectorFit]:
+    """Return the fits of each vector alone, the good ones continued, and the best one with its full covariance."""
+    fits = [fitter.single(k, base) for k in range(len(VECTORS))]
+    largest_good = _POLISHED * min(fit.chi_square for fit in fits)
+    fits = [fitter.refined(fit) if fit.chi_square <= largest_good else fit for fit in fits]
+    best = int(np.argmin([fit.chi_square for fit in fits]))
+    fits[best] = fitter.with_shift(fitter.profiled(fits[best]))
+    return fits
 
 
 def _solved(explained: Explanation, fitter: VectorFitter, solved: SolvedStates, *, curve: bool) -> Explanation:

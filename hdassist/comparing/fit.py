@@ -158,25 +158,34 @@ class VectorFitter:
         step = float(np.sqrt(fit.covariance[start, start]))
         if step < _PROFILE_LEAST:
             return fit
-        with_fixed_angles = replace(self, angles=(False, False))
-        along = np.arange(2 * COUNT + 2) == 2 * COUNT
-        profile = [with_fixed_angles._descend(fit.unknowns, fit.fitted, SLOPE_WAVE_POINTS)]
-        for way in (step, -step):
-            last = profile[0]
-            for _ in range(_PROFILE_STEPS):
-                last = with_fixed_angles._descend(last.unknowns + way * along, fit.fitted, SLOPE_WAVE_POINTS)
-                profile.append(last)
-                if last.chi_square > min(point.chi_square for point in profile) + _PROFILE_RISE:
-                    break
+        profile = self._profile_of(fit, step)
         chi_square = np.array([point.chi_square for point in profile])
         best = int(chi_square.argmin())
-        result = min(fit, self.refined(profile[best]), key=lambda each: each.chi_square) if best else fit
+        result = min(fit, self.refined(profile[best]), key=lambda candidate: candidate.chi_square) if best else fit
         weights = np.exp((chi_square[best] - chi_square) / 2)
         weights /= weights.sum()
         shifts = np.array([point.unknowns - result.unknowns for point in profile])[:, result.free]
         covariance = (weights * shifts.T) @ shifts
         covariance[:start, :start] += np.tensordot(weights, [point.covariance for point in profile], axes=1)
         return replace(result, covariance=covariance)
+
+    def _profile_of(self, fit: VectorFit, step: float) -> list[VectorFit]:
+        """Return fits with the start fixed at steps [deg] to both sides of a fit, first at the fit itself.
+
+        A side ends where chi-square has risen clearly above its least value.
+        """
+        with_fixed_angles = replace(self, angles=(False, False))
+        direction = np.arange(2 * COUNT + 2) == 2 * COUNT  # of the start among the unknowns
+        profile = [with_fixed_angles._descend(fit.unknowns, fit.fitted, SLOPE_WAVE_POINTS)]
+        for signed_step in (step, -step):
+            last = profile[0]
+            for _ in range(_PROFILE_STEPS):
+                unknowns = last.unknowns + signed_step * direction
+                last = with_fixed_angles._descend(unknowns, fit.fitted, SLOPE_WAVE_POINTS)
+                profile.append(last)
+                if last.chi_square > min(point.chi_square for point in profile) + _PROFILE_RISE:
+                    break
+        return profile
 
     def _doubted_at(self, fit: VectorFit, changes: Complex) -> VectorFitter:
         """A fitter of the record with a covariance (14) of changes, taken at the alignment of a fit."""

@@ -7,7 +7,7 @@ law and a plausible range, and profile shifts keep the bore in proportion to the
 """
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise, product
 from math import isfinite, log10, pi
@@ -243,38 +243,60 @@ def _size_of(like: Drive, required: Requirements) -> tuple[SimilarValue, float]:
     by the cube law; without any, that of the other drive. Raises UsageError: a torque or a stiffness that no drive of
     the size has.
     """
-    pitch_diameter = like.gears.pitch_diameter
-    stiffer = 1.0
-    T = required["operation.rated"].value if "operation.rated" in required else None
+    rated = required["operation.rated"].value if "operation.rated" in required else None
     K: tuple[float, ...] = required[STIFFNESS].value if STIFFNESS in required else ()
-    if K and not (K[0] > 0 and all(weaker <= stiffer for weaker, stiffer in pairwise(K))):
+    _require_rising(K)
+    stated_size = required.get(PITCH_DIAMETER)
+    stiffness_ratio = 1.0
+    if stated_size:
+        size = stated_size
+        stiffness_ratio = _stiffness_ratio(size.value, K)
+    elif K:
+        d = _rounded(REFERENCE * (K[-1] / CATALOGUE_K3) ** (1 / 3))
+        reason = f"{d:g} mm from K3 = {plain(K[-1])} N*m/rad, which increases with d^3 in catalogues"
+        size = SimilarValue(d, "assumed", reason)
+    else:
+        return _size_by_torque(like, rated), stiffness_ratio
+    low, high = (density * size.value**3 for density in TORQUE_DENSITY)
+    if rated is not None and not low / _FARTHEST_TORQUE <= rated <= high * _FARTHEST_TORQUE:
+        usual = f"{_rounded(low, 2):g} to {_rounded(high, 2):g} N*m"
+        _refuse_size(f"a rated torque of {plain(rated)} N*m", size.value, usual)
+    return size, stiffness_ratio
+
+
+def _require_rising(K: Sequence[float]) -> None:
+    """Raise UsageError unless stiffnesses of the segments of a torsion curve [N*m/rad] are above 0 and rise."""
+    if K and not (K[0] > 0 and all(first <= second for first, second in pairwise(K))):
         raise UsageError(
             f"K1, K2, K3 must be above 0 and increase: {', '.join(map(plain, K))} N*m/rad",
             "check the stiffnesses of the catalogue and their sequence",
         )
-    if size := required.get(PITCH_DIAMETER):
-        of_catalogues = CATALOGUE_K3 * (size.value / REFERENCE) ** 3
-        stiffer = K[-1] / of_catalogues if K else 1.0
-        if not 1 / _FARTHEST_STIFFNESS <= stiffer <= _FARTHEST_STIFFNESS:
-            _refuse_size(f"K3 = {plain(K[-1])} N*m/rad", size.value, f"about {_rounded(of_catalogues, 2):g}")
-    elif K:
-        d = _rounded(REFERENCE * (K[-1] / CATALOGUE_K3) ** (1 / 3))
-        why = f"{d:g} mm from K3 = {plain(K[-1])} N*m/rad, which increases with d^3 in catalogues"
-        size = SimilarValue(d, "assumed", why)
-    elif T is None:
-        return SimilarValue(
-            pitch_diameter, "assumed", f"the pitch diameter of {like.name}, {pitch_diameter:g} mm"
-        ), stiffer
-    else:
-        d = _rounded(pitch_diameter * (T / like.rated_torque) ** (1 / 3))
-        low, high = ((T / density) ** (1 / 3) for density in reversed(TORQUE_DENSITY))
-        why = f"{d:g} mm from {plain(T)} N*m, d^3 as {like.name}; catalogues have {low:.3g} to {high:.3g} mm for it"
-        return SimilarValue(d, "assumed", why), stiffer
-    low, high = (density * size.value**3 for density in TORQUE_DENSITY)
-    if T is not None and not low / _FARTHEST_TORQUE <= T <= high * _FARTHEST_TORQUE:
-        usual = f"{_rounded(low, 2):g} to {_rounded(high, 2):g} N*m"
-        _refuse_size(f"a rated torque of {plain(T)} N*m", size.value, usual)
-    return size, stiffer
+
+
+def _stiffness_ratio(d: float, K: Sequence[float]) -> float:
+    """Return K3 [N*m/rad] over that of catalogues for a pitch diameter [mm], 1 without stiffnesses.
+
+    Raises UsageError for a ratio that no drive has.
+    """
+    if not K:
+        return 1.0
+    of_catalogues = CATALOGUE_K3 * (d / REFERENCE) ** 3
+    ratio = float(K[-1] / of_catalogues)
+    if not 1 / _FARTHEST_STIFFNESS <= ratio <= _FARTHEST_STIFFNESS:
+        _refuse_size(f"K3 = {plain(K[-1])} N*m/rad", d, f"about {_rounded(of_catalogues, 2):g}")
+    return ratio
+
+
+def _size_by_torque(like: Drive, rated: float | None) -> SimilarValue:
+    """Return the pitch diameter [mm] of a drive by its rated torque [N*m] and the cube law, else as the other drive."""
+    pitch_diameter = like.gears.pitch_diameter
+    if rated is None:
+        reason = f"the pitch diameter of {like.name}, {pitch_diameter:g} mm"
+        return SimilarValue(pitch_diameter, "assumed", reason)
+    d = _rounded(pitch_diameter * (rated / like.rated_torque) ** (1 / 3))
+    low, high = ((rated / density) ** (1 / 3) for density in reversed(TORQUE_DENSITY))
+    law = f"{d:g} mm from {plain(rated)} N*m, d^3 as {like.name}"
+    return SimilarValue(d, "assumed", f"{law}; catalogues have {low:.3g} to {high:.3g} mm for it")
 
 
 def _refuse_size(required: str, d: float, usual: str) -> NoReturn:
@@ -290,44 +312,71 @@ def similar(like: Drive, required: Requirements) -> dict[str, SimilarValue]:
     Deviations other than F'_i, offsets and phases are unknown and left out.
     Raises UsageError: requirements that contradict each other.
     """
-    size, stiffer = _size_of(like, required)
+    size, stiffness_ratio = _size_of(like, required)
     d = size.value
-    s = size.value / like.gears.pitch_diameter
-    given_paths = {path for path in field_table() if (p := path.split("."))[1] in getattr(like, p[0]).model_fields_set}
-    as_like = dict[str, SimilarValue]()
-    for path in given_paths:  # teeth, and settings in which the drive differs from their defaults
-        value = like.value(path)
-        if path.startswith(("gears.z_g", "mounting.fixed", "numerics.")) and value != field_table()[path].default:
-            as_like[path] = SimilarValue(value, "assumed", f"as {like.name}")
-    teeth = required.get("gears.z_g", as_like["gears.z_g"])
+    s = d / like.gears.pitch_diameter
+    written_paths = _written_paths(like)
+    entries = _kept_settings(like, written_paths)
+    teeth = required.get("gears.z_g", entries["gears.z_g"])
     m = _rounded(d / teeth.value, 12)
-    entries = as_like | {
-        "gears.z_b": replace(teeth, value=teeth.value + 2),
-        "gears.m": SimilarValue(m, size.kind, f"{d:.6g} mm / {teeth.value} teeth; {size.ref}"),
-    }
+    entries["gears.z_b"] = replace(teeth, value=teeth.value + 2)
+    entries["gears.m"] = SimilarValue(m, size.kind, f"{d:.6g} mm / {teeth.value} teeth; {size.ref}")
     for path, law in LAWS.items():
-        optional = path in _WHERE_GIVEN and not (path in given_paths and like.value(path))
-        if like.value(path) is not None and path != like.unused_tooth_field and not optional:
-            entries[path] = _scaled(like, path, law, s, m, stiffer)
+        value = like.value(path)
+        is_left_out = path in _WHERE_GIVEN and not (path in written_paths and value)
+        if value is not None and path != like.unused_tooth_field and not is_left_out:
+            entries[path] = _scaled(like, path, law, s, m, stiffness_ratio)
     quality = required[_QUALITY].value if _QUALITY in required else "catalogue"
     entries |= _shifts(like, entries, d) | _tolerances(d, m, quality)
     backlash = _backlash(d) if quality == "catalogue" else {}
     entries |= _load(like, required, s, d) | backlash | required
-    if stiffness := required.get(STIFFNESS):
-        segments = _SEGMENTS if len(stiffness.value) == len(_SEGMENTS) else _SEGMENTS[-1:]
-        for segment, K in zip(segments, stiffness.value, strict=True):
-            entries[f"{STIFFNESS}_{segment}"] = replace(stiffness, value=K)
+    entries |= _stiffness_segments(required)
     if "cam.coupling" in entries:
         del entries["supports.C_3"]  # it follows from that
-    written = {path: entries[path] for path in field_table() if path in entries}
-    for path, entry in written.items():
+    in_sequence = {path: entries[path] for path in field_table() if path in entries}
+    _require_in_range(in_sequence)
+    return in_sequence
+
+
+def _written_paths(like: Drive) -> set[str]:
+    """Return the paths of the fields that the preset of a drive states."""
+    paths = set()
+    for path in field_table():
+        section, key = path.split(".")[:2]
+        if key in getattr(like, section).model_fields_set:
+            paths.add(path)
+    return paths
+
+
+def _kept_settings(like: Drive, written_paths: Iterable[str]) -> dict[str, SimilarValue]:
+    """Return teeth, and settings in which a drive differs from their defaults, by path."""
+    settings = {}
+    for path in written_paths:
+        value = like.value(path)
+        if path.startswith(("gears.z_g", "mounting.fixed", "numerics.")) and value != field_table()[path].default:
+            settings[path] = SimilarValue(value, "assumed", f"as {like.name}")
+    return settings
+
+
+def _stiffness_segments(required: Requirements) -> dict[str, SimilarValue]:
+    """Return the required stiffnesses by the paths of their segments; a single one is K3."""
+    stiffness = required.get(STIFFNESS)
+    if stiffness is None:
+        return {}
+    segments = _SEGMENTS if len(stiffness.value) == len(_SEGMENTS) else _SEGMENTS[-1:]
+    pairs = zip(segments, stiffness.value, strict=True)
+    return {f"{STIFFNESS}_{segment}": replace(stiffness, value=K) for segment, K in pairs}
+
+
+def _require_in_range(entries: Mapping[str, SimilarValue]) -> None:
+    """Raise UsageError for a number that its field does not allow."""
+    for path, entry in entries.items():
         field = field_table()[path]
         if isinstance(entry.value, float) and not field.holds(entry.value):
             raise UsageError(
                 f"no valid drive: {path} would be {entry.value:.3g} {field.unit}".rstrip(),
                 f"choose other teeth or another size; the range is {field.range_words(field.unit)}",
             )
-    return written
 
 
 def _scaled(like: Drive, path: str, law: Law, s: float, m: float, stiffer: float) -> SimilarValue:
@@ -451,48 +500,80 @@ def read_requirements(like: Drive, *, ratio: float | None = None, **given: str |
     have a unit; quality, catalogue or unknown, which decides what is assumed of tolerances and backlash.
     Raises UsageError: an option that cannot be read, or two that contradict each other.
     """
-    required: dict[str, SimilarValue] = {}
     _require_steel_cup(given.get("flexspline"))
-    if (quality := given.get("quality")) is not None:
-        if quality not in _QUALITIES:
-            message = f"invalid --quality {shown(quality)}: expected one of {', '.join(_QUALITIES)}"
-            raise UsageError(message, near_miss(quality, _QUALITIES))
-        required[_QUALITY] = SimilarValue(quality, "given", f"--quality {quality}")
+    required = _quality(given.get("quality"))
     for name, (path, unit) in _MEASURES.items():
-        if (text := given.get(name)) is not None:
+        text = given.get(name)
+        if text is not None:
             option = f"--{name.replace('_', '-')}"
             required[path] = SimilarValue(_measure(option, text, unit), "given", f"{option} {text}")
-    if (teeth := given.get("teeth")) is not None:
-        z_g = _teeth(teeth)
-        required["gears.z_g"] = SimilarValue(z_g, "given", f"--teeth {z_g}/{z_g + 2}")
+    required |= _teeth_requirement(like, given.get("teeth"), ratio)
+    required |= _stiffness_requirement(given.get("stiffness"))
+    _require_rising_torques(required)
+    seat = _seat(like, given.get("holes"), given.get("allowed_holes"))
+    return required | seat | _coupling(given.get("coupling"), given.get("shaft"))
+
+
+def _quality(quality: str | None) -> Requirements:
+    """Return the required quality, empty if it is not stated. Raises UsageError for an unknown one."""
+    if quality is None:
+        return {}
+    if quality not in _QUALITIES:
+        message = f"invalid --quality {shown(quality)}: expected one of {', '.join(_QUALITIES)}"
+        raise UsageError(message, near_miss(quality, _QUALITIES))
+    return {_QUALITY: SimilarValue(quality, "given", f"--quality {quality}")}
+
+
+def _teeth_requirement(like: Drive, teeth: str | None, ratio: float | None) -> Requirements:
+    """Return the required number of teeth, empty if neither teeth nor ratio are stated.
+
+    Raises UsageError if they contradict each other.
+    """
+    required = {}
+    z_of_teeth = None
+    if teeth is not None:
+        z_of_teeth = _teeth(teeth)
+        required["gears.z_g"] = SimilarValue(z_of_teeth, "given", f"--teeth {z_of_teeth}/{z_of_teeth + 2}")
     if ratio is not None:
         z_g = _teeth_of_ratio(like, ratio)
-        by_teeth = required.get("gears.z_g")
-        if by_teeth and by_teeth.value != z_g:
-            raise UsageError(
-                f"{by_teeth.ref} contradicts --ratio {plain(ratio)}, which takes {z_g}/{z_g + 2}",
-                "omit one of the two",
-            )
+        if z_of_teeth is not None and z_of_teeth != z_g:
+            stated = required["gears.z_g"].ref
+            message = f"{stated} contradicts --ratio {plain(ratio)}, which takes {z_g}/{z_g + 2}"
+            raise UsageError(message, "omit one of the two")
         required["gears.z_g"] = SimilarValue(z_g, "given", f"--ratio {plain(ratio)}, two waves")
-    if (stiffness := given.get("stiffness")) is not None:
-        K = tuple(_measure("--stiffness", part, "N*m/rad") for part in stiffness.split(","))
-        if len(K) not in (1, len(_SEGMENTS)):
-            raise UsageError(
-                f"invalid --stiffness {shown(stiffness)}: expected one number or three",
-                "write K1,K2,K3, for example 3.1e4,5e4,5.7e4, or a single stiffness, which counts as K3",
-            )
-        ref = f"--stiffness {','.join(map(plain, K))}; not fitted; compare with hdassist stiffness"
-        if len(K) == 1:
-            ref += "; the only stiffness of the data sheet, used as K3"
-        required[STIFFNESS] = SimilarValue(K, "given", ref)
-    T_1, T_2 = (required[path].value if path in required else None for path in ("catalogue.T_1", "catalogue.T_2"))
-    if T_1 is not None and T_2 is not None and T_1 >= T_2:
+    return required
+
+
+def _stiffness_requirement(stiffness: str | None) -> Requirements:
+    """Return the required stiffnesses [N*m/rad], empty if none are stated.
+
+    Raises UsageError unless there are one or three.
+    """
+    if stiffness is None:
+        return {}
+    K = tuple(_measure("--stiffness", part, "N*m/rad") for part in stiffness.split(","))
+    if len(K) not in (1, len(_SEGMENTS)):
+        raise UsageError(
+            f"invalid --stiffness {shown(stiffness)}: expected one number or three",
+            "write K1,K2,K3, for example 3.1e4,5e4,5.7e4, or a single stiffness, which counts as K3",
+        )
+    ref = f"--stiffness {','.join(map(plain, K))}; not fitted; compare with hdassist stiffness"
+    if len(K) == 1:
+        ref += "; the only stiffness of the data sheet, used as K3"
+    return {STIFFNESS: SimilarValue(K, "given", ref)}
+
+
+def _require_rising_torques(required: Requirements) -> None:
+    """Raise UsageError if the ends of the segments of a torsion curve do not rise."""
+    if "catalogue.T_1" not in required or "catalogue.T_2" not in required:
+        return
+    T_1 = required["catalogue.T_1"].value
+    T_2 = required["catalogue.T_2"].value
+    if T_1 >= T_2:
         raise UsageError(
             f"--T1 {plain(T_1)} N*m must be below --T2 {plain(T_2)} N*m",
             "state the smaller torque first, for example --T1 14 --T2 48",
         )
-    seat = _seat(like, given.get("holes"), given.get("allowed_holes"))
-    return required | seat | _coupling(given.get("coupling"), given.get("shaft"))
 
 
 def _require_steel_cup(flexspline: str | None) -> None:

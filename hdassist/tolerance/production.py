@@ -31,7 +31,7 @@ from hdassist.model.deviations import assumptions, carried
 from hdassist.model.geometry import Array
 from hdassist.model.rules import first_conflict
 from hdassist.mounting.positions import merit, seat_positions
-from hdassist.preset.fields import DEVIATION_FIELDS, DEVIATIONS, Drive
+from hdassist.preset.fields import DEVIATION_FIELDS, DEVIATIONS, Deviation, Drive
 from hdassist.run.kept import ClosedRecord, Count, Number, RecordKind
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate, Residual
@@ -128,56 +128,65 @@ def production_law(
     known, directions that are as the preset has them. Raises UsageError for a direction that is none, or is called
     known and is not.
     """
-    if none := {*known} - {
-        deviation.direction for deviation in DEVIATIONS if drive.value(deviation.direction) is not None
-    }:
-        raise UsageError(
-            f"invalid --known {min(none)}: not a direction given in the preset",
-            "name a direction of the preset, for example phases.phi_hb",
-        )
+    _require_directions(drive, known)
     priors = {field.path: field for field in prior_of(drive).fields}
     assumed = {assumption.path for assumption in assumptions(drive)} if chosen else set()
-    own_fields: list[FieldPrior] = []
+    own_fields: dict[str, FieldPrior] = {}  # by path: orders of a wheel's pitch share their size
     for deviation in DEVIATIONS:
         high = drive.number(deviation.size)
         is_prior = deviation.size in priors and not (deviation.size in assumed and high)
         if not (is_prior or high > 0):
             continue
-        if not any(field.path == deviation.size for field in own_fields):  # orders of a wheel's pitch share their size
-            own_fields.append(
-                priors[deviation.size]
-                if is_prior
-                else TolerancedSize(
-                    path=deviation.size,
-                    distribution="even",
-                    low=0.0,
-                    high=high,
-                    owner="drive",
-                    group=deviation.size,
-                    reason="its tolerance",
-                    law=law,
-                )
-            )
+        if deviation.size not in own_fields:
+            size = priors[deviation.size] if is_prior else _toleranced_size(deviation.size, high, law)
+            own_fields[deviation.size] = size
         has_direction = drive.value(deviation.direction) is not None
         if has_direction and deviation.direction in priors:
-            own_fields.append(priors[deviation.direction])
+            own_fields[deviation.direction] = priors[deviation.direction]
         elif deviation.direction not in known:
-            reason = "parts are combined at random"
-            own_fields.append(
-                FieldPrior(
-                    path=deviation.direction,
-                    distribution="even",
-                    low=0.0,
-                    high=360.0 / deviation.order,
-                    owner="drive",
-                    group=deviation.size,
-                    reason=reason,
-                )
-            )
+            own_fields[deviation.direction] = _random_direction(deviation)
     other_fields = [prior for prior in priors.values() if prior.path not in DEVIATION_FIELDS]
-    clearances = tuple(f for f in other_fields if f.distribution == "normal" and f.owner != "design")
-    shared = tuple(f for f in other_fields if f not in clearances)
-    return ProductionLaw(drive, shared, (*own_fields, *clearances))
+    clearances = [field for field in other_fields if field.distribution == "normal" and field.owner != "design"]
+    shared = [field for field in other_fields if field not in clearances]
+    return ProductionLaw(drive, tuple(shared), (*own_fields.values(), *clearances))
+
+
+def _require_directions(drive: Drive, known: Sequence[str]) -> None:
+    """Raise UsageError if a path is not that of a direction with a value in the preset."""
+    directions = {deviation.direction for deviation in DEVIATIONS if drive.value(deviation.direction) is not None}
+    invalid = {*known} - directions
+    if invalid:
+        raise UsageError(
+            f"invalid --known {min(invalid)}: not a direction given in the preset",
+            "name a direction of the preset, for example phases.phi_hb",
+        )
+
+
+def _toleranced_size(path: str, tolerance: float, law: _SizeLaw) -> TolerancedSize:
+    """Return the size of a deviation of each drive, by a law up to its tolerance."""
+    return TolerancedSize(
+        path=path,
+        distribution="even",
+        low=0.0,
+        high=tolerance,
+        owner="drive",
+        group=path,
+        reason="its tolerance",
+        law=law,
+    )
+
+
+def _random_direction(deviation: Deviation) -> FieldPrior:
+    """Return the direction of a deviation of each drive, all of which are equally likely."""
+    return FieldPrior(
+        path=deviation.direction,
+        distribution="even",
+        low=0.0,
+        high=360.0 / deviation.order,
+        owner="drive",
+        group=deviation.size,
+        reason="parts are combined at random",
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
