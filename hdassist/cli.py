@@ -301,18 +301,17 @@ def _start_page(width: int) -> str:
     indent = _SECTION_COLUMNS + _NAME_COLUMNS
 
     def row(left: str, name: str, words: str) -> list[str]:
-        first, *further_lines = textwrap.wrap(words, max(20, width - indent))
-        return [
-            f"{left}{bold(name.ljust(indent - len(left)))}{first}",
-            *(" " * indent + line for line in further_lines),
-        ]
+        first, *next_lines = textwrap.wrap(words, max(20, width - indent))
+        title = bold(name.ljust(indent - len(left)))
+        return [f"{left}{title}{first}", *(f"{'':{indent}}{line}" for line in next_lines)]
 
     lines = textwrap.wrap("Predict the kinematic error F'_ior of harmonic drives, and reduce it.", width)
     lines += ["", *row("  ", "hdassist check vzp160", "try it on a drive of the library")]
     for section, summaries in _SUMMARIES.items():
         rows = [summary for summary in summaries.items() if summary[0] not in OTHER_NAMES]
         lines.append("")
-        for head, (name, help_text) in zip([section, *[""] * (len(rows) - 1)], rows, strict=True):
+        for number, (name, help_text) in enumerate(rows):
+            head = section if number == 0 else ""
             lines += row(f"{head:{_SECTION_COLUMNS}}", name, help_text)
     footer = "hdassist COMMAND -h shows examples and options; hdassist -h lists all commands."
     return "\n".join([*lines, "", *textwrap.wrap(footer, width)])

@@ -166,11 +166,11 @@ class DesignCheck:
         is_known = self.samples or not (self.prior and self.prior.fields)
         if self.verdict is Verdict.PASS or self.measured or not (self.points and self.prior and is_known):
             return self
-        left = {point.M_g: point.left_arcsec for point in self.points}
-        torques = self.samples.torques if self.samples else tuple(left)
+        rooms_arcsec = {point.M_g: point.left_arcsec for point in self.points}
+        torques = self.samples.torques if self.samples else tuple(rooms_arcsec)
         point = self.points[self.governing]
         place = torques.index(point.M_g)
-        rooms = [left.get(M_g) for M_g in torques]
+        rooms = [rooms_arcsec.get(M_g) for M_g in torques]
         steps, proof = steps_of(self.prior, self.samples, torques, place, rooms, run, point.sure, point.error)
         return replace(self, steps=steps, steps_proof=proof)
 
@@ -223,8 +223,8 @@ class DesignCheck:
         remarks = [f"{M_g:g} N*m is above the rated torque of {rated:g} N*m" for M_g in over]
         if self.prior and self.prior.fields and not self.samples:
             paths = [field.path for field in self.prior.fields]
-            further = f" and {len(paths) - 4} more" if len(paths) > 4 else ""
-            uncertain = f"uncertain, but not sampled: {', '.join(paths[:4])}{further}"
+            omitted = f" and {len(paths) - 4} more" if len(paths) > 4 else ""
+            uncertain = f"uncertain, but not sampled: {', '.join(paths[:4])}{omitted}"
             remarks.append(f"{uncertain}; computed at the given value or 0, so there is no range")
         measured = any(figure.path.startswith("measured.") for figure in evidence_of(self.drive))
         if measured and self.prior and not self.prior.fields:

@@ -408,12 +408,14 @@ def choose_plan(
     samples = drive_samples(prior, rooms.arcsec, draws=draws, run=run) if prior.fields and draws else None
     lines = error_lines(drive, torques[place], samples.values() if samples else [{}], run)
     curves = _curves_of_drives(drive, lines, samples, place, run)
-    travel_turns = (travel_deg or drive.acceptance.travel) / 360
-    ratio = abs(lines.kinematics.u)
-    output_turns = round(lines.kinematics.cycle_cam_revolutions / ratio)
-    travel = travel_turns if travel_turns < output_turns - 1e-9 else None
+    kinematics = lines.kinematics
+    ratio = abs(kinematics.u)
+    output_turns = round(kinematics.cycle_cam_revolutions / ratio)
+    travel = _travel_turns(travel_deg or drive.acceptance.travel, output_turns)
     room = rooms.arcsec[place]
-    stated = samples.probability_within(room, place).complement if samples and room is not None and not travel else None
+    stated_beyond = None
+    if samples and room is not None and not travel:
+        stated_beyond = samples.probability_within(room, place).complement
     drives = DrivesUnderTest(
         curves.arcsec,
         samples.weights if samples else np.ones(1),
@@ -422,13 +424,12 @@ def choose_plan(
         demands=demands,
         seed=run.seed,
         travel=travel,
-        stated_beyond=stated,
+        stated_beyond=stated_beyond,
     )
-    plans = _judged_plans(drives, lines.kinematics, asked)
-    carried_out = drives.test_of(plans.carried_out, test, ratio, drive.limit(torques[place]))
-    certificate = rooms.certificate + lines.certificate
+    plans = _judged_plans(drives, kinematics, asked)
+    certificates = [rooms.certificate, lines.certificate]
     if samples:
-        certificate += samples.certificate
+        certificates.append(samples.certificate)
     return PlanChoice(
         drive=drive,
         M_g=torques[place],
@@ -439,10 +440,16 @@ def choose_plan(
         over_positions=plans.over_positions,
         lines=_lines_seen(lines, drives, plans.judged[0].plan),
         samples=samples,
-        certificate=certificate + curves.certificate,
+        certificate=sum([*certificates, curves.certificate], EMPTY),
         verdict=plans.verdict,
-        test=carried_out,
+        test=drives.test_of(plans.carried_out, test, ratio, drive.limit(torques[place])),
     )
+
+
+def _travel_turns(travel_deg: float, output_turns: int) -> float | None:
+    """Return a travel of the output [deg] in revolutions, None if it is no less than those of the full cycle."""
+    travel_turns = travel_deg / 360
+    return travel_turns if travel_turns < output_turns - 1e-9 else None
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from hdassist.belief.evidence import evidence_of, log_likelihood
 from hdassist.belief.prior import DrivePrior, prior_of
-from hdassist.belief.samples import EFFECTIVE_SAMPLES, SamplingEffort, draw_samples
+from hdassist.belief.samples import EFFECTIVE_SAMPLES, Samples, SamplingEffort, draw_samples
 from hdassist.belief.statistics import (
     RESOLVED_ERROR,
     Probability,
@@ -222,7 +222,7 @@ class _Believed:
 
     def drives(self, rows: Indices) -> list[Drive]:
         """Drives of some samples; the drive itself where nothing was drawn."""
-        values = self.samples.values(rows) if self.samples else [{}] * len(rows)
+        values = self.samples.values(rows) if self.samples else [{} for _ in rows]
         return list(map(self.drive.with_values, values))
 
 
@@ -264,41 +264,44 @@ def _paired(one: _Believed, other: _Believed, rows: Indices, run: Run) -> DriveP
     """Pairs of some samples of a first drive, each with a drive alike. Raises UntrustedError where too few agree."""
     assert one.samples and other.samples
     count = len(rows)
-    paired = _paired_shares(one, other, rows, run)
+    shares = _paired_shares(one, other, rows, run)
     samples = other.samples
-    proof = EMPTY
-    if one.evidence or other.evidence or not np.array_equal(paired[:, :-1], samples.shares):
-        prior = _PairedPrior(other.drive, other.prior.fields, paired=paired)
-        samples = draw_samples(
-            prior,
-            samples.torques,
-            evidence=other.evidence,
-            figures_of=_no_figures,
-            enough=lambda _: False,
-            effort=SamplingEffort(1, count, count),
-            run=run,
-        )
-        proof = samples.certificate
+    certificate = EMPTY
+    if one.evidence or other.evidence or not np.array_equal(shares[:, :-1], samples.shares):
+        samples = _samples_with(other, shares, run)
+        certificate = samples.certificate
     solved = np.flatnonzero([draw.F_ior_arcsec is not None for draw in samples.made])
-    figures_of_one, figures_of_other = (
-        [draw.figures for draw in drawn_samples.made if draw.F_ior_arcsec is not None]
-        for drawn_samples in (one.samples, samples)
-    )
-    gain = [
-        log_likelihood(other.evidence, figures) - log_likelihood(one.evidence, figures_of_one[row])
-        for row, figures in zip(rows[solved], figures_of_other, strict=True)
-    ]
-    weights = np.exp(np.array(gain) - max(gain))
+    figures_of_one = [draw.figures for draw in one.samples.made if draw.F_ior_arcsec is not None]
+    figures_of_other = [draw.figures for draw in samples.made if draw.F_ior_arcsec is not None]
+    gains = []  # of the log likelihood, from the reference data of the first to those of the second
+    for row, figures in zip(rows[solved], figures_of_other, strict=True):
+        of_one = log_likelihood(one.evidence, figures_of_one[row])
+        gains.append(log_likelihood(other.evidence, figures) - of_one)
+    weights = np.exp(np.array(gains) - max(gains))
     if effective_number(weights) < _LEAST_EFFECTIVE * count:
         raise UntrustedError("too few pairs of samples agree with the reference data of both drives")
-    chosen = solved[even_rows(weights, count)]
-    second_drives = map(other.drive.with_values, samples.values(even_rows(weights, count)))
+    even = even_rows(weights, count)
+    second_drives = map(other.drive.with_values, samples.values(even))
     return DrivePairs(
         before_arcsec=one.F_ior_arcsec[rows],
         after_arcsec=samples.F_ior_arcsec,
         weights=_joint_weights(count, solved, weights)[:, solved],
-        drives=tuple(zip(one.drives(rows[chosen]), second_drives, strict=True)),
-        certificate=proof,
+        drives=tuple(zip(one.drives(rows[solved[even]]), second_drives, strict=True)),
+        certificate=certificate,
+    )
+
+
+def _samples_with(believed: _Believed, shares: Array, run: Run) -> Samples:
+    """Return samples of a drive with shares of its fields, shape (samples, fields + 1), all at once."""
+    assert believed.samples
+    return draw_samples(
+        _PairedPrior(believed.drive, believed.prior.fields, paired=shares),
+        believed.samples.torques,
+        evidence=believed.evidence,
+        figures_of=_no_figures,
+        enough=lambda _: False,
+        effort=SamplingEffort(1, len(shares), len(shares)),
+        run=run,
     )
 
 
@@ -523,11 +526,7 @@ def drive_changes(
     Raises UntrustedError if one of the drives has no result that can be trusted.
     """
     differing = differing_fields((first.drive, second.drive))
-    is_same = (
-        not differing
-        and first.drive.operation.M_g == second.drive.operation.M_g
-        and evidence_of(first.drive) == evidence_of(second.drive)
-    )
+    is_same = not differing and _has_same_conditions(first.drive, second.drive)
     sampled_pairs = drawn_pairs(first, second, same=is_same, count=pairs, run=run)
     single_changes = _SingleChanges(
         drives=sampled_pairs.drives[:_SINGLE_PAIRS],
@@ -537,28 +536,33 @@ def drive_changes(
         certificate=sampled_pairs.certificate,
     )
     # bounds of what is unknown depend on other fields
-    open_ = [field.path for field in prior_of(second.drive).fields]
-    moved = [path for path in open_ if single_changes.is_moved(path)]
+    open_paths = [field.path for field in prior_of(second.drive).fields]
+    moved = [path for path in open_paths if single_changes.is_moved(path)]
     paths = dict.fromkeys((*differing, *moved))
     screened = [change.field for change in single_changes.largest_first(paths, _SCREENED_PAIRS)]
     single = single_changes.largest_first(screened[:_REPORTED_FIELDS], len(single_changes.drives))
     is_undrawn = any(point.F_ior_arcsec is None for point in (*first.points, *second.points))
     is_unknown = is_undrawn and not is_same
-    rows, columns = np.nonzero(sampled_pairs.weights)
     changes = DriveChanges(
         pairs=len(sampled_pairs.drives),
         F_ior_is=tuple(UNKNOWN for _ in first.points) if is_unknown else sampled_pairs.senses(),
         probability_better=tuple(None for _ in first.points) if is_unknown else sampled_pairs.probabilities_less(),
-        together=ErrorChange.of(
-            "",
-            sampled_pairs.before_arcsec[rows],
-            sampled_pairs.after_arcsec[columns],
-            sampled_pairs.weights[rows, columns],
-        ),
+        together=_joint_change(sampled_pairs),
         single=tuple(single),
         not_alone=tuple(path for path in paths if path not in screened),
     )
     return changes, single_changes.certificate
+
+
+def _has_same_conditions(first: Drive, second: Drive) -> bool:
+    """Return whether two drives have the same torques and the same reference data."""
+    return first.operation.M_g == second.operation.M_g and evidence_of(first) == evidence_of(second)
+
+
+def _joint_change(pairs: DrivePairs) -> ErrorChange:
+    """Return the change by all fields together."""
+    rows, columns = np.nonzero(pairs.weights)
+    return ErrorChange.of("", pairs.before_arcsec[rows], pairs.after_arcsec[columns], pairs.weights[rows, columns])
 
 
 @dataclass

@@ -222,7 +222,7 @@ def correct(
         return correction_of(drive, agreeing, records, form, run, misfit=misfit)
     if not (prior.fields and draws):
         return correction_of(drive, [{}], records, form, run)
-    samples = drive_samples(prior, [None] * len(drive.operation.M_g), draws=draws, run=run)
+    samples = drive_samples(prior, [None for _ in drive.operation.M_g], draws=draws, run=run)
     first = samples.of_ranges
     rows = even_rows(first.weights, draws)
     return correction_of(

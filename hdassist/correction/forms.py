@@ -140,9 +140,9 @@ def correction_columns(correction: CorrectionTable | Phasors) -> dict[str, Array
         other_arcsec = correction.other_direction_arcsec
         return columns if other_arcsec is None else {**columns, "other_direction_arcsec": other_arcsec}
     names = ("per_output_turn", "per_cam_turn", "amplitude_arcsec", "phase_deg")
-    unsure = ("amplitude_uncertainty_arcsec", "phase_uncertainty_deg")
-    every = {name: getattr(correction, name) for name in (*names, *unsure)}
-    return {name: column for name, column in every.items() if column is not None}
+    uncertainties = ("amplitude_uncertainty_arcsec", "phase_uncertainty_deg")
+    columns = {name: getattr(correction, name) for name in (*names, *uncertainties)}
+    return {name: column for name, column in columns.items() if column is not None}
 
 
 @dataclass(frozen=True)

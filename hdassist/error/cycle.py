@@ -139,6 +139,40 @@ def kinematic_error(
             require_solver(name)
     kinematics = Kinematics.of(drive)
     states = pitch_locked_states(kinematics) if states is None else states
+    solved = _solved_states(drive, M_g, states, teeth, solver, run)
+    error = KinematicError(
+        kinematics=kinematics,
+        M_g=M_g,
+        states=states,
+        rotation_arcsec=solved.rotation_arcsec,
+        zone_share=solved.zone_share,
+        tooth_force_N=solved.tooth_force_N,
+        certificate=solved.certificate,
+        cross_check=None,
+    )
+    if not run.cross_check:
+        return error
+    return replace(error, cross_check=_cross_check_of(drive, error.sampled(seed=run.seed), teeth, run, {}))
+
+
+@dataclass(frozen=True, eq=False)
+class _SolvedStates:
+    """Rotation [arcsec], share of the torque on both zones, and largest tooth force [N] of states, with their proof.
+
+    The shapes are (states,), (states, 2) and (states,).
+    """
+
+    rotation_arcsec: Array
+    zone_share: Array
+    tooth_force_N: Array
+    certificate: Certificate
+
+
+def _solved_states(
+    drive: Drive, M_g: float, states: States, teeth: ToothDeviations | None, solver: str | None, run: Run
+) -> _SolvedStates:
+    """Solve states of a drive, those with similar contacts one after the other. The arguments are as in the caller."""
+    kinematics = Kinematics.of(drive)
     rotation = np.empty(len(states))
     zone_share = np.empty((len(states), 2))
     tooth_force = np.empty(len(states))
@@ -154,19 +188,9 @@ def kinematic_error(
             zone_share[block] = answers.zone_share
             tooth_force[block] = answers.tooth_force_N
             certificate += answers.certificate
-    error = KinematicError(
-        kinematics=kinematics,
-        M_g=M_g,
-        states=states,
-        rotation_arcsec=rotation,
-        zone_share=zone_share,
-        tooth_force_N=tooth_force,
-        certificate=certificate,
-        cross_check=None,
+    return _SolvedStates(
+        rotation_arcsec=rotation, zone_share=zone_share, tooth_force_N=tooth_force, certificate=certificate
     )
-    if not run.cross_check:
-        return error
-    return replace(error, cross_check=_cross_check_of(drive, error.sampled(seed=run.seed), teeth, run, {}))
 
 
 def whole_error(
@@ -328,7 +352,7 @@ def _self_errors(drive: Drive, torques: Sequence[float]) -> list[tuple[list[list
     systems = ContactSystems(drive)
     grid = drive.numerics.n_phase
     rotation = np.empty((len(torques), grid, grid))
-    certificates = [EMPTY] * len(torques)
+    certificates = [EMPTY for _ in torques]
     # By torque: contact sets of neighbouring phases are similar, those of different torques are not.
     cases: dict[float, LoadCase] = {}
     for i, k in np.ndindex(grid, grid):

@@ -145,13 +145,30 @@ def _hills_of(up: Array, down: Array, to_points: Callable[[Array], Indices]) -> 
         down: lower bound of the error over the torus [arcsec], shape (drives, k, l).
         to_points: converts places in a map, shape (hills, 2), to points at which there is a state.
     """
-    drives = len(up)
     maps = np.concatenate([up, -down])
     neighbourhood = maps  # largest value among a point and its eight neighbours
     for axis in (1, 2):
         neighbours = np.maximum(np.roll(neighbourhood, 1, axis), np.roll(neighbourhood, -1, axis))
         neighbourhood = np.maximum(neighbourhood, neighbours)
     map_number, k, l = np.nonzero(maps >= neighbourhood)
+    place, height = _tops_of_parabolas(maps, map_number, k, l)
+    is_minimum, row = np.divmod(map_number, len(up))
+    return _Hills(
+        row=row, sign=1 - 2 * is_minimum, point=to_points(place), height=height, slope=np.empty((len(row), 0))
+    )
+
+
+def _tops_of_parabolas(maps: Array, map_number: Indices, k: Indices, l: Indices) -> tuple[Array, Array]:
+    """Return the tops of parabolas along both axes through points of maps and their neighbours.
+
+    Args:
+        maps: shape (maps, k, l).
+        map_number: map of each point, shape (hills,).
+        k: place of each point along the first axis.
+        l: place of each point along the second axis.
+
+    Returns the places of the tops, shape (hills, 2), and their heights, shape (hills,).
+    """
     steps = np.arange(-1, 2)
     rows_k = (k[:, None] + steps) % maps.shape[1]
     rows_l = (l[:, None] + steps) % maps.shape[2]
@@ -164,10 +181,7 @@ def _hills_of(up: Array, down: Array, to_points: Callable[[Array], Indices]) -> 
         shift = np.clip((before - behind) / (2 * bend), -0.5, 0.5)
         place[:, axis] += shift
         height -= bend * shift**2 / 2
-    is_minimum, row = np.divmod(map_number, drives)
-    return _Hills(
-        row=row, sign=1 - 2 * is_minimum, point=to_points(place), height=height, slope=np.empty((len(row), 0))
-    )
+    return place, height
 
 
 def many_extremes(error_map: ErrorMap, batch: Batch, grids: tuple[int, ...] = FINE_GRIDS) -> Extremes:
@@ -356,7 +370,6 @@ class _Search:
             slope: of the error by a step of the grid along the axis [arcsec], shape (drives, n, n).
             zone_share: share of the torque on the zone, shape (drives, n, n).
         """
-        n = len(error[0])
         next_error = np.roll(error, -1, axis)
         next_slope = np.roll(slope, -1, axis)
         next_share = np.roll(zone_share, -1, axis)
@@ -365,22 +378,22 @@ class _Search:
         t = zone_share[cell] / (zone_share[cell] - next_share[cell])  # place of the crest within its cell
         tangent = error[cell] + slope[cell] * t
         next_tangent = next_error[cell] - next_slope[cell] * (1 - t)
+        before = np.maximum(t - _BEFORE_CREST, 0)
+        behind = np.minimum(t + _BEFORE_CREST, 1)
+        points_per_axis = len(error[0])
         crests = []
         for sign in (1, -1):
             is_first_higher = sign * (tangent - next_tangent) > 0
-            before = np.maximum(t - _BEFORE_CREST, 0)
-            behind = np.minimum(t + _BEFORE_CREST, 1)
             place = np.stack(position, axis=1).astype(float)
             place[:, axis - 1] += np.where(is_first_higher, before, behind)
-            crests.append(
-                _Hills(
-                    row=row,
-                    sign=np.full(len(t), sign),
-                    point=self._map.to_lattice(place * self._size / n),
-                    height=np.maximum(sign * tangent, sign * next_tangent),
-                    slope=np.empty((len(t), 0)),
-                )
+            crest = _Hills(
+                row=row,
+                sign=np.full(len(t), sign),
+                point=self._map.to_lattice(place * self._size / points_per_axis),
+                height=np.maximum(sign * tangent, sign * next_tangent),
+                slope=np.empty((len(t), 0)),
             )
+            crests.append(crest)
         return crests
 
     def _first_states(self, hills: _Hills, grid_tops: Array) -> _Hills:

@@ -355,7 +355,7 @@ def text_of(value: Any) -> str:
     if isinstance(value, tuple):
         return f"[{', '.join(map(text_of, value))}]"
     if isinstance(value, dict):
-        return f"{{{', '.join(f'{key}: {text_of(each)}' for key, each in value.items())}}}"
+        return f"{{{', '.join(f'{key}: {text_of(item)}' for key, item in value.items())}}}"
     return plain(value) if float(plain(value)) == value else repr(value)
 
 

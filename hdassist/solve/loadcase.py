@@ -14,7 +14,7 @@ from __future__ import annotations
 import hashlib
 import os
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from functools import cache
@@ -277,6 +277,14 @@ def solvers_depend_on(solver: str | None) -> tuple[str, ...] | None:
     return (name, *program("cvxpy", *_SHIPPED.values())) if name in _SHIPPED else None
 
 
+def _cross_check_key(formulation: Formulation, arrays: Sequence[Array], programs: str) -> str:
+    """Return the hash of a programme, of arrays to the last digit, and of the programs that solve it."""
+    hashed = sha256(programs.encode() + formulation.digest)
+    for array in arrays:
+        hashed.update(f"{array.shape}".encode() + array.tobytes())
+    return hashed.hexdigest()
+
+
 def solve_again(
     formulation: Formulation,
     torques: Array,
@@ -303,10 +311,7 @@ def solve_again(
     name = require_solver(solver)
     depends_on = solvers_depend_on(solver)
     keeps_result = keeps_answers() and depends_on is not None
-    hashed = sha256(f"{depends_on} {operating_system()}".encode() + formulation.digest)
-    for array in (delta_p, torques, rotation_arcsec):
-        hashed.update(f"{array.shape}".encode() + array.tobytes())
-    key = hashed.hexdigest()
+    key = _cross_check_key(formulation, (delta_p, torques, rotation_arcsec), f"{depends_on} {operating_system()}")
     kept = _kept_cross_check(key, len(torques)) if keeps_result else None
     if kept is not None:
         return kept
@@ -613,7 +618,7 @@ class LoadCase:
         """
         references = self.formulation.references
         if self._torque not in references:
-            other_contacts = [known.arrays["contact"] > 0 for known in references.values() if known]
+            other_contacts = [reference.arrays["contact"] > 0 for reference in references.values() if reference]
             start = other_contacts[0] if other_contacts else None  # contacts at another torque
             nominal = OneByOne(self.formulation, start, compiled=self._compiled)
             forces, _, _ = nominal.solve(self.system.delta_p[None], self._torque)

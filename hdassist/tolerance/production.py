@@ -214,6 +214,14 @@ class RandomDrive(ClosedRecord):
     values: Mapping[str, Number]
 
 
+def _with_each_tighter(one: Batch, paths: Sequence[str]) -> Batch:
+    """Return a drive once for each size, with that size a step smaller; paths: of the sizes."""
+    columns = {path: np.repeat(column, len(paths)) for path, column in one.columns.items()}
+    for number, path in enumerate(paths):
+        columns[path] = columns[path] * np.where(np.arange(len(paths)) == number, TIGHTER_STEP, 1.0)
+    return Batch(one.drive, columns)
+
+
 @dataclass(frozen=True)
 class Production:
     """Random drives of a preset: once it has designs, `records` can be called in any process.
@@ -335,29 +343,35 @@ class Production:
 
     def _solved(self, values: Mapping[str, float], maps: _MapsOf) -> dict[str, Any]:
         """Return F'_ior as assembled and in the best position, with its certificate, as fields of a record."""
-        drive = self.drive.with_values({p: value for p, value in values.items() if p not in DEVIATION_FIELDS})
-        if conflict := first_conflict(drive):
+        drive = self.drive.with_values({path: value for path, value in values.items() if path not in DEVIATION_FIELDS})
+        conflict = first_conflict(drive)
+        if conflict:
             raise UntrustedError(f"no valid drive: {conflict.path}: {conflict.message}")
-        turns = np.array(self.rotations)
-        turned = carried(drive)
-        columns = {p: np.full(len(turns), value) for p, value in values.items() if p in DEVIATION_FIELDS}
-        batch = Batch(drive, columns | {p: columns.get(p, drive.number(p)) + turns for p in turned})
-        by_torque = [many_extremes(error_map, batch, DRAWN_GRIDS) for error_map in maps(drive)]
-        proof = sum((extremes.certificate for extremes in by_torque), EMPTY)
-        exact = np.array([extremes.F_ior_arcsec for extremes in by_torque])
-        best = int(np.argmin(self._merit(exact)))
+        batch = self._in_positions(drive, values)
+        extremes_by_torque = [many_extremes(error_map, batch, DRAWN_GRIDS) for error_map in maps(drive)]
+        certificate = sum((extremes.certificate for extremes in extremes_by_torque), EMPTY)
+        F_ior = np.array([extremes.F_ior_arcsec for extremes in extremes_by_torque])  # (torques, positions)
+        best = int(np.argmin(self._merit(F_ior)))
         tighter = None
         if self.steps:
-            tighter, part = self._tighter(batch.take(np.array([best])), best, by_torque, maps(drive))
-            proof += part
+            in_best_position = batch.take(np.array([best]))
+            tighter, further_certificate = self._tighter(in_best_position, best, extremes_by_torque, maps(drive))
+            certificate += further_certificate
         return {
-            "F_ior_arcsec": tuple(exact[:, 0].tolist()),
-            "best_F_ior_arcsec": tuple(exact[:, best].tolist()),
+            "F_ior_arcsec": tuple(F_ior[:, 0].tolist()),
+            "best_F_ior_arcsec": tuple(F_ior[:, best].tolist()),
             "best_rotation_deg": self.rotations[best],
             "tighter": tighter,
-            "states": proof.states,
-            "max_residual": proof.max_residual,
+            "states": certificate.states,
+            "max_residual": certificate.max_residual,
         }
+
+    def _in_positions(self, drive: Drive, values: Mapping[str, float]) -> Batch:
+        """Return a drive in each position of its fixed wheel; values: its deviations among others, by path."""
+        rotations = np.array(self.rotations)
+        columns = {path: np.full(len(rotations), value) for path, value in values.items() if path in DEVIATION_FIELDS}
+        turned = {path: columns.get(path, drive.number(path)) + rotations for path in carried(drive)}
+        return Batch(drive, columns | turned)
 
     def _tighter(
         self, one: Batch, row: int, present: Sequence[Extremes], maps: Sequence[ErrorMap]
@@ -367,25 +381,22 @@ class Production:
         Other states may become the extremes, so F'_ior is at least that.
         """
         paths = self.law.sizes
-        columns = {path: np.repeat(column, len(paths)) for path, column in one.columns.items()}
-        for k, path in enumerate(paths):
-            columns[path] = columns[path] * np.where(np.arange(len(paths)) == k, TIGHTER_STEP, 1.0)
-        batch = Batch(one.drive, columns)
+        batch = _with_each_tighter(one, paths)
         rows = np.arange(len(paths))
         differences = []
-        proof = EMPTY
+        certificate = EMPTY
         for extremes, error_map in zip(present, maps, strict=True):
-            ends = []
+            rotations = []  # at the states of the largest and the smallest error
             for state in (extremes.at_max[row], extremes.at_min[row]):
                 states = error_map.states.take(np.full(len(paths), state))
                 case = LoadCase(error_map.fresh.formulation, error_map.M_g, like=error_map.fresh, many=True)
                 gaps = StateGaps(batch.scalars(rows, states.alpha_g, states.alpha_b))
                 answers = case.solve(gaps, partial(state_place, states, error_map.M_g))
-                ends.append(answers.rotation_arcsec)
-                proof += answers.certificate
-            differences.append(error_map.sign * (ends[0] - ends[1]))
-        columns_of_torques = np.array(differences).T.tolist()
-        return {path: tuple(row) for path, row in zip(paths, columns_of_torques, strict=True)}, proof
+                rotations.append(answers.rotation_arcsec)
+                certificate += answers.certificate
+            differences.append(error_map.sign * (rotations[0] - rotations[1]))
+        by_size = np.array(differences).T.tolist()
+        return {path: tuple(by_torque) for path, by_torque in zip(paths, by_size, strict=True)}, certificate
 
     def _merit(self, F_ior: Array) -> Array:
         """Figure of merit of each position, least in the best one, shape (rotations,)."""

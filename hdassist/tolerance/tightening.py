@@ -126,42 +126,50 @@ def sensitivities(production: Production, samples: Samples, records: _Records) -
     records: function that returns a number of records of a production.
     Raises UntrustedError if a drive has no result.
     """
-    drive = production.drive
-    torques = production.torques
     law = production.law
-    as_drawn = _sound(records(production, len(production.designs)))
-    F_ior = np.array([record.F_ior_arcsec for record in as_drawn])
-    weights = np.array([record.weight for record in as_drawn])
-    worst = worst_torque(drive, samples)
-    then = {path: np.array([(record.tighter or {})[path] for record in as_drawn]) for path in law.sizes}
-    ways = {path: _tightened(path, F_ior, then[path], weights, proven=False) for path in law.sizes}
+    all_records = _sound(records(production, len(production.designs)))
+    F_ior = np.array([record.F_ior_arcsec for record in all_records])
+    weights = np.array([record.weight for record in all_records])
+    worst = worst_torque(production.drive, samples)
+    ways = {}
+    for path in law.sizes:
+        then = np.array([(record.tighter or {})[path] for record in all_records])
+        ways[path] = _tightened(path, F_ior, then, weights, proven=False)
+    # the estimate is a lower bound: the best size is solved anew until the best one is solved
     while True:
-        first = min(ways, key=lambda path: ways[path][worst].then)
-        if ways[first][worst].proven:
+        best = min(ways, key=lambda path: ways[path][worst].then)
+        if ways[best][worst].proven:
             break
-        designs = tuple(
-            ({**values, first: TIGHTER_STEP * values[first]}, weight) for values, weight in production.designs
-        )
-        again = _sound(records(replace(production, designs=designs, steps=False), len(designs)))
-        ways[first] = _tightened(
-            first, F_ior, np.array([record.F_ior_arcsec for record in again]), weights, proven=True
-        )
-        as_drawn += again
+        tighter_records = _sound(records(_with_tighter(production, best), len(production.designs)))
+        then = np.array([record.F_ior_arcsec for record in tighter_records])
+        ways[best] = _tightened(best, F_ior, then, weights, proven=True)
+        all_records += tighter_records
+    tightened = []
+    influences_by_torque = []
+    for torque in range(len(production.torques)):
+        at_torque = [way[torque] for way in ways.values()]
+        tightened.append(tuple(sorted(at_torque, key=lambda way: way.then)))
+        is_solved = samples.F_ior_arcsec[:, torque].all()
+        influences_by_torque.append(influences(samples, torque) if is_solved else ())
     return Sensitivities(
         law=law,
         samples=samples,
         worst=worst,
-        tightened=tuple(
-            tuple(sorted((way[t] for way in ways.values()), key=lambda way: way.then)) for t in range(len(torques))
-        ),
-        influences=tuple(
-            influences(samples, t) if samples.F_ior_arcsec[:, t].all() else () for t in range(len(torques))
-        ),
+        tightened=tuple(tightened),
+        influences=tuple(influences_by_torque),
         to_measure=to_measure(law, samples, worst),
-        drives=len(as_drawn),
-        states=sum(record.states for record in as_drawn),
-        max_residual=max(record.max_residual for record in as_drawn),
+        drives=len(all_records),
+        states=sum(record.states for record in all_records),
+        max_residual=max(record.max_residual for record in all_records),
     )
+
+
+def _with_tighter(production: Production, path: str) -> Production:
+    """Return a production of the same designs with one size a step smaller, which takes no further steps."""
+    designs = []
+    for values, weight in production.designs:
+        designs.append(({**values, path: TIGHTER_STEP * values[path]}, weight))
+    return replace(production, designs=tuple(designs), steps=False)
 
 
 def worst_torque(drive: Drive, samples: Samples) -> int:
@@ -380,29 +388,44 @@ class Allocator:
         sizes of the drives are scaled to, F'_ior being taken as linear in each size.
         Raises UntrustedError: no drive has an answer.
         """
-        solved = np.array([record.refused is None and record.tighter is not None for record in records])
-        solved_records = [record for record, is_solved in zip(records, solved, strict=True) if is_solved]
+        is_solved = np.array([record.refused is None and record.tighter is not None for record in records])
+        solved_records = [record for record, solved in zip(records, is_solved, strict=True) if solved]
         if not solved_records:
             raise UntrustedError(f"none of {len(records)} drives has a result: {records[0].refused}")
         F_ior = np.array([record.best_F_ior_arcsec for record in solved_records])
-        law = self.production.law
-        tighter = {path: np.array([(record.tighter or {})[path] for record in solved_records]) for path in law.sizes}
-        slopes = np.stack(
-            [
-                sum((F_ior - tighter[path] for path in law.following(choice.path)), F_ior - tighter[choice.path])
-                for choice in self.choices
-            ],
-            axis=1,
-        ) / (1 - TIGHTER_STEP)
-        designs = np.array([record.design for record in records])
-        places = np.unique(designs)
-        weights = np.array([self.production.designs[k][1] for k in places])
+        slopes = self._slopes(solved_records, F_ior)
+        design_of_record = np.array([record.design for record in records])
+        designs = np.unique(design_of_record)
+        weights = np.array([self.production.designs[design][1] for design in designs])
 
         def ratio(values: Array) -> float:
-            scaled = np.maximum(F_ior + np.einsum("p,dpt->dt", values / now - 1, slopes), _LEAST_SHARE_LEFT * F_ior)
+            """Return F'_ior over its room with other tolerances, shape (choices,)."""
+            change = np.einsum("p,dpt->dt", values / now - 1, slopes)
+            scaled = np.maximum(F_ior + change, _LEAST_SHARE_LEFT * F_ior)
             ratios = np.full(len(records), _UNSOLVED_RATIO)
-            ratios[solved] = np.max(np.maximum(scaled, RESOLVED_ERROR) / np.array(self.rooms), axis=1)
-            shares = [float(np.quantile(ratios[designs == k], self.wanted, method="hazen")) for k in places]
-            return weighted_quantile(np.array(shares), weights, self.sure)
+            ratios[is_solved] = np.max(np.maximum(scaled, RESOLVED_ERROR) / np.array(self.rooms), axis=1)
+            ratios_of_designs = [
+                float(np.quantile(ratios[design_of_record == design], self.wanted, method="hazen"))
+                for design in designs
+            ]
+            return weighted_quantile(np.array(ratios_of_designs), weights, self.sure)
 
         return ratio
+
+    def _slopes(self, records: Sequence[RandomDrive], F_ior: Array) -> Array:
+        """Return the change of F'_ior by the relative change of each tolerance, shape (drives, choices, torques).
+
+        A tolerance takes with it the sizes whose bound is assumed from it.
+
+        records: of drives, with a step of each size.
+        F_ior: of these, shape (drives, torques) [arcsec].
+        """
+        law = self.production.law
+        decreases = {}
+        for path in law.sizes:
+            decreases[path] = F_ior - np.array([(record.tighter or {})[path] for record in records])
+        by_choice = []
+        for choice in self.choices:
+            following = (decreases[path] for path in law.following(choice.path))
+            by_choice.append(sum(following, decreases[choice.path]))
+        return np.stack(by_choice, axis=1) / (1 - TIGHTER_STEP)
