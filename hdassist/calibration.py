@@ -229,13 +229,21 @@ def _unknown(document: Document, key: str, value: Any, drive: Drive) -> Iterator
     )
 
 
+def _quantity_of(document: Document, path: Path, item: Any) -> str | None:
+    """Return the quantity of a target, None after its fault was added to the findings."""
+    quantity = item.get("quantity") if isinstance(item, dict) else None
+    if isinstance(quantity, str) and quantity in _TARGET_KINDS:
+        return quantity
+    hint = near_miss(str(quantity), _TARGET_KINDS) or f"known: {', '.join(_TARGET_KINDS)}"
+    document.add((*path, "quantity"), "is not a quantity", hint)
+    return None
+
+
 def _target(document: Document, number: int, item: Any) -> Iterator[CalibrationTarget]:
     """Yield a target, or nothing after its faults were added to the findings of the document."""
     path: Path = ("targets", number)
-    quantity = item.get("quantity") if isinstance(item, dict) else None
-    if not isinstance(quantity, str) or quantity not in _TARGET_KINDS:
-        hint = near_miss(str(quantity), _TARGET_KINDS) or f"known: {', '.join(_TARGET_KINDS)}"
-        document.add((*path, "quantity"), "is not a quantity", hint)
+    quantity = _quantity_of(document, path, item)
+    if quantity is None:
         return
     numbers = _target_numbers(document, path, item, quantity)
     if numbers is None:
@@ -434,9 +442,7 @@ def calibrate(
     unknowns = targets.unknowns
     search = _Search(drive, targets, run)
     first, *other_runs = _least_squares_runs(drive, search, points=points, starts=starts, iterations=iterations)
-    valid_runs = [run for run in other_runs if all(targets.met(search.fits([run.x])[0].predictions))]
-    places = [first.x, *(run.x for run in valid_runs)]
-    fits = search.fits(places[k] for k in _distant(places))
+    fits = _distinct_fits(search, first, other_runs)
     # half the bounds' width is the half-width of a value that no target determines
     covariance = np.linalg.inv(first.jac.T @ first.jac + 4 * np.eye(len(unknowns)))
     deviation = np.sqrt(np.diag(covariance))
@@ -455,6 +461,14 @@ def calibrate(
         evaluations=len(search.known),
         seed=run.seed,
     )
+
+
+def _distinct_fits(search: _Search, first: OptimizeResult, others: Sequence[OptimizeResult]) -> list[Fit]:
+    """Return the best fit, and others that meet the targets far from it and from each other."""
+    targets = search.targets
+    valid_runs = [run for run in others if all(targets.met(search.fits([run.x])[0].predictions))]
+    points = [first.x, *(run.x for run in valid_runs)]
+    return search.fits(points[number] for number in _distant(points))
 
 
 def _least_squares_runs(

@@ -291,15 +291,11 @@ def check(
     drives = [_middle(shown_drive, samples, number) if samples else shown_drive for number in torque_numbers]
     errors = _whole_errors(drives, drive.operation.M_g, teeth, solver, run)
     # another solver looks at the extremes while steps are taken
-    solved = [
-        (solved_drive, teeth, error.sampled(seed=run.seed)) for solved_drive, error in zip(drives, errors, strict=True)
-    ]
+    solved = [(drives[number], teeth, errors[number].sampled(seed=run.seed)) for number in torque_numbers]
     checks = run.beside(cross_checks_of, solved, run.of_task)
     checked = checked.with_errors(errors).with_steps(run)
-    cross_checked = [
-        replace(error, cross_check=cross_check) for error, cross_check in zip(errors, checks.result(), strict=True)
-    ]
-    return checked.with_errors(cross_checked)
+    pairs = zip(errors, checks.result(), strict=True)
+    return checked.with_errors([replace(error, cross_check=cross_check) for error, cross_check in pairs])
 
 
 def _whole_errors(

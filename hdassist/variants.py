@@ -8,7 +8,7 @@ on the one drive than by that on the other, that drive is paired with all of the
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -271,10 +271,9 @@ def _paired(one: _Believed, other: _Believed, rows: Indices, run: Run) -> DriveP
         samples = _samples_with(other, shares, run)
         certificate = samples.certificate
     solved = np.flatnonzero([draw.F_ior_arcsec is not None for draw in samples.made])
-    figures_of_one = [draw.figures for draw in one.samples.made if draw.F_ior_arcsec is not None]
-    figures_of_other = [draw.figures for draw in samples.made if draw.F_ior_arcsec is not None]
     gains = []  # of the log likelihood, from the reference data of the first to those of the second
-    for row, figures in zip(rows[solved], figures_of_other, strict=True):
+    figures_of_one = _figures_of(one.samples)
+    for row, figures in zip(rows[solved], _figures_of(samples), strict=True):
         of_one = log_likelihood(one.evidence, figures_of_one[row])
         gains.append(log_likelihood(other.evidence, figures) - of_one)
     weights = np.exp(np.array(gains) - max(gains))
@@ -289,6 +288,11 @@ def _paired(one: _Believed, other: _Believed, rows: Indices, run: Run) -> DriveP
         drives=tuple(zip(one.drives(rows[solved[even]]), second_drives, strict=True)),
         certificate=certificate,
     )
+
+
+def _figures_of(samples: Samples) -> list[Mapping[str, float]]:
+    """Return the figures of the samples that have an error."""
+    return [draw.figures for draw in samples.made if draw.F_ior_arcsec is not None]
 
 
 def _samples_with(believed: _Believed, shares: Array, run: Run) -> Samples:

@@ -313,9 +313,6 @@ def _fitted_correction(
     chosen = _residuals_of(form, errors, together=True)
     is_together = is_recorded or not chosen.is_refused
     forms = _forms_to_compare(form, number, has_loads=len(torques) > 1)
-    tables = _ranges_by_points("output", design, together=is_recorded)
-    most_residual = HALVED * design.uncorrected_p50
-    halving = next((points for points, residual in tables.items() if residual <= most_residual), None)
     corrected = _corrected_torques(chosen, torques)
     return Correction(
         drive=drive,
@@ -324,13 +321,20 @@ def _fitted_correction(
         forms=tuple(_residuals_of(compared, errors, together=is_together) for compared in forms),
         chosen=chosen,
         corrections={M_g: _exported(chosen, errors, M_g, name) for M_g in corrected},
-        fewest_points=halving,
+        fewest_points=_halving_points(design, together=is_recorded),
         phasors=phasors,
         records=records,
         misfit=misfit,
         samples=samples,
         certificate=certificate,
     )
+
+
+def _halving_points(design: _LoadedError, *, together: bool) -> int | None:
+    """Return the fewest points of a table over the output revolution that halves an error; None if none does."""
+    residuals = _ranges_by_points("output", design, together=together)
+    most_residual = HALVED * design.uncorrected_p50
+    return next((points for points, residual in residuals.items() if residual <= most_residual), None)
 
 
 def _phasor_residuals(M_g: float, design: _LoadedError, *, is_recorded: bool) -> dict[int, float]:
@@ -675,9 +679,7 @@ def verify(result: Correction, record: RecordedError, run: Run) -> VerifiedCorre
     promised_parts: tuple[ErrorPart, ...] = ()
     parts: tuple[ErrorPart, ...] = ()
     if not record.is_part:
-        spectrum = np.fft.rfft(correction)[error.lines.per_cycle] * (2 / len(correction))
-        promised_lines = replace(error.lines, amplitude=error.lines.amplitude + spectrum)
-        promised_parts = _error_parts({result.M_g: replace(error, lines=promised_lines)})
+        promised_parts = _error_parts({result.M_g: replace(error, lines=_corrected_lines(error.lines, correction))})
         parts = _error_parts({result.M_g: replace(error, lines=lines)})
     cause = _likely_cause(error.actual.mean(axis=0), correction, record, lines) if verdict is Verdict.FAIL else ""
     return VerifiedCorrection(
@@ -689,6 +691,12 @@ def verify(result: Correction, record: RecordedError, run: Run) -> VerifiedCorre
         cause=cause,
         verdict=verdict,
     )
+
+
+def _corrected_lines(lines: ErrorLines, correction: Array) -> ErrorLines:
+    """Return lines that a correction over the full cycle leaves [arcsec], shape (points,)."""
+    spectrum = np.fft.rfft(correction)[lines.per_cycle] * (2 / len(correction))
+    return replace(lines, amplitude=lines.amplitude + spectrum)
 
 
 def _verdict_of(low: float, high: float | None, limit: float) -> Verdict:

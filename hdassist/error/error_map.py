@@ -400,9 +400,7 @@ def error_table(error_map: ErrorMap, reach: Reach, mesh: Mesh) -> ErrorTable:
     values[0, order] = answers.rotation_arcsec
     values[1:, order] = answers.slope_arcsec_per_mm[:, columns].T
     if is_symmetric:
-        # the image of a point has the same error, and slopes by deviations of odd order of the opposite sign
-        signs = np.array([1, *(-1 if column in ODD_COLUMNS else 1 for column in columns)])
-        values[:, count - 1 - order] = values[:, order] * signs[:, None]
+        values[:, count - 1 - order] = values[:, order] * _image_signs(columns)[:, None]
     error, *slopes = values.reshape(-1, *mesh.shape)
     return ErrorTable(
         drive=drive,
@@ -412,6 +410,17 @@ def error_table(error_map: ErrorMap, reach: Reach, mesh: Mesh) -> ErrorTable:
         turns=mesh.turns,
         certificate=answers.certificate,
     )
+
+
+def _image_signs(columns: Sequence[int]) -> Indices:
+    """Return the signs of the error and its slopes at the image of a point of a symmetric drive, shape (1 + slopes,).
+
+    The image has the same error, and slopes by deviations of odd order of the opposite sign.
+
+    Args:
+        columns: deviations of the slopes.
+    """
+    return np.array([1, *(-1 if column in ODD_COLUMNS else 1 for column in columns)])
 
 
 def _solved_points(mesh: Mesh, is_symmetric: bool) -> tuple[Indices, Array]:

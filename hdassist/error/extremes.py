@@ -378,18 +378,16 @@ class _Search:
         t = zone_share[cell] / (zone_share[cell] - next_share[cell])  # place of the crest within its cell
         tangent = error[cell] + slope[cell] * t
         next_tangent = next_error[cell] - next_slope[cell] * (1 - t)
-        before = np.maximum(t - _BEFORE_CREST, 0)
-        behind = np.minimum(t + _BEFORE_CREST, 1)
-        points_per_axis = len(error[0])
         crests = []
         for sign in (1, -1):
             is_first_higher = sign * (tangent - next_tangent) > 0
             place = np.stack(position, axis=1).astype(float)
-            place[:, axis - 1] += np.where(is_first_higher, before, behind)
+            offset = np.where(is_first_higher, np.maximum(t - _BEFORE_CREST, 0), np.minimum(t + _BEFORE_CREST, 1))
+            place[:, axis - 1] += offset
             crest = _Hills(
                 row=row,
                 sign=np.full(len(t), sign),
-                point=self._map.to_lattice(place * self._size / points_per_axis),
+                point=self._map.to_lattice(place * self._size / len(error[0])),
                 height=np.maximum(sign * tangent, sign * next_tangent),
                 slope=np.empty((len(t), 0)),
             )

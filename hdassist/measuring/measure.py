@@ -310,10 +310,8 @@ def measure(
         M_g=M_g,
         shafts=shafts,
     )
-    alone: list[SweepResult] = []
+    alone = record.directions_alone() if together else []
     if together:
-        with suppress(HdassistError):  # directions that are too short by themselves may be sufficient together
-            alone = replace(record, together=False, may_be_noise=True).directions()
         record.read_in_time(alone)
     directions = record.directions()
     reversal, lag = _reversal_of(directions, trace, gearing)
@@ -374,6 +372,12 @@ class _RecordUnderway:
         self.torque = None if load is None else RecordedTorque(float(load.mean()), float(load.min()), float(load.max()))
         self.notes = list(self.trace.notes)
         self.warnings: list[str] = []
+
+    def directions_alone(self) -> list[SweepResult]:
+        """Return the results of each direction by itself; empty if they are too short, or cannot be trusted."""
+        with suppress(HdassistError):  # both directions together may be sufficient
+            return replace(self, together=False, may_be_noise=True).directions()
+        return []
 
     def read_in_time(self, alone: Sequence[SweepResult]) -> None:
         """Remove the lag between the encoders from the input angles, if both directions agree better then.
@@ -573,12 +577,7 @@ class _RecordUnderway:
         for torque in fit.bins.torques if len(fit.blocks) > 1 else ():
             at_torque_range = ranges(fit.at_torque(torque)).visited
             at_torques.append(_TorqueRange(torque, at_torque_range.value, at_torque_range.uncertainty))
-        sources = (
-            UncertaintySource("noise", F_ior.spread, "bootstrap of the residuals"),
-            UncertaintySource("bias correction", F_ior.bias_uncertainty, "a third of the removed bias"),
-            *drifts,
-            *errors,
-        )
+        sources = (*_noise_sources(F_ior), *drifts, *errors)
         _require_fine_steps(trace, F_ior)
         if not self.may_be_noise:
             _require_clear(trace, fit, F_ior, sources, is_drifting=bool(drift_left))
@@ -665,6 +664,14 @@ def _visited(fit: TraceFit, gearing: Gearing | None) -> _Visited:
     if is_whole and not len(fit.lines):
         places = places_in_cycle
     return _Visited(places / per_turn, coverage)
+
+
+def _noise_sources(F_ior: Range) -> tuple[UncertaintySource, ...]:
+    """Return the sources of the range of a curve by noise."""
+    return (
+        UncertaintySource("noise", F_ior.spread, "bootstrap of the residuals"),
+        UncertaintySource("bias correction", F_ior.bias_uncertainty, "a third of the removed bias"),
+    )
 
 
 def _other_uncertainties(

@@ -324,14 +324,10 @@ def order_tables(
     is_sideband = is_part & (distance(fit.lines, np.asarray(declared)) <= sideband_reach)
     causes = _Causes.of(fit, drive, gearing, fit.lines[is_sideband])
     table = [_order_of(fit, group, fit.lines[~is_sideband], causes) for group in fit.groups]
-    reach = np.minimum(BEATS / ratio, np.diff(declared).min(initial=1.0) / 2)  # half way to the next order
     joint_table = []
-    for order in declared:
-        offset = np.abs(fit.orders - order)
-        indices = np.flatnonzero((offset <= reach + _ORDER_ROUNDING) & ~fit.is_slow)
-        if not len(indices):
-            continue
-        row = next((row for row, group in enumerate(fit.groups) if offset.argmin() in group), 0)
+    for order, indices in _with_sidebands(fit, declared, ratio).items():
+        nearest = np.abs(fit.orders - order).argmin()
+        row = next((row for row, group in enumerate(fit.groups) if nearest in group), 0)
         joint = _joint_order(fit, order, indices)
         if is_part:
             sidebands = _Sidebands.of(fit, indices, joint, ratio)
@@ -339,6 +335,16 @@ def order_tables(
             table[row] = sidebands.widened(table[row], 0)
         joint_table.append(replace(joint, cause=table[row].cause))
     return tuple(table), tuple(joint_table)
+
+
+def _with_sidebands(fit: TraceFit, declared: Sequence[float], ratio: float) -> dict[float, OrderIndices]:
+    """Return the places of each declared order and its sidebands in a fit, of those that have any."""
+    reach = np.minimum(BEATS / ratio, np.diff(declared).min(initial=1.0) / 2)  # half way to the next order
+    indices = {}
+    for order in declared:
+        is_near = np.abs(fit.orders - order) <= reach + _ORDER_ROUNDING
+        indices[order] = np.flatnonzero(is_near & ~fit.is_slow)
+    return {order: places for order, places in indices.items() if len(places)}
 
 
 def _order_of(fit: TraceFit, group: OrderIndices, lines: Array, causes: _Causes) -> MeasuredOrder:
@@ -416,19 +422,16 @@ class _Sidebands:
         recording are B c and noise. The common size of c is found by expectation and maximisation.
         """
         numbers = np.tile(np.arange(-BEATS, BEATS + 1), 2)
-        share = 4.0 ** -np.maximum(np.abs(numbers) - 1.0, 0)  # of the variance
         pair = fit.pair(indices)
-        coefficients = fit.coefficients[pair]
         noise = fit.covariance(pair)
         orders = joint.per_cam_rev + numbers[: len(numbers) // 2] / ratio
         projection = fit.design.project(lambda rows: order_columns(fit.bins.turns[rows], orders))[pair]  # B
+        share = 4.0 ** -np.maximum(np.abs(numbers) - 1.0, 0)  # of the variance
         variance = joint.amplitude_arcsec**2 / share.sum() + np.trace(noise)
         for _ in range(_SIZE_ITERATIONS):
             # expectation: the normal distribution of c, given the coefficients and the size
-            prior = projection * (variance * share)
-            gain = np.linalg.lstsq(prior @ projection.T + noise, prior, rcond=None)[0].T
-            mean = gain @ coefficients
-            covariance = np.diag(variance * share) - gain @ prior
+            gain, covariance = _conditional(variance * share, projection, noise)
+            mean = gain @ fit.coefficients[pair]
             # maximisation: the size that makes this distribution most likely
             variance = float(np.mean((mean**2 + np.diag(covariance)) / share))
         freedom = len(numbers) - float((np.diag(covariance) / (variance * share)).sum())  # of that size
@@ -452,6 +455,18 @@ class _Sidebands:
         variance_of_square = 2 * np.trace(covariance @ covariance) + 4 * mean @ covariance @ mean
         scatter = float(np.sqrt(variance_of_square)) / (2 * size)
         return float(_UNSEEN_FACTOR * self.student * np.hypot(size - amplitude_arcsec, scatter))
+
+
+def _conditional(variances: Array, projection: Array, noise: Array) -> tuple[Array, Array]:
+    """Return how normal numbers c follow from B c + noise: the gain, shape (n, m), and their covariance, shape (n, n).
+
+    variances: of independent numbers before, shape (n,).
+    projection: B, shape (m, n).
+    noise: its covariance, shape (m, m).
+    """
+    prior = projection * variances
+    gain = np.linalg.lstsq(prior @ projection.T + noise, prior, rcond=None)[0].T
+    return np.asarray(gain), np.diag(variances) - gain @ prior
 
 
 @dataclass(frozen=True)

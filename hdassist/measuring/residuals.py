@@ -112,8 +112,7 @@ def _highest_peak(fit: TraceFit, highest: float) -> _Peak | None:
     probes, power = residual_power(bins, fit.residual, variance)
     resolution = 1 / bins.span
     places_per_probe = bins.per_turn * bins.span / len(probes) / 2
-    is_free = (distance(probes, fit.orders) >= RESOLVED_GAP * resolution) & (probes <= highest)
-    is_free &= probes >= fit.design.slow.periods * resolution
+    is_free = _is_free(fit, probes) & (probes <= highest)
     if not (is_free & (probes >= _FEWEST_PERIODS * resolution)).any():
         return None
     free_probes = probes[is_free]
@@ -131,6 +130,13 @@ def _highest_peak(fit: TraceFit, highest: float) -> _Peak | None:
     amplitude = 2 * np.sqrt(square) / float(bins.weight.sum())
     chance = _PROBES_PER_PLACE * int(is_free.sum()) * places_per_probe * chance_in_place
     return _Peak(order=order, amplitude=float(amplitude), chance=chance)
+
+
+def _is_free(fit: TraceFit, probes: Array) -> NDArray[np.bool_]:
+    """Return whether orders are resolved from those of a fit and from its slow terms, shape (probes,)."""
+    resolution = 1 / fit.bins.span
+    is_resolved = distance(probes, fit.orders) >= RESOLVED_GAP * resolution
+    return np.asarray(is_resolved & (probes >= fit.design.slow.periods * resolution))
 
 
 def _least_likely(

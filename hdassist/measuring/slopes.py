@@ -193,17 +193,28 @@ def _levels_over_speed(fits: Sequence[TraceFit]) -> _LevelsOverSpeed | None:
 
     precision = np.linalg.pinv(block_diag(*[fit.level_covariance for fit in fits]))
     columns = np.column_stack([np.ones(len(level)), np.sign(speed) / 2, speed])
-    covariance = np.linalg.pinv(columns.T @ precision @ columns)
-    solution = covariance @ columns.T @ precision @ level
-    residual = level - columns @ solution
-    freedom = len(level) - 3
-    # levels that differ by more than their noise widen the uncertainty, those that differ by less do not narrow it
-    widening = max(1.0, float(residual @ precision @ residual) / max(freedom, 1))
-    spread = np.sqrt(np.diag(covariance) * widening)
+    solution, spread = _weighted_fit(columns, level, precision)
     return _LevelsOverSpeed(
         lost_motion=(abs(float(solution[1])), float(spread[1])),
         over_speed=(float(solution[2]), float(spread[2])),
     )
+
+
+def _weighted_fit(columns: Array, values: Array, precision: Array) -> tuple[Array, Array]:
+    """Return the unknowns that fit values best, and their standard uncertainties, each of shape (unknowns,).
+
+    Values that differ from the fit by more than their noise widen the uncertainty; those that differ by less do not
+    narrow it.
+
+    columns: of the unknowns, shape (values, unknowns).
+    precision: inverse of the covariance of the values, shape (values, values).
+    """
+    covariance = np.linalg.pinv(columns.T @ precision @ columns)
+    solution = covariance @ columns.T @ precision @ values
+    residual = values - columns @ solution
+    freedom = len(values) - columns.shape[1]
+    widening = max(1.0, float(residual @ precision @ residual) / max(freedom, 1))
+    return solution, np.sqrt(np.diag(covariance) * widening)
 
 
 @dataclass(frozen=True)

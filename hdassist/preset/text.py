@@ -233,18 +233,12 @@ class _Reader:
         mark = self._mark(event.start_mark)
         if len(path) >= MAX_DEPTH:
             raise self._end(mark, f"nested deeper than {MAX_DEPTH} levels")
+        self._refuse_extras(event, mark, path)
         text = ""
         quoted = False
         value: Any = None
         if isinstance(event, yaml.AliasEvent):
             text = f"*{event.anchor}"
-            self._find(mark, path, "YAML aliases are not allowed", shown(text), "write the value out")
-            self.document.bad.add(path)
-        elif event.anchor is not None:
-            self._find(mark, path, "YAML anchors are not allowed", shown(f"&{event.anchor}"), "leave the anchor out")
-        if tag := getattr(event, "tag", None):
-            got = shown(str(tag).replace("tag:yaml.org,2002:", "!!"))
-            self._find(mark, path, "YAML tags are not allowed", got, "leave the tag out")
         if isinstance(event, yaml.SequenceStartEvent):
             items = enumerate(self._until(yaml.SequenceEndEvent))
             value = [self._value(item, (*path, index)) for index, item in items]
@@ -264,6 +258,19 @@ class _Reader:
             file=self.document.file, key=key or mark, value=mark, text=text, quoted=quoted
         )
         return value
+
+    def _refuse_extras(self, event: Any, mark: Mark, path: Path) -> None:
+        """Add the findings on aliases, anchors and tags, which presets do not have."""
+        if isinstance(event, yaml.AliasEvent):
+            alias = shown(f"*{event.anchor}")
+            self._find(mark, path, "YAML aliases are not allowed", alias, "write the value out")
+            self.document.bad.add(path)
+        elif event.anchor is not None:
+            self._find(mark, path, "YAML anchors are not allowed", shown(f"&{event.anchor}"), "leave the anchor out")
+        tag = getattr(event, "tag", None)
+        if tag:
+            short_tag = shown(str(tag).replace("tag:yaml.org,2002:", "!!"))
+            self._find(mark, path, "YAML tags are not allowed", short_tag, "leave the tag out")
 
     def _table(self, path: Path) -> dict[str, Any]:
         table: dict[str, Any] = {}

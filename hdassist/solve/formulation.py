@@ -265,15 +265,16 @@ class Reference:
         units = formulation.units
         gap_by_deviation = system.deviation_map[system.first].T  # by places, shape (scalars, m)
         constant_gap = (springs.lowest + springs.offset) * units.gap
-        # coordinates of a state: constant row + torque * second row + scalars @ further rows
-        law = [
-            self._coordinates(constant_gap[None]),
-            -responses.by_load @ formulation.load(1.0),
-            self._coordinates(gap_by_deviation),
-        ]
+        law = np.vstack(
+            [  # coordinates of a state: constant row + torque * second row + scalars @ further rows
+                self._coordinates(constant_gap[None]),
+                -responses.by_load @ formulation.load(1.0),
+                self._coordinates(gap_by_deviation),
+            ]
+        )
         return {
             "by_places": responses.by_place.T,
-            "law": np.vstack(law),
+            "law": law,
             "place": system.place.astype(np.int32),
             "contact": contact.astype(np.uint8),
             "gain": pivots.gain * pivots.scale,

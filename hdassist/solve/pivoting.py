@@ -93,10 +93,15 @@ class Pivoting:
             is_missing[:, swing] = False
             rows = rows[is_missing.any(axis=1)]
             self._swing = np.union1d(swing, np.flatnonzero(is_missing.any(axis=0)))
+        return self._forces_of(values, opposite_values), coordinates[:, m:] * arrays["dual_unit"]
+
+    def _forces_of(self, values: Array, opposite_values: Array) -> Array:
+        """Return forces [N] from values of candidates, or the opposite ones of those that changed sides."""
+        arrays = self._reference.arrays
         has_changed = opposite_values != 0
         forces = np.maximum(np.where(has_changed, opposite_values, values), 0)
         forces *= np.where(has_changed, arrays["other_force"], arrays["value_force"])
-        return forces, coordinates[:, m:] * arrays["dual_unit"]
+        return forces
 
     def _tableau(self, start: Array) -> Array:
         """Return the tableau of the swing with the values of states as further columns, shape (swing, swing + states).
@@ -218,16 +223,27 @@ def _solved_at(formulation: Formulation, gaps: Array, right: Array, contact: NDA
     matrix = structure[np.ix_(inside, inside)] + np.diag(series[inside])
     right_side = np.append(-springs.lowest - springs.offset, right)
     solution = np.zeros(len(structure))
-    is_loose = False
-    try:
-        solution[inside] = np.linalg.solve(matrix, right_side[inside])
-    except np.linalg.LinAlgError:  # no contact holds the parts: soft springs let them move until some contact does
-        is_loose = True
-        matrix -= SOFT * np.diag(inside >= m)
-        solution[inside] = np.linalg.lstsq(matrix, right_side[inside])[0]
+    solution[inside], is_loose = _solved_or_loose(matrix, right_side[inside], inside >= m)
     if not np.all(np.isfinite(solution)):
         return None
     open_gaps = gaps + (structure[:m, inside] @ solution[inside])[place]
     approach = series[:m] * solution[:m] + springs.offset
     forces = np.where(contact, (approach[place] - springs.excess) / formulation.local, 0.0)
     return _NearStep(forces=forces, open_gaps=open_gaps, duals=solution[m:], is_loose=is_loose)
+
+
+def _solved_or_loose(matrix: Array, right_side: Array, is_dual: NDArray[np.bool_]) -> tuple[Array, bool]:
+    """Return the solution of a system, and whether it has none without soft springs.
+
+    If no contact holds the parts, soft springs let them move until some contact does.
+
+    Args:
+        matrix: shape (unknowns, unknowns).
+        right_side: shape (unknowns,).
+        is_dual: whether an unknown is a displacement of a part, shape (unknowns,).
+    """
+    try:
+        return np.asarray(np.linalg.solve(matrix, right_side)), False
+    except np.linalg.LinAlgError:
+        softened = matrix - SOFT * np.diag(is_dual)
+        return np.asarray(np.linalg.lstsq(softened, right_side)[0]), True

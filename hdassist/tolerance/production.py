@@ -138,17 +138,22 @@ def production_law(
         if not (is_prior or high > 0):
             continue
         if deviation.size not in own_fields:
-            size = priors[deviation.size] if is_prior else _toleranced_size(deviation.size, high, law)
-            own_fields[deviation.size] = size
+            toleranced = _toleranced_size(deviation.size, high, law)
+            own_fields[deviation.size] = priors[deviation.size] if is_prior else toleranced
         has_direction = drive.value(deviation.direction) is not None
         if has_direction and deviation.direction in priors:
             own_fields[deviation.direction] = priors[deviation.direction]
         elif deviation.direction not in known:
             own_fields[deviation.direction] = _random_direction(deviation)
     other_fields = [prior for prior in priors.values() if prior.path not in DEVIATION_FIELDS]
-    clearances = [field for field in other_fields if field.distribution == "normal" and field.owner != "design"]
-    shared = [field for field in other_fields if field not in clearances]
+    clearances = [field for field in other_fields if _is_clearance(field)]
+    shared = [field for field in other_fields if not _is_clearance(field)]
     return ProductionLaw(drive, tuple(shared), (*own_fields.values(), *clearances))
+
+
+def _is_clearance(field: FieldPrior) -> bool:
+    """Return whether a field differs from drive to drive of one design, without being a deviation."""
+    return field.distribution == "normal" and field.owner != "design"
 
 
 def _require_directions(drive: Drive, known: Sequence[str]) -> None:

@@ -144,24 +144,24 @@ def sensitivities(production: Production, samples: Samples, records: _Records) -
         then = np.array([record.F_ior_arcsec for record in tighter_records])
         ways[best] = _tightened(best, F_ior, then, weights, proven=True)
         all_records += tighter_records
-    tightened = []
-    influences_by_torque = []
-    for torque in range(len(production.torques)):
-        at_torque = [way[torque] for way in ways.values()]
-        tightened.append(tuple(sorted(at_torque, key=lambda way: way.then)))
-        is_solved = samples.F_ior_arcsec[:, torque].all()
-        influences_by_torque.append(influences(samples, torque) if is_solved else ())
+    torques = range(len(production.torques))
+    tightened = [sorted((way[torque] for way in ways.values()), key=lambda way: way.then) for torque in torques]
     return Sensitivities(
         law=law,
         samples=samples,
         worst=worst,
-        tightened=tuple(tightened),
-        influences=tuple(influences_by_torque),
+        tightened=tuple(map(tuple, tightened)),
+        influences=tuple(_influences_at(samples, torque) for torque in torques),
         to_measure=to_measure(law, samples, worst),
         drives=len(all_records),
         states=sum(record.states for record in all_records),
         max_residual=max(record.max_residual for record in all_records),
     )
+
+
+def _influences_at(samples: Samples, torque: int) -> tuple[Influence, ...]:
+    """Return the influences at a torque, by its place; none if some sample has no error there."""
+    return influences(samples, torque) if samples.F_ior_arcsec[:, torque].all() else ()
 
 
 def _with_tighter(production: Production, path: str) -> Production:
