@@ -50,7 +50,7 @@ class Wave:
 
 
 @dataclass(frozen=True, eq=False)
-class FitBlock:
+class _FitBlock:
     """Coefficients of some unknowns of a fit, shape (unknowns,), and their rows of the root of the design."""
 
     coefficients: Array
@@ -258,7 +258,7 @@ def fit_orders(bins: Bins, orders: Array, slow: SlowTerms = SlowTerms(), lines: 
     return TraceFit(TraceDesign(bins, np.sort(np.concatenate([orders, lines])), slow), bins.error, lines)
 
 
-def _blocks_of(design: TraceDesign, solution: Array) -> list[FitBlock]:
+def _blocks_of(design: TraceDesign, solution: Array) -> list[_FitBlock]:
     """Return the solution of a design in blocks: orders, levels, slow terms, slopes, and changes of the orders."""
     coefficients = 2 * len(design.orders)
     slow = design.slow
@@ -266,7 +266,7 @@ def _blocks_of(design: TraceDesign, solution: Array) -> list[FitBlock]:
     sizes += [coefficients for _ in range(slow.order_changes)]
     ends = np.cumsum(sizes)[:-1]
     parts = zip(np.split(solution, ends), np.split(design.root, ends), strict=True)
-    return [FitBlock(coefficients=part, root=root) for part, root in parts]
+    return [_FitBlock(coefficients=part, root=root) for part, root in parts]
 
 
 def drift_of(fit: TraceFit, extent: float) -> float:

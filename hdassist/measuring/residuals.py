@@ -67,7 +67,7 @@ class _Peak:
 
 
 @dataclass(frozen=True, eq=False)
-class TraceChange:
+class _TraceChange:
     """A trace without a fault of its readings, and the warning that names the fault."""
 
     trace: MeasuredTrace
@@ -270,7 +270,7 @@ class _StepSizes:
         return _TO_SIGMA * float(np.median(np.abs(self.size[self.size != 0])))
 
 
-def with_step(trace: MeasuredTrace, fit: TraceFit) -> TraceChange | None:
+def with_step(trace: MeasuredTrace, fit: TraceFit) -> _TraceChange | None:
     """Return a trace with a level of its own behind the largest step of the residuals; None without a step.
 
     A step is the difference of the means over _STEP_TURNS before and behind a reading, far above that of all readings,
@@ -294,7 +294,7 @@ def with_step(trace: MeasuredTrace, fit: TraceFit) -> TraceChange | None:
         return None
     where = f"the error steps by {fitted_size:.3g}″ at line {line}"
     warning = f"{where}, as if a coupling slips or counts are lost; the step is removed"
-    return TraceChange(replace(trace, breaks=tuple(sorted((*trace.breaks, line)))), warning)
+    return _TraceChange(replace(trace, breaks=tuple(sorted((*trace.breaks, line)))), warning)
 
 
 def _step_sizes(trace: MeasuredTrace, departures: Sequence[Array]) -> _StepSizes | None:
@@ -345,7 +345,7 @@ def _fitted_step(trace: MeasuredTrace, fit: TraceFit, row: int) -> float | None:
     return None if by_step < by_drift else float(step)
 
 
-def without_spikes(trace: MeasuredTrace, fit: TraceFit) -> TraceChange | None:
+def without_spikes(trace: MeasuredTrace, fit: TraceFit) -> _TraceChange | None:
     """Return a trace without spikes, which are short departures from a fit to its sweeps; None without any.
 
     Raises UntrustedError for spikes of a trace that is not to be read without them, or for too many to omit.
@@ -370,7 +370,7 @@ def without_spikes(trace: MeasuredTrace, fit: TraceFit) -> TraceChange | None:
         hint = "check the encoders' cables and counters, or leave out these rows: --robust"
         raise UntrustedError(f"{trace.file}: {message}, no readings of a shaft", hint, Fault.ORDERS_UNTOLD)
     span = np.ptp(fit.curve(fit.bins.turns))
-    return TraceChange(
+    return _TraceChange(
         trace=trace.without(spike_rows),
         warning=f"{message}, omitted; with them the curve would span {span:.1f}″",
     )
