@@ -62,7 +62,7 @@ def rows(measured: dict[str, Any]) -> Iterator[Row]:
         words = f"proposed extremes, largest difference from every state, {group['cases']} {group['group']}"
         yield Row("proposals", words, MISSED_ARCSEC, group["missed_arcsec"], "″")
     for search in measured["draws"]:
-        words = f"{search['searches']} searches of samples, {search['M_g']:g} N·m, against a grid of 60 positions"
+        words = f"{search['searches']} searches of samples, {search['M_g']:g} N·m, compared with a grid of 60 x 60 positions"
         yield Row("draws", f"{words}: rms", DRAWS_RMS, search["rms"], "″")
         yield Row("draws", f"{words}: worst", DRAWS_WORST, search["worst"], "″")
         yield Row("draws", f"{words}: states per search", DRAWS_STATES, sum(search["states"][1:]), "")
@@ -70,21 +70,22 @@ def rows(measured: dict[str, Any]) -> Iterator[Row]:
     yield from _coned(measured["coned"])
     for case in measured["tolerance"]:
         words = (
-            f"a value of F'_ior of random drives, two torques, as assembled and in the best of 12 holes: {case['case']}"
+            "time per value of F'_ior of random drives, two torques, as assembled and in the best of 12 holes: "
+            f"{case['case']}"
         )
         yield Row("random drives", words, VALUE_MS, case["value_ms"], "ms")
-        words = f"use of two processes, {case['drives']} random drives: {case['case']}"
+        words = f"utilization of two processes, {case['drives']} random drives: {case['case']}"
         yield Row("two processes", words, EFFICIENCY, case["efficiency"], "", at_least=True)
         parts = " and ".join(
-            f"{case[name]:.3g} ms {of}" for name, of in (("drive_ms", "a drive"), ("law_ms", "its design"))
+            f"{case[name]:.3g} ms {of}" for name, of in (("drive_ms", "per drive"), ("law_ms", "for its design"))
         )
-        words = f"tolerance of {DRIVES} drives, by two cores of that use ({parts}): {case['case']}"
+        words = f"estimated time of `tolerance` for {DRIVES} drives on two cores ({parts}): {case['case']}"
         minutes = DRIVES * (case["drive_ms"] + case["law_ms"]) / 1e3 / 60 / 2 / min(case["efficiency"], 1)
         yield Row("random drives", words, MINUTES, minutes, "min")
     for case in measured["explorer"]:
         for words, most, took in (
             ("first", FIRST_NUMBER, case["first_s"]),
-            ("proven", PROVEN_NUMBER, case["proven_s"]),
+            ("verified", PROVEN_NUMBER, case["proven_s"]),
         ):
             share = f"{took / case['check_s']:.1%} of a check"
             yield Row(
@@ -115,10 +116,10 @@ def _processes(runs: list[dict[str, Any]], first_output_s: dict[str, float]) -> 
     for run in runs:
         if run["over"]:
             other, most = run["over"]
-            words = f"`{run['command']}` over `{other}`"
+            words = f"time of `{run['command']}` divided by time of `{other}`"
             yield Row(_key(run), words, most, run["processor_s"] / took[other], "times")
     for command, seconds in first_output_s.items():
-        words = f"until `{command}` shows words on a terminal, over `{IMPORT.words}`"
+        words = f"time until `{command}` shows text on a terminal, divided by time of `{IMPORT.words}`"
         yield Row("first output", words, FIRST_OUTPUT, seconds / took[IMPORT.words], "times")
     for run in runs:
         if run["over"]:
@@ -135,7 +136,7 @@ def _growth(drives: list[dict[str, Any]]) -> Iterator[Row]:
     for M_g in sorted({drive["M_g"] for drive in drives}):
         us = {drive["z_g"]: drive["us"] for drive in drives if drive["M_g"] == M_g}
         first, last = min(us), max(us)
-        words = f"time a state, {last}/{last + 2} against {first}/{first + 2} teeth, {M_g:g} N·m"
+        words = f"time per state, {last}/{last + 2} teeth divided by {first}/{first + 2} teeth, {M_g:g} N·m"
         yield Row("growth", words, GROWTH, us[last] / us[first], "times")
 
 
@@ -143,5 +144,5 @@ def _coned(drives: list[dict[str, Any]]) -> Iterator[Row]:
     for M_g in sorted({drive["M_g"] for drive in drives}):
         us = {drive["stations"]: drive["us"] for drive in drives if drive["M_g"] == M_g}
         last = max(us)
-        words = f"time a state, {last} stations along coned flanks against whole flanks, {M_g:g} N·m"
+        words = f"time per state, {last} stations along coned flanks divided by whole flanks, {M_g:g} N·m"
         yield Row("coned", words, CONED, us[last] / us[1], "times")

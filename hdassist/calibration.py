@@ -450,7 +450,7 @@ def calibrate(
     shortfall = _shortfall(targets, fits[0], values)
     if first.status <= 0 and np.abs(first.fun).max() > 1:
         reason = shortfall or "the best set of values nevertheless meets the targets"
-        raise UntrustedError(f"the fit did not converge: {reason}", "more --evaluations", Fault.FIT_UNSETTLED)
+        raise UntrustedError(f"the fit did not converge: {reason}", "increase --evaluations", Fault.FIT_UNSETTLED)
     return Calibration(
         drive=drive,
         targets=targets,

@@ -194,7 +194,7 @@ def _open_by_sharing(decision: DecidedCheck, others: Sequence[str]) -> DecidedCh
     """Return a decision without its verdict if it is by a recording, which is that of other drives too."""
     if decision.basis != "measured":
         return decision
-    reason = f"the recording is that of {', '.join(others)} too (--shared-records)"
+    reason = f"the same recording was also given for {', '.join(others)} (--shared-records)"
     return replace(decision, verdict=Verdict.INCONCLUSIVE, reason=reason)
 
 
@@ -265,7 +265,7 @@ def _of_decisions(
 def _of_sharing(request: Request) -> Iterator[Note]:
     """Yield the remark on recordings that are those of other drives too."""
     if request.shared:
-        yield Note("SHARED_RECORD", f"a recording is that of {', '.join(request.shared)} too")
+        yield Note("SHARED_RECORD", f"the same recording was also given for {', '.join(request.shared)}")
 
 
 def answer_rows(rows: Sequence[LotRow], debug: bool, first: int, last: int) -> list[AcceptAnswer]:

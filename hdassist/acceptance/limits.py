@@ -211,7 +211,9 @@ class LimitText:
             and self.torque in (None, limit.M_g_Nm)
         ]
         if not fitting:
-            raise UsageError(f"--value {self}: the drive has no limit of this name", f"--limit {self.name}=...")
+            raise UsageError(
+                f"--value {self}: the drive has no limit of this name", f"add a limit: --limit {self.name}=VALUE"
+            )
         if len(fitting) > 1:
             torques = ", ".join(f"@{limit.M_g_Nm:.15g}" for limit in fitting)
             raise UsageError(f"--value {self}: the torque is missing", f"add one of {torques}")

@@ -96,7 +96,7 @@ class Inputs:
         if without_limit:
             M_g = min(without_limit)
             message = f"{drive.name}: measured at {M_g:g} N*m, for which there is no limit"
-            raise DataError(message, f"--limit F_ior@{M_g:.15g}=30")
+            raise DataError(message, f"add a limit, for example --limit F_ior@{M_g:.15g}=30")
         return tuple(limit for limit in limits if limit not in by_trace and limit not in self.stated)
 
 
@@ -242,7 +242,8 @@ class Request(ClosedRecord):
                 values[limit] = _accepted_quantity(quantity, is_cut=error_range.is_cut)
         if not values:
             raise DataError(
-                f"{drive.name}: positions at {M_g:g} N*m, for which there is no limit", f"--limit F_ior@{M_g:.15g}=30"
+                f"{drive.name}: positions at {M_g:g} N*m, for which there is no limit",
+                f"add a limit, for example --limit F_ior@{M_g:.15g}=30",
             )
         return values
 
@@ -464,7 +465,7 @@ def _column(name: str) -> _Column:
     if match := _MEASURED.fullmatch(name):
         torque = match[1]
         if torque and not is_number(torque):
-            raise InvalidValueError("not a column of a lot", "for example measured@80")
+            raise InvalidValueError("not a column of a lot", "use a column of a lot, for example measured@80")
         return "measured", f"{float(torque):g}=" if torque else ""
     limit = _LIMIT.fullmatch(name)
     for gives, text in (("limits", limit[1] if limit else ""), ("values", name)):

@@ -81,7 +81,7 @@ class PlanCommand(o.PlotOptions, o.SamplingOptions, o.LimitedDriveOptions):
             used = (self.travel or drive.acceptance.travel) / 360
             return ReadingPlan.positions(self.positions, min(used, 1) if self.turns == 1 else self.turns, self.both)
         if self.both or self.turns != 1:
-            raise UsageError("--turns and --both need a test to evaluate", "--positions 12")
+            raise UsageError("--turns and --both need a test to evaluate", "state the test, for example --positions 12")
         return None
 
     def report(self, out: Output, preset: str) -> Report:
@@ -226,7 +226,9 @@ class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOption
         if self.measured_only and base.wheels.files:
             raise UsageError("--measured-only makes no prediction, so it cannot use measured teeth")
         if self.preset == "-":
-            raise UsageError("a row of a lot cannot read from standard input", "--preset FILE")
+            raise UsageError(
+                "a row of a lot cannot read from standard input", "name the preset file with --preset FILE"
+            )
         if self.replay is not None:
             if self.presets or self.csv or self.jsonl or self.junit or base != Request(""):
                 hint = "leave out PRESET and all options except --json, -o and --jobs"

@@ -295,7 +295,9 @@ class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOpt
     def _compare_traces(self) -> int:
         """Compare measured traces with the drive; returns the exit code."""
         if self.limit:
-            raise UsageError("--limit does not apply to recordings", "use hdassist accept to compare one with a limit")
+            raise UsageError(
+                "--limit does not apply to recordings", "use hdassist accept to compare a recording with a limit"
+            )
         o.stdin_once(*self.files, self.preset)
         out = self.open()
         start = o.degrees_or_fit("--phi-g0", self.start)

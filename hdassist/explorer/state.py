@@ -184,7 +184,7 @@ def _measured_value(session: Session, path: str) -> str:
     if sweep.is_bound:
         raise UsageError(
             f"{path} covers only part of the full mesh cycle, so its F'_ior is a lower bound",
-            f"hdassist measure {path}",
+            f"evaluate the recording with hdassist measure {path}",
         )
     return f"{sweep.F_ior_arcsec:.4g} ± {2 * sweep.uncertainty_arcsec:.2g}"
 

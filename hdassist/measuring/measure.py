@@ -836,7 +836,7 @@ class Reading(ClosedRecord, TraceForm):
         require_recorded(result.trace, how.get("M_g"))
         if result.trace.is_lower_bound:
             message = "the declination of the guide star is unknown, and with it the size of the error"
-            raise DataError(f"{result.trace.file}: {message}", "--declination DEG")
+            raise DataError(f"{result.trace.file}: {message}", "state the declination: --declination DEG")
         return result
 
     def measured_or_bench(

@@ -183,7 +183,10 @@ def parse_orders(text: str | None) -> tuple[float, ...] | None:
     for part in text.split(","):
         match = re.fullmatch(r"\s*([0-9]+(?:\.[0-9]+)?)\s*(?:-\s*([0-9]+)\s*)?", part)
         if match is None:
-            raise UsageError(f"invalid --orders {text}: expected orders", 'like "1-12" or "1,2,4"')
+            raise UsageError(
+                f"invalid --orders {text}: expected a range or a list of whole numbers",
+                "write for example 1-12 or 1,2,4",
+            )
         first = float(match[1])
         last = float(match[2] or match[1])
         if not 0 < first <= last <= _HIGHEST_ORDER or (match[2] and not first.is_integer()):

@@ -185,7 +185,10 @@ def _order_of(shaft: Shaft, trace: MeasuredTrace, gearing: Gearing | None, speed
         return shaft.per_rev
     if shaft.per_rev is not None:
         if gearing is None:
-            raise UsageError(f"--shafts {shaft.name}={shaft.text} needs the ratio of the drive", "--ratio, or --drive")
+            raise UsageError(
+                f"--shafts {shaft.name}={shaft.text} needs the ratio of the drive",
+                "state the ratio with --ratio, or name the drive with --drive",
+            )
         return shaft.per_rev / gearing.ratio
     if speed is None:
         message = f"{trace.file}: --shafts {shaft.name}={shaft.text} is a time, and the recording has no times"

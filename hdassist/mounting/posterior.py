@@ -190,7 +190,9 @@ class TrialSetup:
         if not (_is_torque(self.M_g) and 1e-6 <= self.noise_arcsec <= 1e6):
             stated = f"{self.M_g:g} N·m, noise {self.noise_arcsec:g}″"
             wanted = "expected a torque up to 1e7 N*m other than 0, and a noise above 0"
-            raise UsageError(f"invalid trials: {stated}: {wanted}", "--trial-torque 80")
+            raise UsageError(
+                f"invalid trials: {stated}: {wanted}", "state the torque of the values, for example --trial-torque 80"
+            )
 
     def point(self, trial: Trial) -> Point:
         """Position [deg] and torque [N*m] of a value."""
@@ -594,7 +596,7 @@ def hole_samples(
     that agree with the evidence.
     """
     if not searchable(drive):
-        raise UsageError("trials need bearing.ball_motion: locked", "bearing.ball_motion: locked")
+        raise UsageError("trials need bearing.ball_motion: locked", "use --set bearing.ball_motion=locked")
     prior = open_prior(drive)
     stated_prior = prior_of(drive)
     believed = stated_prior if len(stated_prior.fields) < len(prior.fields) else None

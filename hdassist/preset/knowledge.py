@@ -581,7 +581,10 @@ def _require_steel_cup(flexspline: str | None) -> None:
     if flexspline is None or flexspline == "cup":
         return
     if reason := _NOT_MODELLED.get(flexspline):
-        raise UsageError(f"--flexspline {flexspline} is not in the model: {reason}", "the model is that of a steel cup")
+        raise UsageError(
+            f"--flexspline {flexspline} is not in the model: {reason}",
+            "use hdassist for drives with a cup of steel only",
+        )
     kinds = ("cup", *_NOT_MODELLED)
     message = f"invalid --flexspline {shown(flexspline)}: expected one of {', '.join(kinds)}"
     raise UsageError(message, near_miss(flexspline, kinds))
@@ -616,7 +619,8 @@ def _seat(like: Drive, holes: str | None, allowed: str | None) -> dict[str, Simi
 def _hole_number(option: str, text: str) -> int:
     if not re.fullmatch(r"\s*[0-9]{1,6}\s*", text):
         raise UsageError(
-            f"invalid {option} {shown(text)}: expected whole numbers", "like --holes 12 --allowed-holes 0,4,8"
+            f"invalid {option} {shown(text)}: expected whole numbers",
+            "write whole numbers, for example --holes 12 --allowed-holes 0,4,8",
         )
     return int(text)
 

@@ -267,7 +267,7 @@ def _guide_rate(facts: _Facts, form: GuideForm) -> _GuideRate:
     """
     if not isfinite(facts.declination):
         description = "a guided section of a guide log with an unknown declination, on which the guide rate depends"
-        raise DataError(description, "--declination DEG")
+        raise DataError(description, "state the declination: --declination DEG")
     px_per_arcsec = cos(radians(facts.declination)) / facts.scale
     rates = _rates_of_log(facts, px_per_arcsec)
     if form.rate_arcsec_s is not None:

@@ -499,7 +499,7 @@ def _require_rows_and_ratio(table: NumberTable, first: _TraceColumn, second: _Tr
         )
     if ratio is None and "output" in (first.shaft, second.shaft):
         message = f"{table.file}: the ratio is needed to relate output and input"
-        raise DataError(message, "--ratio 100, or --drive PRESET")
+        raise DataError(message, "state the ratio, for example --ratio 100, or name the drive with --drive PRESET")
 
 
 def _readings_of(

@@ -204,7 +204,9 @@ def require_parquet(path: str) -> None:
         message = "--parquet needs a package that is not installed: pyarrow"
         raise UsageError(message, command_line(["pip", "install", "hdassist[parquet]"]))
     if path == "-" or _is_device(Path(path)):
-        raise UsageError("--parquet needs the name of a file, not a stream", "--parquet FILE")
+        raise UsageError(
+            "--parquet needs the name of a file, not a stream", "write the table to a file: --parquet FILE"
+        )
 
 
 def write_parquet(
@@ -316,7 +318,7 @@ def require_writable(path: str, force: bool) -> None:
         if reason := why_not_a_file(path):
             raise _unwritable(path, reason)
         if target.exists() and not _is_device(target) and not force:
-            raise UsageError(f"{path} exists", "--force replaces it", Fault.FILE_EXISTS)
+            raise UsageError(f"{path} exists", "use --force to overwrite it", Fault.FILE_EXISTS)
         if _real(target).is_symlink():
             raise _unwritable(path, "its symbolic links form a loop")
         folder = _real(target).parent
