@@ -62,7 +62,7 @@ def rows(measured: dict[str, Any]) -> Iterator[Row]:
         words = f"proposed extremes, largest difference from every state, {group['cases']} {group['group']}"
         yield Row("proposals", words, MISSED_ARCSEC, group["missed_arcsec"], "″")
     for search in measured["draws"]:
-        words = f"{search['searches']} searches of samples, {search['M_g']:g} N·m, compared with a grid of 60 x 60 positions"
+        words = f"{search['searches']} searches of samples, {search['M_g']:g} N·m, compared with a grid of 60 x 60"
         yield Row("draws", f"{words}: rms", DRAWS_RMS, search["rms"], "″")
         yield Row("draws", f"{words}: worst", DRAWS_WORST, search["worst"], "″")
         yield Row("draws", f"{words}: states per search", DRAWS_STATES, sum(search["states"][1:]), "")
