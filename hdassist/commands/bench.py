@@ -601,7 +601,7 @@ class CompensateCommand(
         torques = drive.operation.M_g
         if len(files) > len(torques):
             raise UsageError(
-                f"{len(files)} records, but {drive.name} has {len(torques)} torques", "give --torque for each file"
+                f"{len(files)} recordings, but {drive.name} has {len(torques)} torques", "give --torque for each file"
             )
         return {M_g: self.recorded(name, drive, M_g) for M_g, name in zip(torques, files, strict=False)}
 

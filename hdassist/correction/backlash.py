@@ -52,7 +52,9 @@ class _Backlash:
 def _duet(backlash: _Backlash, axis: str) -> str:
     """Return the command of RepRapFirmware; axis: its letter. Raises UsageError for a name that is no letter."""
     if len(axis) != 1 or not axis.isalpha():
-        raise UsageError(f"invalid --axis {axis} for Duet: expected the letter of the axis", "--axis A")
+        raise UsageError(
+            f"invalid --axis {axis} for Duet: expected the letter of the axis", "state the axis, for example --axis A"
+        )
     return f"M425 {axis.upper()}{backlash.deg:.5f} S{_DUET_DISTANCE}"
 
 
@@ -60,7 +62,9 @@ def _grblhal(backlash: _Backlash, axis: str) -> str:
     """Return the setting of grblHAL; axis: its letter. Raises UsageError for any other name."""
     if len(axis) != 1 or axis.upper() not in _GRBLHAL_AXES:
         letters = ", ".join(_GRBLHAL_AXES)
-        raise UsageError(f"invalid --axis {axis} for grblHAL: expected one of {letters}", "--axis A")
+        raise UsageError(
+            f"invalid --axis {axis} for grblHAL: expected one of {letters}", "state the axis, for example --axis A"
+        )
     return f"${_GRBLHAL_FIRST + _GRBLHAL_AXES.index(axis.upper())}={backlash.deg:.5f}"
 
 
