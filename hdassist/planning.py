@@ -409,23 +409,17 @@ def choose_plan(
     lines = error_lines(drive, torques[place], samples.values() if samples else [{}], run)
     curves = _curves_of_drives(drive, lines, samples, place, run)
     kinematics = lines.kinematics
-    ratio = abs(kinematics.u)
-    output_turns = round(kinematics.cycle_cam_revolutions / ratio)
-    travel = _travel_turns(travel_deg or drive.acceptance.travel, output_turns)
-    room = rooms.arcsec[place]
-    stated_beyond = None
-    if samples and room is not None and not travel:
-        stated_beyond = samples.probability_within(room, place).complement
     drives = DrivesUnderTest(
         curves.arcsec,
         samples.weights if samples else np.ones(1),
-        output_turns,
-        left_arcsec=room,
+        round(kinematics.cycle_cam_revolutions / abs(kinematics.u)),
+        left_arcsec=rooms.arcsec[place],
         demands=demands,
         seed=run.seed,
-        travel=travel,
-        stated_beyond=stated_beyond,
     )
+    drives = replace(drives, travel=_travel_turns(travel_deg or drive.acceptance.travel, drives.cycle_output))
+    if samples:
+        drives = _with_stated_probability(drives, samples, place)
     plans = _judged_plans(drives, kinematics, asked)
     certificates = [rooms.certificate, lines.certificate]
     if samples:
@@ -442,8 +436,21 @@ def choose_plan(
         samples=samples,
         certificate=sum([*certificates, curves.certificate], EMPTY),
         verdict=plans.verdict,
-        test=drives.test_of(plans.carried_out, test, ratio, drive.limit(torques[place])),
+        test=drives.test_of(plans.carried_out, test, abs(kinematics.u), drive.limit(torques[place])),
     )
+
+
+def _with_stated_probability(drives: DrivesUnderTest, samples: Samples, place: int) -> DrivesUnderTest:
+    """Return drives with the probability that they exceed their limit as `check` states it, of the full cycle only.
+
+    Args:
+        drives: of the samples.
+        samples: of the drive.
+        place: index of the torque.
+    """
+    if drives.left_arcsec is None or drives.travel:
+        return drives
+    return replace(drives, stated_beyond=samples.probability_within(drives.left_arcsec, place).complement)
 
 
 def _travel_turns(travel_deg: float, output_turns: int) -> float | None:

@@ -262,7 +262,7 @@ class Reach:
 
     axes: tuple[int, ...]  # columns of the four axes
     sizes: Array  # half width of each axis [mm], shape (4,)
-    others: tuple[int, ...]  # columns that count by their slopes
+    other_columns: tuple[int, ...]  # columns that count by their slopes
 
     @classmethod
     def of(cls, drive: Drive) -> Reach:
@@ -283,7 +283,7 @@ class Reach:
         return cls(
             axes=(teeth, teeth + 1, CAM_COLUMNS, CAM_COLUMNS + 1),
             sizes=np.array([teeth_size, teeth_size, cam_size, cam_size]),
-            others=tuple(further_columns),
+            other_columns=tuple(further_columns),
         )
 
 
@@ -323,8 +323,8 @@ class ErrorTable:
         columns = np.zeros((int(np.prod(scalars.shape[:-1])), DEVIATION_SCALARS))
         columns[:, : scalars.shape[-1]] = scalars.reshape(len(columns), -1)
         places = (columns[:, reach.axes] / reach.sizes + 1) * (np.array(self.error.shape) - 1) / 2
-        values = read_table(self._rows, places, columns[:, reach.axes + reach.others])
-        if not np.all(np.isfinite(values)) or np.delete(columns, reach.axes + reach.others, axis=1).any():
+        values = read_table(self._rows, places, columns[:, reach.axes + reach.other_columns])
+        if not np.all(np.isfinite(values)) or np.delete(columns, reach.axes + reach.other_columns, axis=1).any():
             raise UntrustedError(*_UNSPANNED)
         return values.reshape(scalars.shape[:-1])
 
@@ -357,7 +357,7 @@ class ErrorTable:
 
         Raises UntrustedError if the table has no slopes by these orders.
         """
-        columns = self.reach.axes + self.reach.others
+        columns = self.reach.axes + self.reach.other_columns
         rough_rows = [k for k, column in enumerate(columns) if column >= SMOOTH_SCALARS]
         if not rough_rows:
             raise UntrustedError(*_UNSPANNED)
@@ -394,7 +394,7 @@ def error_table(error_map: ErrorMap, reach: Reach, mesh: Mesh) -> ErrorTable:
         return f"{vectors}, M_g = {error_map.M_g:g} N*m"
 
     answers = error_map.load_case().solve(StateGaps(scalars), place, slope=True)
-    columns = reach.axes + reach.others
+    columns = reach.axes + reach.other_columns
     assert answers.slope_arcsec_per_mm is not None
     values = np.full((1 + len(columns), count), np.nan)  # error, then its slopes
     values[0, order] = answers.rotation_arcsec

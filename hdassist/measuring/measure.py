@@ -582,7 +582,6 @@ class _RecordUnderway:
         if not self.may_be_noise:
             _require_clear(trace, fit, F_ior, sources, is_drifting=bool(drift_left))
         orders, orders_of_cam = order_tables(fit, _declared(trace, self.orders, []), self.drive, self.gearing)
-        raw_range = _range_without_drift(trace, fit)
         result = SweepResult(
             direction=sign,
             fit=fit,
@@ -592,7 +591,7 @@ class _RecordUnderway:
             cam=fitted.cam,
             slope=fitted.slope,
             slow_arcsec=_slow_range(fit),
-            raw_range_arcsec=raw_range,
+            raw_range_arcsec=_range_without_drift(trace, fit),
             orders=orders,
             orders_of_cam=orders_of_cam,
             coverage=visited.coverage,
@@ -601,10 +600,7 @@ class _RecordUnderway:
             torque_miss_arcsec=torque_miss,
             is_scale_bound=trace.is_lower_bound,
         )
-        if not result.is_bound:
-            return result
-        largest = min(raw_range, float(np.ptp(trace.error_arcsec[trace.rows])))
-        return replace(result, range=F_ior.at_most(largest), revolution=revolution.at_most(largest))
+        return _at_most_readings(result, trace)
 
     def _drift_sources(self, fit: TraceFit, drift_left: float) -> tuple[UncertaintySource, ...]:
         """Return the sources that change the error slowly along a recording; drift_left: in the fit [arcsec]."""
@@ -664,6 +660,14 @@ def _visited(fit: TraceFit, gearing: Gearing | None) -> _Visited:
     if is_whole and not len(fit.lines):
         places = places_in_cycle
     return _Visited(places / per_turn, coverage)
+
+
+def _at_most_readings(result: SweepResult, trace: MeasuredTrace) -> SweepResult:
+    """Return a result whose ranges, if they are lower bounds, are no larger than that of the readings."""
+    if not result.is_bound:
+        return result
+    largest = min(result.raw_range_arcsec, float(np.ptp(trace.error_arcsec[trace.rows])))
+    return replace(result, range=result.range.at_most(largest), revolution=result.revolution.at_most(largest))
 
 
 def _noise_sources(F_ior: Range) -> tuple[UncertaintySource, ...]:

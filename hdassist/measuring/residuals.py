@@ -120,16 +120,24 @@ def _highest_peak(fit: TraceFit, highest: float) -> _Peak | None:
     index, log_chance = _least_likely(free_probes, free_power, free_power, resolution, places_per_probe)
     order = float(free_probes[index])
     # in a short recording side lobes of a line reach its neighbours: they are looked at without it as well
-    column, coefficients = fit.beside(order_columns(bins.turns, np.array([order])))
-    _, power_without = residual_power(bins, fit.residual - column @ coefficients, variance)
+    power_without = _power_without(fit, order, variance)[is_free]
     is_peak = np.abs(free_probes - order) < LINE_WIDTH * resolution
     peak_power = np.where(is_peak, free_power, 0.0)
-    _, log_chance_alone = _least_likely(free_probes, peak_power, power_without[is_free], resolution, places_per_probe)
+    _, log_chance_alone = _least_likely(free_probes, peak_power, power_without, resolution, places_per_probe)
     chance_in_place = float(np.exp(min(log_chance, log_chance_alone)))
     square = free_power[index] * variance * float((bins.weight**2).sum())
-    amplitude = 2 * np.sqrt(square) / float(bins.weight.sum())
-    chance = _PROBES_PER_PLACE * int(is_free.sum()) * places_per_probe * chance_in_place
-    return _Peak(order=order, amplitude=float(amplitude), chance=chance)
+    return _Peak(
+        order=order,
+        amplitude=float(2 * np.sqrt(square) / float(bins.weight.sum())),
+        chance=_PROBES_PER_PLACE * int(is_free.sum()) * places_per_probe * chance_in_place,
+    )
+
+
+def _power_without(fit: TraceFit, order: float, variance: float) -> Array:
+    """Return the power of the residuals of a fit without a wave of an order, shape (probes,)."""
+    column, coefficients = fit.beside(order_columns(fit.bins.turns, np.array([order])))
+    _, power = residual_power(fit.bins, fit.residual - column @ coefficients, variance)
+    return power
 
 
 def _is_free(fit: TraceFit, probes: Array) -> NDArray[np.bool_]:

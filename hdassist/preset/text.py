@@ -166,7 +166,7 @@ class _Reader:
     """
 
     document: Document
-    at: Callable[[int, int], Mark]
+    mark_at: Callable[[int, int], Mark]
     last: Mark  # behind which the parser is
 
     def read(self, text: bytes | str, path: Path) -> None:
@@ -199,10 +199,10 @@ class _Reader:
 
     def _behind(self, text: str) -> Mark:
         lines = re.split(r"\r\n|[\n\r\x85\u2028\u2029]", text)
-        return self.at(len(lines), len(lines[-1]) + 1)
+        return self.mark_at(len(lines), len(lines[-1]) + 1)
 
     def _mark(self, mark: Any) -> Mark:
-        return self.at(mark.line + 1, mark.column + 1)
+        return self.mark_at(mark.line + 1, mark.column + 1)
 
     def _end(self, mark: Mark, message: str, got: str = "", hint: str = "") -> PresetError:
         finding = Finding(

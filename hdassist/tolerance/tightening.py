@@ -131,19 +131,18 @@ def sensitivities(production: Production, samples: Samples, records: _Records) -
     F_ior = np.array([record.F_ior_arcsec for record in all_records])
     weights = np.array([record.weight for record in all_records])
     worst = worst_torque(production.drive, samples)
-    ways = {}
+    ways: dict[str, list[Tightened]] = {}
     for path in law.sizes:
         then = np.array([(record.tighter or {})[path] for record in all_records])
         ways[path] = _tightened(path, F_ior, then, weights, proven=False)
     # the estimate is a lower bound: the best size is solved anew until the best one is solved
-    while True:
-        best = min(ways, key=lambda path: ways[path][worst].then)
-        if ways[best][worst].proven:
-            break
+    best = _best_size(ways, worst)
+    while not ways[best][worst].proven:
         tighter_records = _sound(records(_with_tighter(production, best), len(production.designs)))
         then = np.array([record.F_ior_arcsec for record in tighter_records])
         ways[best] = _tightened(best, F_ior, then, weights, proven=True)
         all_records += tighter_records
+        best = _best_size(ways, worst)
     torques = range(len(production.torques))
     tightened = [sorted((way[torque] for way in ways.values()), key=lambda way: way.then) for torque in torques]
     return Sensitivities(
@@ -157,6 +156,11 @@ def sensitivities(production: Production, samples: Samples, records: _Records) -
         states=sum(record.states for record in all_records),
         max_residual=max(record.max_residual for record in all_records),
     )
+
+
+def _best_size(ways: Mapping[str, Sequence[Tightened]], torque: int) -> str:
+    """Return the path of the size whose step leaves least of F'_ior at a torque, by its place."""
+    return min(ways, key=lambda path: ways[path][torque].then)
 
 
 def _influences_at(samples: Samples, torque: int) -> tuple[Influence, ...]:

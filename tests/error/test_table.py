@@ -86,7 +86,7 @@ def test_harmonics_and_a_run_out_are_slopes(small: Drive, table: ErrorTable) -> 
         for d in drawn(small, 15, 2)
     ]
     wide = table_of(small.with_values(OUTERMOST | OVAL))
-    assert wide.reach.others == (4, 5, 6, 7)
+    assert wide.reach.other_columns == (4, 5, 6, 7)
     missed = missed_of(wide, drives)
     plain = columns_of([d.with_values(dict.fromkeys(OVAL, 0.0)) for d in drives])
     without = wide.F_ior(plain) / wide.F_ior(columns_of(drives)) - 1

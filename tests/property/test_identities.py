@@ -70,7 +70,9 @@ def test_table_has_the_rotation_of_states_without_half_revolution_symmetry(refer
         differences.append(abs(direct[0] - direct[1]))
         gaps_ = system.delta_p + system.deviation_map[:, :4] @ scalars
         forces = [solve_state(system, way * 800e3, gaps_)[0] for way in (1 - step, 1 + step)]
-        pull = (forces[1] - forces[0]) @ system.deviation_map[:, table.reach.others] / (2 * step * 800e3) * ARCSEC
+        pull = (
+            (forces[1] - forces[0]) @ system.deviation_map[:, table.reach.other_columns] / (2 * step * 800e3) * ARCSEC
+        )
         assert table.slopes[4:, *place] == pytest.approx(pull, rel=1e-5, abs=1e-3), place
     assert is_half_turn_symmetric(reference) and not is_half_turn_symmetric(drive)
     assert max(differences) > 0.01
