@@ -89,7 +89,7 @@ class CalibrationTarget:
         return _TARGET_KINDS[self.quantity][0]
 
     def deviation(self, predicted: float, inside: float = 0.0) -> float:
-        """Deviation of a predicted quantity in tolerances; 0 in a range made narrower by so many of them."""
+        """Return the deviation of a predicted quantity in tolerances; 0 in a range made narrower by so many of them."""
         margin = min(inside * self.tolerance, (self.high - self.low) / 2)
         nearest = min(max(predicted, self.low + margin), self.high - margin)
         return (predicted - (nearest if self.value is None else self.value)) / self.tolerance
@@ -117,17 +117,17 @@ class Targets:
     targets: tuple[CalibrationTarget, ...]
 
     def by_path(self, values: Iterable[float]) -> dict[str, float]:
-        """Values of the unknowns, in their order, by the path of each."""
+        """Return the values of the unknowns, in their order, by the path of each."""
         return {unknown.path: value for unknown, value in zip(self.unknowns, values, strict=True)}
 
     def deviations(self, predictions: Sequence[float], inside: float = 0.0) -> list[float]:
-        """Deviation of the prediction from each target, as that target's own deviation has it."""
+        """Return the deviation of the prediction from each target, as that target's own deviation has it."""
         return [
             target.deviation(prediction, inside) for target, prediction in zip(self.targets, predictions, strict=True)
         ]
 
     def met(self, predictions: Sequence[float]) -> list[bool]:
-        """Which targets are met by their predictions."""
+        """Return which targets are met by their predictions."""
         return [
             target.low <= prediction <= target.high
             for target, prediction in zip(self.targets, predictions, strict=True)
@@ -164,7 +164,7 @@ def read_targets(text: bytes, file: str, drive: Drive) -> Targets:
 def _numbers(
     document: Document, path: Path, table: Any, units: Mapping[str, str | None], needs: Iterable[str] = ()
 ) -> dict[str, Any]:
-    """Values of the keys of a table that can be read; faults are added to the findings.
+    """Return the values of the keys of a table that can be read; faults are added to the findings.
 
     Arguments: units by key, TEXT for a text and None for a value as it stands; needs, keys that must be given.
     """
@@ -315,7 +315,7 @@ class PhaseScan:
 
 
 def predictions(drive: Drive, targets: Sequence[CalibrationTarget]) -> tuple[float, ...]:
-    """The quantity of each target in its unit. Raises UntrustedError where one cannot be trusted."""
+    """Return the quantity of each target in its unit. Raises UntrustedError where one cannot be trusted."""
     scan = cache(partial(phase_scan, drive))
     torques = sorted({target.asked["M_g"] for target in targets if target.quantity == "self_error"})
     self_errors = dict(zip(torques, self_error(drive, torques) if torques else (), strict=True))
@@ -340,7 +340,7 @@ def predictions(drive: Drive, targets: Sequence[CalibrationTarget]) -> tuple[flo
 
 
 def F_ior_at_phases(error_map: ErrorMap, phases: Iterable[float]) -> Array:
-    """F'_ior [arcsec] of a map's drive at mounting phases [deg], shape (phases,)."""
+    """Return F'_ior [arcsec] of a map's drive at mounting phases [deg], shape (phases,)."""
     own_phase_deg = phase_deg(error_map.drive)
     return many_extremes(
         error_map, Batch.turned(error_map.drive, [phase - own_phase_deg for phase in phases])
@@ -348,13 +348,13 @@ def F_ior_at_phases(error_map: ErrorMap, phases: Iterable[float]) -> Array:
 
 
 def phase_scan(drive: Drive, M_g: float) -> PhaseScan:
-    """Extremes of F'_ior over the mounting phase at a torque [N*m]."""
+    """Return the extremes of F'_ior over the mounting phase at a torque [N*m]."""
     error_map = ErrorMap(drive, M_g)
     phases = np.arange(0, 360, _PHASE_STEP)
     F_ior = F_ior_at_phases(error_map, phases)
 
     def least(sign: int) -> tuple[float, float]:
-        """The least sign * F'_ior [arcsec] and its phase [deg]."""
+        """Return the least sign * F'_ior [arcsec] and its phase [deg]."""
         middle = phases[(sign * F_ior).argmin()]
         extreme = minimize_scalar(
             lambda phase: sign * F_ior_at_phases(error_map, [phase])[0],
@@ -420,7 +420,7 @@ class Calibration:
 
 
 def estimate_drives(targets: Targets, points: int, starts: int = 4, iterations: int = 12) -> int:
-    """Number of drives that a calibration computes, about, for a progress bar."""
+    """Return the number of drives that a calibration computes, about, for a progress bar."""
     return points + starts * iterations // 2 * (len(targets.unknowns) + 2)
 
 
@@ -543,7 +543,7 @@ class _Search:
         self.known: dict[tuple[float, ...], Fit] = {}
 
     def fits(self, points: Iterable[Array]) -> list[Fit]:
-        """Sets of values at points, shape (unknowns,) each, and their predictions."""
+        """Return the sets of values at points, shape (unknowns,) each, and their predictions."""
         sets = [_rounded_values(self.targets.unknowns, point) for point in points]
         fresh = [values for values in dict.fromkeys(sets) if values not in self.known]
         self.known |= zip(fresh, self.run.map(partial(_fit, self.drive, self.targets), fresh), strict=True)
@@ -551,7 +551,7 @@ class _Search:
         return [self.known[values] for values in sets]
 
     def residuals(self, points: Iterable[Array]) -> Array:
-        """Deviations of fits [tolerances], shape (points, targets)."""
+        """Return the deviations of fits [tolerances], shape (points, targets)."""
         deviations = [self.targets.deviations(fit.predictions, _INSIDE) for fit in self.fits(points)]
         return np.asarray(np.nan_to_num(deviations, nan=_IMPOSSIBLE))
 
@@ -576,7 +576,7 @@ class _Search:
 
 
 def _places_of(unknowns: Sequence[FieldPrior], values: Mapping[str, float]) -> Array:
-    """Place of the value of each field, by path, between its bounds, 0..1, shape (unknowns,)."""
+    """Return the place of the value of each field, by path, between its bounds, 0..1, shape (unknowns,)."""
     return np.array([np.interp(values[u.path], u.value(_RANGE_SHARES), _RANGE_SHARES) for u in unknowns])
 
 
@@ -586,7 +586,7 @@ def _rounded_values(unknowns: Sequence[FieldPrior], point: Array) -> tuple[float
 
 
 def _distant(points: Iterable[Array]) -> list[int]:
-    """Places of the points, in their order, that lie far from those before them."""
+    """Return the places of the points, in their order, that lie far from those before them."""
     chosen: dict[int, Array] = {}
     for k, point in enumerate(points):
         if all(np.abs(point - chosen_point).max() > _DISTANT for chosen_point in chosen.values()):
@@ -595,7 +595,7 @@ def _distant(points: Iterable[Array]) -> list[int]:
 
 
 def _fit(drive: Drive, targets: Targets, values: tuple[float, ...]) -> Fit:
-    """Predictions of a drive with other values."""
+    """Return the predictions of a drive with other values."""
     fitted_drive = drive.with_values(targets.by_path(values))
     try:
         if (conflict := first_conflict(fitted_drive)) is not None:

@@ -54,7 +54,7 @@ _LONGEST_SENTENCE = 1000  # characters: no first sentence of a help text is long
 
 
 def bold(text: str) -> str:
-    """A text as standard output shows it in bold, where that takes control codes."""
+    """Return a text as standard output shows it in bold, where that takes control codes."""
     plain = bool(os.environ.get("NO_COLOR")) or os.environ.get("TERM") == "dumb" or "--no-color" in sys.argv
     return typer.style(text, bold=True) if sys.stdout.isatty() and not plain else text
 
@@ -63,7 +63,7 @@ class _Sectioned:
     """A command whose help has its options in sections, behind rows of its own."""
 
     def rows(self) -> Iterable[Row]:
-        """Rows that stand before the options, with their sections."""
+        """Return the rows that stand before the options, with their sections."""
         return ()
 
     def format_options(self, ctx: _Context, formatter: _Formatter) -> None:
@@ -115,7 +115,7 @@ class _Commands(_Sectioned, TyperGroup):
     """A command of commands."""
 
     def rows(self) -> Iterator[Row]:
-        """Commands and their summaries, with their sections."""
+        """Yield the commands and their summaries, with their sections."""
         for name, command in self.commands.items():
             yield "Commands", (name, command.get_short_help_str(_LONGEST_SENTENCE))
 
@@ -148,7 +148,7 @@ Row = tuple[str, tuple[str, str] | None]  # section of a help text; its left and
 
 
 def _row(parameter: Any, ctx: _Context) -> Row:
-    """The row of a parameter in a help text, with its section: of its default and range the default alone.
+    """Return the row of a parameter in a help text, with its section: of its default and range the default alone.
 
     Three dots stand behind an option that may be given several times.
     """
@@ -211,7 +211,7 @@ def module_of(name: str) -> str:
 
 @cache
 def _loaded(name: str) -> Any:
-    """A command, by name, loaded when it is called."""
+    """Return a command, by name, loaded when it is called."""
     module = import_module(module_of(name))
     name = OTHER_NAMES.get(name, name)
     if name == "presets":
@@ -246,11 +246,11 @@ class _RootCommands(_Commands):
         self.commands = names
 
     def get_command(self, _ctx: _Context, name: str) -> Any:
-        """The command of a name."""
+        """Return the command of a name."""
         return _loaded(name) if name in self.commands else None
 
     def rows(self) -> Iterator[Row]:
-        """Commands and their summaries, with their sections."""
+        """Yield the commands and their summaries, with their sections."""
         yield from ((panel, row) for panel, summaries in _SUMMARIES.items() for row in summaries.items())
 
 
@@ -297,7 +297,7 @@ def _global(
 
 
 def _start_page(width: int) -> str:
-    """The commands by their purpose and one example, on one screen; width in columns."""
+    """Return the commands by their purpose and one example, on one screen; width in columns."""
     indent = _SECTION_COLUMNS + _NAME_COLUMNS
 
     def row(left: str, name: str, words: str) -> list[str]:
@@ -318,7 +318,7 @@ def _start_page(width: int) -> str:
 
 
 def _takes_one_preset(command: Any) -> bool:
-    """Whether the only argument of a command is a preset."""
+    """Return whether the only argument of a command is a preset."""
     return [parameter.name for parameter in command.params if parameter.param_type_name == "argument"] == ["preset"]
 
 
@@ -387,7 +387,7 @@ def _say_of_cache() -> None:
 
 
 def _as_known(error: Exception) -> HdassistError:
-    """An error with the words and the exit code that it ends the command with."""
+    """Return an error with the words and the exit code that it ends the command with."""
     if isinstance(error, HdassistError):
         return error
     if isinstance(error, MemoryError):

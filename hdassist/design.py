@@ -157,7 +157,7 @@ class DesignCheck:
         return replace(self, points=tuple(points), samples=samples)
 
     def with_errors(self, errors: Sequence[KinematicError]) -> Self:
-        """The same with the error over the full cycle at each torque."""
+        """Return the same with the error over the full cycle at each torque."""
         points = (replace(point, error=error) for point, error in zip(self.points, errors, strict=True))
         return replace(self, points=tuple(points))
 
@@ -244,7 +244,7 @@ def accuracy_words(accuracy: float | None, points: Sequence[OperatingPoint]) -> 
 
 
 def check_states(drive: Drive, measured: MeasuredTeeth | None = None, draws: int = EFFECTIVE_SAMPLES) -> int:
-    """Number of states that a check solves, for a progress bar."""
+    """Return the number of states that a check solves, for a progress bar."""
     drawn = draws if not measured and searchable(drive) and prior_of(drive).fields else 0
     return len(drive.operation.M_g) * (
         Kinematics.of(drive).cycle_states + drive.numerics.n_phase**2 + drawn * DRAWN_STATES
@@ -332,7 +332,7 @@ def _unsolved_points(drive: Drive, *, is_open: bool, sure: float, run: Run) -> t
 
 
 def _middle(drive: Drive, samples: Samples, torque: int) -> Drive:
-    """The drive of the sample in the middle at a torque, by its place."""
+    """Return the drive of the sample in the middle at a torque, by its place."""
     return drive.with_values(samples.values(np.array([samples.middle_sample(torque)]))[0])
 
 
@@ -355,7 +355,7 @@ class Axis:
 
 
 def read_axes(texts: Sequence[str], overrides: Sequence[str]) -> tuple[Axis, ...]:
-    """Fields that are varied, from texts such as "tolerances.e_hb=20:120:11" or "gears.j_n=0,5 um,10".
+    """Return the fields that are varied, from texts such as "tolerances.e_hb=20:120:11" or "gears.j_n=0,5 um,10".
 
     Arguments: texts; overrides of the preset, which must not set the same fields.
     Raises UsageError for the first text that is wrong.
@@ -380,7 +380,7 @@ def read_axes(texts: Sequence[str], overrides: Sequence[str]) -> tuple[Axis, ...
 
 @cache
 def _fields() -> dict[str, PresetField]:
-    """Fields that can be varied, by path."""
+    """Return the fields that can be varied, by path."""
     table = field_table().items()
     return {path: field for path, field in table if path == _TORQUE or field.kind in ("number", "count")}
 
@@ -480,7 +480,7 @@ class Sweep:
 
     @classmethod
     def of(cls, text: bytes, file: str, drive: Drive, varied: Sequence[Axis]) -> Sweep:
-        """The sweep of a preset, read with its overrides as drive. Raises UsageError for too many rows."""
+        """Return the sweep of a preset, read with its overrides as drive. Raises UsageError for too many rows."""
         is_varied = _TORQUE in [axis.path for axis in varied]
         further_axes = () if is_varied else (Axis(_TORQUE, "N*m", drive.operation.M_g),)
         sweep = cls(text, file, drive.origin.overrides, tuple(varied), further_axes)
@@ -505,7 +505,7 @@ class Sweep:
         return prod(self.shape)
 
     def values(self, row: int) -> dict[str, float]:
-        """Values along each axis, by path, in a row."""
+        """Return the values along each axis, by path, in a row."""
         places = np.unravel_index(row, self.shape)
         return {axis.path: axis.values[k] for axis, k in zip(self.axes, places, strict=True)}
 
@@ -522,7 +522,7 @@ class Sweep:
         return RecordKind(TypeAdapter(SweepRow), fault)
 
     def __call__(self, first: int, last: int) -> list[SweepRow]:
-        """Records of the rows first ... last - 1; a row depends on its own number alone."""
+        """Return the records of the rows first ... last - 1; a row depends on its own number alone."""
         return [self._record(self.values(row)) for row in range(first, last)]
 
     def _record(self, values: dict[str, float]) -> SweepRow:
@@ -577,7 +577,7 @@ class Swept:
 
 
 def collect(sweep: Sweep, drive: Drive, records: Iterable[SweepRow]) -> Swept:
-    """Results from the records of all rows, in their order; each record is read once."""
+    """Return the results from the records of all rows, in their order; each record is read once."""
     F_ior = np.full(sweep.rows, np.nan)
     states = 0
     residual = 0.0

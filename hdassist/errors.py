@@ -75,7 +75,7 @@ _WORDS_OF_PYDANTIC = {
 
 
 def validation_words(message: str) -> str:
-    """A message of pydantic in the words that all other messages have."""
+    """Return a message of pydantic in the words that all other messages have."""
     for theirs, ours in _WORDS_OF_PYDANTIC.items():
         message = message.replace(theirs, ours)
     return message
@@ -172,10 +172,10 @@ _EXIT_SEVERITY = (1, 5, 4, 2, 3, 6, 0)  # the worst of several drives, first
 
 
 def worst(verdicts: Iterable[Verdict]) -> Verdict:
-    """The most severe of some verdicts; NO_LIMIT where there is none."""
+    """Return the most severe of some verdicts; NO_LIMIT where there is none."""
     return min(verdicts, key=SEVERITY.index, default=Verdict.NO_LIMIT)
 
 
 def worst_exit_code(codes: Iterable[int]) -> int:
-    """The most severe of some exit codes; 0 where there is none."""
+    """Return the most severe of some exit codes; 0 where there is none."""
     return min(codes, key=lambda code: _EXIT_SEVERITY.index(code) if code in _EXIT_SEVERITY else -1, default=0)

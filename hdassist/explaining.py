@@ -114,7 +114,7 @@ def latin(text: str) -> str:
 
 @cache
 def entries() -> tuple[Entry, ...]:
-    """All entries."""
+    """Return all entries."""
     return tuple(_entries())
 
 
@@ -175,7 +175,7 @@ def _given(facts: Sequence[tuple[str, str]]) -> tuple[tuple[str, str], ...]:
 
 
 def _normal_spelling(name: str) -> str:
-    """A name without differences of spelling: case, primes, dashes, Greek letters."""
+    """Return a name without differences of spelling: case, primes, dashes, Greek letters."""
     text = "".join(_GREEK.get(letter, letter) for letter in name.lower())
     return re.sub(r"[\W_]+", "", text)
 
@@ -190,7 +190,7 @@ def _by_spelling() -> dict[str, list[Entry]]:
 
 
 def _has_word(entry: Entry, stem: str) -> bool:
-    """Whether a word without its plural's s is in the names of an entry, or in the values of its field."""
+    """Return whether a word without its plural's s is in the names of an entry, or in the values of its field."""
     spellings = re.split(r"[\s.,-]+", " ".join((*entry.names, dict(entry.facts).get("values", ""))))
     return stem in (_normal_spelling(word).removesuffix("s") for word in spellings)
 

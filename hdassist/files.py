@@ -64,7 +64,7 @@ class TextFile:
         self.is_latin = False
 
     def parts(self) -> Iterator[tuple[int, str]]:
-        """Whole lines, joined by newlines, and the number of the first of them.
+        """Yield the whole lines, joined by newlines, and the number of the first of them.
 
         Raises DataError: a file that cannot be read; PresetError: one that is too large, empty, binary, damaged, or not
         in the encoding of its byte order mark.
@@ -94,7 +94,7 @@ class TextFile:
             yield line, self._readable(unfinished)
 
     def _decoded(self) -> Iterator[str]:
-        """Text as it comes, with \\n at the end of lines; bytes that are not UTF-8 as lone surrogates."""
+        """Yield the text as it comes, with \\n at the end of lines; bytes that are not UTF-8 as lone surrogates."""
         digest = hashlib.sha256()
         size = 0
         decoder = None
@@ -147,7 +147,7 @@ class TextFile:
         return io.IncrementalNewlineDecoder(codecs.getincrementaldecoder(encoding)(errors), translate=True)
 
     def _readable(self, lines: str) -> str:
-        """Lines with those in Latin-1 that are not UTF-8."""
+        """Return the lines with those in Latin-1 that are not UTF-8."""
         if lines.isascii() or not _NOT_UTF_8.search(lines):
             return lines
         self.is_latin = True
@@ -211,12 +211,12 @@ def open_at_once(name: str) -> BinaryIO:
 
 
 def is_file(path: str | Path) -> bool:
-    """Whether there is a regular file; False for a path that no file can have."""
+    """Return whether there is a regular file; False for a path that no file can have."""
     return os.path.isfile(path)  # noqa: PTH113 (a path's is_file raises where a name is too long)
 
 
 def is_there(path: str | Path) -> bool:
-    """Whether there is a file, folder or device; False for a path that none can have."""
+    """Return whether there is a file, folder or device; False for a path that none can have."""
     return os.path.exists(path)  # noqa: PTH110 (a path's exists raises where a name is too long)
 
 
@@ -247,7 +247,7 @@ def read_bytes(path: str | Path, at_most: int) -> tuple[bytes, str]:
 
 
 def os_reason(error: Exception) -> str:
-    """Why a file cannot be read, in the words of the system."""
+    """Return why a file cannot be read, in the words of the system."""
     return error.strerror if isinstance(error, OSError) and error.strerror else str(error)
 
 
@@ -319,7 +319,7 @@ def claim_output(path: str, *, is_kept: bool = False) -> None:
 
 
 def is_claimed(path: str) -> bool:
-    """Whether a file was claimed under this name."""
+    """Return whether a file was claimed under this name."""
     return path in _outputs.values()
 
 
@@ -329,12 +329,12 @@ def note_written(path: str) -> None:
 
 
 def is_written(path: str) -> bool:
-    """Whether an answer stands there."""
+    """Return whether an answer stands there."""
     return path in _written
 
 
 def _file(file: str | int) -> list[_Identity]:
-    """A regular file that is there: devices and pipes take any number of answers."""
+    """Return whether there is a regular file: devices and pipes take any number of answers."""
     with suppress(OSError, ValueError):
         status = os.fstat(file) if isinstance(file, int) else Path(file).stat()
         return [(status.st_dev, status.st_ino)] if stat.S_ISREG(status.st_mode) else []
@@ -342,7 +342,7 @@ def _file(file: str | int) -> list[_Identity]:
 
 
 def _place(path: str) -> list[_Identity]:
-    """Where a file is or will be, whatever the case of its name."""
+    """Return where a file is or will be, whatever the case of its name."""
     with suppress(OSError, ValueError):
         real = Path(os.path.realpath(path))
         if real.is_file() or not real.exists():
@@ -360,17 +360,17 @@ _HIDDEN = re.compile(
 
 
 def visible(text: str) -> str:
-    """The text with hidden characters escaped (\\x1b, \\u202e); newlines, tabs and all that is seen stay."""
+    """Return the text with hidden characters escaped (\\x1b, \\u202e); newlines, tabs and all that is seen stay."""
     return _HIDDEN.sub(lambda found: escaped(found[0]), text)
 
 
 def escaped(character: str) -> str:
-    """A character as Python writes it in 7 bits."""
+    """Return a character as Python writes it in 7 bits."""
     return character.encode("unicode_escape").decode()
 
 
 def printable(json: str) -> str:
-    """JSON of 7 bits with DEL escaped as well, the one control character that JSON allows as it is."""
+    """Return JSON of 7 bits with DEL escaped as well, the one control character that JSON allows as it is."""
     return json.replace("\x7f", "\\u007f")
 
 
@@ -382,7 +382,7 @@ GREATEST = 1e30  # magnitude of a number that is read: its square is finite, and
 
 
 def number_of(text: str) -> float:
-    """Value of a number, spaces around it allowed; NaN for any other text, infinity beyond GREATEST."""
+    """Return the value of a number, spaces around it allowed; NaN for any other text, infinity beyond GREATEST."""
     return bounded(float(text)) if re.fullmatch(NUMBER, text.strip()) else nan
 
 
@@ -398,7 +398,7 @@ def with_decimal_points(text: str) -> str:
 
 
 def package_table(name: str, parse_float: Callable[[str], Any] = float) -> dict[str, Any]:
-    """What a TOML file of this package declares; parse_float makes its numbers."""
+    """Return what a TOML file of this package declares; parse_float makes its numbers."""
     return tomllib.loads(files("hdassist").joinpath(name).read_text("utf-8"), parse_float=parse_float)
 
 
@@ -408,12 +408,12 @@ READ_AT_MOST = 1024 * 1024  # more than a preset may have, so that it is refused
 
 
 def preset_names() -> list[str]:
-    """Names of the presets that come with hdassist, in alphabetical order."""
+    """Return the names of the presets that come with hdassist, in alphabetical order."""
     return sorted(_library())
 
 
 def read_preset(name_or_path: str) -> tuple[bytes, str]:
-    """Bytes of a preset, and the name that messages give it.
+    """Return the bytes of a preset, and the name that messages give it.
 
     Argument: a name from the library, a path, or "-" for standard input.
     Raises DataError: no such preset, or a file that cannot be read.
@@ -434,7 +434,7 @@ def read_preset(name_or_path: str) -> tuple[bytes, str]:
 
 @cache  # a lot asks for it with each of its rows
 def _library() -> dict[str, Traversable]:
-    """Presets by name: from the package, or from the checkout that the package lies in."""
+    """Return the presets by name: from the package, or from the checkout that the package lies in."""
     places: list[Traversable] = [files("hdassist") / "presets", Path(__file__).parents[1] / "presets"]
     for place in places:
         if place.is_dir():

@@ -162,7 +162,7 @@ _parsed = lru_cache(maxsize=4)(read_yaml)  # a sweep, a lot and the explorer loa
 
 
 def _document(text: bytes | str, file: str) -> Document:
-    """The document of a preset's text, which overrides and findings may change."""
+    """Return the document of a preset's text, which overrides and findings may change."""
     read = _parsed(text, file)
     return replace(
         read, data=deepcopy(read.data), places={**read.places}, findings=[*read.findings], bad={*read.bad}, warnings=[]
@@ -322,7 +322,9 @@ def _settle_spreads(document: Document, data: dict[str, Any]) -> None:
 
 
 def _check_tables(values: dict[str, Any], document: Document) -> None:
-    """An uncertainty needs a value, and a value lies in its plausible range; one on the command line is tried.
+    """Check that draws of a fit are equally many, that uncertainties have a value, and that values lie in their ranges.
+
+    A value of the command line is not compared with a range.
 
     All fields of a fit have equally many draws, of which the first is the value.
     """
@@ -355,7 +357,7 @@ def _check_tables(values: dict[str, Any], document: Document) -> None:
 
 
 def _known_paths(document: Document, name: str, table: dict[str, Any]) -> dict[str, Any]:
-    """Entries of a table by paths of fields whose path it takes; the others are findings."""
+    """Return the entries of a table by paths of fields whose path it takes; the others are findings."""
     paths, message = {
         "cost": (tuple(deviation_sizes()), "is not the size of a deviation"),
         "source": (tuple(field_table()), "is not a field"),
@@ -395,7 +397,7 @@ def _add_fault(document: Document, fault: ErrorDetails) -> None:
 
 
 def _unknown_hint(path: Path, value: Any, model: type[Section]) -> str:
-    """A hint for an unknown key of a table, whose keys are the fields of a model."""
+    """Return a hint for an unknown key of a table, whose keys are the fields of a model."""
     if removed := REMOVED.get(".".join(map(str, path))):
         return removed
     key = str(path[-1])
@@ -452,13 +454,13 @@ _WIDTH = 110  # of a description
 
 
 def _name(text: str) -> str:
-    """A text as YAML: as it is where that is safe, else in quotes."""
+    """Return a text as YAML: as it is where that is safe, else in quotes."""
     word = re.fullmatch(r"[A-Za-z][A-Za-z0-9]*([-_][A-Za-z0-9]+)*", text)
     return text if word and isinstance(scalar_value(text), str) else _quoted(text)
 
 
 def similar_preset(name: str, like: Drive, required: Requirements, description: str = "") -> str:
-    """Text of a preset of a drive that is like another one.
+    """Return the text of a preset of a drive that is like another one.
 
     Arguments: name; like, the other drive; requirements of the new one; description, in place of the usual. Raises
     UsageError: a name that a preset cannot have, requirements that contradict each other, or no drive that meshes.
@@ -519,7 +521,7 @@ def _quoted(text: str) -> str:
 def with_found_values(
     text: str, file: str, values: Mapping[str, float], ref: str, model: Mapping[str, str | int] | None = None
 ) -> str:
-    """Text of a preset with identified values, its comments and order as they are.
+    """Return the text of a preset with identified values, its comments and order as they are.
 
     Arguments: text; file, its name in messages; values, by path, of fields that the text gives or leaves out; ref,
     where they come from; model, the fields of numerics that they were identified with, which are written into the
@@ -537,7 +539,7 @@ def with_found_values(
 
 
 def with_changes(text: bytes, file: str, overrides: Sequence[str]) -> str:
-    """Text of a preset with overrides put in, its comments and order as they are.
+    """Return the text of a preset with overrides put in, its comments and order as they are.
 
     A changed value that was assumed or identified is assumed from now on, without a range that it has left. Arguments:
     text; file, its name in messages; overrides, such as "cam.W_0=0.95". Raises the errors of loading the preset with
@@ -578,7 +580,7 @@ def with_changes(text: bytes, file: str, overrides: Sequence[str]) -> str:
 
 
 def _editor() -> YAML:
-    """A reader and writer of YAML that keeps comments and order."""
+    """Return a reader and writer of YAML that keeps comments and order."""
     from ruamel.yaml import YAML  # 40 ms, for which only who writes a preset waits
 
     editor = YAML()
@@ -589,7 +591,7 @@ def _editor() -> YAML:
 
 
 def _tables(text: str) -> Any:
-    """Text of YAML as tables that know their comments."""
+    """Return the text of YAML as tables that know their comments."""
     return _editor().load(text)
 
 
@@ -613,7 +615,7 @@ def _set_value(tables: Any, path: str, value: Any, entry: str | int = "") -> Non
 
 
 def _source(kind: str, ref: str, before: Source | None, value: Any) -> Any:
-    """A source in one line, with the range of the one before as far as the value lies in it."""
+    """Return a source in one line, with the range of the one before as far as the value lies in it."""
     bounds = before.range if before else None
     inside = bounds and isinstance(value, int | float) and bounds[0] <= value <= bounds[1]
     kept = f"range: {list(bounds)!r}, " if bounds and inside else ""
@@ -664,7 +666,7 @@ def preset_schema() -> dict[str, Any]:
 
 
 def _table_schema(model: type[Section]) -> dict[str, Any]:
-    """Schema of a table with the fields of a model."""
+    """Return the schema of a table with the fields of a model."""
     fields = model.declared().items()
     return {
         "type": "object",
@@ -702,7 +704,7 @@ def _field_schema(field: PresetField) -> dict[str, Any]:
 
 
 def _number_schema(field: PresetField) -> dict[str, Any]:
-    """Schema of a number of a field, or of an item of it."""
+    """Return the schema of a number of a field, or of an item of it."""
     ends = {"minimum": field.ge, "exclusiveMinimum": field.gt, "maximum": field.le}
     limits = {name: end for name, end in ends.items() if isfinite(end)}
     return {"anyOf": [{"type": "integer" if field.kind in ("count", "holes") else "number"} | limits, _NUMBER_TEXT]}

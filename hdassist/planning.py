@@ -61,7 +61,7 @@ class ReadingPlan:
 
     @classmethod
     def positions(cls, readings: int, turns: float = 1.0, both: bool = False) -> ReadingPlan:
-        """Positions spread evenly over turns of the output."""
+        """Return the plan of positions spread evenly over output revolutions."""
         over = "" if turns == 1 else f" over {turns:.4g} output turns"
         ways = " both ways" if both else ""
         name = f"{readings} positions{over}{ways}"
@@ -69,16 +69,16 @@ class ReadingPlan:
 
     @classmethod
     def record(cls, cam_turns: float, ratio: float) -> ReadingPlan:
-        """A record over turns of the cam, of which there are so many in a turn of the output."""
+        """Return a record over turns of the cam, of which there are so many in a turn of the output."""
         name = f"record of {cam_turns:.4g} cam turn{'' if cam_turns == 1 else 's'}"
         return cls(name, max(round(cam_turns * POINTS_A_TURN), 2), 1 / POINTS_A_TURN / ratio, is_record=True)
 
     def sees_all(self, output_turns: float) -> bool:
-        """Whether no part is left out of so many output turns."""
+        """Return whether no part is left out of so many output turns."""
         return self.is_record and self.readings * self.step_turns >= output_turns - 1e-9
 
     def seen_as(self, per_output_turn: Array) -> Array:
-        """How often lines seem to come in the test; 0: the same in all readings, so that the test is blind to it.
+        """Return how often lines seem to occur in the test; 0 if all readings show the same, and it is blind to them.
 
         A line that comes f times an output turn goes on by f times the step from reading to reading, of which whole
         turns do not show: of N readings over k turns it looks like f k mod N, or N less that.
@@ -154,13 +154,13 @@ class DrivesUnderTest:
         return np.asarray(high.max(axis=2) - low.min(axis=2))
 
     def percentiles(self, values: Array) -> tuple[float, float, float]:
-        """5th, 50th and 95th percentile of values, shape (drives, starts)."""
+        """Return the 5th, 50th and 95th percentile of values, shape (drives, starts)."""
         weights = np.broadcast_to(self.weights[:, None], values.shape).ravel()
         low, middle, high = (weighted_quantile(values.ravel(), weights, share) for share in (0.05, 0.5, 0.95))
         return low, middle, high
 
     def probability(self, outcome: NDArray[np.bool_]) -> Probability:
-        """Probability of an outcome, shape (drives, starts), with its Monte Carlo interval."""
+        """Return the probability of an outcome, shape (drives, starts), with its Monte Carlo interval."""
         interval = probability_of(outcome.mean(axis=1), self.weights)
         return interval if len(outcome) > 1 else Probability(interval.value, interval.value, interval.value)
 
@@ -172,7 +172,7 @@ class DrivesUnderTest:
         return None if self.left_arcsec is None else self.probability(self.F_ior_arcsec > self.left_arcsec)
 
     def seen_shares(self, plan: ReadingPlan, starts: Array) -> Array:
-        """Share of F'_ior that a plan sees from starts, shares of the cycle, shape (drives, starts)."""
+        """Return the share of F'_ior that a plan sees from starts, shares of the cycle, shape (drives, starts)."""
         steps = np.arange(plan.readings) * plan.step_turns / self.cycle_output
         points = self.curves.shape[1]
         places_of_starts = (np.rint((start[:, None] + steps) * points).astype(np.int64) % points for start in starts)
@@ -180,7 +180,7 @@ class DrivesUnderTest:
         return np.asarray((np.array(ranges) + _LEAST_ARCSEC) / (self.F_ior_arcsec + _LEAST_ARCSEC))
 
     def judge(self, plan: ReadingPlan) -> _PlanJudgement:
-        """The part that a plan sees, and how often its verdict is wrong."""
+        """Return the part that a plan sees, and how often its verdict is wrong."""
         demands = self.demands
         shares = self.seen_shares(plan, self.starts)
         rng = np.random.default_rng(self.seed)
@@ -216,7 +216,7 @@ class DrivesUnderTest:
         )
 
     def test_of(self, judged: _PlanJudgement, run: ApproachRun, ratio: float, limit: float | None) -> PlannedTest:
-        """The test of a judged plan; ratio: cam turns an output turn; limit: with the self error.
+        """Return the test of a judged plan; ratio: cam turns an output turn; limit: with the self error.
 
         A reading with its guard band over the share that is seen at 5 % of drives and starts has to keep the limit; one
         beyond the limit by its guard band fails, as a test sees no more than there is.
@@ -237,7 +237,7 @@ class DrivesUnderTest:
         return replace(planned, passes_up_to=passes, fails_beyond=fails, passing=passing, failing=failing)
 
     def _verdict(self, low: float, high: float) -> Verdict:
-        """Whether a probability of being wrong, by the ends of its Monte Carlo interval, is allowed."""
+        """Return whether a probability of being wrong, by the ends of its Monte Carlo interval, is allowed."""
         if high <= self.demands.wrong:
             return Verdict.PASS
         return Verdict.FAIL if low > self.demands.wrong else Verdict.INCONCLUSIVE
@@ -264,7 +264,7 @@ class EncoderData:
         return cls(*numbers)
 
     def uncertainty_arcsec(self, ratio: float) -> float:
-        """Standard uncertainty of the difference of two readings, whose errors are as likely anywhere within them."""
+        """Return standard uncertainty of the difference of two readings, whose errors are even within their limits."""
         widths = self.step_arcsec, 2 * self.graduation_arcsec, self.cam_step_deg * 3600 / ratio
         return sqrt(2 / 12) * hypot(*widths)
 
@@ -602,7 +602,7 @@ def _solved_rough_wheel(drive: Drive, M_g: float, wheel: str, rng: np.random.Gen
 
 
 def _lines_seen(lines: ErrorLines, drives: DrivesUnderTest, plan: ReadingPlan) -> tuple[_LineSeen, ...]:
-    """The largest lines of drives as a plan sees them."""
+    """Return the largest lines of drives as a plan sees them."""
     power = np.abs(lines.amplitude) ** 2
     total_power = np.maximum(power.sum(axis=1, keepdims=True), _LEAST_ARCSEC)
     shares = np.average(power / total_power, axis=0, weights=drives.weights)

@@ -57,7 +57,7 @@ class Quantity(Generic[T]):
     value: str | Callable[[T], Any] = ""
 
     def of(self, thing: T) -> Any:
-        """The quantity of a thing in full precision; None where there is none."""
+        """Return the quantity of a thing in full precision; None where there is none."""
         if callable(self.value):
             return self.value(thing)
         value: Any = thing
@@ -67,7 +67,7 @@ class Quantity(Generic[T]):
         return value
 
     def text(self, thing: T) -> str:
-        """The quantity as a table shows it."""
+        """Return the quantity as a table shows it."""
         value = self.of(thing)
         digits = self._number[1] if self.digits is None else self.digits
         if value is None:
@@ -94,7 +94,7 @@ class Quantity(Generic[T]):
 
 
 def four_digits(value: float) -> str:
-    """A number with four digits, without an exponent from a thousandth to a million: 39690."""
+    """Return a number with four digits, without an exponent from a thousandth to a million: 39690."""
     return f"{float(f'{value:.4g}'):g}"
 
 
@@ -119,7 +119,7 @@ declared_quantities = cache(partial(package_table, "quantities.toml"))  # by pag
 
 
 def quantity_table(table: str, **functions: Callable[[Any], Any]) -> Quantities[Any]:
-    """The quantities of a table of quantities.toml; functions: values and formats that have such names there."""
+    """Return the quantities of a table of quantities.toml; functions: values and formats that have such names there."""
     page, name = table.split(".")
     quantities = []
     for key, declared in declared_quantities()[page][name].items():
@@ -131,19 +131,19 @@ def quantity_table(table: str, **functions: Callable[[Any], Any]) -> Quantities[
 
 
 def csv_table(preset: str, quantities: Iterable[Quantity[T]], things: Iterable[T]) -> tuple[list[str], list[list[Any]]]:
-    """Header and rows of CSV: a row for each thing, the preset's name in its first column."""
+    """Return the header and rows of CSV: a row for each thing, the preset's name in its first column."""
     columns = tuple(quantities)
     return ["preset", *(q.key for q in columns)], [[preset, *(q.of(thing) for q in columns)] for thing in things]
 
 
 def csv_columns(**columns: Any) -> tuple[list[str], list[tuple[Any, ...]]]:
-    """Header and rows of CSV from columns of the same length by name: arrays or lists."""
+    """Return the header and rows of CSV from columns of the same length by name: arrays or lists."""
     lists = (values.tolist() if hasattr(values, "tolist") else values for values in columns.values())
     return [*columns], list(zip(*lists, strict=True))
 
 
 def as_object(quantities: Iterable[Quantity[T]], thing: T) -> dict[str, Any]:
-    """The quantities of a thing as a JSON object, dotted keys nested."""
+    """Return the quantities of a thing as a JSON object, dotted keys nested."""
     result: dict[str, Any] = {}
     for quantity in quantities:
         *parents, last = quantity.key.split(".")
@@ -170,7 +170,7 @@ def tone_of(words: str) -> str:
 
 
 def as_objects(quantities: Iterable[Quantity[T]], things: Iterable[T]) -> list[dict[str, Any]]:
-    """The same of each of several things."""
+    """Return the same for each of several things."""
     return [as_object(quantities, thing) for thing in things]
 
 
@@ -204,7 +204,7 @@ class Facts:
 
     @classmethod
     def of(cls, rows: Iterable[tuple[str, str]]) -> Facts:
-        """Labelled lines from labels and texts; those without text are left out."""
+        """Return the labelled lines from labels and texts; those without text are left out."""
         return cls(tuple(row for row in rows if row[1]))
 
 
@@ -226,7 +226,7 @@ class Table:
 
     @classmethod
     def by_row(cls, title: str, quantities: Iterable[Quantity[T]], things: Iterable[T]) -> Table:
-        """A table with a column for each quantity that any thing has and a row for each thing."""
+        """Return a table with a column for each quantity that any thing has and a row for each thing."""
         rows = tuple(things)
         shown = [q for q in quantities if any(q.of(thing) is not None for thing in rows)]
         cells = tuple(tuple(q.text(thing) for q in shown) for thing in rows)
@@ -440,12 +440,12 @@ def attributes(thing: object, *names: str, **paths: str) -> Json:
 
 
 def objects(things: Iterable[object], *names: str, **paths: str) -> list[Json]:
-    """The same of each of several results."""
+    """Return the same for each of several results."""
     return [attributes(thing, *names, **paths) for thing in things]
 
 
 def schema_of(command: str) -> str:
-    """Schema of the JSON of a command."""
+    """Return the schema of the JSON of a command."""
     return f"hdassist.{command}/{_SCHEMA_NUMBERS.get(command, 1)}"
 
 
@@ -475,7 +475,7 @@ def certificate_object(found: object, cross_checks: Iterable[CrossCheck | None] 
 
 
 def unknown_objects(unknown: Iterable[Unknown]) -> list[Json]:
-    """Deviations that are not known: each with the range that it may have, in the unit of its field."""
+    """Return the deviations that are not known: each with the range that it may have, in the unit of its field."""
     return [{"field": u.path, "range": [u.low, u.high], "reason": u.reason} for u in unknown]
 
 
@@ -489,17 +489,17 @@ def samples_object(samples: Samples | None) -> dict[str, Any] | None:
 
 
 def influence_objects(found: Sequence[Influence]) -> list[dict[str, Any]]:
-    """Influences for JSON, the largest first."""
+    """Return the influences for JSON, the largest first."""
     return objects(found, "share", field="group")
 
 
 def measure_objects(found: Sequence[MeasurementGain]) -> list[dict[str, Any]]:
-    """Measurements for JSON, the largest gain first."""
+    """Return the measurements for JSON, the largest gain first."""
     return objects(found, "gain", what="measured")
 
 
 def pitch_object(measured: MeasuredTeeth | None) -> dict[str, Any]:
-    """The measured wheels as a JSON object, by wheel; null where a wheel has its first harmonic."""
+    """Return the measured wheels as a JSON object, by wheel; null where a wheel has its first harmonic."""
     return {name: _wheel(getattr(measured, name, None)) for name in ("b", "g")}
 
 

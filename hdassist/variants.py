@@ -115,7 +115,7 @@ class DriveSheet:
 
 
 def sheet_states(drive: Drive, draws: int = EFFECTIVE_SAMPLES) -> int:
-    """Number of states that a sheet solves, about, for a progress bar."""
+    """Return the number of states that a sheet solves, about, for a progress bar."""
     mounting = advice_states(drive, len(seat_positions(drive)), draws=draws)
     return check_states(drive, draws=draws) + mounting + stiffness_states()
 
@@ -147,15 +147,15 @@ class DrivePairs:
     certificate: Certificate = EMPTY
 
     def senses(self) -> tuple[str, ...]:
-        """Whether F'_ior is less, more or the same in the second drive, by torque; unknown where that is not sure."""
+        """Return whether F'_ior is less, more or the same in the second drive, by torque; unknown if that is unsure."""
         return tuple(map(self._sense, self._changes()))
 
     def probabilities_less(self) -> tuple[Probability, ...]:
-        """Probability that F'_ior is less in the second drive, by torque."""
+        """Return the probability that F'_ior is less in the second drive, by torque."""
         return tuple(self._probability(change < -_SAME_ERROR) for change in self._changes())
 
     def _changes(self) -> Array:
-        """Changes of F'_ior [arcsec], shape (torques, samples, samples of the second)."""
+        """Return the changes of F'_ior [arcsec], shape (torques, samples, samples of the second)."""
         return np.asarray(self.after_arcsec.T[:, None, :] - self.before_arcsec.T[:, :, None])
 
     def _sense(self, change: Array) -> str:
@@ -167,7 +167,7 @@ class DrivePairs:
         return UNKNOWN
 
     def _probability(self, inside: NDArray[np.bool_]) -> Probability:
-        """Probability of a change that some pairs have, shape (samples, samples of the second).
+        """Return the probability of a change that some pairs have, shape (samples, samples of the second).
 
         Its interval holds those over the samples of each drive: of so many that chance alone could make it otherwise.
         """
@@ -194,7 +194,7 @@ class _PairedPrior(DrivePrior):
 
 
 def differently_open(first: Drive, second: Drive) -> list[str]:
-    """Paths of fields that one of two drives leaves open, and the other does not in the same way.
+    """Return the paths of fields that one of two drives leaves open, and the other does not in the same way.
 
     The same way is with the same distribution, or unknown in both, however large they may be.
     """
@@ -221,7 +221,7 @@ class _Believed:
         self.weights: Array = self.samples.weights / self.samples.weights.sum() if self.samples else np.ones(1)
 
     def drives(self, rows: Indices) -> list[Drive]:
-        """Drives of some samples; the drive itself where nothing was drawn."""
+        """Return the drives of some samples; the drive itself where nothing was drawn."""
         values = self.samples.values(rows) if self.samples else [{} for _ in rows]
         return list(map(self.drive.with_values, values))
 
@@ -229,7 +229,7 @@ class _Believed:
 def drawn_pairs(
     first: DesignCheck, second: DesignCheck, *, same: bool, count: int = _DRAWN_PAIRS, run: Run = Run()
 ) -> DrivePairs:
-    """Pairs of the samples of two checked drives.
+    """Return the pairs of the samples of two checked drives.
 
     Samples are independent of each other where a drive has none, where F'_ior as measured is evidence, where the first
     has evidence that the second has not, or where few pairs agree with that on the second. Arguments: same, whether
@@ -261,7 +261,10 @@ def drawn_pairs(
 
 
 def _paired(one: _Believed, other: _Believed, rows: Indices, run: Run) -> DrivePairs:
-    """Pairs of some samples of a first drive, each with a drive alike. Raises UntrustedError where too few agree."""
+    """Return pairs of some samples of a first drive, each with an equal drive of the second kind.
+
+    Raises UntrustedError if too few agree.
+    """
     assert one.samples and other.samples
     count = len(rows)
     shares = _paired_shares(one, other, rows, run)
@@ -369,7 +372,7 @@ class ErrorChange:
 
     @classmethod
     def of(cls, field: str, before: Array, after: Array, weights: Array) -> ErrorChange:
-        """The change from F'_ior before to F'_ior after [arcsec], shape (pairs, torques); weights, shape (pairs,)."""
+        """Return change from F'_ior before to after [arcsec], shape (pairs, torques); weights have shape (pairs,)."""
 
         def percentile(values: Array, share: float) -> tuple[float, ...]:
             return tuple(weighted_quantile(column, weights, share) for column in values.T)
@@ -463,7 +466,7 @@ class DrivesComparison:
 
 
 def at_common_torques(drives: Sequence[Drive]) -> list[Drive]:
-    """Drives at the torques that all of them have, in the order of the first.
+    """Return the drives at the torques that all of them have, in the order of the first.
 
     Where there is none, at the shares of their rated torques that the torques of the first one are.
     """
@@ -478,7 +481,7 @@ def at_common_torques(drives: Sequence[Drive]) -> list[Drive]:
 
 
 def differing_rows(drives: Sequence[Drive]) -> tuple[_FieldRow, ...]:
-    """Fields in which drives differ, in the order of the declarations; uncertainties of fields behind them."""
+    """Return the fields in which drives differ, in the order of the declarations, then uncertainties of fields."""
     rows = list(zip(*map(resolved_fields, drives), strict=True))
     units = {row[0].path: row[0].unit for row in rows}
     for path in dict.fromkeys(path for drive in drives for path in drive.uncertainty):
@@ -490,12 +493,12 @@ def differing_rows(drives: Sequence[Drive]) -> tuple[_FieldRow, ...]:
 
 
 def differing_fields(drives: Sequence[Drive]) -> list[str]:
-    """Paths of the fields in which drives differ and that may move F'_ior at a torque."""
+    """Return the paths of the fields in which drives differ and that may move F'_ior at a torque."""
     return [row[0].path for row in differing_rows(drives) if not row[0].path.startswith(_UNRELATED)]
 
 
 def estimate_comparison(drives: Sequence[Drive], draws: int = EFFECTIVE_SAMPLES) -> int:
-    """Number of states that a comparison solves, about, for a progress bar."""
+    """Return the number of states that a comparison solves, about, for a progress bar."""
     searches = sum(_DRAWN_PAIRS + _SCREENED_PAIRS * len(differing_fields((drives[0], drive))) for drive in drives[1:])
     return sum(sheet_states(drive, draws) for drive in drives) + DRAWN_STATES * len(drives[0].operation.M_g) * searches
 
@@ -620,7 +623,7 @@ class _SingleChanges:
 
 
 def _errors(drive: Drive, torques: Sequence[float], drawn: bool) -> tuple[Array, Certificate]:
-    """F'_ior of a drive [arcsec], shape (torques,), with its proof; NaN where there is no answer."""
+    """Return F'_ior of a drive [arcsec], shape (torques,), with its proof; NaN where there is no answer."""
     try:
         by_torque = (
             [many_extremes(error_map, Batch.of(drive), DRAWN_GRIDS) for error_map in error_maps(drive, torques)]

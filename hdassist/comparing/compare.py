@@ -108,7 +108,7 @@ class _Conclusion:
 
 
 def _explanation(fit: VectorFit, base: VectorFit, fitter: VectorFitter) -> Explanation:
-    """A fit in terms of the preset; states are not solved beyond the fit itself."""
+    """Return a fit in terms of the preset; states are not solved beyond the fit itself."""
     record = fitter.record
     drive = fitter.drive
     unknowns = len(fit.free)
@@ -148,7 +148,7 @@ def _gain_by_chance(unknowns: int) -> float:
 
 
 def _polar(fit: VectorFit, i: int) -> Array:
-    """Along and across the fitted vector i, as directions among the free unknowns, shape (2, f)."""
+    """Return the directions along and across the fitted vector i among the free unknowns, shape (2, f)."""
     vector = fit.vectors[fit.fitted[i]]
     unit = vector / abs(vector) if vector else 1.0
     result = np.zeros((2, len(fit.free)))
@@ -157,7 +157,7 @@ def _polar(fit: VectorFit, i: int) -> Array:
 
 
 def _change(fit: VectorFit, i: int, covariance: Array, drive: Drive) -> VectorChange | None:
-    """New value of the fitted vector i; None where its size is not identifiable."""
+    """Return the new value of the fitted vector i; None where its size is not identifiable."""
     k = fit.fitted[i]
     axes = _polar(fit, i)
     vector = VECTORS[k]
@@ -179,7 +179,10 @@ def _change(fit: VectorFit, i: int, covariance: Array, drive: Drive) -> VectorCh
 
 
 def _overrides(fit: VectorFit, changes: Sequence[VectorChange], drive: Drive) -> tuple[str, ...]:
-    """New values, rounded to a tenth of the uncertainty or less; empty where the preset does not allow one of them."""
+    """Return new values, rounded to a tenth of the uncertainty or less.
+
+    The result is empty if the preset does not allow one of them.
+    """
     changed = with_vectors(drive, fit.vectors, fit.fitted)
     texts = []
     for new in changes:
@@ -194,7 +197,7 @@ def _overrides(fit: VectorFit, changes: Sequence[VectorChange], drive: Drive) ->
 
 
 def _not_told_apart(fit: VectorFit) -> tuple[tuple[str, ...], ...]:
-    """Names of vectors that the record does not resolve, a tuple for each combination of sizes."""
+    """Return the names of vectors that the record does not resolve, a tuple for each combination of sizes."""
     names = []
     for combination in fit.unidentifiable.T:
         parts = {VECTORS[k].size.split(".")[1]: _polar(fit, i) @ combination for i, k in enumerate(fit.fitted)}
@@ -207,7 +210,7 @@ def _not_told_apart(fit: VectorFit) -> tuple[tuple[str, ...], ...]:
 def _conclude(
     base: Explanation, singles: Sequence[Explanation], joint: Explanation | None, *, mirrored: bool
 ) -> _Conclusion:
-    """The simplest explanation whose residual is within noise."""
+    """Return the simplest explanation whose residual is within noise."""
     best = min(singles, key=lambda single: single.chi_square, default=base)
     if mirrored or (base.sufficient and not best.clear):
         return _Conclusion("mirrored" if mirrored else "agrees")
@@ -219,7 +222,7 @@ def _conclude(
 
 
 def equally_good(best: Explanation, singles: Sequence[Explanation]) -> list[Explanation]:
-    """Other single deviations that explain the difference as well as the best one."""
+    """Return other single deviations that explain the difference as well as the best one."""
     largest = best.chi_square + _EQUAL_FIT * best.excess
     return [single for single in singles if single is not best and single.clear and single.chi_square <= largest]
 
@@ -255,14 +258,14 @@ class _RecordReader:
         )
 
     def fitted(self, asked: Alignment) -> tuple[VectorFitter, VectorFit]:
-        """The fit of start and zero, as far as they are free, where the file counts so."""
+        """Return the fit of start and zero, as far as they are free, where the file counts so."""
         record = self._orders.read_as(asked.of_file(self.measurement.trace, Kinematics.of(self.drive)))
         return VectorFitter(
             drive=self.drive, record=record, torus=self.torus, doubt=self._doubt, angles=asked.fitted
         ).doubted(self._changes)
 
     def mirrored(self, asked: Alignment, base: VectorFit) -> tuple[_MirroredFile, VectorFit] | None:
-        """The best of all other ways to count, and its fit; None where it is not clearly better than that of base."""
+        """Return best of all other ways to count, and its fit; None if it is not clearly better than that of base."""
         ways = [(alignment, *self.fitted(alignment)) for alignment in asked.swapped]
         alignment, fitter, fit = min(ways, key=lambda way: way[2].chi_square)
         if fit.chi_square > _MIRRORED * base.chi_square:
@@ -272,7 +275,9 @@ class _RecordReader:
 
 
 def mirrored_reading(measurement: Measurement, drive: Drive, M_g: float, asked: Alignment) -> _MirroredFile | None:
-    """How else a record is read where that alone explains it: within noise, or far better than as asked; else None.
+    """Return how else a record is read if that alone explains it; None otherwise.
+
+    The other reading explains it if its residual is within noise, or far smaller.
 
     Raises UsageError for rolling balls, UntrustedError where a state cannot be trusted.
     """
@@ -338,7 +343,7 @@ class Comparison:
 
 
 def torque_of(drive: Drive) -> float:
-    """Torque [N*m] of a comparison: the preset's only one. Raises UsageError where it has several."""
+    """Return the torque [N*m] of a comparison: the preset's only one. Raises UsageError where it has several."""
     if len(drive.operation.M_g) > 1:
         several = ", ".join(f"{M_g:g}" for M_g in drive.operation.M_g)
         raise UsageError(
@@ -348,7 +353,7 @@ def torque_of(drive: Drive) -> float:
 
 
 def zero_of(trace: MeasuredTrace, drive: Drive, start_deg: float | None) -> float | None:
-    """Zero [deg] of a record where none is stated, None to fit it.
+    """Return the zero [deg] of a record where none is stated, None to fit it.
 
     A cam angle counts as phi_h; an angle of the output gives phi_h where the angle of the output at phi_h = 0 is known.
     """
@@ -443,7 +448,7 @@ def _explanations(
     unchanged: Explanation,
     mirrored: tuple[_MirroredFile, VectorFit] | None,
 ) -> tuple[list[Explanation], Explanation | None, _MirroredFile | None]:
-    """Explanations of the difference: each vector alone, all together, or the file read the other way round."""
+    """Return explanations of the difference: each vector alone, all together, or the file read the other way."""
     if unchanged.sufficient and _is_usual(unchanged) and fitter.linear_gains(base).max() < _SCREEN * _CLEAR_GAIN:
         return [], None, None
     mirror, mirrored_base = mirrored or (None, base)
@@ -477,7 +482,10 @@ def _single_fits(fitter: VectorFitter, base: VectorFit) -> list[VectorFit]:
 
 
 def _solved(explained: Explanation, fitter: VectorFitter, solved: SolvedStates, *, curve: bool) -> Explanation:
-    """An explanation with its F'_ior and, where curve, with its residual within the orders, from solved states."""
+    """Return an explanation with its F'_ior from solved states.
+
+    With `curve` it also has its residual within the orders.
+    """
     if not explained.overrides:
         return explained
     record = fitter.record
@@ -497,7 +505,7 @@ def _solved(explained: Explanation, fitter: VectorFitter, solved: SolvedStates, 
 
 
 def _angle_uncertainties(base: VectorFit, unchanged: Explanation) -> tuple[float | None, float | None]:
-    """Standard uncertainties [deg] of start and zero of the alignment, None of one that is given."""
+    """Return the standard uncertainties [deg] of start and zero of the alignment, None of one that is given."""
     blind = (base.unidentifiable**2).sum(axis=1) > _BLIND_SHARE
     fitted = iter(np.where(blind, UNIDENTIFIABLE_ANGLE, np.sqrt(unchanged.excess * np.diag(base.covariance))).tolist())
     start, zero = (next(fitted) if is_fitted else None for is_fitted in unchanged.alignment.fitted)

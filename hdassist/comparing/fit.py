@@ -95,14 +95,14 @@ class VectorFitter:
     angles: tuple[bool, bool]
 
     def base(self) -> VectorFit:
-        """The drive as it is, with start and zero fitted as far as they are free."""
+        """Return the drive as it is, with start and zero fitted as far as they are free."""
         alignment = self.record.alignment
         unknowns = np.array([*vectors_of(self.drive).view(float), alignment.start_deg, alignment.zero_deg])
         unknowns[-2:], _ = self.record.scan(self._waves(unknowns, ())[0], unknowns[-2:])
         return self._descend(unknowns, ())
 
     def doubted(self, changes: Complex) -> tuple[VectorFitter, VectorFit]:
-        """A fitter with the model doubted (14) at the alignment that fits best, and the drive as it is by it.
+        """Return a fitter with the model doubted (14) at the alignment that fits best, and the drive as it is by it.
 
         changes: of the drive's waves, shape (changes, waves).
         """
@@ -114,19 +114,19 @@ class VectorFitter:
         return fitter, fit
 
     def with_shift(self, fit: VectorFit) -> VectorFit:
-        """A fit whose covariance has in it how far it moves where the model is doubted at its own deviations."""
+        """Return a fit whose covariance has in it how far it moves where the model is doubted at its own deviations."""
         changes = self.doubt(with_vectors(self.drive, fit.vectors, fit.fitted))
         shift = (self._doubted_at(fit, changes).refined(fit).unknowns - fit.unknowns)[fit.free]
         shift -= fit.unidentifiable @ (fit.unidentifiable.T @ shift)
         return replace(fit, covariance=fit.covariance + np.outer(shift, shift))
 
     def residual_rms_arcsec(self, fit: VectorFit) -> float:
-        """Rms [arcsec] of the residual of a fit within the orders."""
+        """Return the rms [arcsec] of the residual of a fit within the orders."""
         (waves,) = self._waves(fit.unknowns, fit.fitted)
         return rms(self.record.measured - self.record.predicted(waves, fit.unknowns[-2:]))
 
     def single(self, vector: int, base: VectorFit) -> VectorFit:
-        """One vector fitted, the others as they are, on a torus fine enough to rank the fits."""
+        """Return the fit of one vector, the others as they are, on a torus fine enough to rank the fits."""
         starts = list(self._starts(vector, base))
         scans = [self.record.scan(self._waves(start, (vector,), COARSE)[0], start[-2:]) for start in starts]
         best = int(np.argmin([chi_square for _, chi_square in scans]))
@@ -135,11 +135,11 @@ class VectorFitter:
         return self._descend(starts[0], (vector,), SLOPE_WAVE_POINTS)
 
     def refined(self, fit: VectorFit, fitted: Sequence[int] = ()) -> VectorFit:
-        """A fit continued on a fine torus, of the same vectors or of others."""
+        """Return a fit continued on a fine torus, of the same vectors or of others."""
         return self._descend(fit.unknowns, tuple(fitted) or fit.fitted)
 
     def linear_gains(self, base: VectorFit) -> Array:
-        """Decrease of chi-square that each vector alone promises to first order, shape (vectors,)."""
+        """Return the decrease of chi-square that each vector alone promises to first order, shape (vectors,)."""
         residual, waves = self._residual(base.unknowns, (), WAVE_POINTS)
         jacobian = self._jacobian(base.unknowns, tuple(range(COUNT)), waves)
         columns_of_vector = [
@@ -148,7 +148,7 @@ class VectorFitter:
         return np.array([residual @ columns @ np.linalg.lstsq(columns, residual)[0] for columns in columns_of_vector])
 
     def profiled(self, fit: VectorFit) -> VectorFit:
-        """A fit of one vector with its minimum and covariance over a profile of the start, where that is uncertain.
+        """Return a fit of one vector with its minimum and covariance over a profile of the start, if this is uncertain.
 
         The valley is bent and may have other minima; each start of the profile weighs as its chi-square has it.
         """
@@ -188,17 +188,17 @@ class VectorFitter:
         return profile
 
     def _doubted_at(self, fit: VectorFit, changes: Complex) -> VectorFitter:
-        """A fitter of the record with a covariance (14) of changes, taken at the alignment of a fit."""
+        """Return a fitter of the record with a covariance (14) of changes, taken at the alignment of a fit."""
         (waves,) = self._waves(fit.unknowns, fit.fitted)
         return replace(self, record=self.record.doubting(waves, changes, fit.unknowns[-2:]))
 
     def _waves(self, unknowns: Array, fitted: Sequence[int], points: int = WAVE_POINTS, *steps: Array) -> Complex:
-        """Waves of the drive with fitted vectors as the unknowns have them, and a step on, shape (1 + steps, waves)."""
+        """Return waves of the drive with fitted vectors from the unknowns, and a step on, shape (1 + steps, waves)."""
         moved = [_complex_of(unknowns + step) for step in (np.zeros_like(unknowns), *steps)]
         return self.torus.waves([with_vectors(self.drive, vectors, fitted) for vectors in moved], points)
 
     def _starts(self, vector: int, base: VectorFit) -> Iterator[Array]:
-        """The unknowns of the drive as it is, and with one vector scaled and, if its direction matters, turned."""
+        """Yield unknowns of the drive as it is, and with one vector scaled and, if its direction matters, turned."""
         yield base.unknowns
         vector_of_base = base.vectors[vector]
         factors = [*_START_SCALES]
@@ -210,7 +210,7 @@ class VectorFitter:
             yield unknowns
 
     def _free(self, fitted: Sequence[int]) -> NDArray[np.int64]:
-        """Places among the unknowns of those that are fitted, shape (f,)."""
+        """Return the places among the unknowns of those that are fitted, shape (f,)."""
         components = [place for k in fitted for place in (2 * k, 2 * k + 1)]
         return np.array([*components, *(2 * COUNT + np.flatnonzero(self.angles))], dtype=np.int64)
 
@@ -244,12 +244,12 @@ class VectorFitter:
         )
 
     def _residual(self, unknowns: Array, fitted: Sequence[int], points: int) -> tuple[Array, Complex]:
-        """Whitened residual y of (13), shape (2 orders,), and the waves, shape (waves,)."""
+        """Return the whitened residual y of (13), shape (2 orders,), and the waves, shape (waves,)."""
         (waves,) = self._waves(unknowns, fitted, points)
         return self.record.whitened(self.record.measured - self.record.predicted(waves, unknowns[-2:])), waves
 
     def _jacobian(self, unknowns: Array, fitted: Sequence[int], waves: Complex) -> Array:
-        """Whitened slopes J of the prediction by the free unknowns, shape (2 orders, f), per unit and deg."""
+        """Return whitened slopes J of the prediction by the free unknowns, per unit and deg, shape (2 orders, f)."""
         steps = _VECTOR_STEP * np.eye(len(unknowns))[self._free(fitted)[: 2 * len(fitted)]]
         columns = self.record.slopes(waves, unknowns[-2:])[list(self.angles)]
         if fitted:
@@ -259,7 +259,7 @@ class VectorFitter:
         return self.record.whitened(columns).T
 
     def _gauges(self, unknowns: Array, fitted: Sequence[int]) -> Array:
-        """Directions among the free unknowns along which the error does not change, orthonormal, shape (f, gauges).
+        """Return orthonormal directions of the free unknowns along which the error does not change, shape (f, gauges).
 
         To begin elsewhere is to turn all vectors of a wheel, which is possible where each of them is free or 0.
         """
@@ -282,7 +282,7 @@ class VectorFitter:
     def _linearized(
         self, unknowns: Array, fitted: tuple[int, ...], waves: Complex
     ) -> tuple[Array, Array, Array, Array]:
-        """Slopes J, directions that are identifiable and that are not, and singular values of J along the first.
+        """Return slopes J, directions that are identifiable and that are not, and singular values of J along the first.
 
         Shapes: (2 orders, f), (f, i), (f, f - i), (i,).
         """
@@ -298,5 +298,5 @@ class VectorFitter:
 
 
 def _complex_of(unknowns: Array) -> Complex:
-    """Vectors of unknowns, shape (vectors,)."""
+    """Return the vectors of unknowns, shape (vectors,)."""
     return unknowns[:-2].view(complex)

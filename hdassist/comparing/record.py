@@ -48,13 +48,19 @@ _SCANNED = {1: 72, 2: 48}  # places of each scanned angle of the alignment, by n
 
 
 def vectors_of(drive: Drive) -> Complex:
-    """Deviations of a drive as complex numbers in their units, shape (vectors,); the angle is order x direction."""
+    """Return the deviations of a drive as complex numbers in their units, shape (vectors,).
+
+    The angle is order times direction.
+    """
     sizes, directions = np.array([[drive.number(v.size), drive.number(v.direction)] for v in VECTORS]).T
     return np.asarray(sizes / VECTOR_UNITS * np.exp(1j * np.radians(VECTOR_ORDERS * directions)))
 
 
 def size_and_direction(drive: Drive, vectors: Complex, k: int) -> tuple[float, float]:
-    """Size [um] and direction [deg] of one of vectors, shape (vectors,), in the turn nearest to that of the drive."""
+    """Return size [um] and direction [deg] of one of vectors, shape (vectors,).
+
+    The direction is the one nearest to that of the drive.
+    """
     direction_near = drive.number(VECTORS[k].direction)
     turn = 360 / VECTORS[k].order
     away = float(np.degrees(np.angle(vectors[k]))) / VECTORS[k].order - direction_near
@@ -62,7 +68,7 @@ def size_and_direction(drive: Drive, vectors: Complex, k: int) -> tuple[float, f
 
 
 def with_vectors(drive: Drive, vectors: Complex, fitted: Iterable[int]) -> Drive:
-    """The drive with those vectors, shape (vectors,), that were fitted, by their places in VECTORS."""
+    """Return the drive with those vectors, shape (vectors,), that were fitted, by their places in VECTORS."""
     values: dict[str, float] = {}
     for k in fitted:
         values[VECTORS[k].size], values[VECTORS[k].direction] = size_and_direction(drive, vectors, k)
@@ -70,13 +76,13 @@ def with_vectors(drive: Drive, vectors: Complex, fitted: Iterable[int]) -> Drive
 
 
 def doubts_of(drive: Drive) -> dict[str, float]:
-    """Standard deviations of doubtful fields of a drive by path, in their units."""
+    """Return the standard deviations of doubtful fields of a drive by path, in their units."""
     shares = {path: drive.number(path) * share for path, share in _DOUBTED_SHARES.items() if drive.number(path)}
     return shares | {"gears.j_n": _DOUBTED_CLEARANCE}
 
 
 def doubtful_waves(drive: Drive, M_g: float, torus: ErrorWaves, run: Run = Run()) -> Complex:
-    """Changes of a drive's waves [arcsec] for a standard deviation of each doubtful field, shape (changes, waves).
+    """Return changes of waves [arcsec] for a standard deviation of each doubtful field, shape (changes, waves).
 
     Two changes a field: half the difference of both ways, and the distance of their mean from the drive as it is. A
     field that cannot have such values in the drive is left out. Arguments: torque M_g [N*m]; torus, waves at M_g, to
@@ -103,7 +109,7 @@ def doubtful_waves(drive: Drive, M_g: float, torus: ErrorWaves, run: Run = Run()
 
 
 def _single_tooth_waves(drive: Drive, torus: ErrorWaves) -> list[Complex]:
-    """Changes of a drive's waves [arcsec] by each order of single teeth whose phase is not known, in two quadratures.
+    """Return changes of waves [arcsec] by each order of single teeth whose phase is unknown, in two quadratures.
 
     An order of a wheel makes waves that come as often around it, which turn with its phase.
     """
@@ -148,7 +154,7 @@ class Alignment:
         return tuple(replace(self, sign=way * self.sign, sense=turn * self.sense) for way, turn in ways)
 
     def of_file(self, trace: MeasuredTrace, kinematics: Kinematics) -> Alignment:
-        """The alignment of a file that is asked to be read so.
+        """Return the alignment of a file that is asked to be read so.
 
         The sense that is asked for is that of the angle and of the error of a file. Of two encoders the sign is that of
         the error as they count: the output's counts as the model does, or against.
@@ -212,13 +218,13 @@ class RecordedOrders:
         self._scanned: dict[tuple[bytes, ...], tuple[Array, Array]] = {}  # parts of predictions, of all ways to count
 
     def read_as(self, alignment: Alignment) -> RecordedOrders:
-        """The record counted otherwise; its orders are the same."""
+        """Return the record counted otherwise; its orders are the same."""
         result = copy(self)
         result.alignment = alignment
         return result
 
     def doubting(self, waves: Complex, changes: Complex, angles: Array) -> RecordedOrders:
-        """The record with the doubt of a model in its covariance (14).
+        """Return the record with the doubt of a model in its covariance (14).
 
         Arguments: waves of the model, shape (waves,); changes of them by a standard deviation of each doubtful field,
         shape (changes, waves); angles of the alignment [deg] at which they are taken.
@@ -232,19 +238,19 @@ class RecordedOrders:
         return result
 
     def predicted(self, waves: Complex, angles: Array) -> Array:
-        """Coefficients p of (13) that waves give in the file [arcsec], shape (..., 2 orders).
+        """Return the coefficients p of (13) that waves give in the file [arcsec], shape (..., 2 orders).
 
         Arguments: waves, shape (..., waves); angles: start and zero [deg], shape (..., 2).
         """
         return self._counted(*self._parts(waves, angles))
 
     def _parts(self, waves: Complex, angles: Array) -> tuple[Array, Array]:
-        """Shares of the real and the imaginary parts of waves, however the file counts, shape (..., 2 orders) each."""
+        """Return real and the imaginary parts of waves in the order of the coefficients, shape (..., 2 orders) each."""
         turned = np.asarray(waves * np.exp(1j * np.radians(angles @ self._turning)))
         return turned.real @ self._cosine, turned.imag @ self._sine
 
     def _counted(self, real: Array, imaginary: Array) -> Array:
-        """Coefficients as the file counts, of both parts."""
+        """Return the coefficients as the file counts, of both parts."""
         return np.asarray(self.alignment.sign * (real + self.alignment.sense * imaginary))
 
     def slopes(self, waves: Complex, angles: Array) -> Array:
@@ -252,11 +258,11 @@ class RecordedOrders:
         return self.predicted(1j * np.radians(self._turning) * waves, angles)
 
     def whitened(self, coefficients: Array) -> Array:
-        """Coefficients, shape (..., 2 orders), in units of their standard deviation, independent: L^-1 of (13)."""
+        """Return independent coefficients in units of their standard deviation, shape (..., 2 orders): L^-1 of (13)."""
         return np.asarray(np.linalg.solve(self._root, coefficients.T).T)
 
     def pairs(self, predicted: Array, difference: Array) -> tuple[OrderPair, ...]:
-        """Each order beside predicted coefficients and the difference of both [arcsec], shape (2 orders,) each."""
+        """Return each order with predicted coefficients and their difference [arcsec], shape (2 orders,) each."""
         pairs = []
         exact = EXACT * self.sweep.range.value
         for k, order in enumerate(self.sweep.orders):
@@ -295,7 +301,7 @@ class RecordedOrders:
         return grid[chi_square.argmin()], float(chi_square.min())
 
     def within_noise(self, chi_square: float, unknowns: int) -> bool:
-        """Whether noise alone may leave such a chi-square: within CHI_SQUARE_CLEAR standard deviations."""
+        """Return whether noise alone may leave such a chi-square: within CHI_SQUARE_CLEAR standard deviations."""
         freedom = self.freedom(unknowns)
         return chi_square <= freedom + CHI_SQUARE_CLEAR * float(np.sqrt(2 * freedom))
 
@@ -305,7 +311,7 @@ class RecordedOrders:
 
 
 def rms(coefficients: Array) -> float:
-    """Root mean square of the curve that has such coefficients, shape (2 orders,)."""
+    """Return the root mean square of the curve that has such coefficients, shape (2 orders,)."""
     return float(np.sqrt((coefficients**2).sum() / 2))
 
 
@@ -317,13 +323,13 @@ class SolvedStates:
     certificate: Certificate = EMPTY
 
     def F_ior(self, drive: Drive) -> float:
-        """F'_ior [arcsec] over the full cycle."""
+        """Return F'_ior [arcsec] over the full cycle."""
         (extremes,) = extremes_of(drive, [self.M_g])
         self.certificate += extremes.certificate
         return extremes.first
 
     def curve(self, drive: Drive, turns: Array, alignment: Alignment) -> Array:
-        """Error as the file has it [arcsec], up to a constant, at the rig's cam angles [turns], shape (turns,).
+        """Return error as in the file [arcsec], up to a constant, at the rig's input angles [turns], shape (turns,).
 
         The four pitch-locked states around each angle are solved; a cubic goes through them.
         """

@@ -88,11 +88,11 @@ class _LoadedError:
         return -self.lines.curves
 
     def range_of(self, curves: Array) -> Array:
-        """Ranges of curves, shape (..., points), over the points that count."""
+        """Return the ranges of curves, shape (..., points), over the points that count."""
         return np.asarray(np.ptp(curves if self.visited is None else curves[..., self.visited], axis=-1))
 
     def corrected(self, form: CorrectionForm, M_g: float, *, together: bool) -> CorrectionTable | Phasors:
-        """Corrections of a form at a torque M_g [N*m]: one of all drives, or one of each."""
+        """Return the corrections of a form at a torque M_g [N*m]: one of all drives, or one of each."""
         return form.fitted(self.lines.mean if together else self.lines, M_g)
 
     @property
@@ -204,7 +204,7 @@ def correct(
     draws: int = EFFECTIVE_SAMPLES,
     run: Run = Run(),
 ) -> Correction:
-    """Corrections of a drive for the first of its torques, and their residuals at each.
+    """Return the corrections of a drive for the first of its torques, and their residuals at each.
 
     Arguments: form that is wanted; records of the drive by torque [N*m], whose zero is that of the correction then;
     draws: drives as this one may be, 0 for the preset's own numbers alone. Raises UsageError for rolling balls,
@@ -275,7 +275,7 @@ def correction_of(
 
 
 def _recorded_belief(lines: ErrorLines, record: RecordedError, run: Run) -> _LoadedError:
-    """Error of drives that agree with a record of the full cycle; lines, of drives as this one may be."""
+    """Return the error of drives that agree with a record of the full cycle; lines, of drives as this one may be."""
     visited = record.visited(lines.kinematics) if record.recorded_turns else None
     recorded = with_scale_spread(recorded_lines(lines, record, run), record.scale_uncertainty, run.seed)
     error = _LoadedError(recorded, visited=visited)
@@ -487,7 +487,7 @@ def _with_uncertainty(phasors: Phasors, lines: ErrorLines) -> Phasors:
 
 
 def _residuals_of(form: CorrectionForm, errors: _ErrorsByTorque, *, together: bool) -> FormResiduals:
-    """Residuals of a form fitted to the errors of all drives together, or to each by itself."""
+    """Return the residuals of a form fitted to the errors of all drives together, or to each by itself."""
     design = next(iter(errors))
     turns = errors[design].lines.kinematics.cycle_cam_revolutions
     fitted = {M_g: error.corrected(form, M_g, together=together) for M_g, error in errors.items()}
@@ -507,7 +507,7 @@ def _residuals_of(form: CorrectionForm, errors: _ErrorsByTorque, *, together: bo
 def ranges_left(
     correction: CorrectionTable | Phasors, error: _LoadedError, off_turns: Sequence[float] = (0.0,)
 ) -> Array:
-    """Ranges [arcsec] of an error over the cycle that a correction leaves, shape (offsets, drives).
+    """Return the ranges [arcsec] of an error over the cycle that a correction leaves, shape (offsets, drives).
 
     Argument: turns of the cam that its zero is off. The part that lines do not have stays, and adds in squares.
     """
@@ -520,7 +520,10 @@ def ranges_left(
 
 
 def correction_curve(correction: CorrectionTable | Phasors, kinematics: Kinematics) -> Array:
-    """Error that a correction takes off [arcsec] over the full cycle, POINTS_A_TURN a cam turn, shape (..., points)."""
+    """Return the error that a correction removes over the full cycle [arcsec], shape (..., points).
+
+    There are POINTS_A_TURN points in an input revolution.
+    """
     turns = kinematics.cycle_cam_revolutions
     if isinstance(correction, CorrectionTable):
         return correction.error_at(np.arange(POINTS_A_TURN * turns) / POINTS_A_TURN)
@@ -531,13 +534,13 @@ def correction_curve(correction: CorrectionTable | Phasors, kinematics: Kinemati
 
 
 def _ranges_by_points(turn: RepeatTurn | None, error: _LoadedError, *, together: bool = False) -> dict[int, float]:
-    """Median of the range [arcsec] of an error that forms leave, fitted as residuals_of does, by their points."""
+    """Return the median of the residual range [arcsec] of forms by their points, fitted as in `_residuals_of`."""
     fitted = {N: error.corrected(CorrectionForm(turn, N), 0.0, together=together) for N in TRIED_POINTS[turn]}
     return {N: percentiles(ranges_left(correction, error)[0])[1] for N, correction in fitted.items()}
 
 
 def _error_parts(errors: _ErrorsByTorque) -> tuple[ErrorPart, ...]:
-    """Parts of the error of drives: by how often they come, and the changes by other loads and the other direction."""
+    """Return parts of the error of drives: by their frequency, and changes by other loads and the other direction."""
     design = next(iter(errors))
     design_lines = errors[design].lines
     _, order, beats = line_orders(design_lines)
@@ -563,7 +566,7 @@ def _error_parts(errors: _ErrorsByTorque) -> tuple[ErrorPart, ...]:
 
 
 def percentiles(values: Array) -> tuple[float, float, float]:
-    """5th, 50th and 95th percentile of values of equal weight."""
+    """Return the 5th, 50th and 95th percentile of values of equal weight."""
     low, middle, high = np.quantile(values, _REPORTED_SHARES, method="weibull").tolist()
     return low, middle, high
 
@@ -571,7 +574,7 @@ def percentiles(values: Array) -> tuple[float, float, float]:
 def correction_alone(
     found: Measurement, asked: Alignment, M_g: float, form: CorrectionForm, output_turns: str | None = None
 ) -> Correction:
-    """Correction from a record at a torque M_g [N*m] that was measured with its ratio, both directions as one.
+    """Return the correction from a recording at a torque M_g [N*m], measured with its ratio, both directions as one.
 
     Arguments: asked, how the file counts; of two encoders that count alike their record shows which way the
     output turns; else output_turns says so: "with" the cam or "against" it. A table over the input needs neither that
@@ -757,7 +760,7 @@ def _cause_text(row: int, off_turns: float) -> str:
 
 
 def advice_corrected(advice: Advice, form: CorrectionForm, draws: int, run: Run) -> Advice:
-    """An advice by what a correction leaves that is made in each position and for each torque.
+    """Return an advice by what a correction leaves that is made in each position and for each torque.
 
     Where that tells no hole from another, the advice as it was. Arguments: draws, drives of the same weight, from the
     samples of the advice. The error of each drive is that of its own lines there, as if it were recorded in that
@@ -810,6 +813,6 @@ def _residuals_in_positions(
 
 
 def corrected_states(drive: Drive, positions: int, draws: int) -> int:
-    """Number of states that this solves, about, for a progress bar."""
+    """Return the number of states that this solves, about, for a progress bar."""
     cycle = Kinematics.of(drive).cycle_states
     return len(drive.operation.M_g) * positions * (cycle + max(1, draws) * WAVE_POINTS**2)

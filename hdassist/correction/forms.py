@@ -81,7 +81,7 @@ class CorrectionTable:
         return np.asarray(np.arange(self.points) * (self.period_deg / self.points))
 
     def error_at(self, cam_turns: Array, *, other_direction: bool = False) -> Array:
-        """Error to take off [arcsec] where the cam has turned so far from zero, shape (..., turns)."""
+        """Return the error to take off [arcsec] where the cam has turned so far from zero, shape (..., turns)."""
         values = self.error_arcsec
         if other_direction and self.other_direction_arcsec is not None:
             values = self.other_direction_arcsec
@@ -89,12 +89,15 @@ class CorrectionTable:
 
 
 def periods_a_cam_turn(turn: RepeatTurn, u: float) -> float:
-    """Periods of a table in a turn of the cam; negative where the output turns against it."""
+    """Return the periods of a table in a turn of the cam; negative where the output turns against it."""
     return {"output": 1 / u, "cam": 1.0, "half-cam": 2.0}[turn]
 
 
 def between_points(values: Array, periods: Array) -> Array:
-    """Values at even steps over a period, shape (..., points), straight between them, at periods from the first."""
+    """Return values between even steps over a period, by straight lines, at periods from the first step.
+
+    The values at the steps have the shape (..., points).
+    """
     points = values.shape[-1]
     place = np.mod(periods, 1.0) * points
     first = np.floor(place).astype(np.int64)
@@ -127,13 +130,13 @@ class Phasors:
         return np.asarray(self.amplitude_arcsec * np.exp(1j * np.radians(self.phase_deg)))
 
     def error_at(self, cam_turns: Array) -> Array:
-        """Error to take off [arcsec] where the cam has turned so far from zero, shape (..., turns)."""
+        """Return the error to take off [arcsec] where the cam has turned so far from zero, shape (..., turns)."""
         phase = 2 * np.pi * self.per_cam_turn[:, None] * np.asarray(cam_turns)
         return np.asarray(self.vectors.real @ np.cos(phase) - self.vectors.imag @ np.sin(phase))
 
 
 def correction_columns(correction: CorrectionTable | Phasors) -> dict[str, Array]:
-    """Columns of a correction by their names, of the same length each: points of a table, or lines."""
+    """Return the columns of a correction by their names, of the same length each: points of a table, or lines."""
     if isinstance(correction, CorrectionTable):
         shaft = "output" if correction.turn == "output" else "cam"
         columns = {f"{shaft}_deg": correction.angles_deg, "error_arcsec": correction.error_arcsec}
@@ -165,7 +168,7 @@ class CorrectionForm:
         return f"{kind}, each load" if self.each_load else kind
 
     def fitted(self, lines: ErrorLines, M_g: float) -> CorrectionTable | Phasors:
-        """Corrections of drives at a torque M_g [N*m], in the first axis of their values, from the lines there."""
+        """Return the corrections of drives at a torque M_g [N*m] from the lines there, by drives in the first axis."""
         if self.turn is None:
             return phasors_of(lines, M_g, self.points)
         values = table_values(lines, self.turn, self.points)
@@ -205,7 +208,9 @@ def form_words(name: str) -> str:
 
 
 def table_values(lines: ErrorLines, turn: RepeatTurn, points: int) -> Array:
-    """Values [arcsec] of tables, straight from point to point, that fit drives' errors best, shape (drives, points).
+    """Return values [arcsec] of tables that fit the errors of drives best, shape (drives, points).
+
+    Between points tables are straight.
 
     Least squares over the full cycle in closed form: a line that comes h times in the period weighs sinc^2(h/N) in the
     products with N triangles, whose own products are (4, 1, 1)/6; lines that come no whole times average out.
@@ -222,7 +227,7 @@ def table_values(lines: ErrorLines, turn: RepeatTurn, points: int) -> Array:
 
 
 def line_orders(lines: ErrorLines) -> tuple[Array, Array, Array]:
-    """How often each line comes in a turn of the output, and the order of the cam and beats nearest to that."""
+    """Return how often each line comes in a turn of the output, and the order of the cam and beats nearest to that."""
     cam_turns = lines.kinematics.cycle_cam_revolutions
     ratio = abs(lines.kinematics.u)
     per_output = lines.per_cycle * ratio / cam_turns

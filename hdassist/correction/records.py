@@ -90,7 +90,7 @@ class RecordedError:
     scale_uncertainty: float = 0.0
 
     def visited(self, kinematics: Kinematics) -> NDArray[np.bool_]:
-        """Points of the curves of lines in the travel that was recorded, all of the full cycle."""
+        """Return the points of the curves of lines in the travel that was recorded, all of the full cycle."""
         turns = np.arange(POINTS_A_TURN * kinematics.cycle_cam_revolutions) / POINTS_A_TURN
         first, last = self.recorded_turns or (0.0, float(turns[-1]))
         return np.asarray(np.mod(turns - first, _whole_turns(last - first, kinematics)) <= last - first)
@@ -128,7 +128,7 @@ class RecordedError:
         return np.asarray(np.rint(places * count).astype(np.int64) % count)
 
     def _gaps(self, kinematics: Kinematics) -> tuple[NDArray[np.int64], Array]:
-        """Readings in the order of their places in the full cycle, and the gap behind each, as a share of it.
+        """Return readings in the order of their places in the full cycle, and the gap behind each, as a share of it.
 
         Of a gap that is too wide no more than counts as read.
         """
@@ -139,7 +139,7 @@ class RecordedError:
         return order, np.minimum(gaps, _WIDEST_GAP * np.ptp(self.cam_turns) / cycle / len(places))
 
     def weights(self, kinematics: Kinematics) -> Array:
-        """Shares of the full cycle that readings stand for: to the middle between each and the next."""
+        """Return the shares of the full cycle that readings stand for: to the middle between each and the next."""
         order, gaps = self._gaps(kinematics)
         weights = np.empty(len(order))
         weights[order] = (gaps + np.roll(gaps, 1)) / 2
@@ -220,7 +220,7 @@ class RecordedError:
         return replace(lines, per_cycle=lines.per_cycle[: (image - is_uneven) // 2])
 
     def noise(self, lines: ErrorLines) -> tuple[int, float]:
-        """Number of readings beyond those that lines can follow, and the variance of noise [arcsec^2]."""
+        """Return the number of readings beyond those that lines can follow, and the variance of noise [arcsec^2]."""
         again = len(self.cam_turns) - 2 * len(lines.per_cycle) - 1
         return again, float((self.apart(lines) ** 2).sum()) / max(again, 1)
 
@@ -311,7 +311,9 @@ def require_fine_counts(measurement: Measurement) -> None:
 
 
 def recorded_error(measurement: Measurement, kinematics: Kinematics, asked: Alignment) -> RecordedError:
-    """Error of a record without level and drift, both directions as one; of a travel that was visited, over the cycle.
+    """Return the error of a recording without level and drift, both directions as one.
+
+    That of a travel is continued over the cycle.
 
     Argument: asked, how the file counts.
     """
@@ -413,13 +415,13 @@ def _whole_turns(turns: float, kinematics: Kinematics) -> float:
 
 
 def solved_error(drive: Drive, M_g: float, run: Run) -> tuple[RecordedError, Certificate]:
-    """Solved error of a drive at a torque M_g [N*m], as a record of each state of its cycle."""
+    """Return the solved error of a drive at a torque M_g [N*m], as a record of each state of its cycle."""
     solved = kinematic_error(drive, M_g, run=replace(run, cross_check=None))
     return RecordedError(solved.states.phi_h / (2 * np.pi), solved.error_arcsec), solved.certificate
 
 
 def with_more_lines(lines: ErrorLines, more: ErrorLines) -> ErrorLines:
-    """Lines, rising, of drives with those of one drive more in each."""
+    """Return the lines, rising, of drives with those of one drive more in each."""
     all_per_cycle = np.union1d(lines.per_cycle, more.per_cycle)
     amplitude = np.zeros((len(lines.amplitude), len(all_per_cycle)), dtype=complex)
     amplitude[:, np.searchsorted(all_per_cycle, lines.per_cycle)] = lines.amplitude
@@ -428,7 +430,7 @@ def with_more_lines(lines: ErrorLines, more: ErrorLines) -> ErrorLines:
 
 
 def alike_lines(lines: ErrorLines, run: Run, misfit: float | None) -> ErrorLines:
-    """Lines of drives that may differ by a misfit from these: standard deviation of a line, over its size.
+    """Return the lines of drives that may differ by a misfit from these: standard deviation of a line, over its size.
 
     Where misfit is None phases are any.
     """
@@ -439,7 +441,7 @@ def alike_lines(lines: ErrorLines, run: Run, misfit: float | None) -> ErrorLines
 
 
 def _drawn(drives: int, lines: int, run: Run) -> Complex:
-    """Normal numbers of standard deviation 1 in both parts, whose mean is 0, shape (drives, lines)."""
+    """Draw normal numbers of standard deviation 1 in both parts, whose mean is 0, shape (drives, lines)."""
     real, imaginary = np.random.default_rng([run.seed, 1]).standard_normal((2, drives // 2, lines))
     drawn = real + 1j * imaginary
     return np.concatenate([np.zeros((drives % 2, lines)), drawn, -drawn])
@@ -529,7 +531,7 @@ def _peaks_of(record: RecordedError, lines: ErrorLines) -> RecordedError:
 
 
 def shrunk(power: Array, noise: float) -> tuple[Array, Array]:
-    """Shares of lines of one kind that are no noise, and their mean squares, from squares of their amplitudes.
+    """Return the shares of lines of one kind that are no noise, and their mean squares, from squares of amplitudes.
 
     Each line is normal, of a size from none upwards by factors of SIZE_STEP; how many have which is what makes all of
     them most likely (expectation and maximisation).
@@ -548,7 +550,7 @@ def shrunk(power: Array, noise: float) -> tuple[Array, Array]:
 
 
 def fitted_prior(drive: Drive) -> DrivePrior:
-    """Fields that a record of part of the cycle is fitted by: open, uncertain, or doubted as `compare` does."""
+    """Return fields by which a recording of part of the cycle is fitted: open, uncertain, or doubted by `compare`."""
     doubts = {path: 2 * deviation for path, deviation in doubts_of(drive).items()}
     prior = prior_of(drive.model_copy(update={"uncertainty": doubts | drive.uncertainty}))
     fields = tuple(field for field in prior.fields if field.distribution == "normal" or drive.value(field.path) is None)

@@ -100,7 +100,7 @@ class ControllerFormat:
 def _error_as_read(
     table: CorrectionTable, axis: ControllerAxis, reading_deg: Array, direction: int = 1, *, of_cam: bool = False
 ) -> Array:
-    """Error [arcsec] in the controller's counting at its readings of the output, or of the cam."""
+    """Return the error [arcsec] in the controller's counting at its readings of the output, or of the cam."""
     turned = axis.sense * (np.asarray(reading_deg) - axis.zero_deg) / 360
     cam_turns = turned if of_cam else turned * table.u
     return axis.sense * table.error_at(cam_turns, other_direction=direction < 0)
@@ -109,7 +109,7 @@ def _error_as_read(
 def _error_at_setpoint(
     table: CorrectionTable, axis: ControllerAxis, setpoint_deg: Array, direction: int = 1, *, from_first: bool = False
 ) -> Array:
-    """Error [arcsec] as `error_as_read` has it, where the motor stands once it is taken off a set-point.
+    """Return the error [arcsec] as `error_as_read` has it, where the motor stands once it is taken off a set-point.
 
     from_first: whether only the difference from the first set-point's is taken off.
     """
@@ -121,7 +121,7 @@ def _error_at_setpoint(
 
 
 def stored_table(table: CorrectionTable, controller: ControllerFormat, axis: ControllerAxis) -> CorrectionTable:
-    """The table as the controller will play it, with its rows and steps; without the residuals of the first.
+    """Return the table as the controller will play it, with its rows and steps; without the residuals of the first.
 
     Raises UsageError: a table that the controller cannot keep.
     """
@@ -144,7 +144,7 @@ def stored_table(table: CorrectionTable, controller: ControllerFormat, axis: Con
 
 
 def correction_file(result: Correction, controller: ControllerFormat, axis: ControllerAxis) -> tuple[str, str]:
-    """The controller's file of a table, with the residuals that it leaves as it is stored, and its companions.
+    """Return the controller's file of a table, with the residuals that it leaves as it is stored, and its companions.
 
     Raises UsageError: a correction that the controller cannot keep.
     """
@@ -238,7 +238,7 @@ def _turn_rows(table: CorrectionTable, axis: ControllerAxis, digits: int) -> tup
 
 
 def _linuxcnc(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
-    """Rows of nominal, forward and reverse: trims [deg] that are added to the position."""
+    """Return the rows of nominal, forward and reverse: trims [deg] that are added to the position."""
     rows = zip(*_turn_rows(table, axis, 6), strict=True)
     return [f"{nominal:.6f} {-up / 3600:.7f} {-down / 3600:.7f}" for nominal, up, down in rows]
 
@@ -258,13 +258,13 @@ def _twincat_cnc(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
 
 
 def _even_setpoints(table: CorrectionTable, axis: ControllerAxis) -> Array:
-    """Even set-points [deg] from the first of a turn, a step from zero on, to the same a turn later."""
+    """Return the even set-points [deg] from the first of a turn, a step from zero on, to the same a turn later."""
     start = axis.zero_deg % (360 / table.points)
     return np.linspace(start, start + 360, table.points + 1)
 
 
 def _twincat_nc_played(table: CorrectionTable, axis: ControllerAxis) -> _PlayedCorrection:
-    """Error taken off at even set-points, straight between."""
+    """Return the error taken off at even set-points, straight between."""
     setpoint = _even_setpoints(table, axis)[:-1]
     error = _error_at_setpoint(table, axis, setpoint)
     return _PlayedCorrection(reading_deg=setpoint - error / 3600, error_arcsec=error, period_deg=360.0, stored=error)
@@ -348,7 +348,7 @@ def _worm_deg(table: CorrectionTable, axis: ControllerAxis) -> float:
 
 
 def _onstepx_played(table: CorrectionTable, axis: ControllerAxis) -> _PlayedCorrection:
-    """Steps in each sidereal second of a worm's turn; a row is played one second after its own.
+    """Return the steps in each sidereal second of a worm's turn; a row is played one second after its own.
 
     The first and the last second keep still: the controller plays them longer or shorter where the turn is no whole
     number of seconds.
@@ -380,7 +380,7 @@ def _onstepx(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
 
 
 def _eqmod_played(table: CorrectionTable, axis: ControllerAxis) -> _PlayedCorrection:
-    """Error at each second of a worm's turn; the controller takes the drift from first to last row away."""
+    """Return the error at each second of a worm's turn; the controller takes the drift from first to last row away."""
     worm_deg = _worm_deg(table, axis)
     rows = round(worm_deg * 3600 / _SIDEREAL_ARCSEC_A_SECOND)
     setpoint = np.arange(rows, dtype=float) * (_SIDEREAL_ARCSEC_A_SECOND / 3600)
@@ -423,7 +423,7 @@ def _plain_csv(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
 
 
 def _c_array(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
-    """An array for own firmware, by direction where the table has that, and its lookup."""
+    """Return an array for own firmware, by direction where the table has that, and its lookup."""
     _, errors = _rows_from_zero(table, axis)
     rows = ("    {" + ", ".join(f"{value:.5f}" for value in row) + "}," for row in errors)
     way = "counts_down ? 1 : 0" if len(errors) > 1 else "0"

@@ -70,11 +70,11 @@ class Stiffness:
         return self.contact_arcsec + self.tube_arcsec
 
     def weaker(self, segment: int) -> float:
-        """Stiffness [N*m/rad] of a segment (1: K_1) on the side where it is less."""
+        """Return the stiffness [N*m/rad] of a segment (1: K_1) on the side where it is less."""
         return min(side[segment - 1].stiffness for side in (self.positive, self.negative))
 
     def twist_at(self, torque: float) -> float:
-        """Twist [arcsec] at a torque [N*m] that is one of the curve's."""
+        """Return the twist [arcsec] at a torque [N*m] that is one of the curve's."""
         return float(self.twist_arcsec[int(np.argmin(np.abs(self.torque - torque)))])
 
     @property
@@ -89,7 +89,7 @@ class Stiffness:
 
 
 def catalogue_torques(drive: Drive) -> tuple[float, float]:
-    """Ends T_1, T_2 [N*m] of the segments, as the drive's catalogue has them.
+    """Return the ends T_1, T_2 [N*m] of the segments, as the drive's catalogue has them.
 
     Where the preset gives one of them, the other is in the proportion that catalogues have; where it gives none, both
     are those of catalogues at the drive's pitch diameter, by the cube law.
@@ -102,7 +102,7 @@ def catalogue_torques(drive: Drive) -> tuple[float, float]:
 
 
 def stiffness_states() -> int:
-    """Number of states that a stiffness curve solves, about, for a progress bar."""
+    """Return the number of states that a stiffness curve solves, about, for a progress bar."""
     return 2 * _CURVE_POINTS + 10
 
 
@@ -233,13 +233,13 @@ _Twists = tuple[list[float], list[float], Certificate, CrossCheck | None]  # of 
 
 
 def _twists_of(torques: int) -> TypeAdapter[_Twists]:
-    """Type of kept twists at so many torques."""
+    """Return the type of kept twists at so many torques."""
     twists = Annotated[list[Number], Field(min_length=torques, max_length=torques)]
     return TypeAdapter(tuple[twists, twists, Certificate, CrossCheck | None], config=ConfigDict(allow_inf_nan=False))
 
 
 def _again(drive: Drive, torque: Array, contact: Array, solver: str) -> CrossCheck:
-    """Twist of mesh and rings [arcsec] at torques [N*m], shape (torques,), solved again by another solver."""
+    """Return the twist of mesh and rings at torques [N*m] by another solver [arcsec], shape (torques,)."""
     formulation = formulate(contact_system(drive))
     gaps = np.repeat(formulation.system.delta_p[None], len(torque), axis=0)
     return solve_again(formulation, torque, gaps, contact, solver, partial(_place, torque))
@@ -256,7 +256,7 @@ class Twist:
         self._tube = shell_twist_stiffness(drive, self.case.system.geometry)
 
     def at(self, torque: Array, progress: Progress | None = None) -> tuple[Array, Array, Certificate]:
-        """Twist of mesh and rings, and of the shell's tube [arcsec], at torques [N*m], with the certificate.
+        """Return the twist of mesh and rings, and of the shell's tube [arcsec], at torques [N*m], with the certificate.
 
         Raises UntrustedError where an answer cannot be trusted.
         """
@@ -264,7 +264,7 @@ class Twist:
         return answers.rotation_arcsec, torque * N_MM / self._tube * ARCSEC, answers.certificate
 
     def between(self, low: float, high: float) -> float:
-        """Twist [arcsec] from one torque to another [N*m]."""
+        """Return the twist [arcsec] from one torque to another [N*m]."""
         contact, tube, _ = self.at(np.array([low, high]))
         return float(contact[1] + tube[1] - contact[0] - tube[0])
 
@@ -291,25 +291,25 @@ class _SegmentBeside:
 
 
 def segments_beside(catalogue: Catalogue, side: Sequence[Segment]) -> list[_SegmentBeside]:
-    """The segments of one side, each beside the catalogue's."""
+    """Return the segments of one side, each beside the catalogue's."""
     comparable = not ends_elsewhere(catalogue, side)
     rows = [(name, segment, getattr(catalogue, name)) for name, segment in zip(_STIFFNESSES, side, strict=False)]
     return [_SegmentBeside(*row, off(row[1].stiffness, row[2]) if comparable else None) for row in rows]
 
 
 def ends_elsewhere(catalogue: Catalogue, side: Sequence[Segment]) -> bool:
-    """Whether segments end at other torques than the catalogue's: chords between them are other stiffnesses."""
+    """Return whether segments end at other torques than the catalogue's: chords between them are other stiffnesses."""
     ends = zip(side, (catalogue.T_1, catalogue.T_2), strict=False)
     return any(T is not None and abs(segment.end) != T for segment, T in ends)
 
 
 def off(ours: float, theirs: float | None) -> float | None:
-    """How far a value is off that of a catalogue, in per cent of the catalogue's."""
+    """Return how far a value is off that of a catalogue, in per cent of the catalogue's."""
     return None if theirs is None else 100 * (ours / theirs - 1)
 
 
 def stiffness_object(catalogue: Catalogue, result: Stiffness) -> dict[str, Any] | None:
-    """Figures of a catalogue and how far the model is off, for JSON; None where it gives none."""
+    """Return the figures of a catalogue and how far the model is off, for JSON; None where it gives none."""
     figures = {f"{name}_{unit}": getattr(catalogue, name) for name, unit in _CATALOGUE_UNITS.items()}
     percents = dict.fromkeys(_STIFFNESSES) | {
         row.name: row.off_percent for row in segments_beside(catalogue, result.positive)

@@ -208,7 +208,7 @@ def trace(
     solver: str | None = None,
     run: Run = Run(),
 ) -> Trace:
-    """Error of a drive at a torque M_g [N*m] over whole cam revolutions, and its orders.
+    """Return the error of a drive at a torque M_g [N*m] over whole cam revolutions, and its orders.
 
     Arguments: gravity, on top of M_g; measured, wheels in place of first harmonics; start_deg, angle of the moving
     wheel at phi_h = 0 (phi_g0 with the rigid wheel fixed) [deg], measured ones to the nearest of their teeth;
@@ -366,7 +366,7 @@ POINTS_A_TURN = 180  # of the cam, at which curves are computed
 
 
 def _wave_numbers() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """How often each wave goes around the flexspline's and the rigid wheel's angle, shape (waves,) each."""
+    """Return how often each wave goes around the flexspline's and the rigid wheel's angle, shape (waves,) each."""
     k_g, k_b = np.meshgrid(np.arange(_HIGHEST + 1), np.arange(-_HIGHEST, _HIGHEST + 1), indexing="ij")
     half = (k_g > 0) | (k_b > 0)  # the others are their mirror images
     return k_g[half], k_b[half]
@@ -387,7 +387,7 @@ class ErrorWaves:
         self.k_g, self.k_b = _wave_numbers()
 
     def waves(self, drives: Sequence[Drive], points: int = WAVE_POINTS) -> Complex:
-        """Waves [arcsec] of the error F_kpp of drives, shape (drives, waves).
+        """Return the waves [arcsec] of the error F_kpp of drives, shape (drives, waves).
 
         The error is the real part of sum z exp(i (k_g alpha_g + k_b alpha_b)), up to a constant. Waves that a grid of
         so many points does not hold are 0. Raises UntrustedError where a state cannot be trusted.
@@ -425,7 +425,9 @@ class EstimatedCycle:
 
 
 def estimated_cycle(drive: Drive, M_g: float, *, short_cycle: int = SHORT_CYCLE) -> KinematicError | EstimatedCycle:
-    """Error of a drive at a torque M_g [N*m] over its full cycle, read off its waves; of a short cycle every state.
+    """Return the error of a drive at a torque M_g [N*m] over its full cycle, from its waves.
+
+    In a short cycle every state is solved.
 
     Argument: short_cycle, states of a cycle below which all are solved. Raises UsageError for rolling balls,
     UntrustedError where a state cannot be trusted.
@@ -446,14 +448,14 @@ def estimated_cycle(drive: Drive, M_g: float, *, short_cycle: int = SHORT_CYCLE)
 
 
 def turn_range_arcsec(error: KinematicError | EstimatedCycle) -> float:
-    """Greatest range [arcsec] of an error over the full cycle within one cam turn."""
+    """Return the greatest range [arcsec] of an error over the full cycle within one cam turn."""
     if isinstance(error, EstimatedCycle):
         return error.turn_range_arcsec
     return float(_turn_ranges(error.error_arcsec, error.kinematics).max())
 
 
 def _turn_ranges(error_arcsec: Array, kinematics: Kinematics) -> Array:
-    """Range [arcsec] of an error over the full cycle within the cam turn around each state, shape (states,) each."""
+    """Return the range of an error within the input revolution around each state [arcsec], shape (states,)."""
     from scipy.ndimage import maximum_filter1d, minimum_filter1d  # 20 ms, which draws do without
 
     turn = kinematics.teeth_fixed
@@ -489,7 +491,7 @@ class ErrorLines:
 
 
 def error_lines(drive: Drive, M_g: float, changes: Sequence[Mapping[str, float]], run: Run = Run()) -> ErrorLines:
-    """Lines of a drive at a torque M_g [N*m] with the values of each of some changes, by path.
+    """Return the lines of a drive at a torque M_g [N*m] with the values of each of some changes, by path.
 
     A wave that goes k_g times around the flexspline and k_b times around the rigid wheel comes k_g L/z_g + k_b L/z_b
     times in the cycle of L = lcm(z_g, z_b) states. Raises UsageError for rolling balls, UntrustedError where a state

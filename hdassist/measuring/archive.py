@@ -160,12 +160,12 @@ def _identity(entry: ArchiveEntry) -> tuple[str, str, int]:
 
 
 def is_cut_off(folder: str) -> bool:
-    """Whether the last line of the archive of a folder was not written to its end: that result is lost."""
+    """Return whether the last line of the archive of a folder was not written to its end: that result is lost."""
     return not (Path(folder) / ARCHIVE_FILE).read_bytes().endswith(b"\n")
 
 
 def read_archive(folder: str, serial: str) -> list[ArchiveEntry]:
-    """Entries of a drive in the archive of a folder, by date.
+    """Return the entries of a drive in the archive of a folder, by date.
 
     Raises DataError: no archive, an entry that does not hold, or none of the drive.
     """

@@ -138,7 +138,7 @@ class TraceFit:
         return np.concatenate([indices, indices + len(self.orders)])
 
     def covariance(self, pair: OrderIndices | slice = slice(None)) -> Array:
-        """Covariance of coefficients by noise [arcsec^2], of all by default."""
+        """Return the covariance of coefficients by noise [arcsec^2], of all by default."""
         return np.asarray(self.factor[pair] @ self.factor[pair].T)
 
     @property
@@ -245,7 +245,7 @@ class TraceFit:
         return power > freedom + _POWER_CLEAR * float(np.sqrt(2 * freedom))
 
     def curve(self, turns: Array) -> Array:
-        """The curve [arcsec] at cam angles [turns], without levels and drift."""
+        """Return the curve [arcsec] at cam angles [turns], without levels and drift."""
         return curve_of(self.coefficients, self.orders, turns)
 
 
@@ -369,7 +369,10 @@ def residual_power(bins: Bins, residual: Array, variance: float) -> tuple[Array,
 
 
 def even_readings(bins: Bins) -> tuple[float, float, float]:
-    """Readings a cam turn if they lie at even angles, one of these angles [turns], and how even all are, 0 to 1."""
+    """Return the readings in an input revolution if they lie at even angles, one such angle [turns], and the evenness.
+
+    The evenness is 0 to 1, and 1 if all angles are even.
+    """
     turns = max(bins.by_sweep(bins.turns), key=len)
     steps = np.diff(turns)
     step, start = np.polyfit(np.append(0.0, np.cumsum(np.rint(steps / np.median(steps)))), turns, 1).tolist()
@@ -377,7 +380,7 @@ def even_readings(bins: Bins) -> tuple[float, float, float]:
 
 
 def distance(probes: Array, orders: Array) -> Array:
-    """How far probes lie from the nearest of some orders, which rise, shape (probes,)."""
+    """Return how far probes lie from the nearest of some orders, which rise, shape (probes,)."""
     after = np.clip(np.searchsorted(orders, probes), 1, max(len(orders) - 1, 1))
     return np.minimum(np.abs(probes - orders[after - 1]), np.abs(probes - orders[np.minimum(after, len(orders) - 1)]))
 

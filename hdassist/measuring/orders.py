@@ -133,7 +133,7 @@ class Coverage:
 
 
 def gearing_of(drive: Drive | None, ratio: float | None) -> Gearing | None:
-    """Gearing of a drive, or of a drive with two waves by its ratio; None where neither is known.
+    """Return the gearing of a drive, or of a drive with two waves by its ratio; None where neither is known.
 
     Raises UsageError: both are given, or no ratio that a drive with two waves can have.
     """
@@ -173,7 +173,7 @@ class MeasuredOrder:
 
 
 def parse_orders(text: str | None) -> tuple[float, ...] | None:
-    """Declared orders per cam turn, rising, from a text like "1-12" or "1,2,4"; None where there is none.
+    """Return the declared orders per cam turn, rising, from a text like "1-12" or "1,2,4"; None where there is none.
 
     Raises UsageError: no such text, or orders beyond 0 to 200.
     """
@@ -196,7 +196,7 @@ def parse_orders(text: str | None) -> tuple[float, ...] | None:
 
 
 def slow_terms(turns: float, ratio: float, degree: int, *, is_travel: bool = False) -> SlowTerms:
-    """Slow terms of a record over turns of the cam: a drift of a degree, or more where it is part of an output turn.
+    """Return the slow terms of a recording over input revolutions: a drift, or more in a part of an output revolution.
 
     There a drift and the orders of the output, up to SLOW_ORDERS a turn of it, look alike, and polynomials stand for
     both, unless the record is all of the travel: then slow terms are error, and all orders are those of whole turns.
@@ -531,7 +531,7 @@ def stated_sources(stated: Mapping[str, float]) -> tuple[UncertaintySource, ...]
 
 
 def combined(sources: Sequence[UncertaintySource]) -> float:
-    """Combined standard uncertainty [arcsec] of the sources that have a value."""
+    """Return the combined standard uncertainty [arcsec] of the sources that have a value."""
     return sqrt(sum(source.arcsec**2 for source in sources if source.arcsec is not None))
 
 

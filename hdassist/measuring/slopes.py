@@ -266,7 +266,7 @@ class RecordedTorque:
         )
 
     def by_catalogue(self, trace: MeasuredTrace, drive: Drive | None) -> tuple[MeasuredTrace, RecordedTorque] | None:
-        """A trace less the twist by K_1 to K_3 of a drive, towards growing angles where its sense is not clear.
+        """Return a trace less the twist by K_1 to K_3 of a drive, towards growing angles where its sense is not clear.
 
         None without all three.
         """
@@ -286,7 +286,7 @@ class RecordedTorque:
 
 
 def _noise_of(torque: Array) -> float:
-    """Standard deviation of the noise that rows of a torque [N*m] are read with, by what each differs from the next."""
+    """Return the standard deviation of the noise of torque readings [N*m], by the differences of successive ones."""
     return float(np.std(np.diff(torque))) / sqrt(2)
 
 

@@ -70,7 +70,7 @@ class Bins:
         return low, float(np.average(self.load, weights=self.rows)), high
 
     def away(self, load: Array | float) -> Array | float:
-        """How far loads are from the mean, 1 or -1 at the farther of the least and the greatest."""
+        """Return how far loads are from the mean, 1 or -1 at the farther of the least and the greatest."""
         low, mean, high = self.torques
         return (load - mean) / max(mean - low, high - mean, 1e-300)
 
@@ -98,7 +98,7 @@ class Bins:
         return max(self.span, float(np.count_nonzero(is_covered)) / cells * ratio)
 
     def by_sweep(self, values: Array) -> list[Array]:
-        """Values of all bins, shape (bins,), parted into those of each sweep."""
+        """Return the values of all bins, shape (bins,), parted into those of each sweep."""
         return np.split(values, np.flatnonzero(np.diff(self.sweep)) + 1)
 
 
@@ -286,7 +286,7 @@ class TraceDesign:
         return np.concatenate([waves, levels, slow, *over, *changes], axis=1)
 
     def _slow(self, turns: Array, travel: Array) -> Array:
-        """Drift, or polynomials of the angle, at angles and travels [turns], shape (angles, degree)."""
+        """Return the drift, or polynomials of the angle, at angles and travels [turns], shape (angles, degree)."""
         if not self.slow.by_angle:
             return (travel[:, None] / self.reach) ** np.arange(1, self.slow.degree + 1)
         least = self.bins.turns.min()
@@ -304,5 +304,5 @@ class TraceDesign:
         return self.root @ (self.root.T @ sum(moments))
 
     def drift_at(self, drift: Array, turns: Array, travel: Array) -> Array:
-        """A drift [arcsec] at cam angles and after so much travel [turns]."""
+        """Return a drift [arcsec] at cam angles and after so much travel [turns]."""
         return self._slow(turns, travel) @ drift

@@ -532,7 +532,7 @@ def _drawn_errors(
 def _posterior_normals(
     samples: HoleSamples, points: Sequence[Point], spread_shape: tuple[int, ...]
 ) -> tuple[Array, Array, Array]:
-    """Return the normal numbers of draws: of their scale, of their misfit at points, and of the values' errors.
+    """Draw normal numbers of draws: of their scale, of their misfit at points, and of the values' errors.
 
     Args:
         samples: their torques and seed. The random numbers of the first torque are those of samples with one torque.

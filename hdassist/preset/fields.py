@@ -52,7 +52,7 @@ class Section(BaseModel):
     @field_validator("*", mode="wrap")
     @classmethod
     def _read(cls, value: Any, validated: ValidatorFunctionWrapHandler, info: ValidationInfo) -> Any:
-        """A value; as a preset has it where the context collects the values that hold, by path ("gears.m")."""
+        """Return a value; as a preset has it where the context collects the values that hold, by path ("gears.m")."""
         if info.context is None:
             return validated(value)
         name = str(info.field_name)
@@ -63,13 +63,13 @@ class Section(BaseModel):
     @classmethod
     @cache
     def declared(cls) -> Mapping[str, PresetField]:
-        """Declaration of each field, by name."""
+        """Return the declaration of each field, by name."""
         of_class = _DECLARED_FIELDS[cls.__name__]
         return {name: PresetField.of(info, **of_class.get(name, {})) for name, info in cls.model_fields.items()}
 
     @classmethod
     def of_defaults(cls) -> Self:
-        """The section where a preset leaves it out."""
+        """Return the section where a preset leaves it out."""
         return cls.model_validate({})
 
 
@@ -160,7 +160,7 @@ class PresetField:
 
     @classmethod
     def of(cls, info: FieldInfo, **declared: Any) -> PresetField:
-        """The declaration of a field of a model."""
+        """Return the declaration of a field of a model."""
         parts = get_args(info.annotation)
         kinds = (KINDS.get(part, part) for part in (*info.metadata, info.annotation, *parts))
         named = next((kind for kind in kinds if isinstance(kind, str)), "table")
@@ -241,7 +241,7 @@ class PresetField:
         return tuple(_read_items(dict(items), lambda _, item: self.number(item)).values())
 
     def _by_path(self, path: str, entry: Any) -> Any:
-        """An entry of a table by paths of fields; the range in one of a source goes on with its path."""
+        """Return an entry of a table by paths of fields; the range in one of a source goes on with its path."""
         if self.kind == "uncertainty":
             return self.number(entry, field_table()[path].unit)
         if self.kind == "fit":
@@ -250,7 +250,7 @@ class PresetField:
         return entry | {"range": (path, entry["range"])} if has_range else entry
 
     def _entry(self, known: set[tuple[object, ...]], key: str, value: Any) -> float | _UncertainReading:
-        """The value of a key of a table; known: the keys before it, to which it is added."""
+        """Return the value of a key of a table; known: the keys before it, to which it is added."""
         pattern, expected, like_key, _ = KEYED_TABLES[self.kind]
         numbers = [number_of(part.removeprefix("h")) for part in key.split("@")]
         fits = re.fullmatch(pattern, key) and all(map(isfinite, numbers)) and all(numbers[self.kind == "readings" :])
@@ -262,7 +262,7 @@ class PresetField:
         return self.reading(value) if self.kind == "readings" else self.number(value)
 
     def number(self, value: Any, unit: str | None = None) -> float:
-        """A number in a unit, that of the field by default, and in its range.
+        """Return a number in a unit, that of the field by default, and in its range.
 
         Its text may have an uncertainty where the field is a single one. Raises InvalidValueError for any other.
         """
@@ -275,14 +275,14 @@ class PresetField:
         return number
 
     def reading(self, value: Any) -> _UncertainReading:
-        """A measured value with its uncertainty, in the range of the field; InvalidValueError for any other."""
+        """Return a measured value with its uncertainty, in the range of the field; InvalidValueError for any other."""
         reading = _UncertainReading(*read_spread(str(value), self.unit))
         if not all(map(self.holds, reading)):
             raise InvalidValueError(f"out of range: value and uncertainty {self.range_words(self.unit)}")
         return reading
 
     def draws(self, values: Any) -> tuple[float, ...]:
-        """Equally likely values of the field. Raises InvalidValueError: they are none."""
+        """Return equally likely values of the field. Raises InvalidValueError: they are none."""
         if not isinstance(values, list) or len(values) < 2:
             raise InvalidValueError(
                 "must be two or more numbers, beginning with the preset's own value", "for example [8950, 9020]"
@@ -293,7 +293,7 @@ class PresetField:
         return values_of_draws
 
     def bounds(self, ends: Any) -> tuple[float, float]:
-        """A plausible range of the field. Raises InvalidValueError: it is none."""
+        """Return a plausible range of the field. Raises InvalidValueError: it is none."""
         if self.kind != "number":
             raise InvalidValueError("only fields with a single number can have a range")
         if not isinstance(ends, list) or len(ends) != 2:
@@ -306,7 +306,7 @@ class PresetField:
         return low, high
 
     def holds(self, value: float) -> bool:
-        """Whether a number is within the range of the field."""
+        """Return whether a number is within the range of the field."""
         return isfinite(value) and self.gt < value <= self.le and value >= self.ge
 
     def range_words(self, unit: str = "") -> str:
@@ -332,22 +332,22 @@ def _read_items(items: Mapping[Any, Any], read: Callable[[Any, Any], Any]) -> di
 
 
 def is_number(key: str) -> bool:
-    """Whether a key of a table of limits is a finite number, such as a torque [N*m] (the other key is "all")."""
+    """Return whether a key of a table of limits is a finite number, such as a torque [N*m] (the other key is "all")."""
     return isfinite(number_of(key))
 
 
 def plain(number: float) -> str:
-    """Number as in a preset: 20, 0.05, 1e7."""
+    """Return the number as in a preset: 20, 0.05, 1e7."""
     return f"{number:g}".replace("e+0", "e").replace("e+", "e").replace("e-0", "e-")
 
 
 def short(number: float) -> str:
-    """The same in four digits."""
+    """Return the same in four digits."""
     return plain(float(f"{number:.4g}"))
 
 
 def text_of(value: Any) -> str:
-    """A value as a preset has it, with every digit it has, and no more."""
+    """Return a value as a preset has it, with every digit it has, and no more."""
     if value is None:
         return UNKNOWN
     if isinstance(value, bool | str | _UncertainReading):
@@ -653,7 +653,7 @@ class Drive(Section):
         return next((value for key, value in limits.items() if number_of(key) == torque), limits.get("all"))
 
     def value(self, path: str) -> Any:
-        """Value of a field, by path ("gears.j_n")."""
+        """Return the value of a field, by path ("gears.j_n")."""
         section, name = path.split(".")
         return getattr(getattr(self, section), name)
 
@@ -673,15 +673,15 @@ class Drive(Section):
         return "contact.k_face" if self.numerics.stations == 1 else "contact.c_t"
 
     def number(self, path: str) -> float:
-        """Value of a field that holds a number, by path; 0 where it is not known."""
+        """Return the value of a field that holds a number, by path; 0 where it is not known."""
         return float(self.value(path) or 0.0)
 
     def allows(self, path: str, value: float) -> bool:
-        """Whether a value is within the range of a field, by path ("gears.j_n")."""
+        """Return whether a value is within the range of a field, by path ("gears.j_n")."""
         return field_table()[path].holds(value)
 
     def with_values(self, values: Mapping[str, Any]) -> Drive:
-        """The drive with some fields changed, by path ("gears.j_n"); the new values are not validated."""
+        """Return the drive with some fields changed, by path ("gears.j_n"); the new values are not validated."""
         changed: dict[str, Section] = {}
         for path, value in values.items():
             section, name = path.split(".")
@@ -701,19 +701,19 @@ def sections() -> Iterator[tuple[str, type[Section]]]:
 
 @cache
 def field_table() -> dict[str, PresetField]:
-    """Path ("gears.z_g") and declaration of each field that stands in a section."""
+    """Return the path ("gears.z_g") and declaration of each field that stands in a section."""
     return {f"{section}.{name}": field for section, model in sections() for name, field in model.declared().items()}
 
 
 @cache
 def measures() -> dict[str, PresetField]:
-    """Path and declaration of each field that holds a single number, and so may have an uncertainty."""
+    """Return the path and declaration of each field that holds a single number, and so may have an uncertainty."""
     return {path: field for path, field in field_table().items() if field.kind == "number"}
 
 
 @cache
 def deviation_sizes() -> tuple[str, ...]:
-    """Paths of the sizes of deviations, which are tolerances where drives are drawn."""
+    """Return the paths of the sizes of deviations, which are tolerances where drives are drawn."""
     return tuple(path for path in field_table() if path.startswith(("tolerances.", "harmonics.a_")))
 
 
@@ -726,7 +726,7 @@ def path_of(key: str) -> Path:
 
 
 def is_overridden(path: str, overrides: Sequence[str]) -> bool:
-    """Whether overrides set a field ("gears.z_g"), a table around it or an entry of it."""
+    """Return whether overrides set a field ("gears.z_g"), a table around it or an entry of it."""
     field = tuple(path.split("."))
     paths = [path_of(text.partition("=")[0]) for text in overrides]
     return any(p[: len(field)] == field[: len(p)] for p in paths)
@@ -765,7 +765,7 @@ class ResolvedField:
 
 
 def resolved_fields(drive: Drive) -> list[ResolvedField]:
-    """Rows for every field of a drive that stands in a section, in the order of the declarations."""
+    """Return the rows for every field of a drive that stands in a section, in the order of the declarations."""
     rows = []
     for path, field in field_table().items():
         section, name = path.split(".")
@@ -807,5 +807,5 @@ def origin_counts(drive: Drive) -> dict[str, int]:
 
 
 def value_text(value: Any) -> str:
-    """A value as a preset has it, without brackets; a dash where there is none."""
+    """Return a value as a preset has it, without brackets; a dash where there is none."""
     return "-" if value is None else text_of(value).strip("[]{}") or "-"

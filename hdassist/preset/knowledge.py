@@ -57,12 +57,15 @@ _SHAFT_BEARING = (5e3, 2e3, 1e4)
 
 
 def F_p(d: float, m: float, accuracy: int) -> float:
-    """Total cumulative pitch deviation [um] by ISO 1328-1:2013, of a pitch diameter and module [mm] and a class."""
+    """Return the total cumulative pitch deviation [um] by ISO 1328-1:2013.
+
+    It is that of a pitch diameter d and a module m [mm] and an accuracy class.
+    """
     return float((0.002 * d + 0.55 * d**0.5 + 0.7 * m + 12) * 2 ** ((accuracy - 5) / 2))
 
 
 def f_p(d: float, m: float, accuracy: int) -> float:
-    """Single pitch deviation [um] by ISO 1328-1:2013, of a pitch diameter and module [mm] and a class."""
+    """Return the single pitch deviation [um] by ISO 1328-1:2013, of a pitch diameter and module [mm] and a class."""
     return float((0.001 * d + 0.4 * m + 5) * 2 ** ((accuracy - 5) / 2))
 
 
@@ -90,7 +93,7 @@ class Law:
     assumed: bool = False
 
     def range_at(self, d: float, m: float, value: float) -> tuple[float, float] | None:
-        """Plausible range of a field, which includes its value, at a pitch diameter d and a module m [mm]."""
+        """Return the plausible range of a field, which includes its value, at a pitch diameter and a module [mm]."""
         if self.bounds is None:
             return None
         scale = value if self.of_value else _growth(self.by, d / REFERENCE, m / _REFERENCE_MODULE)
@@ -121,7 +124,7 @@ _PROPORTIONS = [Proportion(**row) for row in _TABLES["proportions"]]
 
 
 def implausible(drive: Drive) -> Iterator[tuple[str, str, str]]:
-    """Valid fields of a drive that are far from usual: path, message with the number, usual range."""
+    """Yield the valid fields of a drive that are far from usual: path, message with the number, usual range."""
     for proportion in _PROPORTIONS:
         value = drive.value(proportion.path)
         base = drive.value(proportion.base)
@@ -178,7 +181,7 @@ COUPLING_FIELDS = ("cam.coupling", "cam.shaft_d", "cam.overhang")
 
 
 def with_cam_support(drive: Drive) -> Drive:
-    """The drive with supports.C_3 as its coupling has it: assumed, within a range; None where a size is missing."""
+    """Return the drive with supports.C_3 from its coupling: assumed, within a range; None if a size is missing."""
     cam = drive.cam
     why = "3 E I/L^3 of its shaft in series with a bearing, whose stiffness is estimated"
     support: list[float] = []  # stiffness [N/mm], and its range
@@ -237,7 +240,7 @@ Requirements = dict[str, SimilarValue]
 
 
 def _size_of(like: Drive, required: Requirements) -> tuple[SimilarValue, float]:
-    """Pitch diameter [mm] of a drive that is like another one, and its K3 over that of catalogues for it.
+    """Return the pitch diameter [mm] of a drive that is like another one, and its K3 over that of catalogues for it.
 
     It is the required diameter; without one, that of K3 by the cube law of catalogues; without K3, that of the torque
     by the cube law; without any, that of the other drive. Raises UsageError: a torque or a stiffness that no drive of
@@ -307,7 +310,7 @@ def _refuse_size(required: str, d: float, usual: str) -> NoReturn:
 
 
 def similar(like: Drive, required: Requirements) -> dict[str, SimilarValue]:
-    """Fields of a drive that is like another one, by path: the required ones as given, all others as assumed.
+    """Return the fields of a drive that is like another one, by path: required ones as given, others as assumed.
 
     Deviations other than F'_i, offsets and phases are unknown and left out.
     Raises UsageError: requirements that contradict each other.
@@ -380,7 +383,10 @@ def _require_in_range(entries: Mapping[str, SimilarValue]) -> None:
 
 
 def _scaled(like: Drive, path: str, law: Law, s: float, m: float, stiffer: float) -> SimilarValue:
-    """A field scaled by its law; s, m, stiffer: ratio of pitch diameters, new module [mm], ratio of stiffnesses."""
+    """Return a field scaled by its law.
+
+    s, m, stiffer: ratio of pitch diameters, new module [mm], ratio of stiffnesses.
+    """
     value = like.value(path)
     ratio = m / like.gears.m
     d = s * like.gears.pitch_diameter
@@ -404,14 +410,14 @@ def _scaled(like: Drive, path: str, law: Law, s: float, m: float, stiffer: float
 
 
 def _around(like: Drive, path: str, value: float, low: float, high: float) -> tuple[float, float] | None:
-    """Bounds widened to hold the value; None where they are equal or beyond the range of the field."""
+    """Return the bounds widened to hold the value; None where they are equal or beyond the range of the field."""
     low = min(low, value)
     high = max(high, value)
     return (low, high) if low < high and like.allows(path, low) and like.allows(path, high) else None
 
 
 def _shifts(like: Drive, entries: Mapping[str, SimilarValue], d: float) -> dict[str, SimilarValue]:
-    """Profile shifts that keep the bore in proportion to the pitch diameter, and the tips as far apart in modules."""
+    """Return profile shifts that keep the bore in proportion to the pitch diameter, and the tip distance in modules."""
     g = like.gears
     bore = 2 * (g.root_radius - like.flexspline.h_1) / g.pitch_diameter
     m, z_g, h_f = (entries[path].value for path in ("gears.m", "gears.z_g", "gears.h_f"))
@@ -473,7 +479,7 @@ def _load(like: Drive, required: Requirements, s: float, d: float) -> dict[str, 
 
 
 def _rounded(value: float, digits: int = 4) -> float:
-    """A number rounded to a number of significant digits."""
+    """Return a number rounded to a number of significant digits."""
     return value if value == 0 else round(value, digits - 1 - int(log10(abs(value)) // 1))
 
 
@@ -491,7 +497,7 @@ _MEASURES = {
 
 
 def read_requirements(like: Drive, *, ratio: float | None = None, **given: str | None) -> Requirements:
-    """Requirements on a drive that is to be like another one.
+    """Return the requirements on a drive that is to be like another one.
 
     Arguments, None where not given: ratio, of the drive built in as the other one; coupling of the cam, as cam.coupling
     has it; shaft, diameter and overhang [mm] of one that it is overhung on, like 14x30; pitch_diameter [mm] and torque
@@ -626,7 +632,7 @@ def _hole_number(option: str, text: str) -> int:
 
 
 def _teeth_of_ratio(like: Drive, ratio: float) -> int:
-    """Teeth of the flexspline that make a ratio, built in as another drive is."""
+    """Return the teeth of the flexspline that make a ratio, built in as another drive is."""
     if not (isfinite(ratio) and ratio > 0):
         raise UsageError(f"invalid --ratio {ratio:g}: expected a number above 0")
     z_g = 2 * ratio if like.mounting.fixed == "rigid" else 2 * ratio - 2
@@ -639,7 +645,7 @@ def _teeth_of_ratio(like: Drive, ratio: float) -> int:
 
 
 def _coupling(coupling: str | None, shaft: str | None) -> dict[str, SimilarValue]:
-    """Fields of the cam's coupling, by path."""
+    """Return the fields of the cam's coupling, by path."""
     if (coupling == "overhung") != (shaft is not None):
         raise UsageError(
             "--coupling overhung and --shaft must be stated together",
@@ -676,7 +682,7 @@ def _teeth(text: str) -> int:
 
 
 def option_value(option: str, text: str, unit: str) -> float:
-    """Value of an option in a unit, from a text like "26" or "26 N·m". Raises UsageError: no such text."""
+    """Return the value of an option in a unit, from a text like "26" or "26 N·m". Raises UsageError: no such text."""
     try:
         return float(read_number(scalar_value(text.strip()), unit))
     except InvalidValueError as fault:

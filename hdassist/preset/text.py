@@ -99,7 +99,7 @@ class Document:
         self.add(path, fault.message, fault.hint, got, key=fault.at_key)
 
     def where(self, path: Path, key: bool = False) -> tuple[str, Mark]:
-        """File and place of a value or key; of the nearest table around it where it is not given."""
+        """Return the file and place of a value or key; of the nearest table around it where it is not given."""
         while path and path not in self.places:
             path = path[:-1]
             key = True
@@ -109,11 +109,11 @@ class Document:
         return place.file, place.key if key else place.value
 
     def is_override(self, path: Path) -> bool:
-        """Whether a value, or the nearest table around it, is of the command line."""
+        """Return whether a value, or the nearest table around it, is of the command line."""
         return self.where(path)[0] == OVERRIDE
 
     def written(self, path: Path) -> str:
-        """Value of a path as it is written; empty if it is not given."""
+        """Return the value of a path as it is written; empty if it is not given."""
         place = self.places.get(path)
         if place is None:
             return ""
@@ -129,7 +129,7 @@ _SURROGATE = re.compile("[\ud800-\udfff]")
 
 
 def scalar_value(text: str) -> Any:
-    """Value of a plain scalar: None, true, false, a number, or else the text itself."""
+    """Return the value of a plain scalar: None, true, false, a number, or else the text itself."""
     if text in _CONSTANTS:
         return _CONSTANTS[text]
     if _INT.fullmatch(text) and len(text) <= _MAX_DIGITS:
@@ -138,7 +138,7 @@ def scalar_value(text: str) -> Any:
 
 
 def shown(text: str, width: int = 60) -> str:
-    """Text on one line for a message: unprintable characters escaped, a long text shortened."""
+    """Return the text on one line for a message: unprintable characters escaped, a long text shortened."""
     text = text if len(text) <= width else text[: width - 3] + "..."
     return "".join(c if c.isprintable() else escaped(c) for c in text)
 
@@ -229,7 +229,7 @@ class _Reader:
             yield event
 
     def _value(self, event: Any, path: Path, key: Mark | None = None) -> Any:
-        """Value that begins with an event; key, where its key stands."""
+        """Return the value that begins with an event; key, where its key stands."""
         mark = self._mark(event.start_mark)
         if len(path) >= MAX_DEPTH:
             raise self._end(mark, f"nested deeper than {MAX_DEPTH} levels")
@@ -315,7 +315,7 @@ class _Reader:
 
 
 def path_text(path: Path) -> str:
-    """Path as messages write it: gears.z_g, operation.M_g[1]."""
+    """Return the path as messages write it: gears.z_g, operation.M_g[1]."""
     text = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in path)
     return shown(text.removeprefix("."), 80)
 
@@ -340,7 +340,7 @@ _WORDS = {
 
 
 def ordered_findings(items: Iterable[Finding]) -> list[Finding]:
-    """Findings in the order of the file, then of the overrides; the first hundred of very many."""
+    """Return the findings in the order of the file, then of the overrides; the first hundred of very many."""
     ordered = sorted(items, key=lambda f: (f.file == OVERRIDE, f.line, f.column))
     if len(ordered) > MAX_FINDINGS:
         last = ordered[MAX_FINDINGS]
@@ -352,7 +352,7 @@ def ordered_findings(items: Iterable[Finding]) -> list[Finding]:
 
 
 def near_miss(word: str, options: Iterable[str]) -> str:
-    """A hint with the nearest name if an option looks like the word, else an empty text; case breaks ties."""
+    """Return a hint with the nearest name if an option looks like the word, else an empty text; case breaks ties."""
     options_by_spelling = {option.lower(): option for option in options}
     word = word[:60]
 
@@ -414,17 +414,17 @@ def convert(text: str, unit: str) -> float:
 
 
 def _matched(pattern: re.Pattern[str], text: str) -> re.Match[str] | None:
-    """The match of a whole text that is not too long for a number."""
+    """Return the match of a whole text that is not too long for a number."""
     return pattern.fullmatch(text.strip()) if len(text.strip()) <= _LONGEST_NUMBER else None
 
 
 def is_spread(text: str) -> bool:
-    """Whether a text has a sign of an uncertainty in it."""
+    """Return whether a text has a sign of an uncertainty in it."""
     return _matched(_SPREAD, text) is not None
 
 
 def read_spread(text: str, unit: str) -> tuple[float, float]:
-    """A number and its expanded uncertainty (k = 2), both in the unit of the field.
+    """Return a number and its expanded uncertainty (k = 2), both in the unit of the field.
 
     Arguments: text, such as "260±10", "75 ± 5 um" or "1.2 deg +- 3 arcmin": a unit that one of them lacks is the
     other's, and two bare numbers are in the unit of the field. Raises UnitError for anything else.
@@ -449,7 +449,7 @@ def read_spread(text: str, unit: str) -> tuple[float, float]:
 
 
 def read_number(value: Any, unit: str, *, spread: bool = False) -> float:
-    """A number in a unit from a value of a preset, a number or a text with a unit.
+    """Return a number in a unit from a value of a preset, a number or a text with a unit.
 
     Raises InvalidValueError for any other. spread: the text may have an uncertainty, which read_spread reads.
     """
@@ -465,7 +465,7 @@ def read_number(value: Any, unit: str, *, spread: bool = False) -> float:
 
 
 def read_count(value: Any) -> int:
-    """A whole number from a value of a preset. Raises InvalidValueError for any other."""
+    """Return a whole number from a value of a preset. Raises InvalidValueError for any other."""
     try:
         number = read_number(value, "")
     except InvalidValueError as fault:
@@ -477,7 +477,7 @@ def read_count(value: Any) -> int:
 
 
 def units_for(unit: str) -> tuple[str, ...]:
-    """Every unit that converts to the given one, as messages write it; empty for a pure number."""
+    """Return every unit that converts to the given one, as messages write it; empty for a pure number."""
     return tuple(
         unit_of_dimension
         for unit_of_dimension, (dimension, _) in _LISTED.items()

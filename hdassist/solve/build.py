@@ -25,22 +25,22 @@ X86 = {1: ["-march=x86-64"], 3: ["-march=x86-64-v3"], 4: ["-march=x86-64-v4", "-
 
 
 def source_hash() -> str:
-    """SHA-256 of the source of the walk."""
+    """Return SHA-256 of the source of the walk."""
     return hashlib.sha256(SOURCE.read_bytes()).hexdigest()
 
 
 def library_name(level: int) -> str:
-    """File name of the library for an instruction set: 1 any machine, 3 AVX2, 4 AVX-512."""
+    """Return the file name of the library for an instruction set: 1 any machine, 3 AVX2, 4 AVX-512."""
     return f"_walk_{level}{'.dll' if _is_for_windows() else '.so'}"
 
 
 def development_folder() -> Path:
-    """Where an editable install keeps its libraries: a folder that git ignores and no wheel takes."""
+    """Return where an editable install keeps its libraries: a folder that git ignores and no wheel takes."""
     return SOURCE.parents[2] / "build" / f"walk-{sysconfig.get_platform()}"
 
 
 def wheel_platform() -> str:
-    """Platform of the libraries, as a tag of wheels has it."""
+    """Return the platform of the libraries, as a tag of wheels has it."""
     return os.environ.get("HDASSIST_PLATFORM") or sysconfig.get_platform().replace("-", "_").replace(".", "_")
 
 

@@ -55,7 +55,7 @@ class TolerancedSize(FieldPrior):
     law: _SizeLaw = "rayleigh"
 
     def value(self, share: Array) -> Array:
-        """Sizes [the field's unit] that shares of the parts stay below, of the same shape."""
+        """Return the sizes [the field's unit] that shares of the parts stay below, of the same shape."""
         if self.law == "fixed":
             return np.full_like(share, self.high)
         if self.law == "rayleigh":
@@ -95,12 +95,12 @@ class ProductionLaw:
         return tuple(path for path in self.sizes if path in even)
 
     def values(self, seed: int, drive: int) -> dict[str, float]:
-        """Own fields of a drive by its number, by path: they depend on the seed and the number alone."""
+        """Return the own fields of a drive by its number, by path: they depend on the seed and the number alone."""
         rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(drive,)))
         return {f.path: float(f.value(np.array(s))) for f, s in zip(self.own, rng.random(len(self.own)), strict=True)}
 
     def scaled(self, factors: Mapping[str, float]) -> ProductionLaw:
-        """The same law with some tolerances that many times as great; bounds that are assumed from these follow."""
+        """Return the law with some tolerances multiplied by factors; bounds that are assumed from these follow."""
         high = {f.path: f.high * factors[f.path] for f in self.tolerances if f.path in factors}
         following = {f.path: f for f in prior_of(self.drive.with_values(high)).fields}
         own_fields = (
@@ -110,7 +110,7 @@ class ProductionLaw:
         return replace(self, own=tuple(own_fields))
 
     def following(self, path: str) -> list[str]:
-        """Paths of the sizes whose bound is assumed from a tolerance, by its path."""
+        """Return the paths of the sizes whose bound is assumed from a tolerance, by its path."""
         pairs = zip(self.own, self.scaled({path: TIGHTER_STEP}).own, strict=True)
         return [before.path for before, after in pairs if before.path != path and before.high != after.high]
 
@@ -122,7 +122,7 @@ def production_law(
     chosen: bool = False,
     known: Sequence[str] = (),
 ) -> ProductionLaw:
-    """The law of a preset's production.
+    """Return the law of a preset's production.
 
     Arguments: drive; law of sizes up to their tolerance; chosen, whether sizes that are assumed are tolerances too;
     known, directions that are as the preset has them. Raises UsageError for a direction that is none, or is called
@@ -262,7 +262,7 @@ class Production:
         return self.law.drive
 
     def design_of(self, drive: int) -> int:
-        """Number of the design of a drive: 0 of all drives where no shared field is unknown."""
+        """Return the number of the design of a drive: 0 of all drives where no shared field is unknown."""
         return drive // self.per_design if self.law.shared else 0
 
     def design_states(self, drives: int) -> int:
@@ -302,7 +302,7 @@ class Production:
         return replace(self, designs=designs), samples
 
     def records(self, first: int, last: int) -> list[RandomDrive]:
-        """Records of drives first to last - 1, whatever else is or was computed."""
+        """Return the records of drives first to last - 1, whatever else is or was computed."""
         records = []
         drives: list[tuple[Drive, list[ErrorMap]]] = []
 
@@ -335,7 +335,7 @@ class Production:
         return RecordKind(TypeAdapter(RandomDrive), fault)
 
     def options(self) -> dict[str, Any]:
-        """Inputs that the records depend on, beside preset, seed and version."""
+        """Return the inputs that the records depend on, beside preset, seed and version."""
         return {
             "overrides": list(self.drive.origin.overrides),
             "torques_Nm": list(self.torques),
@@ -404,7 +404,7 @@ class Production:
         return {path: tuple(by_torque) for path, by_torque in zip(paths, by_size, strict=True)}, certificate
 
     def _merit(self, F_ior: Array) -> Array:
-        """Figure of merit of each position, least in the best one, shape (rotations,)."""
+        """Return the figure of merit of each position, least in the best one, shape (rotations,)."""
         if self.limits is None:
             return merit(F_ior, F_ior.mean(axis=1))
         return merit(F_ior, np.array([np.inf if limit is None else limit for limit in self.limits]))

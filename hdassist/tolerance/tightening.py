@@ -177,7 +177,9 @@ def _with_tighter(production: Production, path: str) -> Production:
 
 
 def worst_torque(drive: Drive, samples: Samples) -> int:
-    """Place of the torque at which the 95th percentile of F'_ior is greatest, of its limit where all torques have one.
+    """Return the place of the torque at which the 95th percentile of F'_ior is largest.
+
+    It is taken as a share of the limit if all torques have one.
 
     samples of random drives, each of a design of its own.
     """
@@ -187,7 +189,7 @@ def worst_torque(drive: Drive, samples: Samples) -> int:
 
 
 def to_measure(law: ProductionLaw, samples: Samples, torque: int) -> tuple[MeasurementGain, ...]:
-    """The next measurements of a design, by the share of the spread of ln F'_ior that goes, the best first."""
+    """Return the next measurements of a design, by the share of the spread of ln F'_ior that goes, the best first."""
     shared = {field.path for field in law.shared} - DEVIATION_FIELDS
     gains = measurements(samples, torque) if samples.F_ior_arcsec[:, torque].all() else ()
     return tuple(gain for gain in gains if gain.measured in shared or gain.measured.startswith("stiffness."))
@@ -201,7 +203,10 @@ def _sound(records: list[RandomDrive]) -> list[RandomDrive]:
 
 
 def _tightened(path: str, F_ior: Array, then: Array, weights: Array, *, proven: bool) -> list[Tightened]:
-    """Gain of a step of a tolerance at each torque, from F'_ior [arcsec] now and then, shape (drives, torques)."""
+    """Return the gain of a step of a tolerance at each torque, from F'_ior now and then [arcsec].
+
+    These have the shape (drives, torques).
+    """
     resampled = np.random.default_rng(0).integers(0, len(F_ior), (_RESAMPLES, len(F_ior)))
     steps = []
     for before, after in zip(F_ior.T, then.T, strict=True):
@@ -233,12 +238,12 @@ class _Tolerance:
     assumed_law: bool
 
     def cost(self, value: float) -> float:
-        """Cost at a value, in the unit of the law's share."""
+        """Return the cost at a value, in the unit of the law's share."""
         return float(self.law.share * (self.now / value) ** self.law.k)
 
 
 def tolerances(drive: Drive, law: ProductionLaw) -> tuple[_Tolerance, ...]:
-    """Tolerances of a drive that may be chosen: sizes that are drawn up to a value of the preset."""
+    """Return the tolerances of a drive that may be chosen: sizes that are drawn up to a value of the preset."""
     choices = []
     for size in law.tolerances:
         cost = drive.cost.get(size.path)
@@ -340,7 +345,7 @@ class Allocator:
         return max(reversed(attempts), key=lambda allocation: (allocation.probability.value, allocation.tried.share))
 
     def _tried(self, turned: bool, values: Array, attempt: int) -> tuple[list[RandomDrive], Allocation]:
-        """Random drives with given tolerances, other drives at each attempt, and their allocation."""
+        """Return the random drives with given tolerances, other drives at each attempt, and their allocation."""
         chosen = dict(zip(self.choices, values.tolist(), strict=True))
         law = self.production.law.scaled({choice.path: value / choice.now for choice, value in chosen.items()})
         production = replace(self.production, law=law, mounting=turned, seed=self.production.seed + attempt)
@@ -361,7 +366,7 @@ class Allocator:
         )
 
     def _sought(self, records: Sequence[RandomDrive], now: Array, aim: float) -> Array:
-        """The cheapest tolerances for which drives, with sizes scaled, would stay below an aim.
+        """Return the cheapest tolerances for which drives, with sizes scaled, would stay below an aim.
 
         The least ones where none are.
         """
@@ -386,7 +391,9 @@ class Allocator:
         return np.asarray(np.exp(np.clip(cheapest.x, low, high)))
 
     def _ratio_of(self, records: Sequence[RandomDrive], now: Array) -> Callable[[Array], float]:
-        """F'_ior over its room that the wanted share of the drives of most designs stay below, at the worst torque.
+        """Return the function of F'_ior over its room by other tolerances, at the governing torque.
+
+        The wanted share of the drives of most designs stays below this ratio.
 
         Arguments: drives as they were solved with the tolerances now. The result takes values of tolerances that the
         sizes of the drives are scaled to, F'_ior being taken as linear in each size.

@@ -48,7 +48,7 @@ class YieldBelief:
         return float(self.weights @ self.passed / max(float(self.weights @ self.drives), 1e-300))
 
     def percentile(self, share: float) -> float:
-        """Percentile of the yield over the designs."""
+        """Return the percentile of the yield over the designs."""
         return float(np.interp(share, self._below, _YIELDS))
 
     @property
@@ -60,7 +60,7 @@ class YieldBelief:
         return min(self.percentile(YIELD_TAIL), float(low)), max(self.percentile(1 - YIELD_TAIL), float(high))
 
     def probability(self, wanted: float) -> Probability:
-        """Probability that the yield of the design reaches a wanted one, and its Monte Carlo interval.
+        """Return the probability that the yield of the design reaches a wanted one, and its Monte Carlo interval.
 
         The interval is that of the share of such designs, as the posterior of their distribution has it, or as Jeffreys
         has it of so many designs, whichever is wider: the one knows that drives are few, the other that designs are.
@@ -90,7 +90,7 @@ class YieldBelief:
         return np.maximum.accumulate(self._mixture(_YIELDS))
 
     def _mixture(self, yields: Array) -> Array:
-        """Share of the designs whose yield is below some, same shape."""
+        """Return the share of the designs whose yield is below some, same shape."""
         kinds, weights = self._kinds()
         a, b, chance = self._posterior(kinds, weights)
         passed = kinds[:, 0]
@@ -99,13 +99,13 @@ class YieldBelief:
         return np.asarray(np.einsum("g,k,gky->y", chance, weights, probability_below))
 
     def _kinds(self) -> tuple[NDArray[np.integer], Array]:
-        """Numbers of passed drives and of drives that designs have, shape (kinds, 2), and the weight of each."""
+        """Return the numbers of passed drives and of drives that designs have, shape (kinds, 2), and their weights."""
         pairs = np.stack([self.passed, self.drives], axis=1)
         kinds, where = np.unique(pairs, axis=0, return_inverse=True)
         return kinds, np.asarray(np.bincount(where.ravel(), self.weights / self.weights.sum()), dtype=float)
 
     def _posterior(self, kinds: NDArray[np.integer], weights: Array) -> tuple[Array, Array, Array]:
-        """Beta distributions of the yields of designs, and the posterior weight of each, shape (distributions,)."""
+        """Return Beta distributions of the yields of designs, and their posterior weights, shape (distributions,)."""
         if len(self.weights) == 1:
             return np.array([0.5]), np.array([0.5]), np.ones(1)
         mean, concentration = (axis.ravel() for axis in np.meshgrid(_MEANS, _CONCENTRATIONS, indexing="ij"))
@@ -146,11 +146,11 @@ class AtTorque:
     best: array[float] = field(default_factory=lambda: array("d"))
 
     def gains(self) -> Array:
-        """How much less F'_ior is in the best position, as a share of it, shape (drives,)."""
+        """Return how much less F'_ior is in the best position, as a share of it, shape (drives,)."""
         return np.asarray(1 - np.array(self.best) / np.array(self.as_built))
 
     def passes(self, F_ior: Array) -> NDArray[np.bool_]:
-        """Whether F'_ior [arcsec], shape (drives,), with the self error is within the limit; so it is without one."""
+        """Return whether F'_ior [arcsec] with the self error is within the limit, shape (drives,); true without one."""
         return np.asarray(F_ior + self.self_error <= (np.inf if self.limit is None else self.limit))
 
 
@@ -237,7 +237,10 @@ class Summary:
         return verdict_by_probability(reached[0].value, self.sure) if settled else Verdict.INCONCLUSIVE
 
     def percentile(self, F_ior: Sequence[float], share: float) -> Percentile:
-        """Percentile of F'_ior [arcsec] of the drives; drives of a design are no independent ones in its interval."""
+        """Return the percentile of F'_ior of the drives [arcsec].
+
+        Drives of one design do not count as independent in its interval.
+        """
         values = np.array(F_ior)
         weights = np.array(self.weights)
         value = weighted_quantile(values, weights, share)
@@ -250,7 +253,7 @@ class Summary:
 
 
 def rooms(limits: Sequence[float | None], self_errors: Sequence[float]) -> list[float | None] | None:
-    """Limits [arcsec] less the self error at each torque, None without a limit.
+    """Return the limits [arcsec] less the self error at each torque, None without a limit.
 
     None alone where no torque has one, or one is not above the self error.
     """
