@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from hdassist.belief.samples import Samples
     from hdassist.design import Sweep, SweepRow
     from hdassist.preset.fields import Drive
-    from hdassist.run.kept import Kept
+    from hdassist.run.kept import Kept, KeptOwner
     from hdassist.tolerance.production import Production, ProductionLaw, RandomDrive
     from hdassist.tolerance.yields import Summary
 
@@ -180,11 +180,11 @@ class SweepCommand(o.RowsOptions, o.LoadedDriveOptions):
         return "-"
 
     def report(self, out: Output, preset: str) -> Report:
-        """The rows, computed and written."""
+        """Return the page of the rows, after they were computed and written."""
         from hdassist.design import Sweep, collect, read_axes
         from hdassist.files import read_preset
         from hdassist.loading import load_text
-        from hdassist.pages.curves import cells, columns, sweep_report
+        from hdassist.pages.curves import sweep_report
         from hdassist.run.kept import KeptOwner, open_kept
 
         file = None if self.output == "-" else self.output
@@ -206,11 +206,7 @@ class SweepCommand(o.RowsOptions, o.LoadedDriveOptions):
             kept = f"are stored in {file}; the same command resumes" if file else "are done but not stored"
             with at_stop(lambda: f"{results.done} of {sweep.rows} rows {kept}"):
                 swept = collect(sweep, drive, _printed(rows, sweep) if streamed else rows)
-            if out.csv is not None and out.csv != "-":
-                write_text(out.csv, csv_text(columns(sweep), map(cells, results.records())), out.force)
-            if self.parquet is not None:
-                kinds = {column: str if column == "reason" else float for column in columns(sweep)}
-                write_parquet(self.parquet, kinds, map(cells, results.records()), asdict(owner), self.force)
+            self._write_tables(sweep, results, owner, out)
             if file is not None:
                 results.require_there()
                 as_lines = " as JSON Lines; for CSV use --csv" if file.endswith(".csv") else ""
@@ -219,6 +215,16 @@ class SweepCommand(o.RowsOptions, o.LoadedDriveOptions):
             if report.exit_code:
                 say(f"error: no row has a result: {swept.reason}")
             return replace(report, head="") if streamed else report
+
+    def _write_tables(self, sweep: Sweep, results: Kept[SweepRow], owner: KeptOwner, out: Output) -> None:
+        """Write the rows as CSV and as Parquet, if these are asked for; owner: all that they depend on."""
+        from hdassist.pages.curves import cells, columns
+
+        if out.csv is not None and out.csv != "-":
+            write_text(out.csv, csv_text(columns(sweep), map(cells, results.records())), out.force)
+        if self.parquet is not None:
+            kinds = {column: str if column == "reason" else float for column in columns(sweep)}
+            write_parquet(self.parquet, kinds, map(cells, results.records()), asdict(owner), self.force)
 
     def _takes_stdout(self) -> bool:
         """Whether rows go to standard output as CSV."""

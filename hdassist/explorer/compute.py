@@ -112,14 +112,9 @@ def drive_answers(drive: Drive, typical: Mapping[str, float], effort: Effort, te
     """
     typical_drive = drive.with_values(typical)
     has_typical = bool(typical or not unknowns(drive))
-    if searchable(drive) and has_typical:
-        tell("first", FirstErrors(_searched((0.0,), typical_drive)[:, 0].tolist()))
     rotations = tuple(seat_positions(drive))
     tried = is_tried(drive)
-    if searchable(drive) and not prior_of(drive).fields:  # else medians come, which are no numbers as given
-        F_ior = _searched(rotations, drive)
-        sure = tuple(SURE_REFINED for _ in rotations)
-        tell("curve", SeatCurve(rotations, np.stack([F_ior, F_ior, F_ior]), sure))
+    _tell_searched(drive, typical_drive if has_typical else None, rotations, tell)
 
     def seen(so_far: DesignCheck) -> None:
         if so_far.samples and so_far.samples.effective >= _FEWEST_SEEN:
@@ -144,6 +139,22 @@ def drive_answers(drive: Drive, typical: Mapping[str, float], effort: Effort, te
         tell("curve", _mount_curve(advice))
     tell("report", mount_report(advice, _SEED))
     tell("advice", advice)
+
+
+def _tell_searched(drive: Drive, typical_drive: Drive | None, rotations: tuple[float, ...], tell: _Tell) -> None:
+    """Tell what a search gives at once: F'_ior of a typical drive, and that over the seat if all of it is known.
+
+    typical_drive: None if none is known.
+    rotations: turns of the fixed wheel [deg].
+    """
+    if not searchable(drive):
+        return
+    if typical_drive is not None:
+        tell("first", FirstErrors(_searched((0.0,), typical_drive)[:, 0].tolist()))
+    if not prior_of(drive).fields:  # else medians come, which are no numbers as given
+        F_ior = _searched(rotations, drive)
+        sure = tuple(SURE_REFINED for _ in rotations)
+        tell("curve", SeatCurve(rotations, np.stack([F_ior, F_ior, F_ior]), sure))
 
 
 class _Share:

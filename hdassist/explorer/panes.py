@@ -135,9 +135,7 @@ class Holes(KeyedTable):
         """
         readings = measured_errors(session.drive)
         limits = [limit for M_g in session.drive.operation.M_g if (limit := session.drive.limit(M_g))]
-        errors = [reading.value for reading in readings]
-        errors += found.F_ior_arcsec.max(axis=(1, 2)).tolist() if found else limits
-        top = ticks(0.0, max([0.1, *errors]), 5)[-1]
+        top = _top_of_bars(found, [reading.value for reading in readings], limits)
         places = sorted({*session.positions, *letters, *(reading.rotation_deg for reading in readings)})
         heads = [f" {M_g:g} N·m" for M_g in session.drive.operation.M_g] if found else []
         blank = [Text() for _ in heads]
@@ -158,7 +156,8 @@ class Holes(KeyedTable):
         self.border_title = "F'_ior by hole, ″"
         if found and SURE_RANGE in found.sure:
             self.border_title += ": median" if is_narrow else ": 5 to 95 %"
-        if (present_row := f"{session.turn_deg}") in rows and self.key != present_row:
+        present_row = f"{session.turn_deg}"
+        if present_row in rows and self.key != present_row:
             with self.prevent(DataTable.RowHighlighted):
                 self.move_cursor(row=self.get_row_index(present_row))
 
@@ -166,6 +165,12 @@ class Holes(KeyedTable):
         """Columns that are left for bars beside numbers under heads."""
         by_torque = zip(heads, zip(*numbers.values(), strict=True), strict=False)
         return self.size.width - 11 - sum(max(len(head), *map(len, cells)) for head, cells in by_torque)
+
+
+def _top_of_bars(found: SeatCurve | None, measured: Sequence[float], limits: Sequence[float]) -> float:
+    """Return the upper end of the bars [arcsec]: a tick above all values, or above the limits before any are known."""
+    errors = found.F_ior_arcsec.max(axis=(1, 2)).tolist() if found else limits
+    return ticks(0.0, max([0.1, *measured, *errors]), 5)[-1]
 
 
 def _place_name(session: Session, place_deg: float, signs: str) -> Text:
@@ -218,10 +223,11 @@ def values_of(found: SeatCurve | None, rotation_deg: float, *, medians: bool = F
 
 def _bar(width: int, top: float, marks: Iterable[tuple[float, float, str, str]]) -> Text:
     """A row of signs from 0 to a top [arcsec], each from a value to another one, in a style; later ones above."""
-    signs = [(" ", "")] * width
+    signs = [(" ", "") for _ in range(width)]
     for low, high, sign, style in marks:
         first, last = (min(round(value / top * (width - 1)), width - 1) for value in (low, high))
-        signs[first : last + 1] = [(sign, style)] * (last + 1 - first)
+        for column in range(first, last + 1):
+            signs[column] = (sign, style)
     return Text.assemble(*signs)
 
 

@@ -18,11 +18,13 @@ from hdassist.error.stiffness import (
 from hdassist.error.waves import ErrorAlong, Trace, order_legend
 from hdassist.errors import worst_exit_code
 from hdassist.model.deviations import unknown_notes, unknowns
+from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive, Measured
 from hdassist.report import (
     Curve,
     Fact,
     Facts,
+    Json,
     Paragraph,
     Report,
     Series,
@@ -72,13 +74,19 @@ def trace_report(drive: Drive, trace: Trace, seed: int, speed: float | None = No
     moving = "phi_g0" if error.kinematics.fixed == "rigid" else "phi_b0"
     revolutions = "revolution" if trace.revolutions == 1 else "revolutions"
     start = f"{error.M_g:g} N·m, {trace.revolutions} input {revolutions} from {moving} = {trace.start_deg:g}°"
+    facts = [
+        ("gravity", _along_words(trace.along)),
+        ("assumed", on_what(drive)),
+        ("unknown", not_known(drive)),
+        ("next", _next(drive, trace, is_part=is_part)),
+    ]
     largest = sorted(
         (order for order in trace.orders if order.amplitude_arcsec >= _LEAST_SHOWN),
         key=lambda order: -order.amplitude_arcsec,
     )
     listed = sorted(largest[:_LISTED_ORDERS], key=lambda order: order.per_cam_rev)
+    orders_title = f"orders: amplitude·cos(order·phi_h + phase), the {_LISTED_ORDERS} largest"
     y_label = f"kinematic error F_kpp at {error.M_g:g} N·m, ″"
-    angles = {f"{name}_deg": np.degrees(getattr(error.states, name)) for name in ("phi_h", "phi_g", "phi_b")}
     return Report(
         command="trace",
         drive=drive,
@@ -87,44 +95,47 @@ def trace_report(drive: Drive, trace: Trace, seed: int, speed: float | None = No
         why=tuple(_limits_of_trace(drive, trace, is_part=is_part)),
         blocks=(
             *([Table.by_row("", quantity_table("trace.page"), largest[:_NAMED_ORDERS])] if largest else []),
-            Facts.of(
-                [
-                    ("gravity", _along_words(trace.along)),
-                    ("assumed", on_what(drive)),
-                    ("unknown", not_known(drive)),
-                    ("next", _next(drive, trace, is_part=is_part)),
-                ]
-            ),
+            Facts.of(facts),
             curve_of_turns(error.states.phi_h / (2 * np.pi), error.error_arcsec, y_label),
         ),
         details=(
-            Table.by_row(
-                f"orders: amplitude·cos(order·phi_h + phase), the {_LISTED_ORDERS} largest", ORDER_QUANTITIES, listed
-            ),
+            Table.by_row(orders_title, ORDER_QUANTITIES, listed),
             Paragraph(order_legend(drive)),
             Facts.of([("slope", slope_words(trace.slope_arcsec_per_deg, 0.0, speed))]),
         ),
         certificate=error.certificate,
         cross_checks=(error.cross_check,),
-        values={
-            "unknown": unknown_objects(unknowns(drive)),
-            "pitch": pitch_object(trace.measured),
-            "statistic": "nominal",
-            "M_g_Nm": error.M_g,
-            "gravity": trace.along,
-            f"{moving}_deg": trace.start_deg,
-            "cam_revolutions": trace.revolutions,
-            "phi_h_deg": angles["phi_h_deg"],
-            **attributes(error, "error_arcsec", "range_arcsec"),
-            "orders": trace.orders,
-            "slope_arcsec_per_deg": trace.slope_arcsec_per_deg,
-            "rate_arcsec_per_s": speed and trace.slope_arcsec_per_deg * speed / 3600,
-            "seed": seed,
-        },
-        csv=csv_columns(**angles, **attributes(error, "error_arcsec", "rotation_arcsec")),
+        values=_trace_object(drive, trace, moving, seed, speed),
+        csv=csv_columns(**_angles_deg(trace), **attributes(error, "error_arcsec", "rotation_arcsec")),
         line=f"{error.range_arcsec:.2f} arcsec",
         warnings=(*drive.origin.warnings, *unknown_notes(drive)),
     )
+
+
+def _trace_object(drive: Drive, trace: Trace, moving: str, seed: int, speed: float | None) -> Json:
+    """Return a trace as JSON; moving: name of the angle at which it starts; the others as those of trace_report."""
+    error = trace.error
+    return {
+        "unknown": unknown_objects(unknowns(drive)),
+        "pitch": pitch_object(trace.measured),
+        "statistic": "nominal",
+        "M_g_Nm": error.M_g,
+        "gravity": trace.along,
+        f"{moving}_deg": trace.start_deg,
+        "cam_revolutions": trace.revolutions,
+        "phi_h_deg": _angles_deg(trace)["phi_h_deg"],
+        **attributes(error, "error_arcsec", "range_arcsec"),
+        "orders": trace.orders,
+        "slope_arcsec_per_deg": trace.slope_arcsec_per_deg,
+        "rate_arcsec_per_s": speed and trace.slope_arcsec_per_deg * speed / 3600,
+        "seed": seed,
+    }
+
+
+def _angles_deg(trace: Trace) -> dict[str, Array]:
+    """Return the angles of the input and of both wheels [deg] by name, shape (states,) each."""
+    states = trace.error.states
+    return {f"{name}_deg": np.degrees(getattr(states, name)) for name in ("phi_h", "phi_g", "phi_b")}
 
 
 def _limits_of_trace(drive: Drive, trace: Trace, *, is_part: bool) -> Iterator[str]:

@@ -25,7 +25,7 @@ from hdassist.run.system import command_line
 from hdassist.terminal.words import again
 
 if TYPE_CHECKING:
-    from hdassist.calibration import Calibration, Fit, Targets
+    from hdassist.calibration import Calibration, CalibrationTarget, Fit, Targets
 
 _UNDETERMINED = 0.1  # a value whose interval the targets have narrowed by less is the bounds' alone
 _FOUND_VALUES = quantity_table(
@@ -40,22 +40,8 @@ _NOTE = "agreement with fitted targets does not validate the model; agreement wi
 def calibrate_report(result: Calibration, written: str | None = None) -> Report:
     """Return a calibration as a report; written: the file of the preset with its values, None without one."""
     wanted = result.targets
-    next_ = again("calibrate", result.drive, "--write", "found.yaml")
-    if result.drive.origin.overrides:
-        next_ = "write the values of --set into the file of the preset; then --write FILE writes a preset"
-    if result.shortfall:
-        next_ = "check the measured values; if they are right, widen bounds or add unknowns"
-    elif written:
-        next_ = command_line(["hdassist", "check", written])
     sets = [_set_object(wanted, fit) for fit in result.fits]
     met = sets[0]["targets_met"]
-    columns = zip(wanted.targets, sets[0]["found"], sets[0]["off_tolerances"], met, strict=True)
-    rows = [
-        (t.words, t.unit, t.wanted, four_digits(value), f"{off:+.2f}", "met" if is_met else "MISSED")
-        for t, value, off, is_met in columns
-    ]
-    kept = [(value.path, *(f"{fit.values[k]:g}" for fit in result.fits)) for k, value in enumerate(result.values)]
-    heads = ("field", "best", *(f"other {k}" for k in range(1, len(result.fits))))
     return Report(
         command="calibrate",
         drive=result.drive,
@@ -64,17 +50,13 @@ def calibrate_report(result: Calibration, written: str | None = None) -> Report:
         why=(result.shortfall or f"sets of values that meet all targets: {len(result.fits)}",),
         blocks=(
             Table.by_row("values, half width of their interval, bounds", _FOUND_VALUES, result.values),
-            Table("targets", ("quantity", "unit", "target", "fitted", "off, tolerances", ""), tuple(rows)),
-            Facts((("note", _NOTE), ("next", next_))),
+            _targets_table(wanted, sets[0]),
+            Facts((("note", _NOTE), ("next", _after_calibration(result, written)))),
         ),
-        details=(Table("sets of values that meet the targets", heads, tuple(kept)),),
+        details=(_sets_table(result),),
         values={
             "targets_file": attributes(wanted, "name", "sha256"),
-            "targets": [
-                attributes(target, "quantity", "unit", "asked", "value", "tolerance")
-                | {end: bound if isfinite(bound := getattr(target, end)) else None for end in ("low", "high")}
-                for target in wanted.targets
-            ],
+            "targets": [_target_object(target) for target in wanted.targets],
             "unknowns": result.values,
             "best": sets[0],
             "alternatives": sets[1:],
@@ -87,7 +69,45 @@ def calibrate_report(result: Calibration, written: str | None = None) -> Report:
     )
 
 
+def _after_calibration(result: Calibration, written: str | None) -> str:
+    """Return the next command, or what to do before it; written: the file of the preset, None without one."""
+    if result.shortfall:
+        return "check the measured values; if they are right, widen bounds or add unknowns"
+    if written:
+        return command_line(["hdassist", "check", written])
+    if result.drive.origin.overrides:
+        return "write the values of --set into the file of the preset; then --write FILE writes a preset"
+    return again("calibrate", result.drive, "--write", "found.yaml")
+
+
+def _targets_table(wanted: Targets, fitted: Json) -> Table:
+    """Return the targets beside the values of a fit; fitted: that fit as JSON."""
+    rows = []
+    columns = zip(wanted.targets, fitted["found"], fitted["off_tolerances"], fitted["targets_met"], strict=True)
+    for target, value, off_tolerances, is_met in columns:
+        state = "met" if is_met else "MISSED"
+        rows.append((target.words, target.unit, target.wanted, four_digits(value), f"{off_tolerances:+.2f}", state))
+    return Table("targets", ("quantity", "unit", "target", "fitted", "off, tolerances", ""), tuple(rows))
+
+
+def _sets_table(result: Calibration) -> Table:
+    """Return all sets of values that meet the targets."""
+    heads = ("field", "best", *(f"other {k}" for k in range(1, len(result.fits))))
+    rows = tuple((value.path, *(f"{fit.values[k]:g}" for fit in result.fits)) for k, value in enumerate(result.values))
+    return Table("sets of values that meet the targets", heads, rows)
+
+
+def _target_object(target: CalibrationTarget) -> Json:
+    """Return a target as JSON; a bound that it does not have is null."""
+    return {
+        **attributes(target, "quantity", "unit", "asked", "value", "tolerance"),
+        "low": target.low if isfinite(target.low) else None,
+        "high": target.high if isfinite(target.high) else None,
+    }
+
+
 def _warnings(result: Calibration) -> Iterator[str]:
+    """Yield the warnings of a calibration."""
     from hdassist.model.deviations import unknown_notes  # with scipy, which explaining does without
 
     yield from result.drive.origin.warnings

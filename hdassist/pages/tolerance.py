@@ -77,6 +77,7 @@ def _percentile_words(share: float, drives: _MountedDrives) -> str:
 
 
 def _percentile(share: float, drives: _MountedDrives) -> float:
+    """Return a percentile of F'_ior [arcsec]."""
     return drives.percentile(share).value
 
 
@@ -107,19 +108,15 @@ def tolerance_report(
     worst = min(range(len(points)), key=lambda k: summary.yield_of(True, points[k]).share)
     gains = to_measure(law, samples, worst) if samples else ()
     is_open = summary.verdict is Verdict.INCONCLUSIVE
-    title = "F'_ior of drives of this type, ″ (percentiles)"
-    if summary.has_limit and law.shared:
-        title += f"; yield: median ({100 * YIELD_TAIL:.0f} to {100 - 100 * YIELD_TAIL:.0f} %) over designs"
-    F_ior = (*_MOUNTING_COLUMNS, *_F_IOR_COLUMNS)
-    on_page = (*_MOUNTING_COLUMNS, *_F_IOR_ON_PAGE)
-    table = Table.by_row(title, (*on_page, *_YIELD_COLUMNS) if summary.has_limit else on_page, drives)
+    table = _drives_table(law, summary, drives)
     plots = [_share_below(drives[k : k + len(ways)]) for k in range(0, len(drives), len(ways))]
     designs = f" of {summary.design_count} sampled designs" if law.shared else ""
-    line = "\n".join(f"{row[0]} N*m, {row[1]}: 95 % of drives below {row[4]}″" for row in table.rows)
-    if summary.has_limit:
-        line = _yields(summary)
-        if summary.wanted is not None:
-            line += f": {summary.verdict}"
+    facts = [
+        ("best hole", _best_of(summary, drives)),
+        ("measure", (measure_words(gains, points[worst].M_g) or _MORE_DRIVES) if is_open else ""),
+        ("next", again("sensitivity", drive)),
+    ]
+    csv_columns = (*_MOUNTING_COLUMNS, *_F_IOR_COLUMNS, Quantity("yield", value="yield_belief.share"))
     return Report(
         command="tolerance",
         drive=drive,
@@ -128,23 +125,36 @@ def tolerance_report(
         why=tuple(_reasons(summary)),
         blocks=(
             table,
-            Facts.of(
-                [
-                    ("best hole", _best_of(summary, drives)),
-                    ("measure", (measure_words(gains, points[worst].M_g) or _MORE_DRIVES) if is_open else ""),
-                    ("next", again("sensitivity", drive)),
-                ]
-            ),
+            Facts.of(facts),
             plots.pop(worst),
         ),
         details=(Facts((("distributions", _drawn(law, seed)),)), *plots),
         certificate=summary,
         values=_values(law, seed, summary, gains),
-        csv=csv_table(drive.name, (*F_ior, Quantity("yield", value="yield_belief.share")), drives),
-        line=line,
+        csv=csv_table(drive.name, csv_columns, drives),
+        line=_tolerance_line(summary, table),
         warnings=(*_law_warnings(law), *_few(law, summary)),
         exit_code=130 if interrupted else summary.verdict.exit_code,
     )
+
+
+def _drives_table(law: ProductionLaw, summary: Summary, drives: Sequence[_MountedDrives]) -> Table:
+    """Return the percentiles of F'_ior of random drives, with their yield if there is a limit."""
+    title = "F'_ior of drives of this type, ″ (percentiles)"
+    if summary.has_limit and law.shared:
+        title += f"; yield: median ({100 * YIELD_TAIL:.0f} to {100 - 100 * YIELD_TAIL:.0f} %) over designs"
+    columns = (*_MOUNTING_COLUMNS, *_F_IOR_ON_PAGE)
+    if summary.has_limit:
+        columns = (*columns, *_YIELD_COLUMNS)
+    return Table.by_row(title, columns, drives)
+
+
+def _tolerance_line(summary: Summary, table: Table) -> str:
+    """Return the result in a line: the yield if there is a limit, else the 95th percentile of each row of the table."""
+    if not summary.has_limit:
+        return "\n".join(f"{row[0]} N*m, {row[1]}: 95 % of drives below {row[4]}″" for row in table.rows)
+    verdict = "" if summary.wanted is None else f": {summary.verdict}"
+    return f"{_yields(summary)}{verdict}"
 
 
 def drive_table(
@@ -155,7 +165,7 @@ def drive_table(
     F_ior = [f"{which}F_ior_arcsec@{M_g}" for which in ("", "best_") for M_g in torques]
     drawn = [field.path for field in production.law.joint.fields]
     floats = (*F_ior, "best_rotation_deg", "max_residual")
-    none = [None] * len(torques)
+    none = [None for _ in torques]
     kinds = {"drive": int, "design": int, "weight": float, **dict.fromkeys(floats, float), "refused": str}
     rows = (
         (
@@ -369,27 +379,34 @@ def sensitivity_report(found: Sensitivities) -> Report:
         blocks=(short, Facts.of(facts)),
         details=(Facts((("distributions", drawn),)), *(table for table in torque_tables if table != short)),
         certificate=found,
-        values={
-            "operating_points": [
-                {
-                    "M_g_Nm": M_g,
-                    "F_ior_arcsec": {f"p{p}": samples.percentile(p / 100, t) for p in (5, 50, 95)},
-                    "influence": influence_objects(found.influences[t]),
-                    "tighter": objects(found.tightened[t], *_TIGHTENED_KEYS, field="path"),
-                }
-                for t, M_g in enumerate(torques)
-            ],
-            "tighter_factor": TIGHTER_STEP,
-            "tighten_first": found.first.path if found.is_worth_tightening else None,
-            "to_measure": measure_objects(found.to_measure),
-            "samples": samples_object(samples),
-            "drives": found.drives,
-            "seed": samples.seed,
-        },
+        values=_sensitivities_object(found),
         csv=csv_table(law.drive.name, _EFFECT_CSV, [effect for at_torque in effects for effect in at_torque]),
         line=f"tighten first: {verdict}; {reason}",
         warnings=_law_warnings(law),
     )
+
+
+def _sensitivities_object(found: Sensitivities) -> Json:
+    """Return the sensitivities of a drive as JSON."""
+    samples = found.samples
+    points = [
+        {
+            "M_g_Nm": M_g,
+            "F_ior_arcsec": {f"p{p}": samples.percentile(p / 100, torque) for p in (5, 50, 95)},
+            "influence": influence_objects(found.influences[torque]),
+            "tighter": objects(found.tightened[torque], *_TIGHTENED_KEYS, field="path"),
+        }
+        for torque, M_g in enumerate(samples.torques)
+    ]
+    return {
+        "operating_points": points,
+        "tighter_factor": TIGHTER_STEP,
+        "tighten_first": found.first.path if found.is_worth_tightening else None,
+        "to_measure": measure_objects(found.to_measure),
+        "samples": samples_object(samples),
+        "drives": found.drives,
+        "seed": samples.seed,
+    }
 
 
 def _answer(found: Sensitivities) -> tuple[str, str, str]:
@@ -453,7 +470,6 @@ def allocate_report(
     to_measure: measurements of the design, at the torque M_g [N*m].
     """
     law = found.production.law
-    choices = found.choices
     drive = law.drive
     verdicts = {way.verdict for way in ways}
     verdict = next(verdict for verdict in (Verdict.PASS, Verdict.INCONCLUSIVE, Verdict.FAIL) if verdict in verdicts)
@@ -462,13 +478,15 @@ def allocate_report(
         for M_g, self_error in zip(found.production.torques, self_errors, strict=True)
     ]
     limits = ", ".join(f"{limit:g}″ at {M_g:g} N·m" for M_g, limit, _ in torque_limits)
-    assumed = [choice.path for choice in choices if choice.assumed_law]
+    assumed = [choice.path for choice in found.choices if choice.assumed_law]
     costs = f"costs are assumed (1 at present, increasing as 1/tolerance): {', '.join(assumed)} (preset: cost)"
     reasons = [_words(way, found) for way in ways]
+    self_error_words = ", ".join(
+        f"{self_error:.1f} of {limit:g}″ at {torque:g} N·m" for torque, limit, self_error in torque_limits
+    )
     facts = []
     if verdict is not Verdict.PASS:
-        taken = ", ".join(f"{self_error:.1f} of {limit:g}″ at {M_g:g} N·m" for M_g, limit, self_error in torque_limits)
-        facts.append(("self error", f"{taken}, which no tolerance reduces"))
+        facts.append(("self error", f"{self_error_words}, which no tolerance reduces"))
     if verdict is Verdict.INCONCLUSIVE:
         facts.append(("measure", measure_words(to_measure, M_g) or _MORE_DRIVES))
     facts.append(("next", _next(found, ways, verdict, to_measure)))
@@ -490,18 +508,22 @@ def allocate_report(
             "laws": _law_objects(found),
             "allocations": [_allocation_object(way) for way in ways],
         },
-        csv=(
-            ["preset", "wheel", "fits", "field", "now", "tolerance", "cost_of_all"],
-            [
-                [drive.name, _column(way), way.fits, choice.path, choice.now, way.values[choice.path], way.cost]
-                for way in ways
-                for choice in choices
-            ],
-        ),
+        csv=_allocations_csv(found, ways),
         line="\n".join(reasons),
         warnings=(*_law_warnings(law), *([costs] if assumed else [])),
         exit_code=verdict.exit_code,
     )
+
+
+def _allocations_csv(found: Allocator, ways: Sequence[Allocation]) -> tuple[list[str], list[list[Any]]]:
+    """Return the tolerances found for each way to build the drive: names of the columns, and rows."""
+    name = found.production.law.drive.name
+    rows = [
+        [name, _column(way), way.fits, choice.path, choice.now, way.values[choice.path], way.cost]
+        for way in ways
+        for choice in found.choices
+    ]
+    return ["preset", "wheel", "fits", "field", "now", "tolerance", "cost_of_all"], rows
 
 
 def _law_objects(found: Allocator) -> list[Json]:
@@ -556,6 +578,7 @@ def _next(found: Allocator, ways: Sequence[Allocation], verdict: Verdict, to_mea
 
 
 def _tolerances_table(found: Allocator, ways: Sequence[Allocation]) -> Table:
+    """Return the present tolerances and those of each way to build the drive, with their costs."""
     rows = [
         (
             f"{choice.path}, {field_unit(choice.path)}",
@@ -571,4 +594,5 @@ def _tolerances_table(found: Allocator, ways: Sequence[Allocation]) -> Table:
 
 
 def _column(way: Allocation) -> str:
+    """Return how the drive is built, as CSV names it."""
     return "best hole" if way.turned else "as built"

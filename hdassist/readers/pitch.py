@@ -216,9 +216,9 @@ class _Statements:
         return first, other_columns[0]
 
     def refused(self, key: str, message: str, default: str, hint: str = "", at: _Statement | None = None) -> str:
-        """The default value of a key, whose statement, by default the first one, is a finding."""
-        at = at or self.stated[key][0]
-        self.table.add(at.line, at.column, key, message, at.text or "nothing", hint)
+        """Return the default value of a key after a finding on a statement of it, by default the first one."""
+        statement = at or self.stated[key][0]
+        self.table.add(statement.line, statement.column, key, message, statement.text or "nothing", hint)
         return default
 
 

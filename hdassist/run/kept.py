@@ -113,14 +113,17 @@ class RecordKind(Generic[_RecordT]):
     )
 
     def read(self, lines: Iterable[bytes], above: bytes, name: str) -> Iterator[tuple[_RecordT, bytes]]:
-        """Records with their lines; a last one that is not finished is left out.
+        """Yield records with their lines; a last one that is not finished is left out.
 
-        Arguments: lines below the owner; above, the owner's checksum; name of the file. Raises DataError: a record
-        that does not hold.
+        lines: those below the owner.
+        above: the owner's checksum.
+        name: of the file, in messages.
+        Raises DataError for a record that does not hold.
         """
+        checksum = above  # of the line above, which each line carries
         for item, line in enumerate(lines):
             try:
-                fields, above = _unsealed(line, above)
+                fields, checksum = _unsealed(line, checksum)
                 if fields.pop("item", None) != item:
                     raise ValueError(f"expected item {item}")
                 record = self.adapter.validate_python(fields)

@@ -305,7 +305,7 @@ _STOP_WORDS = {  # of each signal that ends a command; SIGBREAK: Ctrl-Break, or 
     "SIGHUP": "hung up",
     "SIGBREAK": "interrupted",
 }
-STOPS = {getattr(signal, name): words for name, words in _STOP_WORDS.items() if hasattr(signal, name)}
+STOPS = {getattr(signal, name): verb for name, verb in _STOP_WORDS.items() if hasattr(signal, name)}
 
 
 @contextmanager
