@@ -22,7 +22,7 @@ from hdassist.error.waves import POINTS_A_TURN
 from hdassist.errors import Verdict
 from hdassist.model.deviations import unknown_notes, unknowns
 from hdassist.model.geometry import Array
-from hdassist.report import Curve, Fact, Facts, Report, Table, csv_columns, samples_object
+from hdassist.report import Curve, Fact, Facts, Json, Report, Table, csv_columns, samples_object
 from hdassist.terminal.words import ENVELOPE, again
 
 UNPROVEN = "Not yet tried on a real drive: record the first one with the correction on."
@@ -47,14 +47,9 @@ def compensate_report(result: Correction, *, is_written: bool = False, warnings:
     """
     drive = result.drive
     chosen = result.chosen
-    notes = tuple[str, ...]()
-    if drive:
-        is_open = not (result.samples or result.misfit)
-        notes = (*drive.origin.warnings, *(unknown_notes(drive) if is_open else ()))
-        notes += result.samples.remarks if result.samples else ()
-    refused = (
-        (f"{form_words(chosen.form.name)}: refused, as {_percent(chosen)} % would remain",) if chosen.is_refused else ()
-    )
+    refused: tuple[str, ...] = ()
+    if chosen.is_refused:
+        refused = (f"{form_words(chosen.form.name)}: refused, as {_percent(chosen)} % would remain",)
     names = {_SHORT_FORM, chosen.form.name, result.forms[0].form.name}
     forms = [residual for residual in result.forms if residual.form.name in names]
     return Report(
@@ -73,25 +68,42 @@ def compensate_report(result: Correction, *, is_written: bool = False, warnings:
             _lines_table(result),
         ),
         certificate=result.certificate,
-        values={
-            "M_g_Nm": result.M_g,
-            "parts": result.parts,
-            "forms": [_form_object(residual) for residual in result.forms],
-            "refused": chosen.is_refused,
-            "recorded_Nm": list(result.records),
-            "misfit": result.misfit,
-            "fewest_points": result.fewest_points,
-            "phasors": result.phasors,
-            "correction": None if refused else result.correction,
-            "corrections": [] if refused else list(result.corrections.values()),
-            "samples": samples_object(result.samples),
-        },
+        values=_correction_object(result),
         csv=None if refused else csv_columns(**_columns(result)),
         line=_verdict(result),
         about=result.correction.preset,
-        warnings=(*warnings, *notes, *refused),
+        warnings=(*warnings, *_notes_of_drive(result), *refused),
         exit_code=5 if refused else 0,
     )
+
+
+def _notes_of_drive(result: Correction) -> tuple[str, ...]:
+    """Return the warnings on the drive of a correction and on its samples; none without a drive."""
+    drive = result.drive
+    if drive is None:
+        return ()
+    notes = drive.origin.warnings
+    if not (result.samples or result.misfit):
+        notes = (*notes, *unknown_notes(drive))
+    return (*notes, *result.samples.remarks) if result.samples else (*notes,)
+
+
+def _correction_object(result: Correction) -> Json:
+    """Return a correction as JSON; a refused one is left out."""
+    is_refused = result.chosen.is_refused
+    return {
+        "M_g_Nm": result.M_g,
+        "parts": result.parts,
+        "forms": [_form_object(residual) for residual in result.forms],
+        "refused": is_refused,
+        "recorded_Nm": list(result.records),
+        "misfit": result.misfit,
+        "fewest_points": result.fewest_points,
+        "phasors": result.phasors,
+        "correction": None if is_refused else result.correction,
+        "corrections": [] if is_refused else list(result.corrections.values()),
+        "samples": samples_object(result.samples),
+    }
 
 
 def verified_report(result: Correction, found: VerifiedCorrection) -> Report:

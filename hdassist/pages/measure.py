@@ -97,18 +97,21 @@ def measure_report(
     speed: that of the output [arcsec/s], for the slope.
     """
     first_sweep, *further_sweeps = result.directions
-    travel = f" over {result.gearing.travel_deg:.4g}° of travel" if result.gearing and result.gearing.travel else ""
     trace = result.trace
     gearing = result.gearing
-    reversal = result.reversal
-    lag = result.lag
+    verdict = f"F'_ior at least {first_sweep.interval_arcsec[0]:.2f}″ (lower bound)"
+    if not first_sweep.is_bound:
+        travel = f" over {gearing.travel_deg:.4g}° of travel" if gearing and gearing.travel else ""
+        verdict = f"F'_ior {first_sweep.F_ior_arcsec:.2f}″{travel}"
+    slope = result.slope_arcsec_per_deg
+    slope_facts = []
+    if slope:
+        slope_facts.append(("slope", slope_words(*slope, None, is_least=first_sweep.is_scale_bound)))
     return Report(
         command="measure",
         drive=drive,
         head=f"{trace.file}, {len(trace.line)} rows" + (f", {drive.name}" if drive else ""),
-        verdict=f"F'_ior at least {first_sweep.interval_arcsec[0]:.2f}″ (lower bound)"
-        if first_sweep.is_bound
-        else f"F'_ior {first_sweep.F_ior_arcsec:.2f}″{travel}",
+        verdict=verdict,
         why=(*_lower_bound(result, first_sweep), *_full_cycle_words(result, first_sweep)),
         blocks=(
             Table.by_row("", _columns(first_sweep), result.directions),
@@ -121,29 +124,31 @@ def measure_report(
             Table.by_column("all numbers", _SWEEP_QUANTITIES, result.directions),
             *(block for sweep in result.directions for block in _details(sweep)),
             *map(_curve, further_sweeps),
-            Facts.of(
-                [("slope", slope_words(*slope, None, is_least=first_sweep.is_scale_bound))]
-                if (slope := result.slope_arcsec_per_deg)
-                else []
-            ),
+            Facts.of(slope_facts),
         ),
-        values={
-            "file": {"name": trace.file, "sha256": trace.sha256, "rows": len(trace.line)},
-            "notes": list(result.notes),
-            "cycle": gearing and as_object(_CYCLE, gearing),
-            "F_ior_arcsec": result.F_ior_arcsec,
-            "directions": [_sweep(sweep) for sweep in result.directions],
-            "reversal_error": reversal and asdict(reversal),
-            "encoder_lag": lag and asdict(lag),
-            "torque": result.torque and asdict(result.torque),
-            **_slope_object(result, speed),
-            "seed": result.seed,
-        },
+        values=_measurement_object(result, speed),
         csv=_csv(result),
         line=_line(first_sweep),
         about=trace.file,
         warnings=result.warnings,
     )
+
+
+def _measurement_object(result: Measurement, speed: float | None) -> Json:
+    """Return a measurement as JSON; speed: that of the output [arcsec/s], for the slope."""
+    trace = result.trace
+    return {
+        "file": {"name": trace.file, "sha256": trace.sha256, "rows": len(trace.line)},
+        "notes": list(result.notes),
+        "cycle": result.gearing and as_object(_CYCLE, result.gearing),
+        "F_ior_arcsec": result.F_ior_arcsec,
+        "directions": [_sweep(sweep) for sweep in result.directions],
+        "reversal_error": result.reversal and asdict(result.reversal),
+        "encoder_lag": result.lag and asdict(result.lag),
+        "torque": result.torque and asdict(result.torque),
+        **_slope_object(result, speed),
+        "seed": result.seed,
+    }
 
 
 def _lower_bound(result: Measurement, found: SweepResult) -> Iterator[str]:

@@ -28,7 +28,7 @@ teeth, numbered clockwise, mark on tooth 2:
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite
 from typing import Literal, NamedTuple, cast, get_args
@@ -190,30 +190,38 @@ class _Statements:
         return stated[0].value if stated else default
 
     def columns(self) -> tuple[int, int]:
-        """Columns of the tooth numbers and of the deviations; states the meaning of the latter's name."""
-        table = self.table
+        """Return the columns of the tooth numbers and of the deviations, and take statements from the latter's name."""
         names = self.table.names
         teeth = [index for index, name in enumerate(names) if names_teeth(name)]
         first = teeth[0] if len(teeth) == 1 else 0
-        other_columns = [index for index in range(table.values.shape[1]) if index != first]
+        columns = [index for index in range(self.table.values.shape[1]) if index != first]
         for key, meaning in (("flank", flank_in), ("form", form_in)):
             wanted = self.asked.get(key) or next((statement.value for statement in self.stated[key]), "")
-            if wanted and len(other_columns) > 1 and names:
-                other_columns = [index for index in other_columns if meaning(names[index]) == wanted] or other_columns
-        if len(other_columns) > 1:
-            got = " and ".join(f'"{table.name(column)}"' for column in other_columns)
-            line = table.names_line if names else int(table.lines[0])
-            table.add(line, 1, "", f"{len(other_columns)} columns of deviations", got, COLUMNS_HINT)
+            if wanted and len(columns) > 1 and names:
+                columns = [index for index in columns if meaning(names[index]) == wanted] or columns
+        if len(columns) > 1:
+            self._refuse_columns(columns)
         elif names:
-            name = names[other_columns[0]]
-            for key, value in (("form", form_in(name)), ("flank", flank_in(name)), ("unit", length_in(name))):
-                if value and value != AMBIGUOUS:
-                    statement = _Statement(value=value, text=name, line=table.names_line, column=1)
-                    self.stated[key].append(statement)
-                elif value and not self.stated[key] and key not in self.asked:
-                    message = "state whether they are single or cumulative pitch deviations"
-                    table.add(table.names_line, 1, key, message, name, _FORM_HINT)
-        return first, other_columns[0]
+            self._take_statements(names[columns[0]])
+        return first, columns[0]
+
+    def _refuse_columns(self, columns: Sequence[int]) -> None:
+        """Note as a fault that several columns have deviations."""
+        table = self.table
+        got = " and ".join(f'"{table.name(column)}"' for column in columns)
+        line = table.names_line if table.names else int(table.lines[0])
+        table.add(line, 1, "", f"{len(columns)} columns of deviations", got, COLUMNS_HINT)
+
+    def _take_statements(self, name: str) -> None:
+        """Take what the name of the column of deviations states; an ambiguous form is a fault if nothing else does."""
+        table = self.table
+        for key, value in (("form", form_in(name)), ("flank", flank_in(name)), ("unit", length_in(name))):
+            if value and value != AMBIGUOUS:
+                statement = _Statement(value=value, text=name, line=table.names_line, column=1)
+                self.stated[key].append(statement)
+            elif value and not self.stated[key] and key not in self.asked:
+                message = "state whether they are single or cumulative pitch deviations"
+                table.add(table.names_line, 1, key, message, name, _FORM_HINT)
 
     def refused(self, key: str, message: str, default: str, hint: str = "", at: _Statement | None = None) -> str:
         """Return the default value of a key after a finding on a statement of it, by default the first one."""
