@@ -1,8 +1,9 @@
-"""Regret of the hole that mount names: `python -m benchmarks.regret [--cases A,D1,D2,G,F,T] [--n 40] [--first 0]`.
+"""Regret of the hole that mount names: `python -m benchmarks.regret [--cases A,D1,D2,G,F,T,C,C2] [--n 40] [--first 0]`.
 
 Regret is F'_ior in the hole named over the least of 12 holes, less 1; of two torques (T) F'_ior over its mean of all
 holes, at the torque served worst. Hidden drives are none that the preset can be:
-other stiffnesses, flanks, teeth with all orders, order-2 errors, misread values. Holes 0, 4 and 8 are measured, then
+other stiffnesses, flanks, teeth with all orders, order-2 errors, misread values. C and C2 are curves by hand, the sum
+of a phasor that stays and one that turns with the wheel, asked of vzp160. Holes 0, 4 and 8 are measured, then
 those that the tool names, at the torque that it names or, with --light, all at the lightest; --by-parts: none, where
 offsets and marks are measured. Beside it: as it stands, the best hole measured, climbing by hand, a sine through the
 values, all at the lightest torque; and each probability as stated beside how often it came true. --first: number of the
@@ -32,13 +33,15 @@ class Case:
     """Hidden drives, torques [N*m], noise of their values [arcsec], stated as 1, and whether one of six is misread.
 
     order_2: arcsec that a hidden vzp160 has beside what the model computes, at twice a turn of the cam; None: drives of
-    which a data sheet is known (honesty.py).
+    which a data sheet is known (honesty.py). stated: noise that is stated. by_hand: curves of two phasors, no drives.
     """
 
     order_2: float | None = 0.0
     noise: float = 1.0
     misread: bool = False
     torques: tuple[float, ...] = (M_G,)
+    stated: float = 1.0
+    by_hand: bool = False
 
 
 CASES = {
@@ -48,6 +51,8 @@ CASES = {
     "G": Case(order_2=4.0, noise=2.0, misread=True),
     "F": Case(order_2=None),
     "T": Case(torques=(M_G, 800.0)),
+    "C": Case(by_hand=True, noise=0.5, stated=0.5),
+    "C2": Case(by_hand=True, noise=2.0, stated=2.0),
 }
 
 
@@ -107,8 +112,18 @@ def hidden_by_data_sheet(seed: int):
     return {None: [[each.F_ior_arcsec for each in every]]}
 
 
+def two_phasors(seed: int):
+    """F'_ior [arcsec] in each hole: a phasor that stays, and one that turns with the wheel, 0.1 to 0.6 of it."""
+    rng = np.random.default_rng([31, seed])
+    level = np.exp(rng.uniform(np.log(20), np.log(70)))
+    ratio, direction = rng.uniform(0.1, 0.6), rng.uniform(0, 2 * np.pi)
+    return level * abs(1 + ratio * np.exp(1j * (2 * np.pi * np.arange(HOLES) / HOLES - direction)))
+
+
 def true_values(case: Case, seed: int, keep: Path | None):
     """True F'_ior [arcsec] of a hidden drive, shape (torques, holes), computed once where they are kept."""
+    if case.by_hand:
+        return two_phasors(seed)[None]
     name = "-".join(
         ["sheet" if case.order_2 is None else "vzp160", *(f"{M_g:g}" for M_g in case.torques[1:]), f"{seed}"]
     )
@@ -160,10 +175,10 @@ def judged(case: Case, seed: int, samples, keep: Path | None):
             "climbing": regret[_hole(min(climbed, key=lambda t: t.F_ior_arcsec))], "sine": regret[by_sine],
         }  # fmt: skip
         if stop is None and advice.next is None:
-            stop = count, regret[best]
+            stop = rows[count] | {"values": count}
         if count == MOST:
             named = None if advice.suspected is None else bool(trials.index(advice.suspected) == wrong)
-            return rows, stop or (count, regret[best]), regret[0], named
+            return rows, stop or rows[count] | {"values": count}, regret[0], named
         assert advice.value
         trials.append(measured(round(advice.value.rotation_deg / 30), count, torques.index(advice.value.M_g)))
         climbed.append(measured(_climb(climbed), count))
@@ -221,7 +236,18 @@ def samples_of(case: Case, seed: int, light: bool):
     preset = load_preset("vzp160") if case.order_2 is not None else hidden_drive(np.random.default_rng([1, seed]))[0]
     torques = case.torques if case.order_2 is not None else preset.operation.M_g[:1]
     one = preset.model_copy(update={"operation": preset.operation.model_copy(update={"M_g": torques})})
-    return hole_samples(one, torques, TrialSetup(torques[0], others=() if light else torques[1:]))
+    return hole_samples(one, torques, TrialSetup(torques[0], case.stated, others=() if light else torques[1:]))
+
+
+def _stop_words(stops) -> str:
+    """Regret and probability of a good hole where measuring stops, of drives, with standard errors."""
+    regret, stated, good = (100 * np.array([stop[key] for stop in stops]) for key in ("regret", "stated good", "good"))
+    root = np.sqrt(len(stops))
+    return (
+        f"{np.mean([stop['values'] for stop in stops]):.2f} values, "
+        f"regret {regret.mean():.1f} ± {regret.std() / root:.1f} % (worst {regret.max():.0f}), "
+        f"good stated {stated.mean():.0f}, seen {good.mean():.0f} ± {good.std() / root:.0f} %"
+    )
 
 
 def main() -> None:
@@ -252,8 +278,7 @@ def main() -> None:
             words = ", ".join(f"{key} {100 * value:.1f}" for key, value in mean.items())
             # printed as docs/theory.md has it: without its error a mean of few drives would say too much
             print(f"  {count} values: {words}; standard error of the regret {100 * error:.1f}")
-        stops = np.array([stop for _, stop, *_ in found])
-        print(f"  at the stop: {stops[:, 0].mean():.2f} values, regret {100 * stops[:, 1].mean():.1f} %")
+        print(f"  at the stop: {_stop_words([stop for _, stop, *_ in found])}")
         if case.misread:
             print(
                 f"  misread: named {sum(f[3] is not None for f in found)}, rightly {sum(f[3] is True for f in found)}"

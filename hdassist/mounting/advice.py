@@ -61,7 +61,37 @@ _WORD_AFTER: dict[_VerificationVerdict, Word] = {"KEEP": "LEAVE", "GO_BACK": "TU
 
 _FORESEEN_VALUES = 6  # measured values of which the gain is foreseen before any
 _DOUBTED = 0.5  # probability from which on a value is taken for misread
+# probabilities from which on measuring does not stop: that an unmeasured hole next to the chosen one is better, and
+# that a value which nobody has repeated is misread
+_LIKELY_BETTER = 0.15
+_LIKELY_MISREAD = 0.2
 UNSHOWN_VALUES = 0.95  # probability of curves that no drive made, from which on the preset is doubted
+
+
+@dataclass(frozen=True)
+class _PredictedValue:
+    """A value to be measured [arcsec]: mean, and 2.5 % and 97.5 % quantiles, the noise of the value included."""
+
+    mean_arcsec: float
+    low_arcsec: float
+    high_arcsec: float
+
+    @classmethod
+    def after(cls, posterior: HolePosterior, place: int, trial: Trial) -> _PredictedValue:
+        """Return the prediction of a value of a trial by other values.
+
+        Args:
+            posterior: after the other values.
+            place: of the trial's position among those of the posterior.
+            trial: its noise counts, and its torque, which the posterior has.
+        """
+        samples = posterior.samples
+        M_g = samples.setup.point(trial)[1]
+        normals = np.random.default_rng([samples.seed, 4]).standard_normal(len(posterior.noise))
+        predicted = posterior.F_ior_by_torque[M_g][:, place]
+        read = predicted + normals * posterior.noise * samples.noise([trial])
+        low, high = np.quantile(read, (0.025, 0.975)).tolist()
+        return cls(mean_arcsec=float(predicted.mean()), low_arcsec=low, high_arcsec=high)
 
 
 @dataclass(frozen=True)
@@ -256,18 +286,73 @@ class Advice:
         if repeat := self.to_repeat:
             return self._position_at(repeat.rotation_deg)
         value = self.value
-        if not value or not (self.values < FEWEST_VALUES or value.is_worth(self.worth)):
+        if not value:
             return None
+        if self.values >= FEWEST_VALUES and not value.is_worth(self.worth):
+            return self._next_before_stop()
         if not self.values and value.F_ior_arcsec[0] - value.F_ior_arcsec[-1] < self.worth * value.F_ior_arcsec[0]:
             return None
         return self.position(self.decision.place(value.rotation_deg))
+
+    def _next_before_stop(self) -> Position | None:
+        """Return what is measured although its gain is small: a doubtful value again, or a likely better neighbour."""
+        if self.doubtful:
+            doubtful_trial, _ = self.doubtful
+            return self._position_at(doubtful_trial.rotation_deg)
+        if self.likely_neighbour:
+            place, _ = self.likely_neighbour
+            return self.position(place)
+        return None
+
+    @cached_property
+    def doubtful(self) -> tuple[Trial, float] | None:
+        """The value that is misread with the largest probability, and that; None if it is small, or it was repeated."""
+        if not self.after:
+            return None
+        probabilities = self.after.misread
+        likeliest = int(np.argmax(probabilities))
+        trial = self.trials[likeliest]
+        if probabilities[likeliest] < _LIKELY_MISREAD or self._is_repeated(trial):
+            return None
+        return trial, float(probabilities[likeliest])
+
+    def _is_repeated(self, trial: Trial) -> bool:
+        """Return whether a value has another one of the same position and torque."""
+        points = [self.setup.point(value) for value in self.trials]
+        return points.count(self.setup.point(trial)) > 1
+
+    @cached_property
+    def likely_neighbour(self) -> tuple[int, float] | None:
+        """An unmeasured hole next to the chosen one that is likely to be better, by its place, and that probability.
+
+        None if there is none. To be better by less than further values have to gain does not count.
+        """
+        decision = self.decision
+        rotations = decision.rotations_deg
+        values = self.trials or measured_errors(self.drive)
+        measured_places = {decision.place(value.rotation_deg) for value in values}
+        best = decision.best
+        neighbours = {(best + 1) % len(rotations), (best - 1) % len(rotations)} - measured_places - {best}
+        probabilities = {}
+        for place in sorted(neighbours):
+            is_better = decision.served[:, place] < (1 - self.worth) * decision.served[:, best]
+            probabilities[place] = float(np.average(is_better, weights=decision.sample_weights))
+        likeliest = max(probabilities, key=probabilities.__getitem__, default=None)
+        if likeliest is None or probabilities[likeliest] < _LIKELY_BETTER:
+            return None
+        return likeliest, probabilities[likeliest]
 
     @property
     def next_torque(self) -> float:
         """Torque of the value to measure next [N*m]."""
         if repeat := self.to_repeat:
             return self.torque_of(repeat)
-        return self.value.M_g if self.value else self.setup.M_g
+        if not self.value:
+            return self.setup.M_g
+        if self.doubtful and self.values >= FEWEST_VALUES and not self.value.is_worth(self.worth):
+            doubtful_trial, _ = self.doubtful
+            return self.torque_of(doubtful_trial)
+        return self.value.M_g
 
     @property
     def to_repeat(self) -> Trial | None:
@@ -275,9 +360,23 @@ class Advice:
         doubted = self.suspected
         if not doubted:
             return None
-        repeats = [trial for trial in self.trials if self.setup.point(trial) == self.setup.point(doubted)]
         is_outcome = self.verification is not None and doubted is self.verification.trial
-        return doubted if is_outcome or len(repeats) == 1 else None
+        return doubted if is_outcome or not self._is_repeated(doubted) else None
+
+    @property
+    def outcome_torque(self) -> float:
+        """Torque at which the outcome is measured [N*m]: that of the setup if the samples after the values have it."""
+        if self.after and self.setup.M_g not in self.after.F_ior_by_torque:
+            return self.after.samples.setup.M_g
+        return self.setup.M_g
+
+    @property
+    def predicted_outcome(self) -> _PredictedValue | None:
+        """The value to be measured in the chosen hole, as its verification compares it; None without values."""
+        if not self.after:
+            return None
+        trial = Trial(self.chosen.rotation_deg, 0.0, M_g=self.outcome_torque, noise_arcsec=self.setup.noise_arcsec)
+        return _PredictedValue.after(self.after, self.decision.best, trial)
 
     @property
     def worths(self) -> tuple[tuple[int, float], ...]:
@@ -614,15 +713,12 @@ def _verified(advice: Advice, values: Sequence[Trial], samples: HoleSamples) -> 
     decision = advice.decision
     outcome = advice.trials[-1]
     before_outcome = posterior_of(samples.with_free_curves(values[:-1]), values[:-1], [outcome.rotation_deg])
-    noise = np.random.default_rng([samples.seed, 4]).standard_normal(len(before_outcome.noise))
-    predicted = before_outcome.F_ior_by_torque[advice.torque_of(outcome)][:, 0]
-    read = predicted + noise * before_outcome.noise * samples.noise([outcome])
-    low, high = np.quantile(read, (0.025, 0.975)).tolist()
+    predicted = _PredictedValue.after(before_outcome, 0, values[-1])
     checked = Verification(
         trial=outcome,
-        mean_arcsec=float(predicted.mean()),
-        low_arcsec=low,
-        high_arcsec=high,
+        mean_arcsec=predicted.mean_arcsec,
+        low_arcsec=predicted.low_arcsec,
+        high_arcsec=predicted.high_arcsec,
         back_to=None,
         is_misread=advice.suspected is outcome,
     )

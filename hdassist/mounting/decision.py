@@ -48,6 +48,7 @@ _OUTCOMES = 9  # of a further value that are looked at in each hole
 _LOOKED_AT = 512  # samples by which further values are judged
 _FUTURES = 64  # drives that further values are played through with
 _MOST_CANDIDATES = 24  # holes that a further value may be measured in
+_CHOSEN_SHARE = 0.02  # probability to be good that a hole has which may still become the choice
 
 Word = Literal["TURN", "LEAVE", "BEST_BET", "ANY_HOLE"]
 
@@ -434,6 +435,18 @@ def value_of_measurement(
     )
 
 
+def _candidate_holes(losses: Array) -> NDArray[np.int64]:
+    """Return the holes that a further value may be measured in: those that may still become the choice.
+
+    losses: of samples of equal weight in each hole, shape (samples, holes).
+    """
+    holes = losses.shape[1]
+    even_holes = np.linspace(0, holes, min(holes, _MOST_CANDIDATES), endpoint=False).astype(int)
+    good_share = (losses[:, even_holes] < GOOD).mean(axis=0)
+    may_be_chosen = good_share >= min(_CHOSEN_SHARE, good_share.max())
+    return np.asarray(even_holes[may_be_chosen])
+
+
 @dataclass(frozen=True, eq=False)
 class _Simulation:
     """Samples of equal weight with which further values are simulated.
@@ -459,7 +472,7 @@ class _Simulation:
         rows = even_rows(decision.sample_weights, _LOOKED_AT)
         holes = len(decision.rotations_deg)
         F_ior = np.hstack([by_hole[rows] for by_hole in measured_arcsec.values()])
-        tried_holes = np.linspace(0, holes, min(holes, _MOST_CANDIDATES), endpoint=False).astype(int)
+        tried_holes = _candidate_holes(decision.losses[rows])
         candidates = np.add.outer(np.arange(0, F_ior.shape[1], holes), tried_holes).ravel()
         errors = rng.permutation(ndtri((np.arange(_LOOKED_AT) + 0.5) / _LOOKED_AT))  # stratified normal numbers
         noise = noise_arcsec[rows]

@@ -163,11 +163,14 @@ _FAR_LIKELIER = 100.0  # times as probable: a torque is taken for that at which 
 SAMPLES_A_TABLE = 2  # effective samples of a belief for which one system has a table
 _DRAWS_A_TABLE = 64  # draws of systems at most for each table that is wanted
 _COMPARED = 16  # drives with a table of one system, to see its error
-_FREE_SHARE = 0.5  # probability before any value that no drive of the preset shows them
-# curves of no drive, and times that their waves go around the seat
+_FREE_SHARE = 0.25  # probability before any value that they are a smooth curve which no drive of the preset shows
+_PHASOR_SHARE = 0.25  # that they are the sum of two phasors
+# curves of each of the two families, and times that waves of smooth ones go around the seat
 _FREE_CURVES = 1024
 _FREE_ORDERS = 4
 _FREE_CURVE_ORDERS = np.arange(1, _FREE_ORDERS + 1)
+_PHASOR_NUMBERS = [0, 1, 1 + _FREE_ORDERS]  # of the numbers of a smooth curve: constant, cosine and sine of order 1
+_LEAST_SQUARE = 1e-4  # of the mean square of values: F'_ior of two phasors that cancel is no less than a hundredth
 _FREE_LEVEL = 1.0  # standard deviation of the logarithm of their level
 _FREE_NEAR = 0.01  # of a value: within that of it they are drawn as densely, however little noise is stated
 _STATED_SHARE = 0.5  # probability before any value that the standing offset is as the preset states it
@@ -294,18 +297,24 @@ class HoleSamples:
     def with_free_curves(self, trials: Sequence[Trial]) -> HoleSamples:
         """Return the samples with curves over the seat that no drive made: Trials 5 in docs/theory.md.
 
-        Their level is lognormal about that of the samples. Their waves over the seat are normal and as large as those
-        of the samples: another drive is as smooth. The curves are drawn near the values, and weighted for that.
+        Their level is lognormal about that of the samples. Smooth curves have normal waves, as large as those of the
+        samples: another drive is as smooth. Others are the sum of two phasors. The curves are drawn near the values,
+        and weighted for that.
         """
-        curves, weights = self._free_curves(trials)
+        smooth_curves, smooth_weights = self._free_curves(trials)
+        phasor_curves, phasor_weights = self._phasor_curves(trials)
+        curves = np.vstack([smooth_curves, phasor_curves])
         F_ior = {
             M_g: np.vstack([of_samples, self.levels[M_g] * curves]) for M_g, of_samples in self.F_ior_by_torque.items()
         }
         values = {
             path: np.vstack([of_samples, np.full(curves.shape, np.nan)]) for path, of_samples in self.values.items()
         }
-        weight = np.vstack([(1 - _FREE_SHARE) * self.weight, np.zeros(curves.shape)])
-        weight[-_FREE_CURVES:, 0] = weights  # a turned curve is another curve
+        sample_weight = (1 - _FREE_SHARE - _PHASOR_SHARE) * self.weight
+        curve_weight = np.zeros(curves.shape)
+        # a turned curve is another curve
+        curve_weight[:, 0] = np.concatenate([_FREE_SHARE * smooth_weights, _PHASOR_SHARE * phasor_weights])
+        weight = np.vstack([sample_weight, curve_weight])
         return replace(self, F_ior_by_torque=F_ior, weight=weight, values=values)
 
     def _free_curves(self, trials: Sequence[Trial]) -> tuple[Array, Array]:
@@ -322,20 +331,53 @@ class HoleSamples:
         amplitudes = np.sqrt(sample_share @ np.square(2 / directions * np.abs(spectrum)))
         # standard deviations of the numbers: level, cosine and sine of each order
         sizes = np.array([_FREE_LEVEL, *np.tile(amplitudes[_FREE_CURVE_ORDERS] / np.sqrt(2), 2)])
-        points = [self.setup.point(trial) for trial in trials]
-        measured = np.array([trial.F_ior_arcsec for trial in trials])
-        torque_levels = np.array([self.levels[M_g] for _, M_g in points])
         kinds = error_kinds(len(trials), LOG_NOISES)
         numbers, density = _numbers_near(
-            sizes * _harmonics(-np.radians([turn_deg for turn_deg, _ in points])),
-            np.log(measured / torque_levels) - level,
+            sizes * _harmonics(-np.radians([trial.rotation_deg for trial in trials])),
+            np.log(self._values_at_setup(trials)) - level,
             self._log_covariances(trials, kinds),
-            np.array([kind.log_share for kind in kinds]),
+            kinds,
             np.random.default_rng([self.seed, 3]),
         )
         basis = sizes * _harmonics(2 * np.pi * np.arange(directions) / directions)  # (directions, numbers)
         curves = np.exp(level + numbers @ basis.T)
-        return curves, _FREE_SHARE / _FREE_CURVES * density
+        return curves, density / _FREE_CURVES
+
+    def _phasor_curves(self, trials: Sequence[Trial]) -> tuple[Array, Array]:
+        """Return curves of two phasors near the values, and their weights, as _free_curves does.
+
+        One phasor stays and one turns with the wheel. The square of F'_ior is linear in three numbers:
+
+        (2)  F'_ior^2 = level^2 (p + q cos(turn) + r sin(turn)),  q^2 + r^2 < p^2
+
+        sqrt(p) is lognormal, and every point (q, r) of the circle is as probable.
+        """
+        log_F = np.log(self.F_ior_arcsec)
+        level = float(self.weight.sum(axis=1) @ log_F.mean(axis=1))
+        squares = np.square(self._values_at_setup(trials) / np.exp(level))
+        kinds = error_kinds(len(trials), LOG_NOISES)
+        # numbers are drawn from normal ones about the values: p, q, r
+        size = float(squares.mean()) if trials else 1.0
+        middle = np.array([size, 0.0, 0.0])
+        basis = _harmonics(-np.radians([trial.rotation_deg for trial in trials]))[:, _PHASOR_NUMBERS]
+        normals, density = _numbers_near(
+            size * basis,
+            squares - basis @ middle,
+            4 * np.multiply.outer(squares, squares) * self._log_covariances(trials, kinds),
+            kinds,
+            np.random.default_rng([self.seed, 5]),
+        )
+        numbers = middle + size * normals
+        log_drawn = -0.5 * np.square(normals).sum(axis=1) - 3 * np.log(size * np.sqrt(2 * np.pi))
+        weights = density * np.exp(_log_phasor_prior(numbers) - log_drawn) / _FREE_CURVES
+        directions = log_F.shape[1]
+        seat = _harmonics(2 * np.pi * np.arange(directions) / directions)[:, _PHASOR_NUMBERS]
+        return np.exp(level) * np.sqrt(np.maximum(numbers @ seat.T, _LEAST_SQUARE * size)), weights
+
+    def _values_at_setup(self, trials: Sequence[Trial]) -> Array:
+        """Return values [arcsec] over the level of F'_ior at their torques, shape (trials,)."""
+        torque_levels = np.array([self.levels[self.setup.point(trial)[1]] for trial in trials])
+        return np.array([trial.F_ior_arcsec for trial in trials]) / torque_levels
 
     def _log_covariances(self, trials: Sequence[Trial], kinds: Sequence[ErrorKind]) -> Array:
         """Return the covariances of the logarithms of values by kind of error, shape (kinds, trials, trials)."""
@@ -357,14 +399,27 @@ def _harmonics(angles: Array) -> Array:
     return np.hstack([np.ones((len(angles), 1)), np.cos(order_angles), np.sin(order_angles)])
 
 
+def _log_phasor_prior(numbers: Array) -> Array:
+    """Return the log density of p, q and r of equation (2), shape (numbers, 3), before any value, shape (numbers,).
+
+    It is that of the level sqrt(p), of its derivative 1 / (2 p), and of the circle of area pi p^2; -inf outside of it.
+    """
+    constant = numbers[:, 0]
+    is_inside = np.hypot(numbers[:, 1], numbers[:, 2]) < constant
+    log_level = np.log(np.where(is_inside, constant, 1.0)) / 2
+    log_density = -0.5 * np.square(log_level / _FREE_LEVEL) - np.log(_FREE_LEVEL * np.sqrt(2 * np.pi))
+    return np.where(is_inside, log_density - 6 * log_level - np.log(2 * np.pi), -np.inf)
+
+
 def _numbers_near(
-    basis: Array, y: Array, covariances: Array, log_shares: Array, rng: np.random.Generator
+    basis: Array, y: Array, covariances: Array, kinds: Sequence[ErrorKind], rng: np.random.Generator
 ) -> tuple[Array, Array]:
     """Normal numbers given values y = basis @ numbers + error, shape (_FREE_CURVES, numbers), and weights against that.
 
     Weighed so, one over the likelihood, the numbers are normal as before any value. Arguments: covariances of the error
-    of each kind, shape (kinds, values, values), and log_shares, logarithms of how probable the kinds are before.
+    of each of the kinds, shape (kinds, values, values).
     """
+    log_shares = np.array([kind.log_share for kind in kinds])
 
     def log_shown(off: Array, covariances: Array) -> Array:
         """Log density of each kind that it is off by so much, shape (kinds, rows)."""

@@ -3,14 +3,14 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from datetime import date
-from math import floor, log10
+from math import ceil, floor, log10
 from pathlib import Path
 
 from hdassist import __version__
 from hdassist.model.deviations import standing_offset
 from hdassist.mounting.advice import Advice
 from hdassist.mounting.decision import GOOD
-from hdassist.mounting.positions import Position, hole_of
+from hdassist.mounting.positions import Position, hole_of, named_position
 from hdassist.mounting.posterior import Trial
 from hdassist.preset.fields import Drive, origin_counts
 from hdassist.preset.text import shown
@@ -333,16 +333,37 @@ def _chances(advice: Advice, say: Texts) -> Iterator[str]:
     untried = [p for p in [p for p in to_try if p] or [advice.current] if p.rotation_deg not in measured]
     holes = ", ".join(hole_place(p, say) for p in untried)
     enough = "" if untried else "_measured"
-    decision = advice.decision
-    if decision.is_sampled:
-        k = min(range(len(advice.torques)), key=lambda k: abs(advice.torques[k]))
-        high = say.number(decision.quantile(0.95, decision.best)[k], ".1f")
-        torque = say.torque(advice.torques[k])
-        yield say(f"chance.wrong{enough}", high=high, torque=torque, holes=holes)
+    if advice.decision.is_sampled:
+        yield say(f"chance.wrong{enough}", holes=holes, **_outcome_words(advice, say))
     else:
         yield say(f"chance.worse{enough}", holes=holes)
     kinds = origin_counts(advice.drive)
     yield say("chance.values", **{kind: str(kinds[kind]) for kind in ("given", "identified", "assumed")})
+
+
+def _outcome_words(advice: Advice, say: Texts) -> dict[str, str]:
+    """Return the words for F'_ior to be measured after bolting, by their names in the texts of a card."""
+    predicted = advice.predicted_outcome
+    if predicted:
+        low = predicted.low_arcsec
+        high = predicted.high_arcsec
+        M_g = advice.outcome_torque
+    else:
+        lightest = min(range(len(advice.torques)), key=lambda torque: abs(advice.torques[torque]))
+        low, high = (advice.decision.quantile(share, advice.decision.best)[lightest] for share in (0.05, 0.95))
+        M_g = advice.torques[lightest]
+    return {
+        "low": say.number(low, ".1f"),
+        "high": say.number(high, ".1f"),
+        "torque": say.torque(M_g),
+        "name": outcome_name(advice),
+    }
+
+
+def outcome_name(advice: Advice) -> str:
+    """Return the chosen position as --verify takes it, with its torque unless that is the one of the values."""
+    name = named_position(advice.chosen.rotation_deg, advice.drive.mounting.holes)
+    return name if advice.outcome_torque == advice.setup.M_g else f"{name}@{advice.outcome_torque:g}"
 
 
 def _chance(advice: Advice, say: Texts) -> str:
@@ -353,7 +374,12 @@ def _chance(advice: Advice, say: Texts) -> str:
     if not decision.is_sampled:
         return say("chance.given")
     count = len(advice.open_)
-    sure = say.percent(decision.probability.value)
+    probability = decision.probability
+    sure = say.percent(probability.value)
+    if probability.low < probability.high:  # the ends are rounded outwards, as on pages
+        low = say.number(floor(round(100 * probability.low, 6)))
+        high = say.number(ceil(round(100 * probability.high, 6)))
+        sure = say("chance.interval", value=sure, low=low, high=high)
     place = hole_place(advice.chosen, say)
     zero = _zero(advice, say)
     if decision.stay is None:  # the wheel has to leave its hole: the best allowed one is what a hole is compared with

@@ -22,6 +22,7 @@ from hdassist.pages.card import (
     hole_place,
     instruction,
     measured_value,
+    outcome_name,
     place_at,
     seat_of,
     start_of_count,
@@ -334,11 +335,16 @@ def next_value_words(advice: Advice) -> str:
         (_, one), (_, three) = later
         if not advice.next:
             return f"Stop measuring: one more value would reduce F'_ior {_reduction(advice, one)} on average."
-        point = advice.next.rotation_deg, value.M_g
-        again_ = " again" if point in map(advice.setup.point, advice.trials) else ""
-        torque_words = f" at {value.M_g:g} N·m" if advice.torques_of_values != (value.M_g,) else ""
-        gain = _expected(advice, (one, "one more value"), (three, "three"))
-        return f"Next, measure {hole_place(advice.next)}{torque_words}{again_}. {gain}"
+        M_g = advice.next_torque
+        again_ = " again" if (advice.next.rotation_deg, M_g) in map(advice.setup.point, advice.trials) else ""
+        torque_words = f" at {M_g:g} N·m" if advice.torques_of_values != (M_g,) else ""
+        action = f"Before bolting, measure {hole_place(advice.next)}{torque_words}{again_}"
+        reason = _reason_before_stop(advice)
+        if reason:
+            return f"{action}. {reason}"
+        if not value.is_worth(advice.worth):
+            action += f": fewer than {FEWEST_VALUES} values do not show reading errors"
+        return f"{action}. {_expected(advice, (one, 'one more value'), (three, 'three'))}"
     after = dict(later)
     if not advice.next:
         return f"No need to measure: six values would reduce F'_ior only {_reduction(advice, after[6])} on average."
@@ -346,6 +352,20 @@ def next_value_words(advice: Advice) -> str:
     gain = _expected(advice, (after[FEWEST_VALUES], "four values"), (after[6], "six"))
     action = f"To reduce F'_ior, measure it at {advice.setup.M_g:g} N·m in {holes}"
     return f"{action}, then in the holes that this command names. {gain}"
+
+
+def _reason_before_stop(advice: Advice) -> str:
+    """Return why a value is measured although its gain is small; empty if its gain or the number of values decides."""
+    if advice.values < FEWEST_VALUES or not advice.value or advice.value.is_worth(advice.worth):
+        return ""
+    if advice.doubtful:
+        trial, probability = advice.doubtful
+        return f"Probability that {measured_value(trial)}″ is a reading error: {100 * probability:.0f} %."
+    if advice.likely_neighbour:
+        place, probability = advice.likely_neighbour
+        better = f"{hole_place(advice.position(place))} is better than {hole_place(advice.chosen)}"
+        return f"Probability that {better} by more than {100 * advice.worth:g} %: {100 * probability:.0f} %."
+    return ""
 
 
 def _reduction(advice: Advice, F_ior: float) -> str:
@@ -394,6 +414,10 @@ def _facts(advice: Advice, *, carded: bool) -> Iterator[Fact]:
         yield "next", again("mount", advice.drive, *(f"{name}=F_IOR" for name in _next_names(advice)))
     elif not carded:
         yield "next", again("mount", advice.drive, "--card", "card.html")
+    elif advice.trials:
+        yield "next", again("mount", advice.drive, "--verify", f"{outcome_name(advice)}=F_IOR")
+    elif advice.names_hole and not advice.measured:
+        yield "next", again("mount", advice.drive, f"{outcome_name(advice)}=F_IOR")
 
 
 def _limit_words(advice: Advice, probability_met: Array) -> str:
@@ -752,7 +776,8 @@ def _next(advice: Advice) -> Json | None:
     if not advice.next or not (value or advice.to_repeat):
         return None
     repeats = advice.to_repeat is not None
-    gain_arcsec = None if repeats or not value else value.gain_arcsec
+    has_gain = value is not None and not repeats and value.rotation_deg == advice.next.rotation_deg
+    gain_arcsec = value.gain_arcsec if value and has_gain else None
     place = attributes(advice.next, "hole", "rotation_deg")
     return place | {"gain_arcsec": gain_arcsec, "M_g_Nm": advice.next_torque, "repeats_misread": repeats}
 

@@ -1,6 +1,7 @@
 """The advice on where to mount the fixed wheel: holes, uncertainty, words."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from hdassist.mounting.decision import Decision, MeasurementValue
 from hdassist.mounting.positions import MountingCurve, seat_positions
 from hdassist.mounting.posterior import Trial, TrialSetup
 from hdassist.pages.card import instruction, seat_of, turn
-from hdassist.pages.mount import mount_report
+from hdassist.pages.mount import mount_report, next_value_words
 from hdassist.solve.answers import EMPTY
 from hdassist.terminal.plot import seat_in_characters
 from hdassist.terminal.words import texts
@@ -126,3 +127,51 @@ def test_measuring_stops_when_another_value_gains_too_little_after_four():
 
     assert [goes_on(values, 0.02) for values in (3, 4, 5)] == [True, False, False]
     assert goes_on(5, 0.01)
+
+
+def doubting(better_share: float, misread: float) -> Advice:
+    """An advice after four values whose gain is small; hole 1 is the choice, and hole 2 was not measured.
+
+    better_share: of samples in which hole 2 is better; misread: probability of the second value.
+    """
+    samples = np.tile([20.0, 10.0, 12.0, 25.0, 30.0], (100, 1))
+    samples[: round(100 * better_share), 2] = 9.0
+    decision = Decision(
+        rotations_deg=(0.0, 72.0, 144.0, 216.0, 288.0),
+        F_ior_arcsec=samples[None],
+        now_arcsec=samples[None, :, 0],
+        sample_weights=np.ones(100),
+    )
+    values = tuple(Trial(turn, 10.0) for turn in (0.0, 72.0, 216.0, 288.0))
+    after = SimpleNamespace(misread=np.array([0.0, misread, 0.0, 0.0]), facing=(None, None))
+    drive = load_preset(SMALL, ["operation.M_g=[1.0]", "mounting.holes=5"])
+    value = MeasurementValue(288.0, 1.0, (10.0, 9.95, 9.94, 9.93))
+    return Advice(drive, decision, TrialSetup(1.0), trials=values, after=after, value=value)
+
+
+def test_measuring_does_not_stop_next_to_a_likely_better_hole():
+    assert doubting(0.1, 0.0).next is None
+    likely = doubting(0.3, 0.0)
+    assert likely.next.hole == 2
+    assert next_value_words(likely) == (
+        "Before bolting, measure hole 2. Probability that hole 2 is better than hole 1 by more than 2 %: 30 %."
+    )
+
+
+def test_a_doubtful_value_is_repeated_before_all_else():
+    assert doubting(0.1, 0.1).next is None
+    doubtful = doubting(0.3, 0.3)
+    assert doubtful.next.hole == 1
+    assert next_value_words(doubtful) == (
+        "Before bolting, measure hole 1 again. Probability that 10″ is a reading error: 30 %."
+    )
+    after = SimpleNamespace(misread=np.array([0.0, 0.3, 0.0, 0.0, 0.0]), facing=(None, None))
+    repeated = replace(doubtful, trials=(*doubtful.trials, Trial(72.0, 10.2)), after=after)
+    assert repeated.next.hole == 2
+
+
+def test_a_value_is_measured_for_its_number_with_a_reason():
+    few = replace(doubting(0.0, 0.0), trials=(Trial(288.0, 30.0),))
+    assert next_value_words(few).startswith(
+        "Before bolting, measure hole 4 again: fewer than 4 values do not show reading errors. Expected F'_ior"
+    )

@@ -128,6 +128,23 @@ def result_of(advice: Advice) -> tuple[object, ...]:
     return word, int(hole), report.exit_code, report.values["word"], report.values["order"]
 
 
+def test_the_card_states_the_interval_of_the_verification() -> None:
+    samples = once_around()
+    tried = measured_in(samples, 0, 4, 8, 6, 7)
+    before = advise_after(AT_4, tried, SETUP, samples=samples)
+    predicted = before.predicted_outcome
+    outcome = Trial(before.chosen.rotation_deg, 20.0)
+    checked = advise_after(AT_4, tried, SETUP, outcome=outcome, samples=samples).verification
+    assert predicted.low_arcsec == pytest.approx(checked.low_arcsec, rel=1e-9)
+    assert predicted.high_arcsec == pytest.approx(checked.high_arcsec, rel=1e-9)
+    card_lines = card(before, trials=before.trials).chance.lines
+    words = (f"{predicted.low_arcsec:.1f} to ", f"{predicted.high_arcsec:.1f}″: measure in")
+    assert any(word in card_lines[1] for word in words)
+    assert f"--verify h{before.chosen.hole}=VALUE" in card_lines[1]
+    carded = mount_report(replace(before, value=None), 0, carded=True)
+    assert dict(carded.blocks[1].rows)["next"].endswith(f"--verify h{before.chosen.hole}=F_IOR")
+
+
 @pytest.mark.thorough
 def test_a_verification_has_one_result() -> None:
     samples = once_around()

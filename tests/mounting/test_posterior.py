@@ -11,6 +11,7 @@ from scipy.stats import multivariate_normal
 from hdassist import load_preset
 from hdassist.belief.evidence import MISFITS, MISREAD, MISREAD_SHARE, SCALE, ErrorKind, error_kinds, kernel
 from hdassist.error.error_map import ErrorMap
+from hdassist.mounting import posterior
 from hdassist.mounting.advice import advise_after
 from hdassist.mounting.decision import value_of_measurement
 from hdassist.mounting.positions import rotated
@@ -308,8 +309,10 @@ def test_one_reading_error_among_six_values_is_named(cloud: HoleSamples) -> None
         assert values[advice.decision.best] < 1.05 * min(values)
 
 
-def test_free_curves_are_smooth_and_gain_nothing_near_the_values() -> None:
+def test_free_curves_are_smooth_and_gain_nothing_near_the_values(monkeypatch) -> None:
     """Drives whose F'_ior goes once around the seat, by a tenth: other curves do too, and their level is not given."""
+    monkeypatch.setattr(posterior, "_FREE_SHARE", 0.5)
+    monkeypatch.setattr(posterior, "_PHASOR_SHARE", 0.0)
     turn = 2 * np.pi * (np.arange(HOLES) / HOLES - np.linspace(0, 1, 64, endpoint=False)[:, None])
     once, tried = synthetic(20 * np.exp(0.1 * np.cos(turn))), [Trial(0.0, 20.0), Trial(120.0, 20.5), Trial(60.0, 18.5)]
     near = posterior_of(once.with_free_curves(tried), tried, [0.0, 180.0])
@@ -325,6 +328,38 @@ def test_free_curves_are_smooth_and_gain_nothing_near_the_values() -> None:
     found, free = near.F_ior_arcsec[near.places >= 64 * HOLES], every.F_ior_arcsec[of_curves]
     assert found.mean(axis=0) == pytest.approx(free.mean(axis=0), abs=0.4)
     assert found.std(axis=0) == pytest.approx(free.std(axis=0), rel=0.25)
+
+
+def test_curves_of_two_phasors_gain_nothing_near_the_values(monkeypatch) -> None:
+    """They are those that very many draws before any value have, weighed by the values."""
+    monkeypatch.setattr(posterior, "_FREE_SHARE", 0.0)
+    monkeypatch.setattr(posterior, "_PHASOR_SHARE", 0.5)
+    turn = 2 * np.pi * np.arange(HOLES) / HOLES
+    drives = synthetic(np.full((64, HOLES), 20.0))
+    tried = [Trial(0.0, 20.0), Trial(120.0, 26.0), Trial(60.0, 25.0)]
+    near = posterior_of(drives.with_free_curves(tried), tried, [90.0, 180.0])
+    rng = np.random.default_rng(0)
+    constant = np.exp(2 * rng.standard_normal(400_000))
+    radius = np.sqrt(rng.random(400_000))  # even over the circle
+    direction = rng.uniform(0, 2 * np.pi, 400_000)
+    curves = 20 * np.sqrt(constant * (1 + radius * np.cos(turn[:, None] - direction))).T
+    weight = np.vstack([np.full((64, HOLES), 1 / (64 * HOLES)), np.zeros(curves.shape)])
+    weight[64:, 0] = 1 / len(curves)
+    all_curves = posterior_of(synthetic(np.vstack([drives.F_ior_arcsec, curves]), weight), tried, [90.0, 180.0])
+    is_curve = all_curves.places >= 64 * HOLES
+    assert near.by_values == pytest.approx(is_curve.mean(), rel=0.15)
+    near_curves = near.F_ior_arcsec[near.places >= 64 * HOLES]
+    assert near_curves.mean(axis=0) == pytest.approx(all_curves.F_ior_arcsec[is_curve].mean(axis=0), abs=0.5)
+    assert near_curves.std(axis=0) == pytest.approx(all_curves.F_ior_arcsec[is_curve].std(axis=0), rel=0.25)
+
+
+def test_no_hole_is_measured_next_that_cannot_become_the_choice(cloud: HoleSamples) -> None:
+    """Values 120 deg apart with one low one: the hole opposite to that one is not worth a value."""
+    tried = [Trial(0.0, 72.0), Trial(120.0, 23.8), Trial(240.0, 75.4)]
+    advice = advise_after(ONE, tried, cloud.setup, samples=cloud)
+    place = advice.decision.place(advice.next.rotation_deg)
+    assert advice.decision.probability_good[place] > 0.01
+    assert values_near(advice.next.rotation_deg, 120.0)
 
 
 def test_any_value_may_be_misread_and_an_outlier_is_named() -> None:
