@@ -372,12 +372,14 @@ class HoleSamples:
         weights = density * np.exp(_log_phasor_prior(numbers) - log_drawn) / _FREE_CURVES
         directions = log_F.shape[1]
         seat = _harmonics(2 * np.pi * np.arange(directions) / directions)[:, _PHASOR_NUMBERS]
-        return np.exp(level) * np.sqrt(np.maximum(numbers @ seat.T, _LEAST_SQUARE * size)), weights
+        squares_of_curves = np.maximum(numbers @ seat.T, _LEAST_SQUARE * size)
+        return np.exp(level) * np.sqrt(squares_of_curves), weights
 
     def _values_at_setup(self, trials: Sequence[Trial]) -> Array:
         """Return values [arcsec] over the level of F'_ior at their torques, shape (trials,)."""
         torque_levels = np.array([self.levels[self.setup.point(trial)[1]] for trial in trials])
-        return np.array([trial.F_ior_arcsec for trial in trials]) / torque_levels
+        values = np.array([trial.F_ior_arcsec for trial in trials])
+        return np.asarray(values / torque_levels)
 
     def _log_covariances(self, trials: Sequence[Trial], kinds: Sequence[ErrorKind]) -> Array:
         """Return the covariances of the logarithms of values by kind of error, shape (kinds, trials, trials)."""
