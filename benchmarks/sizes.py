@@ -35,9 +35,9 @@ FLOOR = 0.02  # least size of a profile
 CLEAR = 0.05  # of the rms of the error: least order whose sidebands count
 SLOW = 1.5  # assumed size of order 0 over the rms of the readings
 CAUTION = 2.0  # factor of the sizes of sidebands
-ORDERS, SIDEBANDS = 25, 7  # lengths of the profiles
+ORDERS, SIDEBANDS = 81, 7  # lengths of the profiles
 FINE_ORDER = 12  # from which waves show how rough the teeth are
-HIGHEST_ORDERS = (16, 24, 36)  # of the model, for which the rest is found
+HIGHEST_ORDERS = (16, 24, 36)  # of the odd orders of the model, for which the rest is found
 LEAST_RATIO, USUAL_RATIO = 50, 80  # the least of the solved drives; that of the tabulated rest
 POINTS_PER_PERIOD = 2.2  # blocks for each period of the highest order, as in recording/waves.py
 TABLE = Path(__file__).parent.parent / "hdassist" / "recording" / "sizes.toml"
@@ -85,7 +85,7 @@ def profiles(cycles: Sequence[tuple[int, Array]]) -> dict[str, list[float]]:
     for ratio, error in cycles:
         sizes = wave_sizes(ratio, error)
         total = float(np.std(error)) * np.sqrt(2)
-        for k in range(ORDERS):
+        for k in range(min(ORDERS, ratio)):
             own = {j: size for (number, j), size in sizes.items() if number == k}
             together = float(np.sqrt(sum(size**2 for size in own.values())))
             order[k].append(together / total)
@@ -98,7 +98,8 @@ def profiles(cycles: Sequence[tuple[int, Array]]) -> dict[str, list[float]]:
             for j in range(1, SIDEBANDS + 1):
                 if j != k:
                     sideband[j - 1] += [own[j] / together, own[-j] / together]
-            other_wheel += [own[k] / together, own[-k] / together]
+            if 2 * k < ratio:
+                other_wheel += [own[k] / together, own[-k] / together]
     return {
         "order": [SLOW, *(rms(each) for each in order[1:])],
         "sideband": [CAUTION * rms(each) for each in sideband],
@@ -132,12 +133,14 @@ def rests(cycles: Sequence[tuple[int, Array]]) -> dict[str, list[float]]:
 
 def _rest_of(ratio: int, error: Array, highest: int) -> tuple[float, float]:
     """Logarithm of the rms of the waves beyond a model over that of its fine waves; what they add over their rms."""
-    sizes = wave_sizes(ratio, error)
     spectrum = np.fft.rfft(error)
+    amplitudes = 2 * np.abs(spectrum) / len(error)
     fine = 0.0
     for k, j in wave_pairs(Fraction(ratio), POINTS_PER_PERIOD * highest + 0.1).tolist():
+        if k * ratio + j >= len(spectrum):
+            continue
         spectrum[k * ratio + j] = 0.0
-        fine += sizes[k, j] ** 2 / 2 if k >= FINE_ORDER else 0.0
+        fine += amplitudes[k * ratio + j] ** 2 / 2 if k >= FINE_ORDER else 0.0
     left = np.fft.irfft(spectrum, len(error))
     added = float((np.ptp(error) - np.ptp(error - left)) / left.std())
     return float(np.log(left.std() / np.sqrt(fine))), added

@@ -173,6 +173,8 @@ def range_figure(
     is_cycle = bool(in_travel.all())
     seen = in_travel & visited_places(posterior.visited_rev, posterior.cycle)
     at_blocks = _BlockPoints(posterior, in_travel)
+    block_curves = posterior.block_curves[:, at_blocks.inside]
+    block_range = at_blocks.range(block_curves)
     draws = len(posterior.amplitudes)
     whole_range = np.empty(draws)
     seen_range = np.zeros(draws)
@@ -181,19 +183,17 @@ def range_figure(
         curves = cycle_curves(posterior.amplitudes[chosen], posterior.pairs, posterior.cycle)
         whole_range[chosen] = peak_range(curves) if is_cycle else np.ptp(curves[:, in_travel], axis=1)
         if seen.any():
-            seen_range[chosen] = np.minimum(np.ptp(curves[:, seen], axis=1), at_blocks.range(curves))
+            seen_range[chosen] = np.minimum(np.ptp(curves[:, seen], axis=1), block_range[chosen])
     whole_effective, seen_effective = effective_samples(whole_range), effective_samples(seen_range)
     rest = _rest(posterior, seed)
     lines = 2 * posterior.line_amplitudes.sum(axis=1)
     recorded_range = whole_range
     if seen.any():
-        mean_curve = cycle_curves(posterior.amplitudes.mean(axis=0)[None], posterior.pairs, posterior.cycle)[0]
-        mean_range = min(float(np.ptp(mean_curve[seen])), float(at_blocks.range(mean_curve[None])[0]))
-        excess = float(seen_range.mean()) - mean_range
+        excess = float(block_range.mean()) - float(at_blocks.range(block_curves.mean(axis=0)[None])[0])
         if len(posterior.lines):
-            seen_range = np.asarray(np.ptp(posterior.block_curves[:, at_blocks.inside], axis=1))
+            seen_range = block_range
         recorded_range = np.maximum(whole_range, seen_range) - excess
-        flank = _flank(posterior, mean_curve, at_blocks)
+        flank = _flank(posterior, at_blocks)
         seen_range = np.minimum(seen_range + np.minimum(rest, 0.0) + flank - excess, posterior.readings_range)
         whole_range = whole_range - excess
     return RangeFigure(
@@ -219,28 +219,25 @@ def _far_share(share: float, effective: float) -> float:
 
 
 class _BlockPoints:
-    """The blocks of readings inside a travel and their places on the grid of the cycle.
+    """The blocks of readings inside a travel.
 
     inside: which blocks they are, shape (blocks,).
-    points: nearest point of the grid to each of them, shape (blocks inside,).
     """
 
     def __init__(self, posterior: AmplitudePosterior, in_travel: NDArray[np.bool_]) -> None:
         points = np.rint(posterior.block_place_rev * CURVE_POINTS_PER_REV).astype(np.int64) % len(in_travel)
         self.inside = in_travel[points]
-        self.points = points[self.inside]
         run = posterior.block_run[self.inside]
         self._is_first = np.diff(run, prepend=-1) != 0
         self._is_last = np.diff(run, append=-1) != 0
 
-    def range(self, curves: Array) -> Array:
+    def range(self, values: Array) -> Array:
         """Return the range of curves over the blocks, peaks between neighbours of a run by parabolas, shape (curves,).
 
-        curves: over the cycle, shape (curves, points). It is 0 without a block.
+        values: of curves at the blocks, shape (curves, blocks inside). The range is 0 without a block.
         """
-        if not len(self.points):
-            return np.zeros(len(curves))
-        values = curves[:, self.points]
+        if not values.shape[1]:
+            return np.zeros(len(values))
         return self._highest(values) + self._highest(-values)
 
     def _highest(self, values: Array) -> Array:
@@ -252,12 +249,10 @@ class _BlockPoints:
         return _parabola_peak(before, values[rows, highest], behind)
 
 
-def _flank(posterior: AmplitudePosterior, mean_curve: Array, at_blocks: _BlockPoints) -> float:
-    """Return the overshoot of the mean curve beside flanks [arcsec], at most 0.
-
-    mean_curve: over the cycle, shape (points,).
-    """
-    curve, residual = mean_curve[at_blocks.points], posterior.block_residual[at_blocks.inside]
+def _flank(posterior: AmplitudePosterior, at_blocks: _BlockPoints) -> float:
+    """Return the overshoot of the mean curve beside flanks [arcsec], at most 0."""
+    curve = posterior.block_curves[:, at_blocks.inside].mean(axis=0)
+    residual = posterior.block_residual[at_blocks.inside]
     if not len(curve):
         return 0.0
     margin = _EXTREME_SHARE * float(np.ptp(curve))

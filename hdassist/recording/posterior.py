@@ -84,7 +84,7 @@ class AmplitudePosterior:
     drift: coefficients of the drift of each run and power [arcsec], shape (draws, runs * degree).
     lines: periods per input revolution of the lines off the orders, shape (lines,).
     line_amplitudes: largest amplitude of each line in a run [arcsec], shape (draws, lines).
-    block_curves: waves and lines at the blocks of readings [arcsec], shape (draws, blocks); empty without lines.
+    block_curves: waves and lines at the blocks of readings [arcsec], shape (draws, blocks).
     block_place_rev: place of each block on the cycle [input rev], shape (blocks,).
     block_run: number of the run of each block, shape (blocks,).
     block_residual: block means less the mean curve [arcsec], shape (blocks,).
@@ -139,9 +139,18 @@ def posterior_of_recording(
         if wider.criterion(other_mean) > model.criterion(mean):
             break
         model, sampler, mean = wider, other, other_mean
+    model = _Model(readings, drift_degree=drift_degree, more_sidebands=model.more_sidebands, has_fine=True)
+    sampler = _Sampler(model, WHITE, seed=seed)
+    mean = sampler.first_mean()
     components = clear_components(model.residual(mean), model.path_rev, model.run, model.cycle)
     if components != NO_COMPONENTS:
-        model = _Model(readings, drift_degree=drift_degree, more_sidebands=model.more_sidebands, components=components)
+        model = _Model(
+            readings,
+            drift_degree=drift_degree,
+            more_sidebands=model.more_sidebands,
+            components=components,
+            has_fine=True,
+        )
         sampler = _Sampler(model, WHITE, seed=seed)
         mean = sampler.first_mean()
     sampler.use_memory(model.memory(mean))
@@ -196,6 +205,7 @@ class _Model:
         drift_degree: int,
         more_sidebands: int = 0,
         components: Components = NO_COMPONENTS,
+        has_fine: bool = False,
     ) -> None:
         starts = block_starts(readings)
         self.cycle = readings.cycle
@@ -209,7 +219,9 @@ class _Model:
         steps = np.diff(self.place_rev)[np.diff(self.run) == 0]
         positive = steps[steps > 0]
         self.blocks_per_rev = 1 / float(np.median(positive)) if len(positive) else 1.0
-        self.pairs = wave_pairs(readings.cycle, self.blocks_per_rev, more_sidebands, components.pairs)
+        self.pairs = wave_pairs(
+            readings.cycle, self.blocks_per_rev, more_sidebands, components.pairs, has_fine=has_fine
+        )
         self.row_slow = _slow_columns(readings.run, readings.elapsed, drift_degree)
         self.lines = components.lines
         self.row_lines = line_columns(readings.path_rev, readings.run, components.lines)
@@ -354,11 +366,9 @@ def _result(
     amplitudes = readings.flipped * np.hstack([cosines, readings.turned * sines])
     levelled = readings.error_arcsec - model.row_slow @ mean[model.waves : model.slow_end]
     line_pairs = coefficients[:, model.slow_end :].reshape(len(coefficients), len(model.lines), model.runs, 2)
-    block_curves = np.zeros((len(coefficients), 0))
-    if model.lines:
-        is_error = np.ones(len(mean), bool)
-        is_error[model.waves : model.slow_end] = False
-        block_curves = coefficients[:, is_error] @ model.design[:, is_error].T
+    is_error = np.ones(len(mean), bool)
+    is_error[model.waves : model.slow_end] = False
+    block_curves = coefficients[:, is_error] @ model.design[:, is_error].T
     return AmplitudePosterior(
         pairs=model.pairs,
         cycle=readings.cycle,
@@ -370,7 +380,7 @@ def _result(
         drift=readings.flipped * coefficients[:, model.waves + model.runs : model.slow_end],
         lines=model.lines,
         line_amplitudes=np.hypot(line_pairs[..., 0], line_pairs[..., 1]).max(axis=2, initial=0.0),
-        block_curves=block_curves,
+        block_curves=readings.flipped * block_curves,
         block_place_rev=readings.turned * model.place_rev % float(readings.cycle.numerator),
         block_run=model.run,
         block_residual=readings.flipped * model.residual(mean),

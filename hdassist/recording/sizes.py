@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from hdassist.files import package_table
 from hdassist.model.geometry import Array
+from hdassist.recording.waves import USUAL_SIDEBANDS
 
 _Indices = NDArray[np.int64]
 _FREEDOM = 3.0  # nu: tails like x^-4, so that a wave far above its profile is not shrunk
@@ -94,6 +95,7 @@ def wave_profile(pairs: _Indices) -> tuple[Array, Array]:
     orders = np.array([ORDER_PROFILE[min(order, len(ORDER_PROFILE) - 1)] for order in range(int(k.max()) + 1)])
     waves = np.empty(len(pairs))
     for number, (order, sideband) in enumerate(zip(k.tolist(), distance.tolist(), strict=True)):
+        beside = sideband if sideband <= USUAL_SIDEBANDS else min(sideband, abs(sideband - order))  # of either wheel
         if sideband == 0:
             waves[number] = 1.0
         elif order == 0:
@@ -101,7 +103,7 @@ def wave_profile(pairs: _Indices) -> tuple[Array, Array]:
         elif sideband == order:
             waves[number] = _OTHER_WHEEL
         else:
-            waves[number] = SIDEBAND_PROFILE[min(sideband, len(SIDEBAND_PROFILE)) - 1]
+            waves[number] = SIDEBAND_PROFILE[min(beside, len(SIDEBAND_PROFILE)) - 1]
     return orders, waves
 
 

@@ -29,12 +29,16 @@ from hdassist.recording.positions import OrderedReadings
 
 _Indices = NDArray[np.int64]
 BLOCKS_PER_REV = 80  # of the input, at most
-CURVE_POINTS_PER_REV = 160  # of the input: 4 a period of the highest order, between which a parabola finds the peak
+CURVE_POINTS_PER_REV = 320  # of the input: 4 a period of the highest order, between which a parabola finds the peak
 # Orders that are open whatever the sampling. Coarse readings show a higher order as a lower one (its image) or not at
 # all, so they do not exclude it. Solved drives have 3 % of the power of their error above order 16.
 _ALWAYS_ORDER = 16
 _SIDEBAND_ORDER = 20  # the highest order with sidebands
-_HIGHEST_ORDER = 36
+_HIGHEST_ORDER = 36  # of the odd orders
+# Teeth that differ give even orders (two zones mesh) up to half the number of teeth of a wheel, 1 + ratio. Their waves
+# turn with either wheel, with one sideband on each side: with them the range of solved drives is 97 +- 2.6 % of the
+# true one, without them 90 +- 8 %.
+_HIGHEST_FINE_ORDER = 80
 _POINTS_PER_PERIOD = 2.2  # blocks for each period of the highest order
 USUAL_SIDEBANDS = 6  # on each side of an order
 _VISITED_REV = 0.009  # of the input: a place with a reading within this distance on either side is visited
@@ -42,7 +46,12 @@ _CHUNK = 512  # rows whose columns are computed at once: they stay in the proces
 
 
 def wave_pairs(
-    cycle: Fraction, blocks_per_rev: float, more_sidebands: int = 0, more_pairs: Sequence[tuple[int, int]] = ()
+    cycle: Fraction,
+    blocks_per_rev: float,
+    more_sidebands: int = 0,
+    more_pairs: Sequence[tuple[int, int]] = (),
+    *,
+    has_fine: bool = True,
 ) -> _Indices:
     """Return the waves (k, j) of the model, shape (waves, 2), sorted.
 
@@ -50,6 +59,7 @@ def wave_pairs(
     blocks_per_rev: blocks of readings in an input revolution.
     more_sidebands: sidebands on each side beyond the usual 6.
     more_pairs: further waves (k, j) that the readings show.
+    has_fine: whether the fine waves of teeth that differ are part of it.
     """
     ratio = float(cycle)
     sidebands = min(USUAL_SIDEBANDS + more_sidebands, max(1, int(ratio // 2)))
@@ -64,7 +74,26 @@ def wave_pairs(
         if 2 * k < ratio:
             pairs |= {(k, k), (k, -k)}
     pairs |= set(more_pairs)
+    if has_fine:
+        pairs |= _fine_pairs(cycle, pairs)
     return np.array(sorted(pairs))
+
+
+def _fine_pairs(cycle: Fraction, others: set[tuple[int, int]]) -> set[tuple[int, int]]:
+    """Return the waves of teeth that differ, from the highest order that is always open on, without other waves.
+
+    Two waves with equally many periods in a cycle are one wave, which is left out if it is among the others.
+    """
+    periods = {k * cycle.numerator + j * cycle.denominator for k, j in others}
+    highest = min(_HIGHEST_FINE_ORDER, int(cycle) + 1)
+    fine: set[tuple[int, int]] = set()
+    for k in range(_ALWAYS_ORDER + 2, highest + 1, 2):
+        for j in (0, -1, 1, k, k - 1, k + 1, -k, -k - 1, -k + 1):
+            period = k * cycle.numerator + j * cycle.denominator
+            if period not in periods:
+                periods.add(period)
+                fine.add((k, j))
+    return fine
 
 
 def wave_columns(input_rev: Array, output_rev: Array, pairs: _Indices) -> Array:
