@@ -475,7 +475,7 @@ def position_quantities(record: PositionRecord, *, seed: int = 0, draws: int = 2
             arcsec=max(0.0, float(value) - bias),
             uncertainty_arcsec=drawn.standard_uncertainty(name) if drawn else None,
             of=f"{_counted(len(approaches.positions), 'position')}, {count} approaches",
-            noise_arcsec=drawn.noise(name) if drawn else 0.0,
+            noise_arcsec=drawn.noise(name) if drawn and name == "positioning" else 0.0,
         )
         quantities.append(quantity)
     return tuple(quantities)

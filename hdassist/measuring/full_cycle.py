@@ -13,8 +13,9 @@ both ends.
 `measure` and `accept` state this one interval. For a verdict two further numbers count: `at_most_arcsec`, the smallest
 limit that F'_ior of the full cycle meets with a probability of 95 %, and `at_least_arcsec`, the largest one that it
 exceeds. The former is given from a third of the cycle on (`LEAST_SHARE_OF_PASS`). Over less of it, the prior alone
-decides whether the remainder is like the recorded part. Lines off the orders that the fit of `measure` names have to
-find room in it too, since in another cycle their peaks may meet those of the curve.
+decides whether the remainder is like the recorded part. Lines off the orders count as the model finds them. Those that
+the fit of `measure` names do not widen it: at coarse readings most of them are images of high orders, which the model
+contains.
 
 The model holds only in its domain, and `reason_outside` is the one place that states it: the cycle and the size of the
 error are known, F'_ior counts over all of the cycle, one direction, one torque, a recording of 12 % of the cycle or
@@ -32,7 +33,7 @@ import numpy as np
 from hdassist.errors import GUARD, SURE, DataError, UntrustedError
 from hdassist.measuring.fit import COVERAGE_FACTOR
 from hdassist.measuring.measure import Measurement, SweepResult
-from hdassist.measuring.orders import FullCycle
+from hdassist.measuring.orders import SCATTER, FullCycle, combined
 from hdassist.recording.figures import RangeFigure, part_to_record, range_figure
 from hdassist.recording.positions import Recording, recording_from_columns
 from hdassist.recording.posterior import posterior_of_recording
@@ -94,7 +95,7 @@ def full_cycle(result: Measurement, sweep: SweepResult) -> FullCycle | str:
     figure = range_figure(posterior, seed=result.seed)
     if figure.whole_effective < _FEWEST_EFFECTIVE:
         return "the model of the full cycle has too few effective samples"
-    ends = _Ends(figure, sweep.range.others)
+    ends = _Ends(figure, combined([source for source in sweep.sources if source.name not in SCATTER]))
     low, high = ends.interval_arcsec
     at_least = ends.at_least_arcsec
     if sweep.is_bound:  # steep waves of no drive: on parts of them the model alone was up to 2 % too high
@@ -102,14 +103,13 @@ def full_cycle(result: Measurement, sweep: SweepResult) -> FullCycle | str:
         at_least = min(at_least, sweep.range.value - GUARD * sweep.range.uncertainty)
     if high < sweep.range.value:
         return "the model of the full cycle contradicts the range of the recorded part"
-    with_lines = sweep.range.value + sweep.range.rise
     is_enough = sweep.coverage is not None and sweep.coverage.share >= LEAST_SHARE_OF_PASS
     return FullCycle(
         value_arcsec=figure.median_seen_arcsec if sweep.is_bound else figure.median_recorded_arcsec,
-        interval_arcsec=(low, max(high, with_lines)),
+        interval_arcsec=(low, high),
         standard_uncertainty_arcsec=ends.part_uncertainty_arcsec if sweep.is_bound else ends.cycle_uncertainty_arcsec,
         at_least_arcsec=at_least,
-        at_most_arcsec=max(ends.at_most_arcsec, with_lines) if is_enough else None,
+        at_most_arcsec=ends.at_most_arcsec if is_enough else None,
         record_next_rev=part_to_record(posterior),
         effective_samples=figure.whole_effective,
     )

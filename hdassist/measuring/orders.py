@@ -48,6 +48,7 @@ USUAL_RATIO = 100.0  # assumed for the width of the beats where none is known
 _DRIFTING = 4.0  # cam turns: from here on one order to either side stands for beats that change the error slowly
 _SIZE_ITERATIONS = 8  # of the size of beats that a record leaves open
 _UNSEEN_FACTOR = 2.5  # ovals of both wheels cancel more often than beats that are drawn: found with solved cycles
+_RESOLVED_SHARE = 0.5  # of an amplitude: with a wider 95 % interval the recording does not determine it
 WHOLE_TURN = 0.97  # of an output turn: a record that has its beats
 _TRAVEL_GAP = 0.6  # of the resolution, between orders of a travel
 _TRAVEL_RIDGE = 1e-7  # of the normal equations: in the travel, the curve moves by less than its noise
@@ -67,7 +68,9 @@ STATED = {  # sources that a single record cannot show
     "temperature": "temperature of drive and test rig (operation.dT)",
 }
 WIND_UP = "wind-up"
-SCATTER = ("noise", "bias correction")  # sources of the range of fitted orders, by its readings alone
+# Sources of the range of fitted orders that the model of a recording contains: noise with its memory, waves that coarse
+# readings hide, and waves beyond the fitted orders.
+SCATTER = ("noise", "bias correction", "between readings", "beyond the orders")
 _POINTS_PER_PERIOD = 16  # points in a period of the highest order
 GAP_PERIODS = 0.5  # periods of the highest declared order: between readings as near as that the curve is followed
 _BRIDGED_TURNS = 1 / 8  # of the cam: angles between readings further apart were not visited
@@ -445,7 +448,7 @@ class _Sidebands:
         """Return an order with its uncertainty over whole output revolutions; beats: sidebands on each side of it."""
         margin = self.margin_arcsec(order.amplitude_arcsec, beats)
         uncertainty = float(np.hypot(order.uncertainty_arcsec, margin))
-        if uncertainty > order.amplitude_arcsec:
+        if COVERAGE_FACTOR * uncertainty > _RESOLVED_SHARE * order.amplitude_arcsec:
             return replace(order, is_of_record=True)
         return replace(order, uncertainty_arcsec=uncertainty)
 

@@ -444,8 +444,12 @@ _CHECKS = {check.field: check for check in CHECKS}
 
 
 def _interval(found: StatedQuantity) -> list[float] | None:
+    if found.uncertainty_arcsec is None:
+        return None
     reach = _expanded(found)
-    return None if found.uncertainty_arcsec is None else [max(0.0, found.arcsec - reach), found.arcsec + reach]
+    # Scatter alone makes a range; the lower end is the lower confidence limit that "at least" states too.
+    below = max(reach, found.noise_arcsec)
+    return [max(0.0, found.arcsec - below), found.arcsec + reach]
 
 
 _QUANTITIES = quantity_table("bench.stated", interval=_interval, **FORMATS)

@@ -126,32 +126,23 @@ def posterior_of_recording(
     """
     readings = ordered_readings(recording)
     model = _Model(readings, drift_degree=drift_degree)
-    sampler = _Sampler(model, WHITE, seed=seed)
+    sampler = _Sampler(model, seed=seed)
     mean = sampler.first_mean()
     for more_sidebands in _MORE_SIDEBANDS:
+        if model.memory(mean) == WHITE:
+            break  # white residuals contain no further sideband
         if more_sidebands + USUAL_SIDEBANDS > _WIDEST_OF_RATIO * recording.ratio:
             break
         wider = _Model(readings, drift_degree=drift_degree, more_sidebands=more_sidebands)
-        if wider.design.shape[1] == model.design.shape[1]:
-            break
-        other = _Sampler(wider, WHITE, seed=seed)
+        other = _Sampler(wider, seed=seed)
         other_mean = other.first_mean()
         if wider.criterion(other_mean) > model.criterion(mean):
             break
         model, sampler, mean = wider, other, other_mean
-    model = _Model(readings, drift_degree=drift_degree, more_sidebands=model.more_sidebands, has_fine=True)
-    sampler = _Sampler(model, WHITE, seed=seed)
-    mean = sampler.first_mean()
     components = clear_components(model.residual(mean), model.path_rev, model.run, model.cycle)
     if components != NO_COMPONENTS:
-        model = _Model(
-            readings,
-            drift_degree=drift_degree,
-            more_sidebands=model.more_sidebands,
-            components=components,
-            has_fine=True,
-        )
-        sampler = _Sampler(model, WHITE, seed=seed)
+        model = _Model(readings, drift_degree=drift_degree, more_sidebands=model.more_sidebands, components=components)
+        sampler = _Sampler(model, seed=seed)
         mean = sampler.first_mean()
     sampler.use_memory(model.memory(mean))
     coefficients, sigma, effective = sampler.run(most_draws)
@@ -205,7 +196,6 @@ class _Model:
         drift_degree: int,
         more_sidebands: int = 0,
         components: Components = NO_COMPONENTS,
-        has_fine: bool = False,
     ) -> None:
         starts = block_starts(readings)
         self.cycle = readings.cycle
@@ -219,9 +209,7 @@ class _Model:
         steps = np.diff(self.place_rev)[np.diff(self.run) == 0]
         positive = steps[steps > 0]
         self.blocks_per_rev = 1 / float(np.median(positive)) if len(positive) else 1.0
-        self.pairs = wave_pairs(
-            readings.cycle, self.blocks_per_rev, more_sidebands, components.pairs, has_fine=has_fine
-        )
+        self.pairs = wave_pairs(readings.cycle, self.blocks_per_rev, more_sidebands, components.pairs)
         self.row_slow = _slow_columns(readings.run, readings.elapsed, drift_degree)
         self.lines = components.lines
         self.row_lines = line_columns(readings.path_rev, readings.run, components.lines)
@@ -267,17 +255,21 @@ def _slow_columns(run: _Indices, elapsed: Array, degree: int) -> Array:
 class _Sampler:
     """The chain: coefficients given sizes by (R9) and (R10), sizes given coefficients by (R7) and (R11)."""
 
-    def __init__(self, model: _Model, memory: NoiseMemory, *, seed: int) -> None:
+    def __init__(self, model: _Model, *, seed: int) -> None:
         self._model = model
         self._rng = np.random.default_rng(seed)
         self._tree = SizeTree.start(model.pairs, model.mean_square)
         self._sigma2 = 1e-2 * model.mean_square
         self._drift2 = np.full(model.degree, _DRIFT_SIZE**2 * model.mean_square)
         self._beta = np.zeros(model.design.shape[1])
-        self.use_memory(memory)
+        self._use(WHITE)
 
     def use_memory(self, memory: NoiseMemory) -> None:
         """Whiten design and errors by a memory."""
+        if memory != WHITE:
+            self._use(memory)
+
+    def _use(self, memory: NoiseMemory) -> None:
         design = whitened(self._model.design, self._model.run, memory)
         errors = whitened(self._model.errors, self._model.run, memory)
         self._gram = design.T @ design

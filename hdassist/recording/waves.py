@@ -29,7 +29,7 @@ from hdassist.recording.positions import OrderedReadings
 
 _Indices = NDArray[np.int64]
 BLOCKS_PER_REV = 80  # of the input, at most
-CURVE_POINTS_PER_REV = 320  # of the input: 4 a period of the highest order, between which a parabola finds the peak
+CURVE_POINTS_PER_REV = 240  # of the input: 3 a period of the highest order, between which a parabola finds the peak
 # Orders that are open whatever the sampling. Coarse readings show a higher order as a lower one (its image) or not at
 # all, so they do not exclude it. Solved drives have 3 % of the power of their error above order 16.
 _ALWAYS_ORDER = 16
@@ -50,8 +50,6 @@ def wave_pairs(
     blocks_per_rev: float,
     more_sidebands: int = 0,
     more_pairs: Sequence[tuple[int, int]] = (),
-    *,
-    has_fine: bool = True,
 ) -> _Indices:
     """Return the waves (k, j) of the model, shape (waves, 2), sorted.
 
@@ -59,7 +57,6 @@ def wave_pairs(
     blocks_per_rev: blocks of readings in an input revolution.
     more_sidebands: sidebands on each side beyond the usual 6.
     more_pairs: further waves (k, j) that the readings show.
-    has_fine: whether the fine waves of teeth that differ are part of it.
     """
     ratio = float(cycle)
     sidebands = min(USUAL_SIDEBANDS + more_sidebands, max(1, int(ratio // 2)))
@@ -74,9 +71,7 @@ def wave_pairs(
         if 2 * k < ratio:
             pairs |= {(k, k), (k, -k)}
     pairs |= set(more_pairs)
-    if has_fine:
-        pairs |= _fine_pairs(cycle, pairs)
-    return np.array(sorted(pairs))
+    return np.array(sorted(pairs | _fine_pairs(cycle, pairs)))
 
 
 def _fine_pairs(cycle: Fraction, others: set[tuple[int, int]]) -> set[tuple[int, int]]:
@@ -108,7 +103,10 @@ def wave_columns(input_rev: Array, output_rev: Array, pairs: _Indices) -> Array:
     by_order = np.exp(2j * np.pi * np.outer(input_rev, orders))
     by_sideband = np.exp(2j * np.pi * np.outer(output_rev, sidebands))
     waves = by_order[:, pairs[:, 0]] * by_sideband[:, pairs[:, 1] + widest]
-    return np.hstack([waves.real, waves.imag])
+    columns = np.empty((len(waves), 2 * len(pairs)))
+    columns[:, : len(pairs)] = waves.real
+    columns[:, len(pairs) :] = waves.imag
+    return columns
 
 
 def block_starts(readings: OrderedReadings) -> _Indices:

@@ -24,7 +24,7 @@ def test_coefficients_are_those_of_a_dense_normal_posterior():
     turns, error = noisy_readings(readings=120, span=6.0)
     readings = ordered_readings(recording_from_columns(turns, error, RATIO))
     model = module._Model(readings, drift_degree=1)
-    sampler = module._Sampler(model, WHITE, seed=0)
+    sampler = module._Sampler(model, seed=0)
     variances = np.concatenate([sampler._tree.wave, sampler._tree.wave, [1e4], sampler._drift2])
     sigma2 = sampler._sigma2
     # by the covariance of the readings, not by the precision of the coefficients
@@ -89,8 +89,9 @@ def test_relations_hold_to_rounding(reference, relation):
 
 
 def test_a_memory_does_not_swallow_waves_beyond_the_pairs():
-    extra = 3.0 * np.cos(2 * np.pi * (2 + 9 / RATIO) * TURNS)
-    recording = recording_from_columns(TURNS, ERROR + extra, RATIO)
+    turns, error = noisy_readings(readings=1500)  # with 1320 it has the same readings as (30, 31)
+    extra = 3.0 * np.cos(2 * np.pi * (2 + 9 / RATIO) * turns)
+    recording = recording_from_columns(turns, error + extra, RATIO)
     posterior = posterior_of_recording(recording, most_draws=40)
     pairs = posterior.pairs.tolist()
     size = np.hypot(*posterior.amplitudes.mean(axis=0).reshape(2, -1)[:, pairs.index([2, 9])])

@@ -18,11 +18,11 @@ from hdassist.recording.waves import wave_pairs
 
 
 def test_profile_by_hand():
-    pairs = np.array([[0, 1], [0, 2], [2, -2], [2, 0], [2, 1], [4, 6], [4, 14], [40, 0]])
+    pairs = np.array([[0, 1], [0, 2], [2, -2], [2, 0], [2, 1], [4, 6], [4, 14], [100, 0]])
     orders, waves = wave_profile(pairs)
-    assert len(orders) == 41
+    assert len(orders) == 101
     assert orders[2] == ORDER_PROFILE[2]
-    assert orders[40] == ORDER_PROFILE[-1]
+    assert orders[100] == ORDER_PROFILE[-1]
     other_wheel = waves[2]
     expected = [
         *OUTPUT_PROFILE[:2],

@@ -27,7 +27,19 @@ def test_pairs_have_both_sides_the_other_wheel_and_no_constant():
     assert {(2, 6), (2, -6), (9, 9), (9, -9), (36, 0), (36, -36), (0, 6)} <= pairs
     assert not {(2, 7), (0, -1), (37, 0), (21, 1)} & pairs
     coarse = wave_pairs(Fraction(100), blocks_per_rev=8)
-    assert coarse[:, 0].max() == 16
+    assert coarse[coarse[:, 0] % 2 == 1, 0].max() == 15
+
+
+def test_fine_waves_are_even_and_no_wave_occurs_twice():
+    for cycle in (Fraction(30), Fraction(61, 2), Fraction(120)):
+        pairs = wave_pairs(cycle, blocks_per_rev=8)
+        fine = pairs[pairs[:, 0] > 16]
+        assert (fine[:, 0] % 2 == 0).all()
+        assert fine[:, 0].max() == min(80, int(cycle) + 1) // 2 * 2
+        nearest = np.minimum(np.abs(fine[:, 1]), np.abs(np.abs(fine[:, 1]) - fine[:, 0]))
+        assert nearest.max() == 1
+        periods = pairs[:, 0] * cycle.numerator + pairs[:, 1] * cycle.denominator
+        assert len(set(periods.tolist())) == len(pairs)
 
 
 def test_columns_are_cosines_and_sines():
@@ -77,5 +89,5 @@ def test_places_near_a_reading_are_visited():
     visited = visited_places(np.array([0.0, 5.0]), Fraction(30))
     places = np.flatnonzero(visited) / CURVE_POINTS_PER_REV
     off = np.minimum.reduce([np.abs(places - place) for place in (0.0, 5.0, 30.0)])
-    assert off.max() <= 0.009
-    assert len(places) == 6  # a step is 1/160 of a revolution: one to each side, also where the cycle closes
+    assert off.max() <= 0.009 + 1e-12
+    assert len(places) == 10  # a step is 1/240 of a revolution: two to each side, also where the cycle closes
