@@ -23,10 +23,10 @@ which is still a Gibbs sampler of the same posterior, at a small part of the wor
     sigma^2 | beta, y ~ IG(m/2, |y - X beta|^2 / 2),   m blocks.                                               (R11)
 
 Sampling alternates the two steps. It stops when the ranges of the curve over the cycle and over the visited places have
-enough effective samples, or at a largest number of draws; the number of effective samples is part of the result. The
-width of the sidebands is increased from 6 to 10 and 14 on each side while Akaike's criterion of white residuals
-improves, up to a quarter of the ratio: half of the spectrum is left to tell noise with a memory from waves. Then
-components of the residuals that clearly exceed the noise (R14) are added.
+enough effective samples, or at a largest number of draws; the number of effective samples is part of the result. If
+components of the residuals clearly exceed the noise (R14), the width of the sidebands is increased from 6 to 10 and 14
+on each side while Akaike's criterion of white residuals improves, up to a quarter of the ratio: half of the spectrum is
+left to tell noise with a memory from waves. Then the components that are left are added.
 """
 
 from __future__ import annotations
@@ -51,6 +51,7 @@ from hdassist.recording.waves import (
     block_means,
     block_starts,
     cycle_curves,
+    distinct_pairs,
     visited_places,
     wave_pairs,
 )
@@ -128,10 +129,9 @@ def posterior_of_recording(
     model = _Model(readings, drift_degree=drift_degree)
     sampler = _Sampler(model, seed=seed)
     mean = sampler.first_mean()
+    components = model.components(mean)
     for more_sidebands in _MORE_SIDEBANDS:
-        if model.memory(mean) == WHITE:
-            break  # white residuals contain no further sideband
-        if more_sidebands + USUAL_SIDEBANDS > _WIDEST_OF_RATIO * recording.ratio:
+        if components == NO_COMPONENTS or more_sidebands + USUAL_SIDEBANDS > _WIDEST_OF_RATIO * recording.ratio:
             break
         wider = _Model(readings, drift_degree=drift_degree, more_sidebands=more_sidebands)
         other = _Sampler(wider, seed=seed)
@@ -139,7 +139,7 @@ def posterior_of_recording(
         if wider.criterion(other_mean) > model.criterion(mean):
             break
         model, sampler, mean = wider, other, other_mean
-    components = clear_components(model.residual(mean), model.path_rev, model.run, model.cycle)
+        components = model.components(mean)
     if components != NO_COMPONENTS:
         model = _Model(readings, drift_degree=drift_degree, more_sidebands=model.more_sidebands, components=components)
         sampler = _Sampler(model, seed=seed)
@@ -209,7 +209,8 @@ class _Model:
         steps = np.diff(self.place_rev)[np.diff(self.run) == 0]
         positive = steps[steps > 0]
         self.blocks_per_rev = 1 / float(np.median(positive)) if len(positive) else 1.0
-        self.pairs = wave_pairs(readings.cycle, self.blocks_per_rev, more_sidebands, components.pairs)
+        pairs = wave_pairs(readings.cycle, self.blocks_per_rev, more_sidebands, components.pairs)
+        self.pairs = distinct_pairs(pairs, self.place_rev, readings.cycle)
         self.row_slow = _slow_columns(readings.run, readings.elapsed, drift_degree)
         self.lines = components.lines
         self.row_lines = line_columns(readings.path_rev, readings.run, components.lines)
@@ -225,6 +226,10 @@ class _Model:
     def residual(self, coefficients: Array) -> Array:
         """Return block means less the model's."""
         return self.errors - self.design @ coefficients
+
+    def components(self, coefficients: Array) -> Components:
+        """Return the components of the residuals that clearly exceed the noise."""
+        return clear_components(self.residual(coefficients), self.path_rev, self.run, self.cycle)
 
     def memory(self, coefficients: Array) -> NoiseMemory:
         """Return the memory of the residuals."""

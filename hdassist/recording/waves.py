@@ -42,6 +42,8 @@ _HIGHEST_FINE_ORDER = 80
 _POINTS_PER_PERIOD = 2.2  # blocks for each period of the highest order
 USUAL_SIDEBANDS = 6  # on each side of an order
 _VISITED_REV = 0.009  # of the input: a place with a reading within this distance on either side is visited
+_PHASE_POINTS_PER_REV = 1024  # of the input: places for the phases of two waves
+_SAME_READINGS = 0.9  # agreement of phases from which two waves have the same readings
 _CHUNK = 512  # rows whose columns are computed at once: they stay in the processor's cache
 
 
@@ -89,6 +91,29 @@ def _fine_pairs(cycle: Fraction, others: set[tuple[int, int]]) -> set[tuple[int,
                 periods.add(period)
                 fine.add((k, j))
     return fine
+
+
+def distinct_pairs(pairs: _Indices, place_rev: Array, cycle: Fraction) -> _Indices:
+    """Return the waves without high orders that have the same readings as a lower one, shape (waves, 2).
+
+    At even readings a wave with m periods in a cycle has the same readings as one with m' periods if all phases
+    (m - m') t / p, or all (m + m') t / p, agree. The readings cannot tell the two apart; the lower order is the likelier
+    one.
+
+    pairs: waves (k, j), ascending, shape (waves, 2).
+    place_rev: places of the readings on the cycle [input rev], shape (readings,).
+    cycle: ratio p/q in lowest terms.
+    """
+    points = _PHASE_POINTS_PER_REV * cycle.numerator
+    counts = np.bincount(np.rint(place_rev * _PHASE_POINTS_PER_REV).astype(np.int64) % points, minlength=points)
+    agreement = np.abs(np.fft.rfft(counts)) / len(place_rev)
+    periods = pairs[:, 0] * cycle.numerator + pairs[:, 1] * cycle.denominator
+    is_kept = pairs[:, 0] <= _ALWAYS_ORDER
+    for wave in np.flatnonzero(~is_kept).tolist():
+        lower = periods[:wave][is_kept[:wave]]
+        same = np.maximum(agreement[np.abs(periods[wave] - lower)], agreement[periods[wave] + lower])
+        is_kept[wave] = not (same > _SAME_READINGS).any()
+    return pairs[is_kept]
 
 
 def wave_columns(input_rev: Array, output_rev: Array, pairs: _Indices) -> Array:
