@@ -11,7 +11,8 @@ one range. Two ends matter, and they answer different questions:
 - lines: the amplitudes of lines off the orders. In another cycle their peaks may meet those of the curve; `seen` has
   them with the phases that were recorded.
 - excess: noise makes the range of a sample larger than that of the true curve. It is the mean range of the samples less
-  the range of the mean curve, over visited places.
+  the range of the mean curve, both at the readings. Between them it would also contain the waves that coarse readings
+  leave open, which are no noise.
 - flank: a finite series overshoots beside a steep flank, and its range is too large. The readings there lie inside the
   curve. flank is the mean residual at the highest places of the mean curve less that at the lowest, if it is negative
   beyond its own noise, else 0.
@@ -307,7 +308,7 @@ def _rest(posterior: AmplitudePosterior, seed: int) -> Array:
     """Return samples of what waves beyond the model add to a range [arcsec], shape (draws,)."""
     rng = np.random.default_rng(seed)
     order = posterior.pairs[:, 0]
-    profile = rest_profile(int(order.max()), float(posterior.cycle))
+    profile = rest_profile(int(order[order % 2 == 1].max()), float(posterior.cycle))
     cosines, sines = np.split(posterior.amplitudes, 2, axis=1)
     is_fine = order >= FINE_ORDER
     fine = np.sqrt(((cosines**2 + sines**2) / 2)[:, is_fine].sum(axis=1))

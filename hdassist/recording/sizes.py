@@ -64,11 +64,11 @@ class _RestProfile:
 
 
 def rest_profile(highest: int, gear_ratio: float) -> _RestProfile:
-    """Return the sizes of the waves beyond pairs up to a highest order.
+    """Return the sizes of the waves beyond pairs up to a highest odd order.
 
     Between tabulated orders they are interpolated; over the logarithm of the ratio they are straight lines.
 
-    highest: highest order of the pairs.
+    highest: highest odd order of the pairs.
     gear_ratio: input revolutions per output revolution; below 50, where no drive was solved, it counts as 50.
     """
     table = _PROFILES["rest"]

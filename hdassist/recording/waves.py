@@ -97,8 +97,8 @@ def distinct_pairs(pairs: _Indices, place_rev: Array, cycle: Fraction) -> _Indic
     """Return the waves without high orders that have the same readings as a lower one, shape (waves, 2).
 
     At even readings a wave with m periods in a cycle has the same readings as one with m' periods if all phases
-    (m - m') t / p, or all (m + m') t / p, agree. The readings cannot tell the two apart; the lower order is the likelier
-    one.
+    (m - m') t / p, or all (m + m') t / p, agree. The readings cannot tell the two apart, and the lower order is the
+    likelier one.
 
     pairs: waves (k, j), ascending, shape (waves, 2).
     place_rev: places of the readings on the cycle [input rev], shape (readings,).
