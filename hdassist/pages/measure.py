@@ -448,8 +448,8 @@ def _interval(found: StatedQuantity) -> list[float] | None:
         return None
     reach = _expanded(found)
     # Scatter alone makes a range; the lower end is the lower confidence limit that "at least" states too.
-    below = max(reach, found.noise_arcsec)
-    return [max(0.0, found.arcsec - below), found.arcsec + reach]
+    lower_reach = max(reach, found.noise_arcsec)
+    return [max(0.0, found.arcsec - lower_reach), found.arcsec + reach]
 
 
 _QUANTITIES = quantity_table("bench.stated", interval=_interval, **FORMATS)

@@ -95,7 +95,9 @@ def wave_profile(pairs: _Indices) -> tuple[Array, Array]:
     orders = np.array([ORDER_PROFILE[min(order, len(ORDER_PROFILE) - 1)] for order in range(int(k.max()) + 1)])
     waves = np.empty(len(pairs))
     for number, (order, sideband) in enumerate(zip(k.tolist(), distance.tolist(), strict=True)):
-        beside = sideband if sideband <= USUAL_SIDEBANDS else min(sideband, abs(sideband - order))  # of either wheel
+        step = sideband  # to the nearer wheel
+        if sideband > USUAL_SIDEBANDS:
+            step = min(sideband, abs(sideband - order))
         if sideband == 0:
             waves[number] = 1.0
         elif order == 0:
@@ -103,7 +105,7 @@ def wave_profile(pairs: _Indices) -> tuple[Array, Array]:
         elif sideband == order:
             waves[number] = _OTHER_WHEEL
         else:
-            waves[number] = SIDEBAND_PROFILE[min(beside, len(SIDEBAND_PROFILE)) - 1]
+            waves[number] = SIDEBAND_PROFILE[min(step, len(SIDEBAND_PROFILE)) - 1]
     return orders, waves
 
 
@@ -167,9 +169,9 @@ class SizeTree:
         parent = np.where(self.is_main, self.order[self.order_of], self.sideband[self.order_of])
         self.wave_aux = inverse_gamma((nu + 1) / 2, nu / self.wave + 1 / (self.wave_prior * parent), rng)
         precision = 1 / (self.wave_prior * self.wave_aux)
-        beside = ~self.is_main
-        sidebands = np.bincount(self.order_of[beside], minlength=orders)
-        sideband_sum = np.bincount(self.order_of[beside], precision[beside], minlength=orders)
+        is_sideband = ~self.is_main
+        sidebands = np.bincount(self.order_of[is_sideband], minlength=orders)
+        sideband_sum = np.bincount(self.order_of[is_sideband], precision[is_sideband], minlength=orders)
         self.sideband = inverse_gamma((nu + sidebands) / 2, nu / self.sideband_aux + sideband_sum, rng)
         self.sideband_aux = inverse_gamma((nu + 1) / 2, nu / self.sideband + 1 / self.order, rng)
         mains = np.bincount(self.order_of[self.is_main], minlength=orders)
