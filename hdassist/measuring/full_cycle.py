@@ -95,7 +95,10 @@ def full_cycle(result: Measurement, sweep: SweepResult) -> FullCycle | str:
     figure = range_figure(posterior, seed=result.seed)
     if figure.whole_effective < _FEWEST_EFFECTIVE:
         return "the model of the full cycle has too few effective samples"
-    ends = _Ends(figure, combined([source for source in sweep.sources if source.name not in SCATTER]))
+    # Over a whole cycle the model contains what coarse readings and fitted orders leave out. Of a part it does so only as
+    # far as its prior is right, so those sources stay.
+    beside_model = combined([source for source in sweep.sources if source.name not in SCATTER])
+    ends = _Ends(figure, sweep.range.others if sweep.is_bound else beside_model)
     low, high = ends.interval_arcsec
     at_least = ends.at_least_arcsec
     if sweep.is_bound:  # steep waves of no drive: on parts of them the model alone was up to 2 % too high
