@@ -95,8 +95,8 @@ def full_cycle(result: Measurement, sweep: SweepResult) -> FullCycle | str:
     figure = range_figure(posterior, seed=result.seed)
     if figure.whole_effective < _FEWEST_EFFECTIVE:
         return "the model of the full cycle has too few effective samples"
-    # Over a whole cycle the model contains what coarse readings and fitted orders leave out. Over a part it does so only
-    # as far as its prior is right, so those sources stay.
+    # Over a whole cycle the model contains what coarse readings and fitted orders leave out. Over a part it depends on
+    # its prior, so those sources stay.
     beside_model = combined([source for source in sweep.sources if source.name not in SCATTER])
     ends = _Ends(figure, sweep.range.others if sweep.is_bound else beside_model)
     low, high = ends.interval_arcsec
