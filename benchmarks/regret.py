@@ -1,4 +1,4 @@
-"""Regret of the hole that mount names: `python -m benchmarks.regret [--cases A,D1,D2,G,F,T,C,C2] [--n 40] [--first 0]`.
+"""Regret of the hole that mount names: `python -m benchmarks.regret [--cases A,D1,D2,G,G3,F,T,C,C2] [--n 40] [--first 0]`.
 
 Regret is F'_ior in the hole named over the least of 12 holes, less 1; of two torques (T) F'_ior over its mean of all
 holes, at the torque served worst. Hidden drives are none that the preset can be:
@@ -33,7 +33,8 @@ class Case:
     """Hidden drives, torques [N*m], noise of their values [arcsec], stated as 1, and whether one of six is misread.
 
     order_2: arcsec that a hidden vzp160 has beside what the model computes, at twice a turn of the cam; None: drives of
-    which a data sheet is known (honesty.py). stated: noise that is stated. by_hand: curves of two phasors, no drives.
+    which a data sheet is known (honesty.py). stated: noise that is stated. by_hand: curves of two phasors, no drives. misread_of:
+    of so many first values one is misread.
     """
 
     order_2: float | None = 0.0
@@ -42,6 +43,7 @@ class Case:
     torques: tuple[float, ...] = (M_G,)
     stated: float = 1.0
     by_hand: bool = False
+    misread_of: int = MOST
 
 
 CASES = {
@@ -49,6 +51,7 @@ CASES = {
     "D1": Case(order_2=2.0),
     "D2": Case(noise=2.0),
     "G": Case(order_2=4.0, noise=2.0, misread=True),
+    "G3": Case(order_2=4.0, noise=2.0, misread=True, misread_of=len(FIRST)),
     "F": Case(order_2=None),
     "T": Case(torques=(M_G, 800.0)),
     "C": Case(by_hand=True, noise=0.5, stated=0.5),
@@ -150,7 +153,7 @@ def judged(case: Case, seed: int, samples, keep: Path | None):
 
     rng, every = np.random.default_rng([20, seed]), true_values(case, seed, keep)
     true, torques = served_worst(every), list(samples.F_ior_by_torque)
-    wrong, off = rng.integers(MOST), rng.uniform(*MISREAD) * rng.choice([-1, 1])
+    wrong, off = rng.integers(MOST) % case.misread_of, rng.uniform(*MISREAD) * rng.choice([-1, 1])
 
     def measured(hole: int, number: int, torque: int = 0) -> Trial:
         value = every[torque, hole] + case.noise * rng.standard_normal() + off * (case.misread and wrong == number)
@@ -180,7 +183,8 @@ def judged(case: Case, seed: int, samples, keep: Path | None):
             named = None if advice.suspected is None else bool(trials.index(advice.suspected) == wrong)
             return rows, stop or rows[count] | {"values": count}, regret[0], named
         assert advice.value
-        trials.append(measured(round(advice.value.rotation_deg / 30), count, torques.index(advice.value.M_g)))
+        next_deg = advice.next.rotation_deg if advice.next else advice.value.rotation_deg
+        trials.append(measured(round(next_deg / 30), count, torques.index(advice.next_torque)))
         climbed.append(measured(_climb(climbed), count))
 
 
