@@ -1,4 +1,4 @@
-"""Regret of the hole that mount names: `python -m benchmarks.regret [--cases A,D1,D2,G,G3,F,T,C,C2] [--n 40] [--first 0]`.
+"""Regret of the hole that mount names: `python -m benchmarks.regret [--cases A,D1,...] [--n 40] [--first 0]`.
 
 Regret is F'_ior in the hole named over the least of 12 holes, less 1; of two torques (T) F'_ior over its mean of all
 holes, at the torque served worst. Hidden drives are none that the preset can be:
@@ -33,8 +33,8 @@ class Case:
     """Hidden drives, torques [N*m], noise of their values [arcsec], stated as 1, and whether one of six is misread.
 
     order_2: arcsec that a hidden vzp160 has beside what the model computes, at twice a turn of the cam; None: drives of
-    which a data sheet is known (honesty.py). stated: noise that is stated. by_hand: curves of two phasors, no drives. misread_of:
-    of so many first values one is misread.
+    which a data sheet is known (honesty.py). stated: noise that is stated. by_hand: curves of two phasors, no drives.
+    misread_of: of so many first values one is misread.
     """
 
     order_2: float | None = 0.0
