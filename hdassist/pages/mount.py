@@ -497,9 +497,9 @@ def _positions_table(advice: Advice, places: Sequence[int], title: str = "") -> 
     if is_sampled:
         better = f"better: than {start_of_count(advice.drive)} by > {100 * decision.cost:g} %"
         notes.append(f"P: probability, %; {better}; within 5 %: of the best hole")
-    governing = ", governing torque" if len(advice.torques) > 1 else ""
-    expected = "expected " if is_sampled else ""
-    notes.append(f"excess: {expected}over best hole{governing}; {counted} count counter-clockwise")
+    governing = "governing torque; " if len(advice.torques) > 1 else ""
+    expected = "expected, " if is_sampled else ""
+    notes.append(f"excess over the best hole: {expected}{governing}{counted} counter-clockwise")
     title_start = f"{title}: " if title else ""
     return Table(
         f"{title_start}{residual}, ″{spread}",

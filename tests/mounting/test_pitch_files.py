@@ -202,7 +202,7 @@ def test_each_fault_ends_with_4_and_its_place(name, tmp_path):
         (["mount", "-", "--pitch-b", "-"], "standard input can be read only once"),
         (["check", "-", "-"], "standard input can be read only once"),
         (["trace", SMALL, "--pitch-b", "-", "--pitch-g", "-"], "standard input can be read only once"),
-        (["check", SMALL, SMALL, "--pitch-b", "wheel.csv"], "belong to one drive"),
+        (["check", SMALL, SMALL, "--pitch-b", "wheel.csv"], "the pitch files belong to one drive"),
         (["mount", SMALL, "--mark-b", "20"], "--mark-b needs a measured wheel"),
         (["mount", SMALL, "--pitch-b", "wheel.csv", "--mark-g", "20"], "--mark-g needs a measured wheel"),
         (["mount", SMALL, "--pitch-b", "wheel.csv", "--mark-b", "nan"], "nan is out of range"),
