@@ -618,7 +618,8 @@ def _kinematics_alone(found: Measurement, form: CorrectionForm, output_turns: st
     if found.gearing is None or needs_sense:
         raise UsageError(
             "the recording does not show whether input and output rotate in the same sense",
-            "if the recording contains input angles, use --output-turns against (circular spline fixed) or --output-turns with (flexspline fixed), or give a preset",
+            "if the recording contains input angles, use --output-turns: against (circular spline fixed) or with "
+            "(flexspline fixed). Otherwise give a preset",
         )
     moving_teeth = round(2 * found.gearing.ratio)
     if way == "with":

@@ -325,7 +325,10 @@ class PitchOptions(OptionGroup):
         wheels = self.wheels()
         wheels.require_sound()
         if wheels.files and len(presets) > 1:
-            raise UsageError(f"the pitch files belong to one drive, and {len(presets)} presets are given", "check one drive at a time")
+            raise UsageError(
+                f"the pitch files belong to one drive, and {len(presets)} presets are given",
+                "check one drive at a time",
+            )
         stdin_once(*presets, *wheels.files.values())
         return wheels
 

@@ -24,8 +24,8 @@ ABOUT = (
     "gives the reduction of F'_ior in holes 8 and 9, compared with hole 0, for two models of the balls. Rolling balls "
     "do not reduce the gain in hole 8, but at 800 N·m they reduce the gain in hole 9. The starting angle of the cage "
     "has hardly any effect. With rolling balls, `mount --draws 0` solves every mesh position. With locked "
-    "balls, the balls remain in one phase. If the preset does not specify this phase, the gain is given as a range over "
-    "the phase."
+    "balls, the balls remain in one phase. If the preset does not specify this phase, the gain is given as a range "
+    "over the phase."
 )
 STARTS = (0.0, 0.5)  # of the cage, ball pitches
 ADVISED = (8, 9)  # holes of twelve, by the values as given and over all that is assumed
