@@ -47,7 +47,7 @@ from hdassist.recording.positions import OrderedReadings, Recording, ordered_rea
 from hdassist.recording.sizes import SizeTree, inverse_gamma
 from hdassist.recording.waves import (
     USUAL_SIDEBANDS,
-    block_design,
+    BlockDesign,
     block_means,
     block_starts,
     cycle_curves,
@@ -126,14 +126,15 @@ def posterior_of_recording(
     Raises DataError for sweeps in both directions.
     """
     readings = ordered_readings(recording)
-    model = _Model(readings, drift_degree=drift_degree)
+    columns = BlockDesign(readings, block_starts(readings))
+    model = _Model(readings, drift_degree=drift_degree, columns=columns)
     sampler = _Sampler(model, seed=seed)
     mean = sampler.first_mean()
     components = model.components(mean)
     for more_sidebands in _MORE_SIDEBANDS:
         if components == NO_COMPONENTS or more_sidebands + USUAL_SIDEBANDS > _WIDEST_OF_RATIO * recording.ratio:
             break
-        wider = _Model(readings, drift_degree=drift_degree, more_sidebands=more_sidebands)
+        wider = _Model(readings, drift_degree=drift_degree, more_sidebands=more_sidebands, columns=columns)
         other = _Sampler(wider, seed=seed)
         other_mean = other.first_mean()
         if wider.criterion(other_mean) > model.criterion(mean):
@@ -141,7 +142,13 @@ def posterior_of_recording(
         model, sampler, mean = wider, other, other_mean
         components = model.components(mean)
     if components != NO_COMPONENTS:
-        model = _Model(readings, drift_degree=drift_degree, more_sidebands=model.more_sidebands, components=components)
+        model = _Model(
+            readings,
+            drift_degree=drift_degree,
+            more_sidebands=model.more_sidebands,
+            components=components,
+            columns=columns,
+        )
         sampler = _Sampler(model, seed=seed)
         mean = sampler.first_mean()
     sampler.use_memory(model.memory(mean))
@@ -196,7 +203,16 @@ class _Model:
         drift_degree: int,
         more_sidebands: int = 0,
         components: Components = NO_COMPONENTS,
+        columns: BlockDesign | None = None,
     ) -> None:
+        """Set up the design of a recording.
+
+        readings: readings in the order of their places.
+        drift_degree: highest degree of the drift.
+        more_sidebands: sidebands on each side beyond the usual ones.
+        components: components of the residuals of a smaller model.
+        columns: those of the smaller models of the same readings, which are not computed again.
+        """
         starts = block_starts(readings)
         self.cycle = readings.cycle
         self.run = readings.run[starts]
@@ -215,8 +231,10 @@ class _Model:
         self.lines = components.lines
         self.row_lines = line_columns(readings.path_rev, readings.run, components.lines)
         beside = block_means(np.hstack([self.row_slow, self.row_lines]), starts)
-        self.design = np.hstack([block_design(readings, starts, self.pairs), beside])
         self.waves = 2 * len(self.pairs)
+        self.design = np.empty((len(starts), self.waves + beside.shape[1]))
+        (columns or BlockDesign(readings, starts)).fill(self.pairs, self.design[:, : self.waves])
+        self.design[:, self.waves :] = beside
         self.degree = drift_degree
         self.slow_end = self.waves + self.runs * (1 + drift_degree)
         levels = beside[:, : self.runs]

@@ -18,7 +18,7 @@ An average of both sides of a linear equation is exact, so averaging damps no wa
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from fractions import Fraction
 
 import numpy as np
@@ -164,18 +164,54 @@ def block_means(values: Array, starts: _Indices) -> Array:
     return np.asarray(sums / sizes.reshape(-1, *[1] * (values.ndim - 1)))
 
 
-def block_design(readings: OrderedReadings, starts: _Indices, pairs: _Indices) -> Array:
-    """Return the columns of the waves averaged over blocks (R3), shape (blocks, 2 waves)."""
-    design = np.empty((len(starts), 2 * len(pairs)))
-    ends = np.append(starts[1:], len(readings.run))
-    first = 0
-    while first < len(starts):
-        last = max(first + 1, int(np.searchsorted(ends, starts[first] + _CHUNK, side="right")))
-        rows = slice(starts[first], ends[last - 1])
-        columns = wave_columns(readings.input_rev[rows], readings.output_rev[rows], pairs)
-        design[first:last] = block_means(columns, starts[first:last] - starts[first])
-        first = last
-    return design
+class BlockDesign:
+    """Columns of waves averaged over blocks (R3), each of which is computed once for all models of a recording."""
+
+    def __init__(self, readings: OrderedReadings, starts: _Indices) -> None:
+        """Keep the readings, and the first row of each block, shape (blocks,)."""
+        self._readings = readings
+        self._starts = starts
+        self._pairs: _Indices = np.zeros((0, 2), np.int64)
+        self._columns = np.zeros((len(starts), 0))
+
+    def fill(self, pairs: _Indices, columns: Array) -> None:
+        """Write the columns of waves: cosines, then sines.
+
+        The columns of the call before are copied, so its array must be unchanged.
+
+        pairs: waves (k, j), shape (waves, 2).
+        columns: is overwritten, shape (blocks, 2 waves).
+        """
+        place_of = {pair: place for place, pair in enumerate(map(tuple, self._pairs.tolist()))}
+        places = np.array([place_of.get(pair, -1) for pair in map(tuple, pairs.tolist())])
+        is_computed = places >= 0
+        old_cosines = places[is_computed]
+        old = np.concatenate([old_cosines, len(self._pairs) + old_cosines])
+        copied = np.flatnonzero(np.tile(is_computed, 2))
+        new = np.flatnonzero(np.tile(~is_computed, 2))
+        for first, last in self._chunks():  # an array as a whole would be copied through slow memory
+            columns[first:last, copied] = self._columns[first:last].take(old, axis=1)
+            if len(new):
+                columns[first:last, new] = self._means(first, last, pairs[~is_computed])
+        self._pairs = pairs
+        self._columns = columns
+
+    def _chunks(self) -> Iterator[tuple[int, int]]:
+        """Yield the first block of each chunk, and the one after its last block."""
+        ends = np.append(self._starts[1:], len(self._readings.run))
+        first = 0
+        while first < len(self._starts):
+            last = max(first + 1, int(np.searchsorted(ends, self._starts[first] + _CHUNK, side="right")))
+            yield first, last
+            first = last
+
+    def _means(self, first: int, last: int, pairs: _Indices) -> Array:
+        """Return the columns of waves for blocks first to last - 1, shape (last - first, 2 waves)."""
+        starts = self._starts[first:last]
+        end = self._starts[last] if last < len(self._starts) else len(self._readings.run)
+        rows = slice(starts[0], end)
+        columns = wave_columns(self._readings.input_rev[rows], self._readings.output_rev[rows], pairs)
+        return block_means(columns, starts - starts[0])
 
 
 def cycle_curves(amplitudes: Array, pairs: _Indices, cycle: Fraction) -> Array:

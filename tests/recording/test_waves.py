@@ -8,7 +8,7 @@ from hdassist.recording.positions import ordered_readings, recording_from_column
 from hdassist.recording.waves import (
     BLOCKS_PER_REV,
     CURVE_POINTS_PER_REV,
-    block_design,
+    BlockDesign,
     block_means,
     block_starts,
     cycle_curves,
@@ -64,11 +64,25 @@ def test_means_over_blocks_damp_no_wave():
     starts = block_starts(readings)
     assert len(starts) <= 1.5 * BLOCKS_PER_REV * RATIO
     pairs = wave_pairs(readings.cycle, blocks_per_rev=100)
-    design = block_design(readings, starts, pairs)
+    design = np.empty((len(starts), 2 * len(pairs)))
+    BlockDesign(readings, starts).fill(pairs, design)
     solution = np.linalg.lstsq(design, block_means(readings.error_arcsec, starts), rcond=None)[0]
     cosine = solution[pairs.tolist().index([2, 0])]
     sine = solution[len(pairs) + pairs.tolist().index([2, 0])]
     assert np.allclose(readings.flipped * np.array([cosine, sine]), [9 * np.cos(1.0), 9 * np.sin(1.0)])
+
+
+def test_columns_of_a_smaller_model_are_those_computed_alone():
+    turns = np.sort(RNG.random(9_000)) * RATIO
+    readings = ordered_readings(recording_from_columns(turns, known_error(turns), RATIO))
+    starts = block_starts(readings)
+    shared = BlockDesign(readings, starts)
+    for more_sidebands in (0, 4, 2):
+        pairs = wave_pairs(readings.cycle, 100, more_sidebands)
+        designs = np.empty((2, len(starts), 2 * len(pairs)))
+        shared.fill(pairs, designs[0])
+        BlockDesign(readings, starts).fill(pairs, designs[1])
+        assert np.allclose(designs[0], designs[1], rtol=0, atol=1e-12)
 
 
 def test_no_block_reaches_over_two_runs():
