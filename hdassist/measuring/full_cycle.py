@@ -13,9 +13,9 @@ both ends.
 `measure` and `accept` state this one interval. For a verdict two further numbers count: `at_most_arcsec`, the smallest
 limit that F'_ior of the full cycle meets with a probability of 95 %, and `at_least_arcsec`, the largest one that it
 exceeds. The former is given from a third of the cycle on (`LEAST_SHARE_OF_PASS`). Over less of it, the prior alone
-decides whether the remainder is like the recorded part. Lines off the orders count as the model finds them. Those that
-the fit of `measure` names do not widen it: at coarse readings most of them are images of high orders, which the model
-contains.
+decides whether the remainder is like the recorded part. Lines off the orders that the fit of `measure` names have to
+find room in the upper end too, since in another cycle their peaks may meet those of the curve. At coarse readings most
+of them are images of high orders: these return in each cycle, the model contains them, and they need no room.
 
 The model holds only in its domain, and `reason_outside` is the one place that states it: the cycle and the size of the
 error are known, F'_ior counts over all of the cycle, one direction, one torque, a recording of 12 % of the cycle or
@@ -36,14 +36,16 @@ from hdassist.measuring.measure import Measurement, SweepResult
 from hdassist.measuring.orders import SCATTER, FullCycle, combined
 from hdassist.recording.figures import RangeFigure, part_to_record, range_figure
 from hdassist.recording.positions import Recording, recording_from_columns
-from hdassist.recording.posterior import posterior_of_recording
-from hdassist.recording.waves import BLOCKS_PER_REV
+from hdassist.recording.posterior import AmplitudePosterior, posterior_of_recording
+from hdassist.recording.waves import ALWAYS_ORDER, BLOCKS_PER_REV
 
 _LEAST_SHARE = 0.12  # of the cycle: less was not judged (benchmarks/recordings.py)
 LEAST_SHARE_OF_PASS = 1 / 3  # of the cycle, from which the upper end may pass a drive
 _LARGEST_SLOW = 10.0  # times the range of the orders: larger slow terms may come from a wrong ratio
 _FEWEST_EFFECTIVE = 40.0  # samples: with fewer an upper end is not known
 _MOST_BLOCKS = 30_000  # of readings: three cycles of ratio 100; the design of more takes too much memory
+_LINE_IS_WAVE = 0.5  # agreement of phases: the line lies within 0.6 of the resolution of the wave or of its image
+_READINGS_AT_ONCE = 2000  # whose phases are held in memory
 _PAUSE = 1e6  # rows between two levels, so that each is a run of its own
 
 
@@ -106,16 +108,42 @@ def full_cycle(result: Measurement, sweep: SweepResult) -> FullCycle | str:
         at_least = min(at_least, sweep.range.value - GUARD * sweep.range.uncertainty)
     if high < sweep.range.value:
         return "the model of the full cycle contradicts the range of the recorded part"
+    with_lines = sweep.range.value + _rise_by_lines(sweep, posterior)
     is_enough = sweep.coverage is not None and sweep.coverage.share >= LEAST_SHARE_OF_PASS
     return FullCycle(
         value_arcsec=figure.median_seen_arcsec if sweep.is_bound else figure.median_recorded_arcsec,
-        interval_arcsec=(low, high),
+        interval_arcsec=(low, max(high, with_lines)),
         standard_uncertainty_arcsec=ends.part_uncertainty_arcsec if sweep.is_bound else ends.cycle_uncertainty_arcsec,
         at_least_arcsec=at_least,
-        at_most_arcsec=ends.at_most_arcsec if is_enough else None,
+        at_most_arcsec=max(ends.at_most_arcsec, with_lines) if is_enough else None,
         record_next_rev=part_to_record(posterior),
         effective_samples=figure.whole_effective,
     )
+
+
+def _rise_by_lines(sweep: SweepResult, posterior: AmplitudePosterior) -> float:
+    """Return the rise of F'_ior in another cycle by the lines of a fit [arcsec]; 0 if they are waves of high orders.
+
+    A line is such a wave, or its image, if both have the same phases at all readings: the mean of exp(2 pi i (f - l) t)
+    or of exp(2 pi i (f + l) t) over the readings is near 1, with the line at l and the wave at f periods per input
+    revolution.
+    """
+    high_pairs = posterior.pairs[posterior.pairs[:, 0] > ALWAYS_ORDER]
+    if not sweep.lines or not sweep.range.rise or not len(high_pairs):
+        return sweep.range.rise
+    waves = high_pairs[:, 0] + high_pairs[:, 1] / float(posterior.cycle)
+    lines = np.array([line.per_cam_rev for line in sweep.lines])
+    turns = sweep.bins.turns
+    differences = np.zeros((len(waves), len(lines)), complex)
+    sums = np.zeros_like(differences)
+    for first in range(0, len(turns), _READINGS_AT_ONCE):
+        part = turns[first : first + _READINGS_AT_ONCE]
+        at_waves = np.exp(2j * np.pi * np.outer(waves, part))
+        at_lines = np.exp(2j * np.pi * np.outer(part, lines))
+        differences += at_waves @ at_lines.conj()
+        sums += at_waves @ at_lines
+    agreement = np.maximum(np.abs(differences), np.abs(sums)).max(axis=0) / len(turns)
+    return sweep.range.rise if (agreement < _LINE_IS_WAVE).any() else 0.0
 
 
 class _Ends:

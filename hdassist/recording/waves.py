@@ -32,7 +32,7 @@ BLOCKS_PER_REV = 80  # of the input, at most
 CURVE_POINTS_PER_REV = 240  # of the input: 3 a period of the highest order, between which a parabola finds the peak
 # Orders that are open whatever the sampling. Coarse readings show a higher order as a lower one (its image) or not at
 # all, so they do not exclude it. Solved drives have 3 % of the power of their error above order 16.
-_ALWAYS_ORDER = 16
+ALWAYS_ORDER = 16
 _SIDEBAND_ORDER = 20  # the highest order with sidebands
 _HIGHEST_ORDER = 36  # of the odd orders
 # Teeth that differ give even orders (two zones mesh) up to half the number of teeth of a wheel, 1 + ratio. Their waves
@@ -63,8 +63,8 @@ def wave_pairs(
     ratio = float(cycle)
     sidebands = min(USUAL_SIDEBANDS + more_sidebands, max(1, int(ratio // 2)))
     resolved = blocks_per_rev / _POINTS_PER_PERIOD
-    highest_beside = int(np.clip(resolved, _ALWAYS_ORDER, _SIDEBAND_ORDER))
-    highest = int(np.clip(resolved, _ALWAYS_ORDER, _HIGHEST_ORDER))
+    highest_beside = int(np.clip(resolved, ALWAYS_ORDER, _SIDEBAND_ORDER))
+    highest = int(np.clip(resolved, ALWAYS_ORDER, _HIGHEST_ORDER))
     pairs = {(0, j) for j in range(1, sidebands + 1)}
     for k in range(1, highest_beside + 1):
         pairs |= {(k, j) for j in range(-sidebands, sidebands + 1)}
@@ -84,7 +84,7 @@ def _fine_pairs(cycle: Fraction, others: set[tuple[int, int]]) -> set[tuple[int,
     periods = {k * cycle.numerator + j * cycle.denominator for k, j in others}
     highest = min(_HIGHEST_FINE_ORDER, int(cycle) + 1)
     fine: set[tuple[int, int]] = set()
-    for k in range(_ALWAYS_ORDER + 2, highest + 1, 2):
+    for k in range(ALWAYS_ORDER + 2, highest + 1, 2):
         for j in (0, -1, 1, k, k - 1, k + 1, -k, -k - 1, -k + 1):
             period = k * cycle.numerator + j * cycle.denominator
             if period not in periods:
@@ -98,7 +98,7 @@ def distinct_pairs(pairs: _Indices, place_rev: Array, cycle: Fraction) -> _Indic
 
     At even readings a wave with m periods in a cycle has the same readings as one with m' periods if all phases
     (m - m') t / p, or all (m + m') t / p, agree. The readings cannot tell the two apart, and the lower order is the
-    likelier one.
+    likelier one. The level of a run is a wave with 0 periods.
 
     pairs: waves (k, j), ascending, shape (waves, 2).
     place_rev: places of the readings on the cycle [input rev], shape (readings,).
@@ -108,9 +108,9 @@ def distinct_pairs(pairs: _Indices, place_rev: Array, cycle: Fraction) -> _Indic
     counts = np.bincount(np.rint(place_rev * _PHASE_POINTS_PER_REV).astype(np.int64) % points, minlength=points)
     agreement = np.abs(np.fft.rfft(counts)) / len(place_rev)
     periods = pairs[:, 0] * cycle.numerator + pairs[:, 1] * cycle.denominator
-    is_kept = pairs[:, 0] <= _ALWAYS_ORDER
+    is_kept = pairs[:, 0] <= ALWAYS_ORDER
     for wave in np.flatnonzero(~is_kept).tolist():
-        lower = periods[:wave][is_kept[:wave]]
+        lower = np.append(periods[:wave][is_kept[:wave]], 0)  # 0 of the level of a run
         same = np.maximum(agreement[np.abs(periods[wave] - lower)], agreement[periods[wave] + lower])
         is_kept[wave] = not (same > _SAME_READINGS).any()
     return pairs[is_kept]

@@ -83,7 +83,7 @@ def test_the_card_says_which_hole_the_correction_belongs_to(tmp_path: Path):
     asked = (*SIX, "--compensated", "output:36")
     words = in_a_line(run(*asked, "--card", "-", "--serial", "17-042").stdout)
     hole = run(*asked, "-q").stdout.strip()
-    assert f"the controller's correction is made for hole {hole} of this serial number, zero mark: ______;" in words
+    assert f"the correction in the controller was recorded on this drive in hole {hole}, zero mark: ______;" in words
     assert "17-042" in words
     assert "correction" not in run(*SIX, "--card", "-").stdout
     russian = run(*SIX, "--compensated", "output:36", "--card", "-", "--lang", "ru").stdout

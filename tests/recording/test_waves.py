@@ -12,6 +12,7 @@ from hdassist.recording.waves import (
     block_means,
     block_starts,
     cycle_curves,
+    distinct_pairs,
     visited_places,
     wave_columns,
     wave_pairs,
@@ -105,3 +106,12 @@ def test_places_near_a_reading_are_visited():
     off = np.minimum.reduce([np.abs(places - place) for place in (0.0, 5.0, 30.0)])
     assert off.max() <= 0.009 + 1e-12
     assert len(places) == 10  # a step is 1/240 of a revolution: two to each side, also where the cycle closes
+
+
+def test_order_that_is_constant_at_the_readings_is_left_out():
+    places = np.arange(40 * 50) / 40.0
+    cycle = Fraction(50)
+    kept = distinct_pairs(np.array([[2, 0], [20, 0], [38, 0], [40, 0]]), places, cycle)
+    assert kept.tolist() == [[2, 0], [20, 0]]
+    uneven = np.sort(np.random.default_rng(3).random(2000)) * 50
+    assert len(distinct_pairs(np.array([[2, 0], [20, 0], [38, 0], [40, 0]]), uneven, cycle)) == 4
