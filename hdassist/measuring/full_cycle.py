@@ -99,8 +99,10 @@ def full_cycle(result: Measurement, sweep: SweepResult) -> FullCycle | str:
         return "the model of the full cycle has too few effective samples"
     # Over a whole cycle the model contains what coarse readings and fitted orders leave out. Over a part it depends on
     # its prior, so those sources stay.
-    beside_model = combined([source for source in sweep.sources if source.name not in SCATTER])
-    ends = _Ends(figure, sweep.range.others if sweep.is_bound else beside_model)
+    other_uncertainty = sweep.range.others
+    if not sweep.is_bound:
+        other_uncertainty = combined([source for source in sweep.sources if source.name not in SCATTER])
+    ends = _Ends(figure, other_uncertainty)
     low, high = ends.interval_arcsec
     at_least = ends.at_least_arcsec
     if sweep.is_bound:  # steep waves of no drive: on parts of them the model alone was up to 2 % too high
@@ -109,16 +111,20 @@ def full_cycle(result: Measurement, sweep: SweepResult) -> FullCycle | str:
     if high < sweep.range.value:
         return "the model of the full cycle contradicts the range of the recorded part"
     with_lines = sweep.range.value + _rise_by_lines(sweep, posterior)
-    is_enough = sweep.coverage is not None and sweep.coverage.share >= LEAST_SHARE_OF_PASS
     return FullCycle(
         value_arcsec=figure.median_seen_arcsec if sweep.is_bound else figure.median_recorded_arcsec,
         interval_arcsec=(low, max(high, with_lines)),
         standard_uncertainty_arcsec=ends.part_uncertainty_arcsec if sweep.is_bound else ends.cycle_uncertainty_arcsec,
         at_least_arcsec=at_least,
-        at_most_arcsec=max(ends.at_most_arcsec, with_lines) if is_enough else None,
+        at_most_arcsec=max(ends.at_most_arcsec, with_lines) if _is_enough_to_pass(sweep) else None,
         record_next_rev=part_to_record(posterior),
         effective_samples=figure.whole_effective,
     )
+
+
+def _is_enough_to_pass(sweep: SweepResult) -> bool:
+    """Return whether a direction covers enough of the cycle for a PASS by the upper end."""
+    return sweep.coverage is not None and sweep.coverage.share >= LEAST_SHARE_OF_PASS
 
 
 def _rise_by_lines(sweep: SweepResult, posterior: AmplitudePosterior) -> float:

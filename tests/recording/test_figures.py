@@ -106,7 +106,7 @@ def recorded(curve, readings, sigma, span=RATIO, seed=0):
 
 @pytest.mark.thorough
 @pytest.mark.xfail(strict=True, reason="the chain stays with order 5: the upper end is 2 % below the true range")
-def test_upper_end_contains_an_order_that_looks_like_a_lower_one():
+def test_upper_end_contains_an_order_seen_as_a_lower_one():
     def fine(turns):
         return 9 * np.cos(4 * np.pi * turns) + 8 * np.cos(2 * np.pi * 15 * turns)
 
