@@ -420,10 +420,13 @@ def _failed_words(failed: Sequence[_FailedDrive]) -> str:
 
 
 def _turning_command(failed: _FailedDrive) -> str:
-    """Return the command that finds another hole for a drive, by the value of its present hole if one was measured."""
+    """Return the command that finds another hole for a drive, by the value of its present hole if one was measured.
+
+    The lower bound by a part of the cycle is no value of that hole.
+    """
     check = failed.check
     arguments = ["hdassist", "mount", failed.request.preset]
-    is_measured = check.basis != "predicted" and check.value is not None
+    is_measured = check.basis != "predicted" and check.value is not None and check.extent == "whole"
     if is_measured:
         arguments.append(f"h0={check.value:g}")
     arguments += [word for text in failed.request.overrides for word in ("--set", text)]

@@ -189,7 +189,7 @@ class BlockDesign:
         old = np.concatenate([old_cosines, len(self._pairs) + old_cosines])
         copied = np.flatnonzero(np.tile(is_computed, 2))
         new = np.flatnonzero(np.tile(~is_computed, 2))
-        for first, last in self._chunks():  # an array as a whole would be copied through slow memory
+        for first, last in self._chunks():  # which stay in the processor's cache
             columns[first:last, copied] = self._columns[first:last].take(old, axis=1)
             if len(new):
                 columns[first:last, new] = self._means(first, last, pairs[~is_computed])

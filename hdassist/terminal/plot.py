@@ -102,7 +102,7 @@ class _Rows:
         Args:
             low: Least value to be shown.
             high: Greatest value to be shown, above low.
-            row_limit: Greatest number of rows, at least 2.
+            row_limit: Greatest number of rows, at least 3.
 
         Returns:
             Rows of which two at least are numbered. Of equally many rows, those with every second row numbered.

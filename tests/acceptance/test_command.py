@@ -163,6 +163,14 @@ def test_short_accept_page_shows_the_verdict_and_the_next_command(rig):
     assert run(*command, cwd=rig).returncode == 0
 
 
+def test_lower_bound_of_a_part_is_no_trial_value(rig):
+    done = accepted(rig, "--measured", "4=part.csv", "--limit", "F_ior@4=1", budget="encoder=0.1")
+    assert done.returncode == 3
+    command = in_a_line(done.stdout).partition(" next hdassist ")[2].partition(" more ")[0].split()
+    assert command[0] == "mount"
+    assert not any(word.startswith("h0=") for word in command)
+
+
 def test_figures_of_several_drives_and_the_worst_code(rig, tmp_path):
     # a bad preset, a FAIL and a PASS: the bad preset's code is the worst
     (tmp_path / "bad.yaml").write_text("schema: hdassist.preset/1\n")
