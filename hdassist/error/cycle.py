@@ -367,14 +367,14 @@ def _self_errors(drive: Drive, torques: Sequence[float]) -> list[tuple[list[list
 
 
 @dataclass(frozen=True)
-class _LimitRooms:
+class LimitRooms:
     """Room that limits leave F'_ior beside the self error."""
 
     arcsec: list[float | None]  # at each torque, None without a limit
     certificate: Certificate  # of the self error, empty without any limit
 
 
-def limits_left(drive: Drive, torques: Sequence[float], run: Run = Run()) -> _LimitRooms:
+def limits_left(drive: Drive, torques: Sequence[float], run: Run = Run()) -> LimitRooms:
     """Return the room that limits of a drive leave F'_ior beside the self error at torques [N*m].
 
     Raises UntrustedError if a self error cannot be trusted.
@@ -383,7 +383,7 @@ def limits_left(drive: Drive, torques: Sequence[float], run: Run = Run()) -> _Li
     self_errors = self_error(drive, torques, run=run) if any(limits) else []
     certificate = sum((error.certificate for error in self_errors), EMPTY)
     rooms = [None if limit is None else limit - error.range_arcsec for limit, error in zip_longest(limits, self_errors)]
-    return _LimitRooms(rooms, certificate)
+    return LimitRooms(rooms, certificate)
 
 
 def _place(tau: float, beta: float, M_g: float, _: int) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal
@@ -15,7 +15,7 @@ from hdassist.belief.prior import DrivePrior, beside_measured_teeth, prior_of
 from hdassist.belief.proposals import TableEffort
 from hdassist.belief.samples import EFFECTIVE_SAMPLES, Samples, drive_samples
 from hdassist.belief.steps import Influence, influences_on
-from hdassist.error.cycle import limits_left
+from hdassist.error.cycle import LimitRooms, limits_left
 from hdassist.error.error_map import searchable
 from hdassist.error.extremes import DRAWN_STATES, FINE_STATES
 from hdassist.errors import SURE, UntrustedError, UsageError
@@ -467,78 +467,180 @@ def advise(
 
     Raises UsageError for invalid positions, UntrustedError if an answer cannot be trusted.
     """
-    assumed_drive, prior = beside_measured_teeth(drive, measured)
-    torques = drive.operation.M_g
-    has_values = bool(measured_errors(drive))
-    setup = setup or TrialSetup(min(torques, key=abs))
-    # values may be measured at a torque that decides nothing
-    other_torques = () if setup.M_g in torques else (setup.M_g,)
-    is_drawn = draws > 0 and bool(prior.fields) and not measured and searchable(drive)
-    curve, checked = begun_curve(drive, torques, rotations_deg, measured=measured, drawn=is_drawn, run=run)
-    rooms = limits_left(drive, torques, run)
-    positions = tuple(usable_positions(drive.mounting.holes, drive.mounting.allowed))
-    drawn = _Drawn(samples=None, fault="", certificate=EMPTY)
-    if is_drawn:
-        drawn = _drawn_samples(
-            prior,
-            rooms.arcsec,
-            rotations_deg=sorted({0.0, *positions}),
-            other_torques=other_torques,
-            draws=draws,
-            sure=sure,
-            run=run,
+    setup = setup or TrialSetup(min(drive.operation.M_g, key=abs))
+    prediction = _Prediction.of(drive, rotations_deg, measured, setup.M_g, draws=draws, sure=sure, run=run)
+    # tables leave more samples that agree with measured values
+    if prediction.has_few_samples and measured_errors(drive):
+        by_values = advise_after(drive, (), setup, draws=draws, sure=sure, cost=cost, worth=worth, run=run)
+        return replace(by_values, more_certificate=by_values.more_certificate + prediction.superseded_certificate)
+    decisions = prediction.decisions(sure)
+    advice = prediction.advice(decisions.deciding, setup, sure=sure, worth=worth)
+    has_any_direction = bool(advice.unknown and unknown_turn(prediction.assumed_drive))
+    all_alike = bool(advice.no_hole_better) or (has_any_direction and not measured_errors(drive))
+    return _with_first_value(advice, decisions.with_rules(cost, all_alike), prediction.torques, run.seed)
+
+
+@dataclass(frozen=True, eq=False)
+class _Prediction:
+    """F'_ior of a drive in its holes by its preset: of the nominal drive, and of samples of the uncertain inputs."""
+
+    drive: Drive
+    measured: MeasuredTeeth | None
+    assumed_drive: Drive  # the drive without the deviations that measured wheels replace
+    prior: DrivePrior
+    positions: tuple[float, ...]  # usable rotations of the fixed wheel [deg]
+    torques: tuple[float, ...]  # of the samples [N*m], first those of the drive
+    curve: MountingCurve
+    checked: Callable[[], MountingCurve]  # the curve with its cross-checks; waits for them
+    rooms: LimitRooms
+    drawn: _Drawn | None  # None if no samples were wanted, or none can be drawn
+
+    @classmethod
+    def of(
+        cls,
+        drive: Drive,
+        rotations_deg: Sequence[float],
+        measured: MeasuredTeeth | None,
+        trial_M_g: float,
+        *,
+        draws: int,
+        sure: float,
+        run: Run,
+    ) -> _Prediction:
+        """Return the prediction of a drive in its holes.
+
+        Args:
+            drive: the drive.
+            rotations_deg: positions of the curve [deg], first 0.
+            measured: measured wheels in place of harmonics.
+            trial_M_g: torque at which holes would be measured [N*m]; it may decide nothing.
+            draws: smallest number of effective samples, 0 for none.
+            sure: probability from which a choice is an instruction.
+            run: processes, progress and seed.
+        """
+        assumed_drive, prior = beside_measured_teeth(drive, measured)
+        torques = tuple(drive.operation.M_g)
+        other_torques = () if trial_M_g in torques else (trial_M_g,)
+        positions = tuple(usable_positions(drive.mounting.holes, drive.mounting.allowed))
+        is_drawn = draws > 0 and bool(prior.fields) and not measured and searchable(drive)
+        # the cross-checks of the curve go on while the samples are drawn
+        curve, checked = begun_curve(drive, torques, rotations_deg, measured=measured, drawn=is_drawn, run=run)
+        rooms = limits_left(drive, torques, run)
+        drawn = None
+        if is_drawn:
+            sampled_deg = sorted({0.0, *positions})
+            sampling: Any = {"rotations_deg": sampled_deg, "other_torques": other_torques, "draws": draws}
+            drawn = _drawn_samples(prior, rooms.arcsec, **sampling, sure=sure, run=run)
+        return cls(
+            drive=drive,
+            measured=measured,
+            assumed_drive=assumed_drive,
+            prior=prior,
+            positions=positions,
+            torques=(*torques, *other_torques),
+            curve=curve,
+            checked=checked,
+            rooms=rooms,
+            drawn=drawn,
         )
-        # tables leave more samples that agree with measured values
-        if has_values and (not drawn.samples or drawn.samples.few):
-            by_values = advise_after(drive, (), setup, draws=draws, sure=sure, cost=cost, worth=worth, run=run)
-            further_certificate = curve.certificate + drawn.all_certificate
-            return replace(by_values, more_certificate=by_values.more_certificate + further_certificate)
-    samples = drawn.samples
-    if samples:
-        decision_of_all = Decision.of(samples, positions, rooms.arcsec, sure)  # over all torques of the samples
-        decision = decision_of_all.of_torques(slice(len(torques)))
-    else:
-        decision_of_all = decision = Decision.as_given(curve, rooms.arcsec)
-    advice = Advice(
-        drive=drive,
-        decision=decision,
-        setup=setup,
-        curve=checked(),
-        samples=samples,
-        measured=measured,
-        unknown=unknowns(assumed_drive),
-        open_=tuple(field.path for field in prior.fields),
-        sure=sure,
-        worth=worth,
-        fault=drawn.fault,
-        more_certificate=rooms.certificate + drawn.certificate,
-    )
-    has_any_direction = advice.unknown and unknown_turn(assumed_drive) and not has_values
-    choice: Any = {"cost": cost, "all_alike": bool(advice.no_hole_better or has_any_direction)}
-    advice = replace(advice, decision=replace(decision, **choice))
-    if not samples or advice.no_hole_better:
-        return advice
-    decision_of_all = replace(decision_of_all, **choice)
-    return replace(advice, value=_first_value(drive, decision_of_all, setup, (*torques, *other_torques), run.seed))
+
+    @property
+    def samples(self) -> Samples | None:
+        """The samples of the uncertain inputs, None without any."""
+        return self.drawn.samples if self.drawn else None
+
+    @property
+    def has_few_samples(self) -> bool:
+        """Whether samples were wanted, and fewer of them are effective than their percentiles need."""
+        return self.drawn is not None and (self.samples is None or bool(self.samples.few))
+
+    @property
+    def superseded_certificate(self) -> Certificate:
+        """The certificate of the states behind the curve and the samples if another advice replaces theirs."""
+        certificate = self.curve.certificate
+        if self.drawn:
+            certificate += self.drawn.certificate
+        if self.samples:
+            certificate += self.samples.certificate
+        return certificate
+
+    def decisions(self, sure: float) -> _PresetDecisions:
+        """Return the choice by the samples, or by the curve of the nominal drive if there are none.
+
+        sure: probability from which a choice is an instruction.
+        """
+        room_arcsec = self.rooms.arcsec
+        if not self.samples:
+            as_given = Decision.as_given(self.curve, room_arcsec)
+            return _PresetDecisions(deciding=as_given, of_all_torques=as_given)
+        of_all_torques = Decision.of(self.samples, self.positions, room_arcsec, sure)
+        deciding = of_all_torques.of_torques(slice(len(self.drive.operation.M_g)))
+        return _PresetDecisions(deciding=deciding, of_all_torques=of_all_torques)
+
+    def advice(self, decision: Decision, setup: TrialSetup, *, sure: float, worth: float) -> Advice:
+        """Return the advice of a decision, after the cross-checks of the curve are finished.
+
+        Args:
+            decision: at the torques of the drive.
+            setup: how holes would be measured.
+            sure: probability from which a choice is an instruction.
+            worth: gain below which measuring stops.
+
+        Raises UntrustedError if two solvers disagree.
+        """
+        return Advice(
+            drive=self.drive,
+            decision=decision,
+            setup=setup,
+            curve=self.checked(),
+            samples=self.samples,
+            measured=self.measured,
+            unknown=unknowns(self.assumed_drive),
+            open_=tuple(field.path for field in self.prior.fields),
+            sure=sure,
+            worth=worth,
+            fault=self.drawn.fault if self.drawn else "",
+            more_certificate=self.rooms.certificate + (self.drawn.certificate if self.drawn else EMPTY),
+        )
 
 
-def _first_value(
-    drive: Drive, whole: Decision, setup: TrialSetup, torques: Sequence[float], seed: int
-) -> MeasurementValue | None:
-    """Return the worth of measured values before any trial.
+@dataclass(frozen=True)
+class _PresetDecisions:
+    """The choice among the holes by a preset alone, at two sets of torques."""
+
+    deciding: Decision  # at the torques of the drive, which decide
+    of_all_torques: Decision  # at all torques of the samples, that of the setup among them
+
+    def with_rules(self, cost: float, all_alike: bool) -> _PresetDecisions:
+        """Return the same decisions, with the share of F'_ior that a turn has to earn.
+
+        all_alike: whether no hole can be better than another.
+        """
+        return _PresetDecisions(
+            deciding=replace(self.deciding, cost=cost, all_alike=all_alike),
+            of_all_torques=replace(self.of_all_torques, cost=cost, all_alike=all_alike),
+        )
+
+
+def _with_first_value(advice: Advice, decisions: _PresetDecisions, torques: tuple[float, ...], seed: int) -> Advice:
+    """Return an advice with its decision, and with the worth of values measured before any trial.
 
     Args:
-        drive: its torques decide; values that the preset has count already.
-        whole: the decision at all torques of the samples.
-        setup: how holes would be measured.
+        advice: by a preset alone; values that the preset has count already.
+        decisions: at the torques that decide, and at all torques of the samples.
         torques: of the samples [N*m], first those of the drive.
         seed: of the simulation.
     """
-    count = len(measured_errors(drive))
-    simulated = whole if count else as_measured(whole, seed=seed)
-    F_ior_at_setup = simulated.F_ior_arcsec[torques.index(setup.M_g)]
-    deciding = simulated.of_torques(slice(len(drive.operation.M_g)))
-    return _value(deciding, {setup.M_g: F_ior_at_setup}, None, setup, count, seed)
+    advice = replace(advice, decision=decisions.deciding)
+    if not advice.samples or advice.no_hole_better:
+        return advice
+    count = len(measured_errors(advice.drive))
+    # without any value the decision is by the nominal drive; as_measured takes the samples for equally probable drives
+    simulated = decisions.of_all_torques if count else as_measured(decisions.of_all_torques, seed=seed)
+    F_ior_at_setup = simulated.F_ior_arcsec[torques.index(advice.setup.M_g)]
+    deciding = simulated.of_torques(slice(len(advice.torques)))
+    value = _value(deciding, {advice.setup.M_g: F_ior_at_setup}, None, advice.setup, count, seed)
+    return replace(advice, value=value)
 
 
 @dataclass(frozen=True)
@@ -548,11 +650,6 @@ class _Drawn:
     samples: Samples | None
     fault: str
     certificate: Certificate  # of states solved for samples that do not serve
-
-    @property
-    def all_certificate(self) -> Certificate:
-        """The certificate of all states solved for samples."""
-        return self.certificate + self.samples.certificate if self.samples else self.certificate
 
 
 def _drawn_samples(prior: DrivePrior, room_arcsec: Sequence[float | None], **options: Any) -> _Drawn:
@@ -598,44 +695,134 @@ def advise_after(
 
     Raises UsageError without any value, and what hole_samples raises.
     """
-    torques = drive.operation.M_g
-    trials = in_order([*_of_preset(drive, setup, (*trials, outcome)), *trials], setup)
-    if not trials:
-        raise UsageError(f"no trials at {setup.M_g:g} N·m: expected HOLE=VALUE, or measured.F_ior", TRIAL_HINT)
-    all_trials = (*trials, outcome) if outcome else trials
-    positions = _positions_with_trials(drive, all_trials)
-    trial_torques = [setup.point(trial)[1] for trial in all_trials]
-    values = [replace(trial, M_g=M_g) for trial, M_g in zip(all_trials, trial_torques, strict=True)]
-    # the torque to which the others are related depends on the values, not on how they were written
-    common = replace(setup, M_g=min(trial_torques, key=lambda M_g: (abs(M_g), M_g)))
-    drive_holes = samples or hole_samples(drive, (*torques, *trial_torques), common, draws=draws, run=run)
-    after = posterior_of(drive_holes.with_free_curves(values), values, [*positions, 0.0])
-    rooms = limits_left(drive, torques, run)
-    decision = after.decision(torques, rooms.arcsec, cost)
-    likelier_M_g, certificate = _likelier_torque(
-        drive, after, drive_holes, values, other_torques=other_torques, common=common, draws=draws, run=run
-    )
-    further_torques = _measured_torques(all_trials, trial_torques, setup) - {common.M_g}
-    measurable = {M_g: after.F_ior_by_torque[M_g][:, :-1] for M_g in (common.M_g, *sorted(further_torques))}
-    noise = after.noise * setup.noise_arcsec
+    all_trials = _all_trials(drive, trials, outcome, setup)
+    by_values = _PosteriorOfTrials.of(drive, all_trials, setup, samples, draws=draws, run=run)
+    after = by_values.after
+    rooms = limits_left(drive, drive.operation.M_g, run)
+    decision = after.decision(drive.operation.M_g, rooms.arcsec, cost)
+    likelier = by_values.likelier_torque(drive, other_torques, draws=draws, run=run)
+    noise_arcsec = after.noise * setup.noise_arcsec  # of each sample, shape (samples,)
     advice = Advice(
         drive=drive,
         decision=decision,
         setup=setup,
         trials=all_trials,
         after=after,
-        value=_value(decision, measurable, noise, setup, len(all_trials), run.seed),
-        likelier_torque=likelier_M_g,
+        value=_value(decision, by_values.measurable(setup), noise_arcsec, setup, len(all_trials), run.seed),
+        likelier_torque=likelier.M_g,
         unknown=unknowns(drive),
         open_=tuple(field.path for field in prior_of(drive).fields),
         sure=sure,
         worth=worth,
-        more_certificate=rooms.certificate + certificate,
+        more_certificate=rooms.certificate + likelier.certificate,
     )
-    if not outcome:
-        return advice
-    verification = _verified(advice, values, drive_holes)
-    settled = replace(decision, settled_deg=verification.goal.rotation_deg)
+    return _with_outcome(advice, by_values) if outcome else advice
+
+
+def _all_trials(drive: Drive, trials: Sequence[Trial], outcome: Trial | None, setup: TrialSetup) -> tuple[Trial, ...]:
+    """Return the values of a preset and those of a call in their order, the outcome last.
+
+    Raises UsageError without any value besides the outcome.
+    """
+    preset_trials = _of_preset(drive, setup, (*trials, outcome))
+    ordered = in_order([*preset_trials, *trials], setup)
+    if not ordered:
+        raise UsageError(f"no trials at {setup.M_g:g} N·m: expected HOLE=VALUE, or measured.F_ior", TRIAL_HINT)
+    return (*ordered, outcome) if outcome else ordered
+
+
+@dataclass(frozen=True)
+class _LikelierTorque:
+    """The torque at which measured values are far more probable than at the stated one, if there is one."""
+
+    M_g: float | None  # [N*m]
+    certificate: Certificate  # of the states solved for torques that had no samples
+
+
+@dataclass(frozen=True, eq=False)
+class _PosteriorOfTrials:
+    """Samples of a drive in its holes, reweighed by measured values."""
+
+    trials: tuple[Trial, ...]  # the values as they were given
+    values: list[Trial]  # the same, each with its torque
+    setup: TrialSetup  # its torque is the one to which F'_ior at the other torques is related
+    samples: HoleSamples
+    after: HolePosterior  # in the usable positions, and last where the wheel stands
+
+    @classmethod
+    def of(
+        cls,
+        drive: Drive,
+        trials: tuple[Trial, ...],
+        setup: TrialSetup,
+        samples: HoleSamples | None,
+        *,
+        draws: int,
+        run: Run,
+    ) -> _PosteriorOfTrials:
+        """Return the samples of a drive after measured values, drawn here unless samples are passed.
+
+        Args:
+            drive: its torques, and those of the values, are sampled.
+            trials: all values in their order.
+            setup: how the holes were measured.
+            samples: of the drive in its holes, if they are drawn already.
+            draws: smallest number of effective samples.
+            run: processes, progress and seed.
+        """
+        trial_torques = [setup.point(trial)[1] for trial in trials]
+        values = [replace(trial, M_g=M_g) for trial, M_g in zip(trials, trial_torques, strict=True)]
+        # the torque to which the others are related depends on the values, not on how they were written
+        common = replace(setup, M_g=min(trial_torques, key=lambda M_g: (abs(M_g), M_g)))
+        if samples is None:
+            samples = hole_samples(drive, (*drive.operation.M_g, *trial_torques), common, draws=draws, run=run)
+        # the wheel stands at 0 deg before the first trial, in a hole or not: the gain is measured from there
+        positions = [*_positions_with_trials(drive, trials), 0.0]
+        after = posterior_of(samples.with_free_curves(values), values, positions)
+        return cls(trials=trials, values=values, setup=common, samples=samples, after=after)
+
+    def measurable(self, setup: TrialSetup) -> dict[float, Array]:
+        """Return F'_ior in the holes [arcsec], shape (samples, holes), by the torque of a further value [N*m].
+
+        The common torque is the first. Further values are measured at the torques of the values before them, and at
+        the other torques of the setup unless each value was given with a torque of its own.
+        """
+        has_own_torques = all(trial.M_g is not None for trial in self.trials)
+        torques = {value.M_g for value in self.values if value.M_g is not None}
+        if not has_own_torques:
+            torques |= {*setup.others}
+        ordered = (self.setup.M_g, *sorted(torques - {self.setup.M_g}))
+        return {M_g: self.after.F_ior_by_torque[M_g][:, :-1] for M_g in ordered}
+
+    def likelier_torque(self, drive: Drive, other_torques: Sequence[float], *, draws: int, run: Run) -> _LikelierTorque:
+        """Return a torque at which the values are far more probable: it may have been written wrongly.
+
+        Only values that the drive hardly shows, or that are probably misread, are doubted.
+
+        Args:
+            drive: the drive.
+            other_torques: torques [N*m] that may be tried beside those of the samples.
+            draws: smallest number of effective samples at these.
+            run: processes, progress and seed.
+        """
+        is_unshown = self.after.by_values > UNSHOWN_VALUES
+        if not is_unshown and self.after.misread.sum() <= _DOUBTED:
+            return _LikelierTorque(M_g=None, certificate=EMPTY)
+        likelier_M_g = likelier_torque(self.samples, self.values)
+        untried = sorted({*other_torques} - {*self.samples.F_ior_by_torque})
+        # a misread value explains itself: new torques are solved only for values that no drive shows
+        if likelier_M_g or not untried or not is_unshown:
+            return _LikelierTorque(M_g=likelier_M_g, certificate=EMPTY)
+        untried_samples = hole_samples(drive, untried, self.setup, draws=draws, run=run)
+        return _LikelierTorque(
+            M_g=likelier_torque(untried_samples, self.values), certificate=untried_samples.certificate
+        )
+
+
+def _with_outcome(advice: Advice, by_values: _PosteriorOfTrials) -> Advice:
+    """Return an advice with its last value verified; the wheel is settled in the hole that the outcome leads to."""
+    verification = _verified(advice, by_values.values, by_values.samples)
+    settled = replace(advice.decision, settled_deg=verification.goal.rotation_deg)
     return replace(advice, decision=settled, verification=verification)
 
 
@@ -645,41 +832,6 @@ def _positions_with_trials(drive: Drive, trials: Sequence[Trial]) -> list[float]
     if drive.mounting.holes:
         return positions
     return sorted({*positions, *(trial.rotation_deg for trial in trials)})
-
-
-def _measured_torques(trials: Sequence[Trial], trial_torques: Sequence[float], setup: TrialSetup) -> set[float]:
-    """Return the torques [N*m] at which further values may be measured.
-
-    If each value has a torque of its own, they are measured at these torques, otherwise at those of the setup too.
-    """
-    has_own_torques = all(trial.M_g is not None for trial in trials)
-    return {*trial_torques} if has_own_torques else {*trial_torques, *setup.others}
-
-
-def _likelier_torque(
-    drive: Drive,
-    after: HolePosterior,
-    samples: HoleSamples,
-    values: Sequence[Trial],
-    *,
-    other_torques: Sequence[float],
-    common: TrialSetup,
-    draws: int,
-    run: Run,
-) -> tuple[float | None, Certificate]:
-    """Return a torque at which the values are far more probable, None if there is none, with the states solved for it.
-
-    Only values that the drive hardly shows, or that are probably misread, are doubted.
-    """
-    is_unshown = after.by_values > UNSHOWN_VALUES
-    if not is_unshown and after.misread.sum() <= _DOUBTED:
-        return None, EMPTY
-    likelier_M_g = likelier_torque(samples, values)
-    untried = sorted({*other_torques} - {*samples.F_ior_by_torque})
-    if likelier_M_g or not untried or not is_unshown:
-        return likelier_M_g, EMPTY
-    untried_samples = hole_samples(drive, untried, common, draws=draws, run=run)
-    return likelier_torque(untried_samples, values), untried_samples.certificate
 
 
 def _value(
