@@ -42,7 +42,7 @@ _MIN_SPACING = 1e-6  # smallest distance of two solved torques, as a share of th
 
 
 @dataclass(frozen=True)
-class _Order:
+class TraceOrder:
     """One order of the error: amplitude cos(per_cam_rev phi_h + phase), and its cause in words."""
 
     per_cam_rev: float
@@ -92,7 +92,7 @@ def _words(k_g: int, k_b: int, needs_cam: bool) -> str:
     return " ".join(f"{flexspline}{between}{rigid}{' + wave generator' if needs_cam else ''}".split())
 
 
-def orders(drive: Drive, error_arcsec: Array, revolutions: int) -> list[_Order]:
+def orders(drive: Drive, error_arcsec: Array, revolutions: int) -> list[TraceOrder]:
     """Return the orders of an error over whole input revolutions, by rising order.
 
     Known orders are always listed, others if they are among the largest. If several causes lie within the resolution
@@ -114,7 +114,7 @@ def orders(drive: Drive, error_arcsec: Array, revolutions: int) -> list[_Order]:
     listed = []
     for k in sorted({*cause_by_bin, *largest} - {0}):
         if k in cause_by_bin or amplitude[k] > _FLOOR:
-            order = _Order(
+            order = TraceOrder(
                 per_cam_rev=k / revolutions,
                 amplitude_arcsec=float(amplitude[k]),
                 phase_deg=float(phase[k]),
@@ -186,7 +186,7 @@ class Trace:
     error: KinematicError
     start_deg: float
     revolutions: int
-    orders: tuple[_Order, ...]
+    orders: tuple[TraceOrder, ...]
     measured: MeasuredTeeth | None = None
     along: ErrorAlong | None = None
 

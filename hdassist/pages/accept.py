@@ -1,16 +1,20 @@
 """Acceptance of a drive or of a lot, and its replay, as a report; each check in words, in CSV and in JUnit XML."""
 
+from __future__ import annotations
+
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from math import floor, log10
+from typing import Any
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from hdassist import __version__
 from hdassist.acceptance.answer import (
     LOT_VERDICTS,
     AcceptAnswer,
+    ErrorRecord,
     answer_differences,
     answer_json,
     lot_summary,
@@ -189,6 +193,18 @@ def _by_severity(checks: Iterable[DecidedCheck]) -> list[DecidedCheck]:
     return sorted(checks, key=lambda each: (SEVERITY.index(each.verdict), (each.margin or 0.0) / each.limit))
 
 
+def _column_of_basis(quantity: Quantity, basis: str, *, is_predicted: bool) -> Quantity:
+    """Return a column of decisions with the label that its numbers have by the basis of the values.
+
+    is_predicted: whether the values are medians over samples.
+    """
+    if is_predicted and quantity.key == "value":
+        return replace(quantity, label="median")
+    if basis == "measured" and quantity.key == "range":
+        return replace(quantity, label="95 % interval")
+    return quantity
+
+
 def _tables(answer: AcceptAnswer) -> Iterator[Table]:
     """Yield a table of checks for each basis of their values."""
     assert answer.rule is not None
@@ -201,12 +217,13 @@ def _tables(answer: AcceptAnswer) -> Iterator[Table]:
     }
     for basis, title in titles.items():
         checks = [check for check in _shown_checks(answer) if (check.basis or "measured") == basis]
-        less = "margin" if any(check.belief for check in checks) else ""  # a probability stands in its place
-        columns = [q for q in _DECISION_COLUMNS if q.key != less and {*map(q.text, checks)} - {NO_VALUE}]
-        predicted = basis == "predicted" and all(check.belief for check in checks)
-        columns = [replace(q, label="median") if predicted and q.key == "value" else q for q in columns]
+        # the probability of meeting the limit takes the place of the margin
+        left_out = {"margin"} if any(check.belief for check in checks) else set()
+        is_predicted = basis == "predicted" and all(check.belief for check in checks)
         columns = [
-            replace(q, label="95 % interval") if basis == "measured" and q.key == "range" else q for q in columns
+            _column_of_basis(quantity, basis, is_predicted=is_predicted)
+            for quantity in _DECISION_COLUMNS
+            if quantity.key not in left_out and {*map(quantity.text, checks)} - {NO_VALUE}
         ]
         yield Table.by_row(title, columns, checks)
 
@@ -290,30 +307,39 @@ def _to_explain(checks: Iterable[DecidedCheck]) -> str:
     return f"hdassist explain {' '.join(dict.fromkeys(codes))}" if codes else ""
 
 
+def _yield_words(summary: Mapping[str, Any]) -> str:
+    """Return the share of drives that pass, with its interval, in a sentence."""
+    share = summary["yield"]
+    if not share:
+        return "no drive has a decision; the table gives the reasons"
+    percent = percent_text(share["share"], share["low"], share["high"])
+    return f"yield: {percent}, {summary['verdicts']['PASS']} of the {share['decided']} drives with PASS or FAIL"
+
+
+def _comment_warnings(lot: Lot) -> list[str]:
+    """Return a warning on the lines of a lot that were read as comments: a drive may be among them."""
+    if not lot.remarks:
+        return []
+    label = "lines" if len(lot.remarks) > 1 else "line"
+    return [f"{lot.file}: read as comments, not as rows: {label} {shortened(lot.remarks)}"]
+
+
 def lot_report(lot: Lot, answers: Sequence[AcceptAnswer]) -> Report:
     """Return counts, yield, and each drive with the check that decides, as a report."""
     summary = lot_summary(answers)
     counts = [f"{count} {verdict}" for verdict in LOT_VERDICTS if (count := summary["verdicts"][verdict])]
-    why = "no drive has a decision; the table gives the reasons"
-    if share := summary["yield"]:
-        percent = percent_text(share["share"], share["low"], share["high"])
-        why = f"yield: {percent}, {summary['verdicts']['PASS']} of the {share['decided']} drives with PASS or FAIL"
     same: dict[str, AcceptAnswer] = {}  # the first answer with a fault, by the words of that
     drives = tuple(
         (title(answer), answer.status, _deciding(answer, same.setdefault(fault_words(answer), answer)))
         for answer in answers
     )
-    warnings = tuple(_shared_records(answers))
-    if lot.remarks:
-        lines = shortened(lot.remarks)
-        label = "lines" if len(lot.remarks) > 1 else "line"
-        warnings = (*warnings, f"{lot.file}: read as comments, not as rows: {label} {lines}")
+    warnings = (*_shared_records(answers), *_comment_warnings(lot))
     return Report(
         command="accept",
         drive=None,
         head=f"{lot.file}, {_drives(len(answers))}",
         verdict=", ".join(counts),
-        why=(why,),
+        why=(_yield_words(summary),),
         blocks=(
             Table("", ("drive", "verdict", "decided by"), drives, named=True),
             Facts.of(_lot_facts(answers)),
@@ -535,37 +561,74 @@ def junit(name: str, answers: Sequence[AcceptAnswer], lot_sha256: str = "") -> s
 
 
 def _suite(root: Element, answer: AcceptAnswer, lot_sha256: str) -> None:
-    preset = answer.preset.name
-    serial = answer.serial
-    name = serial or preset
-    suite = SubElement(root, "testsuite", name=visible(name))
-    place = SubElement(suite, "properties")
-    properties = {"serial": serial, "preset": preset, "status": answer.status, **provenance(answer)}
-    properties["lot_sha256"] = lot_sha256
-    for key, value in properties.items():
-        if value is not None and value != "":
-            SubElement(place, "property", name=key, value=visible(str(value)))
-
-    def case(words: str, tag: str, message: str, kind: str, *lines: str) -> None:
-        place = SubElement(suite, "testcase", classname=visible(name), name=visible(words))
-        attributes = {key: visible(text) for key, text in (("message", message), ("type", kind)) if text}
-        SubElement(place, tag, attributes).text = visible("\n".join(filter(None, lines))) or None
-
-    if error := answer.error:
-        hint = f"hint: {error.hint}" if error.hint else ""
-        code = f"what it means: hdassist explain {error.code}" if error.code else ""
-        message = f"{answer.status}: {error.message.splitlines()[0]}"
-        case("no answer", "error", message, error.code or "INTERNAL", error.message, hint, code)
+    """Append the test suite of a drive to a JUnit file: a test case for each of its checks."""
+    suite = _Suite.begun(root, answer, lot_sha256)
+    if answer.error:
+        suite.add_error(answer.status, answer.error)
     for check in answer.checks:
-        failure = f"{check.verdict}: {_sentence(check)}"
-        because = f"because: {check.reason}" if check.reason else ""
-        if check.verdict == "PASS":
-            case(check.label, "system-out", "", "", failure, because)
-        else:
-            todo = f"measure it, {check.option}" if _is_open(check) else f"hdassist explain {check.code}"
-            case(check.label, "failure", failure, str(check.verdict), failure, because, f"what to do: {todo}")
+        suite.add_check(check)
     for label in answer.left_out:
-        case(label, "skipped", "not tested: nothing was measured", "")
+        suite.add_case(label, "skipped", message="not tested: nothing was measured")
     remarks = [f"remark {remark.code}: {remark.text}" for remark in answer.remarks]
     if remarks:
-        SubElement(suite, "system-out").text = visible("\n".join(remarks))
+        SubElement(suite.element, "system-out").text = visible("\n".join(remarks))
+
+
+@dataclass(frozen=True)
+class _Suite:
+    """A test suite under construction; visible() replaces characters that XML does not allow."""
+
+    element: Element
+    name: str  # of the drive: its serial number, or its preset without one
+
+    @classmethod
+    def begun(cls, root: Element, answer: AcceptAnswer, lot_sha256: str) -> _Suite:
+        """Append a suite with its properties, and without test cases."""
+        name = answer.serial or answer.preset.name
+        element = SubElement(root, "testsuite", name=visible(name))
+        place = SubElement(element, "properties")
+        identity = {"serial": answer.serial, "preset": answer.preset.name, "status": answer.status}
+        properties = {**identity, **provenance(answer), "lot_sha256": lot_sha256}
+        for key, value in properties.items():
+            if value is not None and value != "":
+                SubElement(place, "property", name=key, value=visible(str(value)))
+        return cls(element=element, name=name)
+
+    def add_case(
+        self, label: str, outcome: str, *, message: str = "", kind: str = "", lines: Sequence[str] = ()
+    ) -> None:
+        """Append a test case.
+
+        Args:
+            label: name of the check.
+            outcome: element of JUnit that says how it ended.
+            message: of the outcome, in a line.
+            kind: type of a failure.
+            lines: text of the outcome; empty lines are left out.
+        """
+        case = SubElement(self.element, "testcase", classname=visible(self.name), name=visible(label))
+        attributes = {key: visible(text) for key, text in (("message", message), ("type", kind)) if text}
+        SubElement(case, outcome, attributes).text = visible("\n".join(filter(None, lines))) or None
+
+    def add_error(self, status: str, error: ErrorRecord) -> None:
+        """Append the error that left a drive without an answer."""
+        hint = f"hint: {error.hint}" if error.hint else ""
+        explanation = f"what it means: hdassist explain {error.code}" if error.code else ""
+        self.add_case(
+            "no answer",
+            "error",
+            message=f"{status}: {error.message.splitlines()[0]}",
+            kind=error.code or "INTERNAL",
+            lines=(error.message, hint, explanation),
+        )
+
+    def add_check(self, check: DecidedCheck) -> None:
+        """Append a check; every verdict but PASS is a failure, with the action that resolves it."""
+        sentence = f"{check.verdict}: {_sentence(check)}"
+        because = f"because: {check.reason}" if check.reason else ""
+        if check.verdict == "PASS":
+            self.add_case(check.label, "system-out", lines=(sentence, because))
+            return
+        action = f"measure it, {check.option}" if _is_open(check) else f"hdassist explain {check.code}"
+        lines = (sentence, because, f"what to do: {action}")
+        self.add_case(check.label, "failure", message=sentence, kind=str(check.verdict), lines=lines)

@@ -23,6 +23,7 @@ from hdassist.preset.fields import UNKNOWN as NOT_KNOWN
 from hdassist.preset.fields import ResolvedField, value_text
 from hdassist.report import (
     NO_VALUE,
+    CsvTable,
     Curve,
     Fact,
     Facts,
@@ -75,10 +76,22 @@ _COMPARED_ORDERS = quantity_table("compare.orders", amplitude=_amplitude)
 _FILE: Quantity[Comparison] = Quantity("file", value="measurement.trace.file")
 
 
+def _residuals_csv(result: Comparison) -> CsvTable:
+    """Return the measured and the predicted error of each bin, and their difference."""
+    bins = result.sweep.bins
+    return csv_columns(
+        file=[result.measurement.trace.file for _ in bins.turns],
+        sweep=bins.sweep,
+        cam_deg=360 * bins.turns,
+        measured_arcsec=result.predicted_arcsec + result.residual_arcsec,
+        predicted_arcsec=result.predicted_arcsec,
+        residual_arcsec=result.residual_arcsec,
+    )
+
+
 def comparison_report(result: Comparison) -> Report:
     """Return the comparison of a recording with its prediction as a report."""
     trace = result.measurement.trace
-    bins = result.sweep.bins
     measured, *other_numbers = _COMPARED_NUMBERS[:_SHORT_PAGE]
     uncertainty, *numbers = [replace(quantity, unit="") for quantity in other_numbers]  # that of the first is theirs
     return Report(
@@ -99,14 +112,7 @@ def comparison_report(result: Comparison) -> Report:
         ),
         certificate=result.certificate,
         values=_values(result),
-        csv=csv_columns(
-            file=[trace.file for _ in bins.turns],
-            sweep=bins.sweep,
-            cam_deg=360 * bins.turns,
-            measured_arcsec=result.predicted_arcsec + result.residual_arcsec,
-            predicted_arcsec=result.predicted_arcsec,
-            residual_arcsec=result.residual_arcsec,
-        ),
+        csv=_residuals_csv(result),
         line=" ".join([result.conclusion.kind, *_options(result)]),
         warnings=(
             *result.drive.origin.warnings,

@@ -1,6 +1,6 @@
 """Curves as reports: the error over input revolutions, the twist over torque, F'_ior over a varied field."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from math import pi
 from typing import Any
 
@@ -15,7 +15,7 @@ from hdassist.error.stiffness import (
     segments_beside,
     stiffness_object,
 )
-from hdassist.error.waves import ErrorAlong, Trace, order_legend
+from hdassist.error.waves import ErrorAlong, Trace, TraceOrder, order_legend
 from hdassist.errors import worst_exit_code
 from hdassist.model.deviations import unknown_notes, unknowns
 from hdassist.model.geometry import Array
@@ -61,6 +61,35 @@ def slope_words(slope: float, uncertainty: float, speed: float | None, *, is_lea
     return f"{text}; {slope * speed / 3600:.3g}″/s at an output speed of {speed:g}″/s" if speed else text
 
 
+def _largest_orders(trace: Trace) -> list[TraceOrder]:
+    """Return the orders of a trace that are large enough to be shown, the largest first."""
+    shown = [order for order in trace.orders if order.amplitude_arcsec >= _LEAST_SHOWN]
+    return sorted(shown, key=lambda order: -order.amplitude_arcsec)
+
+
+def _orders_table(largest: Sequence[TraceOrder]) -> Table:
+    """Return the table of the largest orders, sorted by their number."""
+    title = f"orders: amplitude·cos(order·phi_h + phase), the {_LISTED_ORDERS} largest"
+    by_number = sorted(largest[:_LISTED_ORDERS], key=lambda order: order.per_cam_rev)
+    return Table.by_row(title, ORDER_QUANTITIES, by_number)
+
+
+def _start_words(trace: Trace, moving: str) -> str:
+    """Return the torque of a trace, its length and its first position; moving: angle of the wheel that turns."""
+    revolutions = "revolution" if trace.revolutions == 1 else "revolutions"
+    return f"{trace.error.M_g:g} N·m, {trace.revolutions} input {revolutions} from {moving} = {trace.start_deg:g}°"
+
+
+def _trace_facts(drive: Drive, trace: Trace, *, is_part: bool) -> list[Fact]:
+    """Return what a trace rests on, and the next command; is_part: whether it is shorter than the full mesh cycle."""
+    return [
+        ("gravity", _along_words(trace.along)),
+        ("assumed", on_what(drive)),
+        ("unknown", not_known(drive)),
+        ("next", _next(drive, trace, is_part=is_part)),
+    ]
+
+
 def trace_report(drive: Drive, trace: Trace, seed: int, speed: float | None = None) -> Report:
     """Return the error of a drive over input revolutions as a report.
 
@@ -72,25 +101,13 @@ def trace_report(drive: Drive, trace: Trace, seed: int, speed: float | None = No
     error = trace.error
     is_part = trace.revolutions < error.kinematics.cycle_cam_revolutions
     moving = "phi_g0" if error.kinematics.fixed == "rigid" else "phi_b0"
-    revolutions = "revolution" if trace.revolutions == 1 else "revolutions"
-    start = f"{error.M_g:g} N·m, {trace.revolutions} input {revolutions} from {moving} = {trace.start_deg:g}°"
-    facts = [
-        ("gravity", _along_words(trace.along)),
-        ("assumed", on_what(drive)),
-        ("unknown", not_known(drive)),
-        ("next", _next(drive, trace, is_part=is_part)),
-    ]
-    largest = sorted(
-        (order for order in trace.orders if order.amplitude_arcsec >= _LEAST_SHOWN),
-        key=lambda order: -order.amplitude_arcsec,
-    )
-    listed = sorted(largest[:_LISTED_ORDERS], key=lambda order: order.per_cam_rev)
-    orders_title = f"orders: amplitude·cos(order·phi_h + phase), the {_LISTED_ORDERS} largest"
+    facts = _trace_facts(drive, trace, is_part=is_part)
+    largest = _largest_orders(trace)
     y_label = f"kinematic error F_kpp at {error.M_g:g} N·m, ″"
     return Report(
         command="trace",
         drive=drive,
-        head=f"{drive.name} (nominal), {start}{heading(trace.measured)}",
+        head=f"{drive.name} (nominal), {_start_words(trace, moving)}{heading(trace.measured)}",
         verdict=f"range {error.range_arcsec:.2f}″",
         why=tuple(_limits_of_trace(drive, trace, is_part=is_part)),
         blocks=(
@@ -99,7 +116,7 @@ def trace_report(drive: Drive, trace: Trace, seed: int, speed: float | None = No
             curve_of_turns(error.states.phi_h / (2 * np.pi), error.error_arcsec, y_label),
         ),
         details=(
-            Table.by_row(orders_title, ORDER_QUANTITIES, listed),
+            _orders_table(largest),
             Paragraph(order_legend(drive)),
             Facts.of([("slope", slope_words(trace.slope_arcsec_per_deg, 0.0, speed))]),
         ),
@@ -276,6 +293,31 @@ def cells(record: SweepRow) -> list[Any]:
     return [*record.values.values(), *attributes(record, *_ROW_COLUMNS).values()]
 
 
+def _spans(sweep: Sweep) -> str:
+    """Return the varied fields with the ranges of their values."""
+    spans = []
+    for axis in sweep.varied:
+        low = min(axis.values)
+        high = max(axis.values)
+        values = f"{low:g}" if low == high else f"{low:g} to {high:g}"
+        spans.append(f"{_of(axis, values, ' (')})")
+    return " and ".join(spans)
+
+
+def _sweep_object(swept: Swept, records: Iterable[SweepRow]) -> Json:
+    """Return a sweep by the keys of the JSON result; records: those of its rows, if they are wanted."""
+    ends = {end: {"row": row, "F_ior_arcsec": F_ior} for end, (row, F_ior) in swept.ends.items()}
+    return {
+        "unknown": unknown_objects(unknowns(swept.largest)),
+        "statistic": "nominal",
+        "vary": [{"field": axis.path, **attributes(axis, "unit", "values")} for axis in swept.sweep.varied],
+        "least": ends.get("least"),
+        "greatest": ends.get("greatest"),
+        "rows": list(records),
+        "rows_without_answer": swept.failed,
+    }
+
+
 def sweep_report(swept: Swept, records: Iterable[SweepRow]) -> Report:
     """Return a sweep as a report; records: those of its rows, if they are wanted."""
     sweep = swept.sweep
@@ -283,26 +325,16 @@ def sweep_report(swept: Swept, records: Iterable[SweepRow]) -> Report:
     ends = swept.ends
     figures = list(_figures(swept))
     line = " to ".join(f"{F_ior:.2f}" for _, F_ior in ends.values()) + " arcsec" if ends else "no result"
-    values = ((axis, min(axis.values), max(axis.values)) for axis in sweep.varied)
-    spans = (_of(axis, f"{low:g}" if low == high else f"{low:g} to {high:g}", " (") + ")" for axis, low, high in values)
-    ends_by_name = {end: {"row": row, "F_ior_arcsec": F_ior} for end, (row, F_ior) in ends.items()}
     return Report(
         command="sweep",
         drive=drive,
-        head=f"{drive.name} (nominal), F'_ior over {' and '.join(spans)}, {sweep.rows} rows",
+        head=f"{drive.name} (nominal), F'_ior over {_spans(sweep)}, {sweep.rows} rows",
         verdict=line.replace(" arcsec", "″"),
         why=(_UNKNOWN_AS_ZERO,) if unknowns(swept.largest) else (),
         blocks=(Facts.of(_sweep_facts(swept)), *figures[:1]),
         details=tuple(figures[1:]),
         certificate=swept,
-        values={
-            "unknown": unknown_objects(unknowns(swept.largest)),
-            "statistic": "nominal",
-            "vary": [{"field": axis.path, **attributes(axis, "unit", "values")} for axis in sweep.varied],
-            **{end: ends_by_name.get(end) for end in ("least", "greatest")},
-            "rows": list(records),
-            "rows_without_answer": swept.failed,
-        },
+        values=_sweep_object(swept, records),
         line=line,
         warnings=tuple(swept.warnings),
         exit_code=0 if ends else worst_exit_code(swept.exit_codes),

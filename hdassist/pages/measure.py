@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from datetime import date
 from typing import Any
 
@@ -26,7 +26,15 @@ from hdassist.measuring.bench import (
 from hdassist.measuring.fit import COVERAGE_FACTOR, SLOWEST_ORDER
 from hdassist.measuring.iso230 import FEWEST_APPROACHES, PositioningTest, positioning_test
 from hdassist.measuring.measure import Measurement, SweepResult
-from hdassist.measuring.orders import FULL_SHARE, GAP_PERIODS, STATED, FullCycle, MeasuredOrder, UncertaintySource
+from hdassist.measuring.orders import (
+    FULL_SHARE,
+    GAP_PERIODS,
+    STATED,
+    FullCycle,
+    Gearing,
+    MeasuredOrder,
+    UncertaintySource,
+)
 from hdassist.measuring.slopes import RecordedTorque, Reversal
 from hdassist.pages.curves import curve_of_turns, slope_words
 from hdassist.preset.fields import Drive
@@ -86,6 +94,22 @@ def _columns(found: SweepResult) -> Sequence[Quantity[SweepResult]]:
     return [replace(column, label=label) if column.key == "F_ior_arcsec" else column for column in _ON_PAGE]
 
 
+def _verdict(sweep: SweepResult, gearing: Gearing | None) -> str:
+    """Return F'_ior of a direction, or its lower bound if the recording has no more."""
+    if sweep.is_bound:
+        return f"F'_ior at least {sweep.interval_arcsec[0]:.2f}″ (lower bound)"
+    travel = f" over {gearing.travel_deg:.4g}° of travel" if gearing and gearing.travel else ""
+    return f"F'_ior {sweep.F_ior_arcsec:.2f}″{travel}"
+
+
+def _slope_facts(result: Measurement) -> list[Fact]:
+    """Return the steepest slope of the error in a fact; none without a slope."""
+    slope = result.slope_arcsec_per_deg
+    if not slope:
+        return []
+    return [("slope", slope_words(*slope, None, is_least=result.directions[0].is_scale_bound))]
+
+
 def measure_report(
     result: Measurement, drive: Drive | None, options: Sequence[str] = (), speed: float | None = None
 ) -> Report:
@@ -99,19 +123,11 @@ def measure_report(
     first_sweep, *further_sweeps = result.directions
     trace = result.trace
     gearing = result.gearing
-    verdict = f"F'_ior at least {first_sweep.interval_arcsec[0]:.2f}″ (lower bound)"
-    if not first_sweep.is_bound:
-        travel = f" over {gearing.travel_deg:.4g}° of travel" if gearing and gearing.travel else ""
-        verdict = f"F'_ior {first_sweep.F_ior_arcsec:.2f}″{travel}"
-    slope = result.slope_arcsec_per_deg
-    slope_facts = []
-    if slope:
-        slope_facts.append(("slope", slope_words(*slope, None, is_least=first_sweep.is_scale_bound)))
     return Report(
         command="measure",
         drive=drive,
         head=f"{trace.file}, {len(trace.line)} rows" + (f", {drive.name}" if drive else ""),
-        verdict=verdict,
+        verdict=_verdict(first_sweep, gearing),
         why=(*_lower_bound(result, first_sweep), *_full_cycle_words(result, first_sweep)),
         blocks=(
             Table.by_row("", _columns(first_sweep), result.directions),
@@ -124,7 +140,7 @@ def measure_report(
             Table.by_column("all numbers", _SWEEP_QUANTITIES, result.directions),
             *(block for sweep in result.directions for block in _details(sweep)),
             *map(_curve, further_sweeps),
-            Facts.of(slope_facts),
+            Facts.of(_slope_facts(result)),
         ),
         values=_measurement_object(result, speed),
         csv=_csv(result),
@@ -466,6 +482,68 @@ _SEEN_RANGE = quantity_table(
 )
 
 
+@dataclass(frozen=True)
+class _BenchResults:
+    """Quantities of approached positions or of torque loops; positions and iso230 are of positions alone."""
+
+    quantities: Sequence[StatedQuantity]
+    places: tuple[PlaceLoop, ...] = ()  # torque loops by the output angle at which they were run
+    positions: SeenRange | None = None
+    iso230: PositioningTest | None = None
+
+    @classmethod
+    def of(cls, record: PositionRecord | LoopRecord, drive: Drive | None, seed: int) -> _BenchResults:
+        """Return the quantities of a record; seed: of the drawn approaches."""
+        if isinstance(record, PositionRecord):
+            quantities = position_quantities(record, seed=seed)
+            positions = seen_range(record, quantities)
+            return cls(quantities=quantities, positions=positions, iso230=positioning_test(record))
+        places = place_loops(record, _rated_torque(record, drive))
+        return cls(quantities=loop_quantities(places), places=places)
+
+    @property
+    def with_uncertainty(self) -> list[StatedQuantity]:
+        """The quantities whose uncertainty is known."""
+        return [quantity for quantity in self.quantities if quantity.uncertainty_arcsec is not None]
+
+    @property
+    def has_reversal_verdict(self) -> bool:
+        """Whether the reversal of ISO 230-2 is the result: both directions, and no range of F'_ior."""
+        return self.positions is None and self.iso230 is not None and bool(self.iso230.figure("B"))
+
+    @property
+    def verdict(self) -> str:
+        """The quantity at the head of the page."""
+        if self.has_reversal_verdict and self.iso230:
+            return _reversal_verdict(self.iso230)
+        first = self.quantities[0]
+        return f"{_CHECKS[first.name].words} {first.arcsec:.2f}″"
+
+    @property
+    def line(self) -> str:
+        """The quantities in a line, each with its expanded uncertainty if that is known."""
+        lines = [self.verdict] if self.has_reversal_verdict else []
+        for quantity in self.quantities:
+            is_known = quantity.uncertainty_arcsec is not None
+            expanded = f" ± {_expanded(quantity):.2f}" if is_known else ""
+            lines.append(f"{quantity.name} {quantity.arcsec:.2f}{expanded}″")
+        return ", ".join(lines)
+
+
+def _bench_object(record: PositionRecord | LoopRecord, results: _BenchResults, seed: int) -> Json:
+    """Return the quantities of a record by the keys of the JSON result."""
+    table = record.table
+    return {
+        "file": {"name": table.file, "sha256": table.sha256, "rows": len(table.lines)},
+        "notes": list(table.notes),
+        "quantities": as_objects(_QUANTITIES, results.quantities),
+        "F_ior": results.positions and as_object(_SEEN_RANGE, results.positions),
+        "iso230_2": results.iso230 and _iso230_object(results.iso230),
+        "places": as_objects(_PLACES, results.places),
+        "seed": seed,
+    }
+
+
 def bench_report(
     record: PositionRecord | LoopRecord, drive: Drive | None, seed: int, options: Sequence[str] = ()
 ) -> Report:
@@ -478,52 +556,34 @@ def bench_report(
         options: those by which the file was read, for the next command.
     """
     table = record.table
-    places: tuple[PlaceLoop, ...] = ()
-    positions = None
-    iso230 = None
-    if isinstance(record, PositionRecord):
-        quantities = position_quantities(record, seed=seed)
-        positions = seen_range(record, quantities)
-        iso230 = positioning_test(record)
-    else:
-        places = place_loops(record, _rated_torque(record, drive))
-        quantities = loop_quantities(places)
-    unsure = [quantity for quantity in quantities if quantity.uncertainty_arcsec is not None]
-    verdict = f"{_CHECKS[quantities[0].name].words} {quantities[0].arcsec:.2f}″"
-    lines = [f"{q.name} {q.arcsec:.2f}{f' ± {_expanded(q):.2f}' if q in unsure else ''}″" for q in quantities]
-    if positions is None and iso230 and iso230.figure("B"):
-        verdict = _reversal_verdict(iso230)
-        lines.insert(0, verdict)
-    once = "each position was approached once: its uncertainty is unknown, and scatter widens the range"
+    results = _BenchResults.of(record, drive, seed)
+    positions = results.positions
+    iso230 = results.iso230
+    quantities = results.quantities
     facts = [
         ("F'_ior", _seen_words(positions) if positions else ""),
         ("read as", "; ".join(table.notes)),
-        ("next", _accept_command(table.file, drive, unsure, positions, options)),
+        ("next", _accept_command(table.file, drive, results.with_uncertainty, positions, options)),
     ]
+    places = [Table.by_row("places", _PLACES, results.places)] if len(results.places) > 1 else []
+    once = "each position was approached once: its uncertainty is unknown, and scatter widens the range"
+    has_unknown_uncertainty = len(results.with_uncertainty) < len(quantities)
     return Report(
         command="measure",
         drive=drive,
         head=f"{table.file}, {len(table.lines)} rows" + (f", {drive.name}" if drive else ""),
-        verdict=verdict,
+        verdict=results.verdict,
         blocks=(
             Table.by_row("", _STATED_COLUMNS, quantities),
             *([_iso230_table(iso230)] if iso230 else []),
-            *([Table.by_row("places", _PLACES, places)] if len(places) > 1 else []),
+            *places,
             Facts.of(facts),
         ),
         details=(Lines("definitions", tuple(f"{_CHECKS[q.name].words}: {_CHECKS[q.name].tests}" for q in quantities)),),
-        values={
-            "file": {"name": table.file, "sha256": table.sha256, "rows": len(table.lines)},
-            "notes": list(table.notes),
-            "quantities": as_objects(_QUANTITIES, quantities),
-            "F_ior": positions and as_object(_SEEN_RANGE, positions),
-            "iso230_2": iso230 and _iso230_object(iso230),
-            "places": as_objects(_PLACES, places),
-            "seed": seed,
-        },
-        line=", ".join(lines),
+        values=_bench_object(record, results, seed),
+        line=results.line,
         about=table.file,
-        warnings=(once,) if len(unsure) < len(quantities) else (),
+        warnings=(once,) if has_unknown_uncertainty else (),
     )
 
 

@@ -1,6 +1,6 @@
 """Plans of a test of F'_ior as a report."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from hdassist.report import (
     CurveMark,
     Fact,
     Facts,
+    Json,
     Lines,
     Report,
     Table,
@@ -60,10 +61,31 @@ _TEST_QUANTITIES = quantity_table("plan.run")
 _LISTED_READINGS = 96  # on a sheet: of more the file has the list
 
 
+def _plan_object(choice: PlanChoice, F_ior: Sequence[float]) -> Json:
+    """Return the judged plans by the keys of the JSON result.
+
+    F_ior: 5 %, 50 % and 95 % quantiles of F'_ior [arcsec] over the drives.
+    """
+    drives = choice.drives
+    return {
+        "M_g_Nm": choice.M_g,
+        "limit_arcsec": choice.drive.limit(choice.M_g),
+        "F_ior_arcsec": dict(zip(("p5", "p50", "p95"), F_ior, strict=True)),
+        "beyond_limit": drives.beyond and attributes(drives.beyond, "value", "low", "high"),
+        "verdict": str(choice.verdict),
+        "plans": as_objects(_PLAN_QUANTITIES, choice.judged),
+        "enough": [judgement.plan.name for judgement in choice.enough],
+        "over_positions": as_objects(_PLAN_QUANTITIES, choice.over_positions),
+        "lines": as_objects(_LINE_QUANTITIES, choice.lines),
+        "carried_out": as_object(_TEST_QUANTITIES, choice.test),
+        "samples": samples_object(choice.samples),
+        "seed": drives.seed,
+    }
+
+
 def plan_report(choice: PlanChoice, record: str) -> Report:
     """Return the sufficient tests of F'_ior of a drive, and the share that the first of the plans captures."""
     drive = choice.drive
-    drives = choice.drives
     limit = drive.limit(choice.M_g)
     F_ior = _F_ior_range(choice)
     answer = _answer(choice)
@@ -89,20 +111,7 @@ def plan_report(choice: PlanChoice, record: str) -> Report:
             ),
         ),
         certificate=choice.certificate,
-        values={
-            "M_g_Nm": choice.M_g,
-            "limit_arcsec": limit,
-            "F_ior_arcsec": dict(zip(("p5", "p50", "p95"), F_ior, strict=True)),
-            "beyond_limit": drives.beyond and attributes(drives.beyond, "value", "low", "high"),
-            "verdict": str(choice.verdict),
-            "plans": as_objects(_PLAN_QUANTITIES, choice.judged),
-            "enough": [judgement.plan.name for judgement in choice.enough],
-            "over_positions": as_objects(_PLAN_QUANTITIES, choice.over_positions),
-            "lines": as_objects(_LINE_QUANTITIES, choice.lines),
-            "carried_out": as_object(_TEST_QUANTITIES, choice.test),
-            "samples": samples_object(choice.samples),
-            "seed": drives.seed,
-        },
+        values=_plan_object(choice, F_ior),
         csv=csv_table(drive.name, _PLAN_QUANTITIES, choice.judged),
         line=answer,
         warnings=(*drive.origin.warnings, *(choice.samples.remarks if choice.samples else unknown_notes(drive))),
@@ -240,56 +249,64 @@ def approach_csv(choice: PlanChoice) -> str:
 
 def sheet_report(choice: PlanChoice, serial: str = "", file: str = "") -> Report:
     """Return the sheet of a test for the test rig; serial: of the drive; file: with its positions, if written."""
-    test = choice.test
     drive = choice.drive
-    run = choice.test.run
-    minutes, targets, sides = test.approaches
-    low, middle, high = map(_percent, test.judged.seen)
-    lead = f"{360 * run.lead_turns / test.ratio:.3g}°"
-    ways = "from below"
-    if test.judged.plan.both:
-        ways = "from below in increasing order, then from above in decreasing order"
-    times = "time" if run.repeats == 1 else "times"
-    steps = (
-        f"Load the output with a constant torque of {choice.M_g:g} N·m, as in use (positive: counter-clockwise).",
-        f"Warm up for {run.warm_up_min:g} min at an input speed of {run.cam_rpm:g} rpm. Write down the temperature.",
-        f"Start at any output angle, which is 0. First move back by {lead}. Before each reversal, move on by {lead}.",
-        f"Approach each position {ways}, {run.repeats} {times}. Never overshoot a position.",
-        f"Wait {run.dwell_s:g} s, then read the output. Write down the temperature again at the end.",
-    )
-    rules = (
-        "The result is the range from one side: the largest minus the smallest deviation. Average repeated readings.",
-        f"The test captures {low} to {high} % of F'_ior (median {middle} %).",
-        _verdicts(test),
-        again(
-            "accept",
-            drive,
-            "--measured",
-            f"{choice.M_g:.15g}={file}",
-            "--measured-only",
-            "--budget",
-            "encoder=U,coupling=U,reseating=U,temperature=U",
-        )
-        if file
-        else "",
-    )
-    listed = zip(minutes, targets, sides, strict=True) if len(targets) <= _LISTED_READINGS else ()
-    rows = tuple(
-        (str(k + 1), f"{minute:.0f}", f"{target:.5g}", "below" if side > 0 else "above", "", "")
-        for k, (minute, target, side) in enumerate(listed)
-    )
-    readings = Table("readings", ("no.", "at min", "position, °", "from", "read, °", "deviation, ″"), rows)
     return Report(
         command="plan",
         drive=drive,
-        head=f"{drive.name}: test of F'_ior at {choice.M_g:g} N·m, {_duration(test)}",
+        head=f"{drive.name}: test of F'_ior at {choice.M_g:g} N·m, {_duration(choice.test)}",
         verdict="",
         blocks=(
             Facts((("drive", drive.name), ("serial", serial), ("date, name", ""), ("rig, encoders", ""))),
-            Lines("procedure", steps, "[ ]"),
+            Lines("procedure", _procedure(choice), "[ ]"),
             Facts((("temperature at begin, °C", ""), ("temperature at end, °C", ""))),
-            Lines("evaluation", tuple(filter(None, rules))),
-            readings if rows else Facts((("readings", f"the list is in {file or 'the file of --approach'}"),)),
+            Lines("evaluation", _evaluation(choice, file)),
+            _readings(choice.test, file),
         ),
         certificate=choice.certificate,
     )
+
+
+def _procedure(choice: PlanChoice) -> tuple[str, ...]:
+    """Return the steps of a test, to be ticked off."""
+    test = choice.test
+    run = test.run
+    lead_deg = f"{360 * run.lead_turns / test.ratio:.3g}°"  # of the output: the drive's play is taken up over it
+    sides = "from below"
+    if test.judged.plan.both:
+        sides = "from below in increasing order, then from above in decreasing order"
+    times = "time" if run.repeats == 1 else "times"
+    return (
+        f"Load the output with a constant torque of {choice.M_g:g} N·m, as in use (positive: counter-clockwise).",
+        f"Warm up for {run.warm_up_min:g} min at an input speed of {run.cam_rpm:g} rpm. Write down the temperature.",
+        f"Start at any output angle, which is 0. First move back by {lead_deg}. "
+        f"Before each reversal, move on by {lead_deg}.",
+        f"Approach each position {sides}, {run.repeats} {times}. Never overshoot a position.",
+        f"Wait {run.dwell_s:g} s, then read the output. Write down the temperature again at the end.",
+    )
+
+
+def _evaluation(choice: PlanChoice, file: str) -> tuple[str, ...]:
+    """Return how the readings of a test are evaluated; file: with its positions, empty if it is not written."""
+    low, middle, high = map(_percent, choice.test.judged.seen)
+    rules = [
+        "The result is the range from one side: the largest minus the smallest deviation. Average repeated readings.",
+        f"The test captures {low} to {high} % of F'_ior (median {middle} %).",
+        _verdicts(choice.test),
+    ]
+    if file:
+        measured = f"{choice.M_g:.15g}={file}"
+        budget = "encoder=U,coupling=U,reseating=U,temperature=U"
+        rules.append(again("accept", choice.drive, "--measured", measured, "--measured-only", "--budget", budget))
+    return tuple(filter(None, rules))
+
+
+def _readings(test: PlannedTest, file: str) -> Table | Facts:
+    """Return the table to fill in, or the name of the file with the positions if they are too many for a table."""
+    minutes, targets_deg, sides = test.approaches
+    if len(targets_deg) > _LISTED_READINGS:
+        return Facts((("readings", f"the list is in {file or 'the file of --approach'}"),))
+    rows = []
+    for number, (minute, target_deg, side) in enumerate(zip(minutes, targets_deg, sides, strict=True), start=1):
+        from_side = "below" if side > 0 else "above"
+        rows.append((f"{number}", f"{minute:.0f}", f"{target_deg:.5g}", from_side, "", ""))
+    return Table("readings", ("no.", "at min", "position, °", "from", "read, °", "deviation, ″"), tuple(rows))

@@ -61,6 +61,32 @@ _VERDICT_WORDS = {
 }
 
 
+def _error_section(sheet: DriveSheet, check: Report) -> ReportSection:
+    """Return the section of the kinematic error: its curves, its tables and its facts, from the page of the check."""
+    curves = [block for block in (*check.blocks, *check.details) if isinstance(block, Curve)]
+    # of the tables of orders, one for each torque, the paper shows the first
+    first_orders = next(error_tables(sheet.check))
+    tables = [F_ior_table(sheet.check), *steps_tables(sheet.check), first_orders]
+    return ReportSection("Kinematic error", (*curves, *tables, Facts.of(check_facts(sheet.check))))
+
+
+def _mounting_section(sheet: DriveSheet, mount: Report) -> ReportSection:
+    """Return the section of the fixed wheel: its seat, its table of holes, and facts that the check does not have."""
+    blocks = (*mount.blocks, *mount.details)
+    figures = [block for block in blocks if isinstance(block, Figure)]
+    *_, holes_table = (block for block in mount.details if isinstance(block, Table))
+    facts = [row for block in blocks if isinstance(block, Facts) for row in block.rows]
+    facts_of_check = [*check_facts(sheet.check)]
+    further_facts = Facts.of(row for row in facts if row not in facts_of_check)
+    return ReportSection("Mounting the fixed wheel", (*figures, holes_table, further_facts))
+
+
+def _reasons(check: Report) -> list[str]:
+    """Return the facts of the check that explain its verdict: all but those on what to do next."""
+    facts = next(block for block in check.blocks if isinstance(block, Facts))
+    return [f"{label}: {text}" for label, text in facts.rows if label not in ("options", "to clarify", "next")]
+
+
 def drive_report(sheet: DriveSheet, *, draws: int, seed: int) -> Report:
     """Return the report of a drive, two pages of paper; draws, seed: those of the uncertain inputs."""
     drive = sheet.drive
@@ -70,40 +96,26 @@ def drive_report(sheet: DriveSheet, *, draws: int, seed: int) -> Report:
     stiff = stiffness_report(drive, sheet.stiffness)
     k = Kinematics.of(drive)
     values = origin_counts(drive)
-    error = [F_ior_table(sheet.check), *steps_tables(sheet.check), next(error_tables(sheet.check))]
-    figures = [block for block in (*check.blocks, *check.details) if isinstance(block, Curve)]
-    facts = [*check_facts(sheet.check)]
-    mounting = [row for block in (*mount.blocks, *mount.details) if isinstance(block, Facts) for row in block.rows]
-    *_, holes = (block for block in mount.details if isinstance(block, Table))
-    positions = [block for block in (*mount.blocks, *mount.details) if isinstance(block, Figure)]
-    first = next(block for block in check.blocks if isinstance(block, Facts))
-    reasons = (f"{label}: {text}" for label, text in first.rows if label not in ("options", "to clarify", "next"))
+    inputs = (*_basis(sheet, values), _provenance(drive, draws, seed))
     return Report(
         command="report",
         drive=drive,
         head=f"{k.z_g}/{k.z_b} teeth, module {drive.gears.m:g} mm, ratio {abs(k.u):g}, fixed: {TRADE[k.fixed]}",
         verdict=_VERDICT_WORDS[verdict],
-        why=(*check.why, *mount.why, *reasons),
+        why=(*check.why, *mount.why, *_reasons(check)),
         blocks=(
             Tiles(tuple(_tiles(sheet, values))),
-            ReportSection("Kinematic error", (*figures, *error, Facts.of(facts))),
-            ReportSection(
-                "Mounting the fixed wheel", (*positions, holes, Facts.of(row for row in mounting if row not in facts))
-            ),
+            _error_section(sheet, check),
+            _mounting_section(sheet, mount),
             ReportSection("Torsional stiffness", tuple(_without_next(stiff.blocks))),
-            ReportSection(
-                "Inputs and provenance",
-                (*_basis(sheet, values), _provenance(drive, draws, seed)),
-            ),
+            ReportSection("Inputs and provenance", inputs),
         ),
         certificate=sheet.certificate,
         cross_checks=tuple(sheet.cross_checks),
         values={
             "verdict": str(verdict),
             "values": values,
-            "check": report_object(check),
-            "mount": report_object(mount),
-            "stiffness": report_object(stiff),
+            **{page.command: report_object(page) for page in (check, mount, stiff)},
             "seed": seed,
         },
         line=check.line,

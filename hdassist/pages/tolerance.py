@@ -1,6 +1,6 @@
 """Random drives as reports: yield and F'_ior, the tolerance to tighten first, the cheapest tolerances for a yield."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -13,6 +13,7 @@ from hdassist.belief.steps import MeasurementGain
 from hdassist.errors import Verdict
 from hdassist.report import (
     Curve,
+    Fact,
     Facts,
     Json,
     Quantity,
@@ -90,11 +91,49 @@ _MOUNTING_COLUMNS = quantity_table(
 _F_IOR_COLUMNS = quantity_table(
     "tolerance.F_ior", **{name: partial(_percentile, share) for name, _, share in _PERCENTILES}
 )
+_DRIVES_CSV = (*_MOUNTING_COLUMNS, *_F_IOR_COLUMNS, Quantity("yield", value="yield_belief.share"))
 _F_IOR_ON_PAGE = tuple(
     replace(column, digits="", value=partial(_percentile_words, share))
     for column, (_, _, share) in zip(_F_IOR_COLUMNS, _PERCENTILES, strict=True)
 )
 _YIELD_COLUMNS = quantity_table("tolerance.yield", **{"yield": _yield_words})
+
+
+def _verdict_of_drives(summary: Summary) -> str:
+    """Return the verdict on a wanted yield, or the yield itself if only limits are given."""
+    if summary.has_limit and summary.wanted is None:
+        return _yields(summary)
+    return str(summary.verdict)
+
+
+def _measure_words(summary: Summary, gains: Sequence[MeasurementGain], M_g: float) -> str:
+    """Return what to measure for a verdict, more drives if no measurement helps; empty if there is a verdict."""
+    if summary.verdict is not Verdict.INCONCLUSIVE:
+        return ""
+    return measure_words(gains, M_g) or _MORE_DRIVES
+
+
+def _head_of_drives(law: ProductionLaw, summary: Summary) -> str:
+    """Return the subject of the page: the drive, the number of random drives, and that of their designs."""
+    designs = f" of {summary.design_count} sampled designs" if law.shared else ""
+    return f"{law.drive.name}, {summary.count} random drives{designs}"
+
+
+def _least_yield_torque(summary: Summary) -> int:
+    """Return the index of the torque with the smallest yield of drives in their best holes."""
+    shares = [summary.yield_of(True, point).share for point in summary.points]
+    return shares.index(min(shares))
+
+
+def _plots_by_torque(summary: Summary, drives: Sequence[_MountedDrives]) -> list[Curve]:
+    """Return the distribution of F'_ior at each torque, of all ways to mount the drives in one plot."""
+    return [_share_below([of_way for of_way in drives if of_way.point is point]) for point in summary.points]
+
+
+def _mounted_drives(summary: Summary) -> list[_MountedDrives]:
+    """Return the drives at each torque as assembled, and in their best holes if the fixed wheel has several."""
+    ways = (False, True) if summary.positions > 1 else (False,)
+    return [_MountedDrives(summary, point, best) for point in summary.points for best in ways]
 
 
 def tolerance_report(
@@ -103,35 +142,29 @@ def tolerance_report(
     """Return random drives as a report; samples: those of their designs, None for one design or kept drives."""
     drive = law.drive
     points = summary.points
-    ways = (False, True) if summary.positions > 1 else (False,)
-    drives = [_MountedDrives(summary, point, best) for point in points for best in ways]
-    worst = min(range(len(points)), key=lambda k: summary.yield_of(True, points[k]).share)
+    drives = _mounted_drives(summary)
+    worst = _least_yield_torque(summary)
     gains = to_measure(law, samples, worst) if samples else ()
-    is_open = summary.verdict is Verdict.INCONCLUSIVE
     table = _drives_table(law, summary, drives)
-    plots = [_share_below(drives[k : k + len(ways)]) for k in range(0, len(drives), len(ways))]
-    designs = f" of {summary.design_count} sampled designs" if law.shared else ""
+    plots = _plots_by_torque(summary, drives)
+    worst_plot = plots.pop(worst)
     facts = [
         ("best hole", _best_of(summary, drives)),
-        ("measure", (measure_words(gains, points[worst].M_g) or _MORE_DRIVES) if is_open else ""),
+        ("measure", _measure_words(summary, gains, points[worst].M_g)),
         ("next", again("sensitivity", drive)),
     ]
-    csv_columns = (*_MOUNTING_COLUMNS, *_F_IOR_COLUMNS, Quantity("yield", value="yield_belief.share"))
+    distributions = Facts((("distributions", _drawn(law, seed)),))
     return Report(
         command="tolerance",
         drive=drive,
-        head=f"{drive.name}, {summary.count} random drives{designs}",
-        verdict=_yields(summary) if summary.has_limit and summary.wanted is None else str(summary.verdict),
+        head=_head_of_drives(law, summary),
+        verdict=_verdict_of_drives(summary),
         why=tuple(_reasons(summary)),
-        blocks=(
-            table,
-            Facts.of(facts),
-            plots.pop(worst),
-        ),
-        details=(Facts((("distributions", _drawn(law, seed)),)), *plots),
+        blocks=(table, Facts.of(facts), worst_plot),
+        details=(distributions, *plots),
         certificate=summary,
         values=_values(law, seed, summary, gains),
-        csv=csv_table(drive.name, csv_columns, drives),
+        csv=csv_table(drive.name, _DRIVES_CSV, drives),
         line=_tolerance_line(summary, table),
         warnings=(*_law_warnings(law), *_few(law, summary)),
         exit_code=130 if interrupted else summary.verdict.exit_code,
@@ -353,6 +386,13 @@ def _reduction_words(way: Tightened, unit: str = "") -> str:
     return f"{100 * way.reduction:z.0f}{unit} ({100 * way.reduction_low:z.0f} to {100 * way.reduction_high:z.0f})"
 
 
+def _allocate_command(sensitivities: Sensitivities) -> str:
+    """Return the command that chooses tolerances; it needs a limit at each torque."""
+    drive = sensitivities.law.drive
+    has_limits = all(drive.limit(M_g) is not None for M_g in sensitivities.samples.torques)
+    return again("allocate", drive) if has_limits else again("allocate", drive, "--limit", "LIMIT")
+
+
 def sensitivity_report(found: Sensitivities) -> Report:
     """Return the sensitivities of a drive as a report."""
     law = found.law
@@ -361,13 +401,10 @@ def sensitivity_report(found: Sensitivities) -> Report:
     effects = [_effects(found, t) for t in range(len(torques))]
     verdict, reason, measured = _answer(found)
     drawn = f"{len(samples.weights)} random drives, each of its own design, seed {samples.seed}"
-    limited = all(law.drive.limit(M_g) is not None for M_g in torques)
-    next_ = again("allocate", law.drive, *(() if limited else ("--limit", "LIMIT")))
+    next_command = again("sensitivity", law.drive, *_as_measured(measured)) if measured else _allocate_command(found)
     if verdict == _UNDECIDED:
-        next_ = again("sensitivity", law.drive, "-n", f"{_MORE_TIMES * len(samples.weights)}")
-    elif measured:
-        next_ = again("sensitivity", law.drive, *_as_measured(measured))
-    facts = [("measure", measure_words(found.to_measure, torques[found.worst])), ("next", next_)]
+        next_command = again("sensitivity", law.drive, "-n", f"{_MORE_TIMES * len(samples.weights)}")
+    facts = [("measure", measure_words(found.to_measure, torques[found.worst])), ("next", next_command)]
     short = _table(effects[found.worst], *_LISTED)
     torque_tables = [_table(of_torque, len(of_torque), len(of_torque)) for of_torque in effects]
     return Report(
@@ -455,6 +492,64 @@ def _table(effects: Sequence[_FieldEffect], tolerances: int, others: int) -> Tab
     return replace(table, notes=(_NO_SHARE,) if lacks_share else ())
 
 
+@dataclass(frozen=True)
+class _TorqueLimit:
+    """The limit of F'_ior at a torque [N*m], and the self error there [arcsec]."""
+
+    M_g: float
+    limit: float | None
+    self_error: float
+
+    def as_object(self) -> Mapping[str, float | None]:
+        """Return it by the keys of the JSON result."""
+        return {"M_g_Nm": self.M_g, "limit_arcsec": self.limit, "self_error_arcsec": self.self_error}
+
+
+def _torque_limits(allocator: Allocator, self_errors: Sequence[float]) -> list[_TorqueLimit]:
+    """Return the limits of a drive at its torques, with the self error [arcsec] at each."""
+    limit_at = allocator.production.law.drive.limit
+    return [
+        _TorqueLimit(M_g, limit_at(M_g), self_error)
+        for M_g, self_error in zip(allocator.production.torques, self_errors, strict=True)
+    ]
+
+
+def _self_error_words(torque_limits: Sequence[_TorqueLimit]) -> str:
+    """Return the part of each limit that the self error takes."""
+    parts = [f"{row.self_error:.1f} of {row.limit:g}″ at {row.M_g:g} N·m" for row in torque_limits]
+    return f"{', '.join(parts)}, which no tolerance reduces"
+
+
+def _assumed_costs(allocator: Allocator) -> list[str]:
+    """Return a note on the fields whose cost the preset does not state, none if it states all of them."""
+    assumed = [choice.path for choice in allocator.choices if choice.assumed_law]
+    if not assumed:
+        return []
+    return [f"costs are assumed (1 at present, increasing as 1/tolerance): {', '.join(assumed)} (preset: cost)"]
+
+
+def _best_verdict(ways: Sequence[Allocation]) -> Verdict:
+    """Return the verdict of the best way to build a drive: one way that passes is enough."""
+    verdicts = {way.verdict for way in ways}
+    best_first = (Verdict.PASS, Verdict.INCONCLUSIVE, Verdict.FAIL)
+    return next(verdict for verdict in best_first if verdict in verdicts)
+
+
+def _remaining_facts(
+    verdict: Verdict, torque_limits: Sequence[_TorqueLimit], to_measure: Sequence[MeasurementGain], M_g: float
+) -> list[Fact]:
+    """Return what keeps the tolerances from a PASS: the self error, and inputs that measuring would settle.
+
+    to_measure: measurements of the design, at the torque M_g [N*m].
+    """
+    if verdict is Verdict.PASS:
+        return []
+    facts = [("self error", _self_error_words(torque_limits))]
+    if verdict is Verdict.INCONCLUSIVE:
+        facts.append(("measure", measure_words(to_measure, M_g) or _MORE_DRIVES))
+    return facts
+
+
 def allocate_report(
     found: Allocator,
     ways: Sequence[Allocation],
@@ -471,25 +566,14 @@ def allocate_report(
     """
     law = found.production.law
     drive = law.drive
-    verdicts = {way.verdict for way in ways}
-    verdict = next(verdict for verdict in (Verdict.PASS, Verdict.INCONCLUSIVE, Verdict.FAIL) if verdict in verdicts)
-    torque_limits = [
-        (M_g, drive.limit(M_g), self_error)
-        for M_g, self_error in zip(found.production.torques, self_errors, strict=True)
-    ]
-    limits = ", ".join(f"{limit:g}″ at {M_g:g} N·m" for M_g, limit, _ in torque_limits)
-    assumed = [choice.path for choice in found.choices if choice.assumed_law]
-    costs = f"costs are assumed (1 at present, increasing as 1/tolerance): {', '.join(assumed)} (preset: cost)"
+    verdict = _best_verdict(ways)
+    torque_limits = _torque_limits(found, self_errors)
+    limits = ", ".join(f"{row.limit:g}″ at {row.M_g:g} N·m" for row in torque_limits)
     reasons = [_words(way, found) for way in ways]
-    self_error_words = ", ".join(
-        f"{self_error:.1f} of {limit:g}″ at {torque:g} N·m" for torque, limit, self_error in torque_limits
-    )
-    facts = []
-    if verdict is not Verdict.PASS:
-        facts.append(("self error", f"{self_error_words}, which no tolerance reduces"))
-    if verdict is Verdict.INCONCLUSIVE:
-        facts.append(("measure", measure_words(to_measure, M_g) or _MORE_DRIVES))
-    facts.append(("next", _next(found, ways, verdict, to_measure)))
+    facts = [
+        *_remaining_facts(verdict, torque_limits, to_measure, M_g),
+        ("next", _next(found, ways, verdict, to_measure)),
+    ]
     return Report(
         command="allocate",
         drive=drive,
@@ -501,16 +585,13 @@ def allocate_report(
             **attributes(found, "sure", seed="production.seed", yield_wanted="wanted"),
             "verdict": verdict,
             "to_measure": measure_objects(to_measure),
-            "limits": [
-                {"M_g_Nm": M_g, "limit_arcsec": limit, "self_error_arcsec": self_error}
-                for M_g, limit, self_error in torque_limits
-            ],
+            "limits": [row.as_object() for row in torque_limits],
             "laws": _law_objects(found),
             "allocations": [_allocation_object(way) for way in ways],
         },
         csv=_allocations_csv(found, ways),
         line="\n".join(reasons),
-        warnings=(*_law_warnings(law), *([costs] if assumed else [])),
+        warnings=(*_law_warnings(law), *_assumed_costs(found)),
         exit_code=verdict.exit_code,
     )
 
