@@ -287,11 +287,29 @@ def check(
         checked = replace(checked, predicted=beside_prediction(prior, draws=draws, run=run))
     if samples:
         checked = checked.with_samples(samples)
-    torque_numbers = range(len(drive.operation.M_g))
-    drives = [_middle(shown_drive, samples, number) if samples else shown_drive for number in torque_numbers]
-    errors = _whole_errors(drives, drive.operation.M_g, teeth, solver, run)
-    # another solver looks at the extremes while steps are taken
-    solved = [(drives[number], teeth, errors[number].sampled(seed=run.seed)) for number in torque_numbers]
+    return _with_solved_errors(checked, shown_drive, teeth, solver, run)
+
+
+def _with_solved_errors(
+    checked: DesignCheck, shown_drive: Drive, teeth: ToothDeviations | None, solver: str | None, run: Run
+) -> DesignCheck:
+    """Return a check with the error of the full cycle at each torque, its cross-checks and its options.
+
+    The error is that of the sample with the median F'_ior, or of the nominal drive without samples.
+
+    Args:
+        checked: by its samples, if it has any.
+        shown_drive: the drive, with measured wheels in place of harmonics if there are any.
+        teeth: deviations of the measured wheels, None without.
+        solver: as in `check`.
+        run: processes, progress and seed.
+    """
+    torques = checked.drive.operation.M_g
+    samples = checked.samples
+    drives = [_middle(shown_drive, samples, number) if samples else shown_drive for number in range(len(torques))]
+    errors = _whole_errors(drives, torques, teeth, solver, run)
+    # another solver looks at the extremes while options are computed
+    solved = [(drive, teeth, error.sampled(seed=run.seed)) for drive, error in zip(drives, errors, strict=True)]
     checks = run.beside(cross_checks_of, solved, run.of_task)
     checked = checked.with_errors(errors).with_steps(run)
     pairs = zip(errors, checks.result(), strict=True)

@@ -376,6 +376,63 @@ class PlanChoice:
     test: PlannedTest
 
 
+@dataclass(frozen=True, eq=False)
+class _SampledDrives:
+    """Samples of a drive at a torque, with the lines and the curves of their errors."""
+
+    samples: Samples | None  # None without uncertain inputs: the drive itself is the only one then
+    place: int  # index of the torque
+    lines: ErrorLines
+    curves: _RoughCurves
+
+    @classmethod
+    def of(cls, drive: Drive, room_arcsec: Sequence[float | None], place: int, draws: int, run: Run) -> _SampledDrives:
+        """Return the samples of a drive.
+
+        Args:
+            drive: the drive.
+            room_arcsec: F'_ior that its limits leave, None without a limit, shape (torques,).
+            place: index of the torque.
+            draws: effective sample size, 0 for none.
+            run: processes, progress and seed.
+        """
+        prior = prior_of(drive)
+        samples = drive_samples(prior, room_arcsec, draws=draws, run=run) if prior.fields and draws else None
+        changes = samples.values() if samples else [{}]
+        lines = error_lines(drive, drive.operation.M_g[place], changes, run)
+        curves = _curves_of_drives(drive, lines, samples, place, run)
+        return cls(samples=samples, place=place, lines=lines, curves=curves)
+
+    @property
+    def certificate(self) -> Certificate:
+        """The certificate of all states behind the samples, their lines and their curves."""
+        certificate = self.lines.certificate + self.curves.certificate
+        return certificate + self.samples.certificate if self.samples else certificate
+
+    def under_test(
+        self, room_arcsec: float | None, demands: PlanDemands, travel_deg: float, seed: int
+    ) -> DrivesUnderTest:
+        """Return the samples as drives that come to a test.
+
+        Args:
+            room_arcsec: F'_ior that the limit leaves, None without a limit.
+            demands: what a plan has to meet.
+            travel_deg: of the output in use [deg], 0 for whole revolutions.
+            seed: of the starts and of the noise.
+        """
+        kinematics = self.lines.kinematics
+        drives = DrivesUnderTest(
+            self.curves.arcsec,
+            self.samples.weights if self.samples else np.ones(1),
+            round(kinematics.cycle_cam_revolutions / abs(kinematics.u)),
+            left_arcsec=room_arcsec,
+            demands=demands,
+            seed=seed,
+        )
+        drives = replace(drives, travel=_travel_turns(travel_deg, drives.cycle_output))
+        return _with_stated_probability(drives, self.samples, self.place) if self.samples else drives
+
+
 def choose_plan(
     drive: Drive,
     asked: ReadingPlan | None = None,
@@ -404,26 +461,10 @@ def choose_plan(
     torques = drive.operation.M_g
     rooms = limits_left(drive, torques, run)
     place = next((k for k, room in enumerate(rooms.arcsec) if room is not None), 0)
-    prior = prior_of(drive)
-    samples = drive_samples(prior, rooms.arcsec, draws=draws, run=run) if prior.fields and draws else None
-    lines = error_lines(drive, torques[place], samples.values() if samples else [{}], run)
-    curves = _curves_of_drives(drive, lines, samples, place, run)
-    kinematics = lines.kinematics
-    drives = DrivesUnderTest(
-        curves.arcsec,
-        samples.weights if samples else np.ones(1),
-        round(kinematics.cycle_cam_revolutions / abs(kinematics.u)),
-        left_arcsec=rooms.arcsec[place],
-        demands=demands,
-        seed=run.seed,
-    )
-    drives = replace(drives, travel=_travel_turns(travel_deg or drive.acceptance.travel, drives.cycle_output))
-    if samples:
-        drives = _with_stated_probability(drives, samples, place)
-    plans = _judged_plans(drives, kinematics, asked)
-    certificates = [rooms.certificate, lines.certificate]
-    if samples:
-        certificates.append(samples.certificate)
+    sampled = _SampledDrives.of(drive, rooms.arcsec, place, draws, run)
+    lines = sampled.lines
+    drives = sampled.under_test(rooms.arcsec[place], demands, travel_deg or drive.acceptance.travel, run.seed)
+    plans = _judged_plans(drives, lines.kinematics, asked)
     return PlanChoice(
         drive=drive,
         M_g=torques[place],
@@ -433,10 +474,10 @@ def choose_plan(
         enough=plans.enough,
         over_positions=plans.over_positions,
         lines=_lines_seen(lines, drives, plans.judged[0].plan),
-        samples=samples,
-        certificate=sum([*certificates, curves.certificate], EMPTY),
+        samples=sampled.samples,
+        certificate=rooms.certificate + sampled.certificate,
         verdict=plans.verdict,
-        test=drives.test_of(plans.carried_out, test, abs(kinematics.u), drive.limit(torques[place])),
+        test=drives.test_of(plans.carried_out, test, abs(lines.kinematics.u), drive.limit(torques[place])),
     )
 
 

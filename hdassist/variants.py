@@ -260,6 +260,24 @@ def drawn_pairs(
     )
 
 
+def _likelihood_gains(one: _Believed, other: _Believed, rows: Indices, samples: Samples) -> list[float]:
+    """Return the gains of log likelihood from the reference data of a first drive to those of a second one.
+
+    Args:
+        one: the first drive.
+        other: the second drive.
+        rows: samples of the first drive, shape (pairs,).
+        samples: of the second drive, one for each of these.
+    """
+    assert one.samples
+    figures_of_one = _figures_of(one.samples)
+    gains = []
+    for row, figures in zip(rows, _figures_of(samples), strict=True):
+        of_one = log_likelihood(one.evidence, figures_of_one[row])
+        gains.append(log_likelihood(other.evidence, figures) - of_one)
+    return gains
+
+
 def _paired(one: _Believed, other: _Believed, rows: Indices, run: Run) -> DrivePairs:
     """Return pairs of some samples of a first drive, each with an equal drive of the second kind.
 
@@ -274,11 +292,7 @@ def _paired(one: _Believed, other: _Believed, rows: Indices, run: Run) -> DriveP
         samples = _samples_with(other, shares, run)
         certificate = samples.certificate
     solved = np.flatnonzero([draw.F_ior_arcsec is not None for draw in samples.made])
-    gains = []  # of the log likelihood, from the reference data of the first to those of the second
-    figures_of_one = _figures_of(one.samples)
-    for row, figures in zip(rows[solved], _figures_of(samples), strict=True):
-        of_one = log_likelihood(one.evidence, figures_of_one[row])
-        gains.append(log_likelihood(other.evidence, figures) - of_one)
+    gains = _likelihood_gains(one, other, rows[solved], samples)
     weights = np.exp(np.array(gains) - max(gains))
     if effective_number(weights) < _LEAST_EFFECTIVE * count:
         raise UntrustedError("too few pairs of samples agree with the reference data of both drives")
@@ -517,6 +531,11 @@ def compare_drives(drives: Sequence[Drive], *, draws: int = EFFECTIVE_SAMPLES, r
     return DrivesComparison(sheets=sheets, differing=differing_rows(drives), changes=changes, certificate=proof)
 
 
+def _is_undrawn(first: DesignCheck, second: DesignCheck) -> bool:
+    """Return whether a torque of two drives has no distribution of F'_ior."""
+    return any(point.F_ior_arcsec is None for point in (*first.points, *second.points))
+
+
 def drive_changes(
     first: DesignCheck, second: DesignCheck, *, pairs: int = _DRAWN_PAIRS, run: Run = Run()
 ) -> tuple[DriveChanges, Certificate]:
@@ -535,21 +554,14 @@ def drive_changes(
     differing = differing_fields((first.drive, second.drive))
     is_same = not differing and _has_same_conditions(first.drive, second.drive)
     sampled_pairs = drawn_pairs(first, second, same=is_same, count=pairs, run=run)
-    single_changes = _SingleChanges(
-        drives=sampled_pairs.drives[:_SINGLE_PAIRS],
-        torques=first.drive.operation.M_g,
-        is_drawn=bool(first.samples or second.samples),
-        run=run,
-        certificate=sampled_pairs.certificate,
-    )
+    single_changes = _SingleChanges.of(sampled_pairs, first, second, run)
     # bounds of what is unknown depend on other fields
     open_paths = [field.path for field in prior_of(second.drive).fields]
     moved = [path for path in open_paths if single_changes.is_moved(path)]
     paths = dict.fromkeys((*differing, *moved))
     screened = [change.field for change in single_changes.largest_first(paths, _SCREENED_PAIRS)]
     single = single_changes.largest_first(screened[:_REPORTED_FIELDS], len(single_changes.drives))
-    is_undrawn = any(point.F_ior_arcsec is None for point in (*first.points, *second.points))
-    is_unknown = is_undrawn and not is_same
+    is_unknown = _is_undrawn(first, second) and not is_same
     changes = DriveChanges(
         pairs=len(sampled_pairs.drives),
         F_ior_is=tuple(UNKNOWN for _ in first.points) if is_unknown else sampled_pairs.senses(),
@@ -581,6 +593,17 @@ class _SingleChanges:
     is_drawn: bool  # whether the drives are samples
     run: Run
     certificate: Certificate  # of all states, those of changes included once they are solved
+
+    @classmethod
+    def of(cls, pairs: DrivePairs, first: DesignCheck, second: DesignCheck, run: Run) -> _SingleChanges:
+        """Return the changes of a few of some pairs of samples of two drives, before any is solved."""
+        return cls(
+            drives=pairs.drives[:_SINGLE_PAIRS],
+            torques=first.drive.operation.M_g,
+            is_drawn=bool(first.samples or second.samples),
+            run=run,
+            certificate=pairs.certificate,
+        )
 
     @cached_property
     def before_arcsec(self) -> Array:

@@ -37,6 +37,13 @@ from hdassist.readers.table import NO_UNIT
 _QUARTER = 0.25  # of the limit: a test uncertainty ratio of 4 to 1
 
 
+def _warnings(drive: Drive, predictions: Predictions | None) -> tuple[str, ...]:
+    """Return the warnings on a preset, and those on the samples of its predictions."""
+    if predictions and predictions.samples:
+        return (*drive.origin.warnings, *predictions.samples.remarks)
+    return (*drive.origin.warnings,)
+
+
 def accept(
     request: Request,
     inputs: Inputs,
@@ -67,14 +74,11 @@ def accept(
     ]
     verdict = worst(decision.verdict for decision in decisions)
     rule = drive.acceptance.rule
-    warnings = (*drive.origin.warnings,)
-    if predictions and predictions.samples:
-        warnings += predictions.samples.remarks
     return ANSWER.validate_python({
         "version": __version__,
         "preset": PresetRecord(drive.name, drive.origin.sha256, drive.origin.overrides),
         "exit_code": verdict.exit_code,
-        "warnings": warnings,
+        "warnings": _warnings(drive, predictions),
         "serial": request.serial,
         "seed": request.seed,
         "request": request,

@@ -58,6 +58,11 @@ class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
     details: bool = False
     beside = ("write",)
 
+    def _require_writable(self, preset: str) -> None:
+        """Raise UsageError if values are to be written and the preset is not the unchanged text of a file."""
+        if self.write is not None and (preset == "-" or self.overrides):
+            raise UsageError("--write needs a preset file, without --set and not from standard input")
+
     def report(self, out: Output, preset: str) -> Report:
         """The values, found and written where that is asked for."""
         from hdassist.calibration import calibrate, estimate_drives, read_targets
@@ -67,13 +72,14 @@ class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
         from hdassist.preset.fields import IDENTIFIED_WITH
 
         o.stdin_once(preset, str(self.targets))
-        if self.write is not None and (preset == "-" or self.overrides):
-            raise UsageError("--write needs a preset file, without --set and not from standard input")
+        self._require_writable(preset)
         drive = self.load(preset)
         wanted = read_targets(read_bytes(self.targets, READ_AT_MOST)[0], str(self.targets), drive)
         preset_text = read_preset(preset)[0].decode("utf-8-sig") if self.write is not None else ""
-        if self.write is not None:  # a text that cannot be changed is better known before than after
-            with_found_values(preset_text, preset, {u.path: u.low for u in wanted.unknowns}, "")
+        if self.write is not None:
+            # a text that cannot be changed is refused before the search, which takes minutes
+            lowest = {unknown.path: unknown.low for unknown in wanted.unknowns}
+            with_found_values(preset_text, preset, lowest, "")
         with out.run(drive.name, estimate_drives(wanted, self.evaluations), self) as run:
             result = calibrate(drive, wanted, points=self.evaluations, run=run)
         if self.write is not None and not result.shortfall:

@@ -337,11 +337,8 @@ class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOpt
         options = o.LimitedDriveOptions(overrides=self.overrides, torque=torques, limit=self.limit)
         return with_asked(options.load(preset), self.taken_over())
 
-    def _compare_presets(self) -> int:
-        """Compare presets; returns the exit code.
-
-        Raises UsageError where traces stand among presets, or options are asked for that belong to traces.
-        """
+    def _require_presets_only(self) -> None:
+        """Raise UsageError for recordings among the presets, for options of recordings, and for CSV."""
         if traces := [name for name in self.files if not is_preset(name)]:
             message = f"cannot compare {traces[0]}, a recording, with {next(filter(is_preset, self.files))}, a preset"
             raise UsageError(message, "name presets only (names of the library, .yaml files), or recordings only")
@@ -350,11 +347,19 @@ class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOpt
             raise UsageError(
                 "options for reading recordings do not apply to presets", "leave out these options, or name a recording"
             )
-        names = [self.preset, *self.files]
         if self.csv is not None:
             raise UsageError(
-                "a comparison of presets cannot be written as CSV", f"use hdassist check {' '.join(names)} --csv FILE"
+                "a comparison of presets cannot be written as CSV",
+                f"use hdassist check {' '.join([self.preset, *self.files])} --csv FILE",
             )
+
+    def _compare_presets(self) -> int:
+        """Compare presets, and return the exit code.
+
+        Raises UsageError for recordings among the presets, and for options of recordings.
+        """
+        self._require_presets_only()
+        names = [self.preset, *self.files]
         o.stdin_once(*names)
         out = self.open()
 
@@ -661,6 +666,27 @@ _TIMED_DRIVES = 3  # that are solved first, to estimate the time of all
 _SHORT_TIME = 10.0  # s, of which nothing is said
 
 
+def _rooms_beside_self_error(
+    limits: Sequence[float], self_errors: Sequence[float], torques: Sequence[float]
+) -> list[float]:
+    """Return the room that limits leave F'_ior beside the self error [arcsec], shape (torques,).
+
+    Args:
+        limits: at each torque [arcsec].
+        self_errors: at each torque [arcsec].
+        torques: [N*m].
+
+    Raises UsageError if the self error alone exceeds a limit: no tolerance changes it.
+    """
+    room = [limit - self_error_arcsec for limit, self_error_arcsec in zip(limits, self_errors, strict=True)]
+    if min(room) <= 0:
+        worst = room.index(min(room))
+        message = f"the self error alone is {self_errors[worst]:.1f}″ at {torques[worst]:g} N*m"
+        hint = "no tolerance changes the self error: raise the limit, or change cam.W_0 or gears.j_n"
+        raise UsageError(f"{message}, which exceeds the limit {limits[worst]:g}″", hint)
+    return room
+
+
 class AllocateCommand(o.FigureOptions, DrawOptions):
     """The cheapest tolerances that reach a yield, as assembled and with each fixed wheel in its best hole.
 
@@ -696,12 +722,7 @@ class AllocateCommand(o.FigureOptions, DrawOptions):
         torques = drive.operation.M_g
         limits = _require_limits(drive)
         self_errors = [self_error_of_torque.range_arcsec for self_error_of_torque in self_error(drive, torques)]
-        room = [limit - self_error_arcsec for limit, self_error_arcsec in zip(limits, self_errors, strict=True)]
-        if min(room) <= 0:
-            worst = room.index(min(room))
-            message = f"the self error alone is {self_errors[worst]:.1f}″ at {torques[worst]:g} N*m"
-            hint = "no tolerance changes the self error: raise the limit, or change cam.W_0 or gears.j_n"
-            raise UsageError(f"{message}, which exceeds the limit {limits[worst]:g}″", hint)
+        room = _rooms_beside_self_error(limits, self_errors, torques)
         production = Production(
             law, torques, mounting=self.mounting, limits=room, seed=self.seed, per_design=_DRIVES_PER_DESIGN, steps=True
         )

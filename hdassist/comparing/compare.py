@@ -362,6 +362,12 @@ def zero_of(trace: MeasuredTrace, drive: Drive, start_deg: float | None) -> floa
     return None if start_deg is None else -Kinematics.of(drive).u * start_deg
 
 
+def _solved_singles(singles: Sequence[Explanation], fitter: VectorFitter, solved: SolvedStates) -> list[Explanation]:
+    """Return explanations by one deviation with their ranges by solved states; the best one with its curve."""
+    least = min((single.chi_square for single in singles), default=np.inf)
+    return [_solved(single, fitter, solved, curve=single.chi_square == least) for single in singles]
+
+
 def compare(measurement: Measurement, drive: Drive, M_g: float, *, asked: Alignment, run: Run = Run()) -> Comparison:
     """Compare a measured trace with a drive at a torque M_g [N*m].
 
@@ -373,6 +379,7 @@ def compare(measurement: Measurement, drive: Drive, M_g: float, *, asked: Alignm
     reader = _RecordReader(measurement=measurement, drive=drive, M_g=M_g, asked=asked, run=run)
     fitter, base = reader.fitted(asked)
     unchanged = _explanation(base, base, fitter)
+    # a record that the drive explains needs no other reading of its file
     mirrored = None if unchanged.sufficient else reader.mirrored(asked, base)
     singles, joint, mirror = _explanations(fitter, base, unchanged, mirrored)
 
@@ -380,10 +387,9 @@ def compare(measurement: Measurement, drive: Drive, M_g: float, *, asked: Alignm
     solved = SolvedStates(M_g)
     difference = _Difference.of(fitter, drive, unchanged, solved)
     unchanged = replace(unchanged, F_ior_arcsec=solved.F_ior(drive))
-    least = min((single.chi_square for single in singles), default=np.inf)
-    singles = [_solved(single, fitter, solved, curve=single.chi_square == least) for single in singles]
-    joint = joint and _solved(joint, fitter, solved, curve=True)
-    drift_warnings = [DRIFT_LEFT.format(difference.drift)] if difference.drift else []
+    singles = _solved_singles(singles, fitter, solved)
+    joint = _solved(joint, fitter, solved, curve=True) if joint else None
+    conclusion = _conclude(unchanged, singles, joint, mirrored=mirror is not None)
     return Comparison(
         drive=drive,
         measurement=measurement,
@@ -398,10 +404,10 @@ def compare(measurement: Measurement, drive: Drive, M_g: float, *, asked: Alignm
         difference_curve=difference.curve,
         singles=tuple(singles),
         joint=joint,
-        conclusion=_conclude(unchanged, singles, joint, mirrored=mirror is not None),
+        conclusion=conclusion,
         mirror=mirror,
         certificate=solved.certificate + reader.torus.certificate,
-        warnings=(*measurement.warnings, *drift_warnings),
+        warnings=(*measurement.warnings, *difference.warnings),
     )
 
 
@@ -422,6 +428,11 @@ class _Difference:
     predicted_arcsec: Array
     predicted_curve: Array
     curve: Array
+
+    @property
+    def warnings(self) -> list[str]:
+        """A warning on the drift that is left in the difference, none without drift."""
+        return [DRIFT_LEFT.format(self.drift)] if self.drift else []
 
     @classmethod
     def of(cls, fitter: VectorFitter, drive: Drive, unchanged: Explanation, solved: SolvedStates) -> _Difference:

@@ -302,7 +302,7 @@ class _Search:
     def _grid_states(self, n: int) -> _GridStates:
         """Solve the states nearest to a grid of n positions of each wheel."""
         drives = self._drives
-        index = np.stack(np.unravel_index(there_and_back((n, n)), (n, n)), axis=1)
+        index = np.stack(np.unravel_index(there_and_back((n, n)), (n, n)), axis=1)  # in the order of the walk
         grid_point = index * (self._size / n)
         row = np.tile(np.arange(drives), n * n)
         point = np.repeat(self._map.to_lattice(grid_point), drives, axis=0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import hypot, isfinite, sqrt
@@ -97,6 +97,11 @@ class _TorqueRange:
     M_g_Nm: float
     F_ior_arcsec: float
     standard_uncertainty_arcsec: float
+
+    @classmethod
+    def of(cls, M_g: float, F_ior: Range) -> _TorqueRange:
+        """Return the range of the curve at a torque [N*m]."""
+        return cls(M_g_Nm=M_g, F_ior_arcsec=F_ior.value, standard_uncertainty_arcsec=F_ior.uncertainty)
 
 
 @dataclass(frozen=True, eq=False)
@@ -259,6 +264,17 @@ class Measurement:
         return self.greatest.F_ior_arcsec
 
 
+def _without_repeats(texts: Iterable[str]) -> tuple[str, ...]:
+    """Return texts, each once, in the order of their first appearance: both directions may say the same."""
+    return tuple(dict.fromkeys(texts))
+
+
+def _gearing_within(drive: Drive | None, ratio: float | None, travel_deg: float | None) -> Gearing | None:
+    """Return the gearing of a drive or of a ratio, restricted to a travel of the output [deg] if one is stated."""
+    gearing = gearing_of(drive, ratio)
+    return gearing.within(travel_deg) if gearing else None
+
+
 def measure(
     trace: MeasuredTrace,
     *,
@@ -293,8 +309,7 @@ def measure(
     of its noise.
     """
     _require_drift(drift)
-    gearing = gearing_of(drive, ratio)
-    gearing = gearing and gearing.within(travel_deg)
+    gearing = _gearing_within(drive, ratio, travel_deg)
     if M_g is not None:
         trace = at_torque(trace, M_g, drive.rated_torque if drive else 0.0)
     record = _RecordUnderway(
@@ -310,8 +325,9 @@ def measure(
         M_g=M_g,
         shafts=shafts,
     )
-    alone = record.directions_alone() if together else []
+    alone = []
     if together:
+        alone = record.directions_alone()
         record.read_in_time(alone)
     directions = record.directions()
     reversal, lag = _reversal_of(directions, trace, gearing)
@@ -321,8 +337,8 @@ def measure(
         directions=tuple(directions),
         reversal=reversal,
         lag=lag,
-        notes=tuple(dict.fromkeys(record.notes)),
-        warnings=tuple(dict.fromkeys(record.warnings)),
+        notes=_without_repeats(record.notes),
+        warnings=_without_repeats(record.warnings),
         seed=seed,
         torque=record.torque,
         alone=tuple(alone),
@@ -558,25 +574,16 @@ class _RecordUnderway:
         drifts = self._drift_sources(fit, drift_left)
         errors = self._error_sources(trace, fit, visited.grid_turns, torque_miss)
 
-        def ranges(curve_fit: TraceFit) -> CurveRanges:
-            """Return the ranges of the curve at one torque, with the same draws at each."""
-            return ranges_of(
-                curve_fit,
-                visited.grid_turns,
-                np.random.default_rng([self.seed, sign + 1]),
-                _other_uncertainties(drifts, errors, fit.bins.span),
-                whole=visited.coverage is not None and visited.coverage.share >= FULL_SHARE,
-            )
-
-        fitted = ranges(fit)
+        others = _other_uncertainties(drifts, errors, fit.bins.span)
+        fitted = self._ranges(fit, visited, others, sign)
         F_ior = fitted.visited
         # both are without their own bias: a part is no more than the whole
         revolution_bias = max(fitted.revolution.bias, fitted.revolution.fitted - F_ior.value)
         revolution = replace(fitted.revolution, bias=revolution_bias)
-        at_torques = []
-        for torque in fit.bins.torques if len(fit.blocks) > 1 else ():
-            at_torque_range = ranges(fit.at_torque(torque)).visited
-            at_torques.append(_TorqueRange(torque, at_torque_range.value, at_torque_range.uncertainty))
+        at_torques = [
+            _TorqueRange.of(torque, self._ranges(fit.at_torque(torque), visited, others, sign).visited)
+            for torque in _torques_of(fit)
+        ]
         sources = (*_noise_sources(F_ior), *drifts, *errors)
         _require_fine_steps(trace, F_ior)
         if not self.may_be_noise:
@@ -601,6 +608,23 @@ class _RecordUnderway:
             is_scale_bound=trace.is_lower_bound,
         )
         return _at_most_readings(result, trace)
+
+    def _ranges(self, fit: TraceFit, visited: _Visited, others: OtherUncertainties, sign: int) -> CurveRanges:
+        """Return the ranges of the curve of a fit.
+
+        Args:
+            fit: at one torque, or to all rows.
+            visited: input angles.
+            others: uncertainties besides those of the fit.
+            sign: direction; it gives each direction its own draws, which are the same at each torque.
+        """
+        return ranges_of(
+            fit,
+            visited.grid_turns,
+            np.random.default_rng([self.seed, sign + 1]),
+            others,
+            whole=visited.coverage is not None and visited.coverage.share >= FULL_SHARE,
+        )
 
     def _drift_sources(self, fit: TraceFit, drift_left: float) -> tuple[UncertaintySource, ...]:
         """Return the sources that change the error slowly along a recording; drift_left: in the fit [arcsec]."""
@@ -631,6 +655,11 @@ class _RecordUnderway:
             bend = torque_miss / sqrt(12)
             sources.append(UncertaintySource("between torques", bend, "curvature of the orders between torques"))
         return (*sources, *stated_sources(self.stated))
+
+
+def _torques_of(fit: TraceFit) -> Sequence[float]:
+    """Return the torques at which a fit has a curve of its own [N*m], none if it has one curve."""
+    return fit.bins.torques if len(fit.blocks) > 1 else ()
 
 
 @dataclass(frozen=True, eq=False)

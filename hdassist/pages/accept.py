@@ -193,7 +193,7 @@ def _by_severity(checks: Iterable[DecidedCheck]) -> list[DecidedCheck]:
     return sorted(checks, key=lambda each: (SEVERITY.index(each.verdict), (each.margin or 0.0) / each.limit))
 
 
-def _column_of_basis(quantity: Quantity, basis: str, *, is_predicted: bool) -> Quantity:
+def _column_of_basis(quantity: Quantity[DecidedCheck], basis: str, *, is_predicted: bool) -> Quantity[DecidedCheck]:
     """Return a column of decisions with the label that its numbers have by the basis of the values.
 
     is_predicted: whether the values are medians over samples.

@@ -120,6 +120,24 @@ class _GuideRate:
     words: str
 
 
+def _best_section(sections: Sequence[_Section]) -> _Section:
+    """Return the section with the most information on the error of the axis.
+
+    Raises DataError without a section that an error can be made of.
+    """
+    longest = max(sections, key=lambda section: section.span_s, default=_Section(_Facts()))
+    unguided = max(map(_longest_unguided, sections), key=lambda section: section.span_s, default=_Section(_Facts()))
+    # without pulses the error does not depend on the guide rate, which is seldom known well
+    is_preferred = unguided.span_s >= min(_LONG_S, _PREFERRED_SHARE * longest.span_s)
+    chosen = unguided if is_preferred or not longest.is_guided else longest
+    if not (chosen.span_s and isfinite(chosen.facts.scale)):
+        raise DataError(
+            "the PHD2 guide log has no section of frames with a pixel scale, times, distances and pulses",
+            "use a log with the pixel scale above the frames, and with the columns Time, RARawDistance and RADuration",
+        )
+    return chosen
+
+
 def guide_rows(lines: Sequence[str], form: GuideForm) -> GuideRows:
     """Return the table of the best section of a guide log: error in right ascension over the angle of the axis.
 
@@ -131,15 +149,7 @@ def guide_rows(lines: Sequence[str], form: GuideForm) -> GuideRows:
     Raises DataError for a log without a section that an error can be made of.
     """
     sections = list(_sections(lines))
-    longest = max(sections, key=lambda section: section.span_s, default=_Section(_Facts()))
-    unguided = max(map(_longest_unguided, sections), key=lambda section: section.span_s, default=_Section(_Facts()))
-    is_preferred = unguided.span_s >= min(_LONG_S, _PREFERRED_SHARE * longest.span_s)
-    chosen = unguided if is_preferred or not longest.is_guided else longest
-    if not (chosen.span_s and isfinite(chosen.facts.scale)):
-        raise DataError(
-            "the PHD2 guide log has no section of frames with a pixel scale, times, distances and pulses",
-            "use a log with the pixel scale above the frames, and with the columns Time, RARawDistance and RADuration",
-        )
+    chosen = _best_section(sections)
     where = _declination_words(chosen.facts, form)
     chosen = replace(chosen, facts=_with_stated(chosen.facts, form))
     frames = chosen.frames

@@ -107,36 +107,91 @@ def read_pitch(
     stated = _Statements(table, stated_arguments)
     is_table = not table.findings
     teeth_in, deviation_in = stated.columns() if is_table else (0, 0)
-    unit = stated.value("unit")
-    try:
-        size = micrometres(unit)
-    except UnitError as error:
-        unit = stated.refused("unit", error.message, "um", error.hint)
-        size = 1.0
-    form_is, sense_is, sign_is, side = (stated.value(key) for key in ("form", "sense", "sign", "flank"))
+    unit = _length_unit(stated)
+    layout = _Layout.of(stated)
     first, order = _rows_by_tooth(table, teeth_in, teeth) if is_table else (1, [])
-    mark = int(stated.value("mark") or first)
-    if not stated.stated["mark"]:
-        table.notes.append(f"no mark stated; tooth {mark} is the marked tooth")
-    elif not first <= mark < first + teeth:
-        message = f"not a tooth of the wheel, whose teeth are {first} to {first + teeth - 1}"
-        stated.refused("mark", message, "", "give the number of the tooth with the mark")
+    mark = _marked_tooth(stated, first, teeth)
     table.require_sound()
-    values = _cumulative(table, deviation_in, order, (unit, size), is_single=form_is == "single")
+    values = _cumulative(table, deviation_in, order, unit, is_single=layout.form == "single")
     table.require_sound()
-    values = np.roll(values, first - mark)
-    if sense_is == "cw":
-        values = np.roll(values[::-1], 1)
-        table.notes.append("numbers reversed")
-    if (sense_is if sign_is == "along" else sign_is) == "cw":
-        values = -values
-        table.notes.append("signs reversed")
-    deviation = values - values.mean()
-    deviation.setflags(write=False)
-    flank_is = cast(_Flank | None, side or None)
+    deviation = _from_mark(table, values, first - mark, layout)
+    flank_is = cast(_Flank | None, layout.flank or None)
     return PitchFile(
         deviation=deviation, mark=mark, flank=flank_is, file=table.file, sha256=table.sha256, notes=tuple(table.notes)
     )
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """How a file gives its deviations: each a word of _CHOICES, flank empty without one."""
+
+    form: str
+    sense: str
+    sign: str
+    flank: str
+
+    @classmethod
+    def of(cls, stated: _Statements) -> _Layout:
+        """Return what a file and the arguments state; assumptions are noted in this order."""
+        return cls(
+            form=stated.value("form"),
+            sense=stated.value("sense"),
+            sign=stated.value("sign"),
+            flank=stated.value("flank"),
+        )
+
+    @property
+    def positive_sense(self) -> str:
+        """The sense, cw or ccw, in which a positive deviation points."""
+        return self.sense if self.sign == "along" else self.sign
+
+
+def _length_unit(stated: _Statements) -> tuple[str, float]:
+    """Return the unit of the deviations and its size [um]; um after a finding on an unknown one."""
+    unit = stated.value("unit")
+    try:
+        return unit, micrometres(unit)
+    except UnitError as error:
+        return stated.refused("unit", error.message, "um", error.hint), 1.0
+
+
+def _marked_tooth(stated: _Statements, first: int, teeth: int) -> int:
+    """Return the number of the tooth with the mark, by default the first one, with a note.
+
+    Args:
+        stated: a tooth that the wheel does not have is a finding.
+        first: number of the first tooth, 0 or 1.
+        teeth: number of teeth.
+    """
+    mark = int(stated.value("mark") or first)
+    if not stated.stated["mark"]:
+        stated.table.notes.append(f"no mark stated; tooth {mark} is the marked tooth")
+    elif not first <= mark < first + teeth:
+        message = f"not a tooth of the wheel, whose teeth are {first} to {first + teeth - 1}"
+        stated.refused("mark", message, "", "give the number of the tooth with the mark")
+    return mark
+
+
+def _from_mark(table: NumberTable, values: Array, shift: int, layout: _Layout) -> Array:
+    """Return deviations [um] counter-clockwise from the marked tooth, without their mean, shape (teeth,).
+
+    Args:
+        table: a reversal is noted.
+        values: cumulative deviations in the order and with the signs of the file, shape (teeth,).
+        shift: first tooth minus marked tooth.
+        layout: sense of the numbers and of the signs.
+    """
+    values = np.roll(values, shift)
+    if layout.sense == "cw":
+        values = np.roll(values[::-1], 1)  # the marked tooth stays first
+        table.notes.append("numbers reversed")
+    if layout.positive_sense == "cw":
+        values = -values
+        table.notes.append("signs reversed")
+    # the mean is the choice of the zero tooth, and turns the wheel as a whole
+    deviation: Array = values - values.mean()
+    deviation.setflags(write=False)
+    return deviation
 
 
 class _Statement(NamedTuple):

@@ -404,6 +404,12 @@ class _Readings:
     time_s: Array | None
     torque: Array | None
 
+    def second_deg(self, column: _TraceColumn) -> Array:
+        """Return the angles of the second encoder without wraps, or the errors [deg]; column: theirs."""
+        if self.output_deg is None:
+            return self.second * (column.size / _ARCSEC_PER_DEG)
+        return self.output_deg
+
     def of_rows(self, rows: NDArray[np.bool_]) -> _Readings:
         """Return the readings of some rows."""
         return _Readings(
@@ -441,33 +447,16 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
     per_turn = abs(ratio or 1)
     readings = _readings_of(table, form, first, second, per_turn)
     # rows at which the second column jumps and returns
-    if readings.output_deg is None:
-        far = _leaping(readings.second * (second.size / _ARCSEC_PER_DEG))
-    else:
-        far = _leaping(readings.output_deg)
+    far = _leaping(readings.second_deg(second))
     if form.robust:
         readings = _without_leaps(table, readings, {first.index: _leaping(readings.cam_deg), second.index: far})
-    if not np.ptp(readings.second):
-        raise table.fault("the column is constant", "check the column of the error", 0, second.index)
-    if readings.output_deg is None:
-        error = readings.second * second.size
-        sense = 0
-    else:
-        error, sense = _second(table, second.index, readings.output_deg, readings.cam_deg, per_turn)
+    error, sense = _error_of(table, readings, second, per_turn)
     resolution = _resolution(readings, first, second, per_turn)
     if ratio is not None:
         _require_ratio(table, second.index, readings.cam_deg, error, per_turn, sense)
-    turns_of_angle = per_turn if first.shaft == "output" else 1
-    if form.speed is not None and not table.deg_per_s and readings.time_s is None:
-        table.deg_per_s = form.speed / _ARCSEC_PER_DEG * (1.0 if first.shaft == "output" else per_turn)
-    try:
-        moves = sweeps(readings.cam_deg)
-    except AngleError as fault:
-        raise table.fault(fault.message, fault.hint, fault.row, first.index) from None
+    turns_per_s = _turns_per_s(table, form, readings, first, per_turn)
+    moves = _moves_of_readings(table, readings, first.index)
     _require_small_error(table, second.index, error, moves, has_far_readings=bool(far.any()))
-    row_count = len(error) - sum(map(len, moves))
-    if row_count:
-        table.notes.append(f"left out, turning points and short moves: {row_count} of {len(error)} rows")
     return MeasuredTrace(
         file=table.file,
         sha256=table.sha256,
@@ -487,8 +476,62 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
         dithered=resolution.dithered,
         is_lower_bound=table.is_lower_bound,
         scale_uncertainty=table.scale_uncertainty,
-        turns_per_s=table.deg_per_s / WHOLE_TURN_DEG * turns_of_angle,
+        turns_per_s=turns_per_s,
     )
+
+
+def _error_of(table: NumberTable, readings: _Readings, second: _TraceColumn, per_turn: float) -> tuple[Array, int]:
+    """Return the error of each row [arcsec], shape (rows,), and the sense in which two encoders count.
+
+    Args:
+        table: for the place of a fault, and for notes.
+        readings: angles, and the errors or the angles of the output.
+        second: column of the error or of the second encoder.
+        per_turn: input revolutions per output revolution.
+
+    Raises PresetError for a constant column, and for two encoders that disagree with the ratio.
+    """
+    if not np.ptp(readings.second):
+        raise table.fault("the column is constant", "check the column of the error", 0, second.index)
+    if readings.output_deg is None:
+        return readings.second * second.size, 0
+    return _second(table, second.index, readings.output_deg, readings.cam_deg, per_turn)
+
+
+def _turns_per_s(
+    table: NumberTable, form: TraceForm, readings: _Readings, first: _TraceColumn, per_turn: float
+) -> float:
+    """Return the constant speed of the cam [1/s] by which times were read as angles; 0 for recorded angles.
+
+    Args:
+        table: has the speed of the shaft of its angles [deg/s] if these were times.
+        form: its speed is that of the output.
+        readings: with the times of the rows, if there are any.
+        first: column of the angle.
+        per_turn: input revolutions per output revolution.
+    """
+    is_of_output = first.shaft == "output"
+    # recorded angles without time stamps: the stated speed is their only link with time
+    if form.speed is not None and not table.deg_per_s and readings.time_s is None:
+        table.deg_per_s = form.speed / _ARCSEC_PER_DEG * (1.0 if is_of_output else per_turn)
+    return table.deg_per_s / WHOLE_TURN_DEG * (per_turn if is_of_output else 1)
+
+
+def _moves_of_readings(table: NumberTable, readings: _Readings, column: int) -> list[_AngleSweep]:
+    """Return the moves of the shaft, and note the rows that are in none.
+
+    column: of the angle, from 0.
+    Raises PresetError for an angle that runs backwards.
+    """
+    try:
+        moves = sweeps(readings.cam_deg)
+    except AngleError as fault:
+        raise table.fault(fault.message, fault.hint, fault.row, column) from None
+    row_count = len(readings.cam_deg)
+    left_out = row_count - sum(map(len, moves))
+    if left_out:
+        table.notes.append(f"left out, turning points and short moves: {left_out} of {row_count} rows")
+    return moves
 
 
 def _require_rows_and_ratio(table: NumberTable, first: _TraceColumn, second: _TraceColumn, ratio: float | None) -> None:
@@ -740,43 +783,71 @@ def _columns(table: NumberTable, form: TraceForm) -> tuple[_TraceColumn, _TraceC
 
     Raises UsageError: one column for both; PresetError: columns without a clear role.
     """
-    kinds = table.roles or [""] * table.values.shape[1]
-    if len(kinds) == 2 and not any(kinds):
-        is_time = form.has_pace and form.angle_unit is form.angle_of is None
-        kinds = ["time" if is_time else "cam", "error"]
-        table.notes.append(_TIME_BY_ORDER if is_time else BY_ORDER)
-    kind = next((kind for kind in ("cam", "angle", "output") if kind in kinds), "angle")
-    if kind not in kinds and kinds.count("time") == 1:
-        kind = "time"  # read by the speed of the output or the period of the input, or refused with these options
-    angle = _column(table, form.angle, kinds, kind, "angle")
+    kinds = _column_kinds(table, form)
+    angle = _angle_column(table, form, kinds)
     is_time = _is_time(table, angle, kinds[angle], form)
     if form.period is not None and not is_time:
         message = f'--period is for a column of time; "{table.name(angle)}" of {table.file} has angles'
         raise UsageError(message, "leave out --period, or select the column of time with --angle NAME")
-    if is_time:
-        kinds[angle] = "output" if form.period is None else "cam"
-    shaft: _Shaft = form.angle_of or ("output" if kinds[angle] == "output" else "cam")
-    kinds[angle] = ""
+    shaft = _shaft_of_angle(kinds[angle], form, is_time=is_time)
+    kinds[angle] = ""  # the column of the angle is not a candidate for the error
     by_second = form.second is not None or (form.error is None and "error" not in kinds and "output" in kinds)
-    option, column_name, kind = ("second", form.second, "output") if by_second else ("error", form.error, "error")
-    second_column = _column(table, column_name, kinds, kind, option)
-    if second_column == angle:
+    if by_second:
+        second_index = _column(table, form.second, kinds, "output", "second")
+    else:
+        second_index = _column(table, form.error, kinds, "error", "error")
+    if second_index == angle:
         raise UsageError(f"one column cannot be both: {table.name(angle)}", f"columns: {table.listed}")
     if by_second and shaft == "output":
         raise table.fault("no column of input angles", "select one with --angle NAME --angle-of cam")
-    first, second = (*form.angle_units, None, None)[:_ENCODERS]
     if is_time:
-        return _by_time(table, angle, form), _in_unit(
-            table, second_column, None, "error", form.error_unit, "arcsec", "--error-unit"
-        )
+        return _by_time(table, angle, form), _error_column(table, second_index, form)
     content = "input angle" if shaft == "cam" else "output angle"
-    angles = _in_unit(table, angle, shaft, content, first, "deg", "--angle-unit")
-    if by_second:
-        description = "output angle, second encoder"
-        return angles, _in_unit(
-            table, second_column, "output", description, second, angles.unit.removeprefix("-"), "--angle-unit"
-        )
-    return angles, _in_unit(table, second_column, None, "error", form.error_unit, "arcsec", "--error-unit")
+    first_unit, second_unit = (*form.angle_units, None, None)[:_ENCODERS]
+    first_column = _in_unit(table, angle, shaft, content, first_unit, "deg", "--angle-unit")
+    if not by_second:
+        return first_column, _error_column(table, second_index, form)
+    default = first_column.unit.removeprefix("-")  # two encoders are in one unit unless stated otherwise
+    content = "output angle, second encoder"
+    return first_column, _in_unit(table, second_index, "output", content, second_unit, default, "--angle-unit")
+
+
+def _column_kinds(table: NumberTable, form: TraceForm) -> list[str]:
+    """Return the role of each column by its name, empty for an unknown one; of two without a name by their order."""
+    kinds = table.roles or [""] * table.values.shape[1]
+    if len(kinds) != _ENCODERS or any(kinds):
+        return kinds
+    is_time = form.has_pace and form.angle_unit is form.angle_of is None
+    table.notes.append(_TIME_BY_ORDER if is_time else BY_ORDER)
+    return ["time" if is_time else "cam", "error"]
+
+
+def _angle_column(table: NumberTable, form: TraceForm, kinds: Sequence[str]) -> int:
+    """Return the column (from 0) of the angle; a column of time is one if there is no column of angles."""
+    kind = next((kind for kind in ("cam", "angle", "output") if kind in kinds), "angle")
+    if kind not in kinds and kinds.count("time") == 1:
+        kind = "time"  # read by the speed of the output or the period of the input, or refused with these options
+    return _column(table, form.angle, kinds, kind, "angle")
+
+
+def _shaft_of_angle(kind: str, form: TraceForm, *, is_time: bool) -> _Shaft:
+    """Return the shaft of the column of the angle.
+
+    Args:
+        kind: role of the column by its name.
+        form: if it states the shaft, this one counts.
+        is_time: whether the column has times: of the output at a speed, of the input with a period.
+    """
+    if form.angle_of:
+        return form.angle_of
+    if is_time:
+        return "output" if form.period is None else "cam"
+    return "output" if kind == "output" else "cam"
+
+
+def _error_column(table: NumberTable, index: int, form: TraceForm) -> _TraceColumn:
+    """Return the column of the error in its unit."""
+    return _in_unit(table, index, None, "error", form.error_unit, "arcsec", "--error-unit")
 
 
 def _is_time(table: NumberTable, index: int, kind: str, form: TraceForm) -> bool:

@@ -265,13 +265,10 @@ class Reference:
         units = formulation.units
         gap_by_deviation = system.deviation_map[system.first].T  # by places, shape (scalars, m)
         constant_gap = (springs.lowest + springs.offset) * units.gap
-        law = np.vstack(
-            [  # coordinates of a state: constant row + torque * second row + scalars @ further rows
-                self._coordinates(constant_gap[None]),
-                -responses.by_load @ formulation.load(1.0),
-                self._coordinates(gap_by_deviation),
-            ]
-        )
+        # coordinates of a state: constant row + torque * second row + scalars @ further rows
+        constant_row = self._coordinates(constant_gap[None])
+        torque_row = -responses.by_load @ formulation.load(1.0)
+        law = np.vstack([constant_row, torque_row, self._coordinates(gap_by_deviation)])
         return {
             "by_places": responses.by_place.T,
             "law": law,

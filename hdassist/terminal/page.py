@@ -105,6 +105,17 @@ class _PageText(Text):
         return Measurement(min(needed, _LONGEST_WORD), taken)
 
 
+def _why_lines(report: Report, style: Style) -> list[_PageText]:
+    """Return the reasons of a report with their numbers in bold, and a gap below them or above a titled table."""
+    why = [_PageText(style.text("\n".join(report.why)))] if report.why else []
+    is_titled = any(isinstance(block, Table) and block.title for block in report.blocks[:1])
+    if why or is_titled:
+        why.append(_PageText(""))
+    for text in why:
+        text.highlight_regex(_NUMBERS_WITH_UNIT, "bold")
+    return why
+
+
 def report_page(report: Report, style: Style, *, plots: bool = True, details: bool = False) -> RenderableType:
     """A report for people; plots: whether figures are drawn; details: whether all of it is shown."""
     head = _PageText(style.text(report.head), "bold")
@@ -120,12 +131,7 @@ def report_page(report: Report, style: Style, *, plots: bool = True, details: bo
     lines = [line for part in parts for line in (part, Text(""))]
     if plots and blocks and isinstance(blocks[-1], Curve):
         lines = lines[:-1]  # under an axis its words are enough of a gap
-    why = [_PageText(style.text("\n".join(report.why)))] if report.why else []
-    is_titled = any(isinstance(block, Table) and block.title for block in report.blocks[:1])
-    if why or is_titled:
-        why.append(_PageText(""))
-    for text in why:
-        text.highlight_regex(_NUMBERS_WITH_UNIT, "bold")
+    why = _why_lines(report, style)
     return Group(head, *why, *lines, *block_on_page(last, style))
 
 

@@ -120,6 +120,15 @@ class Sensitivities:
         return self.largest is None or self.largest.group in {way.path for way in self.tightened[self.worst]}
 
 
+def _best_first(ways: Mapping[str, Sequence[Tightened]], torques: range) -> tuple[tuple[Tightened, ...], ...]:
+    """Return the tightened sizes at each torque, the one that leaves the smallest F'_ior first."""
+    at_torques = []
+    for torque in torques:
+        ranked = sorted((way[torque] for way in ways.values()), key=lambda way: way.then)
+        at_torques.append(tuple(ranked))
+    return tuple(at_torques)
+
+
 def sensitivities(production: Production, samples: Samples, records: _Records) -> Sensitivities:
     """Return sensitivities of a production in which each drive has its own design, and the samples of the designs.
 
@@ -131,7 +140,7 @@ def sensitivities(production: Production, samples: Samples, records: _Records) -
     F_ior = np.array([record.F_ior_arcsec for record in all_records])
     weights = np.array([record.weight for record in all_records])
     worst = worst_torque(production.drive, samples)
-    ways: dict[str, list[Tightened]] = {}
+    ways = {}
     for path in law.sizes:
         then = np.array([(record.tighter or {})[path] for record in all_records])
         ways[path] = _tightened(path, F_ior, then, weights, proven=False)
@@ -144,12 +153,11 @@ def sensitivities(production: Production, samples: Samples, records: _Records) -
         all_records += tighter_records
         best = _best_size(ways, worst)
     torques = range(len(production.torques))
-    tightened = [sorted((way[torque] for way in ways.values()), key=lambda way: way.then) for torque in torques]
     return Sensitivities(
         law=law,
         samples=samples,
         worst=worst,
-        tightened=tuple(map(tuple, tightened)),
+        tightened=_best_first(ways, torques),
         influences=tuple(_influences_at(samples, torque) for torque in torques),
         to_measure=to_measure(law, samples, worst),
         drives=len(all_records),
