@@ -35,6 +35,7 @@ FREEDOMS = (
 # columns of G by body
 _RIGID = slice(0, 2)
 _FLEX = slice(2, 4)
+# the flexspline's rotation is the only freedom that carries the torque
 ROTATION = 4
 _RING = slice(5, 7)
 CAM = slice(7, 9)
@@ -61,6 +62,7 @@ class StateGaps:
     def __len__(self) -> int:
         return len(self.scalars)
 
+    # states are cut into blocks for worker processes and for the walk
     def __getitem__(self, rows: slice | NDArray[np.int64]) -> StateGaps:
         return StateGaps(self.scalars[rows], None if self.at_flanks is None else self.at_flanks[rows])
 
@@ -93,11 +95,13 @@ class ContactSystem:
     @property
     def pairs(self) -> int:
         """Number of flanks, not counting their stations: their places come first."""
+        # all flanks have the same number of stations
         return self.n_flanks // len(self.face.fall)
 
     @cached_property
     def place(self) -> NDArray[np.int64]:
         """Place of each candidate among all places, shape (M,)."""
+        # stations of a flank follow each other, so whole division gives their flank
         flanks = np.arange(self.n_flanks) // len(self.face.fall)
         return np.append(flanks, self.pairs + np.arange(len(self.delta_p) - self.n_flanks))
 
@@ -129,28 +133,38 @@ class ContactSystem:
     def lever(self) -> Array:
         """Moment [N*mm] on the flexspline by a unit of force at each flank, by zone, shape (flanks, 2)."""
         first_station = self.first[: self.pairs, None]
+        # one moment per zone: their shares tell single-zone meshing from two zones
         is_in_zone = self.flanks.zone[first_station] == (0, 1)
+        # G holds the direction of the force on the flexspline with the opposite sign
         return np.where(is_in_zone, -self.G[first_station, ROTATION], 0.0)
 
     @cached_property
     def deviation_map(self) -> Array:
         """Change of the gaps by a unit of each deviation scalar (deviations.py), the same at a place, shape (M, 24)."""
         flanks = self.flanks
+        # columns: first harmonics (2), cam offset (2), shift of the teeth (2), then two for each of
+        # TOOTH_ORDERS
         x1 = self.flanks.theta + TO_X1
+        # part of a tangential deviation that lies along the contact normal; a flank towards +theta closes by it
         along = flanks.side * np.cos(flanks.alpha)
         n = self.n_flanks
         change = np.zeros((len(self.delta_p), 6 + 2 * len(TOOTH_ORDERS)))
+        # sine first, then cosine: (sin, cos) of theta_x1 as equation (7) has them
         change[:n, :2] = -along[:, None] * _radial(x1)[:, ::-1]
         for column, order in enumerate(TOOTH_ORDERS, 3):
             change[:n, 2 * column : 2 * column + 2] = -along[:, None] * _radial(order * x1)[:, ::-1]
+        # the cam's offset moves its raceway against the balls, in the direction of each ball
         change[self.balls, 2:4] = -_radial(self.ball_theta + TO_X1)
+        # equation (8b): a shift of the teeth changes a gap by its part along the normal
         change[:n, 4:6] = _normal(flanks) @ np.array([[0.0, 1.0], [-1.0, 0.0]])  # x1 points along -y, y1 along x
         return change
 
     def delta_p_of(self, gaps: StateGaps) -> Array:
         """Return the gaps without force delta_p [mm] of states, shape (states, M)."""
+        # most common in self errors and stiffness: no array is computed, only a view
         if not gaps.scalars.shape[1] and gaps.at_flanks is None:
             return np.broadcast_to(self.delta_p, (len(gaps), len(self.delta_p)))
+        # the gaps are linear in the deviations, so a state costs one product
         delta_p = self.delta_p + gaps.scalars @ self.deviation_map[:, : gaps.scalars.shape[1]].T
         if gaps.at_flanks is not None:
             delta_p[:, : self.n_flanks] += gaps.at_flanks
@@ -201,11 +215,13 @@ class ContactSystems:
     """Contact systems of a drive at many phases: a part that depends on one phase alone is computed once for each."""
 
     def __init__(self, drive: Drive) -> None:
+        # parts of the system by what they depend on: the drive, the tooth phase, the ball phase
         self._drive = drive
         self._geometry = Geometry.of(drive)
         self._face = Face.of(drive)
         nodes = drive.numerics.n_2
         self._bore = 2 * np.pi * np.arange(nodes) / nodes  # angles of the bore nodes [rad]
+        # the bore of the flexspline rests on the outer ring at evenly spaced nodes, without a gap between them
         self._nodes = _Part(
             G=_between(_FLEX, _RING, self._bore), delta_p=np.zeros(nodes), local=np.full(nodes, drive.contact.c_bore)
         )
@@ -218,12 +234,14 @@ class ContactSystems:
 
         Raises UntrustedError if no teeth overlap.
         """
+        # callers go through ball phases at one tooth phase, and then to the next tooth phase
         if tau not in self._tooth_phase:
             self._tooth_phase = {tau: self._new_tooth_phase(tau)}
         if beta not in self._ball_phases:
             self._ball_phases[beta] = self._new_ball_phase(beta)
         teeth = self._tooth_phase[tau]
         balls = self._ball_phases[beta]
+        # the order of the candidates: flanks, bore nodes, balls
         parts = (teeth.part, self._nodes, balls.part)
         return ContactSystem(
             geometry=self._geometry,
@@ -238,6 +256,7 @@ class ContactSystems:
         )
 
     def _new_tooth_phase(self, tau: float) -> _ToothPhase:
+        # one entry for each flank; its stations are repeats that share its geometry
         pairs = flank_candidates(self._geometry, tau)
         flanks = pairs.repeated(len(self._face.fall))
         return _ToothPhase(
@@ -248,13 +267,16 @@ class ContactSystems:
 
     def _new_ball_phase(self, beta: float) -> _BallPhase:
         drive = self._drive
+        # the cage keeps the balls evenly apart
         theta = 2 * np.pi * (np.arange(drive.bearing.N) + beta) / drive.bearing.N
         ring = outer_ring(drive, self._geometry)
         part = _Part(
             G=_between(_RING, CAM, theta),
+            # g_b [um] is the radial clearance; the oval cam pushes the balls outwards by W_0 cos 2 theta
             delta_p=drive.bearing.g_b * 1e-3 - self._geometry.W_0 * np.cos(2 * theta),
             local=np.full(len(theta), drive.contact.c_ball),
         )
+        # the flexspline pushes the outer ring inwards at the nodes, balls push it outwards
         compliance = _compliance_of(ring, np.vstack([-ring.radial(self._bore), ring.radial(theta)]))
         return _BallPhase(theta=theta, compliance=compliance, part=part)
 
@@ -264,6 +286,7 @@ class ContactSystems:
         places = of_flexspline + len(balls.theta)
         first_node = of_flexspline - len(self._bore)
         D = np.zeros((places, places))
+        # equation (1): D is the compliance of all bodies between all places; bodies share the bore nodes
         D[:of_flexspline, :of_flexspline] = teeth.compliance
         D[first_node:, first_node:] += balls.compliance  # both bodies yield at the bore nodes
         return D
@@ -272,6 +295,7 @@ class ContactSystems:
 def _support_stiffness(drive: Drive) -> Array:
     """Return the stiffness of the support of each freedom [N/mm], shape (9,)."""
     C = np.zeros(len(FREEDOMS))
+    # x and y of a body have one stiffness; the ring and the flexspline's rotation have none
     C[_RIGID] = drive.supports.C_1
     C[_FLEX] = drive.supports.C_2
     C[CAM] = drive.number("supports.C_3")
@@ -282,8 +306,10 @@ def _flexspline_compliance(drive: Drive, geometry: Geometry, flanks: Flanks, bor
     """Return the compliance of the flexspline between flanks and bore nodes [mm/N], shape (places, places)."""
     flexspline = flexspline_ring(drive, geometry)
     # components of the outward normal of the tooth
+    # the normal leans towards +theta or -theta by the side of the flank, and outwards by its pressure angle
     normal_tangential = flanks.side * np.cos(flanks.alpha)
     normal_radial = np.sin(flanks.alpha)
+    # displacement of each flank along its normal by a unit of each mode, shape (flanks, modes)
     along_normal = normal_tangential[:, None] * flexspline.tangential(flanks.theta, flanks.h_c)
     along_normal += normal_radial[:, None] * flexspline.radial(flanks.theta)
     # the rigid wheel pushes the tooth inwards, the outer ring pushes the bore outwards
@@ -297,6 +323,7 @@ def _compliance_of(ring: Ring, loads: Array) -> Array:
         ring: its modes and their stiffness.
         loads: of each mode by a unit of force at each place, shape (places, modes).
     """
+    # D = loads diag(1/K_n) loads', with the root on both sides
     by_mode = loads * np.sqrt(ring.compliance)
     return np.asarray(by_mode @ by_mode.T)  # a product with its own transpose is symmetric to the last digit
 
@@ -310,6 +337,7 @@ def _between(inner: slice, outer: slice, theta: Array) -> Array:
         theta: shape (contacts,).
     """
     G = np.zeros((len(theta), len(FREEDOMS)))
+    # a step of the inner body outwards closes the contact, one of the outer body opens it
     G[:, inner] = _radial(theta)
     G[:, outer] = -_radial(theta)
     return G
@@ -320,13 +348,16 @@ def _flank_part(geometry: Geometry, flanks: Flanks, face: Face) -> _Part:
     s_cos = flanks.side * np.cos(flanks.alpha)
     pairs = len(flanks.theta) // len(face.fall)
     G = np.zeros((len(flanks.theta), len(FREEDOMS)))
+    # the flexspline pushes the rigid wheel outwards along the normal, and is pushed back
     G[:, _RIGID] = _normal(flanks)
     G[:, _FLEX] = -_normal(flanks)
     # r_m + h_c, not rho: the flexspline slides through a held shape
     G[:, ROTATION] = -s_cos * (geometry.r_m + flanks.h_c)
+    # the linear shape, since the ring is linear: whatever shape the gap was taken on
     w, v, chi = nominal_shape(flanks.theta, geometry.W_0, geometry.r_m)
     # The nominal gap was taken on the nominal shape, which is itself an elastic displacement of the rim: its closing is
     # added back.
+    # by how much the nominal wave closes the gap, along the normal at the height of the contact
     closing = s_cos * (v + flanks.h_c * chi) + np.sin(flanks.alpha) * w
     # It was taken at the open edge. Behind the edge the rim stands back by as much as the wave has fallen.
     delta_p = flanks.gap + geometry.j_n + closing * (1 + np.tile(face.fall, pairs))
@@ -335,6 +366,7 @@ def _flank_part(geometry: Geometry, flanks: Flanks, face: Face) -> _Part:
 
 def _normal(flanks: Flanks) -> Array:
     """Return normals at the contacts, outward from the flexspline's teeth, shape (flanks, 2); x is the major axis."""
+    # tangential unit vector at theta
     along = np.stack([-np.sin(flanks.theta), np.cos(flanks.theta)], axis=1)
     s_cos = flanks.side * np.cos(flanks.alpha)
     sin = np.sin(flanks.alpha)
@@ -362,6 +394,7 @@ class Ring:
     @property
     def compliance(self) -> Array:
         """Compliance 1/K_n [mm/N] of the modes: n = 0, cos of n = 2..n_max, sin of n = 2..n_max."""
+        # cos and sin modes of one order have the same stiffness
         bending = 1 / self.stiffness[1:]
         return np.concatenate([1 / self.stiffness[:1], bending, bending])
 
@@ -371,6 +404,7 @@ class Ring:
         Args:
             theta: angles of the points [rad], shape (points,).
         """
+        # shape (points, n_max - 1)
         angle = np.outer(theta, self.order[1:])
         return np.hstack([np.ones((len(theta), 1)), np.cos(angle), np.sin(angle)])
 
@@ -399,8 +433,10 @@ def plain_ring(E: float, area: float, inertia: float, radius: float, n_max: int)
         radius: of the mid-line [mm].
         n_max: highest mode.
     """
+    # n = 1 is the ring's motion as a rigid body, which is a freedom of the system
     n = np.concatenate([[0], np.arange(2, n_max + 1)])
     stiffness = np.pi * E * inertia * (n**2 - 1.0) ** 2 / radius**3
+    # n = 0 stretches the hoop instead of bending it
     stiffness[0] = 2 * np.pi * E * area / radius
     return Ring(radius=radius, order=n, stiffness=stiffness)
 
@@ -422,17 +458,23 @@ def flexspline_ring(drive: Drive, geometry: Geometry) -> Ring:
     nu = drive.material.nu
     r = geometry.r_m
     rim = drive.flexspline
+    # the shell behind the toothed rim
     length = drive.flexspline.l - drive.flexspline.b_w
+    # plate stiffness of the shell per length [N mm]
     D = E * rim.h_3**3 / (12 * (1 - nu**2))
+    # k_t: what teeth add to the bending stiffness of the rim below them
     inertia = rim.k_t * rim.b_w * rim.h_1**3 / 12 + D * length / 3 / E
+    # the hoop is stretched over the rim, and over the edge zone of the shell only
     area = rim.b_w * rim.h_1 + rim.h_3 * float(np.sqrt(r * rim.h_3)) / _EDGE_ZONE
     ring = plain_ring(E, area, inertia, r, drive.numerics.n_max)
     n = ring.order[1:]
+    # second part of equation (5): the shell twists in the modes, with n^2 in the denominator
     twist = 2 * np.pi * D * (1 - nu) * (n**2 - 1.0) ** 2 / (n**2 * r * length)
     return Ring(radius=r, order=ring.order, stiffness=ring.stiffness + np.concatenate([[0.0], twist]))
 
 
 def shell_twist_stiffness(drive: Drive, geometry: Geometry) -> float:
     """Return the torsional stiffness [N*mm/rad] of the shell as a thin tube of length l, 2 pi G r_m^3 h_3/l."""
+    # shear modulus [MPa]
     G = drive.material.E / (2 * (1 + drive.material.nu))
     return 2 * np.pi * G * geometry.r_m**3 * drive.flexspline.h_3 / drive.flexspline.l

@@ -51,6 +51,8 @@ from hdassist.preset.knowledge import (
     f_p,
 )
 
+# The high spot of a run-out stands opposite to the phase of its tangential part; the largest pitch deviation is where
+# the sine of the cumulative one passes 0.
 _MARK_TO_PHASE = {"xi": 0.0, "runout": 180.0, "pitch": -90.0}  # deg: a mark is not a phase
 
 # Complex amplitudes [mm] of deviations by column of the scalars, part (g, b, h) and order.
@@ -74,6 +76,7 @@ CAM_COLUMNS = 2
 SHIFT = 4
 SMOOTH_SCALARS = 12  # number of scalars of teeth that deviate up to the fourth order
 # Numbers of scalars that a drive may have: first harmonics and cam; with a shift; up to the fourth order; all orders.
+# A drive pays for as many columns as its deviations need.
 _SCALAR_COUNTS = (4, 6, SMOOTH_SCALARS, 6 + 2 * len(TOOTH_ORDERS))
 ODD_COLUMNS = {0, 1, 2, 3, 4, 5, 8, 9}  # columns of deviations of odd order: they change sign over half a turn
 _COLUMN = {order: 6 + 2 * place for place, order in enumerate(TOOTH_ORDERS)}
@@ -81,10 +84,12 @@ _COLUMN = {order: 6 + 2 * place for place, order in enumerate(TOOTH_ORDERS)}
 
 def column_of(deviation: Deviation, mark_kind: str) -> int:
     """Return the first of the two columns of scalars of a deviation; mark_kind: the meaning of xi_g and xi_b."""
+    # each higher order has columns of its own, whatever part of the drive it belongs to
     if deviation.order > 1:
         return _COLUMN[deviation.order]
     if deviation.kind == "cam":
         return CAM_COLUMNS
+    # a composite deviation measured as run-out is a shift of the teeth, not a tangential wave
     return TEETH if deviation.kind == "composite" and mark_kind != "runout" else SHIFT
 
 
@@ -92,6 +97,7 @@ def factor_of(deviation: Deviation, drive: Drive) -> float:
     """Return the factor from the size of a deviation to its scalars, with its sign."""
     if deviation.kind in ("cam", "centre"):
         return 1.0
+    # the gaps depend on dev_g - dev_b, equation (7)
     sign = -1.0 if deviation.part == "b" else 1.0
     if deviation.kind == "pitch":
         return sign * _amplitude_of_pitch(drive.gears.z_b if deviation.part == "b" else drive.gears.z_g)
@@ -114,6 +120,7 @@ def _amplitude_of_pitch(z: int) -> float:
 
 def standing_offset(drive: Drive) -> tuple[str, str]:
     """Return the fields of size and direction of the cam offset that stands with the fixed wheel."""
+    # an offset of the seat in the housing stands with the wheel that is bolted to it
     offset = CAM_OFFSETS[_fixed_part(drive)]
     return offset.size, offset.direction
 
@@ -138,6 +145,7 @@ def is_half_turn_symmetric(drive: Drive) -> bool:
 
     Half a revolution maps teeth, balls and bore nodes onto each other only if the number of each is even.
     """
+    # z_b = z_g + 2 is even if z_g is
     counts = (drive.gears.z_g, drive.bearing.N, drive.numerics.n_2)
     return all(count % 2 == 0 for count in counts)
 
@@ -160,15 +168,19 @@ def waves_of(value: Callable[[str], Array | float], drive: Drive) -> Waves:
         value: sizes [um] and directions [deg] by the path of their field.
         drive: everything but the deviations.
     """
+    # sums of complex amplitudes: deviations of one column, part and order can be added before any wheel turns
     waves = Waves()
     mark_kind = drive.mounting.mark_kind
+    # for a run-out the mark counts in factor_of, which turns the amplitude's sign
     mark_to_phase = 0.0 if mark_kind == "runout" else _MARK_TO_PHASE[mark_kind]
     for deviation in DEVIATIONS:
         column = column_of(deviation, mark_kind)
         size = np.asarray(value(deviation.size)) * factor_of(deviation, drive) * 1e-3
         if not size.any() and column not in (TEETH, CAM_COLUMNS):
             continue  # columns beyond the first four are computed only if a deviation needs them
+        # only the marks of composites are converted; offsets and higher orders have directions of their own
         direction = value(deviation.direction) + (mark_to_phase if deviation.kind == "composite" else 0.0)
+        # deviations that turn with the same part and order have one wave
         key = column, deviation.part, deviation.order
         waves[key] = waves.get(key, 0) + size * np.exp(1j * deviation.order * np.radians(direction))
     return waves
@@ -182,13 +194,17 @@ def scalars_of(waves: Waves, alpha_g: Array, alpha_b: Array) -> Array:
         alpha_g: angle of the flexspline in the frame of the cam [rad].
         alpha_b: angle of the rigid wheel in the frame of the cam [rad].
     """
+    # e^(i angle) in the frame of the cam; what is fixed to the cam does not turn there
     turn_of = {"g": np.exp(1j * np.asarray(alpha_g)), "b": np.exp(1j * np.asarray(alpha_b)), "h": np.ones(())}
+    # a wave of order n turns n times as far as its part
     sums: dict[int, Array] = {}  # by column
     for (column, part, order), wave in waves.items():
         sums[column] = sums.get(column, 0) + wave * turn_of[part] ** order
+    # the smallest permitted width that holds all columns
     last_column = max(sums)
     scalar_count = next(count for count in _SCALAR_COUNTS if count > last_column)
     shape = np.broadcast_shapes(*(wave.shape for wave in sums.values()))
+    # columns without a deviation stay 0
     scalars = np.zeros((*shape, scalar_count))
     for column, wave in sums.items():
         # a deviation sin(order (theta - direction)) counts by its sine and cosine, an offset by x and y
@@ -221,8 +237,10 @@ def state_gaps(drive: Drive, system: ContactSystem, states: States, teeth: Tooth
 
     Raises UsageError if their number is not that of the wheel's teeth.
     """
+    # the usual case: no wheel was measured tooth by tooth
     if teeth is None or (teeth.g is None and teeth.b is None):
         return StateGaps(deviation_scalars(drive, states.alpha_g, states.alpha_b))
+    # a measured wheel has its harmonics in the measured values; they must not count twice
     replaced_sizes = list[str]()
     if teeth.g is not None:
         replaced_sizes += IN_TEETH["g"]
@@ -230,6 +248,7 @@ def state_gaps(drive: Drive, system: ContactSystem, states: States, teeth: Tooth
         replaced_sizes += IN_TEETH["b"]
     without_measured = drive.with_values(dict.fromkeys(replaced_sizes, 0.0))
     flanks = system.flanks
+    # dev_g - dev_b at each flank [mm]
     deviation = np.zeros((len(states), system.n_flanks))
     if teeth.g is not None:
         deviation += _at_teeth(teeth.g, flanks.tooth, states.alpha_g, drive.gears.z_g)
@@ -249,6 +268,7 @@ def _at_teeth(deviation: Array, tooth: NDArray[np.int64], turned: Array, z: int)
         turned: angle of the wheel in the frame of the cam [rad], shape (states,).
         z: teeth of the wheel.
     """
+    # a file of another wheel would be read modulo its number of teeth without this check
     if np.shape(deviation) != (z,):
         raise UsageError(f"a wheel of {z} teeth needs {z} deviations, not {np.size(deviation)}")
     # the nearest tooth; half a pitch is rounded the same way in every state, whatever its last digits are
@@ -316,6 +336,7 @@ class MeasuredTeeth:
             rotation_deg: counter-clockwise, seen from the cam side.
         """
         wheel = self.fixed(drive)
+        # a mark stands on the wheel, so it turns as far as the wheel does
         turned = wheel and replace(wheel, mark_deg=wheel.mark_deg + rotation_deg)
         return replace(self, **{_fixed_part(drive): turned})
 
@@ -340,10 +361,14 @@ class MeasuredTeeth:
                 continue
             if len(wheel.pitch.deviation) != z:
                 raise UsageError(f"a wheel of {z} teeth needs {z} deviations, not {len(wheel.pitch.deviation)}")
+            # where the mark stands, in pitches from tooth 0
             mark_in_teeth = (wheel.mark_deg - _MAJOR) / 360 * z
             whole_teeth = round(mark_in_teeth)
+            # tooth 0 of the result is the tooth on the major axis
             deviations[name] = np.roll(wheel.pitch.deviation, whole_teeth)
             direction = f"phases.phi_h{name}"
+            # turning wheel and cam together changes nothing, so the remainder of the wheel is given to the cam,
+            # backwards
             directions[direction] = drive.number(direction) - (mark_in_teeth - whole_teeth) * 360 / z
         return drive.with_values(directions), ToothDeviations(**deviations)
 
@@ -359,6 +384,7 @@ def assumptions(drive: Drive) -> tuple[Unknown, ...]:
 
     A field that the preset's `source` calls assumed has the range that stands there.
     """
+    # a range that leaves the limits of the field cannot be sampled
     fields = [field for path in measures() if (field := _assumption(drive, path))]
     return tuple(
         field
@@ -370,20 +396,24 @@ def assumptions(drive: Drive) -> tuple[Unknown, ...]:
 def _assumption(drive: Drive, path: str) -> Unknown | None:
     """Return the range of a field, None if its value is not assumed, has no effect, or was set by an override."""
     overrides = drive.origin.overrides
+    # who sets a value on the command line knows it, unless the origin is set as well
     is_overridden_value = is_overridden(path, overrides) and not has_own_source(path, overrides)
     value = drive.value(path)
     if value is None or path == drive.unused_tooth_field or is_overridden_value:
         return None
     source = drive.source.get(path)
+    # the preset's own statement takes precedence over the general laws
     if source is not None:
         if source.kind != "assumed" or not source.range:
             return None
         low, high = source.range
         return Unknown(path=path, low=low, high=high, reason=source.ref)
     section, name = path.split(".")
+    # a value that stands in the preset without a source counts as given
     is_default = name not in getattr(drive, section).model_fields_set
     if not is_default or path not in LAWS or not LAWS[path].assumed:
         return None
+    # ranges grow with the size of the drive
     bounds = LAWS[path].range_at(drive.gears.pitch_diameter, drive.gears.m, value)
     if not bounds:
         return None
@@ -409,6 +439,7 @@ def unknowns(drive: Drive) -> tuple[Unknown, ...]:
     unknown_by_path = dict[str, Unknown]()  # all orders of a wheel's pitch share their size
     for deviation in DEVIATIONS:
         high, reason = _largest(drive, deviation)
+        # a part that cannot deviate needs no direction
         if not high:
             continue
         size = deviation.size
@@ -417,7 +448,11 @@ def unknowns(drive: Drive) -> tuple[Unknown, ...]:
             unknown_by_path[size] = Unknown(path=size, low=0.0, high=high, reason=reason)
         if drive.value(direction) is None:
             unknown_by_path[direction] = Unknown(
-                path=direction, low=0.0, high=360.0 / deviation.order, reason="any direction"
+                # order n repeats n times a revolution, so its directions do too
+                path=direction,
+                low=0.0,
+                high=360.0 / deviation.order,
+                reason="any direction",
             )
     return tuple(unknown_by_path.values())
 
@@ -428,10 +463,13 @@ def unknown_turn(drive: Drive) -> tuple[str, ...]:
     If all directions of the fixed wheel are unknown, or all that stand still, any hole is as good as any other;
     otherwise none is returned.
     """
+    # a hole changes the angle between both sides only; if one side may stand at any angle, the holes are
+    # exchangeable
     standing, turning = _sides(drive)
     unknown_paths = []
     for side in (turning, standing):
         directions = [deviation.direction for deviation in side]
+        # one known direction on a side already fixes how it stands to the other
         if all(drive.value(path) is None for path in directions):
             unknown_paths += directions
     return tuple(unknown_paths)
@@ -456,12 +494,14 @@ def _sides(drive: Drive) -> tuple[list[Deviation], list[Deviation]]:
 
     The offset of a cam that floats (C_3 = 0) has no effect and is not among them.
     """
+    # a cam without support centres itself under the load
     is_floating = not drive.number("supports.C_3")
     fixed_part = _fixed_part(drive)
     standing = list[Deviation]()
     turning = list[Deviation]()
     for deviation in DEVIATIONS:
         largest_um, _ = _largest(drive, deviation)
+        # unknown sizes count with their upper bound: they may have an effect
         has_effect = largest_um and not (is_floating and deviation.kind == "cam")
         if deviation.part == fixed_part and has_effect:
             (standing if deviation.stays_with_seat else turning).append(deviation)
@@ -487,12 +527,15 @@ def unknown_names(fields: Sequence[Unknown], most: int = 4) -> str:
 def _largest(drive: Drive, deviation: Deviation) -> tuple[float, str]:
     """Return the largest size [um] that a deviation has or is assumed to have, and the reason."""
     size = drive.value(deviation.size)
+    # known sizes need no bound
     if size is not None:
         return size, "given"
+    # the coarsest class in use bounds a wheel of unknown quality
     if deviation.kind == "composite":
         grade = F_p(drive.gears.pitch_diameter, drive.gears.m, COARSEST_CLASS)
         return grade, f"F_p of class {COARSEST_CLASS}, ISO 1328-1:2013"
     if deviation.kind in ("cam", "centre"):
+        # the offset of the seat is larger than those that turn, as for the drive of the paper
         share = STANDING_OFFSET if deviation.size == standing_offset(drive)[0] else TURNING_OFFSET
         share = CENTRE_OFFSET if deviation.kind == "centre" else share
         return share * drive.gears.pitch_diameter, f"assumed: {share:g} um for each mm of the pitch diameter"

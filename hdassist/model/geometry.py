@@ -65,6 +65,8 @@ class Wheel:
 
         Equation (6) of docs/theory.md.
         """
+        # at the reference circle tooth and space have equal widths, apart from what the profile shift adds;
+        # from there the involute function gives every other radius
         half_angle_at_base = (np.pi / 2 + 2 * self.x * np.tan(self.alpha)) / self.z + _involute(self.alpha)
         return np.asarray(half_angle_at_base - _involute(self.pressure_angle(radius)))
 
@@ -91,11 +93,14 @@ class Geometry:
         """Return the radii of a drive; flexspline, bearing and cam are grown by temperature, equation (6c)."""
         g = drive.gears
         alpha = float(np.radians(g.alpha))
+        # the rigid wheel keeps the reference temperature: dT is the temperature of the flexspline above it
         growth = 1 + drive.material.alpha_T * drive.operation.dT
+        # a body that is evenly warmer keeps its shape: its module grows, and its angles stay
         m = growth * g.m
         h_1 = growth * drive.flexspline.h_1
         ring_h = growth * drive.bearing.ring_h
         r_f = growth * g.root_radius
+        # the rim below the teeth has the thickness h_1, and the bending takes place about its middle
         r_m = r_f - h_1 / 2
         bore = r_f - h_1
         return cls(
@@ -104,6 +109,7 @@ class Geometry:
             r_f=r_f,
             r_m=r_m,
             r_ag=m * (g.z_g + 2 * g.x_g + 2 * g.h_a) / 2,
+            # the tip circle of an internal wheel is its smallest radius
             r_ab=g.m * (g.z_b + 2 * g.x_b - 2 * g.h_a) / 2,
             r_fb=g.m * (g.z_b + 2 * g.x_b + 2 * g.h_f) / 2,
             r_ring=bore - ring_h / 2,
@@ -173,6 +179,8 @@ def flank_candidates(geometry: Geometry, tau: float = 0.0, samples: int = FLANK_
 
     Raises UntrustedError if no tooth of the flexspline reaches the rigid wheel.
     """
+    # the two questions are separate: which teeth overlap depends on the radii alone, and how near they come on
+    # their flanks
     pairs = _overlapping_pairs(geometry, tau)
     points = _nearest_points(geometry, pairs, samples)
     return Flanks(
@@ -181,6 +189,7 @@ def flank_candidates(geometry: Geometry, tau: float = 0.0, samples: int = FLANK_
         side=pairs.side,
         theta=pairs.theta,
         gap=points.gap,
+        # contact normals are those of the rigid wheel's flanks, as its teeth keep their shape
         alpha=geometry.rigid.pressure_angle(points.rho),
         h_c=points.r_y - geometry.r_m,
     )
@@ -189,9 +198,13 @@ def flank_candidates(geometry: Geometry, tau: float = 0.0, samples: int = FLANK_
 def _overlapping_pairs(geometry: Geometry, tau: float) -> _FlankPairs:
     """Return the flank pairs within a quarter turn of a mesh zone whose teeth overlap radially."""
     z_g = geometry.flexspline.z
+    # three revolutions of teeth, since the quarter turns around theta = 0 begin below 0, and those around pi
+    # end above it
     index = np.arange(-z_g, 2 * z_g)
     angle = 2 * np.pi * (index + tau) / z_g
+    # 1e-9 rad: a tooth exactly on the minor axis must not drop out of a zone by rounding
     teeth_by_zone = [index[np.abs(angle - axis) <= np.pi / 2 + 1e-9] for axis in (0.0, np.pi)]
+    # every tooth has two flanks, side by side in the arrays: s = +1, then s = -1
     tooth = np.repeat(np.concatenate(teeth_by_zone), 2)
     zone = np.repeat([0, 1], [2 * len(teeth) for teeth in teeth_by_zone])
     side = np.tile([1.0, -1.0], len(tooth) // 2)
@@ -220,11 +233,15 @@ def _nearest_points(geometry: Geometry, pairs: _FlankPairs, samples: int) -> _Fl
 
     The gap has one minimum along a flank, or none between its ends, so the search narrows down from a coarse step.
     """
+    # as a share of the active height, which differs from tooth to tooth
     heights = np.linspace(0, 1, samples)
+    # the tip is always tried: the smallest gap is often there
     tried = np.unique(np.append(np.arange(0, samples, _SAMPLE_STEPS[0]), samples - 1))
     points = _nearest_of(geometry, pairs, heights, tried)
     for coarse_step, fine_step in pairwise(_SAMPLE_STEPS):
+        # all heights between the neighbours of the best one so far
         offsets = np.arange(-coarse_step + fine_step, coarse_step, fine_step)
+        # a height at an end is tried several times; that changes no minimum
         tried = np.clip(points.sample[:, None] + offsets, 0, samples - 1)
         points = _nearest_of(geometry, pairs, heights, tried)
     return points
@@ -239,6 +256,7 @@ def _nearest_of(geometry: Geometry, pairs: _FlankPairs, heights: Array, tried: N
         heights: of all samples, 0 at the lowest active point and 1 at the tip, shape (samples,).
         tried: numbers of the tried samples, shape (tried,) for all flanks, or (n, tried).
     """
+    # columns are heights, so everything that belongs to a flank gets a second axis
     lowest = pairs.lowest_r_y[:, None]
     r_y = lowest + (geometry.r_ag - lowest) * heights[tried]  # shape (n, tried)
     shape = _NominalShape(*(part[:, None] for part in pairs.shape))
@@ -263,6 +281,7 @@ def flank_point(
         side: +1 for the flank towards +theta, -1 for the other.
         shape: displacement of the sections; the nominal one at theta by default.
     """
+    # a rigid section moves with the mid-line and turns with it, as in equation (3)
     w, v, chi = shape or nominal_shape(theta, geometry.W_0, geometry.r_m, geometry.curve)
     psi = geometry.flexspline.half_angle(r_y)
     # from the origin of the section, at radius r_m + w and angle theta + v/r_m, in the axes of the section
@@ -294,7 +313,9 @@ def flank_gap(
         shape: displacement of the sections; the nominal one at theta by default.
     """
     rho, phi = flank_point(geometry, r_y, theta, side, shape)
+    # the axis of the zone: theta = 0 or pi, a tooth that stands there faces a space in its middle
     axis = zone * np.pi
+    # i-th space from the axis faces the i-th tooth: equal numbers of pitches, of unequal width
     theta_space = axis + (theta - axis) * geometry.flexspline.z / geometry.rigid.z
     with np.errstate(invalid="ignore"):  # points inside the base circle of the rigid wheel have no gap
         gap = (side * (theta_space - phi) + geometry.rigid.half_angle(rho)) * geometry.rigid.base_radius
@@ -308,18 +329,22 @@ def _lowest_active_radius(
 
     The active flank lies above the fillet, and at or beyond the tip circle of the rigid wheel.
     """
+    # no involute exists below the base circle, which lies above the fillet for small numbers of teeth
     fillet_end = geometry.r_f + _ACTIVE_ROOT * geometry.flexspline.m
     low = np.full_like(theta, max(fillet_end, geometry.flexspline.base_radius))
     high = np.full_like(theta, geometry.r_ag)
     rho_at_tip, _ = flank_point(geometry, high, theta, side, shape)
     rho_at_fillet, _ = flank_point(geometry, low, theta, side, shape)
+    # fixed point: the radius is corrected by the distance of the point from the tip circle of the rigid wheel
     radius = high
     for _ in range(_RADIUS_ROUNDS):
         previous = radius
         rho, _ = flank_point(geometry, radius, theta, side, shape)
+        # outside the active flank there is no solution; the end of the flank is taken then
         radius = np.clip(radius + geometry.r_ab - rho, low, high)
         if np.max(np.abs(radius - previous)) <= _RADIUS_CONVERGED * geometry.r_ag:
             break
+    # a flank that lies wholly beyond the tip circle is active from its fillet on
     return np.where(rho_at_fillet >= geometry.r_ab, low, radius), rho_at_tip >= geometry.r_ab
 
 
@@ -347,13 +372,16 @@ def nominal_shape(theta: Array, W_0: float, r_m: float, curve: _NominalCurve = "
     if curve == "inextensible":
         return _inextensible_shape(theta, W_0, r_m)
     w = W_0 * np.cos(2 * theta)
+    # dv/dtheta = -w: the mid-line of a thin ring bends without stretching, equation (3) with n = 2
     v = -W_0 / 2 * np.sin(2 * theta)
+    # chi = (v - dw/dtheta)/r, equation (3)
     chi = (v + 2 * W_0 * np.sin(2 * theta)) / r_m
     return _NominalShape(w, v, chi)
 
 
 def _inextensible_shape(theta: Array, W_0: float, r_m: float) -> _NominalShape:
     """Return the shape of the rim on the inextensible curve at angles theta [rad]."""
+    # the curve depends on two numbers of the drive only, and is found once
     curve = _closed_curve(W_0, r_m)
     k = 2 * np.arange(1, _HARMONICS_KEPT + 1)
     phi = np.asarray(theta, dtype=float)
@@ -363,6 +391,7 @@ def _inextensible_shape(theta: Array, W_0: float, r_m: float) -> _NominalShape:
         phi = theta - np.sin(phi[..., None] * k) @ curve.arc_length / r_m
         if np.max(np.abs(phi - previous), initial=0) < _ANGLE_CONVERGED:
             break
+    # r(phi) = r_0 + A cos 2 phi, and its derivative gives the direction of the normal
     radius = curve.mean_radius + curve.wave * np.cos(2 * phi)
     slope = -2 * curve.wave * np.sin(2 * phi)
     return _NominalShape(w=radius - r_m, v=r_m * (phi - theta), chi=-np.arctan2(slope, radius))
@@ -385,11 +414,14 @@ def _closed_curve(W_0: float, r_m: float) -> _ClosedCurve:
     for _ in range(_ANGLE_ROUNDS):
         r_0 = r_m - shrinkage
         wave = W_0 + shrinkage
+        # ds/dphi [mm], shape (samples,): its mean over half a turn is the length divided by pi
         speed = np.hypot(r_0 + wave * np.cos(2 * phi), 2 * wave * np.sin(2 * phi))
         excess = float(speed.mean()) - r_m
+        # by 1 mm less of radius the mean length falls by nearly 1 mm, so the excess itself is the next step
         shrinkage += excess
         if abs(excess) < _ANGLE_CONVERGED * r_m:
             break
+    # ds/dphi is even in phi, so only cosines occur; integrating them gives sines with 1/k
     series = np.fft.rfft(speed).real / _HARMONICS
     k = 2 * np.arange(1, _HARMONICS_KEPT + 1)
     return _ClosedCurve(mean_radius=r_0, wave=wave, arc_length=series[1 : _HARMONICS_KEPT + 1] / k)
@@ -420,12 +452,15 @@ class Face:
         """
         n = drive.numerics.stations
         shell = drive.flexspline
+        # the parallel flanks of the paper: the whole face is one contact
         if n == 1:
             return cls(fall=np.zeros(1), compliance=np.array([drive.contact.c_t]))
+        # 0 at the open edge and b_w at the far one; widths grow by _WIDENING^(1/n) from strip to strip
         edges = shell.b_w * (_WIDENING ** (np.arange(n + 1) / n) - 1) / (_WIDENING - 1)
         middle = (edges[1:] + edges[:-1]) / 2
         width = np.diff(edges)
         cam_to_far_end = shell.l - shell.b_w / 2  # the cam's W_0 acts at mid-face
+        # a spring of k_face N/(um mm) under each millimetre, so wide strips are stiffer
         return cls(fall=middle / cam_to_far_end, compliance=1 / (drive.contact.k_face * _PER_UM * width))
 
 
@@ -454,6 +489,7 @@ class Kinematics:
 
         u_hg = z_g/(z_g - z_b) with the rigid wheel fixed, z_b/(z_b - z_g) with the flexspline fixed.
         """
+        # the sign follows from z_g < z_b: with the rigid wheel fixed the output turns against the cam
         moving_teeth = self.z_g if self.fixed == "rigid" else -self.z_b
         return moving_teeth / (self.z_g - self.z_b)
 
@@ -463,6 +499,7 @@ class Kinematics:
 
         The rotation is the flexspline's against the rigid wheel; the latter's is its opposite.
         """
+        # F_kpp counts the lag of the output behind phi_h/u, equation (9)
         return -1 if self.fixed == "rigid" else 1
 
     @property
@@ -518,6 +555,8 @@ def pitch_locked_states(kinematics: Kinematics, index: NDArray[np.int64] | None 
         index: the numbers j, shape (states,); those of the full cycle by default.
         start: angle [rad] of the moving wheel at phi_h = 0 (phi_g0 with the rigid wheel fixed).
     """
+    # at these angles the same teeth face each other at the same tooth phase: only deviations differ from state
+    # to state
     j = np.arange(kinematics.cycle_states) if index is None else np.asarray(index)
     is_rigid_fixed = kinematics.fixed == "rigid"
     start_g = start if is_rigid_fixed else 0.0
@@ -536,8 +575,10 @@ def neighbours_together(kinematics: Kinematics, states: States) -> NDArray[np.in
     One input revolution later the cam is back and the moving wheel has advanced by two teeth, so the order runs over
     STRIP revolutions abreast, forwards and backwards in turn.
     """
+    # step: position within the input revolution; row: revolution within its strip
     revolution, step = np.divmod(states.index, kinematics.teeth_fixed)
     strip, row = np.divmod(revolution, STRIP)
+    # every second strip is walked backwards, and within a strip every second step: no jump at the ends
     step = np.where(strip % 2, -step, step)
     return np.lexsort((np.where(step % 2, -row, row), step, strip))
 
@@ -548,9 +589,12 @@ def ball_phase(drive: Drive, phi_h: Array) -> Array:
     The phase is constant, or that of a rolling cage, which turns by -phi_h r_o/(r_i + r_o) in the frame of the cam;
     r_o is the radius of the outer ring's raceway.
     """
+    # a held cage keeps its phase in the frame of the cam
     beta = np.full_like(phi_h, drive.bearing.beta)
     if drive.bearing.ball_motion == "rolling" and drive.bearing.d_ball is not None:
         r_o = Geometry.of(drive).r_raceway
+        # d_ball = r_o - r_i, so r_i + r_o = 2 r_o - d_ball
         share = r_o / (2 * r_o - drive.bearing.d_ball)
+        # a turn of the cage by one ball pitch is a phase of 1
         beta -= share * phi_h * drive.bearing.N / (2 * np.pi)
     return np.mod(beta, 1.0)
