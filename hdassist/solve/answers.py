@@ -51,6 +51,7 @@ def displacements(system: ContactSystem, forces: Array, free: Array) -> Array:
         forces: [N], shape (states, M); they give the displacements of supported freedoms.
         free: displacements of the freedoms without support [mm, rad], shape (states, free).
     """
+    # a_s = C_s^-1 G_s' F for freedoms with a support, first line of (1); the others are unknowns of their own
     a = np.empty((len(forces), len(system.C)))
     supported = system.supported
     a[:, supported] = forces @ system.G[:, supported] / system.C[supported]
@@ -69,12 +70,15 @@ def residuals(system: ContactSystem, delta_p: Array, torque: float | Array, forc
         free: displacements of the freedoms without support [mm, rad], shape (states, free).
     """
     a = displacements(system, forces, free)
+    # both products by places: candidates at one place have equal rows
     place_gaps = system.at_places(forces) @ system.compliance + a @ system.G[system.first].T
     gaps = delta_p + forces * system.local + place_gaps[:, system.place]  # delta = delta_p + D F + G a
+    # shares of the state's own largest force and gap; tiny avoids 0/0 in a state without force
     force_scale = np.maximum(np.abs(forces).max(axis=1), np.finfo(float).tiny)
     gap_scale = np.maximum(np.abs(delta_p).max(axis=1), np.finfo(float).tiny)
     negative_force = np.maximum(-forces.min(axis=1), 0)
     negative_gap = np.maximum(-gaps.min(axis=1), 0)
+    # the four conditions of (1): F >= 0, delta >= 0, delta_j F_j = 0, equilibrium
     shares = [
         negative_force / force_scale,
         negative_gap / gap_scale,
@@ -93,8 +97,10 @@ def _unbalanced_share(system: ContactSystem, torque: float | Array, forces: Arra
         forces: [N], shape (states, M).
         a: displacements [mm, rad], shape (states, 9).
     """
+    # G' F - C a + b, shape (states, 9); supported freedoms are 0 by construction of a
     balance = forces @ system.G - a * system.C
     balance[:, ROTATION] += torque
+    # the sum of absolute forces: equal and opposite forces must not hide an imbalance
     scale = np.abs(forces) @ np.abs(system.G)
     scale[:, ROTATION] += np.abs(torque)
     rounding = np.finfo(float).eps * np.abs(forces).sum(axis=1)[:, None] * np.abs(system.G).max(axis=0)
@@ -179,12 +185,16 @@ def rotation_slopes(formulation: Formulation, forces: Array, scalars: int) -> Ar
     change = system.deviation_map[system.first, :scalars]
     rotation = m + system.free_rotation
     slopes = np.full((len(forces), scalars), np.nan)
+    # each state has its own contact set, so each has its own matrix
     for k, contact in enumerate(forces > 0):
+        # only the compliance is wanted, not the gaps
         springs = Springs.of(formulation, np.zeros(len(contact)), contact)
         inside = np.append(np.flatnonzero(springs.series), np.arange(m, len(formulation.structure)))
         series = np.append(springs.series, np.zeros(len(units.load)))[inside]
         matrix = formulation.structure[np.ix_(inside, inside)] + np.diag(series)
+        # at a contact set that does not hold the parts there is no slope: NaN remains
         with suppress(np.linalg.LinAlgError):
+            # adjoint method: one solution gives the derivative by all deviations, equation (9a)
             adjoint = np.linalg.solve(matrix, (inside == rotation).astype(float))
             slopes[k] = -adjoint[inside < m] @ change[inside[inside < m]]
     return np.asarray(slopes / units.load[system.free_rotation])
@@ -261,6 +271,7 @@ def proven_answers(
     """
     parts: list[StateSums] = []
     certificate = EMPTY
+    # a chunk that fails stops the work at once: later chunks would be computed for nothing
     for sums in chunks:
         _require_proof(sums.residuals, place, certificate.states)
         _require_linear(system, sums.rotation, place, certificate.states)
@@ -279,6 +290,7 @@ def proven_answers(
     slopes = [part.slope for part in parts if part.slope is not None]
     return Answers(
         rotation_arcsec=_joined(part.rotation for part in parts) * ARCSEC,
+        # moments of both zones add up to the torque
         zone_share=_joined(part.moment for part in parts).reshape(-1, 2) / np.reshape(torque, (-1, 1)),
         tooth_force_N=_joined(part.tooth_force for part in parts),
         slope_arcsec_per_mm=_joined(slopes) * ARCSEC if slopes else None,
@@ -293,6 +305,7 @@ def _joined(parts: Iterable[Array]) -> Array:
 
 def _require_proof(proof: Residuals, place: Callable[[int], str], first: int) -> None:
     worst = proof.worst
+    # NaN compares as not solved
     k = int(np.argmin(worst <= TOLERANCE))  # the first one that is not solved, if any
     if not worst[k] <= TOLERANCE:
         reason = "no method converges"
@@ -306,6 +319,7 @@ def _require_proof(proof: Residuals, place: Callable[[int], str], first: int) ->
 
 
 def _require_linear(system: ContactSystem, rotation: Array, place: Callable[[int], str], first: int) -> None:
+    # the gaps are linear in the rotation for small angles only; beyond a quarter of a pitch other flanks would meet
     quarter_pitch = np.pi / 2 / system.geometry.flexspline.z
     k = int(np.argmax(np.abs(rotation)))
     if abs(rotation[k]) > quarter_pitch:

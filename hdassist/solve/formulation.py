@@ -59,13 +59,16 @@ class Springs:
             gaps: without force, in units of the programme, shape (M,).
             contact: the candidates in contact, shape (M,).
         """
+        # springs side by side add their stiffnesses, each shifted by its own gap
         place = formulation.system.place
         first = formulation.system.first
         stiffness = contact / formulation.local
         at_places = np.add.reduceat(stiffness, first)
+        # a place without contact has no spring: 0 marks it, as an infinite compliance cannot be stored
         series = np.divide(1, at_places, out=np.zeros(len(first)), where=at_places > 0)
         lowest = gaps[first]
         excess = gaps - lowest[place]  # exactly 0 at a place with one candidate, not a difference of large numbers
+        # the mean of the excess gaps, weighted by stiffness: where the joint spring begins to push
         offset = np.add.reduceat(stiffness * excess, first) * series
         return cls(series=series, offset=offset, lowest=lowest, excess=excess)
 
@@ -104,6 +107,7 @@ class Formulation:
     @cached_property
     def digest(self) -> bytes:
         """SHA-256 of all numbers of the programme."""
+        # shapes are hashed as well, so that arrays of other shapes with the same bytes differ
         digest = sha256()
         scalar_units = np.array([self.units.gap, self.units.force])
         for array in (self.H, self.local, self.A, self.system.place, self.units.load, scalar_units):
@@ -134,13 +138,17 @@ class Formulation:
         from scipy.sparse import csr_array, diags_array
 
         M = len(self.local)
+        # the dual variables of the equilibrium are the displacements of the free freedoms
         m = len(self.H)
+        # F >= 0 belongs to the variable, so that solvers get it as a bound and not as a row
         forces = cp.Variable(M, name="F", nonneg=True)
         place_forces = cp.Variable(m, name="F_places")
         gaps = cp.Parameter(M, name="delta_p")
         load = cp.Parameter(len(self.A), name="b")
+        # both matrices are compliances, positive semidefinite by construction: no test for it is needed
         structure_energy = 0.5 * cp.quad_form(place_forces, cp.psd_wrap(self.H))
         contact_energy = 0.5 * cp.quad_form(forces, cp.psd_wrap(diags_array(self.local)))
+        # second line of (2): the free freedoms are in equilibrium without a support
         equilibrium = self.A @ place_forces + load == 0
         sums = csr_array((np.ones(M), (self.system.place, np.arange(M))), shape=(m, M))
         constraints = [equilibrium, sums @ forces - place_forces == 0]
@@ -157,6 +165,7 @@ class Formulation:
         Args:
             torque: [N*mm], positive counter-clockwise.
         """
+        # the torque acts on the flexspline's rotation alone; b is 0 for the other freedoms
         is_rotation = np.arange(len(self.A)) == self.system.free_rotation
         return np.asarray(torque * is_rotation / (self.units.force * self.units.load))
 
@@ -169,13 +178,16 @@ def formulate(system: ContactSystem) -> Formulation:
     """State the programme (2) of a contact system, in units in which its numbers are of order one."""
     supported = system.supported
     free = ~system.supported
+    # candidates at one place have equal rows of G
     G = system.G[system.first]  # by places, shape (m, 9)
+    # the moment in units of force times r_m, so that all rows of A are of one size
     load_units = np.where(np.arange(len(free)) == ROTATION, system.geometry.r_m, 1.0)[free]
     # The unit of force follows the stiffest station: with the softest one Clarabel gives up coned flanks at light
     # torques.
     stiffest = float(system.face.compliance.min())
     units = _Units(gap=_MICROMETRE, force=_MICROMETRE / stiffest, load=load_units)
     G_s = G[:, supported]
+    # G_s C_s^-1 G_s': a supported freedom is a compliance between all places, second term of H in (2)
     H = (G_s / system.C[supported]) @ G_s.T
     H += system.compliance
     H *= units.force / units.gap
@@ -233,13 +245,16 @@ class Reference:
         """
         system = formulation.system
         springs = Springs.of(formulation, formulation.gaps(system.delta_p), contact)
+        # the reference is taken at the gaps without deviations; states differ from it by their gaps only
         is_touching = springs.series > 0  # shape (m,)
         is_single = np.bincount(system.place) == 1  # places with one candidate, shape (m,)
         responses = _responses(formulation, springs, is_single)
+        # values of candidates follow from the coordinate of their place, so M candidates need m coordinates
         pivots = _pivots(formulation, responses, contact, is_single)
         self._gap_unit = formulation.units.gap
         self._is_touching = is_touching
         self._by_gap = responses.by_gap
+        # measured teeth shift the gaps of flanks, which are the first places
         self._flanks = system.first[: system.pairs]
         arrays = self._walk_arrays(formulation, contact, springs, responses, pivots)
         self.arrays = {name: np.ascontiguousarray(array) for name, array in arrays.items()}
@@ -308,12 +323,14 @@ class Reference:
         if gaps.at_flanks is None:
             return None, None
         place_gaps = np.zeros((len(gaps), len(self._is_touching)))
+        # bore nodes and balls have no teeth: their gaps stay
         place_gaps[:, : len(self._flanks)] = gaps.at_flanks[:, self._flanks]
         return place_gaps, self._coordinates(place_gaps)
 
     def _coordinates(self, gaps: Array) -> Array:
         """Return the change of the coordinates by gaps at the places [mm], shape (states, m + free)."""
         coordinates = gaps[:, self._is_touching] @ self._by_gap
+        # a place without contact: its coordinate is its gap, and a further gap adds to it directly
         coordinates[:, np.flatnonzero(~self._is_touching)] += gaps[:, ~self._is_touching]
         return np.asarray(coordinates / self._gap_unit)
 
@@ -330,9 +347,11 @@ def _responses(formulation: Formulation, springs: Springs, is_single: NDArray[np
     series = np.where(is_touching, springs.series, open_compliance)
     matrix = formulation.structure.copy()
     matrix[np.arange(m), np.arange(m)] += series
+    # in contact the force answers to the gap; the free freedoms answer to the equilibrium
     is_traded = np.append(is_touching, np.ones(len(formulation.A), dtype=bool))
     traded = principal_transform(matrix, is_traded)
     # places with stations in contact: their coordinate is the approach, not the force
+    # several stations share the force of their place, so its approach says more than the sum
     approached = np.flatnonzero(is_touching & ~is_single)
     traded[approached] *= -series[approached, None]
     by_place = traded[:, :m].copy()
@@ -350,11 +369,14 @@ def _pivots(
     """
     place = formulation.system.place
     local = formulation.local
+    # a candidate alone at its place is its coordinate itself, up to the sign
     is_station = ~is_single[place]  # shape (M,)
     gain = np.where(is_station & contact, -1 / local, 1)
     weight = np.abs(gain)
     self_response = np.where(is_station, np.where(contact, 1 / local, local), 0)
+    # change of a candidate's value by its own opposite value: the pivot if it changes sides
     unscaled = gain * responses.by_place[place, place] * weight + self_response
+    # compliances are positive; another sign means that the contact set lets a part move freely
     if not np.all(unscaled > 0):
         raise ValueError("no pivots to start from")
     return _Pivots(gain=gain, weight=weight, self_response=self_response, scale=1 / np.sqrt(unscaled))
@@ -369,23 +391,28 @@ def principal_transform(matrix: Array, inside: NDArray[np.bool_]) -> Array:
 
     Raises ValueError if the block inside has no inverse.
     """
+    # the block inside is inverted as one matrix
     order = np.argsort(~inside, kind="stable")  # the set first
     n = int(np.count_nonzero(inside))
     ordered = matrix[order].take(order, axis=1)
     block = ordered[:n, :n]
     coupling = ordered[:n, n:]
+    # right sides: the identity, for the inverse, and the coupling to the rows outside
     right = ordered[:n].copy()
     right[:, :n] = np.eye(n)
     solution = np.linalg.solve(block, right)
     inverse = solution[:, :n].copy()
+    # the condition of the block is not known before, so the product with the inverse is tested
     residual = right - block @ solution
     if not np.abs(residual[:, :n]).max(initial=0) <= _INVERSE:
         raise ValueError("the contacts do not constrain the parts")
     solution += inverse @ residual  # one step of refinement: without it two digits of the rotation are lost
     across = solution[:, n:]
+    # Schur complement: what remains outside once the inside is solved
     ordered[n:, n:] -= coupling.T @ across
     ordered[:n, :n] = solution[:, :n]
     ordered[:n, n:] = -across
     ordered[n:, :n] = across.T
+    # rows and columns return to their places
     back = np.argsort(order)
     return ordered[back].take(back, axis=1)

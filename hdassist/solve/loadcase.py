@@ -63,11 +63,15 @@ def require_compiled_as_stated(formulation: Formulation, run: Run = Run()) -> No
 
     Raises UntrustedError if cvxpy compiles it to other data.
     """
+    # the compiled data depend on the numbers through the stated matrices; only the set of free freedoms changes
+    # their structure
     supported = tuple(formulation.system.supported.tolist())
     if supported in _proven:
         return
     key = _key(formulation)
+    # the check of one version of cvxpy is kept in the user's cache, since it takes a second
     is_kept = cached(_COMPILED_TEMPLATE, key) is not None
+    # cvxpy is imported in the other process, which needs it anyway for its solver
     if run.executor and not is_kept:
         run.beside(require_compiled_as_stated, formulation).result()
     elif not is_kept:
@@ -88,12 +92,15 @@ def template_differences(formulation: Formulation) -> Iterator[str]:
     m = len(formulation.H)
     P, A = _stated_matrices(formulation)
     lower_bounds = np.repeat([0.0, -np.inf], [M, m])
+    # two points determine an affine map: data that agree at both agree everywhere
     for torque, gap in ((0.0, 0.0), (1e3, 1.0)):
+        # every gap has another value, so that permuted rows are noticed
         gaps = gap * np.arange(1.0, M + 1)
         load = formulation.load(torque)
         stated.gaps.value = gaps
         stated.load.value = load
         data, _, _ = stated.problem.get_problem_data("DAQP")
+        # bounds have to arrive as bounds, not as rows of inequalities
         if data["F"].shape[0]:
             yield "further rows"
         expected: dict[str, Any] = {
@@ -120,17 +127,20 @@ def _stated_matrices(formulation: Formulation) -> tuple[Array, Array]:
     M = len(formulation.local)
     m = len(formulation.H)
     free = len(formulation.A)
+    # first the forces of candidates, then their sums at the places
     P = np.zeros((M + m, M + m))
     P[:M, :M] = np.diag(formulation.local)
     P[M:, M:] = formulation.H
     A = np.zeros((free + m, M + m))
     A[:free, M:] = formulation.A
+    # sums of forces minus the variable of the place are 0
     A[free + formulation.system.place, np.arange(M)] = 1
     A[free + np.arange(m), M + np.arange(m)] = -1
     return P, A
 
 
 def _key(formulation: Formulation) -> str:
+    # a change in how the programme is stated makes the kept check void
     source = Path(statement.__file__).read_bytes()
     free = np.flatnonzero(~formulation.system.supported).tolist()
     return hashlib.sha256(f"{version('cvxpy')} {free} ".encode() + source).hexdigest()
@@ -207,7 +217,9 @@ def _able() -> list[str]:
 def muted_output() -> Iterator[None]:
     """Discard the output of compiled code in the block: HiGHS 1.16 prints a banner for each solver."""
     try:
+        # the banner is written by compiled code, past sys.stdout
         kept = os.dup(1)
+    # a process without standard output has nothing to mute
     except OSError:  # it is closed
         yield
         return
@@ -235,6 +247,7 @@ def solve_through_cvxpy(formulation: Formulation, delta_p: Array, torque: float,
 
     name = require_solver(solver)
     stated = formulation.statement
+    # parameters, so that cvxpy compiles the programme once for all states
     stated.gaps.value = formulation.gaps(delta_p)
     stated.load.value = formulation.load(torque)
     try:
@@ -249,6 +262,7 @@ def solve_through_cvxpy(formulation: Formulation, delta_p: Array, torque: float,
         forces = None
         duals = None
         status = str(error).splitlines()[0]
+    # a solver may return a status without a solution
     if forces is None or duals is None:
         raise UntrustedError(f"{name} could not solve a mesh position: {status}", "", Fault.UNTRUSTED_STATE)
     return formulation.answer(forces, duals)
@@ -308,8 +322,10 @@ def solve_again(
 
     Raises UntrustedError if two rotations differ by more than CROSS_TOLERANCE.
     """
+    # a name in any case of letters
     name = require_solver(solver)
     depends_on = solvers_depend_on(solver)
+    # of a solver that is not shipped the version is unknown, so nothing is kept
     keeps_result = keeps_answers() and depends_on is not None
     key = _cross_check_key(formulation, (delta_p, torques, rotation_arcsec), f"{depends_on} {operating_system()}")
     kept = _kept_cross_check(key, len(torques)) if keeps_result else None
@@ -323,6 +339,7 @@ def solve_again(
             difference = _difference(formulation, torque, delta_p[k], rotation_arcsec[k], solver)
         except UntrustedError:
             difference = np.inf
+        # written so that NaN counts as a disagreement
         if not difference <= CROSS_TOLERANCE:
             used_solvers.append(SECOND_SOLVER)
             difference = _difference(formulation, torque, delta_p[k], rotation_arcsec[k], SECOND_SOLVER)
@@ -349,6 +366,7 @@ def _kept_cross_check(key: str, states: int) -> CrossCheck | None:
         kept = _CROSS_CHECK.validate_json(cached(_SOLVED_AGAIN, key) or b"")
     except ValueError:
         return None
+    # a file from elsewhere must not pass for a check of these states
     is_valid = kept.states == states and set(kept.solver.split(", ")) <= set(_SHIPPED)
     return kept if is_valid else None
 

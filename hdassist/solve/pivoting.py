@@ -38,6 +38,7 @@ class Pivoting:
     def __init__(self, formulation: Formulation, reference: Reference) -> None:
         self._formulation = formulation
         self._reference = reference
+        # grows from call to call: states of one drive swing between few contact sets
         self._swing = np.zeros(0, dtype=int)
 
     def solve(self, gaps: StateGaps, torque: float, *, slope: bool = False) -> StateSums:
@@ -57,12 +58,15 @@ class Pivoting:
         """Return forces [N], shape (states, M), and free displacements [mm, rad], NaN for a state that was given up."""
         law = self._reference.arrays["law"]
         _, teeth_coordinates = self._reference.of_teeth(gaps)
+        # linear in torque and deviations: no state is solved to state its start
         start = law[0] + torque * law[1] + gaps.scalars @ law[2 : 2 + gaps.scalars.shape[1]]
         if teeth_coordinates is not None:
             start = start + teeth_coordinates
+        # blocks of states: the tableau grows with their number
         forces = []
         free = []
         for first in range(0, max(len(gaps), 1), _ABREAST):
+            # states of a block share the pivots, as neighbours have similar contacts
             batch_forces, batch_free = self._abreast(start[first : first + _ABREAST])
             forces.append(batch_forces)
             free.append(batch_free)
@@ -82,23 +86,29 @@ class Pivoting:
         values = np.zeros((len(start), len(place)))
         opposite_values = np.zeros((len(start), len(place)))  # of candidates that changed sides, else 0
         rows = np.arange(len(start))  # states to be solved with the present swing
+        # ends because the swing only grows, at most to all candidates
         while len(rows):
             swing = self._swing
             swing_values = self._pivoted(reference.values(start[rows], swing))
             opposite_values[np.ix_(rows, swing)] = swing_values
+            # what candidates that changed sides do to the coordinates of all places
             by_swing = swing_values * arrays["weight"][swing] @ arrays["by_places"][place[swing]]
             coordinates[rows] = start[rows] + by_swing
             values[rows] = reference.values(coordinates[rows], np.arange(len(place)))
             is_missing = values[rows] < -_ZERO  # candidates that have to join the swing
+            # a candidate of the swing is solved already; what remains negative is below the tolerance
             is_missing[:, swing] = False
             rows = rows[is_missing.any(axis=1)]
+            # all states are solved again with the larger swing only if they need it
             self._swing = np.union1d(swing, np.flatnonzero(is_missing.any(axis=0)))
         return self._forces_of(values, opposite_values), coordinates[:, m:] * arrays["dual_unit"]
 
     def _forces_of(self, values: Array, opposite_values: Array) -> Array:
         """Return forces [N] from values of candidates, or the opposite ones of those that changed sides."""
         arrays = self._reference.arrays
+        # a candidate that changed sides has its opposite value: a force instead of a gap, or the reverse
         has_changed = opposite_values != 0
+        # gaps have the factor 0 below, and values of -1e-10 are rounding
         forces = np.maximum(np.where(has_changed, opposite_values, values), 0)
         forces *= np.where(has_changed, arrays["other_force"], arrays["value_force"])
         return forces
@@ -113,11 +123,14 @@ class Pivoting:
         swing = self._swing
         states, n = start.shape
         place = arrays["place"][swing]
+        # the responses between places of the swing, shape (swing, swing)
         response = arrays["by_places"][np.ix_(place, place)].T
+        # in the order of Fortran, in which BLAS updates it in place
         tableau = np.empty((n, n + states), order="F")
         tableau[:, :n] = arrays["gain"][swing, None] * response * arrays["weight"][swing] + np.diag(
             arrays["own"][swing]
         )
+        # a pivot acts on all states at once: they are further columns
         tableau[:, n:] = start.T
         return tableau
 
@@ -133,14 +146,18 @@ class Pivoting:
 
         states, n = start.shape
         tableau = self._tableau(start)
+        # a view: each update of the tableau updates the values
         values = tableau[:, n:]  # of all states at the present contact set
         has_changed = np.zeros(n, dtype=bool)
         solution = np.full(start.shape, np.nan)
         is_open = np.asarray(np.isfinite(start).all(axis=1))  # states that are not solved yet
         k = np.intp(0)  # the state that the pivots lead to
+        # by the most negative value, which cannot be proven to end, hence the limit
         for _ in range(LIMIT * (n + states)):
             smallest_value = values.min(axis=0, initial=0)
             is_solved = is_open & (smallest_value >= -_ZERO)
+            # all values are at least 0 there: complementarity holds by construction, since values and opposites
+            # are separate
             if is_solved.any():
                 solution[is_solved] = values[:, is_solved].T * has_changed
                 is_open &= ~is_solved
@@ -148,7 +165,9 @@ class Pivoting:
                     break
             if not is_open[k]:
                 k = np.where(is_open, smallest_value, -np.inf).argmax()  # the open state nearest to its solution
+            # the candidate that violates its sign most changes sides
             r = values[:, k].argmin()
+            # copies: the update below overwrites both
             column = tableau[:, r].copy()
             row = tableau[r].copy()
             pivot = column[r]
@@ -194,12 +213,15 @@ def solve_near(
         contact: candidates expected to carry force, shape (M,).
     """
     patience = _NEAR_PATIENCE
+    # no step can have more violations than candidates
     fewest = len(gaps) + 1
     for _ in range(NEAR_STEPS):
+        # exact for the trial contact set; only the set may be wrong
         step = _solved_at(formulation, gaps, right, contact)
         if step is None:
             return None
         violations = step.violations(contact)
+        # no force is negative and no gap is negative: this is the solution
         if not (step.is_loose or len(violations)):
             return np.maximum(step.forces, 0), step.duals
         if step.is_loose or len(violations) < fewest:
@@ -208,17 +230,20 @@ def solve_near(
         else:
             patience -= 1
         contact = contact.copy()
+        # the last violation alone is the rule of least index in reverse, which ends after finitely many steps
         contact[violations if patience >= 0 else violations[-1:]] ^= True
     return None
 
 
 def _solved_at(formulation: Formulation, gaps: Array, right: Array, contact: NDArray[np.bool_]) -> _NearStep | None:
     """Solve one state at a contact set, with the arguments of solve_near; None if the numbers overflow."""
+    # unknowns: the forces of places in contact, and the displacements of the free freedoms
     structure = formulation.structure
     place = formulation.system.place
     m = len(formulation.H)
     springs = Springs.of(formulation, gaps, contact)
     inside = np.append(np.flatnonzero(springs.series), np.arange(m, len(structure)))  # places in contact, and duals
+    # equilibrium rows have no compliance of their own
     series = np.append(springs.series, np.zeros(len(right)))
     matrix = structure[np.ix_(inside, inside)] + np.diag(series[inside])
     right_side = np.append(-springs.lowest - springs.offset, right)
@@ -226,7 +251,9 @@ def _solved_at(formulation: Formulation, gaps: Array, right: Array, contact: NDA
     solution[inside], is_loose = _solved_or_loose(matrix, right_side[inside], inside >= m)
     if not np.all(np.isfinite(solution)):
         return None
+    # gap of each candidate by the displacement of its place, without its own compliance
     open_gaps = gaps + (structure[:m, inside] @ solution[inside])[place]
+    # approach of each place, from which each station takes its share by its own gap
     approach = series[:m] * solution[:m] + springs.offset
     forces = np.where(contact, (approach[place] - springs.excess) / formulation.local, 0.0)
     return _NearStep(forces=forces, open_gaps=open_gaps, duals=solution[m:], is_loose=is_loose)
