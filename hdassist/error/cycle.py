@@ -58,6 +58,7 @@ class KinematicError:
     @cached_property
     def error_arcsec(self) -> Array:
         """F_kpp of each state [arcsec], relative to the first state, equation (9), shape (states,)."""
+        # the first state is the zero of the paper's curve; ranges do not depend on it
         return np.asarray(self.kinematics.error_sign * (self.rotation_arcsec - self.rotation_arcsec[0]))
 
     @property
@@ -84,6 +85,8 @@ class KinematicError:
 
     def sampled(self, count: int = _CHECKED, seed: int = 0) -> KinematicError:
         """Return the error at its extremes and at a number of random states."""
+        # the extremes make F'_ior, so another solver sees them in any case; random states guard the rest of the
+        # curve
         states = len(self.states)
         random_rows = np.random.default_rng(seed).choice(states, min(count, states), replace=False)
         rows = np.unique(np.concatenate([[self.at_max, self.at_min], random_rows]))
@@ -138,6 +141,7 @@ def kinematic_error(
         if name:
             require_solver(name)
     kinematics = Kinematics.of(drive)
+    # the full cycle is the default, since F'_ior is defined over it
     states = pitch_locked_states(kinematics) if states is None else states
     solved = _solved_states(drive, M_g, states, teeth, solver, run)
     error = KinematicError(
@@ -177,8 +181,10 @@ def _solved_states(
     zone_share = np.empty((len(states), 2))
     tooth_force = np.empty(len(states))
     certificate = EMPTY
+    # one pass with locked balls, one for each ball phase with rolling ones
     for rows, formulation in _formulations(drive, states):
         case = LoadCase(formulation, M_g, solver=solver)
+        # consecutive states have similar contact sets, which is what makes the walk fast
         ordered_rows = rows[neighbours_together(kinematics, states.take(rows))]
         for block in np.split(ordered_rows, range(_CYCLE_BLOCK, len(rows), _CYCLE_BLOCK)):
             block_states = states.take(block)
@@ -201,7 +207,9 @@ def whole_error(
     It is kept there if the preset alone decides it: without measured teeth and without a solver. Arguments and errors
     are those of `kinematic_error`.
     """
+    # the cross-check is left to the caller, who may run it beside other work
     compute = partial(kinematic_error, drive, M_g, teeth=teeth, solver=solver, run=replace(run, cross_check=None))
+    # measured teeth are not part of the preset that names a kept result, and another solver has other digits
     if teeth or solver:
         return compute()
 
@@ -210,6 +218,7 @@ def whole_error(
         return np.vstack([error.rotation_arcsec, error.zone_share.T, error.tooth_force_N]), error.certificate
 
     kinematics = Kinematics.of(drive)
+    # texts and limits do not change the error, so a preset with another limit finds the kept result
     sections = drive.model_dump(mode="json", exclude=WITHOUT_EFFECT)
     depends = {"drive": sections, "M_g": M_g, "program": digits_depend_on()}
     shape = (4, kinematics.cycle_states)  # rotation, share of each zone, force on a flank
@@ -233,8 +242,10 @@ def _formulations(drive: Drive, states: States) -> Iterator[tuple[NDArray[np.int
         yield np.arange(len(states)), formulate(contact_system(drive))
         return
     systems = ContactSystems(drive)
+    # the cage turns continuously; phases are rounded to n_beta steps so that states can share a system
     steps = drive.numerics.n_beta
     nearest = np.rint(ball_phase(drive, states.phi_h) * steps).astype(np.int64) % steps
+    # formulating a system costs as much as solving many states
     for step in np.unique(nearest):
         yield np.flatnonzero(nearest == step), formulate(systems.at(0.0, step / steps))
 
@@ -261,6 +272,8 @@ def _cross_check_of(
         delta_p = formulation.system.delta_p_of(state_gaps(drive, formulation.system, states, teeth))
         where = partial(state_place, states, error.M_g)
         solver = run.cross_check or CROSS_SOLVER
+        # cvxpy compiles a programme for a second, and torques of one drive share it; one is kept, as it needs
+        # much memory
         if formulation.digest not in stated:
             stated.clear()
             stated[formulation.digest] = formulation
@@ -295,6 +308,7 @@ def state_place(states: States, M_g: float, k: int) -> str:
     phi_h = float(np.degrees(states.phi_h[k]))
     phi_g = float(np.degrees(states.phi_g[k]))
     phi_b = float(np.degrees(states.phi_b[k]))
+    # rounded first: 359.97 deg is a whole turn and 0.0 deg, not 360.0 deg
     turns, angle = divmod(round(phi_h, 1), 360.0)
     unit = "turn" if turns == 1 else "turns"
     cam = f"{turns:.0f} {unit} + {angle:.1f}°"
@@ -340,6 +354,7 @@ def self_error(drive: Drive, torques: Sequence[float], *, run: Run = Run()) -> l
     sections = drive.model_dump(mode="json", exclude=WITHOUT_EFFECT)
     depends = {"drive": sections, "torques": list(torques), "program": digits_depend_on()}
     rotations = kept_answer("self", depends, _SELF_ERRORS, partial(_self_errors, drive, torques))
+    # kept or computed, they are behind the result and count
     run.solved(sum(certificate.states for _, certificate in rotations))
     return [
         SelfError(M_g, np.array(rotation), certificate)
@@ -350,6 +365,7 @@ def self_error(drive: Drive, torques: Sequence[float], *, run: Run = Run()) -> l
 def _self_errors(drive: Drive, torques: Sequence[float]) -> list[tuple[list[list[float]], Certificate]]:
     """Return the rotation [arcsec] over both phases at each torque, with its certificate."""
     systems = ContactSystems(drive)
+    # tau and beta both have period 1, so the grid leaves out their ends
     grid = drive.numerics.n_phase
     rotation = np.empty((len(torques), grid, grid))
     certificates = [EMPTY for _ in torques]
@@ -380,8 +396,10 @@ def limits_left(drive: Drive, torques: Sequence[float], run: Run = Run()) -> Lim
     Raises UntrustedError if a self error cannot be trusted.
     """
     limits = [drive.limit(M_g) for M_g in torques]
+    # without a limit nobody asks for the self error here
     self_errors = self_error(drive, torques, run=run) if any(limits) else []
     certificate = sum((error.certificate for error in self_errors), EMPTY)
+    # a limit is set for the measured range, which contains the self error: F'_ior may have the rest
     rooms = [None if limit is None else limit - error.range_arcsec for limit, error in zip_longest(limits, self_errors)]
     return LimitRooms(rooms, certificate)
 

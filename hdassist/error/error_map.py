@@ -52,11 +52,13 @@ class Batch:
     @classmethod
     def of(cls, drive: Drive, count: int = 1) -> Batch:
         """Return a batch of one drive, repeated `count` times."""
+        # any field would do: columns only have to have one value for each drive
         return cls(drive, {"tolerances.F_i1": np.full(count, drive.number("tolerances.F_i1"))})
 
     @classmethod
     def turned(cls, drive: Drive, rotations_deg: Sequence[float] | Array) -> Batch:
         """Return a drive with its fixed wheel turned on its seat [deg], counter-clockwise seen from the cam side."""
+        # the directions of everything that is bolted with the wheel grow by its rotation
         return cls(drive, {path: drive.number(path) + np.array(rotations_deg) for path in carried(drive)})
 
     def __len__(self) -> int:
@@ -80,10 +82,13 @@ class Batch:
             alpha_g: angles of the flexspline [rad], shape (angles,).
         """
         row = np.arange(len(self))[:, None]
+        # scalars are sums over the wheels, so each wheel's part is computed at its own angles only: z_b + z_g
+        # values in place of z_b z_g
         waves_b = {}
         waves_g = {}
         for key, wave in self._waves.items():
             _, part, _ = key
+            # offsets that stand with the cam (part h) do not turn: they are counted with the rigid wheel
             waves_b[key] = np.zeros(1) if part == "g" else wave[row]
             waves_g[key] = wave[row] if part == "g" else np.zeros(1)
         by_b = scalars_of(waves_b, alpha_b[None], alpha_b[None])
@@ -95,6 +100,7 @@ class Batch:
         columns = self.columns
         number = self.drive.number
         waves = waves_of(lambda path: columns.get(path, number(path)), self.drive)
+        # a deviation that all drives share has one wave
         return {key: np.broadcast_to(wave, len(self)) for key, wave in waves.items()}
 
 
@@ -115,6 +121,7 @@ class Extremes:
 
 def searchable(drive: Drive) -> bool:
     """Return whether the error is continuous on the torus: rolling balls do not return with the wheels."""
+    # with locked balls a state is given by the two wheels' angles
     return drive.bearing.ball_motion == "locked"
 
 
@@ -144,6 +151,7 @@ class ErrorMap:
         # It never solves a state, so every answer starts from the same contact set and has the same digits.
         self.fresh = LoadCase(formulation or formulate(contact_system(drive)), M_g, like=like)
         kinematics = Kinematics.of(drive)
+        # the map is of the rotation; F_kpp has this sign
         self.sign = kinematics.error_sign
         self.states, self.board, self.finest = _lattice(kinematics)
 
@@ -160,7 +168,9 @@ class ErrorMap:
 
     def to_lattice(self, point: Array) -> Indices:
         """Return the nearest points at which there is a state, shape (..., 2)."""
+        # if both numbers of teeth are even, only points with an even sum of coordinates are states
         nearest = np.rint(point).astype(np.int64)
+        # the neighbour along the flexspline is a state then
         nearest[..., 1] += (self.finest - 1) * (nearest.sum(axis=-1) % 2)
         return np.asarray(nearest)
 
@@ -194,6 +204,7 @@ def error_maps(drive: Drive, torques: Sequence[float], formulation: Formulation 
     formulation = formulation or formulate(contact_system(drive))
     maps = list[ErrorMap]()
     for M_g in torques:
+        # contact sets of neighbouring torques are similar
         previous_case = maps[-1].fresh if maps else None
         maps.append(ErrorMap(drive=drive, M_g=M_g, formulation=formulation, like=previous_case))
     return maps
@@ -207,8 +218,10 @@ def _lattice(kinematics: Kinematics) -> tuple[States, Indices, int]:
     of a state are even or both are odd, and a step is two.
     """
     j = np.arange(kinematics.cycle_states)
+    # -1: no state of the cycle stands at this point
     board = np.full((kinematics.z_b, kinematics.z_g), -1, dtype=np.int64)
     board[j % kinematics.z_b, j % kinematics.z_g] = j
+    # one step along one wheel alone leads to a state only if z_b and z_g have no common factor
     finest = 2 if board[0, 1] < 0 else 1
     return pitch_locked_states(kinematics, j), board, finest
 
@@ -216,6 +229,7 @@ def _lattice(kinematics: Kinematics) -> tuple[States, Indices, int]:
 def there_and_back(shape: tuple[int, ...]) -> Indices:
     """Return the flat indices of a grid in an order in which each point is next to the previous one."""
     index = np.indices(shape).reshape(len(shape), -1)
+    # each row of the grid runs against the one before it, along every axis
     path = index.copy()
     for axis in range(1, len(shape)):
         is_backwards = path[:axis].sum(axis=0) % 2 == 1
@@ -252,6 +266,8 @@ class Mesh:
 
     def states(self, drive: Drive) -> int:
         """Return the approximate number of states of a table of a drive, without slopes."""
+        # two discs in two squares are (pi/4)^2 of the points, and the rim adds a third of that; symmetry halves
+        # the number
         solved_share = 0.403 if is_half_turn_symmetric(drive) else 0.806
         return round(solved_share * float(np.prod(self.shape)))
 
@@ -268,7 +284,9 @@ class Reach:
     def of(cls, drive: Drive) -> Reach:
         """Return the reach of a drive whose deviations may have any direction."""
         mark_kind = drive.mounting.mark_kind
+        # with marks of run-out the first harmonics are shifts, and take the place of the tangential vector
         teeth = SHIFT if mark_kind == "runout" else TEETH
+        # sizes of one column add up if their directions agree, which a table has to span
         size_of = dict.fromkeys((teeth, CAM_COLUMNS), 0.0)  # by first column [mm]
         for deviation in DEVIATIONS:
             size = abs(factor_of(deviation, drive)) * drive.number(deviation.size) * 1e-3
@@ -277,6 +295,7 @@ class Reach:
                 size_of[column] = size_of.get(column, 0.0) + size
         teeth_size = _WIDER_SPAN * max(size_of.pop(teeth), _MIN_REACH)
         cam_size = _WIDER_SPAN * max(size_of.pop(CAM_COLUMNS), _MIN_REACH)
+        # small deviations: linear terms are enough for them
         further_columns = []
         for column in sorted(size_of):
             further_columns += [column, column + 1]
@@ -306,6 +325,7 @@ class ErrorTable:
         Between two points of the mesh the error is the mean of the line through both and of their tangents, which is
         exact for a parabola: (x - x_i) g_i/2 is added to the error of each point i.
         """
+        # value minus half of each tangent's rise, so that the interpolation is the mean of chord and tangents
         axes = (np.linspace(-size, size, n) for size, n in zip(self.reach.sizes, self.error.shape, strict=True))
         points = np.array(np.meshgrid(*axes, indexing="ij"))
         halves = self.slopes[:4] / 2
@@ -320,10 +340,13 @@ class ErrorTable:
         Raises UntrustedError for deviations that the table does not span.
         """
         reach = self.reach
+        # columns that a drive does not need are 0 for it
         columns = np.zeros((int(np.prod(scalars.shape[:-1])), DEVIATION_SCALARS))
         columns[:, : scalars.shape[-1]] = scalars.reshape(len(columns), -1)
+        # from [-size, size] to indices of the mesh
         places = (columns[:, reach.axes] / reach.sizes + 1) * (np.array(self.error.shape) - 1) / 2
         values = read_table(self._rows, places, columns[:, reach.axes + reach.other_columns])
+        # a deviation beyond the table, or in a column that it does not have, must not be read as 0
         if not np.all(np.isfinite(values)) or np.delete(columns, reach.axes + reach.other_columns, axis=1).any():
             raise UntrustedError(*_UNSPANNED)
         return values.reshape(scalars.shape[:-1])
@@ -337,8 +360,10 @@ class ErrorTable:
         Raises UntrustedError for deviations that the table does not span.
         """
         batch = Batch(self.drive, values)
+        # the cycle is long, so its states lie densely on the torus, and a grid of positions represents them
         alpha = np.linspace(0, 2 * np.pi, self.turns, endpoint=False)
         by_b, by_g = batch.by_wheel(alpha, alpha)
+        # orders beyond the fourth need more positions than the table is read at
         rough = self._rough_errors(batch) if by_b.shape[-1] > SMOOTH_SCALARS else None
         by_b = by_b[..., :SMOOTH_SCALARS]
         by_g = by_g[..., :SMOOTH_SCALARS]
@@ -347,6 +372,7 @@ class ErrorTable:
             error = self.rotation(by_g[rows, :, None] + by_b[rows, None])  # shape (rows, turns, turns)
             if rough is not None:
                 rough_b, rough_g = rough
+                # smooth waves are read on the coarse grid and interpolated exactly to the fine one
                 finer = _finer(self.turns)
                 error = finer @ error @ finer.T + rough_g[rows, :, None] + rough_b[rows, None]
             F_ior.append(np.ptp(error, axis=(1, 2)))
@@ -361,6 +387,7 @@ class ErrorTable:
         rough_rows = [k for k, column in enumerate(columns) if column >= SMOOTH_SCALARS]
         if not rough_rows:
             raise UntrustedError(*_UNSPANNED)
+        # their slopes change little over the table; NaN outside the discs
         slopes = np.nanmean(self.slopes[rough_rows], axis=(1, 2, 3, 4))
         alpha = np.linspace(0, 2 * np.pi, _ROUGH_TURNS, endpoint=False)
         by_b, by_g = batch.by_wheel(alpha, alpha)
@@ -370,6 +397,7 @@ class ErrorTable:
 @cache
 def _finer(n: int) -> Array:
     """Return the weights of n values around a wheel in the _ROUGH_TURNS values that their waves give."""
+    # Fourier interpolation as a matrix: it is applied to many drives
     waves = np.fft.rfft(np.eye(n), axis=0)
     if n % 2 == 0:
         waves[-1] /= 2  # half of the highest wave is its mirror image
@@ -388,6 +416,7 @@ def error_table(error_map: ErrorMap, reach: Reach, mesh: Mesh) -> ErrorTable:
     scalars = np.zeros((len(order), DEVIATION_SCALARS))
     scalars[:, reach.axes] = share * reach.sizes
 
+    # a state of a table has no angles, so the message names its vectors
     def place(k: int) -> str:
         (a, b), (e_x, e_y) = scalars[k, list(reach.axes)].reshape(2, 2) * 1e3
         vectors = f"tooth vector ({a:.0f}, {b:.0f}) um, cam vector ({e_x:.0f}, {e_y:.0f}) um"
@@ -398,8 +427,10 @@ def error_table(error_map: ErrorMap, reach: Reach, mesh: Mesh) -> ErrorTable:
     assert answers.slope_arcsec_per_mm is not None
     values = np.full((1 + len(columns), count), np.nan)  # error, then its slopes
     values[0, order] = answers.rotation_arcsec
+    # points outside the discs stay NaN
     values[1:, order] = answers.slope_arcsec_per_mm[:, columns].T
     if is_symmetric:
+        # the image of a point has both vectors reversed, which is the last index minus its own
         values[:, count - 1 - order] = values[:, order] * _image_signs(columns)[:, None]
     error, *slopes = values.reshape(-1, *mesh.shape)
     return ErrorTable(
@@ -432,8 +463,10 @@ def _solved_points(mesh: Mesh, is_symmetric: bool) -> tuple[Indices, Array]:
     half = (np.array(mesh.shape) - 1) / 2
     order = there_and_back(mesh.shape)
     share = np.stack(np.unravel_index(order, mesh.shape), axis=1) / half - 1
+    # the ring of points just outside the disc serves interpolation inside it
     corner = np.hypot(1 / half[::2], 1 / half[1::2])
     is_solved = np.all(np.hypot(share[:, ::2], share[:, 1::2]) <= 1 + corner, axis=1)
     if is_symmetric:
+        # one of each pair of images; the centre is its own
         is_solved &= order <= int(np.prod(mesh.shape)) // 2
     return order[is_solved], share[is_solved]

@@ -38,6 +38,8 @@ from hdassist.solve.walk import Rules, Starts, Torus
 
 # Positions of each wheel in a grid. One grid shows islands of the error that another one misses. The number is odd for
 # samples: half a revolution further the error is similar, and those places then lie between the positions.
+# positions of each wheel: one coarse grid for each of many samples, three that miss each other's gaps for one
+# drive
 DRAWN_GRIDS = (7,)
 FINE_GRIDS = (9, 14, 19)
 SHORT_CYCLE = 4000  # all states of a cycle with fewer states are solved for a single drive
@@ -97,6 +99,7 @@ class _Hills:
     @property
     def tops(self) -> Array:
         """Largest height of maxima and of minima of each drive [arcsec], shape (drives, 2)."""
+        # heights are signed, so the sum of both tops is F'_ior
         tops = np.full((self.row.max(initial=0) + 1, 2), -np.inf)
         np.maximum.at(tops, (self.row, self.sign // 2), self.height)  # column 0, or -1 for minima
         return tops
@@ -104,6 +107,7 @@ class _Hills:
     def near_top(self, share: float) -> _Hills:
         """Return the hills at most a share of F'_ior below the highest one of their drive and sign."""
         tops = self.tops
+        # a share of a tiny F'_ior would leave no hill
         F_ior = np.maximum(tops.sum(axis=1), _MIN_F_IOR)
         depth = tops[self.row, self.sign // 2] - self.height
         return self[depth <= share * F_ior[self.row]]
@@ -131,6 +135,7 @@ class _GridStates:
     @property
     def tops(self) -> Array:
         """Largest error and largest negative error of each drive on the grid [arcsec], shape (drives, 2)."""
+        # what rough orders add is kept apart, because splines cannot follow it
         total = self.error + self.rough
         return np.stack([total.max(axis=(1, 2)), -total.min(axis=(1, 2))], axis=1)
 
@@ -145,13 +150,16 @@ def _hills_of(up: Array, down: Array, to_points: Callable[[Array], Indices]) -> 
         down: lower bound of the error over the torus [arcsec], shape (drives, k, l).
         to_points: converts places in a map, shape (hills, 2), to points at which there is a state.
     """
+    # minima are maxima of the negative map, so one search serves both
     maps = np.concatenate([up, -down])
     neighbourhood = maps  # largest value among a point and its eight neighbours
     for axis in (1, 2):
+        # two passes of three give the square of nine; np.roll closes the torus
         neighbours = np.maximum(np.roll(neighbourhood, 1, axis), np.roll(neighbourhood, -1, axis))
         neighbourhood = np.maximum(neighbourhood, neighbours)
     map_number, k, l = np.nonzero(maps >= neighbourhood)
     place, height = _tops_of_parabolas(maps, map_number, k, l)
+    # the second half of the maps are the negative ones
     is_minimum, row = np.divmod(map_number, len(up))
     return _Hills(
         row=row, sign=1 - 2 * is_minimum, point=to_points(place), height=height, slope=np.empty((len(row), 0))
@@ -177,7 +185,9 @@ def _tops_of_parabolas(maps: Array, map_number: Indices, k: Indices, l: Indices)
     place = np.stack([k, l], axis=1).astype(float)
     lines = (patch[:, :, 1].T, patch[:, 1, :].T)  # three values along either axis
     for axis, (before, centre, behind) in enumerate(lines):
+        # a flat line has no top: a tiny bend keeps the division sound, and clipping the shift
         bend = np.minimum(before + behind - 2 * centre, -1e-12)
+        # the top of a parabola lies within half a step, as the centre is the largest of three
         shift = np.clip((before - behind) / (2 * bend), -0.5, 0.5)
         place[:, axis] += shift
         height -= bend * shift**2 / 2
@@ -195,6 +205,7 @@ def many_extremes(error_map: ErrorMap, batch: Batch, grids: tuple[int, ...] = FI
     Raises UntrustedError if an answer cannot be trusted.
     """
     search = _Search(error_map, batch)
+    # a short cycle is solved as fast as it is searched, and nothing can be missed
     return search.every() if len(error_map.states) < SHORT_CYCLE else search.extremes(grids)
 
 
@@ -204,6 +215,7 @@ def extremes_of(drive: Drive, torques: Sequence[float]) -> list[Extremes]:
     Raises UntrustedError if an answer cannot be trusted.
     """
     if not searchable(drive):
+        # rolling balls: the error is no function of the wheels' angles alone
         return [every_state(drive, M_g) for M_g in torques]
     return [many_extremes(error_map, Batch.of(drive)) for error_map in error_maps(drive, torques)]
 
@@ -214,10 +226,12 @@ class _Search:
     def __init__(self, error_map: ErrorMap, batch: Batch) -> None:
         self._map = error_map
         self._drives = len(batch)
+        # one walk for all drives of the batch: their contact sets are similar
         self._case = error_map.load_case()
         self._size = np.array(error_map.board.shape)  # positions of both wheels
         states = error_map.states
         z_b, z_g = error_map.board.shape
+        # the first z_b states have all angles of the rigid wheel, the first z_g those of the flexspline
         by_b, by_g = batch.by_wheel(states.alpha_b[:z_b], states.alpha_g[:z_g])
         self._torus = Torus(by_b=by_b, by_g=by_g, finest=error_map.finest)
         self._certificate = EMPTY
@@ -229,6 +243,7 @@ class _Search:
         row = np.repeat(np.arange(self._drives), states)
         rotation, _, _ = self._solve(row, point)
         by_drive = rotation.reshape(-1, states)
+        # each row: largest, smallest
         ends = np.stack([by_drive.argmax(axis=1), by_drive.argmin(axis=1)], axis=1)
         return self._extremes_at(point[ends].reshape(-1, 2), np.take_along_axis(by_drive, ends, axis=1))
 
@@ -236,17 +251,20 @@ class _Search:
         """Return the extremes of all drives, proposed by grids of so many positions of each wheel."""
         hills_by_grid = []
         tops_by_grid = []
+        # each grid proposes hills of its own; several see crests that one steps over
         for n in grids:
             hills, tops = self._proposed(n)
             hills_by_grid.append(hills)
             tops_by_grid.append(tops)
         hills = self._first_states(reduce(_Hills.and_these, hills_by_grid), np.max(tops_by_grid, axis=0))
         starts = _starts_of(hills)
+        # hills of the coarsest grid lie farthest from their tops
         radius = round(_RADIUS * float(self._size.mean()) / min(grids))
         is_drawn = grids == DRAWN_GRIDS
         gain = _DRAWN_GAIN if is_drawn else _FINE_GAIN
         rings = _DRAWN_RINGS if is_drawn else _FINE_RINGS
         rules = Rules(steps=_MAX_STEPS, gain=gain / ARCSEC, radius=(radius, *rings))
+        # states on the way have no certificate: only their tops are solved again
         points = self._case.climb(self._torus, starts, rules)
         rotation, _, _ = self._solve(np.repeat(np.arange(self._drives), 2), points)
         return self._extremes_at(points, rotation.reshape(-1, 2))
@@ -258,6 +276,7 @@ class _Search:
             points: a pair for each drive, shape (2 drives, 2).
             rotation: [arcsec], shape (drives, 2).
         """
+        # with the sign -1 the largest rotation is the smallest error
         at_max, at_min = self._map.state(points).reshape(-1, 2)[:, :: self._map.sign].T
         return Extremes(
             F_ior_arcsec=rotation[:, 0] - rotation[:, 1], at_max=at_max, at_min=at_min, certificate=self._certificate
@@ -271,6 +290,7 @@ class _Search:
             point: of each state, shape (states, 2).
         """
         states = self._map.states.take(self._map.state(point))
+        # words for an error message, made when one is needed
         place = partial(state_place, states, self._map.M_g)
         answers = self._case.solve(StateGaps(self._torus.scalars(row, point)), place, slope=True)
         self._certificate += answers.certificate
@@ -286,11 +306,13 @@ class _Search:
         crests = self._crests(grid)
         rough = self._rough(grid.rough_slopes, crests.row, crests.point)
         crests = replace(crests, height=crests.height + crests.sign * rough)
+        # order 16 has 16 periods around a wheel: four points between 9 states would miss its tops
         points = _ROUGH_POINTS if grid.rough_slopes.size else SPLINE_POINTS
         fine = n * points
         step = self._size / fine
         rough_b = self._rough_of_wheel(self._torus.by_b, grid.rough_slopes, fine)
         rough_g = self._rough_of_wheel(self._torus.by_g, grid.rough_slopes, fine)
+        # smooth part by splines, rough part added as a sum over both wheels
         up, down = between_states(grid.error, grid.by_b, grid.by_g, points)
         hills = _hills_of(
             up + rough_b[:, :, None] + rough_g[:, None],
@@ -309,13 +331,16 @@ class _Search:
         rotation, slopes, zone_share = self._solve(row, point)
         smooth = slice(SMOOTH_SCALARS)
         change_b, change_g = self._torus.changes(row, point)
+        # chain rule: slope by the scalars times change of the scalars by a step of the wheel
         by_b = (slopes[:, smooth] * change_b[:, smooth]).sum(axis=1)  # by a step between states
         by_g = (slopes[:, smooth] * change_g[:, smooth]).sum(axis=1)
+        # mean over the grid: contact sets alternate faster than the grid sees
         rough_slopes = slopes[:, SMOOTH_SCALARS:].reshape(n * n, drives, -1).mean(axis=0)
         rough = self._rough(rough_slopes, row, point)
         # from the state to the point of the grid
         offset = np.repeat(grid_point, drives, axis=0) - point
         error = rotation - rough + by_b * offset[:, 0] + by_g * offset[:, 1]
+        # advanced indices into (drives, n, n)
         place = (row, *np.repeat(index, drives, axis=0).T)
 
         def on_grid(values: Array) -> Array:
@@ -350,6 +375,7 @@ class _Search:
         teeth.
         """
         z = part.shape[1]
+        # rough orders are evaluated at whole teeth, where the states are
         nearest = np.rint(np.arange(fine) * z / fine).astype(int) % z
         return np.asarray((part[:, nearest, SMOOTH_SCALARS:] @ rough_slopes[:, :, None])[:, :, 0])
 
@@ -357,6 +383,7 @@ class _Search:
         """Return the places between states of a grid where a mesh zone lets go, at the height of the upper tangent."""
         crests = []
         for axis, slope in ((1, grid.by_b), (2, grid.by_g)):
+            # either zone may let go
             for zone_share in (grid.zone_share, 1 - grid.zone_share):
                 crests += self._crests_along(axis, grid.error, slope, zone_share)
         return reduce(_Hills.and_these, crests)
@@ -373,20 +400,24 @@ class _Search:
         next_error = np.roll(error, -1, axis)
         next_slope = np.roll(slope, -1, axis)
         next_share = np.roll(zone_share, -1, axis)
+        # the share changes its sign between two states: a linear share is 0 in between
         cell = np.nonzero(zone_share * next_share < 0)
         row, *position = cell
         t = zone_share[cell] / (zone_share[cell] - next_share[cell])  # place of the crest within its cell
+        # on either side of the crest the error follows its own tangent, which is wrong beyond it
         tangent = error[cell] + slope[cell] * t
         next_tangent = next_error[cell] - next_slope[cell] * (1 - t)
         crests = []
         for sign in (1, -1):
             is_first_higher = sign * (tangent - next_tangent) > 0
             place = np.stack(position, axis=1).astype(float)
+            # the climb begins on the side of the higher tangent, where its slope leads to the crest
             offset = np.where(is_first_higher, np.maximum(t - _BEFORE_CREST, 0), np.minimum(t + _BEFORE_CREST, 1))
             place[:, axis - 1] += offset
             crest = _Hills(
                 row=row,
                 sign=np.full(len(t), sign),
+                # from steps of the grid to steps between states
                 point=self._map.to_lattice(place * self._size / len(error[0])),
                 height=np.maximum(sign * tangent, sign * next_tangent),
                 slope=np.empty((len(t), 0)),
@@ -402,9 +433,11 @@ class _Search:
             grid_tops: largest heights on the grids [arcsec], shape (drives, 2).
         """
         F_ior = np.maximum(grid_tops.sum(axis=1), _MIN_F_IOR)
+        # the lower of both is a height that some state has or some spline promises
         tops = np.minimum(grid_tops, hills.tops)  # a state of the grid may be higher than all that splines propose
         depth = tops[hills.row, (hills.sign < 0).astype(int)] - hills.height
         hills = self._with_states(hills[depth <= _TRIED * F_ior[hills.row]]).near_top(_CLIMBED)
+        # half a revolution of both wheels has nearly the same error: even orders repeat there
         twins = self._with_states(replace(hills, point=self._map.to_lattice(hills.point + self._size / 2)))
         return hills.and_these(twins).near_top(_CLIMBED)
 
@@ -416,7 +449,9 @@ class _Search:
 
 def _starts_of(hills: _Hills) -> Starts:
     """Return the states at which climbs begin, the highest first in each group of a drive and sign."""
+    # climbs of one drive and sign share what they know: bounds by all states solved in the group
     groups = hills.row * 2 + (hills.sign < 0)  # the maxima of a drive, then its minima
+    # lexsort takes the last key first
     order = np.lexsort((-hills.height, groups))
     ordered = hills[order]
     _, first = np.unique(groups[order], return_index=True)
@@ -443,18 +478,22 @@ def between_states(value: Array, by_b: Array, by_g: Array, times: int = SPLINE_P
         times: points for each position of the grid.
     """
     spline = _spline_between(value, by_b, by_g, times)
+    # positions within a cell, from 0 at its lower corner
     t = np.arange(times) / times
     tangents = []
     for i in (0, 1):
         for j in (0, 1):
             # states at one corner of each cell, and the tangents from them over the cell
+            # shape (drives, n, 1, n, 1): cells get further axes for the positions within them
             corner_value, slope_b, slope_g = (
                 np.roll(values, (-i, -j), (1, 2))[:, :, None, :, None] for values in (value, by_b, by_g)
             )
             tangent = corner_value + slope_b * (t - i)[:, None, None] + slope_g * (t - j)
             tangents.append(tangent.reshape(spline.shape))
+    # at a concave place all tangents lie above the error, at a convex one below
     low = np.minimum.reduce(tangents)
     high = np.maximum.reduce(tangents)
+    # a share of the room between spline and tangents: with all of it every cell would be a hill
     up = np.maximum(low, spline + _TANGENT_SHARE * np.maximum(high - spline, 0))
     down = np.minimum(high, spline + _TANGENT_SHARE * np.minimum(low - spline, 0))
     return up, down
@@ -462,15 +501,19 @@ def between_states(value: Array, by_b: Array, by_g: Array, times: int = SPLINE_P
 
 def _spline_between(value: Array, by_b: Array, by_g: Array, times: int) -> Array:
     """Return the cubic spline through the states of a grid, with the arguments of between_states."""
+    # slopes at creases are those of one side only
     b = _limited_slope(value, by_b, 1)
     g = _limited_slope(value, by_g, 2)
+    # mixed derivative by central differences of the slopes
     twist = (np.roll(b, -1, 2) - np.roll(b, 1, 2) + np.roll(g, -1, 1) - np.roll(g, 1, 1)) / 4
+    # tensor product of splines along both wheels
     A, B = _spline(value.shape[1], times)
     return np.asarray((A @ value + B @ b) @ A.T + (A @ g + B @ twist) @ B.T)
 
 
 def _limited_slope(value: Array, slope: Array, axis: int) -> Array:
     """Return slopes along an axis limited by the differences to both neighbours."""
+    # Fritsch and Carlson: slopes beyond three times the secant make a cubic overshoot
     difference = np.abs(np.roll(value, -1, axis) - value)
     limit = _MAX_SLOPE * np.maximum(difference, np.roll(difference, 1, axis))
     return np.clip(slope, -limit, limit)
@@ -484,6 +527,7 @@ def _spline(n: int, times: int) -> tuple[Array, Array]:
     rows = np.arange(n * times)
     next_cell = (cell + 1) % n
     value_weights = np.zeros((n * times, n))
+    # Hermite polynomials of a cell of length 1
     value_weights[rows, next_cell] = (3 - 2 * t) * t**2
     value_weights[rows, cell] = 1 - value_weights[rows, next_cell]
     slope_weights = np.zeros((n * times, n))

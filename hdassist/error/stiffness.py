@@ -95,6 +95,7 @@ def catalogue_torques(drive: Drive) -> tuple[float, float]:
     are those of catalogues at the drive's pitch diameter, by the cube law.
     """
     torques = drive.catalogue.T_1, drive.catalogue.T_2
+    # both ends scale with one factor if the catalogue states only one of them
     scales = [T / T_size for T, T_size in zip(torques, _T_58, strict=True) if T is not None]
     scale = scales[0] if scales else (drive.gears.pitch_diameter / _D_58) ** 3
     T_1, T_2 = (scale * T_size if T is None else T for T, T_size in zip(torques, _T_58, strict=True))
@@ -132,11 +133,14 @@ def stiffness(
     """
     rated = drive.rated_torque
     ends = _segment_ends(drive, T_1, T_2, T_max)
+    # the torques that results are read at are nodes themselves: no interpolation
     side = np.unique([*ends.torques, LOST_MOTION_SHARE * rated, *np.linspace(0, ends.T_max, points + 1)[1:]])
+    # rising from one side to the other, so that contacts change step by step
     torque = np.concatenate([-side[::-1], side])
     contact, tube, certificate, cross_check = _kept_twists(drive, torque, ends, formulation, run)
     contact_arcsec = np.array(contact)
     tube_arcsec = np.array(tube)
+    # floats as keys are exact here: they are the same objects of arithmetic
     twist_of = dict(zip(torque.tolist(), (contact_arcsec + tube_arcsec).tolist(), strict=True))
     return Stiffness(
         torque=torque,
@@ -172,8 +176,10 @@ def _segment_ends(drive: Drive, T_1: float | None, T_2: float | None, T_max: flo
     T_1 = default_1 if T_1 is None else T_1
     T_2 = default_2 if T_2 is None else T_2
     T_max = _CURVE_BEYOND * T_2 if T_max is None else T_max
+    # at 0 the contacts are undetermined within the play
     smallest = NEAR_ZERO * drive.rated_torque
     hint = f"use a finite torque above {smallest:g} N*m, 1e-5 of the rated torque"
+    # written so that NaN is refused as well
     for name, value in (("T_1", T_1), ("T_2", T_2), ("the end of the curve", T_max)):
         if not smallest < value < np.inf:
             raise UsageError(f"invalid {name}: {value:g} N*m", hint)
@@ -201,6 +207,7 @@ def _segments(ends: _SegmentEnds, twist_of: Mapping[float, float], sign: int) ->
     centre = (twist_of[ends.smallest] + twist_of[-ends.smallest]) / 2
     segments = []
     for start, end in pairwise([0.0, *(sign * T for T in ends.torques[1:])]):
+        # a chord, as catalogues define K_1 to K_3
         twist = twist_of[end] - twist_of.get(start, centre)
         segments.append(Segment(start=start, end=end, stiffness=(end - start) / twist * ARCSEC))
     return tuple(segments)
@@ -216,12 +223,14 @@ def _kept_twists(drive: Drive, torque: Array, ends: _SegmentEnds, formulation: F
         contact, tube, certificate = Twist(drive, formulation).at(torque, run.solved)
         cross_check = None
         if run.cross_check:
+            # the smallest and the largest torque are the hardest ones for a solver
             is_checked = np.isin(np.abs(torque), (ends.torques[0], ends.torques[-1]))
             arguments = (drive, torque[is_checked], contact[is_checked], run.cross_check)
             cross_check = run.beside(_again, *arguments).result()
         return contact.tolist(), tube.tolist(), certificate, cross_check
 
     solver_versions = solvers_depend_on(run.cross_check)
+    # of an unknown solver nothing is kept
     if not solver_versions:
         return twists()
     sections = drive.model_dump(mode="json", exclude=WITHOUT_EFFECT)
@@ -240,6 +249,7 @@ def _twists_of(torques: int) -> TypeAdapter[_Twists]:
 
 def _again(drive: Drive, torque: Array, contact: Array, solver: str) -> CrossCheck:
     """Return the twist of mesh and rings at torques [N*m] by another solver [arcsec], shape (torques,)."""
+    # runs in another process, so it states the programme anew
     formulation = formulate(contact_system(drive))
     gaps = np.repeat(formulation.system.delta_p[None], len(torque), axis=0)
     return solve_again(formulation, torque, gaps, contact, solver, partial(_place, torque))
@@ -292,6 +302,7 @@ class _SegmentBeside:
 
 def segments_beside(catalogue: Catalogue, side: Sequence[Segment]) -> list[_SegmentBeside]:
     """Return the segments of one side, each beside the catalogue's."""
+    # a chord to another torque is another stiffness, and no error of the model
     comparable = not ends_elsewhere(catalogue, side)
     rows = [(name, segment, getattr(catalogue, name)) for name, segment in zip(_STIFFNESSES, side, strict=False)]
     return [_SegmentBeside(*row, off(row[1].stiffness, row[2]) if comparable else None) for row in rows]

@@ -70,14 +70,19 @@ def known_causes(drive: Drive) -> dict[tuple[int, int], tuple[float, str]]:
     """
     is_symmetric = is_half_turn_symmetric(drive)
     kinematics = Kinematics.of(drive)
+    # how often a wheel passes the cam's frame in an input revolution
     rate_g = kinematics.teeth_fixed / kinematics.z_g
     rate_b = kinematics.teeth_fixed / kinematics.z_b
+    # a part without deviation makes no wave
     parts = {deviation.part for deviation in DEVIATIONS if drive.number(deviation.size)}
     max_g = _DEGREE if "g" in parts else 0
     max_b = _DEGREE if "b" in parts else 0
     causes = {}
+    # k_g >= 0 suffices, since a real wave and its mirror image are the same
     for k_g, k_b in product(range(max_g + 1), range(-max_b, max_b + 1)):
         degree = k_g + abs(k_b)
+        # products of an odd number of wheel waves cancel over half a revolution, unless the cam's offset adds
+        # one more
         needs_cam = is_symmetric and degree % 2 == 1
         is_own_image = k_g == 0 and k_b <= 0  # listed with the opposite sign
         if 0 < degree <= _DEGREE and not is_own_image and ("h" in parts or not needs_cam):
@@ -106,12 +111,14 @@ def orders(drive: Drive, error_arcsec: Array, revolutions: int) -> list[TraceOrd
     count = len(error_arcsec)
     spectrum = np.fft.rfft(error_arcsec - np.mean(error_arcsec))
     amplitude = 2 * np.abs(spectrum) / count
+    # rfft of an even number of values
     if count % 2 == 0:
         amplitude[-1] /= 2  # the last bin has no mirror image
     phase = np.degrees(np.angle(spectrum))
     cause_by_bin = _causes_by_bin(drive, revolutions, len(amplitude))
     largest = np.argsort(amplitude)[::-1][:_UNEXPLAINED_ORDERS].tolist()
     listed = []
+    # known orders are listed even if they are 0: their absence says something
     for k in sorted({*cause_by_bin, *largest} - {0}):
         if k in cause_by_bin or amplitude[k] > _FLOOR:
             order = TraceOrder(
@@ -128,12 +135,14 @@ def _causes_by_bin(drive: Drive, revolutions: int, bins: int) -> dict[int, str]:
     """Return the simplest causes in each bin of the spectrum over whole input revolutions."""
     causes: dict[int, list[tuple[int, str]]] = {}  # degree and cause
     for (k_g, k_b), (order, cause) in known_causes(drive).items():
+        # the bin in which an order of this rate falls; several may share one
         k = round(order * revolutions)
         if 0 < k < bins:
             causes.setdefault(k, []).append((abs(k_g) + abs(k_b), cause))
     simplest = {}
     for k, causes_of_bin in causes.items():
         lowest_degree = min(degree for degree, _ in causes_of_bin)
+        # products of more deviations are smaller, so the lowest degree is the likely cause
         simplest[k] = "; ".join(cause for degree, cause in causes_of_bin if degree == lowest_degree)
     return simplest
 
@@ -224,6 +233,7 @@ def trace(
         )
     if not np.isfinite(start_deg):
         raise UsageError(f"invalid start angle {start_deg}: expected a number")
+    # from the start angle of the moving wheel on, one state for each pitch of the fixed one
     states = pitch_locked_states(
         kinematics, np.arange(revolutions * kinematics.teeth_fixed), float(np.radians(start_deg))
     )
@@ -254,11 +264,14 @@ def _error_along(
         solve: returns the error at a torque [N*m] in some states.
     """
     states = mean.states
+    # the weight hangs on the output
     moving_angle = states.phi_g if mean.kinematics.fixed == "rigid" else states.phi_b
     torque = mean.M_g + gravity.amplitude_Nm * np.cos(moving_angle - np.radians(gravity.direction_deg))
+    # every state at its own torque would need a factored system each; a few torques serve all states
     torques = _SolvedTorques(mean, torque, solve)
     torques.refine()
     rotation = torques.interpolated()
+    # two independent figures: the middle of intervals, and states solved at their own torque
     bound = max(torques.largest_miss, torques.proven_miss(rotation))
     along = ErrorAlong(
         gravity=gravity,
@@ -290,6 +303,7 @@ class _SolvedTorques:
         self._solve = solve
         low = float(torque.min())
         high = float(torque.max())
+        # at least three nodes: both ends and the mean
         self.errors = {M_g: solve(M_g, states=self._states) for M_g in (low, high)}
         self.errors[mean.M_g] = mean
         self._min_spacing = _MIN_SPACING * max(abs(low), abs(high))
@@ -307,11 +321,14 @@ class _SolvedTorques:
 
     def refine(self) -> None:
         """Halve the worst interval until the interpolation is close enough, or enough torques are solved."""
+        # a share of the range, or what no rig resolves
         target = max(_INTERPOLATION_SHARE * self._mean.range_arcsec, _MIN_INTERPOLATION)
         for low, high in pairwise(sorted(self.errors)):
             self._measure_miss(low, high)
         while self.largest_miss > target and len(self.errors) < _MOST_TORQUES:
+            # the worst interval is halved first
             low, high = max(self._misses, key=self._misses.__getitem__)
+            # solved when its miss was measured
             middle = next(M_g for M_g in self.errors if low < M_g < high)
             self._measure_miss(low, middle)
             self._measure_miss(middle, high)
@@ -325,6 +342,7 @@ class _SolvedTorques:
         self._misses[low, high] = 0.0
         if is_inside.any() and high - low > self._min_spacing:
             self.errors[middle] = self._solve(middle, states=self._states)
+            # the error without its wind-up is what is interpolated; the wind-up itself bends strongly near 0
             line = (1 - share) * self._without_wind_up(low) + share * self._without_wind_up(high)
             miss = np.abs(self._without_wind_up(middle) - line)[is_inside].max()
             self._misses[low, high] = float(miss)
@@ -336,6 +354,7 @@ class _SolvedTorques:
     def interpolated(self) -> Array:
         """Return the rotation of each state at its own torque, without wind-up [arcsec], shape (states,)."""
         nodes = self.nodes
+        # rows of the interval's lower node; the last node belongs to the last interval
         interval = np.clip(np.searchsorted(nodes, self._torque) - 1, 0, len(nodes) - 2)
         share = (self._torque - nodes[interval]) / np.diff(nodes)[interval]
         rotations = np.array([self._without_wind_up(M_g) for M_g in nodes.tolist()])
@@ -350,6 +369,7 @@ class _SolvedTorques:
     def proven_miss(self, rotation: Array) -> float:
         """Return the largest miss of an interpolated rotation [arcsec], in states that are solved at their torque."""
         largest = 0.0
+        # evenly over the states, so torques of all sizes are among them
         for k in np.linspace(0, len(self._states) - 1, _PROVEN_STATES).astype(np.int64).tolist():
             M_g = float(self._torque[k])
             solved = self._solve(M_g, states=self._states.take(np.array([k]))).rotation_arcsec[0]
@@ -392,6 +412,7 @@ class ErrorWaves:
         The error is the real part of sum z exp(i (k_g alpha_g + k_b alpha_b)), up to a constant. Waves that a grid of
         so many points does not hold are 0. Raises UntrustedError where a state cannot be trusted.
         """
+        # the walk solves neighbouring points one after the other
         path = there_and_back((points, points))
         alpha_g, alpha_b = 2 * np.pi / points * np.stack(np.divmod(path, points))
 
@@ -399,13 +420,16 @@ class ErrorWaves:
             g, b = (float(np.degrees(angle[k])) for angle in (alpha_g, alpha_b))
             return f"alpha_g = {g:.2f}°, alpha_b = {b:.2f}°, M_g = {self._map.M_g:g} N*m"
 
+        # beyond half the points a wave would be the image of another one
         is_resolved = np.maximum(np.abs(self.k_g), np.abs(self.k_b)) < points / 2
         error = np.empty(points**2)
         waves = []
         for drive in drives:
             answers = self._case.solve(StateGaps(deviation_scalars(drive, alpha_g, alpha_b)), where, self._run.solved)
             self.certificate += answers.certificate
+            # back from the order of the walk to that of the grid
             error[path] = self._map.sign * answers.rotation_arcsec
+            # a real function: the waves of half the plane have twice the amplitude
             spectrum = np.fft.fft2(error.reshape(points, points)) / points**2
             waves.append(np.where(is_resolved, 2 * spectrum[self.k_g % points, self.k_b % points], 0))
         return np.array(waves)
@@ -437,10 +461,12 @@ def estimated_cycle(drive: Drive, M_g: float, *, short_cycle: int = SHORT_CYCLE)
     if states < short_cycle:
         return kinematic_error(drive, M_g, run=UNCHECKED)
     torus = ErrorWaves(drive, M_g, UNCHECKED)
+    # L/z_g and L/z_b periods of the wheels in a cycle of L states
     periods = torus.k_g * (states // kinematics.z_g) + torus.k_b * (states // kinematics.z_b)  # of each wave in a cycle
     spectrum = np.zeros(states, dtype=complex)
     np.add.at(spectrum, periods % states, torus.waves([drive])[0])
     error = np.fft.fft(spectrum).real  # both wheels turn backwards in the cam's frame
+    # waves leave out the finest details, so the worst revolution is solved state by state
     first = _turn_ranges(error, kinematics).argmax() - kinematics.teeth_fixed // 2
     turn = pitch_locked_states(kinematics, (first + np.arange(kinematics.teeth_fixed)) % states)
     worst = kinematic_error(drive, M_g, states=turn, run=UNCHECKED)
@@ -459,6 +485,7 @@ def _turn_ranges(error_arcsec: Array, kinematics: Kinematics) -> Array:
     from scipy.ndimage import maximum_filter1d, minimum_filter1d  # 20 ms, which draws do without
 
     turn = kinematics.teeth_fixed
+    # the cycle closes, so windows wrap around
     extent = maximum_filter1d(error_arcsec, turn, mode="wrap") - minimum_filter1d(error_arcsec, turn, mode="wrap")
     return np.asarray(extent)
 
@@ -481,6 +508,7 @@ class ErrorLines:
         """Errors [arcsec] over the full cycle from its state 0, POINTS_A_TURN a cam turn, shape (drives, points)."""
         points = POINTS_A_TURN * self.kinematics.cycle_cam_revolutions
         spectrum = np.zeros((len(self.amplitude), points // 2 + 1), dtype=complex)
+        # a sum of cosines as one inverse transform
         spectrum[:, self.per_cycle] = self.amplitude
         return np.asarray(np.fft.irfft(spectrum, points) * points / 2)
 
@@ -499,6 +527,7 @@ def error_lines(drive: Drive, M_g: float, changes: Sequence[Mapping[str, float]]
     """
     waves = []
     certificate = EMPTY
+    # one process for each sample; waves of all are shape (drives, waves)
     for drive_waves, proof in run.map(partial(_waves_of, drive, M_g), changes):
         waves.append(drive_waves)
         certificate += proof
@@ -506,6 +535,7 @@ def error_lines(drive: Drive, M_g: float, changes: Sequence[Mapping[str, float]]
     kinematics = Kinematics.of(drive)
     k_g, k_b = _wave_numbers()
     often = k_g * (kinematics.cycle_states // drive.gears.z_g) + k_b * (kinematics.cycle_states // drive.gears.z_b)
+    # waves of both directions with the same frequency make one line
     per_cycle = np.unique(np.abs(often[often != 0]))
     turning = np.where(often > 0, np.conj(waves), waves)  # both wheels turn backwards in the cam's frame
     amplitude = turning @ (np.abs(often)[:, None] == per_cycle)

@@ -479,9 +479,11 @@ class OneByOne:
         formulation = self._formulation
         right = -self._formulation.load(torque)
         n = len(delta_p)
+        # rows: the bounds F >= 0, then the equilibrium, which is an equality
         upper = np.append(np.full(n, np.inf), right)
         lower = np.append(np.zeros(n), right)
         A = np.ascontiguousarray(formulation.A[:, formulation.system.place])
+        # DAQP solves the dual problem from a guess of the active bounds; all contacts always hold the parts
         for contact in (self.contact, np.ones(n, dtype=bool)):
             senses = np.where(contact, 0, _ACTIVE_LOWER)
             sense = np.append(senses, np.full(len(right), ALWAYS_ACTIVE)).astype(np.int32)
@@ -490,6 +492,7 @@ class OneByOne:
             flag, _ = model.setup(formulation.P, formulation.gaps(delta_p), A, upper, lower, sense)
             if flag < 0:  # the coefficients are too far apart to be factored
                 continue
+            # duals of the equality rows are the displacements of the free freedoms
             x, _, flag, info = model.solve()
             if flag == SOLVED:
                 return formulation.answer(x, info["lam"][n:])
@@ -497,6 +500,7 @@ class OneByOne:
 
     def _through_cvxpy(self, delta_p: Array, torque: float) -> _Solution | None:
         """Solve a state through cvxpy; only a requested solver raises UntrustedError."""
+        # as the last of three methods it may fail: the state stays NaN, and its proof fails then
         with nullcontext() if self._solver else suppress(UntrustedError):
             return solve_through_cvxpy(self._formulation, delta_p, torque, self._solver or SECOND_SOLVER)
         return None
@@ -537,6 +541,8 @@ class LoadCase:
         """
         if not solver:
             require_compiled_as_stated(formulation)
+        # a contact set of a similar load case saves most steps of the first state; numbers of candidates differ
+        # between phases
         contact = None
         if like and len(like.formulation.local) == len(formulation.local):
             contact = like._one_by_one.contact
@@ -545,6 +551,7 @@ class LoadCase:
         self._compiled = compiled and walk_library()[0] is not None
         self._one_by_one: OneByOne = OneByOne(formulation, contact, compiled=self._compiled, solver=solver)
         self._walk: Walk | Pivoting | None = None
+        # the reference costs as much as some dozens of states solved alone
         self._walk_pays_from: float = 0 if many else MANY_STATES  # number of states
         if solver:
             self._walk_pays_from = np.inf
@@ -572,6 +579,7 @@ class LoadCase:
 
         Raises UntrustedError if a state is not solved, or its answer is outside the limits of the linear model.
         """
+        # a generator: a chunk is solved when the one before it is proven
         firsts = range(0, len(gaps), STATES_AT_A_TIME)
         chunks = (self.sums(gaps[first : first + STATES_AT_A_TIME], slope=slope) for first in firsts)
         return proven_answers(self.system, self._torque, chunks, place, progress)
@@ -598,6 +606,7 @@ class LoadCase:
 
         Raises UntrustedError if a requested solver has no answer.
         """
+        # begun late, as many load cases solve single states only
         if self._walk is None and len(gaps) >= self._walk_pays_from:
             reference = self._reference()
             if reference:
@@ -605,6 +614,7 @@ class LoadCase:
         if self._walk is None:
             return self._alone(gaps, slope)
         sums = self._walk.solve(gaps, self._torque, slope=slope)
+        # a residual that grew over many pivots is cured by a solution from scratch
         given_up = np.flatnonzero(~(sums.residuals.worst <= _POOR_PROOF))  # or NaN
         if len(given_up):
             sums.put(given_up, self._alone(gaps[given_up], slope))
@@ -615,6 +625,7 @@ class LoadCase:
         if isinstance(self._walk, Walk):
             return self._walk.climb(torus, self._torque, hills, rules)
 
+        # the same climb without the compiled walk, state by state
         def state_at(scalars: Array) -> tuple[float, Array]:
             sums = self.sums(StateGaps(scalars[None]), slope=True)
             return float(sums.rotation[0]), np.zeros(0) if sums.slope is None else sums.slope[0]
@@ -640,6 +651,7 @@ class LoadCase:
             start = other_contacts[0] if other_contacts else None  # contacts at another torque
             nominal = OneByOne(self.formulation, start, compiled=self._compiled)
             forces, _, _ = nominal.solve(self.system.delta_p[None], self._torque)
+            # kept as None too, so that a contact set that does not serve is tried once only
             references[self._torque] = None
             with suppress(ValueError):
                 references[self._torque] = Reference(self.formulation, forces[0] > _CARRIES * forces[0].max())
