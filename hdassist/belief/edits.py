@@ -45,11 +45,14 @@ def tightened(prior: DrivePrior) -> Iterator[Edit]:
     """Yield an edit for each tolerance that a drawing can tighten: a third less of it, and all that follows from it."""
     drive = prior.drive
     fields = {field.path: field for field in prior.fields}
+    # orders of one wheel share their size, which is edited once
     for path in dict.fromkeys(deviation.size for deviation in DEVIATIONS):
         size = fields.get(path)
         largest = size.high if size else float(drive.value(path) or 0)
+        # only tolerances stand on a drawing; harmonics do not
         if not path.startswith("tolerances.") or largest <= 0:
             continue
+        # an exact value, or one of a fit, is simply smaller
         if size is None or size.distribution == "drawn":
             edited, texts = _smaller_value(drive, path)
         elif size.distribution == "normal":
@@ -81,6 +84,7 @@ def _smaller_range(drive: Drive, size: FieldPrior) -> tuple[Drive, tuple[str, ..
     low = _rounded(size.low)
     high = _rounded(size.high)
     value = drive.value(size.path)
+    # an unknown size is taken at the middle of its range
     smaller = high / 2 if value is None else _rounded(float(value))
     source = {**drive.source, size.path: Source(kind="assumed", range=(low, high), ref=SOURCE_REF)}
     edited = drive.with_values({size.path: smaller}).model_copy(update={"source": source})
@@ -97,6 +101,7 @@ def coupled(prior: DrivePrior) -> Iterator[Edit]:
     """Yield an edit for each coupling that the drive could have: a solid hub only where the coupling is open."""
     drive = prior.drive
     is_open = drive.cam.coupling == "unknown" and any(field.path == SUPPORT_FIELD for field in prior.fields)
+    # an Oldham coupling leaves the cam free already; a floating cam has no coupling to change
     if drive.cam.coupling == "oldham" or not drive.number(SUPPORT_FIELD):
         return
     for coupling in ASKED_COUPLINGS if is_open else ASKED_COUPLINGS[:1]:
@@ -111,6 +116,7 @@ def graded(prior: DrivePrior) -> Iterator[Edit]:
     accuracy = drive.catalogue.accuracy
     if accuracy is None and drive.catalogue.K_3 is None:
         return
+    # grades fall, so the first smaller one is the next better one
     better = next((grade for grade in ACCURACY_GRADES if accuracy is None or grade < accuracy), None)
     if better is not None:
         values = drive.catalogue.model_copy(update={"accuracy": better})

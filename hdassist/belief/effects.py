@@ -71,13 +71,16 @@ class OptionSamples:
     ) -> OptionSamples:
         """Return the samples of a drive that edits are solved on."""
         first = None if samples is None else samples.of_ranges
+        # all is known: one sample at the middle of every share
         if first is None:
             rows = np.zeros(1, dtype=np.int64)
             weights = np.ones(1)
             shares = np.full((1, len(prior.fields)), 0.5)
         else:
+            # samples without weight need no edit
             rows = np.flatnonzero(first.weights)
             weights = first.weights[rows]
+            # even shares of the weight: each chosen row stands for as many as it was drawn
             if len(rows) > _MOST_SAMPLES:
                 rows, count = np.unique(even_rows(first.weights, _MOST_SAMPLES), return_counts=True)
                 weights = count.astype(float)
@@ -112,6 +115,7 @@ class OptionSamples:
         if self.samples is None:
             return None
         F_ior = self.samples.sets_arcsec[self.rows, :, self.torque].T.ravel()
+        # weights of the sets relative to that of the sample itself
         of_sets = self.samples.set_weights[self.rows]
         weights = self.weights[:, None] * of_sets / of_sets[:, :1]
         return F_ior, weights.T.ravel()
@@ -121,6 +125,7 @@ class OptionSamples:
         """Places among the rows of the first samples that are solved, evenly over F'_ior."""
         if self.stated_arcsec is None:
             return np.zeros(1, dtype=np.int64)
+        # spread over F'_ior, as factors of an edit depend on it
         order = np.argsort(self.stated_arcsec, kind="stable")
         count = min(_FIRST_SAMPLES, len(order))
         return np.unique(order[even_rows(self.weights[order], count)])
@@ -130,6 +135,7 @@ class OptionSamples:
         """Number among all draws of the sample of each row."""
         if self.samples is None:
             return [0]
+        # refused draws have a number too, so rows and numbers differ
         numbers = [number for number, draw in enumerate(self.samples.made) if draw.F_ior_arcsec is not None]
         return [numbers[row] for row in self.rows]
 
@@ -146,6 +152,7 @@ class OptionSamples:
     def edited_shares(self, prior: DrivePrior, seed: int) -> Array:
         """Return shares of each field of an edited drive: those of the samples, and of a new field random ones."""
         places = {of_field.path: place for place, of_field in enumerate(self.prior.fields)}
+        # a field that only the edited drive has
         rng = np.random.default_rng([seed, len(prior.fields)])
         columns = []
         for of_field in prior.fields:
@@ -180,16 +187,19 @@ class Effect:
 
     def met(self, left_arcsec: float) -> Array:
         """Return with which probability each sample meets what a limit leaves F'_ior [arcsec], shape (rows,)."""
+        # a sample whose donors refuse it has no weight
         of_row = self.weights.sum(axis=1)
         met = (self.weights * (self.F_ior_arcsec <= left_arcsec)).sum(axis=1)
         return np.asarray(met / np.where(of_row > 0, of_row, 1))
 
     def unsettled(self, left_arcsec: float | None) -> NDArray[np.bool_]:
         """Return which samples are neither solved nor settled by their donors, shape (rows,)."""
+        # donors that disagree on whether the sample fits the reference data
         spread = np.ptp(self.weights, axis=1) / max(float(self.weights.max()), 1e-300)
         is_open = spread > _LIKELIHOOD_SPREAD
         if left_arcsec is not None:
             is_met = self.F_ior_arcsec <= left_arcsec
+            # donors that disagree on the limit
             is_open |= is_met.any(axis=1) & ~is_met.all(axis=1)
         return np.asarray(is_open & ~self.is_solved)
 
@@ -209,6 +219,7 @@ class Effect:
         weights = self.weights.sum(axis=1)
         met = self.met(left_arcsec)
         is_open = self.unsettled(left_arcsec)
+        # unsettled samples all miss the limit, or all meet it
         low = np.average(np.where(is_open, 0.0, met), weights=weights)
         high = np.average(np.where(is_open, 1.0, met), weights=weights)
         return float(low), float(high)
@@ -302,12 +313,15 @@ class EditQuestion:
     def effects(self, run: Run = Run()) -> Effects:
         """Return what the edits do to F'_ior at the torque. Raises UntrustedError where a state cannot be trusted."""
         samples = self.samples
+        # a few samples get all edits; the others only those whose verdict is open
         first = samples.first_rows.tolist()
         solved = dict(zip(first, self._solve(self._tasks(first, run.seed), run), strict=True))
+        # an edit without effect on any sample is no option
         names = [edit.name for edit in self.edits if not _is_idle(edit, [*solved.values()])]
         if self.tried_deg:
             names.append(BEST_OF_HOLES)
         effects = self._effects(names, solved)
+        # samples that donors leave open, with the edits that matter for them
         undecided = _undecided(samples, effects)
         if undecided:
             tasks = zip(undecided, self._tasks([*undecided], run.seed), strict=True)
@@ -338,6 +352,7 @@ class EditQuestion:
     def _effects(self, names: Sequence[str], solved: Mapping[int, _Solved]) -> dict[str, Effect]:
         """Return the effects of edits by what is solved; without those that make no drive of a sample."""
         evidence = None
+        # a measured F'_ior outweighs the catalogue's accuracy
         if not self.is_measured and self.samples.samples:
             data = evidence_of(self.samples.prior.drive)
             evidence = next((datum for datum in data if datum.figure == ACCURACY), None)
@@ -352,6 +367,7 @@ class EditQuestion:
         """Return what is solved of the samples in some rows."""
         samples = self.samples
         drive = samples.prior.drive
+        # a better grade changes the weights of samples, and no drive
         changing = [edit for edit in self.edits if edit.kind != "accuracy"]
         tested = self._tested_edits(changing)
         values = {edit.name: edit.prior.values(samples.edited_shares(edit.prior, seed)[rows]) for edit in changing}
@@ -361,6 +377,7 @@ class EditQuestion:
             systems = dict[str, Mapping[str, float | str | None]]()
             for edit in changing:
                 edited = edit.prior.drive.with_values(values[edit.name][place])
+                # a support changes the contact system, deviations only the gaps
                 if edit.has_own_system:
                     systems[edit.name] = {SUPPORT_FIELD: edited.number(SUPPORT_FIELD), COUPLING: edited.cam.coupling}
                 else:
@@ -389,6 +406,7 @@ class EditQuestion:
         samples = self.samples
         drive = samples.prior.drive
         is_drawn = samples.samples is not None
+        # everything that decides the numbers; texts and limits do not
         depends = {
             "drive": drive.model_dump(mode="json", exclude=WITHOUT_EFFECT),
             "tasks": [_described(task) for task in tasks],

@@ -23,8 +23,10 @@ def governing_share(F_ior_arcsec: Array, holes_arcsec: Array) -> Array:
     holes_arcsec: F'_ior in all holes [arcsec], shape (torques, samples, holes).
     The result has the shape (samples, ...).
     """
+    # F'_ior may have further axes, such as holes, which share the mean of their sample
     added_axes = tuple(range(2, F_ior_arcsec.ndim))
     mean = np.expand_dims(holes_arcsec.mean(axis=2), added_axes)
+    # the torque at which a hole is worst relative to the mean governs it
     return np.asarray((F_ior_arcsec / np.maximum(mean, NO_ERROR)).max(axis=0))
 
 
@@ -42,7 +44,9 @@ def ranked_holes(expected_loss: Array, probability_kept: Array | None) -> list[i
     expected_loss: mean loss of each hole, shape (holes,).
     probability_kept: probability of each hole that all limits are met, shape (holes,); None without a limit.
     """
+    # rounded: a difference below a hundredth is within the Monte Carlo error
     kept = np.zeros(len(expected_loss)) if probability_kept is None else -np.round(probability_kept, 2)
+    # the last key sorts first
     return [int(place) for place in np.lexsort((expected_loss, kept))]
 
 
@@ -56,9 +60,11 @@ def chosen_hole(
     cost: share of F'_ior that a turn has to earn.
     """
     best = ranked_holes(expected_loss, probability_kept)[0]
+    # the wheel stands in no usable hole, so it has to be turned in any case
     if stay is None:
         return best
     earned = expected_loss[stay] - expected_loss[best] > cost
+    # a larger probability of meeting the limit pays for a turn by itself
     is_likelier = probability_kept is not None and round(probability_kept[stay], 2) < round(probability_kept[best], 2)
     return best if earned or is_likelier else stay
 
@@ -69,6 +75,7 @@ def limits_met(F_ior_arcsec: Array, room_arcsec: Sequence[float | None]) -> Arra
     F_ior_arcsec: F'_ior [arcsec], shape (torques, samples, ...).
     room_arcsec: the limit minus the self error at each torque [arcsec]; None without a limit.
     """
+    # torques without a limit do not count
     limits = [(k, room) for k, room in enumerate(room_arcsec) if room is not None]
     if not limits:
         return None

@@ -395,6 +395,7 @@ def _exact_hole(
     """
     basis = effects.samples
     drive = basis.prior.drive
+    # one drive in several holes
     changes = [turned_directions(drive, turn_deg) for turn_deg in _turns_deg(drive, usable)]
     F_ior_of_torque = []
     proof = EMPTY
@@ -402,6 +403,7 @@ def _exact_hole(
         values, proof_of_torque = searched(error_map, drive, changes, is_drawn=False)
         F_ior_of_torque.append(values)
         proof += proof_of_torque
+    # the functions of samples take one drive as one sample
     F_ior = np.array(F_ior_of_torque)[:, None, :]  # shape (torques, one drive, holes)
     met = limits_met(F_ior, left_arcsec)
     losses = losses_of(governing_share(F_ior, F_ior))[0]
@@ -427,11 +429,13 @@ def _sampled_hole(
     basis = effects.samples
     drive = basis.prior.drive
     turns_deg = _turns_deg(drive, usable)
+    # only holes that may win are solved; a free seat also needs some to compare torques by
     places = sorted({*_contending_holes(effects, left_arcsec, stay), *_level_places(drive)})
     solved_deg = sorted({0.0, *(turns_deg[place] for place in places)})
     turned = turned_samples(samples, evidence_of(drive), solved_deg, run)
     proof = sum((draw.turned_proof for draw in turned.made), EMPTY)
     columns = {place: turned.rotations_deg.index(turns_deg[place]) for place in places}
+    # exact where solved, by the factors of the first samples elsewhere
     losses = _mean_losses(effects, turned, columns)
     probabilities = _kept_in_holes(turned, columns, len(turns_deg), left_arcsec, basis.sure)
     place = chosen_hole(losses, probabilities, stay)
@@ -461,16 +465,20 @@ def _contending_holes(effects: Effects, left_arcsec: Sequence[float | None], sta
     assert basis.samples is not None
     F_ior = basis.samples.F_ior_arcsec[basis.rows]  # shape (rows, torques)
     first = basis.first_rows
+    # factors of each first sample times its F'_ior in the present hole
     F_first = np.moveaxis(F_ior[first][:, :, None] * effects.hole_factors, 1, 0)  # shape (torques, first rows, holes)
     losses = losses_of(governing_share(F_first, F_first))
     best = int(losses.mean(axis=0).argmin())
+    # paired over samples, which removes what all holes share
     behind = losses - losses[:, [best]]
     standard_error = behind.std(axis=0, ddof=min(1, len(first) - 1)) / np.sqrt(len(first))
+    # within so many standard errors of the best, or nearly as good
     may_win = behind.mean(axis=0) <= _CLEAR * standard_error + _NEARLY
 
     bounds = _probability_bounds(effects, F_ior, left_arcsec)
     if bounds is not None:
         low, high = bounds
+        # no hole whose upper bound is below this can be the surest
         surest = float(low.max())
         # a hole that may be surer than any other wins whatever its loss
         may_win = (high >= surest - _NEARLY) & (may_win | (high > surest + _NEARLY))
@@ -494,12 +502,14 @@ def _probability_bounds(
     """
     factors = effects.hole_factors  # shape (first rows, torques, holes)
     first, torques, holes = factors.shape
+    # every sample with the factors of every first sample: the range of what it may do
     in_holes = np.einsum("rt,fth->trfh", F_ior, factors)
     met = limits_met(in_holes.reshape(torques, -1, holes), left_arcsec)
     if met is None:
         return None
     met = met.reshape(len(F_ior), first, holes)
     weights = effects.samples.weights
+    # all donors agree: lower bound; any of them: upper bound
     return np.average(met.all(axis=1), axis=0, weights=weights), np.average(met.any(axis=1), axis=0, weights=weights)
 
 
@@ -518,6 +528,7 @@ def _mean_losses(effects: Effects, turned: Samples, columns: Mapping[int, int]) 
     level = F_ior[:, :, _level_places(first.prior.drive) or slice(None)]
     losses = np.average(losses_of(governing_share(F_ior, level)), axis=0, weights=first.weights)
     not_solved = [place for place in range(len(losses)) if place not in columns]
+    # a hole that is not solved cannot be chosen
     losses[not_solved] = np.inf
     return np.asarray(losses)
 
@@ -550,6 +561,7 @@ def _turn_texts(drive: Drive, turn_deg: float) -> tuple[str, ...]:
         value = drive.value(path)
         if value is None:
             continue
+        # six digits, as they are printed for --set
         turned = float(f"{(float(value) + turn_deg) % 360:.6g}")
         spread = drive.uncertainty.get(path)
         texts.append(f"{path}={turned:g} ± {spread:g}" if spread else f"{path}={turned:g}")
@@ -571,6 +583,7 @@ def _corrected_step(
     run: the run.
     """
     basis = effects.samples
+    # the drive of the check is one of the samples, and is solved already
     shares = [] if middle is None else [_share_left(middle)]
     proof = EMPTY
     for corrected in _corrected_cycles(effects, M_g, len(shares), run):
@@ -580,6 +593,7 @@ def _corrected_step(
     weights = np.ones(1)
     if basis.samples:
         F_ior, weights = _all_sets(basis.samples, basis.torque)
+    # the share left is nearly independent of the size, so all sets are combined with all cycles
     corrected_arcsec = np.multiply.outer(F_ior, shares)  # shape (sets of all samples, cycles)
     met: Probability | None = None
     if basis.room_arcsec is not None and basis.samples:
@@ -604,6 +618,7 @@ def _corrected_cycles(effects: Effects, M_g: float, available: int, run: Run) ->
     if not count:
         return []
     order = np.argsort(effects.stated_arcsec, kind="stable")
+    # spread over F'_ior by equal weights
     rows = order[even_rows(basis.weights[order], count)]
     cycles = basis.row_values(rows.tolist())
     depends = {
@@ -628,6 +643,7 @@ def _met_by_correction(is_met: NDArray[np.bool_], set_weights: Array) -> Probabi
     is_met: whether a set with a cycle meets the limit, shape (sets of all samples, cycles).
     set_weights: shape (samples, sets).
     """
+    # cycles count equally
     met_of_set = is_met.mean(axis=1).reshape(set_weights.shape)
     weights = set_weights.sum(axis=1)
     met_of_sample = (set_weights * met_of_set).sum(axis=1) / np.maximum(weights, 1e-300)
@@ -645,6 +661,7 @@ def _share_left(error: KinematicError) -> float:
     curve = error.error_arcsec
     spectrum = np.fft.rfft(curve)
     strongest = np.argsort(-np.abs(spectrum), kind="stable")[:_PHASORS_OFF]
+    # a stored correction removes the strongest terms exactly
     spectrum[strongest] = 0
     F_ior = max(float(np.ptp(curve)), NO_ERROR)
     return float(np.ptp(np.fft.irfft(spectrum, len(curve)))) / F_ior
@@ -662,6 +679,7 @@ def _questions(basis: OptionSamples, steps: Sequence[Step], now: Outcome) -> Ite
         return
     place_of = {field_prior.path: place for place, field_prior in enumerate(samples.prior.fields)}
     is_coupling_asked = any(step.is_question and step.of == COUPLING for step in steps)
+    # the inputs that explain most variance are worth a question
     for influence in influences(samples, basis.torque):
         group = influence.group
         if group not in place_of or (group == SUPPORT_FIELD and is_coupling_asked):
@@ -680,6 +698,7 @@ def _answers_about(basis: OptionSamples, samples: Samples, place: int, now: Outc
     """
     field_prior = samples.prior.fields[place]
     values = field_prior.value(samples.shares[:, place])
+    # three digits: the answer has to be a number that people can check
     median = float(f"{weighted_quantile(values, samples.weights, 0.5):.3g}")
     is_below = values < median
     F_ior = samples.F_ior_arcsec[:, basis.torque]
@@ -689,6 +708,7 @@ def _answers_about(basis: OptionSamples, samples: Samples, place: int, now: Outc
         (f"< {median:g}", is_below, field_prior.low, median),
         (f"> {median:g}", ~is_below, median, field_prior.high),
     ):
+        # answering yes leaves the samples on that side
         weights = samples.weights * has_answer
         if not weights.any():
             continue
@@ -709,6 +729,7 @@ def _answered(F_ior: Array, weights: Array, basis: OptionSamples, now: Outcome, 
     now, before: the outcome without an answer, over all sets of deviations and over one set of each sample.
     """
     outcome = _outcome(F_ior, weights, basis.room_arcsec)
+    # F'_ior as stated has further sets, which the samples of an answer are scaled to
     if not basis.has_sets:
         return outcome
     outcome = _scaled(outcome, now, before)
@@ -720,6 +741,7 @@ def _answered(F_ior: Array, weights: Array, basis: OptionSamples, now: Outcome, 
 
 def _range_texts(path: str, low: float, high: float) -> tuple[str, ...]:
     """Return changes of a preset that state a range of a field."""
+    # as printed, so that the command gives what the page states
     low = float(f"{low:.4g}")
     high = float(f"{high:.4g}")
     range_text = f"source.{path}={{kind: assumed, range: [{low:g}, {high:g}], ref: {SOURCE_REF}}}"
@@ -731,6 +753,7 @@ def _range_texts(path: str, low: float, high: float) -> tuple[str, ...]:
 
 def _usable_holes(drive: Drive) -> list[int]:
     """Return the holes that the fixed wheel may be put in, or the places of a free seat; none if no hole is better."""
+    # a turn cannot help, so no hole is looked at
     if no_hole_better(drive):
         return []
     if not drive.mounting.holes:
@@ -753,4 +776,5 @@ def _comparable_holes(basis: OptionSamples) -> list[int]:
 def _apart(holes: Sequence[int]) -> list[int]:
     """Return up to _TRIED_HOLES of some holes, as far apart as they can be."""
     count = min(_TRIED_HOLES, len(holes))
+    # evenly over the list, which is in the order of the seat
     return [holes[round(k * len(holes) / count)] for k in range(count)]

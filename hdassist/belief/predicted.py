@@ -78,8 +78,10 @@ def beside_prediction(
     figures = measured_errors(drive)
     if not figures:
         return ()
+    # values may have been measured at torques that decide nothing
     torques = tuple(dict.fromkeys((*drive.operation.M_g, *(figure.M_g for figure in figures))))
     turns = tuple(dict.fromkeys(figure.rotation_deg for figure in figures if figure.rotation_deg))
+    # the prediction must not know the values that it is compared with
     bare = drive.model_copy(update={"measured": drive.measured.model_copy(update={"F_ior": {}})})
     evidence = evidence_of(bare)
     effort = SamplingEffort.of(draws)
@@ -89,6 +91,7 @@ def beside_prediction(
     compared = []
     for figure in figures:
         torque = torques.index(figure.M_g)
+        # as mounted all sets of deviations count; with the wheel turned the sample itself
         predicted_arcsec = samples.sets_arcsec[:, :, torque].ravel()
         weights = samples.set_weights.ravel()
         if figure.rotation_deg:

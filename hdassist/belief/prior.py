@@ -52,8 +52,10 @@ class FieldPrior:
 
     def value(self, share: Array) -> Array:
         """Return values of the field [its unit] at shares of its probability; a normal one is cut at its end."""
+        # a fit has drawn its values: a share of probability picks one of them
         if self.draws:
             return np.sort(self.draws)[self._places(share)]
+        # equal factors are equally likely: a stiffness known to a factor of ten
         if self.distribution == "logarithmic":
             return np.asarray(self.low * (self.high / self.low) ** share)
         if self.distribution in ("even", "meshing"):
@@ -61,10 +63,12 @@ class FieldPrior:
         mean = (self.low + self.high) / 2
         standard_deviation = (self.high - self.low) / 4  # the bounds are two of them off the mean
         normal = mean + standard_deviation * ndtri(np.clip(share, *_SHARE_LIMITS))
+        # a size cannot fall below the least value of its field
         return np.asarray(np.maximum(normal, field_table()[self.path].ge))
 
     def joined(self, share: Array) -> Array:
         """Return shares of the field's own probability at shares of the probability of its fit."""
+        # rank of each draw among the draws of this field
         ranks = np.argsort(np.argsort(self.draws, kind="stable"))
         return np.asarray((ranks[self._places(share)] + 0.5) / len(self.draws))
 
@@ -99,6 +103,7 @@ class DrivePrior:
         """
         counts = dict.fromkeys(("assumed", "default", "unknown", "stated", "fitted", "derived"), 0)
         kind_of_distribution = {"normal": "stated", "drawn": "fitted", "meshing": "derived"}
+        # each field counts under the reason why it is uncertain
         for field in self.fields:
             if field.distribution in kind_of_distribution:
                 kind = kind_of_distribution[field.distribution]
@@ -122,6 +127,7 @@ class DrivePrior:
 
         A scrambled Sobol sequence: of more draws by the same seed the first are the same.
         """
+        # one coordinate for each field, and a spare one for whoever draws along with them
         return self.joined(sobol_points(count, len(self.fields) + 1, seed))
 
     def joined(self, shares: Array) -> Array:
@@ -131,6 +137,7 @@ class DrivePrior:
         """
         fitted = [k for k, field in enumerate(self.fields) if field.draws]
         joined = shares.copy()
+        # parameters of a fit are correlated: they are taken from one draw of the fit
         for k in fitted:
             joined[:, k] = self.fields[k].joined(shares[:, fitted[0]])
         return joined
@@ -140,6 +147,7 @@ class DrivePrior:
 
         shares: of each field's probability, shape (draws, at least fields).
         """
+        # by column, since a distribution works on all draws at once
         columns = {
             field.path: field.value(shares[:, k]).tolist()
             for k, field in enumerate(self.fields)

@@ -54,9 +54,11 @@ class Proposal:
         shares: of the prior's draws, shape (draws, at least fields); the moved ones have the same shape.
         """
         cells = len(self.density)
+        # inverse of the distribution function: equal steps in, steps by density out
         edges = np.cumsum((0.0, *self.density)) / cells  # probability of the density below each edge of a cell
         moved = shares.copy()
         moved[:, self.field] = np.interp(shares[:, self.field], edges, np.linspace(0, 1, cells + 1))
+        # the density at a draw divides its weight, so the prior is unchanged
         cell = np.clip(np.searchsorted(edges, shares[:, self.field], side="right") - 1, 0, cells - 1)
         return moved, np.array(self.density)[cell]
 
@@ -74,6 +76,7 @@ def proposed_draws(
     """
     shares = prior.shares(last, seed)
     independent = [k for k, field_prior in enumerate(prior.fields) if not field_prior.draws]  # a fit draws its together
+    # the pilot itself is drawn from the prior
     if not independent or first < PILOT_DRAWS:
         pilot = ()
     proposal = proposal_of(shares[:PILOT_DRAWS, [*independent, -1]], evidence, pilot)
@@ -92,18 +95,24 @@ def proposal_of(shares: Array, evidence: tuple[Evidence, ...], pilot: _Pilot) ->
     evidence: on the drive.
     pilot: figures of these draws.
     """
+    # stiffness is known from the contact system alone, before any error is solved
     log_of_draw = stiffness_log_likelihoods(evidence, pilot)
     draws = list(log_of_draw)
     y = np.array(list(log_of_draw.values()))
+    # too few drives among the pilot, or evidence that all of them meet alike
     if len(y) < PILOT_DRAWS / 2 or np.ptp(y) == 0:
         return None
     x = 2 * shares[draws, :-1] - 1
+    # which field alone explains most of the log likelihood
     unexplained = np.array([_unexplained_share(column, y) for column in x.T])
     field = int(np.argmin(unexplained))
     free = len(y) - 3  # degrees of freedom beside the mean, the share and its square
+    # F test of the parabola with 2 and `free` degrees of freedom
     F_ratio = (1 / unexplained[field] - 1) * free / 2
+    # divided by the number of fields, as the best of many is looked at
     if fdtrc(2, free, F_ratio) > _CHANCE_OF_STEERING / len(unexplained):
         return None
+    # moments of the posterior of this field, over the pilot
     weights = np.exp(y) / np.exp(y).sum()
     mean = weights @ x[:, field]
     mean_square = weights @ x[:, field] ** 2
@@ -116,8 +125,10 @@ def _legendre_density(mean: float, mean_square: float) -> tuple[float, ...]:
     p(x) = 1 + 3 E[P_1] P_1(x) + 5 E[P_2] P_2(x), with P_1 = x and P_2 = (3 x^2 - 1)/2.
     """
     middles = 2 * (np.arange(_CELLS) + 0.5) / _CELLS - 1
+    # Legendre polynomials 1, x and (3 x^2 - 1)/2 with the given moments
     series = 1 + 3 * mean * middles + 5 / 4 * (3 * mean_square - 1) * (3 * middles**2 - 1)
     density = np.maximum(series, 0)
+    # a floor bounds the weights: no sample counts more than 1/LEAST_DENSITY
     return tuple((LEAST_DENSITY + (1 - LEAST_DENSITY) * density / density.mean()).tolist())
 
 
@@ -125,6 +136,7 @@ def stiffness_log_likelihoods(evidence: tuple[Evidence, ...], pilot: _Pilot) -> 
     """Return the log likelihood of the stiffness of first draws, by their place; without those that have none."""
     log_of_draw = {}
     for place, figures in enumerate(pilot):
+        # a draw that made no drive has none
         if figures.keys() >= {*STIFFNESS_FIGURES}:
             stiffness = {name: figures[name] for name in STIFFNESS_FIGURES}
             log_of_draw[place] = log_likelihood(evidence, stiffness)
@@ -181,6 +193,7 @@ def open_deviations(prior: DrivePrior) -> tuple[FieldPrior, ...]:
 def _directions_of(drive: Drive) -> int:
     """Return the number of directions that draws are read in: the seat's holes, or some in each of them."""
     holes = drive.mounting.holes
+    # whole directions for each hole, so that holes are read without interpolation
     return holes * -(-_COARSEST // holes) if 0 < holes <= _FINEST else _FINEST
 
 
@@ -191,6 +204,7 @@ def any_direction(prior: DrivePrior) -> bool:
     """
     drive = prior.drive
     prior_of_path = {field_prior.path: field_prior for field_prior in prior.fields}
+    # if nothing fixes what stands, one drive serves in every direction
     turn = prior_of_path.get(standing_offset(drive)[1])
     ovality = prior_of_path.get(_OVALITY)
     is_oval = drive.mounting.fixed == "rigid" and drive.value("harmonics.a_s2") != 0
@@ -212,13 +226,16 @@ def tabled_errors(
     Raises UntrustedError if a state cannot be trusted.
     """
     drive = maps[0].drive
+    # one table serves all draws of the deviations
     shares, columns = _draws(prior, effort.deviations, seed)
+    # draws in one direction only, of the same sizes
     if other:
         _, directed = _draws(other, effort.deviations // _KNOWN_DIRECTION, seed, tuple(columns))
         columns = {path: np.concatenate([values, directed[path]]) for path, values in columns.items()}
     tables = _tables(maps, columns, effort.mesh)
     log_missed = np.zeros(0)
     proof_of_compared = EMPTY
+    # a few drives are searched exactly, to see by how much the table is too small
     if effort.compared:
         compared = _compared_columns(columns, effort.compared, seed[-1])
         log_missed, proof_of_compared = _log_missed(maps, tables, drive, compared)
@@ -235,6 +252,7 @@ def tabled_errors(
 
 def _tables(maps: Sequence[ErrorMap], columns: Mapping[str, Array], mesh: Mesh) -> list[ErrorTable]:
     """Return tables of the error, one a torque, that reach as far as the largest deviations of some draws."""
+    # the table reaches as far as the largest drawn size, in any direction
     largest = {path: float(values.max()) for path, values in columns.items() if path in deviation_sizes()}
     reach = Reach.of(maps[0].drive.with_values(largest))
     return [error_table(error_map, reach, mesh) for error_map in maps]
@@ -247,6 +265,7 @@ def _compared_columns(columns: Mapping[str, Array], count: int, number: int) -> 
     number: that of the drive, by which the direction of its first draw is chosen.
     """
     rows = np.arange(count)
+    # steps of five directions spread the drives over the seat
     return {path: values[rows, (number + 5 * rows) % values.shape[1]] for path, values in columns.items()}
 
 
@@ -260,6 +279,7 @@ def _log_missed(
     log_missed = []
     proof = EMPTY
     for error_map, table in zip(maps, tables, strict=True):
+        # the same search that samples have
         exact = many_extremes(error_map, Batch(drive, columns), DRAWN_GRIDS)
         log_missed.append(log_error(exact.F_ior_arcsec) - log_error(table.F_ior(columns)))
         proof += exact.certificate
@@ -274,9 +294,13 @@ def turned_errors(F_ior: Array, rotations_deg: Sequence[float], places: NDArray[
     places: flat places among draws and directions.
     """
     count = F_ior.shape[1]
+    # places are flat over draws and directions
     draw, direction = np.divmod(places, count)
+    # rounded, so that 120 deg of 36 directions is 12 steps and not 11.999
     steps, fraction = np.divmod(np.round(np.multiply(rotations_deg, count) / 360, 9), 1)
+    # turning the wheel forwards is turning what stands backwards
     turned = direction[:, None] - steps.astype(int)
+    # linear between the two directions beside it
     nearer, farther = (F_ior[draw[:, None], (turned - j) % count] for j in (0, 1))
     return np.asarray((1 - fraction) * nearer + fraction * farther)
 
@@ -338,19 +362,23 @@ class DeviationProposal:
         map_of_torque = {
             error_map.M_g: error_map for error_map in maps if any(datum.M_g == error_map.M_g for datum in self.errors)
         }
+        # cheap: read from a table
         candidates = self._candidates(map_of_torque, number)
         rng = np.random.default_rng([self.seed, number])
         probability = candidates.density / candidates.density.sum()
+        # importance sampling in two stages: by the table, then by the search
         searched = rng.choice(len(candidates.places), _SEARCHED_DRAWS, p=probability)
         F_ior, proof = self._searched(map_of_torque, candidates.columns(searched))
         log = log_likelihood_of_errors(F_ior, *values_of_errors(self.errors))
         likelihood = np.exp(log - log.max())
+        # target over proposal
         ratio = likelihood / candidates.density[searched]
         # systematic resampling: as many even steps over the cumulative weight as draws
         even = (rng.random() + np.arange(self.draws)) / self.draws
         steps = np.searchsorted(np.cumsum(ratio / ratio.sum()), even)
         chosen = np.minimum(steps, _SEARCHED_DRAWS - 1)
         places = candidates.places[searched[chosen]]
+        # the density of the whole two-stage proposal at the chosen draws
         density = likelihood[chosen] / ratio.mean()
         proposals = self._without_repetition(candidates.table, places, density)
         return proposals, candidates.table.certificate + proof
@@ -359,14 +387,17 @@ class DeviationProposal:
         """Return the draws of the table of a drive, with the density by which they are proposed."""
         table = tabled_errors(list(map_of_torque.values()), self.prior, self.effort, [self.seed, number])
         torques = list(map_of_torque)
+        # flat places, shape (draws, directions)
         place_of = np.arange(table.F_ior_arcsec[0].size).reshape(len(table.shares), -1)
         places = place_of.ravel() if any_direction(self.prior) else place_of[:, 0]
+        # F'_ior at each measured value's torque and turn, shape (places, 1) each
         as_measured = [
             turned_errors(table.F_ior_arcsec[torques.index(datum.M_g)], [datum.rotation_deg], places)
             for datum in self.errors
         ]
         log = log_likelihood_of_errors(np.hstack(as_measured), *values_of_errors(self.errors), _READ_ERROR)
         likelihood = np.exp(log - log.max())
+        # a floor, since a table may miss what the search finds
         density = _LEAST_PROPOSED + (1 - _LEAST_PROPOSED) * likelihood / likelihood.mean()
         return _Candidates(table=table, places=places, density=density)
 
@@ -401,6 +432,7 @@ class DeviationProposal:
         """
         proposals = []
         for k, place in enumerate(places):
+            # an infinite density gives the repeated draw a weight of 0
             repetitions = np.inf if place in places[:k] else 1 / np.count_nonzero(places == place)
             shares = self._shares_at(table, place)
             proposals.append(ProposedDeviations(shares=shares, density=float(density[k] * repetitions)))

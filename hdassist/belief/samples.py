@@ -73,6 +73,7 @@ class SamplingEffort:
         """Return the effort for at least so many effective samples, with 16 times as many draws to settle a limit."""
         return cls(
             effective=effective,
+            # a verdict near its limit is allowed that many draws before it stays open
             settling_draws=16 * effective,
             most_draws=32 * effective,
             batch=min(16, effective),
@@ -115,6 +116,7 @@ class Samples:
     @property
     def sets_arcsec(self) -> Array:
         """F'_ior of all sets of deviations [arcsec], that of the sample first, shape (samples, sets, torques)."""
+        # the sample's own deviations are the first set
         first_set = self.F_ior_arcsec[:, None]
         if not self.further_arcsec.shape[1]:
             return first_set
@@ -147,6 +149,7 @@ class Samples:
 
     def values(self, rows: NDArray[np.integer] | None = None) -> list[dict[str, float]]:
         """Return the values of the drives of some samples by path; rows: places of the samples, None for all."""
+        # rows count samples; refused draws have none
         draws = [draw for draw in self.made if draw.F_ior_arcsec is not None]
         if rows is None:
             rows = np.arange(len(draws))
@@ -159,6 +162,7 @@ class Samples:
 
     def middle_sample(self, torque: int) -> int:
         """Return the place of the sample whose F'_ior at a torque, by its place, is nearest to the median."""
+        # of the samples that ranges are of, so that it does not move with the limit
         first = self.of_ranges
         return int(np.abs(first.F_ior_arcsec[:, torque] - first.percentile(0.5, torque)).argmin())
 
@@ -171,6 +175,7 @@ class Samples:
 
         torque: place of the torque at which it does.
         """
+        # the same soft limit by which a catalogue's accuracy weights samples
         accuracy = Evidence(
             path="catalogue.accuracy", figure=ACCURACY, value=accuracy_arcsec, spread=SOFT_EDGE, kind="limit"
         )
@@ -185,6 +190,7 @@ class Samples:
 
     def percentile_error(self, share: float, torque: int) -> float:
         """Return the Monte Carlo standard error [arcsec] of a percentile, from those one standard error off."""
+        # binomial error of the share below the percentile
         error_of_share = np.sqrt(share * (1 - share) / self.effective)
         low = self.percentile(float(np.clip(share - error_of_share, 0, 1)), torque)
         high = self.percentile(float(np.clip(share + error_of_share, 0, 1)), torque)
@@ -209,9 +215,11 @@ class Samples:
         probabilities = []
         for stage in self.stages or (self,):
             inside = outcome(stage.sets_arcsec)
+            # without further sets the samples are independent
             if stage.set_weights.shape[1] == 1:
                 probabilities.append(probability_of(inside[:, 0], stage.weights))
                 continue
+            # sets on one contact system are not: each system counts as one sample
             of_system = stage.set_weights.sum(axis=1)
             shares = (stage.set_weights * inside).sum(axis=1) / np.where(of_system > 0, of_system, 1)
             probabilities.append(probability_of_systems(shares, of_system))
@@ -219,6 +227,7 @@ class Samples:
 
     def _settled(self, probabilities: Sequence[Probability], sure: float) -> Probability:
         """Return the probability of the first stage of which as many samples again would hardly change a verdict."""
+        # the first stable stage: later ones exist because another limit needed them
         stable = [probability for probability in probabilities if probability.is_stable(sure)]
         settled = stable[0] if stable else probabilities[-1]
         return replace(settled, few=bool(self.few))
@@ -294,20 +303,25 @@ def draw_samples(
         seed=run.seed,
         sets=sets,
     )
+    # once, before worker processes begin
     require_programme(prior.drive, run)
     kept = sampling.kept()
     draws: list[Draw] = []
     try:
         for samples in _growing(sampling, kept, draws, effort, run):
+            # numbers on the page while sampling goes on
             if seen and samples.weights.any():
                 seen(samples)
             if samples.stages and (len(draws) >= effort.settling_draws or enough(samples)):
                 break
+        # the draws are used up and too few are effective
         if not samples.stages:
             samples = _few(samples, draws, evidence, effort)
+        # a measured value that no sample shows makes all numbers doubtful
         _require_shown(sampling, draws)
         return samples
     finally:
+        # kept even after an interruption, so the next run goes on
         if len(draws) > len(kept):
             sampling.keep(draws)
 
@@ -352,6 +366,7 @@ def deviation_sets(drive: Drive) -> int:
 
     One where the holes of the seat differ: they are compared by samples, each with its own set in all of them.
     """
+    # without a hole to choose, deviations are exchangeable on one contact system, and further sets cost little
     return _SETS if unknown_turn(drive) or no_hole_better(drive) else 1
 
 
@@ -374,10 +389,12 @@ def turned_samples(
         seed=samples.seed,
         sets=samples.set_weights.shape[1],
     )
+    # these turns are solved already
     if {*rotations_deg} <= {*samples.rotations_deg}:
         return samples
     kept = sampling.kept()
     draws = kept[: len(samples.made)]
+    # draws whose turns are not kept
     fresh = samples.made[len(draws) :]
     anywhere = tuple(0.5 for _ in samples.prior.fields)  # of a draw that made no drive, which is not turned
     shares = [draw.shares or anywhere for draw in fresh]
@@ -387,6 +404,7 @@ def turned_samples(
         run.solved(draw.turned_proof.states)
     if len(draws) > len(kept):
         sampling.keep(draws)
+    # the same stages, by the number of their draws
     stages = tuple(_collected(sampling, draws[: len(stage.made)]) for stage in samples.stages)
     return replace(_collected(sampling, draws), stages=stages, few=samples.few)
 
@@ -404,6 +422,7 @@ def _growing(
     """
     samples: Samples | None = None
     stages: tuple[Samples, ...] = ()
+    # draws that worker processes have begun before they are needed
     ahead: UnderWay = {}
     try:
         while len(draws) < effort.most_draws and not _is_hopeless(samples, draws):
@@ -440,6 +459,7 @@ def _batch_size(effort: SamplingEffort, samples: Samples | None, count: int) -> 
     samples: those so far; None before the first batch.
     count: number of draws so far.
     """
+    # no batch is longer than all draws before it, or than it takes to see that none has an answer
     size = min(effort.batch, max(_HOPELESS, count))
     if samples is not None and not samples.stages:
         effective = samples.effective + _ROUNDING

@@ -43,8 +43,10 @@ class Probability:
 
     def verdict(self, sure: float = SURE) -> Verdict:
         """Return the verdict on a limit that is met with this probability; sure: the one that PASS needs."""
+        # enough samples: the value itself is compared, and its interval is shown beside it
         if not self.few:
             return verdict_by_probability(self.value, sure)
+        # few samples: both ends of the interval have to give the same verdict
         verdict = verdict_by_probability(self.low, sure)
         return verdict if verdict is verdict_by_probability(self.high, sure) else Verdict.INCONCLUSIVE
 
@@ -59,6 +61,7 @@ class Probability:
         From n samples to 2 n the estimate moves by 1/sqrt(2) of its standard error; the interval has 5 % beyond an end.
         So is one whose interval is so narrow that its middle decides, whatever more samples would say.
         """
+        # with twice as many samples the interval is narrower by sqrt(2)
         low = self.value + (self.low - self.value) / np.sqrt(2)
         high = self.value + (self.high - self.value) / np.sqrt(2)
         return self.high - self.low <= _FINE_ENOUGH * (1 - sure) or is_settled(low, high, sure)
@@ -73,12 +76,14 @@ def effective_number(weights: Array) -> float:
     """Return the effective number of weighted samples (Kish), (sum of w)^2 / sum of w^2; 0 of none."""
     if not weights.any():
         return 0.0
+    # Kish's number does not depend on the scale of the weights
     shares = weights / weights.max()  # squares of tiny weights are 0
     return float(shares.sum() ** 2 / (shares**2).sum())
 
 
 def shares_below(values: Array, weights: Array) -> tuple[Array, Array]:
     """Return the percentage of the weight up to each value, and the values in growing order, shape (values,) each."""
+    # the distribution function of weighted samples is a staircase over the sorted values
     order = np.argsort(values)
     return np.asarray(100 * np.cumsum(weights[order]) / weights.sum()), values[order]
 
@@ -91,6 +96,7 @@ def even_rows(weights: Array, count: int) -> NDArray[np.int64]:
 def weighted_quantile(values: Array, weights: Array, share: float) -> float:
     """Return a quantile of weighted values, linear between the middles of their weights (Hazen if all are equal)."""
     order = np.argsort(values, kind="stable")
+    # half of its own weight lies below a value, as in Hazen's plotting positions
     middles = (np.cumsum(weights[order]) - weights[order] / 2) / weights.sum()
     return float(np.interp(share, middles, values[order]))
 
@@ -107,10 +113,14 @@ def probability_of(inside: NDArray[np.bool_] | Array, weights: Array) -> Probabi
     samples on one side count as the few that they are.
     """
     value = float((weights * inside).sum() / weights.sum())
+    # one more sample, as heavy as the heaviest, with half the outcome: the interval of 0 of n hits is not empty
+    # then
     shares = np.append(weights, weights.max()) / weights.max()  # squares of tiny weights are 0
     has = np.append(inside, 0.5)
     mean = float(has @ shares / shares.sum())
+    # variance of the weighted mean; its effective number replaces n in the beta distribution
     square = (1 - mean) ** 2 * has @ shares**2 + mean**2 * (1 - has) @ shares**2
+    # the number of equal samples with the same variance of the mean
     count = mean * (1 - mean) * shares.sum() ** 2 / square
     return _with_interval(value, mean * count, (1 - mean) * count)
 
@@ -140,8 +150,10 @@ def probability_by_share(value: float, count: float) -> Probability:
 
 def _with_interval(value: float, hits: float, misses: float) -> Probability:
     """Return a probability with the interval of the beta distribution of so many hits and misses."""
+    # the same share beyond each end
     tail = (1 - CONFIDENCE) / 2
     low, high = betaincinv(hits, misses, [tail, 1 - tail]).tolist()
+    # a probability of 0 or 1 in all samples has one end only
     return Probability(value, low if value > 0 else 0.0, high if value < 1 else 1.0)
 
 
@@ -155,22 +167,27 @@ def sobol_points(count: int, dimensions: int, seed: int | list[int]) -> Array:
 
     Of more points by the same seed the first are the same.
     """
+    # scipy may move its private file; its own generator gives the same points, later
     if not DIRECTION_NUMBERS.exists():
         from scipy.stats import qmc  # takes most of a second
 
         sequence = qmc.Sobol(dimensions, rng=np.random.default_rng(seed))
         return np.asarray(sequence.random_base2(max(count - 1, 1).bit_length())[:count])
+    # the same scrambling as scipy.stats.qmc.Sobol, bit by bit
     rng = np.random.default_rng(seed).spawn(1)[0]
     shift_digits = rng.integers(2, size=(dimensions, _BITS), dtype=np.uint32)
+    # lower triangular with ones on the diagonal: the scramble can be inverted, so points stay distinct
     matrix = np.tril(rng.integers(2, size=(dimensions, _BITS, _BITS), dtype=np.uint32), -1)
     matrix += np.eye(_BITS, dtype=np.uint32)
     directions = _scrambled(_directions(dimensions), matrix)
     first_point = shift_digits @ (1 << _PLACES)  # the digital shift
     points = np.tile(first_point.astype(np.uint32), (count, 1))
     index = np.arange(count, dtype=np.uint32)
+    # in Gray code neighbouring points differ in one digit
     gray_code = index ^ index >> 1
     for place, direction in zip(_PLACES, directions.T, strict=True):
         has_digit = (gray_code >> place & 1)[:, None]  # shape (count, 1)
+        # each digit of the index adds, modulo 2, the direction number of its place
         points ^= has_digit * direction
     return np.asarray(points / 2.0**_BITS)
 

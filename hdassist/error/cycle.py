@@ -245,7 +245,7 @@ def _formulations(drive: Drive, states: States) -> Iterator[tuple[NDArray[np.int
     # the cage turns continuously; phases are rounded to n_beta steps so that states can share a system
     steps = drive.numerics.n_beta
     nearest = np.rint(ball_phase(drive, states.phi_h) * steps).astype(np.int64) % steps
-    # formulating a system costs as much as solving many states
+    # states of one ball phase share a system and its walk
     for step in np.unique(nearest):
         yield np.flatnonzero(nearest == step), formulate(systems.at(0.0, step / steps))
 
@@ -272,8 +272,7 @@ def _cross_check_of(
         delta_p = formulation.system.delta_p_of(state_gaps(drive, formulation.system, states, teeth))
         where = partial(state_place, states, error.M_g)
         solver = run.cross_check or CROSS_SOLVER
-        # cvxpy compiles a programme for a second, and torques of one drive share it; one is kept, as it needs
-        # much memory
+        # torques of one drive share their programme, which is compiled once; only one is kept, as it needs much memory
         if formulation.digest not in stated:
             stated.clear()
             stated[formulation.digest] = formulation

@@ -38,8 +38,8 @@ from hdassist.solve.walk import Rules, Starts, Torus
 
 # Positions of each wheel in a grid. One grid shows islands of the error that another one misses. The number is odd for
 # samples: half a revolution further the error is similar, and those places then lie between the positions.
-# positions of each wheel: one coarse grid for each of many samples, three that miss each other's gaps for one
-# drive
+# Positions of each wheel: samples are many, and one coarse grid has to do; for one drive an extreme that one grid
+# overlooks is usually found by another.
 DRAWN_GRIDS = (7,)
 FINE_GRIDS = (9, 14, 19)
 SHORT_CYCLE = 4000  # all states of a cycle with fewer states are solved for a single drive
@@ -334,7 +334,7 @@ class _Search:
         # chain rule: slope by the scalars times change of the scalars by a step of the wheel
         by_b = (slopes[:, smooth] * change_b[:, smooth]).sum(axis=1)  # by a step between states
         by_g = (slopes[:, smooth] * change_g[:, smooth]).sum(axis=1)
-        # mean over the grid: contact sets alternate faster than the grid sees
+        # their mean over the grid, as single slopes depend on the contact set of their state
         rough_slopes = slopes[:, SMOOTH_SCALARS:].reshape(n * n, drives, -1).mean(axis=0)
         rough = self._rough(rough_slopes, row, point)
         # from the state to the point of the grid
@@ -437,7 +437,7 @@ class _Search:
         tops = np.minimum(grid_tops, hills.tops)  # a state of the grid may be higher than all that splines propose
         depth = tops[hills.row, (hills.sign < 0).astype(int)] - hills.height
         hills = self._with_states(hills[depth <= _TRIED * F_ior[hills.row]]).near_top(_CLIMBED)
-        # half a revolution of both wheels has nearly the same error: even orders repeat there
+        # half a revolution of both wheels reverses their deviations of odd order, which changes the error little
         twins = self._with_states(replace(hills, point=self._map.to_lattice(hills.point + self._size / 2)))
         return hills.and_these(twins).near_top(_CLIMBED)
 
@@ -513,7 +513,7 @@ def _spline_between(value: Array, by_b: Array, by_g: Array, times: int) -> Array
 
 def _limited_slope(value: Array, slope: Array, axis: int) -> Array:
     """Return slopes along an axis limited by the differences to both neighbours."""
-    # Fritsch and Carlson: slopes beyond three times the secant make a cubic overshoot
+    # a slope far above those to both neighbours belongs to a crease beside the state
     difference = np.abs(np.roll(value, -1, axis) - value)
     limit = _MAX_SLOPE * np.maximum(difference, np.roll(difference, 1, axis))
     return np.clip(slope, -limit, limit)

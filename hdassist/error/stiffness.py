@@ -140,7 +140,7 @@ def stiffness(
     contact, tube, certificate, cross_check = _kept_twists(drive, torque, ends, formulation, run)
     contact_arcsec = np.array(contact)
     tube_arcsec = np.array(tube)
-    # floats as keys are exact here: they are the same objects of arithmetic
+    # floats are safe as keys: the ends of the segments are among the torques as they are
     twist_of = dict(zip(torque.tolist(), (contact_arcsec + tube_arcsec).tolist(), strict=True))
     return Stiffness(
         torque=torque,

@@ -267,7 +267,7 @@ def _error_along(
     # the weight hangs on the output
     moving_angle = states.phi_g if mean.kinematics.fixed == "rigid" else states.phi_b
     torque = mean.M_g + gravity.amplitude_Nm * np.cos(moving_angle - np.radians(gravity.direction_deg))
-    # every state at its own torque would need a factored system each; a few torques serve all states
+    # a few torques are solved for all states, and the error of each state is interpolated to its own torque
     torques = _SolvedTorques(mean, torque, solve)
     torques.refine()
     rotation = torques.interpolated()
@@ -342,7 +342,7 @@ class _SolvedTorques:
         self._misses[low, high] = 0.0
         if is_inside.any() and high - low > self._min_spacing:
             self.errors[middle] = self._solve(middle, states=self._states)
-            # the error without its wind-up is what is interpolated; the wind-up itself bends strongly near 0
+            # without the wind-up, which bends strongly near a torque of 0
             line = (1 - share) * self._without_wind_up(low) + share * self._without_wind_up(high)
             miss = np.abs(self._without_wind_up(middle) - line)[is_inside].max()
             self._misses[low, high] = float(miss)
