@@ -78,6 +78,7 @@ class PositionRecord:
 
     def position_numbers(self) -> NDArray[np.int64]:
         """Return the number of the position of each approach, from 0 by rising target, shape (rows,)."""
+        # targets written with other digits are one position
         return np.unique(np.rint(self.target_arcsec / _SAME_TARGET), return_inverse=True)[1]
 
     def _remark_text(self, key: str) -> str:
@@ -88,6 +89,7 @@ class PositionRecord:
     @property
     def plan(self) -> _SheetPlan | None:
         """The plan in the remarks of the file; None without one, or if it is not as a plan writes it."""
+        # the plan writes its name into a remark of the sheet
         written = _PLAN.fullmatch(self._remark_text("plan"))
         if written is None:
             return None
@@ -107,6 +109,7 @@ class PositionRecord:
         sides = (1, -1) if plan.has_both_sides else (1,)
         for side in sides:
             targets = self.target_arcsec[self.side == side]
+            # fewer approaches than positions cannot cover the plan
             if len(targets) < plan.positions:
                 return False
             if np.abs(planned[:, None] - targets).min(axis=1).max() > tolerance:
@@ -120,6 +123,7 @@ class PositionRecord:
         """
         numbers = tuple(map(number_of, self._remark_text(key).split()))
         low, high, expected = _REMARKS[key]
+        # NaN fails both comparisons
         if not all(low <= number <= high for number in numbers) or (key == "sees" and not _are_shares(numbers)):
             raise self._remark_fault(key, f"expected {expected}")
         return numbers
@@ -204,9 +208,12 @@ def bench_record(table: NumberTable, form: TraceForm | None = None) -> PositionR
     form = form or TraceForm()
     columns = {role: table.roles.index(role) for role in table.roles}
     angle = next((role for role in _ANGLE_ROLES if role in columns), "")
+    # who names columns of a recording has one
     is_trace = not (form.angle is form.angle_of is form.error is form.second is None)
+    # an input angle makes it a recording, whatever else it has
     if "cam" in columns or is_trace:
         return None
+    # a column of targets: approached positions
     if "target" in columns:
         runs = _run_sides(table)
         if runs:
@@ -237,10 +244,12 @@ def _positions_of_rows(table: NumberTable, columns: dict[str, int], angle: str, 
     has_deviations = "error" in columns
     _require_columns(form, has_angles=not has_deviations)
     target = table.in_unit(columns["target"], "target", "deg", units[0] if units else None, "--angle-unit")
+    # deviations as the sheet asks for them, or angles as reached
     if has_deviations:
         deviation = table.in_unit(columns["error"], "error", "arcsec", form.error_unit, "--error-unit")
     else:
         reached = table.in_unit(columns[angle], angle, "deg", units[-1] if units else None, "--angle-unit")
+        # the output encoder may have any zero
         deviation = _from_any_zero(reached - target)
     _require_deviations(table, deviation)
     return PositionRecord(
@@ -268,6 +277,7 @@ def _loop(table: NumberTable, columns: dict[str, int], angle: str, form: TraceFo
     units = list(form.angle_units)
     if form.error_unit is not None:
         units.append(form.error_unit)
+    # one column cannot have two units
     if len(units) > 1:
         raise UsageError("a torque loop has one column of angles, but several units are given")
     return LoopRecord(
@@ -284,14 +294,17 @@ def _run_sides(table: NumberTable) -> dict[int, int]:
     Numbered runs without a side are forward if no column has a side. Raises PresetError if some columns have one.
     """
     roles = table.roles
+    # a column of sides belongs to the form with a row for each approach
     if roles.count("target") != 1 or "side" in roles:
         return {}
     names = {column: name for column, name in enumerate(table.names) if roles[column] != "target"}
+    # fwd, bwd and the like in the names of the columns
     sides = {column: side for column, name in names.items() if (side := run_side_in(name))}
     without_side = [column for column, name in names.items() if column not in sides and is_numbered_run(name)]
     if sides and without_side:
         message = f'the column "{names[without_side[0]]}" states no side, but other runs do'
         raise table.fault(message, "write fwd or bwd into the name of each run, for example run 1 bwd [arcsec]")
+    # runs without a side are all from below
     return sides or dict.fromkeys(without_side, 1)
 
 
@@ -346,6 +359,7 @@ def _note_unused(table: NumberTable, used: set[int]) -> None:
 
 def _from_any_zero(off_arcsec: Array) -> Array:
     """Return angles minus their targets [arcsec], shape (rows,), whatever zeros both have: 0 in the first row."""
+    # wrapped into half a revolution to either side
     return np.asarray(np.mod(off_arcsec - off_arcsec[0] + TURN_ARCSEC / 2, TURN_ARCSEC) - TURN_ARCSEC / 2)
 
 
@@ -375,6 +389,7 @@ class _Approaches:
     def of(cls, record: PositionRecord) -> _Approaches:
         """Sort the approaches of a record; targets that differ by less than _SAME_TARGET are one."""
         target = np.rint(record.target_arcsec / _SAME_TARGET)
+        # the last key sorts first: by target, then by side
         order = np.lexsort([record.side, target])
         target = target[order]
         side = record.side[order]
@@ -389,9 +404,11 @@ class _Approaches:
         """
         positioning = []  # of each side
         for way in np.unique(self.side):
+            # of repeated approaches, since F'_ior is a matter of the drive and not of scatter
             means = [deviations[:, rows].mean(axis=1) for rows in self.groups if self.side[rows[0]] == way]
             if len(means) > 1:
                 positioning.append(np.ptp(means, axis=0))
+        # positions that were approached from either side
         both_sides = [rows for rows in self.positions if np.ptp(self.side[rows])]
         ranges = {
             "positioning": positioning,
@@ -418,14 +435,17 @@ class _DrawnFigures:
     def of(cls, approaches: _Approaches, seed: int, draws: int) -> _DrawnFigures | None:
         """Draw approaches with the scatter of measured ones, whose size is uncertain; None without repetition."""
         deviation = approaches.deviation_arcsec
+        # repetitions: each group takes one degree of freedom for its mean
         freedom = len(deviation) - len(approaches.groups)
         if not freedom:
             return None
         means = np.concatenate([np.full(len(rows), deviation[rows].mean()) for rows in approaches.groups])
         square_sum = float(np.sum((deviation - means) ** 2))
         rng = np.random.default_rng(seed)
+        # its size is known from few repetitions, so it is drawn too
         scatter = np.sqrt(square_sum / rng.chisquare(freedom, (draws, 1)))
         errors = scatter * rng.standard_normal((draws, len(deviation)))
+        # draws go around means without the part of their spread that scatter made
         best = _without_scatter(deviation, approaches.side, approaches.groups, square_sum / freedom)
         return cls(
             of_mean=approaches.figures(best[None]),
@@ -435,6 +455,7 @@ class _DrawnFigures:
 
     def bias(self, name: str) -> float:
         """Return by how much scatter widens a quantity [arcsec]; that of positioning is corrected alone."""
+        # the other figures state scatter itself
         if name != "positioning":
             return 0.0
         return max(0.0, float(self.drawn[name].mean() - self.of_mean[name][0]))
@@ -449,6 +470,7 @@ class _DrawnFigures:
 
         A range is at most that of the true deviations plus that of the scatter.
         """
+        # positions without any deviation of their own still show a range by scatter
         return max(0.0, float(np.quantile(self.by_scatter[name], _LEAST_CHANCE)) - self.bias(name))
 
 
@@ -496,7 +518,9 @@ def _without_scatter(deviation: Array, side: Array, groups: Sequence[NDArray[np.
         of_side = [rows for rows in groups if side[rows[0]] == way]
         means = np.array([deviation[rows].mean() for rows in of_side])
         spread = float(np.var(means, ddof=1)) if len(means) > 1 else 0.0
+        # variance of a mean of n readings
         by_scatter = variance * float(np.mean([1 / len(rows) for rows in of_side]))
+        # as for orders: twice the noise is taken off the power
         kept = max(0.0, 1 - _SHRINK * by_scatter / spread) if spread else 1.0
         shrunk = means.mean() + np.sqrt(kept) * (means - means.mean())
         for rows, mean in zip(of_side, shrunk, strict=True):
@@ -526,7 +550,9 @@ def seen_range(record: PositionRecord, quantities: Sequence[StatedQuantity]) -> 
     shares = record.remark("sees")
     torque = record.remark("torque")
     plan = record.plan
+    # the plan's shares hold only for the positions of the plan
     is_cut = bool(shares) and (plan is None or not record.is_carried_out(plan))
+    # what encoder, coupling and temperature add, by the sheet
     by_plan = COVERAGE_FACTOR * hypot(*planned_uncertainty)
     if by_scatter is None:  # the scatter of the readings is known only from the plan
         uncertainty = None
@@ -551,6 +577,7 @@ def place_loops(record: LoopRecord, rated: float) -> tuple[PlaceLoop, ...]:
     rated: torque of the drive [N*m].
     Raises DataError for a loop without a rising and a falling branch between the torques of the lost motion.
     """
+    # lost motion lies between the outer two, hysteresis at 0
     torques = _LOOP_SHARE * rated * np.array([-1.0, 0.0, 1.0])
     loops = []
     for place in np.unique(record.place):
@@ -579,6 +606,7 @@ class _LoopBranches:
         torques: the negative one of the lost motion, 0, and the positive one [N*m], shape (3,).
         """
         try:
+            # the torque as an angle of one revolution: the same search for turning points
             branches = sweeps(self.torque_Nm * WHOLE_TURN_DEG / max(np.ptp(self.torque_Nm), TINY))
         except AngleError:
             raise DataError(
@@ -587,8 +615,10 @@ class _LoopBranches:
             ) from None
         rising = self._twists([branch.rows for branch in branches if branch.direction == 1], "rising", torques)
         falling = self._twists([branch.rows for branch in branches if branch.direction == -1], "falling", torques)
+        # at torque 0 its size is the hysteresis loss
         difference = rising.arcsec - falling.arcsec
         variance = rising.variance + falling.variance
+        # twist from one outer torque to the other, on each branch
         widths = np.array([twists.arcsec[2] - twists.arcsec[0] for twists in (rising, falling)])
         return PlaceLoop(
             place=place,
@@ -606,6 +636,7 @@ class _LoopBranches:
         if not complete:
             span = f"from {torques[0]:.3g} to {torques[2]:.3g} N*m"
             raise DataError(f"{self.label}: no {way} branch {span}", _LOOP_HINT)
+        # all complete branches of one way together
         torque = np.concatenate([self.torque_Nm[rows] for rows in complete])
         twist = np.concatenate([self.twist_arcsec[rows] for rows in complete])
         values = [_twist_at(torque, twist, wanted, torques[2]) for wanted in torques]
@@ -639,8 +670,10 @@ def _twist_at(torque: Array, twist: Array, wanted: float, reach: float) -> tuple
     reach: distance of readings that are used [N*m]; more if there are too few.
     """
     offset = torque - wanted
+    # far enough for _AROUND readings, even if they are sparse
     nearest = float(np.partition(np.abs(offset), _AROUND - 1)[_AROUND - 1])
     is_near = np.abs(offset) <= max(reach, nearest)
+    # about the wanted torque, so the constant is the twist there
     columns = np.vander(offset[is_near], 3, increasing=True)
     inverse = np.linalg.pinv(columns)
     solution = inverse @ twist[is_near]

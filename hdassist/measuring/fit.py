@@ -79,7 +79,9 @@ class TraceFit:
         self.bins = design.bins
         self.lines = lines
         self.orders = design.orders
+        # weighted least squares by the factored normal equations
         solution, self.residual = design.fitted(values)
+        # unbiased: divided by the degrees of freedom
         self.variance = float(self.bins.weight @ self.residual**2) / (len(self.bins) - design.columns)
         self.correlated, self.unmodelled = _residual_memory(design, self.residual, self.variance)
         orders, levels, drift, slopes, *order_changes = _blocks_of(design, solution)
@@ -88,6 +90,7 @@ class TraceFit:
         self.order_root = orders.root
         self.level = levels.coefficients
         self.drift = drift.coefficients
+        # neighbours that err together are fewer independent readings
         uncertainty = np.linalg.norm(slopes.root, axis=1) * np.sqrt(self.variance * max(self.correlated, 1.0))
         slope_pairs = zip(slopes.coefficients.tolist(), uncertainty.tolist(), strict=True)
         self.slopes = dict(zip(design.slow.over, slope_pairs, strict=True))
@@ -109,9 +112,11 @@ class TraceFit:
     @cached_property
     def noise(self) -> tuple[Array, Array]:
         """Power of the noise at each order over that of independent residuals; factor of an interval of the order."""
+        # noise is read beside the orders if there is room, else taken from the memory of the residuals
         ones = np.ones(len(self.orders))
         power, student = noise_floor(self.design, self.residual, self.variance) or (self.correlated * ones, ones)
         if self.design.slow.ridge:  # large errors of unresolved orders cancel
+            # sidebands around one order share their noise
             _, cluster = np.unique(np.rint(self.orders), return_inverse=True)
             power = (np.bincount(cluster, power) / np.bincount(cluster))[cluster]
         return power, student
@@ -120,6 +125,7 @@ class TraceFit:
     def factor(self) -> Array:
         """Shape (2 orders, columns): its product with unit noise is an error of the coefficients."""
         power, _ = self.noise
+        # a root of the covariance: draws and norms need no factorisation
         return self.order_root * np.sqrt(self.variance * np.tile(power, 2))[:, None]
 
     @property
@@ -152,6 +158,8 @@ class TraceFit:
         curves: shape (bins, columns). Columns are left as by a fit of them to the others, so that the coefficients are
         those of a joint fit.
         """
+        # Frisch and Waugh: the part of a column that the fit does not explain has the coefficient of a joint
+        # fit
         remainder = self.design.fitted(curves)[1]
         weighted = remainder * self.bins.weight[:, None]
         normal = weighted.T @ remainder
@@ -167,6 +175,7 @@ class TraceFit:
     def groups(self) -> list[OrderIndices]:
         """Places of the orders in groups: those that the recording does not resolve from a line are together."""
         is_line = self.is_line
+        # a line and an order this near trade amplitude with each other
         is_close = np.diff(self.orders) < RESOLVED_GAP / self.bins.span
         is_joined = is_close & (is_line[1:] | is_line[:-1])
         return np.split(np.arange(len(self.orders)), np.flatnonzero(~is_joined) + 1)
@@ -186,6 +195,7 @@ class TraceFit:
 
         Over whole revolutions it is the identity.
         """
+        # over whole periods cosine and sine have a mean square of one half
         if len(indices) == 1:
             return np.eye(2)
         pair = self.pair(indices)
@@ -209,9 +219,11 @@ class TraceFit:
         sines = coefficients[len(indices) :]
         order = float(orders[0])
         if len(indices) > 1:
+            # of the joint wave: rms of its derivative over its rms is its frequency
             slope = np.concatenate([orders * sines, -orders * cosines])
             order = float(np.sqrt(slope @ square @ slope / max(coefficients @ square @ coefficients, 1e-300)))
         amplitude = float(np.sqrt(coefficients @ square @ coefficients))
+        # the amplitude's uncertainty to first order
         gradient = square @ coefficients / max(amplitude, 1e-300)  # of the amplitude over the coefficients
         return Wave(
             per_cam_rev=order,
@@ -227,8 +239,10 @@ class TraceFit:
         """
         pair = self.pair(indices)
         slow = self.design.slow
+        # over a part of an output revolution sidebands are not orthogonal
         square = self.mean_square(indices) if slow.by_angle or slow.ridge else np.eye(len(pair))
         wave = self.wave(indices, square)
+        # its trace is the mean square that noise adds
         noise = square @ self.covariance(pair)
         spread_by_order = 2 * wave.amplitude_arcsec * wave.uncertainty_arcsec
         spread = float(np.hypot(spread_by_order, np.sqrt(2 * np.trace(noise @ noise))))  # of the mean square
@@ -240,6 +254,7 @@ class TraceFit:
     @property
     def clear_of_noise(self) -> bool:
         """Whether the orders together have more power than noise alone would leave in them, but once in thousands."""
+        # chi-square of all coefficients, with mean `freedom` and variance twice that
         power = float(self.coefficients @ np.linalg.solve(self.covariance(), self.coefficients))
         freedom = 2 * len(self.orders)
         return power > freedom + _POWER_CLEAR * float(np.sqrt(2 * freedom))
@@ -280,11 +295,13 @@ def drift_of(fit: TraceFit, extent: float) -> float:
     """
     design = fit.design
     bins = fit.bins
+    # from the fit without drift, so nothing is fitted again
     column, (size,) = fit.beside(bins.travel[:, None] / design.reach)
     residual = fit.residual - size * column[:, 0]
     variance = float(bins.weight @ residual**2) / (len(bins) - design.columns)
     correlated, _ = _residual_memory(design, residual, variance)
     uncertainty = float(np.sqrt(variance * max(correlated, 1.0) / (bins.weight @ column**2)[0]))
+    # clear of its noise, and large enough to matter
     return float(size) if abs(size) > max(_DRIFT_CLEAR * uncertainty, _DRIFTED * extent) else 0.0
 
 
@@ -293,12 +310,15 @@ def _residual_memory(design: TraceDesign, residual: Array, variance: float) -> t
 
     residual: [arcsec], shape (bins,); variance: at weight 1 [arcsec^2].
     """
+    # a recording without noise, such as a computed one
     if not variance:
         return 1.0, 0.0
     size = len(residual)
     products = _lagged_products(residual)
     removed = _removed_by_fit(design, size, len(products))
+    # a fit takes part of the noise away, which lowers all correlations
     rho = products / products[0] * (1 - design.columns / size) + removed  # autocorrelation
+    # the sum stops at the first lag within its error: later ones are chance
     insignificant = np.flatnonzero(rho[1:] < 2 / np.sqrt(size))
     last = int(insignificant[0]) if len(insignificant) else len(rho) - 1
     correlated = 1 + 2 * float(rho[1 : last + 1].sum())
@@ -311,6 +331,7 @@ def _lagged_products(residual: Array) -> Array:
     The transform is of twice the length, so that the last residuals do not meet the first ones.
     """
     size = len(residual)
+    # padded with zeros, so that the end does not meet the beginning
     spectrum = np.fft.rfft(residual, 2 * size)
     return np.asarray(np.fft.irfft(np.abs(spectrum) ** 2)[: min(_LAGS, size // 4)] / size)
 
@@ -320,6 +341,7 @@ def _removed_by_fit(design: TraceDesign, size: int, lags: int) -> Array:
 
     The fit removes white noise at its own orders only: what remains is correlated by as much less.
     """
+    # each fitted wave takes its own frequency out of white noise
     waves = 2 * len(design.orders) * (1 + design.slow.order_changes)
     step = float(np.median(np.abs(np.diff(design.bins.turns))))
     angles = 2 * np.pi * step * np.arange(lags)
@@ -332,10 +354,12 @@ def _correlated_size(bins: Bins, residual: Array, variance: float, removed: floa
 
     removed: part of their correlation that the fit removed.
     """
+    # of one sweep, and close: a gap says nothing on neighbours
     are_neighbours = (np.diff(bins.turns) < _NEIGHBOURS / bins.per_turn) & (np.diff(bins.sweep) == 0)
     if are_neighbours.sum() < len(residual) / 5:
         return 0.0
     covariance = float((residual[1:] * residual[:-1])[are_neighbours].mean()) + variance * removed
+    # twice the standard error of a mean product of white noise
     is_clear = covariance > 2 * variance / np.sqrt(are_neighbours.sum())
     return float(np.sqrt(covariance)) if is_clear else 0.0
 
@@ -351,6 +375,7 @@ def residual_power(bins: Bins, residual: Array, variance: float) -> tuple[Array,
     """
     parts = list(zip(bins.by_sweep(bins.turns * bins.per_turn), bins.by_sweep(bins.weight * residual), strict=True))
     longest = max(int(np.ptp(np.floor(turns))) for turns, _ in parts) + 1
+    # a power of two, with room for no wrap-around
     length = 1 << int(np.ceil(np.log2(2 * longest)))
     frequency = -2j * np.pi * np.arange(length // 2 + 1) / length
     power = np.zeros(length // 2 + 1)
@@ -359,6 +384,7 @@ def residual_power(bins: Bins, residual: Array, variance: float) -> tuple[Array,
         offset = turns - cell - 0.5  # of a reading from the middle of its place
         places = (cell - cell[0]).astype(np.int64)
         transform = np.zeros(length // 2 + 1, complex)
+        # Taylor series of the phase within a place: readings need not lie on the grid
         for moment in range(_MOMENTS):
             line = np.zeros(longest)
             line[places] = values * offset**moment

@@ -98,6 +98,7 @@ def positioning_test(record: PositionRecord) -> PositioningTest | None:
     numbers = record.position_numbers()
     count = int(numbers.max()) + 1
     sides = {}
+    # forward: approached with growing angles
     for side in (_FORWARD, _BACKWARD):
         statistics = _side_statistics(numbers, record.deviation_arcsec, record.side == side, count)
         if statistics is not None:
@@ -106,6 +107,7 @@ def positioning_test(record: PositionRecord) -> PositioningTest | None:
     for side, statistics in sides.items():
         figures += _one_sided(statistics, "+" if side == _FORWARD else "-")
     uncertainty = None
+    # figures of both sides need every position from both
     if len(sides) == _SIDES:
         figures += _two_sided(sides[_FORWARD], sides[_BACKWARD])
         uncertainty = _reversal_uncertainty(sides[_FORWARD], sides[_BACKWARD])
@@ -135,6 +137,7 @@ def _side_statistics(
         if not len(approaches):
             return None
         counts[number] = len(approaches)
+        # mean unidirectional deviation of a position, and its estimator of repeatability
         means[number] = approaches.mean()
         deviations[number] = approaches.std(ddof=1) if len(approaches) > 1 else np.nan
     return _SideStatistics(means, deviations, counts)
@@ -146,7 +149,9 @@ def _one_sided(side: _SideStatistics, sign: str) -> list[_PositioningFigure]:
     figures = []
     if len(side.mean) > 1:
         figures.append(_PositioningFigure(f"E{sign}", f"systematic positioning error, {way}", float(np.ptp(side.mean))))
+    # one approach has no standard deviation
     if side.has_scatter:
+        # R = 4 s at the worst position
         repeatability = float(4 * side.deviation.max())
         figures.append(_PositioningFigure(f"R{sign}", f"positioning repeatability, {way}", repeatability))
         if len(side.mean) > 1:
@@ -157,6 +162,7 @@ def _one_sided(side: _SideStatistics, sign: str) -> list[_PositioningFigure]:
 
 def _two_sided(forward: _SideStatistics, backward: _SideStatistics) -> list[_PositioningFigure]:
     """Return the figures of both sides, by (1) to (5); of one position reversal value and repeatability only."""
+    # reversal value of each position
     reversal = forward.mean - backward.mean
     figures = [
         _PositioningFigure("B", "largest reversal value", float(np.abs(reversal).max())),

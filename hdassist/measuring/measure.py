@@ -765,6 +765,7 @@ def _require_drift(kind: str) -> None:
 
 def _with_lines_or_drift(fit: TraceFit) -> tuple[TraceFit, float]:
     """Return a fit with its lines, and the linear drift [arcsec] that it has not removed."""
+    # lines first: one that is missing would be taken for drift
     fit = with_lines(fit)
     extent = float(np.ptp(fit.bins.error - fit.residual))
     return fit, 0.0 if len(fit.drift) else drift_of(fit, extent)
@@ -777,11 +778,14 @@ def _declared(trace: MeasuredTrace, orders: Sequence[float] | None, notes: list[
     Raises UntrustedError for declared orders that are not resolved.
     """
     declared = orders or DEFAULT_ORDERS
+    # steps between sweeps are no steps of the angle
     steps = np.concatenate(list(map(np.diff, trace.by_sweep(trace.cam_deg)))) / 360
+    # three quarters of the steps are shorter: a few gaps do not limit the orders
     highest = 1 / (_STEPS_PER_PERIOD * float(np.quantile(np.abs(steps[steps != 0]), 0.75)))
     if declared[-1] <= highest:
         return declared
     resolved = tuple(order for order in declared if order <= highest)
+    # declared orders are never dropped silently
     if orders is not None or not resolved:
         step_deg = 360 / (_STEPS_PER_PERIOD * highest)
         message = f"{trace.file}: steps of {step_deg:.3g}° are too long for order {declared[-1]:g}"
@@ -799,13 +803,16 @@ def _fit(bins: Bins, declared: Sequence[float], ratio: float, slow: SlowTerms, n
     """
     turns = bins.span if slow.ridge else bins.span_on_output(ratio)
     grids: dict[int, tuple[int, Array]] = {}  # fewest sidebands and orders, by the number of orders
+    # fewer sidebands need fewer unknowns; grids of equal length are the same grid
     for beats in range(BEATS, -1, -1):
         orders = order_grid(declared, turns, ratio, slow, beats=beats)
         grids[len(orders)] = (beats, orders)
     *with_sidebands, (_, without_sidebands) = grids.values()
     for number, (beats, orders) in enumerate(with_sidebands):
+        # twice as many bins as the fit needs at least: room for noise and lines
         if len(bins) < BINS_PER_COLUMN * 2 * (2 * len(orders) + 4):
             continue
+        # angles that do not resolve this many sidebands may resolve fewer
         with suppress(UntrustedError):
             fit = fit_orders(bins, orders, slow)
             if number:
@@ -829,6 +836,7 @@ class LoggedJoint:
     @classmethod
     def of(cls, text: str) -> LoggedJoint:
         """Read "J1=cam1,out1,100". Raises UsageError: no such text."""
+        # names of columns may contain commas, so the ratio and the second column are split off from the right
         name, _, columns = text.partition("=")
         parts = columns.rsplit(",", 2)
         if not name or len(parts) != 3 or not all(parts) or not isfinite(number_of(parts[-1])):
@@ -882,6 +890,7 @@ class Reading(ClosedRecord, TraceForm):
         table = read_record(file, self)
         gearing = gearing_of(drive, ratio)
         record = bench_record(table, self)
+        # approached positions and torque loops are told by the names of their columns
         if record:
             if self.has_pace or how.get("shafts"):
                 kind = "positions or torque loops, which have no components of shafts and no times"

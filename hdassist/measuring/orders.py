@@ -140,6 +140,7 @@ def gearing_of(drive: Drive | None, ratio: float | None) -> Gearing | None:
 
     Raises UsageError: both are given, or no ratio that a drive with two waves can have.
     """
+    # a drive knows its numbers of teeth, so its cycle needs no assumption
     if drive is not None:
         if ratio is not None:
             raise UsageError("--ratio cannot be combined with --drive, which states the ratio", "leave out --ratio")
@@ -148,11 +149,13 @@ def gearing_of(drive: Drive | None, ratio: float | None) -> Gearing | None:
     if ratio is None:
         return None
     ratio = abs(ratio)
+    # with two waves the wheels differ by two teeth, so twice the ratio is a whole number of teeth
     doubled = round(2 * ratio) if ratio <= _GREATEST_RATIO else 0
     if not _LEAST_RATIO <= ratio <= _GREATEST_RATIO or abs(2 * ratio - doubled) > _RATIO_ROUNDING:
         hint = "give half the number of teeth of the moving wheel, for example 100 or 99.5"
         span = f"from {_LEAST_RATIO:g} to {_GREATEST_RATIO:g}"
         raise UsageError(f"invalid --ratio {ratio:g}: expected a multiple of 0.5 {span}", hint)
+    # an odd number of teeth meets its own position only after two output revolutions
     return Gearing(ratio, doubled // 2 if doubled % 2 == 0 else doubled)
 
 
@@ -184,6 +187,7 @@ def parse_orders(text: str | None) -> tuple[float, ...] | None:
         return None
     orders: set[float] = set()
     for part in text.split(","):
+        # "1-12" is a range of whole orders; a single order may be a fraction
         match = re.fullmatch(r"\s*([0-9]+(?:\.[0-9]+)?)\s*(?:-\s*([0-9]+)\s*)?", part)
         if match is None:
             raise UsageError(
@@ -204,11 +208,15 @@ def slow_terms(turns: float, ratio: float, degree: int, *, is_travel: bool = Fal
     There a drift and the orders of the output, up to SLOW_ORDERS a turn of it, look alike, and polynomials stand for
     both, unless the record is all of the travel: then slow terms are error, and all orders are those of whole turns.
     """
+    # within a travel drift is part of the error that counts, and a small ridge holds unresolved orders
     if is_travel:
         return SlowTerms(degree, ridge=_TRAVEL_RIDGE)
+    # share of an output revolution that is recorded
     part = turns / ratio
+    # a whole output revolution determines the slow orders; a short recording has no room for more terms
     if turns < _DRIFTING or part >= WHOLE_TURN:
         return SlowTerms(degree)
+    # two unknowns for each period, as a wave has two, and two for the ends
     return SlowTerms(round(2 * min(_SLOW_ORDERS * part, _SLOW_PER_CAM_TURN * turns)) + 2, by_angle=True)
 
 
@@ -230,16 +238,20 @@ def order_grid(
     slow: slow terms besides the orders; if these are polynomials, there are no sidebands around 0.
     beats: number of sidebands on each side of a declared order, as far as the recording resolves them.
     """
+    # neighbouring sidebands are one output revolution apart
     spacing = 1 / ratio
     width = BEATS * spacing
     if slow.ridge:
         step = max(spacing, _TRAVEL_GAP / turns)
         width = step * np.ceil(width / step - 1e-9)
     else:
+        # a shorter recording resolves orders that are 1/turns apart only
         step = spacing if turns * spacing >= WHOLE_TURN else 1 / turns
+    # at least one sideband on each side where the error is seen to change slowly
     resolved_beats = max(int(width / step + 1e-9), int(turns >= _DRIFTING))
     offsets = step * np.arange(1, resolved_beats + 1)
     sidebands = np.concatenate([-offsets[:beats], [0.0], offsets[:beats]])
+    # orders below the first sideband are in the polynomials already
     around_zero = np.empty(0) if slow.by_angle else offsets
     orders = np.concatenate([around_zero, *(order + sidebands for order in declared)])
     orders = np.sort(orders[orders > 0])
@@ -267,9 +279,11 @@ class _Causes:
     def of(cls, fit: TraceFit, drive: Drive | None, gearing: Gearing | None, sidebands: Array) -> _Causes:
         """Assign each product of the deviations of a drive to the nearest order of a fit, if it is close enough."""
         fitted = fit.orders[~fit.is_line]
+        # half the distance of fitted orders: nearer, a cause belongs to this order
         width = float(np.diff(fitted).min()) / 2 if len(fitted) > 1 else 0.5
         products: list[list[tuple[int, str]]] = [[] for _ in fit.orders]
         for (k_g, k_b), (order, text) in (known_causes(drive) if drive else {}).items():
+            # each product of deviations falls to one fitted order
             index = int(np.abs(fit.orders - order).argmin())
             if abs(fit.orders[index] - order) <= width + _ORDER_ROUNDING:
                 products[index].append((abs(k_g) + abs(k_b), text))
@@ -284,6 +298,7 @@ class _Causes:
 
     def text_of(self, group: OrderIndices) -> str:
         """Return the causes of a group of orders, the simplest ones of the drive first; empty without any."""
+        # the drive first, then the rig, then what remains unresolved
         causes = self._simplest_products(group)
         if self.gearing:
             causes += self._causes_of_rig(self.fit.orders[group], self.gearing.ratio)
@@ -293,6 +308,7 @@ class _Causes:
             causes.append(_LINE_CAUSE)
         if causes:
             return "; ".join(dict.fromkeys(causes))
+        # without a drive nothing is known of causes, so nothing is said
         return NO_CAUSE if self.has_drive else ""
 
     def _simplest_products(self, group: OrderIndices) -> list[str]:
@@ -303,6 +319,7 @@ class _Causes:
 
     def _causes_of_rig(self, orders: Array, ratio: float) -> list[str]:
         """Return the parts of the test rig that repeat as often as some orders."""
+        # in orders per output revolution
         reach = min(self.width * ratio, 0.5)
         causes = [text for per_output, text in _RIG_CAUSES.items() if (abs(orders * ratio - per_output) < reach).any()]
         if (abs(orders - 1) < _ORDER_ROUNDING).any():
@@ -326,6 +343,7 @@ def order_tables(
     """
     ratio = gearing.ratio if gearing else USUAL_RATIO
     is_part = fit.bins.span_on_output(ratio) < WHOLE_TURN * ratio
+    # a line this near to an order may be one of its sidebands that a part does not resolve
     sideband_reach = BEATS / ratio + LINE_WIDTH / fit.bins.span
     is_sideband = is_part & (distance(fit.lines, np.asarray(declared)) <= sideband_reach)
     causes = _Causes.of(fit, drive, gearing, fit.lines[is_sideband])
@@ -345,6 +363,7 @@ def order_tables(
 
 def _with_sidebands(fit: TraceFit, declared: Sequence[float], ratio: float) -> dict[float, OrderIndices]:
     """Return the places of each declared order and its sidebands in a fit, of those that have any."""
+    # a sideband belongs to the nearer order
     reach = np.minimum(BEATS / ratio, np.diff(declared).min(initial=1.0) / 2)  # half way to the next order
     indices = {}
     for order in declared:
@@ -386,6 +405,7 @@ def other_ratio(fit: TraceFit, declared: Sequence[float], ratio: float) -> float
 
     fit: with its lines; declared: orders per cam turn, rising; ratio: cam turns in an output turn of the drive.
     """
+    # of the resolution of the recording, 1/span
     tolerance = _SAME_BEAT / fit.bins.span
     step = 1 / ratio
     distances: dict[tuple[float, bool], float] = {}  # of the lines from their orders, by the order and the side
@@ -454,10 +474,13 @@ class _Sidebands:
 
     def margin_arcsec(self, amplitude_arcsec: float, beats: int) -> float:
         """Return how far the amplitude with some sidebands on each side may differ from that in the recording."""
+        # sidebands that count with the order; the order itself has number 0
         is_part = np.abs(self.numbers) <= beats
         mean = self.mean[is_part]
         covariance = self.covariance[is_part][:, is_part]
+        # root of the expected square of all sidebands together
         size = float(np.sqrt(mean @ mean + np.trace(covariance)))
+        # of a quadratic form in normal numbers
         variance_of_square = 2 * np.trace(covariance @ covariance) + 4 * mean @ covariance @ mean
         scatter = float(np.sqrt(variance_of_square)) / (2 * size)
         return float(_UNSEEN_FACTOR * self.student * np.hypot(size - amplitude_arcsec, scatter))
@@ -470,6 +493,7 @@ def _conditional(variances: Array, projection: Array, noise: Array) -> tuple[Arr
     projection: B, shape (m, n).
     noise: its covariance, shape (m, m).
     """
+    # lstsq in place of an inverse: without noise the matrix may be singular
     prior = projection * variances
     gain = np.linalg.lstsq(prior @ projection.T + noise, prior, rcond=None)[0].T
     return np.asarray(gain), np.diag(variances) - gain @ prior
@@ -490,6 +514,7 @@ def parse_stated(texts: Sequence[str]) -> dict[str, float]:
     Raises UsageError for any other text, an unknown source, or a source that is stated twice.
     """
     stated: dict[str, float] = {}
+    # the option may be repeated, or list several sources
     for text in ",".join(texts).split(",") if texts else ():
         name, _, number = text.partition("=")
         value = number_of(number)
@@ -513,14 +538,19 @@ def resolution_source(trace: MeasuredTrace, scatter: float) -> UncertaintySource
 
     scatter: standard deviation of single readings [arcsec].
     """
+    # standard deviation of an even distribution over a step
     rounding = trace.step_arcsec / sqrt(12)
+    # scatter over more than half a step evens its rounding out
     if trace.dithered or trace.step_arcsec / 2 < scatter:
         if trace.in_time and trace.cam_step_arcsec:
             by_input = 2 * trace.cam_step_arcsec / sqrt(12)
             return UncertaintySource("resolution", by_input, "counts of the input at even angles")
         return UncertaintySource("resolution", 0.0, "no step seen above the noise")
     if trace.in_time:
+        # at even angles rounding repeats from revolution to revolution, and both extremes may be off the
+        # opposite way
         return UncertaintySource("resolution", 2 * rounding, "step of the readings, at even angles")
+    # two extremes with independent rounding
     return UncertaintySource("resolution", sqrt(2) * rounding, "step of the readings")
 
 
@@ -528,6 +558,7 @@ def stated_sources(stated: Mapping[str, float]) -> tuple[UncertaintySource, ...]
     """Return the sources that a single recording cannot show, by their stated standard uncertainties [arcsec]."""
     sources = []
     for name, effect in STATED.items():
+        # an unstated source stands in the table too, so that nobody takes it for zero
         origin = "stated" if name in stated else f"not stated; {effect}"
         sources.append(UncertaintySource(name, stated.get(name), origin))
     return tuple(sources)
@@ -575,6 +606,7 @@ class Range:
     def interval(self) -> tuple[float, float]:
         """Return the range minus and plus its expanded uncertainty; the rise is added to the upper end."""
         reach = COVERAGE_FACTOR * self.uncertainty
+        # lines may add up in another cycle: only the upper end rises
         return max(0.0, self.value - reach), self.value + self.rise + reach
 
 
@@ -612,8 +644,10 @@ def visited_angles(fit: TraceFit) -> tuple[Array, int]:
     slow = fit.design.slow
     bins = fit.bins
     longest_gap = _BRIDGED_TURNS if slow.by_angle or slow.ridge else _BRIDGED_IN_CYCLE
+    # between readings that near no fitted order can hide an extreme
     followed_gap = GAP_PERIODS / float(fit.orders[~fit.is_line][-1])
     per_turn = _POINTS_PER_PERIOD * int(np.ceil(fit.orders[-1]))
+    # over some readings: all of a long recording would take seconds
     usual_spread = float(np.median(_spread(fit, bins.turns[:: max(1, len(bins) // _SPREAD_PLACES)])))
     visited = []
     for turns in bins.by_sweep(bins.turns):
@@ -622,8 +656,10 @@ def visited_angles(fit: TraceFit) -> tuple[Array, int]:
         bridged = np.flatnonzero(~is_determined & (gaps <= longest_gap))
         if len(bridged):
             middles = turns[bridged] + gaps[bridged] / 2
+            # a wider gap counts as visited if other revolutions determine the curve there
             is_determined[bridged] = _spread(fit, middles) <= _BRIDGED_SPREAD * usual_spread
         grid = np.arange(np.ceil(turns[0] * per_turn), np.floor(turns[-1] * per_turn) + 1)
+        # the gap that an angle lies in is that before the next reading
         next_reading = np.clip(np.searchsorted(turns, grid / per_turn), 1, len(turns) - 1)
         visited.append(grid[is_determined[next_reading - 1]])
     return np.unique(np.concatenate(visited)), per_turn
@@ -632,6 +668,7 @@ def visited_angles(fit: TraceFit) -> tuple[Array, int]:
 def _spread(fit: TraceFit, turns: Array) -> Array:
     """Return the standard deviation of a fitted curve by noise [arcsec] at angles [turns], shape (angles,)."""
     spreads = []
+    # in chunks, since the design of a long recording does not fit into memory
     for start in range(0, len(turns), DESIGN_CHUNK):
         errors = order_columns(turns[start : start + DESIGN_CHUNK], fit.orders) @ fit.factor
         spreads.append(np.linalg.norm(errors, axis=1))
@@ -646,6 +683,7 @@ def image_change(fit: TraceFit, turns: Array) -> float:
 
     turns: visited input angles [turns], shape (angles,).
     """
+    # at even angles an order and `rate` minus that order have the same readings
     rate, start, evenness = even_readings(fit.bins)
     images = rate - fit.orders
     declared = np.rint(fit.orders)
@@ -655,12 +693,15 @@ def image_change(fit: TraceFit, turns: Array) -> float:
         return 0.0
     turns = np.concatenate([turns, turns + 1 / (2 * _POINTS_PER_PERIOD * fit.orders[-1])])  # images are finer
     # a column for all hidden orders together, then one for each
+    # which orders are taken for their images: all of them, or those around one declared order
     is_replaced = np.column_stack(
         [is_hidden, *(is_hidden & (declared == order) for order in np.unique(declared[is_hidden]))]
     )
     amplitudes = fit.coefficients.reshape(2, -1).T @ [1, -1j]  # complex: a cos(p) + b sin(p) = Re((a - i b) exp(i p))
+    # mirrored at the first reading, where order and image agree in phase
     image_amplitudes = (amplitudes * np.exp(2j * np.pi * rate * start)).conj()[:, None] * is_replaced
     image_curves = curve_of(np.concatenate([image_amplitudes.real, -image_amplitudes.imag]), images, turns)
+    # orders that are not replaced keep their coefficients
     remaining = np.tile(~is_replaced, (2, 1)) * fit.coefficients[:, None]
     ranges = np.ptp(image_curves + curve_of(remaining, fit.orders, turns), axis=0)
     return float(np.abs(ranges - np.ptp(fit.curve(turns))).max())
@@ -711,9 +752,11 @@ def ranges_of(
     """
     curves = _bootstrap_curves(fit, rng, draws)
     extremes = _extremes_of(fit, turns, curves)
+    # of a whole cycle: what lines may add in another one
     lines = 0.0
     if whole:
         is_line = fit.is_line | fit.unresolved
+        # a line may have any phase: peak to peak twice its amplitude
         lines = 2 * sum(fit.wave(group).amplitude_arcsec for group in fit.groups if is_line[group[0]])
     return CurveRanges(
         visited=_range(extremes.range_in_all(), lines, others.visited),
@@ -729,7 +772,9 @@ def _bootstrap_curves(fit: TraceFit, rng: np.random.Generator, draws: int) -> Ar
     The curves are the fitted one, this one without lines, the fitted one shrunk by its share of noise, and the shrunk
     one with drawn noise.
     """
+    # parametric bootstrap: errors of the coefficients with their covariance
     noise = fit.factor @ rng.standard_normal((fit.factor.shape[1], draws))
+    # drawn around a curve without the power that noise adds, so that noise is counted once
     shrunk = fit.coefficients * np.tile(_kept_shares(fit), 2)
     is_line = np.tile(fit.is_line | fit.unresolved, 2)
     without_lines = np.where(is_line, 0.0, fit.coefficients)
@@ -743,8 +788,10 @@ def _slope_coefficients(orders: Array, curves: Array) -> Array:
     The columns are those that `_range` expects. Lines count in a slope, so the fitted curve takes the place of the
     curve without lines.
     """
+    # the columns that `_range` expects; the second one has no meaning without lines
     columns = [0, 0, *range(2, 3 + _SLOPE_DRAWS)]
     cosines, sines = curves[:, columns].reshape(2, len(orders), -1)
+    # derivative: cosines of the slope from sines of the curve, and the reverse
     return np.asarray((2 * np.pi * np.tile(orders, 2))[:, None] * np.concatenate([sines, -cosines]))
 
 
@@ -765,6 +812,7 @@ class _Extremes:
 
     def add_values(self, part: NDArray[np.int64], values: Array) -> None:
         """Add values [arcsec], shape (angles, curves), and the part of a revolution of each angle, rising."""
+        # rows of one part are neighbours, so reduceat takes them at once
         parts, first = np.unique(part, return_index=True)
         self.high[parts] = np.maximum(self.high[parts], np.maximum.reduceat(values, first))
         self.low[parts] = np.minimum(self.low[parts], np.minimum.reduceat(values, first))
@@ -785,6 +833,7 @@ class _Extremes:
     def range_in_revolution(self) -> Array:
         """Return the largest range of each curve within one input revolution [arcsec], shape (curves,)."""
         ranges = []
+        # a revolution may begin in any of _TURN_PARTS parts
         for first in range(len(self.high)):
             parts = slice(first, first + _TURN_PARTS)
             ranges.append(self.high[parts].max(axis=0) - self.low[parts].min(axis=0))
@@ -796,7 +845,9 @@ def _extremes_of(fit: TraceFit, turns: Array, curves: Array) -> _Extremes:
     slopes = _slope_coefficients(fit.orders, curves)
     is_slow = np.tile(fit.is_slow, 2)
     margin = _SLOPE_ENDS if fit.design.slow.ridge else 0.0
+    # polynomials bend at the ends of a travel, where no reading holds them
     is_inner = np.minimum(turns - turns[0], turns[-1] - turns) >= margin
+    # 1e-6: an angle at the edge of a part belongs to the later one in spite of rounding
     part = np.floor(turns * _TURN_PARTS + 1e-6).astype(np.int64)
     part -= part[0]
     extremes = _Extremes(parts=int(part[-1]) + 1, curves=curves.shape[1], slopes=slopes.shape[1])
@@ -805,6 +856,7 @@ def _extremes_of(fit: TraceFit, turns: Array, curves: Array) -> _Extremes:
         columns = order_columns(turns[rows], fit.orders)
         values = columns @ curves
         extremes.add_values(part[rows], values)
+        # orders of the cam alone: slow ones belong to the output revolution
         extremes.add_cam_values(values - columns[:, is_slow] @ curves[is_slow])
         inner_columns = columns if is_inner[rows].all() else columns[is_inner[rows]]
         extremes.add_slopes(inner_columns @ slopes)
@@ -815,6 +867,7 @@ def _kept_shares(fit: TraceFit) -> Array:
     """Return the share of each order that is no noise, shape (orders,); of a travel that with its sidebands."""
     noise = (fit.factor**2).sum(axis=1).reshape(2, -1).sum(axis=0)  # of each order, arcsec^2
     power = fit.amplitude**2
+    # unresolved orders have large coefficients that cancel: their joint curve is what counts
     if fit.design.slow.ridge:
         turns = fit.bins.turns[:: max(1, len(fit.bins) // _SPREAD_PLACES)]
         columns = order_columns(turns, fit.orders)
@@ -824,8 +877,10 @@ def _kept_shares(fit: TraceFit) -> Array:
             pair = np.tile(is_in, 2)
             power[is_in] = np.mean((columns[:, pair] @ fit.coefficients[pair]) ** 2)
             noise[is_in] = np.mean(((columns[:, pair] @ fit.factor[pair]) ** 2).sum(axis=1))
+    # orders that are nearly dependent cannot be shrunk one by one
     elif fit.design.condition > _CORRELATED:
         return np.ones(len(power))
+    # twice the noise, which leaves nothing of an order that is noise alone
     return np.asarray(np.maximum(0.0, 1 - _SHRINK * noise / np.maximum(power, 1e-300)))
 
 
@@ -839,6 +894,7 @@ def _range(extents: Array, lines: float, others: float) -> Range:
     drawn = extents[3:]
     return Range(
         fitted=fitted,
+        # noise widens a range; a negative difference is chance of the draws
         bias=max(0.0, float(drawn.mean()) - shrunk),
         spread=_SPREAD_FACTOR * float(drawn.std(ddof=1)),
         rise=max(0.0, without_lines + lines - fitted) if lines else 0.0,

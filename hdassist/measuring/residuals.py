@@ -84,8 +84,11 @@ def with_lines(fit: TraceFit) -> TraceFit:
     bins = fit.bins
     orders = fit.orders
     rate, _, evenness = even_readings(bins)
+    # beyond half the rate of even readings a line would be an image
     has_images = evenness > EVEN or fit.design.slow.by_angle
+    # averaging over bins dampens faster lines
     highest = min(_HIGHEST_LINE * float(orders[-1]), rate / 2 if has_images else np.inf)
+    # one line after the other, as each changes what the residuals show
     while len(fit.lines) < _MAX_LINES and len(bins) >= BINS_PER_COLUMN * (fit.design.columns + 2):
         peak = _highest_peak(fit, highest)
         if peak is None or peak.chance > _LINE_FALSE_ALARM or peak.amplitude < _SMALLEST_LINE * fit.amplitude.max():
@@ -94,6 +97,7 @@ def with_lines(fit: TraceFit) -> TraceFit:
             trial = _settled(fit, orders, peak.order)
         except UntrustedError:  # too near to a fitted order
             break
+        # a line that only explains the wind-up differently is none
         if "load" in fit.slopes and abs(trial.slopes["load"][0]) < _TORQUE_LINE * abs(fit.slopes["load"][0]):
             break  # it goes with the torque, whose noise makes the slope too small: the rest of its wind-up
         fit = trial
@@ -111,20 +115,25 @@ def _highest_peak(fit: TraceFit, highest: float) -> _Peak | None:
         return None
     probes, power = residual_power(bins, fit.residual, variance)
     resolution = 1 / bins.span
+    # probes lie closer than the resolution: how many independent places one stands for
     places_per_probe = bins.per_turn * bins.span / len(probes) / 2
     is_free = _is_free(fit, probes) & (probes <= highest)
+    # slower than a few periods a wave looks like drift
     if not (is_free & (probes >= _FEWEST_PERIODS * resolution)).any():
         return None
     free_probes = probes[is_free]
     free_power = power[is_free]
     index, log_chance = _least_likely(free_probes, free_power, free_power, resolution, places_per_probe)
+    # the first of two looks: against its neighbours as they are
     order = float(free_probes[index])
     # in a short recording side lobes of a line reach its neighbours: they are looked at without it as well
     power_without = _power_without(fit, order, variance)[is_free]
     is_peak = np.abs(free_probes - order) < LINE_WIDTH * resolution
     peak_power = np.where(is_peak, free_power, 0.0)
     _, log_chance_alone = _least_likely(free_probes, peak_power, power_without, resolution, places_per_probe)
+    # the second look, without the peak's own side lobes, may make it clearer
     chance_in_place = float(np.exp(min(log_chance, log_chance_alone)))
+    # from relative power back to arcsec
     square = free_power[index] * variance * float((bins.weight**2).sum())
     return _Peak(
         order=order,
@@ -162,11 +171,13 @@ def _least_likely(
     places_per_probe: number of resolved places of each probe.
     """
     count = len(probes)
+    # sums over windows as differences of a cumulative sum
     total = np.concatenate([[0.0], np.cumsum(neighbours)])
     reach = max(1, int(_NEIGHBOURHOOD / places_per_probe))
     index = np.arange(count)
     last_below = np.searchsorted(probes, probes - LINE_WIDTH * resolution)
     first_above = np.searchsorted(probes, probes + LINE_WIDTH * resolution)
+    # neighbours below and above, without the peak itself
     windows = (
         (np.maximum(index - reach, 0), last_below),
         (first_above, np.minimum(index + reach, count)),
@@ -176,8 +187,10 @@ def _least_likely(
         places = np.maximum(last - first, 0) * places_per_probe
         noise = (total[np.maximum(first, last)] - total[first]) * places_per_probe
         ratio = power / np.maximum(noise, 1e-300)
+        # exponential power over the mean of exponential neighbours: a ratio with this tail
         log_chances.append(np.where(places >= _FEWEST_NEIGHBOURS, -places * np.log1p(ratio), 0.0))
     # above the last probe there is no neighbour, and no more noise than below
+    # both sides have to agree: the larger chance counts
     log_chance = np.where(index + reach < count, np.max(log_chances, axis=0), log_chances[0])
     log_chance = np.where(probes >= _FEWEST_PERIODS * resolution, log_chance, np.inf)
     least = int(log_chance.argmin())
@@ -198,10 +211,12 @@ def _settled(fit: TraceFit, orders: Array, order: float) -> TraceFit:
     slow = fit.design.slow
     with suppress(UntrustedError):  # it came to where an order is
         trial = fit_orders(fit.bins, orders, slow, np.append(fit.lines, order))
+        # lines that trade amplitude with an order would run away from it
         fixed_lines = fit.lines[fit.unresolved[fit.is_line]]
         for _ in range(_ORDER_ITERATIONS):
             is_free = ~np.isin(trial.lines, fixed_lines)
             trial = fit_orders(fit.bins, orders, slow, trial.lines + is_free * _line_steps(trial))
+        # a line that moved onto an order has to be placed otherwise
         if trial.unresolved.sum() <= fit.unresolved.sum():
             return trial
     return fit_orders(fit.bins, orders, slow, np.append(fit.lines, _place_between(fit, order)))
@@ -217,6 +232,7 @@ def _line_steps(fit: TraceFit) -> Array:
     resolution = 1 / bins.span
     a, b = fit.coefficients.reshape(2, -1)[:, fit.is_line]
     phase = (2 * np.pi) * bins.turns[:, None] * fit.lines
+    # derivative of the wave by its order, about the middle of the recording
     derivative = (2 * np.pi) * (bins.turns - bins.turns.mean())[:, None] * (b * np.cos(phase) - a * np.sin(phase))
     return np.clip(fit.beside(derivative)[1], -resolution / 2, resolution / 2)
 
@@ -230,6 +246,7 @@ def _place_between(fit: TraceFit, order: float) -> float:
     bins = fit.bins
     orders = fit.orders
     resolution = 1 / bins.span
+    # between orders this close no place is resolved from both
     has_narrow_gap = np.diff(orders) < 2 * RESOLVED_GAP * resolution
     middles = (orders[1:] + orders[:-1])[has_narrow_gap] / 2
     places = np.concatenate([middles, orders - resolution / 2, orders + resolution / 2])
@@ -241,6 +258,7 @@ def _place_between(fit: TraceFit, order: float) -> float:
     reductions = []
     for place in places:
         column, coefficients = fit.beside(order_columns(bins.turns, place[None]))
+        # what the place takes off the sum of squares
         reductions.append(bins.weight @ (column @ coefficients) ** 2)
     return float(places[int(np.argmax(reductions))])
 
@@ -259,6 +277,7 @@ def _departures(trace: MeasuredTrace, bins: Bins, fitted: Array) -> list[Array]:
         strict=True,
     )
     for turns, error, bin_turns, curve in sweeps:
+        # the curve at the rows themselves, which are finer than the bins
         departures.append(error - np.interp(turns, bin_turns, curve))
     return departures
 
@@ -287,6 +306,7 @@ def with_step(trace: MeasuredTrace, fit: TraceFit) -> _TraceChange | None:
     if len(trace.breaks) == _MOST_BREAKS:
         return None
     fitted = fit.curve(fit.bins.turns)
+    # differences of means over half an input revolution to either side
     steps = _step_sizes(trace, _departures(trace, fit.bins, fitted))
     if steps is None:
         return None
@@ -294,6 +314,7 @@ def with_step(trace: MeasuredTrace, fit: TraceFit) -> _TraceChange | None:
     size = float(steps.size[index])
     row = int(steps.row[index])
     line = int(trace.line[row])
+    # clear of noise, and not small beside the curve
     is_small = abs(size) < max(_STEP_SIGMAS * steps.usual, _STEP_RANGE_SHARE * float(np.ptp(fitted)))
     if is_small or line in trace.breaks:
         return None
@@ -316,6 +337,7 @@ def _step_sizes(trace: MeasuredTrace, departures: Sequence[Array]) -> _StepSizes
     rows = []
     for sweep, departure in zip(trace.sweeps, departures, strict=True):
         span = float(np.ptp(trace.cam_deg[sweep.rows])) / 360
+        # rows in half an input revolution
         reach = int(_STEP_TURNS * len(sweep) / max(span, _STEP_TURNS))
         if reach < _FEWEST_BESIDE_STEP or len(sweep) < 4 * reach:
             continue
@@ -323,6 +345,7 @@ def _step_sizes(trace: MeasuredTrace, departures: Sequence[Array]) -> _StepSizes
         index = np.arange(reach, len(sweep) - reach)
         wide = _difference_of_means(total, index, reach)
         close = _difference_of_means(total, index, max(reach // 4, _FEWEST_BESIDE_STEP))
+        # a step has its full size close by too; a drift has a quarter of it there
         is_sharp = close / np.where(wide, wide, 1.0) > _SHARP
         sizes.append(np.where(is_sharp, wide, 0.0))
         rows.append(sweep.start + index)
@@ -345,9 +368,11 @@ def _fitted_step(trace: MeasuredTrace, fit: TraceFit, row: int) -> float | None:
     turns = trace.cam_deg[row] / 360
     number = next(number for number, sweep in enumerate(trace.sweeps) if sweep.start <= row < sweep.stop)
     direction = trace.sweeps[number].direction
+    # in the order of time, which in a falling sweep is against the angle
     is_behind = (bins.sweep == number) & ((bins.turns - turns) * direction >= 0)
     step_column, (step,) = fit.beside(is_behind.astype(float)[:, None])
     drift_column, (drift,) = fit.beside((bins.travel / fit.design.reach)[:, None])
+    # reduction of the sum of squares by either explanation
     by_step = step**2 * (bins.weight @ step_column**2)[0]
     by_drift = drift**2 * (bins.weight @ drift_column**2)[0]
     return None if by_step < by_drift else float(step)
@@ -359,6 +384,7 @@ def without_spikes(trace: MeasuredTrace, fit: TraceFit) -> _TraceChange | None:
     Raises UntrustedError for spikes of a trace that is not to be read without them, or for too many to omit.
     """
     fitted = fit.bins.error - fit.residual
+    # rows, not bins: a bin would hide a single bad row
     departures = _departures(trace, fit.bins, fitted)
     size = np.abs(np.concatenate(departures))
     is_spike = _is_short_spike(departures, size, float(np.ptp(fitted)))
@@ -373,6 +399,7 @@ def without_spikes(trace: MeasuredTrace, fit: TraceFit) -> _TraceChange | None:
     if len(spikes) > _MAX_SPIKE_SHARE * len(trace.rows):
         hint = "check the encoders' cables and counters"
         raise UntrustedError(f"{trace.file}: {message}: too many to leave out", hint, Fault.ORDERS_UNTOLD)
+    # at the end of a sweep play explains a departure; within one nothing does
     is_within = _rows_to_end(departures)[spikes] >= _LONGEST_SPIKE
     if not trace.robust and is_within.any():  # a shaft that turns back has play and a lag
         hint = "check the encoders' cables and counters, or leave out these rows: --robust"

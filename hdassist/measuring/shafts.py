@@ -87,6 +87,7 @@ def parse_shafts(text: str | None) -> tuple[Shaft, ...]:
     shafts = list[Shaft]()
     for part in text.split(",") if text is not None else ():
         name, _, stated = part.strip().partition("=")
+        # a period with a unit of time, or a number of revolutions per revolution
         match = re.fullmatch(r"\s*([^\s/a-zA-Z]+)\s*(?:/\s*(input|output)|([a-z]+))\s*", stated)
         amount = number_of(match[1]) if match else 0.0
         unit = match[3] if match else None
@@ -94,6 +95,7 @@ def parse_shafts(text: str | None) -> tuple[Shaft, ...]:
             raise UsageError(f"invalid --shafts {part}: expected NAME=PERIOD or NAME=N/input", _SHAFT_HINT)
         if any(shaft.name == name for shaft in shafts):
             raise UsageError(f"invalid --shafts {text}: {name} is stated twice", "state each shaft once")
+        # a period becomes an order only with the speed of the recording
         if unit:
             shafts.append(Shaft(name, stated.strip(), period_s=amount * TIMES[unit]))
         else:

@@ -76,6 +76,7 @@ class Reversal:
 
 def speed_changes(bins: Bins) -> bool:
     """Return whether the speed within the sweeps changes by enough to determine a lag."""
+    # within sweeps, since between them the levels tell
     departures = [speed - np.median(speed) for speed in bins.by_sweep(bins.speed)]
     low, high = np.quantile(np.concatenate(departures), (0.05, 0.95))  # a turning point alone determines no lag
     return float(high - low) / 2 > _LEAST_SPEED_CHANGE * float(np.abs(bins.speed).mean())
@@ -93,16 +94,19 @@ def reversal_and_lag(
     ratio: input revolutions per output revolution, None if it is unknown.
     """
     is_timed = trace.time_s is not None
+    # a lag shifts the two directions apart by twice the lag times the speed
     levels = _levels_over_speed(fits) if is_timed and len(fits) == 2 else None
     slopes = [fit.slopes["speed"] for fit in fits if "speed" in fit.slopes]
     if levels:
         slopes.append(levels.over_speed)
     lag = None
+    # the slope is of the output's error over the input speed: the ratio turns it into time
     if ratio and slopes:
         lag = _mean_lag(slopes, 1e3 * ratio * (trace.sense or 1) / TURN_ARCSEC)
     reversal = None
     if len(fits) == 2 and len(shared):
         reversal = _reversal(fits, shared, drift_arcsec, levels)
+        # lost motion and lag cannot be separated then, so the page states their exchange rate
         if reversal.by == "one speed":
             per_ms = _lost_per_ms(fits, ratio) if ratio and is_timed else None
             reversal = replace(reversal, arcsec_per_ms=per_ms)
@@ -123,10 +127,12 @@ def _reversal(
 
     The arguments are those of `reversal_and_lag`; levels: of the sweeps, None if they do not determine the lost motion.
     """
+    # levels are part of what is lost at the reversal
     growing, falling = (fit.curve(shared) + fit.level.mean() for fit in fits)
     difference = growing - falling
     mean = float(difference.mean())
     lost_motion = abs(mean)
+    # drift between the directions looks like lost motion
     uncertainty = hypot(drift_arcsec, *(sqrt(float(fit.level_covariance.mean())) for fit in fits))
     by = "one speed"
     if levels:
@@ -157,6 +163,7 @@ def without_lag(trace: MeasuredTrace, lag_s: float) -> MeasuredTrace:
     cam_deg = trace.cam_deg.copy()
     time_s = np.asarray(trace.time_s)
     for sweep in trace.sweeps:
+        # averaged below: single differences are mostly noise
         speed = np.gradient(trace.cam_deg[sweep.rows], time_s[sweep.rows])
         window = np.ones(min(_SPEED_ROWS, len(speed)))
         rows_in_window = np.convolve(np.ones(len(speed)), window, mode="same")  # fewer at the ends of a sweep
@@ -183,15 +190,18 @@ def _levels_over_speed(fits: Sequence[TraceFit]) -> _LevelsOverSpeed | None:
     The result is None if the sweeps of both directions do not determine the parts, or if slopes over the speed are
     fitted within the sweeps.
     """
+    # a lag within the sweeps, or steps between levels, are already explained
     if any("speed" in fit.slopes or fit.bins.levels != fit.bins.sweeps for fit in fits):
         return None
     level = np.concatenate([fit.level for fit in fits])
     speed = np.array([speeds.mean() for fit in fits for speeds in fit.bins.by_sweep(fit.bins.speed)])
+    # three unknowns need three levels and two speeds
     if len(level) < 3 or not np.ptp(np.abs(speed)) > _LEAST_SPEED_APART * np.abs(speed).max():
         return None
     from scipy.linalg import block_diag  # 20 ms, which values in holes do without
 
     precision = np.linalg.pinv(block_diag(*[fit.level_covariance for fit in fits]))
+    # half of the lost motion to either side of the mean
     columns = np.column_stack([np.ones(len(level)), np.sign(speed) / 2, speed])
     solution, spread = _weighted_fit(columns, level, precision)
     return _LevelsOverSpeed(
@@ -213,6 +223,7 @@ def _weighted_fit(columns: Array, values: Array, precision: Array) -> tuple[Arra
     solution = covariance @ columns.T @ precision @ values
     residual = values - columns @ solution
     freedom = len(values) - columns.shape[1]
+    # Birge: levels that scatter by more than their noise widen the uncertainties
     widening = max(1.0, float(residual @ precision @ residual) / max(freedom, 1))
     return solution, np.sqrt(np.diag(covariance) * widening)
 
@@ -235,6 +246,7 @@ class RecordedTorque:
 
     def is_change(self, torques: Sequence[Array]) -> bool:
         """Return whether it changes within some of its rows by enough to matter; torques of the rows [N*m]."""
+        # in shares of the largest torque of the recording
         smallest = max(_LEAST_CHANGE * abs(self.least_Nm), _LEAST_CHANGE * abs(self.greatest_Nm))
         largest_change = float(max(map(np.ptp, torques)))
         is_large = largest_change > max(smallest, _LOAD_APART * (self.greatest_Nm - self.least_Nm))
@@ -247,6 +259,7 @@ class RecordedTorque:
         wound: with that slope.
         torques: of the rows [N*m].
         """
+        # by the fit with the wind-up still in the errors
         slope, uncertainty = wound.slopes["load"]
         if abs(slope) <= _SLOPE_CLEAR * uncertainty:
             return None
@@ -256,6 +269,7 @@ class RecordedTorque:
         uncertainty = hypot(uncertainty, slope * noise_variance / load_variance)
         size = max(abs(slope), 1e-300)
         span = self.greatest_Nm - self.least_Nm
+        # N*m over arcsec becomes N*m/rad
         stiffness = _ARCSEC_PER_RAD / size
         return replace(
             self,
@@ -275,9 +289,11 @@ class RecordedTorque:
             return None
         size = np.abs(trace.load)
         T_1, T_2 = catalogue_torques(drive)
+        # the catalogue's curve: three straight parts
         knees = np.array([0.0, T_1, T_2, T_2 + float(size.max())])
         twist = np.cumsum([0.0, *(np.diff(knees) / np.array(stiffness, float))]) * _ARCSEC_PER_RAD
         load = np.sign(trace.load) * np.interp(size, knees, twist)
+        # the sense in which a rig counts torque is not stated in its file
         correlation = float(np.corrcoef(load, trace.error_arcsec)[0, 1])
         sense = -1.0 if correlation < -_CLEAR_SENSE else 1.0
         span = float(np.ptp(load))
@@ -287,6 +303,7 @@ class RecordedTorque:
 
 def _noise_of(torque: Array) -> float:
     """Return the standard deviation of the noise of torque readings [N*m], by the differences of successive ones."""
+    # slow changes drop out of differences
     return float(np.std(np.diff(torque))) / sqrt(2)
 
 
@@ -335,13 +352,16 @@ def _torque_coverage(trace: MeasuredTrace, loads: Sequence[Array], M_g: float, r
     loads: torque of the readings of each sweep [N*m]; rated: torque of the drive [N*m].
     """
     tolerance = max(_SAME_TORQUE * abs(M_g), _SAME_OF_RATED * rated)
+    # 5 and 95 %: single readings beyond do not make a torque recorded
     low, high = np.array([np.quantile(load, (0.05, 0.95)) for load in loads]).T
     direction = np.array([sweep.direction for sweep in trace.sweeps])
     is_at = np.zeros(len(loads), dtype=bool)
     is_around = np.zeros(len(loads), dtype=bool)
+    # each direction needs the torque by itself
     for is_way in (direction > 0, direction < 0):
         smallest = np.min(low, where=is_way, initial=np.inf)
         largest = np.max(high, where=is_way, initial=-np.inf)
+        # some rigs count the torque against the motion, which changes its sign with the direction
         for torque in (M_g, -M_g):
             has_torque = is_way & np.array([_has_torque(load, torque, tolerance) for load in loads])
             if has_torque.any() or smallest <= torque <= largest:
@@ -361,6 +381,7 @@ def _has_torque(load: Array, torque: float, room: float) -> bool:
         return False
     if float(np.abs(load - torque).min()) <= room:
         return True
+    # between these two readings the torque was not held
     gap = float(load[load > torque].min() - load[load < torque].max())
     return gap <= _WIDEST_LOAD_GAP * float(high - low)
 
@@ -382,6 +403,7 @@ def _torque_text(load: Array) -> str:
 
 def tells_compliance(fit: TraceFit) -> bool:
     """Return whether the load of a fit's bins has a part that follows neither its orders nor its slow terms."""
+    # a torque that follows the output angle, such as a weight, looks like orders
     load = fit.bins.load
     _, remainder = fit.design.fitted(load)
     return float(np.std(remainder)) > _LOAD_APART * float(np.std(load))

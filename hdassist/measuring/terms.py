@@ -66,12 +66,14 @@ class Bins:
     @cached_property
     def torques(self) -> tuple[float, float, float]:
         """Least, mean and greatest load, without the noise of its readings: 5 and 95 % lie below."""
+        # the extremes themselves are noise
         low, high = np.quantile(self.load, (0.05, 0.95)).tolist()
         return low, float(np.average(self.load, weights=self.rows)), high
 
     def away(self, load: Array | float) -> Array | float:
         """Return how far loads are from the mean, 1 or -1 at the farther of the least and the greatest."""
         low, mean, high = self.torques
+        # 1e-300 avoids 0/0 at a constant torque
         return (load - mean) / max(mean - low, high - mean, 1e-300)
 
     @property
@@ -87,11 +89,14 @@ class Bins:
 
         ratio: turns of the cam in an output revolution.
         """
+        # one sweep that covers the revolution needs no joining
         if self.span >= ratio or not 1 < self.sweeps <= _MOST_JOINED:
             return self.span
+        # of the output revolution
         cells = round(ratio * _JOINED_CELLS)
         is_covered = np.zeros(cells, dtype=bool)
         for turns in self.by_sweep(self.turns):
+            # only whole cells count
             first = np.ceil(turns.min() * _JOINED_CELLS)
             last = np.floor(turns.max() * _JOINED_CELLS)
             is_covered[np.arange(first, last).astype(np.int64) % cells] = True
@@ -136,6 +141,7 @@ def bins_of(trace: MeasuredTrace, highest: float) -> Bins:
         levels.append(sweep.level + first_level)
         first_level = int(levels[-1].max()) + 1
     rows = np.concatenate([sweep.rows for sweep in sweeps])
+    # a bin in which the shaft stood still has many rows with one error
     weight = np.minimum(rows, _HEAVIEST * np.median(rows))
     return Bins(
         turns=np.concatenate([sweep.turns for sweep in sweeps]),
@@ -157,6 +163,7 @@ def _bins_of_sweep(trace: MeasuredTrace, rows: slice, travel: Array, per_turn: f
     travel: of all rows [turns], shape (rows,); per_turn: bins in an input revolution.
     """
     turns = trace.cam_deg[rows] / 360
+    # levels are numbered by the steps of the error before them
     steps_before = np.searchsorted(trace.breaks, trace.line[rows], side="right")
     _, level = np.unique(steps_before, return_inverse=True)  # from 0
     # levels part a bin: each has a place of its own behind that of the level before
@@ -183,6 +190,7 @@ def order_columns(turns: Array, orders: Array) -> Array:
 
     The wave of an order n + k/ratio is the product of those of n and of k/ratio, of which there are few.
     """
+    # sidebands of different orders share their fractions: few exponentials make all columns
     whole_orders, part_orders = np.divmod(orders, 1)
     part_orders = part_orders.round(12)
     waves = {order: np.exp(2j * np.pi * order * turns) for order in {*whole_orders.tolist(), *part_orders.tolist()}}
@@ -200,6 +208,7 @@ def curve_of(coefficients: Array, orders: Array, turns: Array) -> Array:
 
     coefficients: of cosines and sines of the orders [arcsec], shape (2 orders, ...).
     """
+    # columns of all angles at once would take gigabytes
     chunks = [turns[start : start + DESIGN_CHUNK] for start in range(0, len(turns), DESIGN_CHUNK)]
     return np.concatenate([order_columns(chunk, orders) @ coefficients for chunk in chunks])
 
@@ -245,6 +254,7 @@ class TraceDesign:
         self.bins = bins
         self.orders = orders
         self.slow = slow
+        # powers of the travel from 0 to 1 keep the equations well conditioned
         self.reach = max(float(bins.travel.max()), 1e-12)
         self.columns = 2 * len(orders) * (1 + slow.order_changes) + bins.levels + slow.degree + len(slow.over)
         if len(bins) < BINS_PER_COLUMN * self.columns:
@@ -256,6 +266,7 @@ class TraceDesign:
         self.gram = self._normal_equations()
         scale = 1 / np.sqrt(np.diag(self.gram))  # to a unit diagonal, so that the condition is that of the angles
         values, vectors = np.linalg.eigh(self.gram * scale * scale[:, None])
+        # unresolved directions are held, resolved ones change by a share of 1e-7
         values += slow.ridge
         self.condition = float(values[-1] / values[0]) if values[0] > 0 else float("inf")
         if self.condition > _WORST_CONDITION:
@@ -287,10 +298,12 @@ class TraceDesign:
 
     def _slow(self, turns: Array, travel: Array) -> Array:
         """Return the drift, or polynomials of the angle, at angles and travels [turns], shape (angles, degree)."""
+        # over travel a drift goes on while the shaft turns back; over the angle it repeats
         if not self.slow.by_angle:
             return (travel[:, None] / self.reach) ** np.arange(1, self.slow.degree + 1)
         least = self.bins.turns.min()
         greatest = self.bins.turns.max()
+        # orthogonal on the interval; the constant is left to the levels
         return legvander((2 * turns - least - greatest) / (greatest - least), self.slow.degree)[:, 1:]
 
     def fitted(self, curves: Array) -> tuple[Array, Array]:
@@ -300,6 +313,7 @@ class TraceDesign:
 
     def project(self, curves: Callable[[slice], Array]) -> Array:
         """Return the unknowns that fit curves best, shape (columns, ...), from their values at a slice of the bins."""
+        # part by part, as the whole design need not fit into memory
         moments = [(self._rows(rows.start) * self.bins.weight[rows, None]).T @ curves(rows) for rows in self._parts]
         return self.root @ (self.root.T @ sum(moments))
 
