@@ -90,6 +90,7 @@ class CalibrationTarget:
 
     def deviation(self, predicted: float, inside: float = 0.0) -> float:
         """Return the deviation of a predicted quantity in tolerances; 0 in a range made narrower by so many of them."""
+        # a range narrower than both margins keeps its middle
         margin = min(inside * self.tolerance, (self.high - self.low) / 2)
         nearest = min(max(predicted, self.low + margin), self.high - margin)
         return (predicted - (nearest if self.value is None else self.value)) / self.tolerance
@@ -141,6 +142,7 @@ def read_targets(text: bytes, file: str, drive: Drive) -> Targets:
     Raises PresetError with every finding.
     """
     document = read_yaml(text, file)
+    # faults of YAML first: values below them cannot be trusted
     if document.findings:
         raise PresetError(ordered_findings(document.findings))
     data = {"name": ""} | _numbers(
@@ -151,6 +153,7 @@ def read_targets(text: bytes, file: str, drive: Drive) -> Targets:
     for key, (kind, example) in _PARTS.items():
         if not (isinstance(data.get(key), kind) and data[key]):
             document.add((key,), "needs at least one entry", f"for example {example}")
+            # an empty part, so that further faults are found in the same run
             data[key] = kind()
     unknowns = [unknown for key, value in data["unknowns"].items() for unknown in _unknown(document, key, value, drive)]
     targets = [target for number, item in enumerate(data["targets"]) for target in _target(document, number, item)]
@@ -178,6 +181,7 @@ def _numbers(
     for key, value in table.items():
         key_path = (*path, key)
         unit = units.get(key)
+        # read by the caller
         if unit in (_TEXT, None):
             values[key] = value
         elif key_path not in document.bad:
@@ -204,6 +208,7 @@ def _unknown(document: Document, key: str, value: Any, drive: Drive) -> Iterator
             key=True,
         )
         return
+    # bounds that the preset states need not be repeated
     plausible = dict(zip(("low", "high"), source.range, strict=True)) if source and source.range else {}
     units = dict.fromkeys(("low", "high"), measures()[key].unit)
     bounds = plausible | _numbers(
@@ -217,6 +222,7 @@ def _unknown(document: Document, key: str, value: Any, drive: Drive) -> Iterator
         document.add(
             path, f"low must be below high, both within {measures()[key].range_words()}", got=f"{low:g}, {high:g}"
         )
+    # as for priors: a wide positive range in its logarithm
     scale: Literal["logarithmic", "even"] = "logarithmic" if low > 0 and high / low > LOGARITHMIC else "even"
     yield FieldPrior(
         path=key,
@@ -255,9 +261,11 @@ def _target(document: Document, number: int, item: Any) -> Iterator[CalibrationT
     if (value is None) != has_range or not low < high:
         document.add(path, "needs either a value with its tolerance, or low, high or both, low below high", got="")
         return
+    # a share of tolerance is taken of the larger end
     ends = (low, high) if value is None else (value, value)
     unit, _, _ = _TARGET_KINDS[quantity]
     tolerance = _tolerance(numbers.get("tolerance", _RANGE_TOLERANCE if value is None else None), unit, ends)
+    # NaN and 0 are refused by one comparison
     if not 0 < tolerance < inf:
         document.add((*path, "tolerance"), "must be above 0: a number, or a share, for example 5 %")
         return
@@ -281,6 +289,7 @@ def _target_numbers(document: Document, path: Path, item: Any, quantity: str) ->
     faults = len(document.findings)
     numbers = _numbers(document, path, item, units | dict.fromkeys(("value", "low", "high"), unit), needs)
     for key in ("M_g", "T_1", "T_2"):
+        # play leaves the rotation open without torque
         if numbers.get(key) == 0:
             document.add((*path, key), "the rotation is undetermined at a torque of 0")
     return numbers if len(document.findings) == faults else None
@@ -316,6 +325,7 @@ class PhaseScan:
 
 def predictions(drive: Drive, targets: Sequence[CalibrationTarget]) -> tuple[float, ...]:
     """Return the quantity of each target in its unit. Raises UntrustedError where one cannot be trusted."""
+    # several targets may ask for the same torque
     scan = cache(partial(phase_scan, drive))
     torques = sorted({target.asked["M_g"] for target in targets if target.quantity == "self_error"})
     self_errors = dict(zip(torques, self_error(drive, torques) if torques else (), strict=True))
@@ -331,6 +341,7 @@ def predictions(drive: Drive, targets: Sequence[CalibrationTarget]) -> tuple[flo
             return scan(M_g).greatest if quantity == "F_ior_max" else scan(M_g).least
         if quantity == "self_error":
             return self_errors[M_g].range_arcsec
+        # between stated torques instead of 4 % of the rated one
         if M_g:  # lost motion
             return Twist(drive).between(-M_g, M_g)
         curve = chords(T_1=arguments.get("T_1"), T_2=arguments.get("T_2"))
@@ -341,6 +352,7 @@ def predictions(drive: Drive, targets: Sequence[CalibrationTarget]) -> tuple[flo
 
 def F_ior_at_phases(error_map: ErrorMap, phases: Iterable[float]) -> Array:
     """Return F'_ior [arcsec] of a map's drive at mounting phases [deg], shape (phases,)."""
+    # phases count from the drive's own, as turns of the wheel do
     own_phase_deg = phase_deg(error_map.drive)
     return many_extremes(
         error_map, Batch.turned(error_map.drive, [phase - own_phase_deg for phase in phases])
@@ -355,6 +367,7 @@ def phase_scan(drive: Drive, M_g: float) -> PhaseScan:
 
     def least(sign: int) -> tuple[float, float]:
         """Return the least sign * F'_ior [arcsec] and its phase [deg]."""
+        # F'_ior over the phase has few extremes, so the coarse best is near the true one
         middle = phases[(sign * F_ior).argmin()]
         extreme = minimize_scalar(
             lambda phase: sign * F_ior_at_phases(error_map, [phase])[0],
@@ -444,10 +457,12 @@ def calibrate(
     first, *other_runs = _least_squares_runs(drive, search, points=points, starts=starts, iterations=iterations)
     fits = _distinct_fits(search, first, other_runs)
     # half the bounds' width is the half-width of a value that no target determines
+    # equation (12)
     covariance = np.linalg.inv(first.jac.T @ first.jac + 4 * np.eye(len(unknowns)))
     deviation = np.sqrt(np.diag(covariance))
     values = _fitted_values(drive, unknowns, fits[0], first, deviation)
     shortfall = _shortfall(targets, fits[0], values)
+    # stopped by the number of evaluations, away from its targets
     if first.status <= 0 and np.abs(first.fun).max() > 1:
         reason = shortfall or "the best set of values nevertheless meets the targets"
         raise UntrustedError(f"the fit did not converge: {reason}", "increase --evaluations", Fault.FIT_UNSETTLED)
@@ -480,14 +495,17 @@ def _least_squares_runs(
     """
     unknowns = search.targets.unknowns
     sobol = sobol_points(points, len(unknowns), search.run.seed)
+    # the preset's own values are one of the starts
     sobol[0] = _places_of(unknowns, {unknown.path: drive.number(unknown.path) for unknown in unknowns})
     costs = (search.residuals(sobol) ** 2).sum(axis=1)
+    # points without a result are no starts
     order = [k for k in np.argsort(costs, kind="stable") if costs[k] < _IMPOSSIBLE**2]
     if not order:
         message = (
             f"no drive within the bounds could be computed; at the preset's values: {search.fits(sobol[:1])[0].fault}"
         )
         raise UntrustedError(message, "check the bounds and the preset", Fault.FIT_UNSETTLED)
+    # starts far apart: other sets of values may meet the targets too
     runs = [search.settled(sobol[order[k]], iterations) for k in _distant(sobol[order])[:starts]]
     return sorted(runs, key=lambda fit: fit.cost)
 
@@ -509,6 +527,7 @@ def _fitted_values(
         unknowns, fit.values, first.x, deviation, first.active_mask, strict=True
     ):
         held_at = None
+        # least squares ended at a bound
         if active_bound:
             held_at = unknown.low if active_bound < 0 else unknown.high
         values.append(
@@ -544,6 +563,7 @@ class _Search:
 
     def fits(self, points: Iterable[Array]) -> list[Fit]:
         """Return the sets of values at points, shape (unknowns,) each, and their predictions."""
+        # rounded before they are computed: the printed values have exactly these results
         sets = [_rounded_values(self.targets.unknowns, point) for point in points]
         fresh = [values for values in dict.fromkeys(sets) if values not in self.known]
         self.known |= zip(fresh, self.run.map(partial(_fit, self.drive, self.targets), fresh), strict=True)
@@ -553,12 +573,14 @@ class _Search:
     def residuals(self, points: Iterable[Array]) -> Array:
         """Return the deviations of fits [tolerances], shape (points, targets)."""
         deviations = [self.targets.deviations(fit.predictions, _INSIDE) for fit in self.fits(points)]
+        # a drive that cannot be computed is a wall, not an end of the search
         return np.asarray(np.nan_to_num(deviations, nan=_IMPOSSIBLE))
 
     def settled(self, point: Array, iterations: int) -> OptimizeResult:
         """Least squares (11) from a point, shape (unknowns,); status above 0 where it came to rest."""
         return least_squares(
             lambda p: self.residuals([p])[0],
+            # from a bound least squares could not move
             np.clip(point, _DIFFERENCE_STEP, 1 - _DIFFERENCE_STEP),
             jac=self._jacobian,
             bounds=(0.0, 1.0),
@@ -570,6 +592,7 @@ class _Search:
 
     def _jacobian(self, point: Array) -> Array:
         """Change of the residuals over the cube, shape (residuals, unknowns), by differences towards its middle."""
+        # inwards, so that no difference leaves the cube
         steps = np.where(point < 0.5, _DIFFERENCE_STEP, -_DIFFERENCE_STEP)
         center, *ends = self.residuals([point, *(point + np.diag(steps))])
         return np.stack([(end - center) / step for end, step in zip(ends, steps, strict=True)], axis=1)
@@ -601,6 +624,7 @@ def _fit(drive: Drive, targets: Targets, values: tuple[float, ...]) -> Fit:
         if (conflict := first_conflict(fitted_drive)) is not None:
             raise DataError(f"{conflict.path}: {conflict.message}", conflict.hint)
         return Fit(values, predictions(fitted_drive, targets.targets))
+    # kept with its reason, which is shown if no set can be computed
     except HdassistError as error:
         return Fit(values, tuple(np.nan for _ in targets.targets), error.message)
 

@@ -83,6 +83,7 @@ class ReadingPlan:
         A line that comes f times an output turn goes on by f times the step from reading to reading, of which whole
         turns do not show: of N readings over k turns it looks like f k mod N, or N less that.
         """
+        # readings show a line modulo whole periods from one to the next
         phase = per_output_turn * self.step_turns
         return np.asarray(np.round(np.abs(phase - np.rint(phase)) * self.readings, 6))
 
@@ -146,9 +147,11 @@ class DrivesUnderTest:
         """F'_ior of each drive, shape (drives, 1); of the travel from each start, shape (drives, starts)."""
         if self.travel is None:
             return np.asarray(np.ptp(self.curves, axis=1, keepdims=True))
+        # extremes of half input revolutions, so that a travel is a few of them
         halves = self.curves.reshape(len(self.curves), -1, POINTS_A_TURN // 2)
         count = halves.shape[1]
         reach = np.arange(min(count, int(self.travel / self.cycle_output * count) + 2))
+        # the travel from each start, rounded outwards
         places = np.floor(self.starts[..., None] * count + reach).astype(np.int64) % count
         high, low = (np.take_along_axis(extreme[:, None], places, axis=2) for extreme in (halves.max(2), halves.min(2)))
         return np.asarray(high.max(axis=2) - low.min(axis=2))
@@ -161,6 +164,7 @@ class DrivesUnderTest:
 
     def probability(self, outcome: NDArray[np.bool_]) -> Probability:
         """Return the probability of an outcome, shape (drives, starts), with its Monte Carlo interval."""
+        # starts of one drive are not independent: drives are the samples
         interval = probability_of(outcome.mean(axis=1), self.weights)
         return interval if len(outcome) > 1 else Probability(interval.value, interval.value, interval.value)
 
@@ -169,14 +173,17 @@ class DrivesUnderTest:
         """Probability that a drive is beyond the limit; None without one."""
         if self.stated_beyond is not None:
             return self.stated_beyond
+        # without a limit nothing can be beyond it
         return None if self.left_arcsec is None else self.probability(self.F_ior_arcsec > self.left_arcsec)
 
     def seen_shares(self, plan: ReadingPlan, starts: Array) -> Array:
         """Return the share of F'_ior that a plan sees from starts, shares of the cycle, shape (drives, starts)."""
+        # as shares of the cycle
         steps = np.arange(plan.readings) * plan.step_turns / self.cycle_output
         points = self.curves.shape[1]
         places_of_starts = (np.rint((start[:, None] + steps) * points).astype(np.int64) % points for start in starts)
         ranges = [np.ptp(curve[places], axis=1) for curve, places in zip(self.curves, places_of_starts, strict=True)]
+        # a drive without error shows all of it
         return np.asarray((np.array(ranges) + _LEAST_ARCSEC) / (self.F_ior_arcsec + _LEAST_ARCSEC))
 
     def judge(self, plan: ReadingPlan) -> _PlanJudgement:
@@ -184,8 +191,10 @@ class DrivesUnderTest:
         demands = self.demands
         shares = self.seen_shares(plan, self.starts)
         rng = np.random.default_rng(self.seed)
+        # numbers of the noise are not those of the starts
         rng.random(self.starts.shape)  # which the starts are
         share_percentiles = self.percentiles(shares)
+        # from both sides the larger range counts, and the larger noise with it
         noise = demands.noise_arcsec * rng.standard_normal((1 + plan.both, *shares.shape)).max(axis=0)
         sees_all = plan.sees_all(self.travel or self.cycle_output)
         if self.left_arcsec is None:
@@ -197,6 +206,7 @@ class DrivesUnderTest:
                 false_fail=None,
                 verdict=self._verdict(missed.low, missed.high),
             )
+        # corrected by the median share, if that is wanted
         read = (shares * self.F_ior_arcsec + noise) / (share_percentiles[1] if demands.corrected else 1)
         passed = read <= self.left_arcsec
         good = self.F_ior_arcsec <= self.left_arcsec
@@ -225,8 +235,10 @@ class DrivesUnderTest:
         planned = PlannedTest(judged=judged, run=run, ratio=ratio, uncertainty_arcsec=self.demands.noise_arcsec)
         if self.left_arcsec is None or limit is None:
             return planned
+        # the self error: every reading contains it
         margin_arcsec = limit - self.left_arcsec
         least = judged.seen[0]
+        # a test captures at least this share of 95 % of drives
         passes = max(limit * least - guard, 0.0)
         fails = limit + guard
         rng = np.random.default_rng([self.seed, 1])
@@ -265,6 +277,7 @@ class EncoderData:
 
     def uncertainty_arcsec(self, ratio: float) -> float:
         """Return standard uncertainty of the difference of two readings, whose errors are even within their limits."""
+        # full widths of even distributions, whose variance is width^2/12
         widths = self.step_arcsec, 2 * self.graduation_arcsec, self.cam_step_deg * 3600 / ratio
         return sqrt(2 / 12) * hypot(*widths)
 
@@ -319,6 +332,7 @@ class PlannedTest:
         """Duration [min] of the move to the first reading of all, to that of each later pass, and to any other."""
         plan = self.judged.plan
         run = self.run
+        # input revolutions over revolutions per minute
         lead = run.lead_turns / run.cam_rpm
         between_min = plan.step_turns * self.ratio / run.cam_rpm
         # a pass one way begins where the last began
@@ -330,10 +344,12 @@ class PlannedTest:
         plan = self.judged.plan
         run = self.run
         forth = 360 * plan.step_turns * np.arange(plan.readings)
+        # from below, and if planned from above in falling order
         ways = 1 + plan.both
         target = np.tile(np.concatenate([forth, forth[::-1]][:ways]), run.repeats)
         side = np.tile(np.repeat([1, -1][:ways], plan.readings), run.repeats)
         first, turn_back, between_min = self._moves_min
+        # the first move of each pass takes up the play
         moves = np.where(np.arange(len(target)) % plan.readings == 0, turn_back, between_min)
         moves[0] = first
         return run.warm_up_min + np.cumsum(moves + run.dwell_s / 60), target, side
@@ -456,10 +472,12 @@ def choose_plan(
 
     Raises UsageError for rolling balls, UntrustedError as `check` does.
     """
+    # lines need an error that is a function of the wheels' angles
     if not searchable(drive):
         raise UsageError("a plan needs bearing.ball_motion: locked", "use --set bearing.ball_motion=locked")
     torques = drive.operation.M_g
     rooms = limits_left(drive, torques, run)
+    # a test is planned for one torque
     place = next((k for k, room in enumerate(rooms.arcsec) if room is not None), 0)
     sampled = _SampledDrives.of(drive, rooms.arcsec, place, draws, run)
     lines = sampled.lines
@@ -489,6 +507,7 @@ def _with_stated_probability(drives: DrivesUnderTest, samples: Samples, place: i
         samples: of the drive.
         place: index of the torque.
     """
+    # of a travel `check` states no probability
     if drives.left_arcsec is None or drives.travel:
         return drives
     return replace(drives, stated_beyond=samples.probability_within(drives.left_arcsec, place).complement)
@@ -515,7 +534,9 @@ def _judged_plans(drives: DrivesUnderTest, kinematics: Kinematics, asked: Readin
     """Judge plans of evenly spaced positions and of recordings, and the one that was asked about."""
     ratio = abs(kinematics.u)
     counts = range(_FEWEST_POSITIONS, round(_MOST_A_CAM_TURN * ratio) + 1)
+    # all numbers, since aliasing makes single ones useless
     over_positions = tuple(drives.judge(ReadingPlan.positions(N, drives.travel or 1.0)) for N in counts)
+    # the recording of everything that counts
     longest = drives.travel * ratio if drives.travel else float(kinematics.cycle_cam_revolutions)
     lengths = sorted(length for length in {1.0, 10.0, ratio, longest} if length <= longest)
     recordings = [drives.judge(ReadingPlan.record(length, ratio)) for length in lengths]
@@ -524,11 +545,13 @@ def _judged_plans(drives: DrivesUnderTest, kinematics: Kinematics, asked: Readin
         for judgements in (over_positions, recordings)
     )
     asked_judgement = [drives.judge(asked)] if asked else []
+    # the number that manufacturers state
     quoted = over_positions[_QUOTED_POSITIONS - _FEWEST_POSITIONS]
     # each plan once
     judged = tuple(
         {judgement.plan: judgement for judgement in [*asked_judgement, quoted, *fewest, *recordings]}.values()
     )
+    # the wanted plan, else any sufficient one, else the longest recording
     deciding = [*asked_judgement, *fewest, *shortest, recordings[-1]][0]
     return _JudgedPlans(
         judged=judged,
@@ -552,9 +575,11 @@ def _curves_of_drives(drive: Drive, lines: ErrorLines, samples: Samples | None, 
     The certificate is that of the rough teeth.
     """
     curves = lines.curves
+    # the range that `check` states, whatever the curves leave out
     F_ior = samples.F_ior_arcsec[:, [place]] if samples else np.ptp(curves, axis=1, keepdims=True)
     changes = samples.values() if samples else [{}]
     rough = rough_curves(drive, drive.operation.M_g[place], changes, curves.shape[1], run)
+    # single teeth first, then all of it is scaled to F'_ior
     curves += rough.arcsec
     curves *= F_ior / np.maximum(np.ptp(curves, axis=1, keepdims=True), _LEAST_ARCSEC)
     return _RoughCurves(arcsec=curves, certificate=rough.certificate)
@@ -585,6 +610,7 @@ def rough_curves(
     rng = np.random.default_rng([run.seed, 2])
     cycle_states = Kinematics.of(drive).cycle_states
     certificate = EMPTY
+    # rough teeth are solved at states and interpolated between them
     state, part = np.divmod(np.arange(points) * cycle_states / points, 1)
     index = state.astype(np.int64)
     curves = np.zeros((len(changes), points))
@@ -592,6 +618,7 @@ def rough_curves(
         sizes = _rough_sizes(drive, changes, number)
         if not sizes.any():
             continue
+        # a few solved wheels stand for all; each drive has one in a random direction
         wheels = [_solved_rough_wheel(drive, M_g, wheel, rng, run) for _ in range(_ROUGH_WHEELS)]
         for solved_wheel in wheels:
             certificate += solved_wheel.certificate
@@ -612,6 +639,7 @@ def _rough_sizes(drive: Drive, changes: Sequence[Mapping[str, float]], number: i
     pitch_path = f"tolerances.f_p{number}"
     composite = np.array([change.get(composite_path, drive.number(composite_path)) for change in changes])
     pitch = np.array([change.get(pitch_path, drive.number(pitch_path)) for change in changes])
+    # known pitch deviations are among the sampled orders already
     return np.where(pitch, 0.0, composite / _ROUGH_UM)
 
 
@@ -631,10 +659,13 @@ def _solved_rough_wheel(drive: Drive, M_g: float, wheel: str, rng: np.random.Gen
     """
     count = drive.gears.z_g if wheel == "g" else drive.gears.z_b
     angle = 2 * np.pi * np.arange(count) / count
+    # independent teeth, and orders that fall with their number
     teeth = rng.uniform(0, _ROUGH_NOISE) * rng.standard_normal(count)
     for order in _ROUGH_ORDERS:
         teeth += _ROUGH_SIZE * rng.rayleigh() / order / 2 * np.cos(order * angle - 2 * np.pi * rng.random())
+    # the effect of one wheel alone
     smooth = drive.with_values({deviation.size: 0.0 for deviation in DEVIATIONS})
+    # each tooth meets each mesh zone once in so many states
     states = pitch_locked_states(Kinematics.of(drive), np.arange(count))
     deviations = ToothDeviations(**{wheel: _ROUGH_UM * teeth})
     solved = kinematic_error(smooth, M_g, states=states, teeth=deviations, run=UNCHECKED)
@@ -645,6 +676,7 @@ def _solved_rough_wheel(drive: Drive, M_g: float, wheel: str, rng: np.random.Gen
 def _lines_seen(lines: ErrorLines, drives: DrivesUnderTest, plan: ReadingPlan) -> tuple[_LineSeen, ...]:
     """Return the largest lines of drives as a plan sees them."""
     power = np.abs(lines.amplitude) ** 2
+    # shares of each drive's own variance, then their mean
     total_power = np.maximum(power.sum(axis=1, keepdims=True), _LEAST_ARCSEC)
     shares = np.average(power / total_power, axis=0, weights=drives.weights)
     largest = np.argsort(-shares)[:_LISTED_LINES]

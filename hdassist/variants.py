@@ -93,10 +93,12 @@ class DriveSheet:
         hole = self.advice.chosen
         if room is None or (point.probability is None and point.F_ior_arcsec is None):
             return None
+        # all is known: 0 or 1
         if point.probability is None:
             return float(point.F_ior_or_error <= room), float(hole.F_ior_arcsec[torque] <= room)
         as_assembled = point.probability.value
         samples = self.advice.samples
+        # the present hole, or one as good
         if samples is None or self.advice.decision.all_alike or not hole.rotation_deg % 360:
             return as_assembled, as_assembled
         column = samples.rotations_deg.index(hole.rotation_deg)
@@ -125,6 +127,7 @@ def sheet_of(drive: Drive, *, draws: int = EFFECTIVE_SAMPLES, run: Run = Run()) 
 
     Argument: draws, from the unknown fields. Raises UntrustedError where an answer cannot be trusted.
     """
+    # first, since its samples have the turned wheels too: they serve the check as well
     advice = advise(drive, seat_positions(drive), draws=draws, run=run)
     checked = check(drive, draws=draws, samples=advice.samples, run=run)
     return DriveSheet(checked, advice, stiffness(drive, run=run))
@@ -161,6 +164,7 @@ class DrivePairs:
     def _sense(self, change: Array) -> str:
         if np.all(np.abs(change[self.weights > 0]) < _SAME_ERROR):
             return "the same"
+        # only a clear majority of the pairs is a sense
         for sense, inside in (("less", change < 0), ("more", change > 0)):
             if inside.any() and self._probability(inside).verdict() is Verdict.PASS:
                 return sense
@@ -171,6 +175,7 @@ class DrivePairs:
 
         Its interval holds those over the samples of each drive: of so many that chance alone could make it otherwise.
         """
+        # pairs share samples, so the interval is that of whichever side has fewer
         marginals = ((self.weights.sum(1 - k), (self.weights * inside).sum(1 - k)) for k in self.sampled)
         probabilities = [
             probability_of(hits / np.maximum(group_weight, _LEAST_WEIGHT), group_weight)

@@ -113,11 +113,14 @@ def _explanation(fit: VectorFit, base: VectorFit, fitter: VectorFitter) -> Expla
     drive = fitter.drive
     unknowns = len(fit.free)
     freedom = record.freedom(unknowns)
+    # a poor fit widens all its uncertainties
     excess = max(1.0, fit.chi_square / freedom)
     candidates = [_change(fit, number, excess * fit.covariance, drive) for number in range(len(fit.fitted))]
     changes = [change for change in candidates if change is not None]
     names = _not_told_apart(fit)
+    # new values are printed only if every one is determined
     is_determined = len(changes) == len(fit.fitted) and not names
+    # in units of the scatter that remains
     gain = (base.chi_square - fit.chi_square) / excess
     return Explanation(
         deviations=tuple(VECTORS[k].size for k in fit.fitted),
@@ -136,6 +139,7 @@ def _explanation(fit: VectorFit, base: VectorFit, fitter: VectorFitter) -> Expla
 def _explained_share(fit: VectorFit, base: VectorFit, fitter: VectorFitter) -> float | None:
     """Return the share of the chi-square above that of noise that a fit removes; None if there is none above it."""
     freedom = fitter.record.freedom
+    # noise alone leaves a chi-square of its degrees of freedom
     excess_before = base.chi_square - freedom(len(base.free))
     if excess_before <= 0:
         return None
@@ -150,6 +154,7 @@ def _gain_by_chance(unknowns: int) -> float:
 def _polar(fit: VectorFit, i: int) -> Array:
     """Return the directions along and across the fitted vector i among the free unknowns, shape (2, f)."""
     vector = fit.vectors[fit.fitted[i]]
+    # along changes the size, across the direction
     unit = vector / abs(vector) if vector else 1.0
     result = np.zeros((2, len(fit.free)))
     result[:, 2 * i : 2 * i + 2] = [[unit.real, unit.imag], [-unit.imag, unit.real]]
@@ -162,10 +167,12 @@ def _change(fit: VectorFit, i: int, covariance: Array, drive: Drive) -> VectorCh
     axes = _polar(fit, i)
     vector = VECTORS[k]
     size, direction = size_and_direction(drive, fit.vectors, k)
+    # the share of either direction that the recording does not see
     blind = ((axes @ fit.unidentifiable) ** 2).sum(axis=1) > _BLIND_SHARE
     if blind[0]:
         return None
     along, across = (float(np.sqrt(axis @ covariance @ axis)) * float(VECTOR_UNITS[k]) for axis in axes)
+    # a vector of length 0 has no direction
     turn = float(np.degrees(across / size)) if size else np.inf
     has_direction = not blind[1] and turn <= _VAGUE_DIRECTION
     return VectorChange(
@@ -188,8 +195,10 @@ def _overrides(fit: VectorFit, changes: Sequence[VectorChange], drive: Drive) ->
     for new in changes:
         spreads = {new.size: new.size_uncertainty_um, new.direction: new.direction_uncertainty_deg}
         for path, uncertainty in spreads.items():
+            # two digits of the uncertainty are more than enough
             decimals = 1 - int(np.floor(np.log10(max(uncertainty or 1.0, 1e-9))))
             value = round(changed.number(path), min(max(decimals, 0), _DECIMALS)) + 0.0
+            # a fitted value outside its field's range is no preset
             if not drive.allows(path, value):
                 return ()
             texts.append(f"{path}={value:.10g}")
@@ -199,6 +208,7 @@ def _overrides(fit: VectorFit, changes: Sequence[VectorChange], drive: Drive) ->
 def _not_told_apart(fit: VectorFit) -> tuple[tuple[str, ...], ...]:
     """Return the names of vectors that the record does not resolve, a tuple for each combination of sizes."""
     names = []
+    # sums of vectors that cancel in the recording
     for combination in fit.unidentifiable.T:
         parts = {VECTORS[k].size.split(".")[1]: _polar(fit, i) @ combination for i, k in enumerate(fit.fitted)}
         if max((float(along**2) for along, _ in parts.values()), default=0.0) <= _BLIND_SHARE:
@@ -212,6 +222,7 @@ def _conclude(
 ) -> _Conclusion:
     """Return the simplest explanation whose residual is within noise."""
     best = min(singles, key=lambda single: single.chi_square, default=base)
+    # the simplest explanation first: nothing to explain, or the file read otherwise
     if mirrored or (base.sufficient and not best.clear):
         return _Conclusion("mirrored" if mirrored else "agrees")
     if best.clear and best.sufficient:
@@ -223,6 +234,7 @@ def _conclude(
 
 def equally_good(best: Explanation, singles: Sequence[Explanation]) -> list[Explanation]:
     """Return other single deviations that explain the difference as well as the best one."""
+    # three standard deviations of one unknown
     largest = best.chi_square + _EQUAL_FIT * best.excess
     return [single for single in singles if single is not best and single.clear and single.chi_square <= largest]
 
@@ -252,6 +264,7 @@ class _RecordReader:
         self.drive = drive
         self.torus = ErrorWaves(drive, M_g, run)
         self._doubt = partial(doubtful_waves, M_g=M_g, torus=self.torus, run=run)
+        # solved once for all ways to read the file
         self._changes = self._doubt(drive)
         self._orders = RecordedOrders(
             sweep=measurement.directions[0], torus=self.torus, kinematics=Kinematics.of(drive), alignment=asked
@@ -266,8 +279,10 @@ class _RecordReader:
 
     def mirrored(self, asked: Alignment, base: VectorFit) -> tuple[_MirroredFile, VectorFit] | None:
         """Return best of all other ways to count, and its fit; None if it is not clearly better than that of base."""
+        # each way has its own start and zero
         ways = [(alignment, *self.fitted(alignment)) for alignment in asked.swapped]
         alignment, fitter, fit = min(ways, key=lambda way: way[2].chi_square)
+        # half of the chi-square at most, or the usual reading stands
         if fit.chi_square > _MIRRORED * base.chi_square:
             return None
         within = fitter.record.within_noise(fit.chi_square, len(base.free))
@@ -357,6 +372,7 @@ def zero_of(trace: MeasuredTrace, drive: Drive, start_deg: float | None) -> floa
 
     A cam angle counts as phi_h; an angle of the output gives phi_h where the angle of the output at phi_h = 0 is known.
     """
+    # input angles count from the zero of the drive's input
     if trace.angle_of == "cam":
         return 0.0
     return None if start_deg is None else -Kinematics.of(drive).u * start_deg
@@ -440,6 +456,7 @@ class _Difference:
         record = fitter.record
         sweep = record.sweep
         solved_curve = solved.curve(drive, sweep.bins.turns, unchanged.alignment)
+        # the difference is fitted like the recording, with the same design
         fit = TraceFit(sweep.fit.design, sweep.bins.error - solved_curve, sweep.fit.lines)
         predicted = record.measured - fit.coefficients  # (2 orders,)
         return cls(
@@ -462,16 +479,19 @@ def _explanations(
     """Return explanations of the difference: each vector alone, all together, or the file read the other way."""
     if unchanged.sufficient and _is_usual(unchanged) and fitter.linear_gains(base).max() < _SCREEN * _CLEAR_GAIN:
         return [], None, None
+    # without a mirrored reading its chi-square is that of the usual one
     mirror, mirrored_base = mirrored or (None, base)
     if mirror and mirror.within_noise:
         return [], None, mirror
     fits = _single_fits(fitter, base)
     singles = [_explanation(fit, base, fitter) for fit in fits]
     best_fit = min(fits, key=lambda fit: fit.chi_square)
+    # a deviation explains more than mirroring does
     if mirrored_base.chi_square > best_fit.chi_square:
         mirror = None
     if _conclude(unchanged, singles, None, mirrored=mirror is not None).kind in ("agrees", "mirrored"):
         return singles, None, mirror
+    # all vectors together, from the best single one
     joint = fitter.with_shift(fitter.refined(best_fit, range(len(VECTORS))))
     return singles, _explanation(joint, base, fitter), mirror
 
@@ -485,6 +505,7 @@ def _is_usual(explanation: Explanation) -> bool:
 def _single_fits(fitter: VectorFitter, base: VectorFit) -> list[VectorFit]:
     """Return the fits of each vector alone, the good ones continued, and the best one with its full covariance."""
     fits = [fitter.single(k, base) for k in range(len(VECTORS))]
+    # poor fits are not worth the fine torus
     largest_good = _POLISHED * min(fit.chi_square for fit in fits)
     fits = [fitter.refined(fit) if fit.chi_square <= largest_good else fit for fit in fits]
     best = int(np.argmin([fit.chi_square for fit in fits]))
@@ -500,6 +521,7 @@ def _solved(explained: Explanation, fitter: VectorFitter, solved: SolvedStates, 
     if not explained.overrides:
         return explained
     record = fitter.record
+    # the rounded values that are printed, not the fitted ones
     values = (text.split("=") for text in explained.overrides)
     changed = fitter.drive.with_values({path: float(value) for path, value in values})
     explained = replace(explained, F_ior_arcsec=solved.F_ior(changed))
@@ -511,6 +533,7 @@ def _solved(explained: Explanation, fitter: VectorFitter, solved: SolvedStates, 
     residual = record.measured - coefficients[: len(record.measured)]
     pairs = sorted(record.pairs(residual, residual), key=lambda pair: -pair.difference.amplitude_arcsec)
     sizes = [(pair.difference.amplitude_arcsec, pair.difference.uncertainty_arcsec or 0.0) for pair in pairs]
+    # orders that noise does not explain
     clear = [pair for pair, (size, u) in zip(pairs, sizes, strict=True) if size > CHI_SQUARE_CLEAR * u]
     return replace(explained, difference_left_arcsec=rms(residual), orders_left=tuple(clear[:_RESIDUAL_ORDERS]))
 

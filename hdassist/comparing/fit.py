@@ -98,6 +98,7 @@ class VectorFitter:
         """Return the drive as it is, with start and zero fitted as far as they are free."""
         alignment = self.record.alignment
         unknowns = np.array([*vectors_of(self.drive).view(float), alignment.start_deg, alignment.zero_deg])
+        # start and zero have many local minima: they are scanned before a descent
         unknowns[-2:], _ = self.record.scan(self._waves(unknowns, ())[0], unknowns[-2:])
         return self._descend(unknowns, ())
 
@@ -108,6 +109,7 @@ class VectorFitter:
         """
         fitter = self
         fit = self.base()
+        # the doubt depends on the alignment, and the alignment on the doubt
         for _ in range(_DOUBT_ROUNDS if any(self.angles) else 1):
             fitter = self._doubted_at(fit, changes)
             fit = fitter.base()
@@ -117,6 +119,7 @@ class VectorFitter:
         """Return a fit whose covariance has in it how far it moves where the model is doubted at its own deviations."""
         changes = self.doubt(with_vectors(self.drive, fit.vectors, fit.fitted))
         shift = (self._doubted_at(fit, changes).refined(fit).unknowns - fit.unknowns)[fit.free]
+        # a direction that the recording does not see cannot move
         shift -= fit.unidentifiable @ (fit.unidentifiable.T @ shift)
         return replace(fit, covariance=fit.covariance + np.outer(shift, shift))
 
@@ -127,9 +130,11 @@ class VectorFitter:
 
     def single(self, vector: int, base: VectorFit) -> VectorFit:
         """Return the fit of one vector, the others as they are, on a torus fine enough to rank the fits."""
+        # several sizes and directions: chi-square has more than one minimum
         starts = list(self._starts(vector, base))
         scans = [self.record.scan(self._waves(start, (vector,), COARSE)[0], start[-2:]) for start in starts]
         best = int(np.argmin([chi_square for _, chi_square in scans]))
+        # the drive's own deviations are left only for a clearly better start
         if scans[best][1] <= _NEARER * scans[0][1]:
             starts[0] = np.append(starts[best][:-2], scans[best][0])
         return self._descend(starts[0], (vector,), SLOPE_WAVE_POINTS)
@@ -140,6 +145,7 @@ class VectorFitter:
 
     def linear_gains(self, base: VectorFit) -> Array:
         """Return the decrease of chi-square that each vector alone promises to first order, shape (vectors,)."""
+        # one linearisation for all vectors
         residual, waves = self._residual(base.unknowns, (), WAVE_POINTS)
         jacobian = self._jacobian(base.unknowns, tuple(range(COUNT)), waves)
         columns_of_vector = [
@@ -153,6 +159,7 @@ class VectorFitter:
         The valley is bent and may have other minima; each start of the profile weighs as its chi-square has it.
         """
         start = 2  # the vector's two components come first
+        # only an unknown start makes the profile bend
         if self.angles != (True, False) or (fit.unidentifiable[start] ** 2).sum() > _PROFILE_BLIND:
             return fit
         step = float(np.sqrt(fit.covariance[start, start]))
@@ -162,6 +169,7 @@ class VectorFitter:
         chi_square = np.array([point.chi_square for point in profile])
         best = int(chi_square.argmin())
         result = min(fit, self.refined(profile[best]), key=lambda candidate: candidate.chi_square) if best else fit
+        # likelihood along the profile
         weights = np.exp((chi_square[best] - chi_square) / 2)
         weights /= weights.sum()
         shifts = np.array([point.unknowns - result.unknowns for point in profile])[:, result.free]

@@ -63,6 +63,7 @@ def size_and_direction(drive: Drive, vectors: Complex, k: int) -> tuple[float, f
     """
     direction_near = drive.number(VECTORS[k].direction)
     turn = 360 / VECTORS[k].order
+    # the equivalent direction nearest to that of the preset
     away = float(np.degrees(np.angle(vectors[k]))) / VECTORS[k].order - direction_near
     return float(abs(vectors[k]) * VECTOR_UNITS[k]), direction_near + (away + turn / 2) % turn - turn / 2
 
@@ -88,6 +89,7 @@ def doubtful_waves(drive: Drive, M_g: float, torus: ErrorWaves, run: Run = Run()
     field that cannot have such values in the drive is left out. Arguments: torque M_g [N*m]; torus, waves at M_g, to
     whose certificate the states solved here are added.
     """
+    # waves at the drive's own values, from which changes are counted
     (own_waves,) = torus.waves([drive], SLOPE_WAVE_POINTS)
 
     def moved(path: str, value: float) -> Complex:
@@ -100,9 +102,11 @@ def doubtful_waves(drive: Drive, M_g: float, torus: ErrorWaves, run: Run = Run()
     changes = []
     for path, deviation in doubts_of(drive).items():
         values = [drive.number(path) + way * deviation for way in (-1, 1)]
+        # a doubt that leaves the field's range is left out
         if all(drive.allows(path, value) for value in values):
             with suppress(UntrustedError):
                 less, greater = (moved(path, value) for value in values)
+                # slope and bend of the error over the field
                 changes += [(greater - less) / 2, (greater + less) / 2]
     changes += _single_tooth_waves(drive, torus)
     return np.reshape(changes, (len(changes), len(own_waves)))
@@ -123,9 +127,11 @@ def _single_tooth_waves(drive: Drive, torus: ErrorWaves) -> list[Complex]:
         size_of_preset = drive.value(orders[0].size)
         # root mean square of sizes that are evenly likely; or a given one, which the drive has at phases of 0
         f_p = high[size] / sqrt(3) if size_of_preset is None else sqrt(2) * size_of_preset
+        # single teeth are the difference of the two
         smooth, rough = torus.waves([drive.with_values({size: value}) for value in (0.0, f_p)])
         for order in orders:
             single_tooth = np.where(np.abs(around) == order.order, rough - smooth, 0)
+            # an unknown phase: both quadratures are equally likely
             changes += [single_tooth, 1j * np.sign(around) * single_tooth]
     return changes
 
@@ -159,6 +165,7 @@ class Alignment:
         The sense that is asked for is that of the angle and of the error of a file. Of two encoders the sign is that of
         the error as they count: the output's counts as the model does, or against.
         """
+        # an output encoder counts along with the input only for positive ratios
         way = 1 if kinematics.u > 0 else -1
         sense = self.sense * (way if trace.angle_of == "output" else 1)
         counted = -trace.sense * sense * way if trace.sense else self.sense
@@ -201,14 +208,17 @@ class RecordedOrders:
         self.alignment = alignment
         design = sweep.fit.design
         self.measured: Array = sweep.fit.coefficients
+        # a computed curve has no noise, and a singular covariance without this
         floor = (EXACT * sweep.range.value) ** 2
         self._noise: Array = sweep.fit.covariance() + floor * np.eye(len(self.measured))
         self._root = np.linalg.cholesky(self._noise)
         self.covariance = self._noise
+        # revolutions of each wheel against the cam, in an input revolution
         rates = np.array([kinematics.teeth_fixed / z for z in (kinematics.z_g, kinematics.z_b)])
         starts = [1.0, 0.0] if kinematics.fixed == "rigid" else [0.0, 1.0]
         self.turns = np.stack([starts, -rates], axis=1)
         self._turning = self.turns.T @ [torus.k_g, torus.k_b]  # of each wave with start and zero, shape (2, waves)
+        # both wheels fall behind the cam
         order = -self._turning[1]  # how often each wave goes by in a cam turn, shape (waves,)
         cosine_and_sine = design.project(lambda rows: order_columns(design.bins.turns[rows], order))[
             : len(self.measured)
@@ -230,6 +240,7 @@ class RecordedOrders:
         shape (changes, waves); angles of the alignment [deg] at which they are taken.
         """
         result = copy(self)
+        # equation (14): each doubtful change adds its own outer product
         moved = self.predicted(changes, angles)  # (changes, 2 orders)
         cosines, sines = self.predicted(waves, angles).reshape(2, -1)
         power = np.tile((cosines**2 + sines**2) / 2, 2)

@@ -85,6 +85,7 @@ class _LoadedError:
     @cached_property
     def actual(self) -> Array:
         """The actual error [arcsec], shape (drives, points)."""
+        # F_kpp counts the lag of the output; a controller corrects its position
         return -self.lines.curves
 
     def range_of(self, curves: Array) -> Array:
@@ -185,6 +186,7 @@ class Correction:
         record = self.records.get(self.M_g)
         if record is None or record.recorded_turns is None:
             return None
+        # with a negative ratio the output turns the other way
         low, high = sorted(360 * turns / self.errors[self.M_g].lines.kinematics.u for turns in record.recorded_turns)
         return low, high
 
@@ -212,17 +214,22 @@ def correct(
     """
     records = records or {}
     prior = prior_of(drive)
+    # a part leaves lines open, so drives that agree with it take its place
     if any(record.is_part for record in records.values()):
+        # drives cannot be fitted to errors of unknown size
         if any(record.scale_uncertainty for record in records.values()):
             message = (
                 "a recording of part of the cycle with an unknown guide rate, which determines the size of the error"
             )
             raise UntrustedError(message, "state the guide rate: --guide-rate ARCSEC/S")
+        # an even number of draws, since they are made in pairs of opposite signs
         agreeing, misfit = agreeing_drives(drive, records, draws // 2 * 2 or RECORDED_DRAWS, run)
         return correction_of(drive, agreeing, records, form, run, misfit=misfit)
+    # all is known: one drive
     if not (prior.fields and draws):
         return correction_of(drive, [{}], records, form, run)
     samples = drive_samples(prior, [None for _ in drive.operation.M_g], draws=draws, run=run)
+    # as for the ranges of every page
     first = samples.of_ranges
     rows = even_rows(first.weights, draws)
     return correction_of(
@@ -254,6 +261,7 @@ def correction_of(
     Raises UntrustedError if a state cannot be trusted.
     """
     torques = drive.operation.M_g
+    # drives that agree with a recording share what its lines leave out
     is_alike = misfit is not None or len(drives) == 1
     errors = {}
     certificate = samples.certificate if samples else EMPTY
@@ -262,8 +270,10 @@ def correction_of(
         record = records.get(M_g)
         error = _loaded_error(drive, M_g, drives, run, alike=is_alike, F_ior_arcsec=sampled)
         certificate += error.lines.certificate
+        # the recording says more than any sample
         if record and not record.is_part:
             error = _recorded_belief(error.lines, record, run)
+        # a torque without a recording of its own: the drives that agree with the others
         elif records:
             error = replace(error, lines=alike_lines(error.lines, run, misfit), beyond=float(np.mean(error.beyond)))
         elif samples and sampled is not None:
@@ -303,14 +313,17 @@ def _fitted_correction(
     samples, misfit, certificate: as in `Correction`.
     """
     torques = tuple(errors)
+    # the correction is made for the first torque and tried at the others
     design = errors[torques[0]]
     is_recorded = torques[0] in records and misfit is None
     phasors = _phasor_residuals(torques[0], design, is_recorded=is_recorded)
     number = _enough_phasors(phasors)
+    # correction terms: their number is chosen unless it is stated
     if not form.turn:
         number = form.points or number
         form = replace(form, points=number)
     chosen = _residuals_of(form, errors, together=True)
+    # one correction for all drives, unless it makes some of them worse
     is_together = is_recorded or not chosen.is_refused
     forms = _forms_to_compare(form, number, has_loads=len(torques) > 1)
     corrected = _corrected_torques(chosen, torques)
@@ -346,6 +359,7 @@ def _phasor_residuals(M_g: float, design: _LoadedError, *, is_recorded: bool) ->
     design: error at this torque.
     is_recorded: whether a recording of the full cycle shows the error.
     """
+    # the number of terms has to suit the correction that is chosen in the end
     phasors = _ranges_by_points(None, design, together=True)
     form = CorrectionForm(None, _enough_phasors(phasors))
     if not is_recorded and _residuals_of(form, {M_g: design}, together=True).is_refused:
@@ -366,6 +380,7 @@ def _corrected_torques(chosen: FormResiduals, torques: Sequence[float]) -> list[
     corrected = [torques[0]]
     if chosen.form.each_load:
         for M_g, residual in zip(torques[1:], chosen.residuals[1:], strict=False):
+            # a table is exported only for torques that it improves
             if residual.p95 < residual.uncorrected_p50:
                 corrected.append(M_g)
     return corrected
@@ -396,6 +411,7 @@ def _loaded_error(
     Raises UntrustedError if a state cannot be trusted.
     """
     lines = error_lines(drive, M_g, drives, run)
+    # evenly over the drives
     rows = np.linspace(0, len(drives), 1 if alike else min(solved, len(drives)), endpoint=False).astype(int)
     cycles = []
     certificate = lines.certificate
@@ -403,9 +419,11 @@ def _loaded_error(
         cycle, certificate_of_cycle = solved_error(drive.with_values(drives[row]), M_g, run)
         cycles.append(cycle)
         certificate += certificate_of_cycle
+    # what lines leave out of one solved cycle is the same in all of them
     if alike:
         remainder = cycles[0].apart(replace(lines, amplitude=lines.amplitude[:1]))
         lines = with_more_lines(lines, replace(cycles[0], error_arcsec=remainder).lines(lines.kinematics))
+    # lines leave fine details out, so their range is a little too small
     scale = _scale_to_cycles(lines, cycles, rows, F_ior_arcsec)
     lines = replace(lines, amplitude=lines.amplitude * scale[:, None], certificate=certificate)
     beyond = [_share_beyond(lines, row, cycle) for row, cycle in zip(rows.tolist(), cycles, strict=True)]
@@ -423,6 +441,7 @@ def _scale_to_cycles(
     F_ior_arcsec: F'_ior of all drives [arcsec]; None to take it from the solved cycles, and their mean for the others.
     """
     ranges = np.maximum(np.ptp(lines.curves, axis=1), np.finfo(float).tiny)
+    # the range that all pages state
     if F_ior_arcsec is not None:
         return np.asarray(F_ior_arcsec / ranges)
     solved_ranges = np.array([np.ptp(cycle.error_arcsec) for cycle in cycles])
@@ -459,10 +478,12 @@ def _exported(chosen: FormResiduals, errors: _ErrorsByTorque, M_g: float, preset
     """
     form = chosen.form
     lines = errors[M_g].lines
+    # one correction: of the mean error of the drives
     exported = replace(form.fitted(lines.mean, M_g), preset=preset, promised=chosen.residuals)
     if isinstance(exported, Phasors):
         exported = replace(exported, amplitude_arcsec=exported.amplitude_arcsec[0], phase_deg=exported.phase_deg[0])
         return exported if len(lines.amplitude) == 1 else _with_uncertainty(exported, lines)
+    # the other direction has a table of its own
     if form.each_load and -M_g in errors:
         opposite = form.fitted(errors[-M_g].lines.mean, -M_g)
         if isinstance(opposite, CorrectionTable):
@@ -475,8 +496,10 @@ def _with_uncertainty(phasors: Phasors, lines: ErrorLines) -> Phasors:
 
     lines: of several drives.
     """
+    # lines are numbered by their periods in a cycle
     per_cycle = np.rint(phasors.per_cam_turn * lines.kinematics.cycle_cam_revolutions)
     vectors = lines.amplitude[:, np.isin(lines.per_cycle, per_cycle)]
+    # along and across the mean vector: spread of amplitude and of phase
     turned = vectors / np.exp(1j * np.radians(phasors.phase_deg))  # real for lines with the phase of the mean
     phase_rad = turned.imag.std(axis=0) / np.maximum(phasors.amplitude_arcsec, _LEAST_AMPLITUDE)
     return replace(
@@ -491,12 +514,15 @@ def _residuals_of(form: CorrectionForm, errors: _ErrorsByTorque, *, together: bo
     design = next(iter(errors))
     turns = errors[design].lines.kinematics.cycle_cam_revolutions
     fitted = {M_g: error.corrected(form, M_g, together=together) for M_g, error in errors.items()}
+    # an absolute encoder of the input alone loses whole revolutions
     lost = np.unique(np.linspace(1, max(turns - 1, 1), _LOST_TURNS).astype(int)).tolist()
+    # errors of use as well as of the correction itself: zero off, revolutions lost
     cases = [(IN_PLACE, M_g, [0.0]) for M_g in errors]
     cases += [(f"zero {degrees:g} deg off", design, [-degrees / 360, degrees / 360]) for degrees in _ZERO_OFF_DEG]
     cases += [(TURN_LOST, design, lost)]
     residuals = []
     for case, M_g, off_turns in cases:
+        # a form for each load has a correction at each torque
         range_left = ranges_left(fitted[M_g if form.each_load else design], errors[M_g], off_turns)
         residuals.append(ExpectedResidual(M_g, errors[M_g].uncorrected_p50, *percentiles(range_left), case))
     uncorrected = np.maximum(errors[design].ranges, np.finfo(float).tiny)  # of each drive
@@ -514,8 +540,10 @@ def ranges_left(
     kinematics = error.lines.kinematics
     taken = correction_curve(correction, kinematics)
     places = np.arange(error.actual.shape[1]) / error.actual.shape[1]
+    # as a share of the cycle
     shifts = [off / kinematics.cycle_cam_revolutions for off in off_turns]
     residual_ranges = [error.range_of(error.actual - between_points(taken, places + shift)) for shift in shifts]
+    # the part beyond the lines is not corrected, and adds like noise
     return np.asarray(np.hypot(residual_ranges, error.beyond * error.ranges))
 
 
@@ -543,6 +571,7 @@ def _error_parts(errors: _ErrorsByTorque) -> tuple[ErrorPart, ...]:
     """Return parts of the error of drives: by their frequency, and changes by other loads and the other direction."""
     design = next(iter(errors))
     design_lines = errors[design].lines
+    # how far each line is from the nearest order of the input
     _, order, beats = line_orders(design_lines)
 
     def part(name: str, kept: NDArray[np.bool_]) -> ErrorPart:
@@ -567,6 +596,7 @@ def _error_parts(errors: _ErrorsByTorque) -> tuple[ErrorPart, ...]:
 
 def percentiles(values: Array) -> tuple[float, float, float]:
     """Return the 5th, 50th and 95th percentile of values of equal weight."""
+    # Weibull's plotting positions, which do not understate the spread of few drives
     low, middle, high = np.quantile(values, _REPORTED_SHARES, method="weibull").tolist()
     return low, middle, high
 
@@ -585,6 +615,7 @@ def correction_alone(
     is_over_input = form.turn in ("cam", "half-cam")
     kinematics = _kinematics_alone(found, form, output_turns)
     sweep = found.directions[0]
+    # a table over the input needs no full cycle: errors are drawn that agree with the part
     is_drawn = is_over_input and (sweep.is_bound or found.is_of_travel)
     if sweep.is_bound and not is_drawn:
         share = f"{100 * sweep.coverage.share:.0f} % of the full cycle" if sweep.coverage else "no full cycle"
@@ -611,6 +642,7 @@ def _kinematics_alone(found: Measurement, form: CorrectionForm, output_turns: st
     trace = found.trace
     is_over_input = form.turn in ("cam", "half-cam")
     is_by_output = trace.angle_of == "output"
+    # two encoders show the sense by themselves
     way = output_turns or {1: "with", -1: "against"}.get(trace.sense)
     if is_by_output and not way:
         way = "with"  # the input angle is then counted in the sense of the output
@@ -621,8 +653,10 @@ def _kinematics_alone(found: Measurement, form: CorrectionForm, output_turns: st
             "if the recording contains input angles, use --output-turns: against (circular spline fixed) or with "
             "(flexspline fixed). Otherwise give a preset",
         )
+    # two waves: the wheels differ by two teeth
     moving_teeth = round(2 * found.gearing.ratio)
     if way == "with":
+        # with the flexspline fixed the output turns with the input
         return Kinematics(moving_teeth - 2, moving_teeth, "flexspline")
     return Kinematics(moving_teeth, moving_teeth + 2, "rigid")
 
@@ -676,7 +710,9 @@ def verify(result: Correction, record: RecordedError, run: Run) -> VerifiedCorre
     lines = recorded_lines(error.lines, record, run)
     F_ior_arcsec = float(np.ptp(lines.mean.curves))
     *_, largest = percentiles(np.ptp(lines.curves, axis=1))  # what noise leaves open added, which may have added before
+    # as far below the range as the upper end is above it
     low = max(0.0, 2 * F_ior_arcsec - largest)
+    # a part of the cycle has a lower bound only
     high = None if record.is_part else largest
     verdict = _verdict_of(low, high, promised.p95)
     correction = correction_curve(result.correction, error.lines.kinematics).reshape(-1)
@@ -699,12 +735,14 @@ def verify(result: Correction, record: RecordedError, run: Run) -> VerifiedCorre
 
 def _corrected_lines(lines: ErrorLines, correction: Array) -> ErrorLines:
     """Return lines that a correction over the full cycle leaves [arcsec], shape (points,)."""
+    # from a curve to amplitudes of its lines
     spectrum = np.fft.rfft(correction)[lines.per_cycle] * (2 / len(correction))
     return replace(lines, amplitude=lines.amplitude + spectrum)
 
 
 def _verdict_of(low: float, high: float | None, limit: float) -> Verdict:
     """Return the verdict of an interval without an upper end if it is None: PASS within a limit, FAIL above it."""
+    # the interval decides as a whole, so noise gives no verdict
     if high is not None and high <= limit:
         return Verdict.PASS
     return Verdict.FAIL if low > limit else Verdict.INCONCLUSIVE
@@ -721,22 +759,27 @@ def _likely_cause(before: Array, taken: Array, record: RecordedError, lines: Err
     """
     count = len(taken)
     points = record.points(lines)
+    # what the correction has really added, at the readings
     applied = before[points] + record.error_arcsec  # F_kpp is the opposite of the actual error
     applied -= applied.mean()
 
     def correlation(readings: Array, curve: Array) -> Array:
         """Return the sum over readings by the points that the zero is off, shape (points,)."""
+        # sums for all offsets of the zero at once, as one product of spectra
         spectrum = np.fft.rfft(np.bincount(points, readings, count))
         return np.fft.irfft(np.conj(spectrum) * np.fft.rfft(curve), count)
 
     product = correlation(applied, taken)
     power = correlation(np.ones(len(points)), taken**2)
     # rows: as it is, with the sign flipped, and off
+    # |applied - (+/-) taken|^2 by its three sums; without the correction taken is 0
     squares = applied @ applied + np.stack([power - 2 * product, power + 2 * product, 0 * power])
+    # no sign and zero explains most of it, so no cause is named
     if squares.min() > _EXPLAINED_RMS_SHARE**2 * squares[0, 0]:
         return ""
     offsets = np.fft.fftfreq(count, 1 / count)  # points that the zero is off, to either side
     candidates = np.argwhere(squares <= _ALIKE * squares.min()).tolist()
+    # of equally good explanations that with the zero nearest to where it belongs
     row, point = min(candidates, key=lambda candidate: (abs(offsets[candidate[1]]), candidate[0]))
     return _cause_text(row, float(offsets[point]) / POINTS_A_TURN)
 
@@ -767,7 +810,9 @@ def advice_corrected(advice: Advice, form: CorrectionForm, draws: int, run: Run)
     samples of the advice. The error of each drive is that of its own lines there, as if it were recorded in that
     position, with all that these lines do not have.
     """
+    # the same decision, over what a correction leaves in place of F'_ior
     choice = advice.decision
+    # no hole is better, with a correction or without
     if choice.all_alike:
         return advice
     drives = [dict[str, float]()]
@@ -803,6 +848,7 @@ def _residuals_in_positions(
     for rotation_deg in rotations:
         rotated_drives = []
         for values in drives:
+            # deviations that turn with the fixed wheel
             rotated = {path: values.get(path, drive.number(path)) + rotation_deg for path in carried(drive)}
             rotated_drives.append(values | rotated)
         for M_g in advice.torques:

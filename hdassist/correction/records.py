@@ -92,6 +92,7 @@ class RecordedError:
     def visited(self, kinematics: Kinematics) -> NDArray[np.bool_]:
         """Return the points of the curves of lines in the travel that was recorded, all of the full cycle."""
         turns = np.arange(POINTS_A_TURN * kinematics.cycle_cam_revolutions) / POINTS_A_TURN
+        # without a travel the whole cycle was recorded
         first, last = self.recorded_turns or (0.0, float(turns[-1]))
         return np.asarray(np.mod(turns - first, _whole_turns(last - first, kinematics)) <= last - first)
 
@@ -105,13 +106,16 @@ class RecordedError:
         """
         travel = _Travel.of(self, fitted)
         whole_turns = _whole_turns(travel.span, kinematics)
+        # at the same mean step, from the last end of the travel to the next beginning
         beyond = np.arange(travel.span, whole_turns, travel.span / len(travel.turns))[1:]
         # from the mirror image at the last end to that at the first one
         share = (1 + np.cos(np.pi * (beyond - travel.span) / max(whole_turns - travel.span, 1e-12))) / 2
+        # a mirrored curve has no jump and no bend at the ends that the correction would ring with
         from_last = travel.mirrored(beyond - travel.span, -1)
         from_first = travel.mirrored(whole_turns - beyond, 0)
         turns = np.append(travel.turns, travel.first + beyond)
         error = np.append(travel.error_arcsec, share * from_last + (1 - share) * from_first)
+        # an odd number of teeth has a cycle of two output revolutions
         repeats = max(1, round(kinematics.cycle_cam_revolutions / whole_turns))
         offsets = np.arange(repeats)[:, None] * whole_turns
         return RecordedError(
@@ -134,14 +138,17 @@ class RecordedError:
         """
         cycle = kinematics.cycle_cam_revolutions
         places = np.mod(self.cam_turns / cycle, 1)
+        # by place in the cycle, whatever revolution a reading is of
         order = np.argsort(places, kind="stable")
         gaps = np.diff(places[order], append=places[order[0]] + 1)
+        # an unrecorded part must not weigh on the readings at its ends
         return order, np.minimum(gaps, _WIDEST_GAP * np.ptp(self.cam_turns) / cycle / len(places))
 
     def weights(self, kinematics: Kinematics) -> Array:
         """Return the shares of the full cycle that readings stand for: to the middle between each and the next."""
         order, gaps = self._gaps(kinematics)
         weights = np.empty(len(order))
+        # half of the gaps on both sides
         weights[order] = (gaps + np.roll(gaps, 1)) / 2
         return weights
 
@@ -153,6 +160,7 @@ class RecordedError:
         """Return the curve of amplitudes of lines at the readings [arcsec], shape (readings,)."""
         points = _FINER * POINTS_A_TURN * lines.kinematics.cycle_cam_revolutions
         spectrum = np.zeros(points // 2 + 1, dtype=complex)
+        # one inverse transform for all lines, read at the nearest point of a fine grid
         spectrum[lines.per_cycle] = amplitude
         return (np.fft.irfft(spectrum, points) * (points / 2))[self.points(lines, _FINER)]
 
@@ -170,15 +178,18 @@ class RecordedError:
 
         def gradient(residual: Array) -> Complex:
             """Return the gradient of half the weighted squares over the amplitudes, shape (lines,)."""
+            # the level is no line
             levelled = weights * (residual - weights @ residual / total)
             return np.asarray(np.fft.rfft(np.bincount(points, levelled, grid))[lines.per_cycle])
 
         amplitude = np.zeros(len(lines.per_cycle), dtype=complex)
+        # conjugate gradients: even readings need one round, nearly even ones a few
         descent = direction = gradient(self.error_arcsec)
         power = first_power = float(np.vdot(descent, descent).real)
         for _ in range(_ROUNDS):
             if power <= _SOLVED**2 * first_power:
                 break
+            # product of the normal matrix with the direction, without the matrix
             curvature = gradient(self._read(lines, direction))
             step = power / float(np.vdot(direction, curvature).real)
             amplitude = amplitude + step * direction
@@ -199,7 +210,9 @@ class RecordedError:
         """
         cycle = kinematics.cycle_cam_revolutions
         gaps = np.sort(self._gaps(kinematics)[1])
+        # the gap that half of the cycle does not exceed: single wide gaps do not limit the lines
         usual_gap = gaps[np.searchsorted(np.cumsum(gaps), _USUAL_GAP * gaps.sum())]
+        # two readings for each period, and no line beyond the points of curves
         end = min(min(round(1 / usual_gap), len(gaps)) // 2 + 1, POINTS_A_TURN * cycle // 2)
         lines = ErrorLines(
             kinematics=kinematics,
@@ -209,18 +222,21 @@ class RecordedError:
         )
         total = weights.sum()
         on_grid = np.bincount(self.points(lines, _FINER), weights, _FINER * POINTS_A_TURN * cycle)
+        # how much of a line the weighted readings see in another one, by the distance of both
         window = np.abs(np.fft.rfft(on_grid))[: 2 * end]
         is_image = window > _IMAGE * total
         first_distinct = int(np.argmin(is_image))  # neighbours in a part of the cycle look the same, but are no images
         images = np.flatnonzero(is_image[first_distinct:])
         if not len(images):
             return lines
+        # the nearest distance at which lines look alike: lines up to half of it are distinct
         image = first_distinct + int(images[0])
         is_uneven = window[image] < _EVEN * total  # even readings resolve the line at half the image too
         return replace(lines, per_cycle=lines.per_cycle[: (image - is_uneven) // 2])
 
     def noise(self, lines: ErrorLines) -> tuple[int, float]:
         """Return the number of readings beyond those that lines can follow, and the variance of noise [arcsec^2]."""
+        # two unknowns for each line, and the level
         again = len(self.cam_turns) - 2 * len(lines.per_cycle) - 1
         return again, float((self.apart(lines) ** 2).sum()) / max(again, 1)
 
@@ -263,9 +279,12 @@ class _Travel:
 
         The mirror image is even, so it has a bend at the end. Close to the end the odd one takes its place.
         """
+        # back and forth within the travel
         inwards = self.span - np.abs(np.mod(away, 2 * self.span) - self.span)
         turns = self.turns[end] + (inwards if end == 0 else -inwards)
         even = np.interp(turns, self.turns, self.error_arcsec)
+        # near the end an odd mirror image, which keeps the slope, further off an even one, which keeps the
+        # level
         closeness = np.exp(-((away / _BEND_TURNS) ** 2))
         return np.asarray(even + 2 * closeness * (self.fitted_arcsec[end] - even))
 
@@ -279,9 +298,11 @@ def require_sense(measurement: Measurement, drive: Drive, M_g: float, alignment:
     M_g: torque [N*m].
     alignment: how the file counts.
     """
+    # unknown directions fit a recording read either way
     if unknowns(drive):
         return
     sweep = measurement.directions[0]
+    # only a full cycle determines start and zero
     is_free = not sweep.is_bound
     mirror = mirrored_reading(measurement, drive, M_g, replace(alignment, fitted=(is_free, is_free)))
     if mirror:
@@ -297,6 +318,7 @@ def require_fine_counts(measurement: Measurement) -> None:
     """
     sweep = measurement.directions[0]
     trace = measurement.trace
+    # at even times rounding is noise, and is not stored
     if not trace.in_time:
         return
     u = next((source.arcsec for source in sweep.sources if source.name == "resolution"), None) or 0.0
@@ -318,6 +340,7 @@ def recorded_error(measurement: Measurement, kinematics: Kinematics, asked: Alig
     Argument: asked, how the file counts.
     """
     sweep = measurement.directions[0]
+    # signs of the file become those of F_kpp and of the drive's input
     alignment = asked.of_file(measurement.trace, kinematics)
     error = RecordedError(alignment.sense * sweep.bins.turns, alignment.sign * sweep.fit.error, sweep.is_bound)
     if measurement.is_of_travel and not sweep.is_bound:
@@ -357,6 +380,7 @@ def drawn_errors(measurement: Measurement, kinematics: Kinematics, asked: Alignm
     sweep = measurement.directions[0]
     trace = measurement.trace
     turns = sweep.bins.span
+    # slow terms take the place of a single revolution
     if turns < _FEWEST_TURNS:
         message = f"{trace.file}: {turns:.2g} input revolutions in its longest sweep"
         raise UntrustedError(message, f"record at least {_FEWEST_TURNS:g} input revolutions for a table over the input")
@@ -372,6 +396,7 @@ def drawn_errors(measurement: Measurement, kinematics: Kinematics, asked: Alignm
         time=np.sort(cleaned.time),
     )
     posterior = posterior_of_recording(recording, seed=measurement.seed)
+    # evenly over the draws
     draws = np.linspace(0, len(posterior.amplitudes) - 1, RECORDED_DRAWS).astype(np.int64)
     return _DrawnErrors(
         lines=_lines_of_draws(posterior, draws, kinematics),
@@ -386,6 +411,7 @@ def _lines_of_draws(posterior: AmplitudePosterior, draws: NDArray[np.int64], kin
     """
     cosines, sines = np.split(posterior.amplitudes[draws], 2, axis=1)
     cycle = posterior.cycle
+    # pairs count periods in an input and in an output revolution
     periods = posterior.pairs[:, 0] * cycle.numerator + posterior.pairs[:, 1] * cycle.denominator
     per_cycle, index = np.unique(periods, return_inverse=True)
     amplitude = np.zeros((len(draws), len(per_cycle)), dtype=complex)
@@ -403,6 +429,7 @@ def with_scale_spread(lines: ErrorLines, scale_uncertainty: float, seed: int) ->
     if not scale_uncertainty:
         return lines
     drives = len(lines.amplitude)
+    # stratified, and in random order, since the drives are ordered
     normal = ndtri((np.arange(drives) + 0.5) / drives)
     factors = 1 + scale_uncertainty * np.random.default_rng(seed).permutation(normal)
     return replace(lines, amplitude=lines.amplitude * factors[:, None])
@@ -434,6 +461,7 @@ def alike_lines(lines: ErrorLines, run: Run, misfit: float | None) -> ErrorLines
 
     Where misfit is None phases are any.
     """
+    # a misfit is a share of a line, and a little of the mean for lines that the drives do not have
     power = (np.abs(lines.amplitude) ** 2).mean(axis=0)
     scale = (misfit or 1.0) * np.sqrt((power + _LEAST_LINE * power.mean()) / 2)
     amplitudes = np.zeros((RECORDED_DRAWS, len(power))) if misfit is None else lines.amplitude
@@ -442,6 +470,7 @@ def alike_lines(lines: ErrorLines, run: Run, misfit: float | None) -> ErrorLines
 
 def _drawn(drives: int, lines: int, run: Run) -> Complex:
     """Draw normal numbers of standard deviation 1 in both parts, whose mean is 0, shape (drives, lines)."""
+    # antithetic pairs: their mean is exactly 0
     real, imaginary = np.random.default_rng([run.seed, 1]).standard_normal((2, drives // 2, lines))
     drawn = real + 1j * imaginary
     return np.concatenate([np.zeros((drives % 2, lines)), drawn, -drawn])
@@ -464,9 +493,11 @@ class _ReadingNoise:
     def of(cls, record: RecordedError, fitted: ErrorLines, weights: Array) -> _ReadingNoise:
         """Return the noise by readings that no line can follow, or else the power that most lines have."""
         freedom, variance = record.noise(fitted)
+        # too few repeats: most lines are noise, whose power has the median log(2) times its mean
         if freedom < _LEAST_REPEATS:
             median_power = float(np.median(np.abs(fitted.amplitude[0]) ** 2))
             return cls(power=max(median_power / np.log(2), _LEAST_POWER), least=_LEAST_POWER, freedom=0)
+        # variance of an amplitude by least squares with these weights
         power = max(4 * variance * float(weights @ weights), _LEAST_POWER)
         return cls(power=power, least=power * freedom / chdtri(freedom, _LEAST_CHANCE), freedom=freedom)
 
@@ -484,15 +515,18 @@ def recorded_lines(lines: ErrorLines, record: RecordedError, run: Run) -> ErrorL
     """
     fitted = record.lines(lines.kinematics)
     noise = _ReadingNoise.of(record, fitted, record.weights(lines.kinematics))
+    # lines are shrunk by how large lines of their kind are
     kept_share, largest_power = _shrunk_by_kind(fitted, lines, noise)
     phase = np.angle(fitted.amplitude)
     shrunk_lines = replace(fitted, amplitude=kept_share * fitted.amplitude)
     with_peaks = with_more_lines(shrunk_lines, _peaks_of(record, shrunk_lines).lines(lines.kinematics))
+    # what shrinking takes off may be error that noise happens to oppose
     lost = (1 - kept_share) * np.sqrt(largest_power) * np.exp(1j * phase)  # as noise may be least; peaks stay peaks
     hidden = np.clip(np.linspace(-1, 1, RECORDED_DRAWS) / _ALL_HIDDEN, -1, 1)[:, None]  # share that noise hides
     spread = kept_share + np.abs(hidden) * (np.sqrt(kept_share) - kept_share)
     drawn = spread * np.sqrt(noise.power / 2) * _drawn(RECORDED_DRAWS, len(fitted.per_cycle), run)
     if noise.freedom:
+        # the noise itself is known by so many readings only
         chi_square = np.random.default_rng([run.seed, 2]).chisquare(noise.freedom, (RECORDED_DRAWS, 1))
         drawn *= np.sqrt(noise.freedom / chi_square)
     drawn += hidden * lost
@@ -511,7 +545,9 @@ def _shrunk_by_kind(fitted: ErrorLines, lines: ErrorLines, noise: _ReadingNoise)
     power = np.abs(fitted.amplitude[0]) ** 2
     is_of_teeth = np.zeros(len(power), dtype=bool)
     for teeth in (kinematics.z_g, kinematics.z_b):
+        # lines at whole periods of a wheel's revolution
         is_of_teeth |= fitted.per_cycle % (kinematics.cycle_states // teeth) == 0
+    # predicted or not, of teeth or not: four kinds
     kinds = np.isin(fitted.per_cycle, lines.per_cycle) + 2 * is_of_teeth
     share = np.empty(len(power))
     size = np.empty(len(power))
@@ -526,6 +562,7 @@ def _peaks_of(record: RecordedError, lines: ErrorLines) -> RecordedError:
     """Return the readings of a record that stand out from its lines more than noise does, the others as 0."""
     remainder = record.apart(lines)
     deviation = np.median(np.abs(remainder)) / _MEDIAN_DEVIATION
+    # a bound that noise alone passes once in a hundred recordings
     is_peak = np.abs(remainder) > deviation * float(ndtri(1 - _PEAK_CHANCE / len(remainder)))
     return replace(record, error_arcsec=remainder * is_peak)
 
@@ -536,10 +573,13 @@ def shrunk(power: Array, noise: float) -> tuple[Array, Array]:
     Each line is normal, of a size from none upwards by factors of SIZE_STEP; how many have which is what makes all of
     them most likely (expectation and maximisation).
     """
+    # sizes in steps of a factor, from less than noise to the largest line
     largest = np.log(max(power.max() / noise, 1.0)) / np.log(_SIZE_STEP)
     sizes = noise * np.append(0, _SIZE_STEP ** np.arange(-1, largest + 1))
     shares = sizes / (sizes + noise)
+    # empirical Bayes: how frequent each size is, by expectation and maximisation
     frequency = np.full(len(sizes), 1 / len(sizes))
+    # power of a normal line of this size with noise: exponential
     likelihood = np.exp(-power[:, None] / (sizes + noise)) / (sizes + noise)
     for _ in range(_SIZE_ROUNDS):
         belief = likelihood * frequency
@@ -551,6 +591,7 @@ def shrunk(power: Array, noise: float) -> tuple[Array, Array]:
 
 def fitted_prior(drive: Drive) -> DrivePrior:
     """Return fields by which a recording of part of the cycle is fitted: open, uncertain, or doubted by `compare`."""
+    # what `compare` doubts is fitted too: half of an uncertainty is a standard deviation
     doubts = {path: 2 * deviation for path, deviation in doubts_of(drive).items()}
     prior = prior_of(drive.model_copy(update={"uncertainty": doubts | drive.uncertainty}))
     fields = tuple(field for field in prior.fields if field.distribution == "normal" or drive.value(field.path) is None)
@@ -604,6 +645,7 @@ class _RecordFit:
 
     def values_of(self, unknowns: Array) -> list[dict[str, float]]:
         """Return the values of drives, by path."""
+        # directions are shares of their turn, other unknowns standard deviations
         return self.prior.values(np.where(self.is_direction, unknowns, ndtr(unknowns)))
 
     def beyond_estimate(self, unknowns: Array) -> Array:
@@ -622,12 +664,14 @@ class _RecordFit:
         for M_g, record in self.records.items():
             lines = error_lines(self.drive, M_g, [values], self.run)
             solved, _ = solved_error(self.drive.with_values(values), M_g, self.run)
+            # the solved cycle has one reading for each state, and repeats
             period = lines.kinematics.cycle_cam_revolutions
             remainders.append(np.interp(record.cam_turns, solved.cam_turns, solved.apart(lines), period=period))
         return _levelled(remainders)
 
     def residuals(self, unknowns: Array, terms: _FitTerms) -> Array:
         """Return the residuals of drives, of readings and of unknowns, shape (drives, readings + unknowns)."""
+        # prior terms: least squares finds the posterior's maximum
         pull = np.where(self.is_direction, (unknowns - terms.start) / _OPEN_DIRECTION, unknowns)
         return np.concatenate([(self.beyond_estimate(unknowns) - terms.beyond) / terms.scale, pull], axis=1)
 
@@ -636,7 +680,9 @@ class _RecordFit:
         fields = self.prior.fields
         shares = self.prior.shares(SEARCHED, self.run.seed)[:, : len(fields)]
         drawn = np.where(self.is_direction, shares, np.clip(ndtri(shares), -_LARGEST, _LARGEST))
+        # first with uncertain fields at their values, then with all fields drawn
         drawn = np.concatenate([drawn * [field.distribution != "normal" for field in fields], drawn])
+        # before a fit the misfit is a guess
         allowed_variance = _FIRST_MISFIT**2 * np.var(self.read)
         unlikely = self.beyond_estimate(drawn).var(axis=1) / allowed_variance * _MISFITS_A_TURN * self.cam_turns
         unlikely += (drawn[:, ~self.is_direction] ** 2).sum(axis=1)
@@ -657,6 +703,7 @@ class _RecordFit:
                 args=(terms,),
             )
             fits.append((fit, terms))
+            # a fit this close is found once
             if np.var(self.beyond_estimate(fit.x[None]) - beyond) <= _SHOWN**2 * np.var(self.read):
                 break
         return min(fits, key=lambda fit_and_terms: float(fit_and_terms[0].cost))
@@ -664,6 +711,7 @@ class _RecordFit:
     def misfit_of(self, best: Array, beyond: Array) -> _RecordMisfit:
         """Return the misfit of the best drive; beyond: its error beyond its lines [arcsec], shape (readings,)."""
         residual = self.beyond_estimate(best[None])[0] - beyond
+        # differences of neighbours
         noise = float(np.var(np.diff(residual))) / 2  # of a reading: a misfit continues from one to the next
         excess = max(float(np.var(residual)) - noise, 0.0)
         independent = _MISFITS_A_TURN * self.cam_turns
@@ -677,13 +725,16 @@ class _RecordFit:
 
         Normal numbers around the fit are drawn and weighed by their likelihood.
         """
+        # the normal approximation around the best fit
         *_, sizes, directions = np.linalg.svd(fit.jac, full_matrices=False)
         rng = np.random.default_rng([self.run.seed, 2])
         deviates = rng.standard_normal((draws, len(fit.x)))
         deviates[0] = 0
         drawn = fit.x + deviates / sizes @ directions
+        # importance weights correct it by the true residuals
         log_weight = ((deviates**2).sum(axis=1) - (self.residuals(drawn, terms) ** 2).sum(axis=1)) / 2
         cumulative = np.cumsum(np.exp(log_weight - log_weight.max()))
+        # systematic resampling
         rows = np.searchsorted(cumulative, (np.arange(1, draws) - rng.random()) * (cumulative[-1] / (draws - 1)))
         return np.asarray(drawn[np.append(0, rows)])
 

@@ -56,8 +56,10 @@ class TolerancedSize(FieldPrior):
 
     def value(self, share: Array) -> Array:
         """Return the sizes [the field's unit] that shares of the parts stay below, of the same shape."""
+        # every part is at its limit: the worst case
         if self.law == "fixed":
             return np.full_like(share, self.high)
+        # an eccentricity whose parts x and y are normal, cut at the tolerance
         if self.law == "rayleigh":
             return np.asarray(
                 self.high / RAYLEIGH_TAIL * np.sqrt(-2 * np.log1p(share * np.expm1(-(RAYLEIGH_TAIL**2) / 2)))
@@ -91,16 +93,19 @@ class ProductionLaw:
     @property
     def not_given(self) -> tuple[str, ...]:
         """Sizes that are drawn up to a bound which is no tolerance, as `check` draws them."""
+        # drawn up to an assumed bound
         even = {f.path for f in self.joint.fields if not isinstance(f, TolerancedSize) and f.distribution != "normal"}
         return tuple(path for path in self.sizes if path in even)
 
     def values(self, seed: int, drive: int) -> dict[str, float]:
         """Return the own fields of a drive by its number, by path: they depend on the seed and the number alone."""
+        # a stream for each drive: any process can compute any drive
         rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(drive,)))
         return {f.path: float(f.value(np.array(s))) for f, s in zip(self.own, rng.random(len(self.own)), strict=True)}
 
     def scaled(self, factors: Mapping[str, float]) -> ProductionLaw:
         """Return the law with some tolerances multiplied by factors; bounds that are assumed from these follow."""
+        # new tolerances; assumed bounds that are shares of them follow
         high = {f.path: f.high * factors[f.path] for f in self.tolerances if f.path in factors}
         following = {f.path: f for f in prior_of(self.drive.with_values(high)).fields}
         own_fields = (
@@ -128,12 +133,15 @@ def production_law(
     known, directions that are as the preset has them. Raises UsageError for a direction that is none, or is called
     known and is not.
     """
+    # a known direction is the same in all drives
     _require_directions(drive, known)
     priors = {field.path: field for field in prior_of(drive).fields}
+    # if tolerances are chosen, an assumed size with a value is a choice
     assumed = {assumption.path for assumption in assumptions(drive)} if chosen else set()
     own_fields: dict[str, FieldPrior] = {}  # by path: orders of a wheel's pitch share their size
     for deviation in DEVIATIONS:
         high = drive.number(deviation.size)
+        # a size with a distribution of its own is drawn by it
         is_prior = deviation.size in priors and not (deviation.size in assumed and high)
         if not (is_prior or high > 0):
             continue
@@ -143,10 +151,13 @@ def production_law(
         has_direction = drive.value(deviation.direction) is not None
         if has_direction and deviation.direction in priors:
             own_fields[deviation.direction] = priors[deviation.direction]
+        # parts are assembled in any direction, whatever the preset says of one drive
         elif deviation.direction not in known:
             own_fields[deviation.direction] = _random_direction(deviation)
     other_fields = [prior for prior in priors.values() if prior.path not in DEVIATION_FIELDS]
+    # an uncertain value that is none of the design differs from drive to drive
     clearances = [field for field in other_fields if _is_clearance(field)]
+    # stiffnesses and the like are those of the design
     shared = [field for field in other_fields if not _is_clearance(field)]
     return ProductionLaw(drive, tuple(shared), (*own_fields.values(), *clearances))
 
@@ -223,6 +234,7 @@ def _with_each_tighter(one: Batch, paths: Sequence[str]) -> Batch:
     """Return a drive once for each size, with that size a step smaller; paths: of the sizes."""
     columns = {path: np.repeat(column, len(paths)) for path, column in one.columns.items()}
     for number, path in enumerate(paths):
+        # each size is smaller in one copy only
         columns[path] = columns[path] * np.where(np.arange(len(paths)) == number, TIGHTER_STEP, 1.0)
     return Batch(one.drive, columns)
 
@@ -263,6 +275,7 @@ class Production:
 
     def design_of(self, drive: int) -> int:
         """Return the number of the design of a drive: 0 of all drives where no shared field is unknown."""
+        # designs differ only if a shared field is uncertain
         return drive // self.per_design if self.law.shared else 0
 
     def design_states(self, drives: int) -> int:
@@ -277,10 +290,12 @@ class Production:
         if not self.law.shared:
             return replace(self, designs=(({}, 1.0),)), None
         count = self.design_of(drives - 1) + 1
+        # reference data refuse many designs
         most_draws = _DRAWS_PER_DESIGN * count
         samples = draw_samples(
             self.law.joint,
             self.torques,
+            # of the type: values of one drive say nothing on others
             evidence=evidence_of(self.drive, of_type=True),
             enough=lambda so_far: len(so_far.weights) >= count,
             effort=SamplingEffort(
@@ -293,6 +308,7 @@ class Production:
             raise UntrustedError(
                 f"{message}, {count} are required", "narrow the assumed ranges, or reduce the number of drives"
             )
+        # the own fields of a sample are not those of the drives of its design
         paths = [field.path for field in self.law.shared]
         drawn = samples.values()
         designs = tuple(
@@ -307,6 +323,7 @@ class Production:
         drives: list[tuple[Drive, list[ErrorMap]]] = []
 
         def maps(drive: Drive) -> list[ErrorMap]:
+            # one design is kept: drives are solved in their order
             if not drives or drives[0][0] != drive:  # drives of a design share a contact system
                 drives[:] = [(drive, error_maps(drive, self.torques))]
             return drives[0][1]
@@ -317,6 +334,7 @@ class Production:
             about = RandomDrive(design=self.design_of(k), weight=weight, values={**design, **own_values})
             try:
                 records.append(replace(about, **self._solved(about.values, maps)))
+            # a drive without a result is counted, and does not end the production
             except HdassistError as error:
                 records.append(replace(about, refused=error.message))
         return records
@@ -326,6 +344,7 @@ class Production:
         """Type of the records in a file."""
 
         def fault(item: int, record: RandomDrive) -> str:
+            # a file of other options
             if record.design != self.design_of(item):
                 return f"expected design {self.design_of(item)}"
             wanted = 0 if record.refused else len(self.torques)
@@ -349,15 +368,19 @@ class Production:
     def _solved(self, values: Mapping[str, float], maps: _MapsOf) -> dict[str, Any]:
         """Return F'_ior as assembled and in the best position, with its certificate, as fields of a record."""
         drive = self.drive.with_values({path: value for path, value in values.items() if path not in DEVIATION_FIELDS})
+        # drawn values may exclude each other
         conflict = first_conflict(drive)
         if conflict:
             raise UntrustedError(f"no valid drive: {conflict.path}: {conflict.message}")
+        # all positions in one search
         batch = self._in_positions(drive, values)
         extremes_by_torque = [many_extremes(error_map, batch, DRAWN_GRIDS) for error_map in maps(drive)]
         certificate = sum((extremes.certificate for extremes in extremes_by_torque), EMPTY)
         F_ior = np.array([extremes.F_ior_arcsec for extremes in extremes_by_torque])  # (torques, positions)
+        # one hole for all torques
         best = int(np.argmin(self._merit(F_ior)))
         tighter = None
+        # for sensitivities: what each size does near the present design
         if self.steps:
             in_best_position = batch.take(np.array([best]))
             tighter, further_certificate = self._tighter(in_best_position, best, extremes_by_torque, maps(drive))
@@ -392,6 +415,7 @@ class Production:
         certificate = EMPTY
         for extremes, error_map in zip(present, maps, strict=True):
             rotations = []  # at the states of the largest and the smallest error
+            # at the states of the present extremes: F'_ior of the smaller size is at least this difference
             for state in (extremes.at_max[row], extremes.at_min[row]):
                 states = error_map.states.take(np.full(len(paths), state))
                 case = LoadCase(error_map.fresh.formulation, error_map.M_g, like=error_map.fresh, many=True)
@@ -405,6 +429,7 @@ class Production:
 
     def _merit(self, F_ior: Array) -> Array:
         """Return the figure of merit of each position, least in the best one, shape (rotations,)."""
+        # without limits each torque counts relative to its own mean
         if self.limits is None:
             return merit(F_ior, F_ior.mean(axis=1))
         return merit(F_ior, np.array([np.inf if limit is None else limit for limit in self.limits]))

@@ -115,6 +115,7 @@ class Sensitivities:
     @property
     def is_worth_tightening(self) -> bool:
         """Whether a step of the first tolerance takes off anything for certain, and no field shared by all more."""
+        # even the smallest gain of the interval has to be one
         if self.first.high >= self.first.now:
             return False
         return self.largest is None or self.largest.group in {way.path for way in self.tightened[self.worst]}
@@ -139,9 +140,11 @@ def sensitivities(production: Production, samples: Samples, records: _Records) -
     all_records = _sound(records(production, len(production.designs)))
     F_ior = np.array([record.F_ior_arcsec for record in all_records])
     weights = np.array([record.weight for record in all_records])
+    # tolerances are ranked at the torque that needs them most
     worst = worst_torque(production.drive, samples)
     ways = {}
     for path in law.sizes:
+        # solved with the drives themselves, at the states of their extremes
         then = np.array([(record.tighter or {})[path] for record in all_records])
         ways[path] = _tightened(path, F_ior, then, weights, proven=False)
     # the estimate is a lower bound: the best size is solved anew until the best one is solved
@@ -191,6 +194,7 @@ def worst_torque(drive: Drive, samples: Samples) -> int:
 
     samples of random drives, each of a design of its own.
     """
+    # relative to the limits if every torque has one
     limits = [drive.limit(M_g) or 0.0 for M_g in samples.torques]
     now_arcsec = [weighted_quantile(column, samples.weights, _HIGH_SHARE) for column in samples.F_ior_arcsec.T]
     return int(np.argmax(np.array(now_arcsec) / (limits if all(limits) else 1)))
@@ -198,6 +202,7 @@ def worst_torque(drive: Drive, samples: Samples) -> int:
 
 def to_measure(law: ProductionLaw, samples: Samples, torque: int) -> tuple[MeasurementGain, ...]:
     """Return the next measurements of a design, by the share of the spread of ln F'_ior that goes, the best first."""
+    # only what all drives of a design share can be measured once
     shared = {field.path for field in law.shared} - DEVIATION_FIELDS
     gains = measurements(samples, torque) if samples.F_ior_arcsec[:, torque].all() else ()
     return tuple(gain for gain in gains if gain.measured in shared or gain.measured.startswith("stiffness."))
@@ -215,6 +220,7 @@ def _tightened(path: str, F_ior: Array, then: Array, weights: Array, *, proven: 
 
     These have the shape (drives, torques).
     """
+    # bootstrap over drives; the same drives now and then, so that their differences count
     resampled = np.random.default_rng(0).integers(0, len(F_ior), (_RESAMPLES, len(F_ior)))
     steps = []
     for before, after in zip(F_ior.T, then.T, strict=True):
@@ -224,6 +230,7 @@ def _tightened(path: str, F_ior: Array, then: Array, weights: Array, *, proven: 
             - weighted_quantile(after[rows], weights[rows], _HIGH_SHARE)
             for rows in resampled
         ]
+        # a large gain is a low percentile
         low, high = now_quantile - np.quantile(gains, _ENDS[::-1])
         steps.append(
             Tightened(path=path, now=now_quantile, then=then_quantile, low=float(low), high=float(high), proven=proven)
@@ -256,6 +263,7 @@ def tolerances(drive: Drive, law: ProductionLaw) -> tuple[_Tolerance, ...]:
     for size in law.tolerances:
         cost = drive.cost.get(size.path)
         present = size.high
+        # what the workshop can make, or a tenth of the present value
         least = cost.least if cost and cost.least is not None else _TIGHTER * present
         loosest = max(_LOOSER * present, least)
         choices.append(
@@ -329,12 +337,15 @@ class Allocator:
         If none are verified, those of the attempt with the greatest probability of the yield are returned, or of
         several such attempts those with the greatest share of drives within the limits.
         """
+        # the search begins at the tolerances of the preset
         values = np.array([choice.now for choice in self.choices])
         aim = _AIM
         records, tried = self._tried(turned, values, 0)
         attempts = [tried]
         for attempt in range(1, self.rounds + 1):
+            # cheapest by a linear model around the last drives
             sought = self._sought(records, values, aim)
+            # the model asks for nothing new
             if np.all(np.abs(np.log(sought / values)) < _LIMIT_AGREES / 2):
                 break
             values = sought
@@ -343,9 +354,12 @@ class Allocator:
             ratio = self._ratio_of(records, values)(values)
             at_least = np.all(values <= self.bounds[0] * (1 + _LIMIT_AGREES))
             at_most = np.all(values >= self.bounds[1] * (1 - _LIMIT_AGREES))
+            # verified and near the limit, or at the ends of the bounds
             if (tried.fits and (ratio > aim - _LIMIT_AGREES or at_most)) or (at_least and not tried.fits):
                 break
+            # random drives decide, not the model
             aim *= 1.0 if tried.fits else _STRICTER
+        # of all attempts, as a later one may cost more
         verified = [allocation for allocation in attempts if allocation.fits]
         if verified:
             return min(verified, key=lambda allocation: allocation.cost)
@@ -355,6 +369,7 @@ class Allocator:
     def _tried(self, turned: bool, values: Array, attempt: int) -> tuple[list[RandomDrive], Allocation]:
         """Return the random drives with given tolerances, other drives at each attempt, and their allocation."""
         chosen = dict(zip(self.choices, values.tolist(), strict=True))
+        # other random numbers each time: no set of drives is fitted by chance
         law = self.production.law.scaled({choice.path: value / choice.now for choice, value in chosen.items()})
         production = replace(self.production, law=law, mounting=turned, seed=self.production.seed + attempt)
         records = self.records(production, self.drives)
