@@ -120,18 +120,22 @@ def load_text(text: bytes | str, file: str, overrides: Sequence[str] = (), asked
     Raises PresetError with every finding; UsageError if the text is in order and only the overrides are not.
     """
     document = _document(text, file)
+    # overrides change the document before it is validated, so all rules hold for them
     for index, override in enumerate(overrides, 1):
         set_override(document, override, index)
     drive = _drive(document)
     if document.findings or drive is None:
         findings = ordered_findings(document.findings)
+        # faults of the command line are wrong usage, those of the file a wrong preset
         if not all(finding.file == OVERRIDE for finding in findings):
+            # the preset without overrides tells whose fault it is
             document_of_preset = _document(text, file)
             if not overrides or not _drive(document_of_preset) or document_of_preset.findings:
                 raise PresetError(findings)
         raise UsageError("\n".join(map(str, findings)))
     _warn_of_limits(drive, document)
     _warn_of_model(drive, document)
+    # valid, but far from usual: a warning
     for path, message, usual in implausible(drive):
         document.warn(tuple(path.split(".")), message, usual)
     data = text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text
@@ -152,6 +156,7 @@ def _replaced_torques(drive: Drive, text: bytes | str, file: str, overrides: Seq
     drive: the drive with the overrides. The result is empty if nothing needs them: no override, a stated rated torque,
     or a file that is no drive without its overrides.
     """
+    # without a rated torque the largest torque of the file counts as one
     if drive.operation.rated is not None or not is_overridden("operation.M_g", overrides):
         return ()
     in_file = _drive(_document(text, file))
@@ -176,6 +181,7 @@ def set_override(document: Document, text: str, index: int) -> None:
     Raises UsageError: no "=", a key that is empty or has hidden characters, or a value that is no YAML.
     """
     key, equals, value = text.partition("=")
+    # section, name, and for tables a further key
     full_path = path_of(key)
     if not equals or not all(full_path) or not key.strip().isprintable():  # YAML has no such keys either
         raise UsageError(
@@ -195,6 +201,7 @@ def set_override(document: Document, text: str, index: int) -> None:
     if table is None:
         return
     table[full_path[-1]] = read.data
+    # what was below the path before is gone
     kept_places = {path: place for path, place in document.places.items() if path[: len(full_path)] != full_path}
     document.places = kept_places | read.places | {full_path: span}
     document.bad = {path for path in document.bad if path[: len(full_path)] != full_path}
@@ -211,10 +218,12 @@ def _inner_table(document: Document, whole: Path, span: SourceSpan) -> dict[Any,
         span: place of the override.
     """
     table: dict[Any, Any] = document.data
+    # down to the table that has the last key
     for end, part in enumerate(whole[:-1], 1):
         path = whole[:end]
         inner = table.get(part)
         if inner is not None and not isinstance(inner, dict):
+            # a number where a table should be
             if path not in _PER_TORQUE:
                 message = f"{path_text(path)} is not a table of keys"
                 document.findings.append(Finding(OVERRIDE, *span.key, path_text(whole), message))
@@ -233,8 +242,10 @@ def _drive(document: Document) -> Drive | None:
     data = _table_of_drive(document)
     if data is None:
         return None
+    # before validation, which knows tables of uncertainties only
     _settle_spreads(document, data)
     data |= {name: _known_paths(document, name, data[name]) for name in PATH_TABLES if isinstance(data.get(name), dict)}
+    # filled by the validators, also if the drive as a whole is refused
     values = dict[str, Any]()  # valid values by path
     drive = None
     try:
@@ -242,6 +253,7 @@ def _drive(document: Document) -> Drive | None:
     except ValidationError as error:
         for fault in error.errors(include_url=False):
             _add_fault(document, fault)
+    # conflicts are sought among all values, given or not
     _add_defaults(document, values)
     if drive:
         drive = _with_support_of_coupling(document, drive, values)
@@ -271,6 +283,7 @@ def _add_conflicts(document: Document, values: dict[str, Any]) -> None:
     """Add the conflicts between valid values, at the override that makes one if there is one."""
     for conflict, involved in conflicts({path: values[path] for path in field_table() if path in values}):
         paths = [tuple(path.split(".", 2)) for path in (conflict.path, *involved)]
+        # who typed the contradicting value sees it there
         override_paths = [path for path in paths if document.is_override(path)]
         place = override_paths[0] if override_paths else paths[0]
         document.add(place, conflict.message, conflict.hint, conflict.got)
@@ -294,6 +307,7 @@ def _with_support_of_coupling(document: Document, drive: Drive, values: dict[str
     is_support_set = support_path in document.places and document.is_override(support_path)
     coupling_paths = [tuple(path.split(".")) for path in COUPLING_FIELDS]
     is_coupling_set = any(path in document.places and document.is_override(path) for path in coupling_paths)
+    # a support that is stated, or set last, stays
     if drive.supports.C_3 is not None and (is_support_set or not is_coupling_set):
         return drive
     drive = with_cam_support(drive)
@@ -309,6 +323,7 @@ def _settle_spreads(document: Document, data: dict[str, Any]) -> None:
         field_path = tuple(path.split("."))
         with suppress(KeyError, InvalidValueError):  # not given, none beside the value, or refused with it
             spread = read_spread(document.places[field_path].text, field.unit)[1]
+            # the command line counts, of two on it neither
             own_wins = document.is_override(spread_path)
             beside_wins = document.is_override(field_path)
             if path in table and beside_wins == own_wins:
@@ -329,6 +344,7 @@ def _check_tables(values: dict[str, Any], document: Document) -> None:
     All fields of a fit have equally many draws, of which the first is the value.
     """
     draws: dict[str, Any] = values.get("drive.fit", {})
+    # all fields of a fit have as many draws as the first
     first = next(iter(draws), "")
     for path, table_values in draws.items():
         field_path = tuple(path.split("."))
@@ -348,6 +364,7 @@ def _check_tables(values: dict[str, Any], document: Document) -> None:
     for path, source in values.get("drive.source", {}).items():
         bounds = source.range
         value = values.get(path)
+        # a value set by hand need not lie in the range of the preset's
         if not bounds or value is None or document.is_override(tuple(path.split("."))):
             continue
         if not bounds[0] <= value <= bounds[1]:
@@ -375,6 +392,7 @@ def _add_fault(document: Document, fault: ErrorDetails) -> None:
     """Add the finding on a fault of validation; none on a value that has one already."""
     path = fault["loc"]
     error = fault.get("ctx", {}).get("error")
+    # one finding for each value
     if path in document.bad:
         return
     schema_model = {**dict(sections()), **BY_PATH}.get(str(path[0]))
@@ -398,11 +416,14 @@ def _add_fault(document: Document, fault: ErrorDetails) -> None:
 
 def _unknown_hint(path: Path, value: Any, model: type[Section]) -> str:
     """Return a hint for an unknown key of a table, whose keys are the fields of a model."""
+    # a field of an earlier version, with its successor
     if removed := REMOVED.get(".".join(map(str, path))):
         return removed
     key = str(path[-1])
+    # "name:value" is one word in YAML
     if value is None and ":" in key:
         return "a space is missing after the colon"
+    # "1,5" in a list is two entries
     if value is None and key.replace(".", "").isdigit():
         return "write a decimal point, not a comma"
     home = next((section for section, model in sections() if key in model.model_fields), "")
@@ -422,6 +443,7 @@ def _warn_of_limits(drive: Drive, document: Document) -> None:
     for section, name in _PER_TORQUE:
         for key in drive.value(f"{section}.{name}"):
             path = (section, name, key)
+            # a run at one torque need not warn of limits at the others
             counts = not narrowed or document.is_override(path)
             if key != "all" and float(key) not in drive.operation.M_g and counts:
                 document.warn(path, message, f"M_g: {torques}")
@@ -429,6 +451,7 @@ def _warn_of_limits(drive: Drive, document: Document) -> None:
 
 def _warn_of_model(drive: Drive, document: Document) -> None:
     """Warn where values were identified with another shape of rim or flanks than is used, or may have been."""
+    # only identified values belong to a setting
     if all(source.kind != "identified" for source in drive.source.values()):
         return
     for name, before in IDENTIFIED_WITH.items():
@@ -470,6 +493,7 @@ def similar_preset(name: str, like: Drive, required: Requirements, description: 
     entries = similar(like, required)
     text = "\n".join(_similar_lines(name, like, entries, description)) + "\n"
     try:
+        # read again: a new preset has to be valid
         counts = origin_counts(load_text(text, name))
     except PresetError as error:
         raise UsageError(f"no valid drive: {error.findings[0].message}", "choose other teeth or another size") from None
@@ -529,6 +553,7 @@ def with_found_values(
     """
     before = load_text(text, file)
     tables = _tables(text)
+    # its draws belong to the values before
     tables.pop("fit", None)  # its draws are around other values
     for path, value in values.items():
         _set_value(tables, path, value)
@@ -552,6 +577,7 @@ def with_changes(text: bytes, file: str, overrides: Sequence[str]) -> str:
     for override in overrides:
         key, _, written = override.partition("=")
         parts = path_of(key)
+        # texts of the preset itself
         if len(parts) == 1 and isinstance(tables.get(parts[0]), str):  # name and description stand in no section
             tables[parts[0]] = str(_tables(written))
             continue
@@ -570,9 +596,11 @@ def with_changes(text: bytes, file: str, overrides: Sequence[str]) -> str:
         source = before.source.get(path)
         value = wanted.value(path)
         if source is not None and value != before.value(path):
+            # the origin of the old value does not hold for the new one
             ref = f"changed manually; was {source.kind}"
             _table(tables, "source")[path] = _source("assumed", ref, source, value)
     # the support follows from the coupling, on the command line too
+    # a support that the coupling gives is written by none of both
     if "supports.C_3" not in changes and changes & {*COUPLING_FIELDS}:
         _table(tables, "source").pop("supports.C_3", None)
         _table(tables, "supports")["C_3"] = None

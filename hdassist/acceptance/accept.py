@@ -60,12 +60,14 @@ def accept(
     and nothing predicted, or if the full cycle does not have an order; UsageError for such an order on the command
     line.
     """
+    # the model of a recording states the interval of the full cycle
     measured = {M_g: with_full_cycle(measurement) for M_g, measurement in inputs.measurements.items()}
     inputs = replace(inputs, measurements=measured)
     drive = inputs.drive
     unmeasured = inputs.unmeasured
     _require_value(request, drive, unmeasured, predictions)
     decisions = _decisions(request, inputs, unmeasured, predictions)
+    # a limit that nothing was measured for is left out, unless --strict asks for all
     left_out = () if predictions or request.strict else unmeasured
     remarks = [
         *_of_traces(inputs, decisions),
@@ -99,6 +101,7 @@ def _require_value(
 ) -> None:
     """Raise DataError if no limit of a drive has a measured or a predicted value, unless each limit needs one."""
     limits = limits_of(drive)
+    # a decision on at least one limit
     if predictions is not None or len(unmeasured) < len(limits) or request.strict:
         return
     hint = " ".join(limit.option for limit in limits)
@@ -114,12 +117,14 @@ def _decisions(
     rule = inputs.drive.acceptance.rule
     decisions = []
     for limit in limits_of(inputs.drive):
+        # a measured value takes precedence over a prediction
         if limit not in unmeasured:
             values = _measured_values(limit, inputs)
         else:
             values = _unmeasured_values(limit, request, predictions)
         if values:
             decisions.append(_decisive([decide(limit, value, rule, request.sure) for value in values]))
+    # one recording cannot be of several drives
     if request.shared and not request.shared_records:
         return [_open_by_sharing(decision, request.shared) for decision in decisions]
     return decisions
@@ -127,9 +132,11 @@ def _decisions(
 
 def _measured_values(limit: Limit, inputs: Inputs) -> list[AcceptedValue]:
     """Return the measured values for a limit: the stated one, or those of the directions of a recording."""
+    # a reported value takes precedence over a recording
     if limit in inputs.stated:
         return [inputs.stated[limit]]
     measurement = inputs.measurements[limit.M_g_Nm or 0.0]
+    # the error between torques may not be linear
     if measurement.trace.is_between_torques:
         return [AcceptedValue.between_torques()]
     by_direction = [
@@ -145,6 +152,7 @@ def _unmeasured_values(limit: Limit, request: Request, predictions: Predictions 
     """Return the predicted value for a limit, an unknown value if only a measured one decides it, or none."""
     if predictions and limit.check.needs:
         return [AcceptedValue.predicted(limit, predictions)]
+    # an open check, which makes the result inconclusive
     if request.strict or (not request.measured_only and not limit.check.needs):
         return [AcceptedValue()]
     return []
@@ -187,8 +195,10 @@ def _covered_cycle(limit: Limit, measurement: Measurement, direction: SweepResul
 
     None if the cycle is not known, or if a direction covers all of it and its model does not hold.
     """
+    # other checks know no part of a cycle
     if limit.check is not F_IOR or measurement.gearing is None:
         return None
+    # a text is the reason why there is no model
     if isinstance(direction.full_cycle, str) and not direction.is_bound:
         return None
     return CoveredCycle.of(direction, measurement.gearing.ratio)
@@ -207,6 +217,7 @@ def _decisive(decisions: Sequence[DecidedCheck]) -> DecidedCheck:
 
     Beside a direction that covers the whole cycle, one of a part counts only where it is not clear of the limit.
     """
+    # a direction with the whole cycle outweighs one with a part, unless that part is near the limit
     if any(decision.extent == "whole" for decision in decisions):
         decisions = [decision for decision in decisions if decision.extent == "whole" or _is_close_bound(decision)]
     return min(decisions, key=lambda decision: SEVERITY.index(decision.verdict))
@@ -224,6 +235,7 @@ def _of_traces(inputs: Inputs, decisions: Sequence[DecidedCheck]) -> Iterator[No
         directions = measurement.directions
         if any(decision.M_g_Nm == M_g and _is_by_a_part(decision) for decision in decisions):
             yield Note("COVERAGE", f"{place}: {_coverage_text(directions)}")
+        # sources that a recording cannot show count as unknown
         unstated = [source.name for source in directions[0].sources if source.arcsec is None]
         if unstated:
             yield Note("BUDGET", f"{place}: no uncertainty is stated for {', '.join(unstated)}")
@@ -253,10 +265,12 @@ def _of_decisions(
 ) -> Iterator[Note]:
     """Yield remarks on values, on unknown inputs, and on limits without a decision."""
     for decision in decisions:
+        # a test uncertainty ratio below 4:1
         if decision.expanded_uncertainty is not None and decision.expanded_uncertainty > _QUARTER * decision.limit:
             text = f"U = {decision.expanded_uncertainty:.3g} (k = {COVERAGE_FACTOR:g}), limit {decision.limit:g}"
             yield Note("UNCERTAINTY", f"{decision.label}: {text}")
     rated = inputs.drive.operation.rated
+    # limits above the rated torque may be a wrong unit
     for M_g in sorted({decision.M_g_Nm for decision in decisions if decision.M_g_Nm}):
         if rated and abs(M_g) > rated:
             yield Note("RATED", f"{M_g:g} N*m is above the rated torque of {rated:g} N*m")
@@ -274,6 +288,7 @@ def _of_sharing(request: Request) -> Iterator[Note]:
 
 def answer_rows(rows: Sequence[LotRow], debug: bool, first: int, last: int) -> list[AcceptAnswer]:
     """Return the results of the rows first ... last - 1; debug: raise a bug in a row instead of reporting it."""
+    # in a worker process: rows are independent
     return [answer_row(row, debug=debug) for row in rows[first:last]]
 
 
@@ -283,6 +298,7 @@ def answer_row(row: LotRow, *, debug: bool = False) -> AcceptAnswer:
     debug: raise a bug in the program instead of reporting it as the result.
     """
     try:
+        # a row that could not be read keeps its place among the results
         if row.fault:
             raise row.fault
         drive = row.request.load()
@@ -321,6 +337,7 @@ def _drive_name(request: Request) -> str:
 
 def failure_of(row: LotRow, error: HdassistError) -> AcceptAnswer:
     """Return the result of a row with an error; the fault of a row is wrong data, not wrong usage."""
+    # who runs a lot typed no row
     kind = DataError if isinstance(error, UsageError) else error
     return AcceptAnswer(
         version=__version__,

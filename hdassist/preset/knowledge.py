@@ -128,6 +128,7 @@ def implausible(drive: Drive) -> Iterator[tuple[str, str, str]]:
     for proportion in _PROPORTIONS:
         value = drive.value(proportion.path)
         base = drive.value(proportion.base)
+        # an unknown or zero measure has no proportion
         share = value / base if value and base else None
         if share is not None and not proportion.low * (1 - _BOUND_ROUNDING) <= share <= proportion.high * (
             1 + _BOUND_ROUNDING
@@ -138,6 +139,7 @@ def implausible(drive: Drive) -> Iterator[tuple[str, str, str]]:
                 finding_words,
                 f"usual: {proportion.usual.format(low=proportion.low, high=proportion.high)}",
             )
+    # a torque that breaks the drive is most likely a wrong unit
     largest_M_g = max(map(abs, drive.operation.M_g))
     rated = drive.operation.rated
     d = drive.gears.pitch_diameter
@@ -169,6 +171,7 @@ def _implausible_stiffnesses(drive: Drive) -> Iterator[tuple[str, str, str]]:
         if K is None or low <= K <= high:
             continue
         usual = f"usual at {d:.4g} mm: {_rounded(low, 2):g} to {_rounded(high, 2):g} N*m/rad"
+        # the value fits in the unit of the catalogues
         if low <= K * _CATALOGUE_UNIT <= high:
             usual += f"; if the catalogue gives {K:g} in 1e4 N*m/rad, write {K * _CATALOGUE_UNIT:g}"
         yield path, f"{K:g} N*m/rad is {K / K_3:.2g} times K3 of catalogue drives of this size", usual
@@ -185,15 +188,18 @@ def with_cam_support(drive: Drive) -> Drive:
     cam = drive.cam
     why = "3 E I/L^3 of its shaft in series with a bearing, whose stiffness is estimated"
     support: list[float] = []  # stiffness [N/mm], and its range
+    # stiffness by kind of coupling grows with the diameter
     if cam.coupling != "overhung":
         *numbers, why = _CAM_SUPPORTS[cam.coupling]
         support = [number * (drive.gears.pitch_diameter / REFERENCE) for number in numbers]
     elif cam.shaft_d is not None and cam.overhang is not None:  # equation (2a)
+        # 3 E I/L^3 with I = pi d^4/64
         shaft = 3 * drive.material.E * pi * cam.shaft_d**4 / 64 / cam.overhang**3
         support = [1 / (1 / shaft + 1 / (k * cam.shaft_d)) for k in _SHAFT_BEARING]
     source = {path: entry for path, entry in drive.source.items() if path != SUPPORT_FIELD}
     value = None
     if support:
+        # as it is written into a preset
         value, low, high = (float(f"{number:.4g}") for number in support)
         source[SUPPORT_FIELD] = Source(kind="assumed", range=(low, high), ref=f"cam.coupling: {cam.coupling}; {why}")
     return drive.with_values({SUPPORT_FIELD: value}).model_copy(update={"source": source})
@@ -251,15 +257,18 @@ def _size_of(like: Drive, required: Requirements) -> tuple[SimilarValue, float]:
     _require_rising(K)
     stated_size = required.get(PITCH_DIAMETER)
     stiffness_ratio = 1.0
+    # a stated diameter decides; stiffness then shows how far the drive is from catalogues
     if stated_size:
         size = stated_size
         stiffness_ratio = _stiffness_ratio(size.value, K)
+    # stiffness grows with the cube of the diameter
     elif K:
         d = _rounded(REFERENCE * (K[-1] / CATALOGUE_K3) ** (1 / 3))
         reason = f"{d:g} mm from K3 = {plain(K[-1])} N*m/rad, which increases with d^3 in catalogues"
         size = SimilarValue(d, "assumed", reason)
     else:
         return _size_by_torque(like, rated), stiffness_ratio
+    # the rated torque grows with the cube of the diameter too
     low, high = (density * size.value**3 for density in TORQUE_DENSITY)
     if rated is not None and not low / _FARTHEST_TORQUE <= rated <= high * _FARTHEST_TORQUE:
         usual = f"{_rounded(low, 2):g} to {_rounded(high, 2):g} N*m"
@@ -296,6 +305,7 @@ def _size_by_torque(like: Drive, rated: float | None) -> SimilarValue:
     if rated is None:
         reason = f"the pitch diameter of {like.name}, {pitch_diameter:g} mm"
         return SimilarValue(pitch_diameter, "assumed", reason)
+    # the cube law again
     d = _rounded(pitch_diameter * (rated / like.rated_torque) ** (1 / 3))
     low, high = ((rated / density) ** (1 / 3) for density in reversed(TORQUE_DENSITY))
     law = f"{d:g} mm from {plain(rated)} N*m, d^3 as {like.name}"
@@ -321,7 +331,9 @@ def similar(like: Drive, required: Requirements) -> dict[str, SimilarValue]:
     written_paths = _written_paths(like)
     entries = _kept_settings(like, written_paths)
     teeth = required.get("gears.z_g", entries["gears.z_g"])
+    # the diameter is exact, so the module gets many digits
     m = _rounded(d / teeth.value, 12)
+    # two waves
     entries["gears.z_b"] = replace(teeth, value=teeth.value + 2)
     entries["gears.m"] = SimilarValue(m, size.kind, f"{d:.6g} mm / {teeth.value} teeth; {size.ref}")
     for path, law in LAWS.items():
@@ -335,6 +347,7 @@ def similar(like: Drive, required: Requirements) -> dict[str, SimilarValue]:
     entries |= _load(like, required, s, d) | backlash | required
     entries |= _stiffness_segments(required)
     if "cam.coupling" in entries:
+        # a written support would take precedence over the coupling
         del entries["supports.C_3"]  # it follows from that
     in_sequence = {path: entries[path] for path in field_table() if path in entries}
     _require_in_range(in_sequence)

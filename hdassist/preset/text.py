@@ -130,8 +130,10 @@ _SURROGATE = re.compile("[\ud800-\udfff]")
 
 def scalar_value(text: str) -> Any:
     """Return the value of a plain scalar: None, true, false, a number, or else the text itself."""
+    # of YAML 1.2: yes, no and on are texts
     if text in _CONSTANTS:
         return _CONSTANTS[text]
+    # a longer integer would take quadratic time
     if _INT.fullmatch(text) and len(text) <= _MAX_DIGITS:
         return int(text)
     return float(text) if _FLOAT.fullmatch(text) else text
@@ -139,6 +141,7 @@ def scalar_value(text: str) -> Any:
 
 def shown(text: str, width: int = 60) -> str:
     """Return the text on one line for a message: unprintable characters escaped, a long text shortened."""
+    # a message is one line
     text = text if len(text) <= width else text[: width - 3] + "..."
     return "".join(c if c.isprintable() else escaped(c) for c in text)
 
@@ -153,6 +156,7 @@ def read_yaml(text: bytes | str, file: str, path: Path = (), at: Callable[[int, 
     try:
         _Reader(document, at, at(1, 1)).read(text, path)
     except PresetError as end:
+        # faults found before reading had to end
         document.findings += end.findings
         document.bad.add(())
     return document
@@ -174,6 +178,7 @@ class _Reader:
         self.events = self._parsed(self._decoded(text))
         for event in self.events:
             if isinstance(event, yaml.DocumentStartEvent):
+                # the first document is complete; a file has one drive
                 if self.document.places:
                     raise self._end(
                         self._mark(event.start_mark), "a second document", hint="write one document per preset"
@@ -181,10 +186,12 @@ class _Reader:
                 self.document.data = self._value(next(self.events), path)
 
     def _decoded(self, text: bytes | str) -> str:
+        # a text from the command line may contain half of a pair
         data = text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text
         if len(data) > MOST_PRESET_BYTES:
             message = f"the file is larger than {MOST_PRESET_BYTES // 1024} KiB"
             raise self._end(self.last, message, hint="check that the file is a preset")
+        # editors of Windows write it
         data = data.removeprefix(BOM_UTF8)
         try:
             decoded = data.decode()
@@ -192,12 +199,14 @@ class _Reader:
             mark = self._behind(data[: error.start].decode())
             got = f"byte 0x{data[error.start]:02x}"
             raise self._end(mark, "not UTF-8 text", got, "save the file as UTF-8") from None
+        # PyYAML would refuse it without line and column
         if control := _UNPRINTABLE.search(decoded):
             mark = self._behind(decoded[: control.start()])
             raise self._end(mark, "a control character, which YAML does not allow", shown(control.group()))
         return decoded
 
     def _behind(self, text: str) -> Mark:
+        # all ends of line that YAML knows
         lines = re.split(r"\r\n|[\n\r\x85\u2028\u2029]", text)
         return self.mark_at(len(lines), len(lines[-1]) + 1)
 
@@ -231,14 +240,17 @@ class _Reader:
     def _value(self, event: Any, path: Path, key: Mark | None = None) -> Any:
         """Return the value that begins with an event; key, where its key stands."""
         mark = self._mark(event.start_mark)
+        # recursion must not overflow the stack
         if len(path) >= MAX_DEPTH:
             raise self._end(mark, f"nested deeper than {MAX_DEPTH} levels")
+        # aliases may expand without bound; presets are small and explicit
         self._refuse_extras(event, mark, path)
         text = ""
         quoted = False
         value: Any = None
         if isinstance(event, yaml.AliasEvent):
             text = f"*{event.anchor}"
+        # values below get places of their own, by their paths
         if isinstance(event, yaml.SequenceStartEvent):
             items = enumerate(self._until(yaml.SequenceEndEvent))
             value = [self._value(item, (*path, index)) for index, item in items]
@@ -248,6 +260,7 @@ class _Reader:
             text = "a table of keys"
         elif isinstance(event, yaml.ScalarEvent):
             text = str(event.value)
+            # "on" in quotes is a text
             quoted = event.style is not None
             if _SURROGATE.search(text):
                 self._find(mark, path, "half of a surrogate pair is not a character", shown(text))
@@ -278,6 +291,7 @@ class _Reader:
             mark = self._mark(event.start_mark)
             name = str(getattr(event, "value", ""))
             item_path = (*path, name)
+            # YAML takes the last one silently, which hides a fault
             if name in table:
                 first = self.document.places[item_path].key
                 hint = f"it is given first in line {first.line}, column {first.column}"
@@ -303,6 +317,7 @@ class _Reader:
         self.document.findings.append(finding)
 
     def _syntax_error(self, error: Exception) -> PresetError:
+        # where an unclosed bracket or quote begins
         begun = getattr(error, "context_mark", None)
         error_mark = getattr(error, "problem_mark", None) or begun
         problem = str(getattr(error, "problem", None) or getattr(error, "context", None) or error)

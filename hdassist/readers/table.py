@@ -131,14 +131,17 @@ class NumberTable:
         """
         name = self.name(column)
         named = unit_in(name, units) or self._unit_of_program(name, units)
+        # how the cells are written is a unit of its own
         if column in self.sexagesimal:
             self._require_degrees(column, words, units, named, asked)
             self.notes.append(f'"{name}": {words}, degrees, minutes and seconds')
             return "deg"
+        # a stated unit takes precedence over every name
         if asked is None:
             self._require_known(column, named, default, units, option)
         unit = plain_unit(asked) if asked is not None else named or default
         foreign = foreign_unit_in(name, units)
+        # a contradiction is allowed, and noted: headings of instruments are often wrong
         if asked is not None and (foreign or (named and named != unit)):
             self.notes.append(f'"{name}": {asked} as requested, although the name states {named or foreign}')
         assumed = f"{NO_UNIT}, {default} assumed"
@@ -151,8 +154,10 @@ class NumberTable:
 
     def _unit_of_program(self, name: str, units: Iterable[str]) -> str:
         """Return the unit that the program has which named a column, if it is one of some units; empty for none."""
+        # names by which known programs write counts
         if is_in_counts(name):
             unit = COUNTS
+        # its units follow from the names of all columns together
         elif is_of_moteus(self.names):
             unit = moteus_unit_of(name)
         else:
@@ -163,6 +168,7 @@ class NumberTable:
         """Raise PresetError if a column in degrees, minutes and seconds has other cells, or another unit is stated."""
         name = self.name(column)
         decimal_rows = len(self.values) - self.sexagesimal[column]
+        # 12.30 may be 12.3 deg or 12 deg 30 min: a mixed column has no meaning
         if decimal_rows > 0:
             message = (
                 f'"{name}": {decimal_rows} of {len(self.values)} rows are numbers without degrees, minutes and seconds'
@@ -191,6 +197,7 @@ class NumberTable:
                 if foreign_quantity
                 else f"no known unit of {quantity}"
             )
+            # the same word for two units
             if plain_unit(foreign) == "grad":
                 fault = "a degree in German and 1/400 of a revolution elsewhere: write deg or gon"
             elif scaled_unit_in(name):  # a unit that an option states would not have the factor
@@ -201,6 +208,7 @@ class NumberTable:
             raise self.fault(f'"{name}": {foreign} is {fault}', hint)
         entries = ((line, line.entry) for line in self.remarks)
         stated = [(line, entry) for line, entry in entries if entry and PITCH_KEYS.get(entry[0]) == "unit"]
+        # a remark that contradicts nothing but is not repeated in the name may be meant for another column
         if stated and not named and quantity == "angle":
             line, (_, text, place) = stated[0]
             message = f'the comment states the unit {text}, the name "{name}" states none'
@@ -209,6 +217,7 @@ class NumberTable:
 
     def in_unit(self, column: int, words: str, default: str, asked: str | None = None, option: str = "") -> _Cells:
         """Return the values of a column in the unit whose size is 1; arguments and errors are those of unit_of."""
+        # the default tells which quantity the column has
         sizes = next(sizes for sizes in (ANGLES, TIMES, TORQUES) if default in sizes)
         unit = self.unit_of(column, words, default, sizes, asked, option)
         return self.values[:, column] * (angle_size(unit) if sizes is ANGLES else sizes[unit])
@@ -227,6 +236,7 @@ class NumberTable:
 
     def fault(self, message: str, hint: str, row: int | None = None, column: int = 0) -> PresetError:
         """The fault of a cell by row and column (from 0), or without a row that of the names, which it lists."""
+        # a fault of the columns as a whole
         if row is None or not len(self.lines):
             self.add(self.names_line, 1, "", message, self.listed, hint)
         else:
@@ -263,6 +273,7 @@ class CellTable:
 
     def with_points(self, text: str) -> str:
         """A cell with decimal points, where the separator leaves commas free and the cell has no list in it."""
+        # "1,5" in a file with semicolons is a number; "[1,5]" is a list
         free = self.separator != "," and "." not in text and "[" not in text
         return _DECIMAL_COMMA.sub(".", text) if free else text
 
@@ -292,11 +303,14 @@ def read_texts(source: Readable) -> CellTable:
     lines: list[TableLine] = []
     remarks: list[int] = []
     separator = ""
+    # part by part, so that a large file need not fit into memory
     for first, part in text.parts():
         for line in _lines(first, part, table):
             if not line.remark:
+                # that of the first line; names of columns contain none of the others usually
                 separator = separator or next((mark for mark in ";\t," if mark in line.text), ";")
                 lines.append(line)
+            # a line that begins with # and has all cells is a row whose first cell does
             elif lines and _is_wide(line.text, separator, lines[0].text):
                 lines.append(line)
             elif lines:
@@ -304,6 +318,7 @@ def read_texts(source: Readable) -> CellTable:
     table.require_sound()
     if len(lines) < 2:
         raise _no_rows(text.name, lines[0].number if lines else 1)
+    # the first line that is no remark
     names, *rows = ((line.number, tuple(cells_of(line.text, separator))) for line in lines)
     opened = {line.number: column for line in lines if (column := unclosed_quote(line.text, separator))}
     return CellTable(
@@ -350,13 +365,16 @@ def read_numbers(
     try:
         for first, part in _readable_parts(text, table, guide or GuideForm()):
             rows.take(first, part)
+            # further faults would not be shown
             if len(table.findings) > MAX_FINDINGS and not lenient:
                 break
         else:
             rows.end()
+            # --robust: rows with faults are left out, whatever these are
             if lenient:
                 table.left_out = list(dict.fromkeys(finding.line for finding in table.findings))
                 table.findings.clear()
+                # cells that could not be read are NaN
                 kept = np.isfinite(table.values).all(axis=1)
                 table.values = table.values[kept]
                 table.lines = table.lines[kept]
@@ -388,6 +406,7 @@ class _Rows:
 
     def take(self, first: int, part: str) -> None:
         """Read the lines of a part of the text; first, number of its first line."""
+        # the fast way, once it is settled how rows are written
         if self.separator and (values := self._plain(part)) is not None:
             self._keep(values, np.arange(first, first + len(values)))
             return
@@ -398,12 +417,14 @@ class _Rows:
                 continue
             if len(self.table.remarks) < MAX_REMARKS:
                 self.table.remarks.append(line)
+            # the remark directly above the rows may have the names
             if not lines and not self.waiting and not line.entry:
                 self.above = line
         if self.separator:
             self._read(lines)
             return
         self.waiting += lines
+        # enough to settle; a short file settles at its end
         if len(self.waiting) >= SAMPLED_LINES:
             self._settle()
 
@@ -424,10 +445,12 @@ class _Rows:
         sample = self._without_preamble(sample, separator)
         cells = [cells_of(line.text, separator) for line in sample]
         self._settle_width(sample, cells)
+        # a row of numbers cannot be the names
         has_names = not has_numbers(cells[0])
         self._settle_names(sample, cells[0], separator, has_names=has_names)
         self.separator = separator
         self._settle_decimal(cells)
+        # the sample is read like all other lines now
         lines = self.waiting[1:] if has_names else self.waiting
         self.waiting = []
         self._read(lines)
@@ -437,6 +460,7 @@ class _Rows:
         """Return a sample of the waiting lines from the line of names on; lines above it are left out, with a note."""
         cells = [cells_of(line.text, separator) for line in sample]
         preamble_lines = _preamble(cells)
+        # a known program is refused below, with its name
         if not preamble_lines or _program_of([line.text for line in sample]):
             return sample
         skipped = shortened([line.number for line in sample[:preamble_lines]])
@@ -452,6 +476,7 @@ class _Rows:
             hint = f"rows of {', '.join(self.needs)}" if self.needs else "check that this is the file with the table"
             self._refuse(first.number, "no rows of numbers in the file", first.text.strip(), hint)
         first_number, first_row = rows[0]
+        # most rows are right: a faulty one must not decide
         self.width = Counter(len(row) for _, row in rows).most_common(1)[0][0]
         if self.width < len(self.needs):
             message = f"{self.width} column, needs {len(self.needs)}: {', '.join(self.needs)}"
@@ -481,6 +506,7 @@ class _Rows:
             message = f"the line of names does not fit {self.width} columns"
             hint = "write one name for each column, with the separator of the rows"
             empty = [cell.text for cell in first_cells[self.width :]]
+            # a sheet of which a column was never filled in
             if empty and all(row.text.rstrip().endswith(separator) for row in sample[1:]):
                 message = f"no value is written in {', '.join(empty)}"
                 hint = "fill it in, or leave out the column"
@@ -494,11 +520,13 @@ class _Rows:
             lines: those that were read as rows.
         """
         head = sum(line.number < self.lines[0] for line in lines) if self.lines else 0
+        # many faults among the first lines: not a table with errors, but another file
         faulty = {finding.line for finding in self.table.findings}
         faulty &= {line.number for line in lines}
         is_mostly_faulty = len(faulty) >= _FOREIGN_ROWS and 2 * len(faulty) > len(lines)
         if not is_mostly_faulty and head < _FOREIGN_HEAD:
             return
+        # one message in place of hundreds
         self.table.findings.clear()
         program = _program_of([line.text for line in sample]) or "check whether this is a file of another program"
         message = f"not a table of numbers: {len(faulty)} of the first {len(lines)} lines are not rows of {self.width}"
@@ -514,6 +542,7 @@ class _Rows:
     def _read(self, lines: Sequence[TableLine]) -> None:
         """Read lines that are neither blank nor remarks."""
         numbers = np.array([line.number for line in lines], np.int64)
+        # the fast way fails as a whole if any line is unusual
         values = self._plain("\n".join(line.text for line in lines))
         if values is None:
             cells = [cells_of(line.text, self.separator) for line in lines]
@@ -535,14 +564,17 @@ class _Rows:
         """
         separator = self.separator
         decimal = self.decimal
+        # "1,5" is ambiguous then, so cell by cell
         if separator == decimal or part.isspace():
             return None
         blank = {" ": r" \t", "\t": ""}.get(separator, " ")
+        # numbers alone: loadtxt would accept nan, inf and comments too
         if not re.fullmatch(rf"[0-9eE+\-\n{separator}{blank}{decimal}]*", part):
             return None
         if separator != " ":
             part = part.replace(f"{separator}\n", "\n").removesuffix(separator)
         lines = (part.replace(",", ".") if decimal == "," else part).split("\n")
+        # blank and overlong lines need their own messages
         if not all(lines) or max(map(len, lines)) > MAX_LINE:
             return None
         try:
@@ -553,11 +585,13 @@ class _Rows:
 
     def _settle_decimal(self, rows: Iterable[Sequence[Cell]]) -> None:
         if not self.decimal:
+            # by majority of the cells; as long as none has a mark it stays open
             marks = Counter(decimal_mark_in(cell.text) for row in rows for cell in row)
             self.decimal = "," if marks[","] > marks["."] else "." if marks["."] else ""
 
     def _row(self, line: int, row: Sequence[Cell]) -> list[float] | None:
         """Numbers of a row; None, with a finding, for a row that has none or another number of cells."""
+        # a second line of names, or a remark without #
         if not has_numbers(row):
             hint = "put # in front of it; only one line of names is allowed, above the rows"
             self.table.add(line, row[0].column if row else 1, "", "a line of text among the rows", row_text(row), hint)
@@ -579,11 +613,13 @@ class _Rows:
         message, hint = fault_of(cell.text, self.decimal or ".")
         if not message:
             value = float(cell.text.replace(",", "."))
+            # beyond it sums of squares would overflow
             if abs(value) <= GREATEST:
                 return value
             number_words = f"number up to {GREATEST:g}" if isfinite(value) else "finite number"
             message = f"must be a {number_words}"
             hint = "check this cell"
+        # degrees, minutes and seconds in the cells of angles
         elif self.takes_sexagesimal:
             try:
                 degrees = sexagesimal_degrees(cell.text, by_colons=role_in(self.table.name(index)) in _ANGLE_ROLES)
@@ -600,6 +636,7 @@ class _Rows:
 
 def _lines(first: int, part: str, table: NumberTable) -> Iterator[TableLine]:
     """Lines of a part of a text that are not blank; one that is too long is added to the findings of the table."""
+    # an empty line of a spreadsheet has separators
     for number, line in enumerate(part.split("\n"), first):
         if not line.strip(' ;,\t"\x1a') or (number == 1 and _SEPARATOR_LINE.fullmatch(line)):
             continue
@@ -615,6 +652,7 @@ def _preamble(cells: Sequence[Sequence[Cell]]) -> int:
     It is certain if only numbers follow, in the same number of columns, and it contains a known name, unlike all
     lines above it.
     """
+    # from the end of the sample upwards: as many lines as are rows
     rows = next((k for k, row in enumerate(reversed(cells)) if not _is_row(row, len(cells[-1]))), len(cells))
     names = len(cells) - rows - 1
     if names < 1 or rows < _FOREIGN_ROWS or len(cells[names]) != len(cells[-1]) or has_numbers(cells[names]):
@@ -650,6 +688,7 @@ def _readable_parts(text: TextFile, table: NumberTable, guide: GuideForm) -> Ite
     Raises PresetError for such a file without anything that a trace can be made of; UsageError for options of a guide
     log with another file.
     """
+    # a program is recognised by its first lines
     parts = text.parts()
     for first, part in parts:
         program = _program_of(part.split("\n", _HEAD)) if first == 1 else ""
@@ -662,6 +701,7 @@ def _readable_parts(text: TextFile, table: NumberTable, guide: GuideForm) -> Ite
         if not (is_guide_log or program == "a PE file of EQMOD"):
             yield first, part
             continue
+        # the whole log at once: its best section is chosen
         lines = "\n".join([part, *(following for _, following in parts)]).split("\n")
         try:
             if is_guide_log:
@@ -670,6 +710,7 @@ def _readable_parts(text: TextFile, table: NumberTable, guide: GuideForm) -> Ite
                 table.is_lower_bound = rows.is_lower_bound
                 table.scale_uncertainty = rows.scale_uncertainty
                 table.deg_per_s = SIDEREAL_ARCSEC_S / 3600
+                # as many lines as the log has, so that line numbers in messages are right
                 yield 1, "\n".join(rows.lines)
             else:
                 yield 1, "\n".join(_of_pe_file(lines, table))
@@ -688,6 +729,7 @@ def _of_pe_file(lines: list[str], table: NumberTable) -> Iterator[str]:
             "the PE file of EQMOD contains no line !WormPeriod",
             "write the worm period in s above the rows, for example !WormPeriod=479",
         )
+    # motor steps are angles; time is one at constant speed only
     column, turn, by = (1, steps, "motor steps") if steps > 0 else (0, period, "time")
     table.deg_per_s = 360 / period
     table.notes.append(

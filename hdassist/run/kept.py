@@ -82,8 +82,10 @@ class KeptOwner(ClosedRecord):
 
     def require_same(self, now: KeptOwner, path: str) -> None:
         """Raise UsageError, with the differences, where the records of a file are not those of the owner now."""
+        # as they would be read from a file, so that tuples and lists are equal
         before, after = (json.loads(json.dumps(asdict(owner))) for owner in (self, now))
         for inputs, name in product((before, after), ("inputs", "options")):
+            # flat, so that each difference is named by its own key
             inputs |= {f"{name}.{key}": value for key, value in inputs.pop(name).items()}
         differences = [
             f"{key}: {_short(before.get(key))} there, {_short(after.get(key))} here"
@@ -121,9 +123,11 @@ class RecordKind(Generic[_RecordT]):
         Raises DataError for a record that does not hold.
         """
         checksum = above  # of the line above, which each line carries
+        # each checksum covers the line above, so no line can be moved or taken out
         for item, line in enumerate(lines):
             try:
                 fields, checksum = _unsealed(line, checksum)
+                # a line of another place in the file
                 if fields.pop("item", None) != item:
                     raise ValueError(f"expected item {item}")
                 record = self.adapter.validate_python(fields)
@@ -132,6 +136,7 @@ class RecordKind(Generic[_RecordT]):
             except (ValueError, RecursionError) as error:
                 begin = b'{"item":%d,' % item
                 start = line.rstrip(b"\0")[: len(begin)]  # zeros stand where power was lost before data came to disk
+                # the last line of a killed run: it is made anew
                 if not line.endswith(b"\n") and len(line) < _LONGEST_LINE and begin.startswith(start):
                     return
                 raise DataError(f"{name}:{item + 2}: invalid record: {why_invalid(error)}", self.hint) from None
@@ -162,8 +167,10 @@ class Kept(Generic[_RecordT]):
         lines = []
         checksum = self._checksum
         for item, record in enumerate(records, self.done):
+            # sealed with the checksum of the line above
             lines.append(_sealed({"item": item, **self._kind.adapter.dump_python(record, mode="json")}, checksum))
             checksum = _checksum_of(lines[-1])
+        # one write: a stop leaves whole lines, or one unfinished line
         self._write(b"".join(lines), len(lines))
         self._checksum = checksum
 
@@ -174,6 +181,7 @@ class Kept(Generic[_RecordT]):
         """
         lines = _lines(self._descriptor)
         read = self._kind.read(lines, _checksum_of(next(lines, b"")), str(self._path))
+        # another process cannot have added any: the file is locked
         for _ in range(self.done):
             if (record := next(read, None)) is None:
                 raise self._lost()
@@ -195,9 +203,11 @@ class Kept(Generic[_RecordT]):
             at_stop(partial(part_file.unlink, missing_ok=True)),
         ):
             descriptor, lock = _locked(str(part_file))
+            # a complete file under another name, which takes the place of this one at once
             fresh = Kept(_path=str(part_file), _descriptor=descriptor, _lock=lock, _owner=self._owner, _kind=self._kind)
             fresh.begin()
             fresh.append(records)
+        # the new file is locked already, so no other run can come between
         os.close(self._descriptor)
         self._descriptor = descriptor
         self._lock = lock
@@ -227,6 +237,7 @@ class Kept(Generic[_RecordT]):
                 os.close(self._descriptor)
                 self._descriptor = _CLOSED
         finally:
+            # Windows replaces no open file: it was closed for the moment
             if self._descriptor == _CLOSED:
                 with _writing(path):
                     self._descriptor = _opened(path)
@@ -244,6 +255,7 @@ class Kept(Generic[_RecordT]):
             return
         with suppress(OSError):
             status = Path(self._path).stat()
+            # the same file still, and no shorter
             if os.path.samestat(status, os.fstat(self._descriptor)) and status.st_size >= self._size:
                 return
         raise self._lost()
@@ -269,15 +281,18 @@ class Kept(Generic[_RecordT]):
         name = str(self._path)
         lines = _lines(self._descriptor)
         first = next(lines, b"")
+        # not even the owner was written completely
         if not first.endswith(b"\n") and _sealed(asdict(self._owner), b"").startswith(first):
             return self.begin()  # empty, or begun by a run that was killed
         owner, self._checksum = _owner_of(first, name)
+        # records of other inputs must not be mixed
         owner.require_same(self._owner, name)
         self._size = len(first)
         for _, line in self._kind.read(lines, self._checksum, name):
             self.done = self.done + 1
             self._size = self._size + len(line)
             self._checksum = _checksum_of(line)
+        # behind the last complete record
         if os.fstat(self._descriptor).st_size > self._size:
             self._cut(self._size)
         return None
@@ -291,10 +306,12 @@ class Kept(Generic[_RecordT]):
         self.require_there()
         with _writing(self._path, "" if self._path is None else "resume with the same command"):
             remaining = memoryview(data)
+            # a write may take a part only
             while remaining:
                 remaining = remaining[os.write(self._descriptor, remaining) :]
             self.done += records
             if self._path is not None:
+                # a finished record outlasts a loss of power
                 os.fsync(self._descriptor)
         self._size += len(data)
 
@@ -318,6 +335,7 @@ def open_kept(
     descriptor, lock = _locked(path, patience)
     kept = Kept(_path=path, _descriptor=descriptor, _lock=lock, _owner=owner, _kind=kind)
     try:
+        # --force: what the file has is given up
         if force:
             kept.begin()
         else:
@@ -348,6 +366,7 @@ def _locked(path: str | None, patience: float = LOCK_PATIENCE) -> tuple[int, int
 
     Raises UsageError: another run holds it; DataError: it cannot be opened.
     """
+    # without a file the work is kept in an unnamed one, which ends with the process
     if path is None:
         with _writing(path), tempfile.TemporaryFile() as file:
             descriptor = os.dup(file.fileno())
@@ -375,11 +394,13 @@ def _locked(path: str | None, patience: float = LOCK_PATIENCE) -> tuple[int, int
 def _held(place: str, path: str, patience: float) -> int:
     """Return the descriptor of a file whose lock this process has; path, the name for messages; patience [s]."""
     begun = time.monotonic()
+    # a lock of a killed run ends with its last process
     while True:
         with _writing(path):
             descriptor = _opened(place)
             try:
                 system.lock(descriptor)
+                # another run may have put a new file in its place meanwhile
                 if os.path.samestat(os.fstat(descriptor), Path(place).stat()):
                     return descriptor
             except FileNotFoundError:

@@ -76,14 +76,17 @@ class Run:
         All such functions of a command share one process, whose imports the others are spared.
         """
         if self.executor:
+            # a process of its own if there is one, since it imports cvxpy
             return (getattr(self.executor, "beside", None) or self.executor).submit(function, *arguments)
         future: Future[_ResultT] = Future()
+        # without processes the answer is there at once
         future.set_result(function(*arguments))
         return future
 
     @property
     def at_a_time(self) -> int:
         """How many tasks are worked on at a time by now; 0 where that is not known, or in this process."""
+        # executors of the library have no size
         return int(getattr(self.executor, "size", 0))
 
     @property
@@ -123,6 +126,7 @@ class Cluster(Executor):
     @property
     def size(self) -> int:
         """How many tasks are worked on at a time: workers may join and leave."""
+        # asking a scheduler takes a message to it
         if time.monotonic() > self._asked + _SECONDS:
             self._known = max(1, self._size())
             self._asked = time.monotonic()
@@ -137,6 +141,7 @@ def _same_there(
     installation: _Installation, expected: object, task: Callable[..., Any], args: tuple[Any, ...], more: dict[str, Any]
 ) -> Any:
     """Do a task on a worker. Raises UntrustedError: its installation is not that of the process that asks."""
+    # other versions may have other last digits
     if (worker_installation := installation()) != expected:
         message = f"the worker on {platform.node()} has another installation: {worker_installation}, not {expected}"
         raise UntrustedError(message, "install the same versions on all machines", Fault.WORKERS_LOST)
@@ -159,6 +164,7 @@ def cluster(name: str, jobs: int, installation: _Installation) -> Iterator[Clust
     except ImportError as error:
         message = f"--executor dask needs a package that is not installed: {error.name or error}"
         raise UsageError(message, command_line(["pip", "install", "hdassist[dask]"])) from None
+    # all of them mean that no work can be done there
     except Exception as error:  # dask and its transports raise errors of many types when they cannot connect
         message = f"cannot reach or start {name}: {str(error) or type(error).__name__}"
         raise DataError(
@@ -167,6 +173,7 @@ def cluster(name: str, jobs: int, installation: _Installation) -> Iterator[Clust
     try:
         yield engine
     except Exception as error:
+        # errors of tasks are not those of dask
         if type(error).__module__.partition(".")[0] not in ("distributed", "dask", "concurrent"):
             raise
         message = f"dask lost the work: {str(error) or type(error).__name__}"
@@ -182,6 +189,7 @@ def _dask_cluster(address: str, jobs: int, installation: _Installation) -> Clust
     """Return the cluster of a scheduler, or of workers on this machine, begun once and kept until this process ends."""
     with ExitStack() as stack:
         client = _dask_client(stack, address, count(jobs))
+        # handed over only when everything has begun
         _clusters.enter_context(stack.pop_all())
     engine = client.get_executor(pure=False, retries=_RETRIES)
     return Cluster(engine, lambda: sum(client.nthreads().values()), installation)
@@ -190,6 +198,7 @@ def _dask_cluster(address: str, jobs: int, installation: _Installation) -> Clust
 @atexit.register
 def end_clusters() -> None:
     """End the engines that this process has begun, and leave those that ran already."""
+    # workers end before the interpreter does
     _clusters.close()
     _dask_cluster.cache_clear()
 
@@ -205,8 +214,10 @@ def _dask_client(stack: ExitStack, address: str, worker_count: int) -> Any:
     config = import_module("dask.config")
     distributed = import_module("distributed")
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # the error that cluster() raises has the message
+    # a running scheduler has its own configuration
     if address:
         return stack.enter_context(distributed.Client(address, timeout=TIMEOUT))
+    # no pages of a dashboard: they are open to every user of the machine
     stack.enter_context(
         config.set(
             {
@@ -261,31 +272,38 @@ def stream(
     of concurrent.futures.
     Raises the errors of the work; UntrustedError: a process was ended from outside.
     """
+    # once, instead of with each chunk
     pickled = pickle.dumps(work)
     chunks: deque[tuple[int, Future[tuple[float, list[Any]]]]] = deque()  # items of each, and its answer
     # s and items of chunks that are done, the last ones counting most
     end = done
     cost = 0.0
     counted = 0.0
+    # an executor that was passed is not ended here
     with nullcontext(executor) if executor else workers(jobs) as engine:
         try:
             while done < total:
                 at_a_time = engine.size if isinstance(engine, Cluster) else count(jobs)
+                # a few chunks ahead, so that no process waits for the one that collects
                 while end < total and len(chunks) < AHEAD * at_a_time:
+                    # at the measured cost of an item; 0 before the first chunk is done
                     by_time = int(seconds * max(1.0, at_a_time / _MANY) * counted / max(cost, 1e-9))
                     to_the_end = -(-(total - end) // (2 * at_a_time))  # smaller ones there: all end together
                     size = max(1, min(by_time, MOST_ITEMS, to_the_end))
                     chunks.append((size, engine.submit(_timed, pickled, end, end + size)))
                     end += size
+                # in their order: records of a file stand in the order of the items
                 size, answer = chunks.popleft()
                 took, records = answer.result()
                 if len(records) != size:
                     raise ValueError(f"{len(records)} records of {size} items")
+                # older chunks count half as much each time
                 cost = cost / 2 + took
                 counted = counted / 2 + size
                 done = done + size
                 yield records
         finally:
+            # the consumer stopped, or an error came up
             for _, answer in chunks:
                 answer.cancel()
 
@@ -319,7 +337,9 @@ def workers(jobs: int) -> Iterator[Executor]:
     the same arithmetic, so the same digits for any number of jobs.
     Raises DataError: the system gives no processes; UntrustedError: one of them was ended from outside.
     """
+    # a spawned process would import everything anew for a single check
     executor = Processes(count(jobs), has_beside=start_method() != "spawn")
+    # a stop must not leave processes behind
     with at_stop(executor.kill):
         try:
             try:
@@ -354,6 +374,7 @@ class _Worker:
 
     def answer(self, task: Task) -> tuple[bool, Any]:
         """Return whether a task was done, and its result or error. Raises EOFError, OSError: the process has ended."""
+        # the first message tells that the process runs
         if not self.is_there:
             self._received()
             self.is_there = True
@@ -362,6 +383,7 @@ class _Worker:
         return is_done, result
 
     def _received(self) -> Any:
+        # the sentinel is ready if the process has ended; then there is no answer
         if self.pipe not in connection.wait([self.pipe, self.sentinel]):
             raise EOFError
         return self.pipe.recv()
@@ -374,6 +396,7 @@ class Processes(ThreadPoolExecutor):
     """
 
     def __init__(self, count: int, *, has_beside: bool = False) -> None:
+        # a thread for each process, which waits for its pipe
         super().__init__(count)
         self.beside = Processes(1) if has_beside else None
         self.size = count
@@ -390,6 +413,7 @@ class Processes(ThreadPoolExecutor):
         context: Any = multiprocessing.get_context(way)
         if way != "fork":
             begin_resource_tracker()
+        # modules are imported once, in the server
         if way == "forkserver":
             from multiprocessing import forkserver  # Windows has none
 
@@ -416,8 +440,10 @@ class Processes(ThreadPoolExecutor):
 
     def _answer(self, task: Task) -> Any:
         """The answer of a process to a task; where one is lost all others end too."""
+        # as many threads as processes: there is always an idle one
         worker = self._idle.get()
         try:
+            # blocks this thread, not the others
             is_done, result = worker.answer(task)
         except (EOFError, OSError):
             self.kill()
@@ -433,6 +459,7 @@ class Processes(ThreadPoolExecutor):
         if self.beside:
             self.beside.kill()
         self._is_over = True
+        # killed, not asked: a solver does not listen
         for process in self._processes:
             process.kill()
 
@@ -449,6 +476,7 @@ class Processes(ThreadPoolExecutor):
 def _work(here: Connection, there: Connection, parent: int) -> None:
     """Do tasks from a pipe, one after the other, to its end; here, the parent's end, which a fork has inherited."""
     begin_worker(parent)
+    # before any task makes objects
     gc.freeze()  # modules that the parent imported stay shared with it, and are gone through no more
     here.close()
     with suppress(OSError):  # the process that began this one has ended
@@ -479,9 +507,12 @@ def begin_worker(parent: int, *, of_thread: bool = False) -> None:
         if signal.getsignal(stop) is not signal.SIG_IGN:
             signal.signal(stop, signal.SIG_DFL if stop == signal.SIGTERM else signal.SIG_IGN)
     let_stops_in()
+    # where the system does not kill it, a thread watches the parent
     if of_thread or not is_killed_with_parent(parent):
         threading.Thread(target=_end_with_parent, daemon=True).start()
+    # between the beginning of this process and the request to the system
     if has_ended(parent):
+        # no clean-up: files belong to the parent
         os._exit(1)
 
 

@@ -52,6 +52,7 @@ def lock(descriptor: int) -> None:
     if sys.platform == "win32":
         import msvcrt
 
+        # Windows locks a range of bytes from the position on: the first byte
         os.lseek(descriptor, 0, os.SEEK_SET)
         try:
             msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
@@ -60,6 +61,7 @@ def lock(descriptor: int) -> None:
     else:
         import fcntl
 
+        # of the open file, not of the process: copies of the descriptor share it
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
@@ -107,6 +109,7 @@ class PrivateFolder:
         descriptor = os.open(self._place(name), os.O_RDONLY | BINARY | _AS_IT_IS, dir_fd=self.descriptor)
         with os.fdopen(descriptor, "rb") as file:
             about = os.fstat(descriptor)
+            # another user's file could hold anything
             if not _is_own(about) or about.st_size > at_most:
                 return None
             return file.read()
@@ -121,6 +124,7 @@ class PrivateFolder:
 
     def write(self, name: str, content: bytes) -> None:
         """Write a file that is not there yet. Raises OSError: it is, or it cannot be written."""
+        # O_EXCL: never into a file, or through a link, that is there already
         flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | BINARY | _AS_IT_IS
         descriptor = os.open(self._place(name), flags, 0o600, dir_fd=self.descriptor)
         with os.fdopen(descriptor, "wb") as file:
@@ -171,8 +175,10 @@ def private_folder(named: Path, own: str, *, makes: bool) -> Iterator[PrivateFol
     parent = os.open(named, os.O_RDONLY | os.O_DIRECTORY)
     try:
         about = os.fstat(parent)
+        # who can write to the parent can replace the folder
         if about.st_uid not in (user, 0) or about.st_mode & _OTHERS_MAY_WRITE:
             raise UnsafeFolderError(f"another user can write to {named}")
+        # made through the open parent, so that its path cannot be exchanged meanwhile
         if makes:
             with suppress(FileExistsError):
                 os.mkdir(own, 0o700, dir_fd=parent)
@@ -180,6 +186,7 @@ def private_folder(named: Path, own: str, *, makes: bool) -> Iterator[PrivateFol
     finally:
         os.close(parent)
     try:
+        # of the open folder, not of its path
         about = os.fstat(folder)
         if about.st_uid != user or about.st_mode & _OTHERS_MAY_WRITE:
             raise UnsafeFolderError(f"another user can write to {named / own}")
@@ -194,6 +201,7 @@ def _folder_of_profile(path: Path, *, makes: bool) -> PrivateFolder:
     Raises UnsafeFolderError: it lies elsewhere, where Python does not show who can write; OSError: it is not there.
     """
     profile = type(path).home()
+    # Windows protects the profile; folders elsewhere may be open to all
     if not path.resolve().is_relative_to(profile.resolve()):
         raise UnsafeFolderError(f"{path.parent} is outside {profile}; another user may be able to write to it")
     if makes:
@@ -229,7 +237,9 @@ def start_method() -> str:
     from pathlib import Path
 
     tasks = Path("/proc/self/task")
+    # threads of C libraries are counted too
     threads = len(list(tasks.iterdir())) if tasks.exists() else threading.active_count()
+    # a fork copies locks that other threads hold, and nobody opens
     return "fork" if threads == 1 else "forkserver"
 
 
@@ -260,6 +270,7 @@ def is_killed_with_parent(parent: int) -> bool:
     import ctypes
 
     is_asked = ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL) == 0
+    # the parent may have ended before the request
     return is_asked and os.getppid() == parent
 
 
@@ -275,6 +286,7 @@ def has_ended(process: int) -> bool:
 def core_count() -> int:
     """Return the number of cores that this process may use."""
     if sys.platform == "linux":
+        # containers and taskset restrict a process to some cores
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
@@ -324,6 +336,7 @@ def stops_held_back() -> Iterator[None]:
         finally:
             console.SetConsoleCtrlHandler(None, False)
     else:
+        # blocked signals wait, and arrive when the mask is restored
         before = signal.pthread_sigmask(signal.SIG_BLOCK, STOPS)
         try:
             yield
@@ -342,11 +355,13 @@ def hear_in_loop(loop: AbstractEventLoop, action: Callable[[int], None]) -> None
 
     action: takes the number of the signal; afterwards these signals do what they do in a process that has just begun.
     """
+    # a closed terminal is noticed otherwise
     numbers = [number for number in STOPS if signal.Signals(number).name != "SIGHUP"]
 
     def once(number: int) -> None:
         for further_number in numbers:
             if sys.platform != "win32":
+                # a second stop ends the process the usual way
                 loop.remove_signal_handler(further_number)
             elif signal.getsignal(further_number) is not signal.SIG_IGN:
                 signal.signal(further_number, signal.SIG_DFL)
@@ -396,6 +411,7 @@ def wait_for_hangup(descriptor: int) -> bool:
     import select
 
     terminal = select.poll()
+    # no event is asked for
     terminal.register(descriptor, 0)  # a hang-up is reported unasked
     return any(event & (select.POLLHUP | select.POLLERR) for _, event in terminal.poll())
 
@@ -426,6 +442,7 @@ def windows_command_line(words: Sequence[str]) -> str:
     written = []
     for word in words:
         quoted = list2cmdline([word])
+        # list2cmdline quotes for C programs only, not for the shell
         if quoted == word and not re.fullmatch(_PLAIN_WORD, word):
             backslashes = word[len(word.rstrip("\\")) :]  # at the end: before a quote they are doubled
             quoted = f'"{word}{backslashes}"'
@@ -463,6 +480,7 @@ def why_not_a_windows_file(path: str) -> str:
     from pathlib import PureWindowsPath
 
     named = PureWindowsPath(path)
+    # a drive letter has a colon of its own
     for part in named.parts[1:] if named.anchor else named.parts:
         if re.fullmatch(_DEVICE, part):
             return f"{part} is the name of a device on Windows"
@@ -485,6 +503,7 @@ def takes_codes(stream: TextIO) -> bool:
             mode = ctypes.c_ulong()
             console = ctypes.windll.kernel32
             handle = ctypes.c_void_p(msvcrt.get_osfhandle(stream.fileno()))
+            # fails if the stream is no console
             if console.GetConsoleMode(handle, ctypes.byref(mode)):
                 return bool(console.SetConsoleMode(handle, mode.value | 4))  # virtual terminal processing
         return False
