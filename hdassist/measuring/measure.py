@@ -574,14 +574,14 @@ class _RecordUnderway:
         drifts = self._drift_sources(fit, drift_left)
         errors = self._error_sources(trace, fit, visited.grid_turns, torque_miss)
 
-        others = _other_uncertainties(drifts, errors, fit.bins.span)
-        fitted = self._ranges(fit, visited, others, sign)
+        other_uncertainties = _other_uncertainties(drifts, errors, fit.bins.span)
+        fitted = self._ranges(fit, visited, other_uncertainties, sign)
         F_ior = fitted.visited
         # both are without their own bias: a part is no more than the whole
         revolution_bias = max(fitted.revolution.bias, fitted.revolution.fitted - F_ior.value)
         revolution = replace(fitted.revolution, bias=revolution_bias)
         at_torques = [
-            _TorqueRange.of(torque, self._ranges(fit.at_torque(torque), visited, others, sign).visited)
+            _TorqueRange.of(torque, self._ranges(fit.at_torque(torque), visited, other_uncertainties, sign).visited)
             for torque in _torques_of(fit)
         ]
         sources = (*_noise_sources(F_ior), *drifts, *errors)
