@@ -135,7 +135,11 @@ class Targets:
         ]
 
 
-def read_targets(text: bytes, file: str, drive: Drive) -> Targets:
+def read_targets(
+    text: bytes,
+    file: str,
+    drive: Drive,
+) -> Targets:
     """Read and validate a targets text for a drive.
 
     Arguments: text; file, its name in messages; drive, the ranges of whose source are bounds where none are given.
@@ -165,7 +169,11 @@ def read_targets(text: bytes, file: str, drive: Drive) -> Targets:
 
 
 def _numbers(
-    document: Document, path: Path, table: Any, units: Mapping[str, str | None], needs: Iterable[str] = ()
+    document: Document,
+    path: Path,
+    table: Any,
+    units: Mapping[str, str | None],
+    needs: Iterable[str] = (),
 ) -> dict[str, Any]:
     """Return the values of the keys of a table that can be read; faults are added to the findings.
 
@@ -190,13 +198,24 @@ def _numbers(
             except InvalidValueError as fault:
                 document.refuse(key_path, fault)
         if key not in units:
-            document.add(key_path, "unknown key", near_miss(key, units) or f"known: {', '.join(units)}", "", key=True)
+            document.add(
+                key_path,
+                "unknown key",
+                near_miss(key, units) or f"known: {', '.join(units)}",
+                "",
+                key=True,
+            )
         elif unit == _TEXT and not isinstance(value, str):
             document.add(key_path, "must be text")
     return values
 
 
-def _unknown(document: Document, key: str, value: Any, drive: Drive) -> Iterator[FieldPrior]:
+def _unknown(
+    document: Document,
+    key: str,
+    value: Any,
+    drive: Drive,
+) -> Iterator[FieldPrior]:
     path = ("unknowns", key)
     source = drive.source.get(key)
     if key not in measures():
@@ -209,7 +228,17 @@ def _unknown(document: Document, key: str, value: Any, drive: Drive) -> Iterator
         )
         return
     # bounds that the preset states need not be repeated
-    plausible = dict(zip(("low", "high"), source.range, strict=True)) if source and source.range else {}
+    plausible = (
+        dict(
+            zip(
+                ("low", "high"),
+                source.range,
+                strict=True,
+            )
+        )
+        if source and source.range
+        else {}
+    )
     units = dict.fromkeys(("low", "high"), measures()[key].unit)
     bounds = plausible | _numbers(
         document, path, {} if value is None else value, units, [end for end in units if end not in plausible]
@@ -235,7 +264,11 @@ def _unknown(document: Document, key: str, value: Any, drive: Drive) -> Iterator
     )
 
 
-def _quantity_of(document: Document, path: Path, item: Any) -> str | None:
+def _quantity_of(
+    document: Document,
+    path: Path,
+    item: Any,
+) -> str | None:
     """Return the quantity of a target, None after its fault was added to the findings."""
     quantity = item.get("quantity") if isinstance(item, dict) else None
     if isinstance(quantity, str) and quantity in _TARGET_KINDS:
@@ -245,7 +278,11 @@ def _quantity_of(document: Document, path: Path, item: Any) -> str | None:
     return None
 
 
-def _target(document: Document, number: int, item: Any) -> Iterator[CalibrationTarget]:
+def _target(
+    document: Document,
+    number: int,
+    item: Any,
+) -> Iterator[CalibrationTarget]:
     """Yield a target, or nothing after its faults were added to the findings of the document."""
     path: Path = ("targets", number)
     quantity = _quantity_of(document, path, item)
@@ -282,7 +319,12 @@ def _target(document: Document, number: int, item: Any) -> Iterator[CalibrationT
     )
 
 
-def _target_numbers(document: Document, path: Path, item: Any, quantity: str) -> dict[str, Any] | None:
+def _target_numbers(
+    document: Document,
+    path: Path,
+    item: Any,
+    quantity: str,
+) -> dict[str, Any] | None:
     """Return the numbers of a target by key, None after their faults were added to the findings."""
     unit, needs, takes = _TARGET_KINDS[quantity]
     units = {"quantity": _TEXT, **{key: _KEY_UNITS[key] for key in (*needs, *takes)}, "tolerance": None}
@@ -295,7 +337,11 @@ def _target_numbers(document: Document, path: Path, item: Any, quantity: str) ->
     return numbers if len(document.findings) == faults else None
 
 
-def _tolerance(stated: Any, unit: str, ends: tuple[float, float]) -> float:
+def _tolerance(
+    stated: Any,
+    unit: str,
+    ends: tuple[float, float],
+) -> float:
     """Return a tolerance in the unit of its target, 0 if it cannot be read.
 
     Args:
@@ -328,8 +374,21 @@ def predictions(drive: Drive, targets: Sequence[CalibrationTarget]) -> tuple[flo
     # several targets may ask for the same torque
     scan = cache(partial(phase_scan, drive))
     torques = sorted({target.asked["M_g"] for target in targets if target.quantity == "self_error"})
-    self_errors = dict(zip(torques, self_error(drive, torques) if torques else (), strict=True))
-    chords = cache(partial(stiffness, drive, points=0, run=UNCHECKED))
+    self_errors = dict(
+        zip(
+            torques,
+            self_error(drive, torques) if torques else (),
+            strict=True,
+        )
+    )
+    chords = cache(
+        partial(
+            stiffness,
+            drive,
+            points=0,
+            run=UNCHECKED,
+        )
+    )
 
     def predicted(target: CalibrationTarget) -> float:
         arguments = target.asked
@@ -379,7 +438,12 @@ def phase_scan(drive: Drive, M_g: float) -> PhaseScan:
 
     low, best = least(+1)
     high, worst = least(-1)
-    return PhaseScan(least=low, best_deg=best, greatest=-high, worst_deg=worst)
+    return PhaseScan(
+        least=low,
+        best_deg=best,
+        greatest=-high,
+        worst_deg=worst,
+    )
 
 
 @dataclass(frozen=True)
@@ -432,13 +496,24 @@ class Calibration:
     seed: int
 
 
-def estimate_drives(targets: Targets, points: int, starts: int = 4, iterations: int = 12) -> int:
+def estimate_drives(
+    targets: Targets,
+    points: int,
+    starts: int = 4,
+    iterations: int = 12,
+) -> int:
     """Return the number of drives that a calibration computes, about, for a progress bar."""
     return points + starts * iterations // 2 * (len(targets.unknowns) + 2)
 
 
 def calibrate(
-    drive: Drive, targets: Targets, *, points: int = 64, starts: int = 4, iterations: int = 12, run: Run = Run()
+    drive: Drive,
+    targets: Targets,
+    *,
+    points: int = 64,
+    starts: int = 4,
+    iterations: int = 12,
+    run: Run = Run(),
 ) -> Calibration:
     """Find the unknowns of a drive from its targets, equations (11) and (12).
 
@@ -454,7 +529,13 @@ def calibrate(
     """
     unknowns = targets.unknowns
     search = _Search(drive, targets, run)
-    first, *other_runs = _least_squares_runs(drive, search, points=points, starts=starts, iterations=iterations)
+    first, *other_runs = _least_squares_runs(
+        drive,
+        search,
+        points=points,
+        starts=starts,
+        iterations=iterations,
+    )
     fits = _distinct_fits(search, first, other_runs)
     # half the bounds' width is the half-width of a value that no target determines
     # equation (12)
@@ -478,7 +559,11 @@ def calibrate(
     )
 
 
-def _distinct_fits(search: _Search, first: OptimizeResult, others: Sequence[OptimizeResult]) -> list[Fit]:
+def _distinct_fits(
+    search: _Search,
+    first: OptimizeResult,
+    others: Sequence[OptimizeResult],
+) -> list[Fit]:
     """Return the best fit, and others that meet the targets far from it and from each other."""
     targets = search.targets
     valid_runs = [run for run in others if all(targets.met(search.fits([run.x])[0].predictions))]
@@ -487,7 +572,12 @@ def _distinct_fits(search: _Search, first: OptimizeResult, others: Sequence[Opti
 
 
 def _least_squares_runs(
-    drive: Drive, search: _Search, *, points: int, starts: int, iterations: int
+    drive: Drive,
+    search: _Search,
+    *,
+    points: int,
+    starts: int,
+    iterations: int,
 ) -> list[OptimizeResult]:
     """Return the results of least squares from the best points of a Sobol set, the lowest cost first.
 
@@ -511,7 +601,11 @@ def _least_squares_runs(
 
 
 def _fitted_values(
-    drive: Drive, unknowns: Sequence[FieldPrior], fit: Fit, first: OptimizeResult, deviation: Array
+    drive: Drive,
+    unknowns: Sequence[FieldPrior],
+    fit: Fit,
+    first: OptimizeResult,
+    deviation: Array,
 ) -> list[_FoundValue]:
     """Return the fitted value of each unknown with its half-width.
 
@@ -555,7 +649,12 @@ def _indistinct_pairs(unknowns: Sequence[FieldPrior], correlation: Array) -> tup
 class _Search:
     """Fits of a drive to targets at points of the unit cube, shape (unknowns,); each drive is computed once."""
 
-    def __init__(self, drive: Drive, targets: Targets, run: Run) -> None:
+    def __init__(
+        self,
+        drive: Drive,
+        targets: Targets,
+        run: Run,
+    ) -> None:
         self.drive = drive
         self.targets = targets
         self.run = run
@@ -566,7 +665,11 @@ class _Search:
         # rounded before they are computed: the printed values have exactly these results
         sets = [_rounded_values(self.targets.unknowns, point) for point in points]
         fresh = [values for values in dict.fromkeys(sets) if values not in self.known]
-        self.known |= zip(fresh, self.run.map(partial(_fit, self.drive, self.targets), fresh), strict=True)
+        self.known |= zip(
+            fresh,
+            self.run.map(partial(_fit, self.drive, self.targets), fresh),
+            strict=True,
+        )
         self.run.solved(len(fresh))  # drives here
         return [self.known[values] for values in sets]
 
@@ -617,7 +720,11 @@ def _distant(points: Iterable[Array]) -> list[int]:
     return list(chosen)
 
 
-def _fit(drive: Drive, targets: Targets, values: tuple[float, ...]) -> Fit:
+def _fit(
+    drive: Drive,
+    targets: Targets,
+    values: tuple[float, ...],
+) -> Fit:
     """Return the predictions of a drive with other values."""
     fitted_drive = drive.with_values(targets.by_path(values))
     try:
@@ -629,9 +736,18 @@ def _fit(drive: Drive, targets: Targets, values: tuple[float, ...]) -> Fit:
         return Fit(values, tuple(np.nan for _ in targets.targets), error.message)
 
 
-def _shortfall(targets: Targets, fit: Fit, values: Sequence[_FoundValue]) -> str:
+def _shortfall(
+    targets: Targets,
+    fit: Fit,
+    values: Sequence[_FoundValue],
+) -> str:
     """Targets that a fit misses and bounds that hold its values back, in words; empty where all targets are met."""
-    outcomes = zip(targets.targets, fit.predictions, targets.met(fit.predictions), strict=True)
+    outcomes = zip(
+        targets.targets,
+        fit.predictions,
+        targets.met(fit.predictions),
+        strict=True,
+    )
     missed = [
         f"{target.words} is {short(is_)} {target.unit}, wanted {target.wanted}"
         for target, is_, met in outcomes

@@ -128,7 +128,12 @@ def _require_memory() -> None:
         raise DataError(message, f"raise the limit: ulimit -v {_ADDRESSES // 1000} or more, in kB", Fault.SYSTEM_LIMITS)
 
 
-def _process(parameter: Any, process: Callable[[_Context, Any], Any], ctx: _Context, value: Any) -> Any:
+def _process(
+    parameter: Any,
+    process: Callable[[_Context, Any], Any],
+    ctx: _Context,
+    value: Any,
+) -> Any:
     """Process texts of an option of numbers, without the underscores and other scripts' digits that Python reads.
 
     Raises typer.BadParameter for these, and for a number that is not finite or has no finite square.
@@ -216,7 +221,13 @@ def _loaded(name: str) -> Any:
     name = OTHER_NAMES.get(name, name)
     if name == "presets":
         summary = "List, show, validate and create drive presets."
-        app = typer.Typer(name=name, cls=_Commands, help=summary, no_args_is_help=True, **_OPTIONS)
+        app = typer.Typer(
+            name=name,
+            cls=_Commands,
+            help=summary,
+            no_args_is_help=True,
+            **_OPTIONS,
+        )
         classes = {part: f"Presets{part.title()}Command" for part in _PRESETS}
     else:
         app = typer.Typer(**_OPTIONS)
@@ -300,7 +311,11 @@ def _start_page(width: int) -> str:
     """Return the commands by their purpose and one example, on one screen; width in columns."""
     indent = _SECTION_COLUMNS + _NAME_COLUMNS
 
-    def row(left: str, name: str, words: str) -> list[str]:
+    def row(
+        left: str,
+        name: str,
+        words: str,
+    ) -> list[str]:
         first, *next_lines = textwrap.wrap(words, max(20, width - indent))
         title = bold(name.ljust(indent - len(left)))
         return [f"{left}{title}{first}", *(f"{'':{indent}}{line}" for line in next_lines)]
@@ -417,7 +432,11 @@ def _require_lines(arguments: list[str]) -> None:
             )
 
 
-def _say(text: str, hint: str = "", fault: Fault | None = None) -> None:
+def _say(
+    text: str,
+    hint: str = "",
+    fault: Fault | None = None,
+) -> None:
     from hdassist.terminal.output import with_code
 
     say(text.rstrip("\n") + (f"\n  hint: {with_code(hint, fault)}" if fault else ""))
@@ -433,10 +452,22 @@ def _open_streams() -> None:
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
             mode = os.O_RDONLY if name == "stdout" else os.O_WRONLY
-            setattr(sys, name, os.fdopen(os.open(os.devnull, mode), "w", encoding="utf-8"))
+            setattr(
+                sys,
+                name,
+                os.fdopen(
+                    os.open(os.devnull, mode),
+                    "w",
+                    encoding="utf-8",
+                ),
+            )
     bare = getattr(sys.stdout, "buffer", None)
     if isinstance(bare, io.RawIOBase):
         stream: Any = sys.stdout
-        sys.stdout = io.TextIOWrapper(io.BufferedWriter(bare), encoding=stream.encoding, errors=stream.errors)
+        sys.stdout = io.TextIOWrapper(
+            io.BufferedWriter(bare),
+            encoding=stream.encoding,
+            errors=stream.errors,
+        )
     sys.stdout = pipe_stream(sys.stdout)
     sys.stderr = pipe_stream(sys.stderr)

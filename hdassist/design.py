@@ -243,7 +243,11 @@ def accuracy_words(accuracy: float | None, points: Sequence[OperatingPoint]) -> 
     return f"accuracy {accuracy:g}″ (no load); {sentence}"
 
 
-def check_states(drive: Drive, measured: MeasuredTeeth | None = None, draws: int = EFFECTIVE_SAMPLES) -> int:
+def check_states(
+    drive: Drive,
+    measured: MeasuredTeeth | None = None,
+    draws: int = EFFECTIVE_SAMPLES,
+) -> int:
     """Return the number of states that a check solves, for a progress bar."""
     drawn = draws if not measured and searchable(drive) and prior_of(drive).fields else 0
     return len(drive.operation.M_g) * (
@@ -277,21 +281,50 @@ def check(
     require_solver(run.cross_check or CROSS_SOLVER)
     assumed_drive, prior = beside_measured_teeth(drive, measured)
     require_programme(drive, run)
-    points = _unsolved_points(drive, is_open=bool(prior.fields), sure=sure, run=run)
-    checked = DesignCheck(drive=drive, points=points, measured=measured, unknown=unknowns(assumed_drive), prior=prior)
+    points = _unsolved_points(
+        drive,
+        is_open=bool(prior.fields),
+        sure=sure,
+        run=run,
+    )
+    checked = DesignCheck(
+        drive=drive,
+        points=points,
+        measured=measured,
+        unknown=unknowns(assumed_drive),
+        prior=prior,
+    )
     is_sampled = searchable(drive) and not measured and bool(prior.fields)
     if is_sampled and draws and not samples:
         rooms = [point.left_arcsec for point in points]
         so_far = None if seen is None else lambda samples: seen(checked.with_samples(samples))
-        samples = drive_samples(prior, rooms, draws=draws, sure=sure, run=run, seen=so_far)
-        checked = replace(checked, predicted=beside_prediction(prior, draws=draws, run=run))
+        samples = drive_samples(
+            prior,
+            rooms,
+            draws=draws,
+            sure=sure,
+            run=run,
+            seen=so_far,
+        )
+        checked = replace(
+            checked,
+            predicted=beside_prediction(
+                prior,
+                draws=draws,
+                run=run,
+            ),
+        )
     if samples:
         checked = checked.with_samples(samples)
     return _with_solved_errors(checked, shown_drive, teeth, solver, run)
 
 
 def _with_solved_errors(
-    checked: DesignCheck, shown_drive: Drive, teeth: ToothDeviations | None, solver: str | None, run: Run
+    checked: DesignCheck,
+    shown_drive: Drive,
+    teeth: ToothDeviations | None,
+    solver: str | None,
+    run: Run,
 ) -> DesignCheck:
     """Return a check with the error of the full cycle at each torque, its cross-checks and its options.
 
@@ -317,7 +350,11 @@ def _with_solved_errors(
 
 
 def _whole_errors(
-    drives: Sequence[Drive], torques: Sequence[float], teeth: ToothDeviations | None, solver: str | None, run: Run
+    drives: Sequence[Drive],
+    torques: Sequence[float],
+    teeth: ToothDeviations | None,
+    solver: str | None,
+    run: Run,
 ) -> list[KinematicError]:
     """Return the error of the full cycle at each torque.
 
@@ -327,13 +364,28 @@ def _whole_errors(
     solver, run: as in `check`.
     """
     errors = []
-    for error in run.map(partial(whole_error, teeth=teeth, solver=solver, run=run.of_task), drives, torques):
+    for error in run.map(
+        partial(
+            whole_error,
+            teeth=teeth,
+            solver=solver,
+            run=run.of_task,
+        ),
+        drives,
+        torques,
+    ):
         errors.append(error)
         run.finished(len(error.states))
     return errors
 
 
-def _unsolved_points(drive: Drive, *, is_open: bool, sure: float, run: Run) -> tuple[OperatingPoint, ...]:
+def _unsolved_points(
+    drive: Drive,
+    *,
+    is_open: bool,
+    sure: float,
+    run: Run,
+) -> tuple[OperatingPoint, ...]:
     """Return the torques of a drive with their self errors and limits, before an error is solved.
 
     Args:
@@ -344,12 +396,32 @@ def _unsolved_points(drive: Drive, *, is_open: bool, sure: float, run: Run) -> t
     """
     torques = drive.operation.M_g
     points = []
-    for M_g, error in zip(torques, self_error(drive, torques, run=run), strict=True):
-        points.append(OperatingPoint(M_g, error, drive.limit(M_g), open_=is_open, sure=sure))
+    for M_g, error in zip(
+        torques,
+        self_error(
+            drive,
+            torques,
+            run=run,
+        ),
+        strict=True,
+    ):
+        points.append(
+            OperatingPoint(
+                M_g,
+                error,
+                drive.limit(M_g),
+                open_=is_open,
+                sure=sure,
+            )
+        )
     return tuple(points)
 
 
-def _middle(drive: Drive, samples: Samples, torque: int) -> Drive:
+def _middle(
+    drive: Drive,
+    samples: Samples,
+    torque: int,
+) -> Drive:
     """Return the drive of the sample in the middle at a torque, by its place."""
     return drive.with_values(samples.values(np.array([samples.middle_sample(torque)]))[0])
 
@@ -446,7 +518,12 @@ def _axis_number(part: str, field: PresetField) -> float:
         raise InvalidValueError(expected, fault.hint) from None
 
 
-def _grid(start: Fraction, stop: Fraction, steps: str, is_count: bool) -> list[float]:
+def _grid(
+    start: Fraction,
+    stop: Fraction,
+    steps: str,
+    is_count: bool,
+) -> list[float]:
     """Values from start to stop, as near to their places as numbers can be. Raises InvalidValueError: no such steps."""
     count = int(steps) if re.fullmatch("[0-9]{1,9}", steps) else 0
     if not 2 <= count <= MOST_VALUES:
@@ -497,7 +574,13 @@ class Sweep:
     further: tuple[Axis, ...]
 
     @classmethod
-    def of(cls, text: bytes, file: str, drive: Drive, varied: Sequence[Axis]) -> Sweep:
+    def of(
+        cls,
+        text: bytes,
+        file: str,
+        drive: Drive,
+        varied: Sequence[Axis],
+    ) -> Sweep:
         """Return the sweep of a preset, read with its overrides as drive. Raises UsageError for too many rows."""
         is_varied = _TORQUE in [axis.path for axis in varied]
         further_axes = () if is_varied else (Axis(_TORQUE, "N*m", drive.operation.M_g),)
@@ -552,9 +635,19 @@ class Sweep:
         except HdassistError as error:
             reason = OVERRIDE_PLACE.sub("", error.message).replace("\n", "; ")
             code = DataError.exit_code if isinstance(error, UsageError) else error.exit_code
-            return SweepRow(values=changes, M_g_Nm=M_g, reason=reason, exit_code=code)
+            return SweepRow(
+                values=changes,
+                M_g_Nm=M_g,
+                reason=reason,
+                exit_code=code,
+            )
         proof = attributes(extremes.certificate, "states", "max_residual")
-        return SweepRow(values=changes, M_g_Nm=M_g, F_ior_arcsec=extremes.first, **proof)
+        return SweepRow(
+            values=changes,
+            M_g_Nm=M_g,
+            F_ior_arcsec=extremes.first,
+            **proof,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -594,7 +687,11 @@ class Swept:
         return *self.drive.origin.warnings, *unknown_notes(self.largest)
 
 
-def collect(sweep: Sweep, drive: Drive, records: Iterable[SweepRow]) -> Swept:
+def collect(
+    sweep: Sweep,
+    drive: Drive,
+    records: Iterable[SweepRow],
+) -> Swept:
     """Return the results from the records of all rows, in their order; each record is read once."""
     F_ior = np.full(sweep.rows, np.nan)
     states = 0

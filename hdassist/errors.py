@@ -36,7 +36,12 @@ class HdassistError(Exception):
     exit_code = 1
     fault = Fault.BUG
 
-    def __init__(self, message: str, hint: str = "", fault: Fault | None = None) -> None:
+    def __init__(
+        self,
+        message: str,
+        hint: str = "",
+        fault: Fault | None = None,
+    ) -> None:
         super().__init__(message)
         self.message = message
         self.hint = hint
@@ -146,7 +151,12 @@ def verdict_by_probability(kept: float, sure: float = SURE) -> Verdict:
 
 
 def percent_text(
-    value: float, low: float, high: float, needed: float | None = None, *, outcome: str = Verdict.PASS
+    value: float,
+    low: float,
+    high: float,
+    needed: float | None = None,
+    *,
+    outcome: str = Verdict.PASS,
 ) -> str:
     """Return a probability in per cent with its Monte Carlo interval: 89 % (81 to 94); PASS needs 95 %.
 
@@ -162,7 +172,11 @@ def percent_text(
     return f"{percent} %{ends}" + ("" if needed is None else f"; {outcome} needs {100 * needed:g} %")
 
 
-def is_settled(low: float, high: float, sure: float = SURE) -> bool:
+def is_settled(
+    low: float,
+    high: float,
+    sure: float = SURE,
+) -> bool:
     """Whether no threshold of a verdict lies within the Monte Carlo interval of a probability: else more are drawn."""
     return not any(low < threshold < high for threshold in (sure, 1 - sure))
 
@@ -178,4 +192,8 @@ def worst(verdicts: Iterable[Verdict]) -> Verdict:
 
 def worst_exit_code(codes: Iterable[int]) -> int:
     """Return the most severe of some exit codes; 0 where there is none."""
-    return min(codes, key=lambda code: _EXIT_SEVERITY.index(code) if code in _EXIT_SEVERITY else -1, default=0)
+    return min(
+        codes,
+        key=lambda code: _EXIT_SEVERITY.index(code) if code in _EXIT_SEVERITY else -1,
+        default=0,
+    )

@@ -96,7 +96,12 @@ class Entry:
     def in_latin(self) -> Entry:
         """Return the entry with Cyrillic and Greek letters transliterated, for terminals that show 7 bits."""
         facts = tuple((label, latin(text)) for label, text in self.facts)
-        return Entry(kind=self.kind, names=tuple(map(latin, self.names)), words=latin(self.words), facts=facts)
+        return Entry(
+            kind=self.kind,
+            names=tuple(map(latin, self.names)),
+            words=latin(self.words),
+            facts=facts,
+        )
 
 
 def latin(text: str) -> str:
@@ -125,17 +130,37 @@ def _entries() -> Iterator[Entry]:
         russian = tuple(term.russian.split(", ")) if term.russian else ()
         facts = (("Russian", term.russian), ("unit", term.unit), ("also", ", ".join(term.others)))
         names = (term.word, *russian, *term.others)
-        yield Entry(kind="quantity or word", names=names, words=term.meaning, facts=_given(facts))
+        yield Entry(
+            kind="quantity or word",
+            names=names,
+            words=term.meaning,
+            facts=_given(facts),
+        )
     for names, page_meaning in _WORDS_OF_PAGES.items():
         yield Entry("quantity or word", names, page_meaning)
     yield from _symbol_entries()
     for section, model in sections():
         fields = (("fields", ", ".join(model.model_fields)),)
-        yield Entry(kind="section", names=(section,), words=str(model.__doc__).rstrip("."), facts=fields)
+        yield Entry(
+            kind="section",
+            names=(section,),
+            words=str(model.__doc__).rstrip("."),
+            facts=fields,
+        )
     for path, field in field_table().items():
-        yield Entry(kind="field", names=(path, path.split(".")[1]), words=field.meaning, facts=_given(_of_field(field)))
+        yield Entry(
+            kind="field",
+            names=(path, path.split(".")[1]),
+            words=field.meaning,
+            facts=_given(_of_field(field)),
+        )
     for fault, text in FAULTS.items():
-        yield Entry(kind="error", names=(str(fault),), words=text.meaning, facts=(("change", text.change),))
+        yield Entry(
+            kind="error",
+            names=(str(fault),),
+            words=text.meaning,
+            facts=(("change", text.change),),
+        )
 
 
 def _code_entries() -> Iterator[Entry]:
@@ -146,9 +171,19 @@ def _code_entries() -> Iterator[Entry]:
             bound = "largest" if item.upper else "smallest"
             limit = f"acceptance.{item.field}, the {bound} value allowed, {item.unit.replace('*', '·')}"
             facts = (("limit", limit), *meaning)
-            yield Entry(kind="check", names=(code, item.words), words=item.words, facts=facts)
+            yield Entry(
+                kind="check",
+                names=(code, item.words),
+                words=item.words,
+                facts=facts,
+            )
         else:
-            yield Entry(kind="remark", names=(code,), words=item.words, facts=meaning)
+            yield Entry(
+                kind="remark",
+                names=(code,),
+                words=item.words,
+                facts=meaning,
+            )
 
 
 def _symbol_entries() -> Iterator[Entry]:
@@ -157,7 +192,12 @@ def _symbol_entries() -> Iterator[Entry]:
         facts = (("in the code", symbol.code.replace("`", "")), ("unit", symbol.unit))
         meaning = f"{', '.join(symbol.paper)}: {symbol.words}" if len(symbol.paper) > 1 else symbol.words
         for name in symbol.paper:
-            yield Entry(kind="symbol", names=(name,), words=meaning, facts=_given(facts))
+            yield Entry(
+                kind="symbol",
+                names=(name,),
+                words=meaning,
+                facts=_given(facts),
+            )
 
 
 def _of_field(field: PresetField) -> tuple[tuple[str, str], ...]:

@@ -156,8 +156,26 @@ class TextFile:
             for line in lines.split("\n")
         )
 
-    def _refusal(self, message: str, got: str = "", hint: str = "", line: int = 1) -> PresetError:
-        return PresetError([Finding(file=self.name, line=line, column=1, path="", message=message, got=got, hint=hint)])
+    def _refusal(
+        self,
+        message: str,
+        got: str = "",
+        hint: str = "",
+        line: int = 1,
+    ) -> PresetError:
+        return PresetError(
+            [
+                Finding(
+                    file=self.name,
+                    line=line,
+                    column=1,
+                    path="",
+                    message=message,
+                    got=got,
+                    hint=hint,
+                )
+            ]
+        )
 
 
 @contextmanager

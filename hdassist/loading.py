@@ -86,7 +86,11 @@ _PER_TORQUE = [tuple(path.split(".")) for path, field in field_table().items() i
 Asked = tuple[AskedOption, ...]
 
 
-def load_preset(name_or_path: str, overrides: Sequence[str] = (), asked: Asked = ()) -> Drive:
+def load_preset(
+    name_or_path: str,
+    overrides: Sequence[str] = (),
+    asked: Asked = (),
+) -> Drive:
     """Load a drive.
 
     Arguments: a name from the library, a path, or "-" for standard input; overrides like "cam.W_0=0.95"; asked, options
@@ -112,7 +116,12 @@ def with_asked(drive: Drive, asked: Asked) -> Drive:
     return changed
 
 
-def load_text(text: bytes | str, file: str, overrides: Sequence[str] = (), asked: Asked = ()) -> Drive:
+def load_text(
+    text: bytes | str,
+    file: str,
+    overrides: Sequence[str] = (),
+    asked: Asked = (),
+) -> Drive:
     """Read and validate a preset.
 
     Arguments: text of the preset; file, its name in messages; overrides, such as "cam.W_0=0.95"; asked, options that go
@@ -150,7 +159,12 @@ def load_text(text: bytes | str, file: str, overrides: Sequence[str] = (), asked
     return drive
 
 
-def _replaced_torques(drive: Drive, text: bytes | str, file: str, overrides: Sequence[str]) -> tuple[float, ...]:
+def _replaced_torques(
+    drive: Drive,
+    text: bytes | str,
+    file: str,
+    overrides: Sequence[str],
+) -> tuple[float, ...]:
     """Return the torques [N*m] in the file that an override of operation.M_g replaces.
 
     drive: the drive with the overrides. The result is empty if nothing needs them: no override, a stated rated torque,
@@ -174,7 +188,11 @@ def _document(text: bytes | str, file: str) -> Document:
     )
 
 
-def set_override(document: Document, text: str, index: int) -> None:
+def set_override(
+    document: Document,
+    text: str,
+    index: int,
+) -> None:
     """Put an override "section.key=VALUE" on top of a document.
 
     Arguments: text; index, its number from 1, which findings bear as their line.
@@ -195,7 +213,11 @@ def set_override(document: Document, text: str, index: int) -> None:
         raise UsageError("\n".join(map(str, read.findings)))
     if not isinstance(document.data, dict):
         return
-    default_span = SourceSpan(file=OVERRIDE, key=at_key, value=Mark(index, start + 1))
+    default_span = SourceSpan(
+        file=OVERRIDE,
+        key=at_key,
+        value=Mark(index, start + 1),
+    )
     span = replace(read.places.get(full_path, default_span), key=at_key)
     table = _inner_table(document, full_path, span)
     if table is None:
@@ -207,7 +229,11 @@ def set_override(document: Document, text: str, index: int) -> None:
     document.bad = {path for path in document.bad if path[: len(full_path)] != full_path}
 
 
-def _inner_table(document: Document, whole: Path, span: SourceSpan) -> dict[Any, Any] | None:
+def _inner_table(
+    document: Document,
+    whole: Path,
+    span: SourceSpan,
+) -> dict[Any, Any] | None:
     """Return the table in which an override puts its value, made if it is not there.
 
     None after a fault was added to the findings: an entry on the way is not a table.
@@ -298,7 +324,11 @@ def _add_defaults(document: Document, values: dict[str, Any]) -> None:
             values.setdefault(path, field.default)
 
 
-def _with_support_of_coupling(document: Document, drive: Drive, values: dict[str, Any]) -> Drive:
+def _with_support_of_coupling(
+    document: Document,
+    drive: Drive,
+    values: dict[str, Any],
+) -> Drive:
     """Return the drive with the cam's support that its coupling gives, if that support is not given.
 
     It is not given either if the command line has a field of the coupling and not the support.
@@ -373,7 +403,11 @@ def _check_tables(values: dict[str, Any], document: Document) -> None:
             document.add(("source", path, "range"), message, "correct one of them", ends)
 
 
-def _known_paths(document: Document, name: str, table: dict[str, Any]) -> dict[str, Any]:
+def _known_paths(
+    document: Document,
+    name: str,
+    table: dict[str, Any],
+) -> dict[str, Any]:
     """Return the entries of a table by paths of fields whose path it takes; the others are findings."""
     paths, message = {
         "cost": (tuple(deviation_sizes()), "is not the size of a deviation"),
@@ -384,7 +418,13 @@ def _known_paths(document: Document, name: str, table: dict[str, Any]) -> dict[s
         if path not in field_table() and len(document.findings) <= MAX_FINDINGS:
             same = (known_path for known_path in paths if known_path.split(".")[1] == path.split(".")[-1])
             hint = near_miss(next(same, path), paths) or hint
-        document.add((name, path), message, hint, shown(path) or "nothing", key=True)
+        document.add(
+            (name, path),
+            message,
+            hint,
+            shown(path) or "nothing",
+            key=True,
+        )
     return {path: entry for path, entry in table.items() if path in paths}
 
 
@@ -401,7 +441,13 @@ def _add_fault(document: Document, fault: ErrorDetails) -> None:
     if isinstance(error, InvalidValueError):
         document.refuse(path, error)
     elif fault["type"] == "extra_forbidden":
-        document.add(path, "unknown key", _unknown_hint(path, fault["input"], model) if is_short else "", "", key=True)
+        document.add(
+            path,
+            "unknown key",
+            _unknown_hint(path, fault["input"], model) if is_short else "",
+            "",
+            key=True,
+        )
     elif fault["type"] != "missing":
         document.add(
             path, "must be a table of keys", f"its keys: {', '.join(schema_model.model_fields)}" if schema_model else ""
@@ -414,7 +460,11 @@ def _add_fault(document: Document, fault: ErrorDetails) -> None:
         document.add(path, "missing key", f"{field.meaning}{field.unit and f', in {field.unit}'}", "")
 
 
-def _unknown_hint(path: Path, value: Any, model: type[Section]) -> str:
+def _unknown_hint(
+    path: Path,
+    value: Any,
+    model: type[Section],
+) -> str:
     """Return a hint for an unknown key of a table, whose keys are the fields of a model."""
     # a field of an earlier version, with its successor
     if removed := REMOVED.get(".".join(map(str, path))):
@@ -482,7 +532,12 @@ def _name(text: str) -> str:
     return text if word and isinstance(scalar_value(text), str) else _quoted(text)
 
 
-def similar_preset(name: str, like: Drive, required: Requirements, description: str = "") -> str:
+def similar_preset(
+    name: str,
+    like: Drive,
+    required: Requirements,
+    description: str = "",
+) -> str:
     """Return the text of a preset of a drive that is like another one.
 
     Arguments: name; like, the other drive; requirements of the new one; description, in place of the usual. Raises
@@ -503,7 +558,12 @@ def similar_preset(name: str, like: Drive, required: Requirements, description: 
     return f"{head}\n# yaml-language-server: $schema={SCHEMA_FILE}\n{text}"
 
 
-def _similar_lines(name: str, like: Drive, entries: Mapping[str, SimilarValue], description: str) -> Iterator[str]:
+def _similar_lines(
+    name: str,
+    like: Drive,
+    entries: Mapping[str, SimilarValue],
+    description: str,
+) -> Iterator[str]:
     z_g, z_b, m = (entries[f"gears.{field}"].value for field in ("z_g", "z_b", "m"))
     yield "# `source` at the end of the file states how each value was chosen, and its range. Replace values that you"
     yield "# know, with kind: given in `source`. Unknown values are not zero: results are ranges over them."
@@ -543,7 +603,11 @@ def _quoted(text: str) -> str:
 
 
 def with_found_values(
-    text: str, file: str, values: Mapping[str, float], ref: str, model: Mapping[str, str | int] | None = None
+    text: str,
+    file: str,
+    values: Mapping[str, float],
+    ref: str,
+    model: Mapping[str, str | int] | None = None,
 ) -> str:
     """Return the text of a preset with identified values, its comments and order as they are.
 
@@ -563,7 +627,11 @@ def with_found_values(
     return _written(tables, file, before.with_values(values), model)
 
 
-def with_changes(text: bytes, file: str, overrides: Sequence[str]) -> str:
+def with_changes(
+    text: bytes,
+    file: str,
+    overrides: Sequence[str],
+) -> str:
     """Return the text of a preset with overrides put in, its comments and order as they are.
 
     A changed value that was assumed or identified is assumed from now on, without a range that it has left. Arguments:
@@ -614,7 +682,11 @@ def _editor() -> YAML:
     editor = YAML()
     editor.preserve_quotes = True
     editor.width = 2**20
-    editor.indent(mapping=2, sequence=4, offset=2)
+    editor.indent(
+        mapping=2,
+        sequence=4,
+        offset=2,
+    )
     return editor
 
 
@@ -630,7 +702,12 @@ def _table(tables: Any, name: str) -> Any:
     return tables[name]
 
 
-def _set_value(tables: Any, path: str, value: Any, entry: str | int = "") -> None:
+def _set_value(
+    tables: Any,
+    path: str,
+    value: Any,
+    entry: str | int = "",
+) -> None:
     """Put a value in place, or an entry of it; one value of all torques stays beside that of one."""
     section, name = path.split(".")
     table = _table(tables, section)
@@ -642,7 +719,12 @@ def _set_value(tables: Any, path: str, value: Any, entry: str | int = "") -> Non
     table[name] = value
 
 
-def _source(kind: str, ref: str, before: Source | None, value: Any) -> Any:
+def _source(
+    kind: str,
+    ref: str,
+    before: Source | None,
+    value: Any,
+) -> Any:
     """Return a source in one line, with the range of the one before as far as the value lies in it."""
     bounds = before.range if before else None
     inside = bounds and isinstance(value, int | float) and bounds[0] <= value <= bounds[1]
@@ -650,7 +732,12 @@ def _source(kind: str, ref: str, before: Source | None, value: Any) -> Any:
     return _tables(f"{{kind: {kind}, {kept}ref: {_quoted(ref)}}}")
 
 
-def _written(tables: Any, file: str, wanted: Drive, model: Mapping[str, str | int] | None = None) -> str:
+def _written(
+    tables: Any,
+    file: str,
+    wanted: Drive,
+    model: Mapping[str, str | int] | None = None,
+) -> str:
     """Text of tables, read again: it must give the wanted drive, but for fields of model that it has already."""
     stream = StringIO()
     _editor().dump(tables, stream)

@@ -60,18 +60,33 @@ class ReadingPlan:
     is_record: bool = False
 
     @classmethod
-    def positions(cls, readings: int, turns: float = 1.0, both: bool = False) -> ReadingPlan:
+    def positions(
+        cls,
+        readings: int,
+        turns: float = 1.0,
+        both: bool = False,
+    ) -> ReadingPlan:
         """Return the plan of positions spread evenly over output revolutions."""
         over = "" if turns == 1 else f" over {turns:.4g} output turns"
         ways = " both ways" if both else ""
         name = f"{readings} positions{over}{ways}"
-        return cls(name=name, readings=readings, step_turns=turns / readings, both=both)
+        return cls(
+            name=name,
+            readings=readings,
+            step_turns=turns / readings,
+            both=both,
+        )
 
     @classmethod
     def record(cls, cam_turns: float, ratio: float) -> ReadingPlan:
         """Return a record over turns of the cam, of which there are so many in a turn of the output."""
         name = f"record of {cam_turns:.4g} cam turn{'' if cam_turns == 1 else 's'}"
-        return cls(name, max(round(cam_turns * POINTS_A_TURN), 2), 1 / POINTS_A_TURN / ratio, is_record=True)
+        return cls(
+            name,
+            max(round(cam_turns * POINTS_A_TURN), 2),
+            1 / POINTS_A_TURN / ratio,
+            is_record=True,
+        )
 
     def sees_all(self, output_turns: float) -> bool:
         """Return whether no part is left out of so many output turns."""
@@ -146,7 +161,13 @@ class DrivesUnderTest:
     def F_ior_arcsec(self) -> Array:
         """F'_ior of each drive, shape (drives, 1); of the travel from each start, shape (drives, starts)."""
         if self.travel is None:
-            return np.asarray(np.ptp(self.curves, axis=1, keepdims=True))
+            return np.asarray(
+                np.ptp(
+                    self.curves,
+                    axis=1,
+                    keepdims=True,
+                )
+            )
         # extremes of half input revolutions, so that a travel is a few of them
         halves = self.curves.reshape(len(self.curves), -1, POINTS_A_TURN // 2)
         count = halves.shape[1]
@@ -225,14 +246,25 @@ class DrivesUnderTest:
             verdict=self._verdict(low, high),
         )
 
-    def test_of(self, judged: _PlanJudgement, run: ApproachRun, ratio: float, limit: float | None) -> PlannedTest:
+    def test_of(
+        self,
+        judged: _PlanJudgement,
+        run: ApproachRun,
+        ratio: float,
+        limit: float | None,
+    ) -> PlannedTest:
         """Return the test of a judged plan; ratio: cam turns an output turn; limit: with the self error.
 
         A reading with its guard band over the share that is seen at 5 % of drives and starts has to keep the limit; one
         beyond the limit by its guard band fails, as a test sees no more than there is.
         """
         guard = GUARD * self.demands.noise_arcsec
-        planned = PlannedTest(judged=judged, run=run, ratio=ratio, uncertainty_arcsec=self.demands.noise_arcsec)
+        planned = PlannedTest(
+            judged=judged,
+            run=run,
+            ratio=ratio,
+            uncertainty_arcsec=self.demands.noise_arcsec,
+        )
         if self.left_arcsec is None or limit is None:
             return planned
         # the self error: every reading contains it
@@ -246,7 +278,13 @@ class DrivesUnderTest:
         read += self.demands.noise_arcsec * rng.standard_normal(read.shape)
         passing = self.probability(read <= passes)
         failing = self.probability(read > fails)
-        return replace(planned, passes_up_to=passes, fails_beyond=fails, passing=passing, failing=failing)
+        return replace(
+            planned,
+            passes_up_to=passes,
+            fails_beyond=fails,
+            passing=passing,
+            failing=failing,
+        )
 
     def _verdict(self, low: float, high: float) -> Verdict:
         """Return whether a probability of being wrong, by the ends of its Monte Carlo interval, is allowed."""
@@ -402,7 +440,14 @@ class _SampledDrives:
     curves: _RoughCurves
 
     @classmethod
-    def of(cls, drive: Drive, room_arcsec: Sequence[float | None], place: int, draws: int, run: Run) -> _SampledDrives:
+    def of(
+        cls,
+        drive: Drive,
+        room_arcsec: Sequence[float | None],
+        place: int,
+        draws: int,
+        run: Run,
+    ) -> _SampledDrives:
         """Return the samples of a drive.
 
         Args:
@@ -417,7 +462,12 @@ class _SampledDrives:
         changes = samples.values() if samples else [{}]
         lines = error_lines(drive, drive.operation.M_g[place], changes, run)
         curves = _curves_of_drives(drive, lines, samples, place, run)
-        return cls(samples=samples, place=place, lines=lines, curves=curves)
+        return cls(
+            samples=samples,
+            place=place,
+            lines=lines,
+            curves=curves,
+        )
 
     @property
     def certificate(self) -> Certificate:
@@ -426,7 +476,11 @@ class _SampledDrives:
         return certificate + self.samples.certificate if self.samples else certificate
 
     def under_test(
-        self, room_arcsec: float | None, demands: PlanDemands, travel_deg: float, seed: int
+        self,
+        room_arcsec: float | None,
+        demands: PlanDemands,
+        travel_deg: float,
+        seed: int,
     ) -> DrivesUnderTest:
         """Return the samples as drives that come to a test.
 
@@ -499,7 +553,11 @@ def choose_plan(
     )
 
 
-def _with_stated_probability(drives: DrivesUnderTest, samples: Samples, place: int) -> DrivesUnderTest:
+def _with_stated_probability(
+    drives: DrivesUnderTest,
+    samples: Samples,
+    place: int,
+) -> DrivesUnderTest:
     """Return drives with the probability that they exceed their limit as `check` states it, of the full cycle only.
 
     Args:
@@ -530,7 +588,11 @@ class _JudgedPlans:
     carried_out: _PlanJudgement
 
 
-def _judged_plans(drives: DrivesUnderTest, kinematics: Kinematics, asked: ReadingPlan | None) -> _JudgedPlans:
+def _judged_plans(
+    drives: DrivesUnderTest,
+    kinematics: Kinematics,
+    asked: ReadingPlan | None,
+) -> _JudgedPlans:
     """Judge plans of evenly spaced positions and of recordings, and the one that was asked about."""
     ratio = abs(kinematics.u)
     counts = range(_FEWEST_POSITIONS, round(_MOST_A_CAM_TURN * ratio) + 1)
@@ -562,7 +624,13 @@ def _judged_plans(drives: DrivesUnderTest, kinematics: Kinematics, asked: Readin
     )
 
 
-def _curves_of_drives(drive: Drive, lines: ErrorLines, samples: Samples | None, place: int, run: Run) -> _RoughCurves:
+def _curves_of_drives(
+    drive: Drive,
+    lines: ErrorLines,
+    samples: Samples | None,
+    place: int,
+    run: Run,
+) -> _RoughCurves:
     """Return the error of sampled drives over the full cycle, that by rough teeth included.
 
     Args:
@@ -581,7 +649,14 @@ def _curves_of_drives(drive: Drive, lines: ErrorLines, samples: Samples | None, 
     rough = rough_curves(drive, drive.operation.M_g[place], changes, curves.shape[1], run)
     # single teeth first, then all of it is scaled to F'_ior
     curves += rough.arcsec
-    curves *= F_ior / np.maximum(np.ptp(curves, axis=1, keepdims=True), _LEAST_ARCSEC)
+    curves *= F_ior / np.maximum(
+        np.ptp(
+            curves,
+            axis=1,
+            keepdims=True,
+        ),
+        _LEAST_ARCSEC,
+    )
     return _RoughCurves(arcsec=curves, certificate=rough.certificate)
 
 
@@ -598,7 +673,11 @@ class _RoughCurves:
 
 
 def rough_curves(
-    drive: Drive, M_g: float, changes: Sequence[Mapping[str, float]], points: int, run: Run = Run()
+    drive: Drive,
+    M_g: float,
+    changes: Sequence[Mapping[str, float]],
+    points: int,
+    run: Run = Run(),
 ) -> _RoughCurves:
     """Return the error by rough teeth over the full cycle of drives.
 
@@ -629,7 +708,11 @@ def rough_curves(
     return _RoughCurves(curves, certificate)
 
 
-def _rough_sizes(drive: Drive, changes: Sequence[Mapping[str, float]], number: int) -> Array:
+def _rough_sizes(
+    drive: Drive,
+    changes: Sequence[Mapping[str, float]],
+    number: int,
+) -> Array:
     """Return the sizes of rough teeth of drives, in those of the solved wheels, shape (drives,); 0 for known pitch.
 
     changes: values of the drives by path.
@@ -651,7 +734,13 @@ class _RoughWheel:
     certificate: Certificate
 
 
-def _solved_rough_wheel(drive: Drive, M_g: float, wheel: str, rng: np.random.Generator, run: Run) -> _RoughWheel:
+def _solved_rough_wheel(
+    drive: Drive,
+    M_g: float,
+    wheel: str,
+    rng: np.random.Generator,
+    run: Run,
+) -> _RoughWheel:
     """Return the error of a drive without other deviations by a wheel with drawn teeth.
 
     M_g: torque [N*m].
@@ -668,17 +757,31 @@ def _solved_rough_wheel(drive: Drive, M_g: float, wheel: str, rng: np.random.Gen
     # each tooth meets each mesh zone once in so many states
     states = pitch_locked_states(Kinematics.of(drive), np.arange(count))
     deviations = ToothDeviations(**{wheel: _ROUGH_UM * teeth})
-    solved = kinematic_error(smooth, M_g, states=states, teeth=deviations, run=UNCHECKED)
+    solved = kinematic_error(
+        smooth,
+        M_g,
+        states=states,
+        teeth=deviations,
+        run=UNCHECKED,
+    )
     run.solved(solved.certificate.states)
     return _RoughWheel(solved.error_arcsec - solved.error_arcsec.mean(), solved.certificate)
 
 
-def _lines_seen(lines: ErrorLines, drives: DrivesUnderTest, plan: ReadingPlan) -> tuple[_LineSeen, ...]:
+def _lines_seen(
+    lines: ErrorLines,
+    drives: DrivesUnderTest,
+    plan: ReadingPlan,
+) -> tuple[_LineSeen, ...]:
     """Return the largest lines of drives as a plan sees them."""
     power = np.abs(lines.amplitude) ** 2
     # shares of each drive's own variance, then their mean
     total_power = np.maximum(power.sum(axis=1, keepdims=True), _LEAST_ARCSEC)
-    shares = np.average(power / total_power, axis=0, weights=drives.weights)
+    shares = np.average(
+        power / total_power,
+        axis=0,
+        weights=drives.weights,
+    )
     largest = np.argsort(-shares)[:_LISTED_LINES]
     often = lines.per_cycle[largest] / drives.cycle_output
     per_cam_turn = lines.per_cycle[largest] / lines.kinematics.cycle_cam_revolutions

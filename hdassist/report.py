@@ -98,7 +98,11 @@ def four_digits(value: float) -> str:
     return f"{float(f'{value:.4g}'):g}"
 
 
-def to_error_digit(value: float, standard_error: float | None, most: int = 2) -> str:
+def to_error_digit(
+    value: float,
+    standard_error: float | None,
+    most: int = 2,
+) -> str:
     """Return a number to the first digit of its standard error: 48.65 with 1.7 is 49.
 
     standard_error: in the unit of the number; None or 0 of an exact number.
@@ -130,7 +134,11 @@ def quantity_table(table: str, **functions: Callable[[Any], Any]) -> Quantities[
     return tuple(quantities)
 
 
-def csv_table(preset: str, quantities: Iterable[Quantity[T]], things: Iterable[T]) -> tuple[list[str], list[list[Any]]]:
+def csv_table(
+    preset: str,
+    quantities: Iterable[Quantity[T]],
+    things: Iterable[T],
+) -> tuple[list[str], list[list[Any]]]:
     """Return the header and rows of CSV: a row for each thing, the preset's name in its first column."""
     columns = tuple(quantities)
     return ["preset", *(q.key for q in columns)], [[preset, *(q.of(thing) for q in columns)] for thing in things]
@@ -225,7 +233,12 @@ class Table:
         return [k for k, cells in columns if (self.named and k == 0) or not all(map(_NUMERIC.match, cells))]
 
     @classmethod
-    def by_row(cls, title: str, quantities: Iterable[Quantity[T]], things: Iterable[T]) -> Table:
+    def by_row(
+        cls,
+        title: str,
+        quantities: Iterable[Quantity[T]],
+        things: Iterable[T],
+    ) -> Table:
         """Return a table with a column for each quantity that any thing has and a row for each thing."""
         rows = tuple(things)
         shown = [q for q in quantities if any(q.of(thing) is not None for thing in rows)]
@@ -233,7 +246,12 @@ class Table:
         return cls(title, tuple(q.words.strip() for q in shown), cells)
 
     @classmethod
-    def by_column(cls, title: str, quantities: Iterable[Quantity[T]], things: Iterable[T]) -> Table:
+    def by_column(
+        cls,
+        title: str,
+        quantities: Iterable[Quantity[T]],
+        things: Iterable[T],
+    ) -> Table:
         """A table with a row for each quantity that any thing has and a column for each thing; the first is heads."""
         columns = tuple(things)
         head, *rows = [(q.words, *(q.text(thing) for thing in columns)) for q in quantities]
@@ -436,7 +454,19 @@ def as_json(value: Any) -> Any:
 
 def attributes(thing: object, *names: str, **paths: str) -> Json:
     """Some attributes of a result under their names, and others, by their dotted paths, under names of their own."""
-    return {name: attrgetter(path)(thing) for name, path in (dict(zip(names, names, strict=True)) | paths).items()}
+    return {
+        name: attrgetter(path)(thing)
+        for name, path in (
+            dict(
+                zip(
+                    names,
+                    names,
+                    strict=True,
+                )
+            )
+            | paths
+        ).items()
+    }
 
 
 def objects(things: Iterable[object], *names: str, **paths: str) -> list[Json]:

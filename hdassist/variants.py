@@ -118,18 +118,37 @@ class DriveSheet:
 
 def sheet_states(drive: Drive, draws: int = EFFECTIVE_SAMPLES) -> int:
     """Return the number of states that a sheet solves, about, for a progress bar."""
-    mounting = advice_states(drive, len(seat_positions(drive)), draws=draws)
+    mounting = advice_states(
+        drive,
+        len(seat_positions(drive)),
+        draws=draws,
+    )
     return check_states(drive, draws=draws) + mounting + stiffness_states()
 
 
-def sheet_of(drive: Drive, *, draws: int = EFFECTIVE_SAMPLES, run: Run = Run()) -> DriveSheet:
+def sheet_of(
+    drive: Drive,
+    *,
+    draws: int = EFFECTIVE_SAMPLES,
+    run: Run = Run(),
+) -> DriveSheet:
     """Check a drive, look for its best position and compute its stiffness, each as the command of that name does.
 
     Argument: draws, from the unknown fields. Raises UntrustedError where an answer cannot be trusted.
     """
     # first, since its samples have the turned wheels too: they serve the check as well
-    advice = advise(drive, seat_positions(drive), draws=draws, run=run)
-    checked = check(drive, draws=draws, samples=advice.samples, run=run)
+    advice = advise(
+        drive,
+        seat_positions(drive),
+        draws=draws,
+        run=run,
+    )
+    checked = check(
+        drive,
+        draws=draws,
+        samples=advice.samples,
+        run=run,
+    )
     return DriveSheet(checked, advice, stiffness(drive, run=run))
 
 
@@ -232,7 +251,12 @@ class _Believed:
 
 
 def drawn_pairs(
-    first: DesignCheck, second: DesignCheck, *, same: bool, count: int = _DRAWN_PAIRS, run: Run = Run()
+    first: DesignCheck,
+    second: DesignCheck,
+    *,
+    same: bool,
+    count: int = _DRAWN_PAIRS,
+    run: Run = Run(),
 ) -> DrivePairs:
     """Return the pairs of the samples of two checked drives.
 
@@ -246,7 +270,13 @@ def drawn_pairs(
     rows, second_rows = (
         even_rows(side.weights, count if one.samples or second_belief.samples else 1) for side in (one, second_belief)
     )
-    drives = tuple(zip(one.drives(rows), second_belief.drives(second_rows), strict=True))
+    drives = tuple(
+        zip(
+            one.drives(rows),
+            second_belief.drives(second_rows),
+            strict=True,
+        )
+    )
     if same:
         return DrivePairs(
             before_arcsec=one.F_ior_arcsec, after_arcsec=one.F_ior_arcsec, weights=np.diag(one.weights), drives=drives
@@ -265,7 +295,12 @@ def drawn_pairs(
     )
 
 
-def _likelihood_gains(one: _Believed, other: _Believed, rows: Indices, samples: Samples) -> list[float]:
+def _likelihood_gains(
+    one: _Believed,
+    other: _Believed,
+    rows: Indices,
+    samples: Samples,
+) -> list[float]:
     """Return the gains of log likelihood from the reference data of a first drive to those of a second one.
 
     Args:
@@ -283,7 +318,12 @@ def _likelihood_gains(one: _Believed, other: _Believed, rows: Indices, samples: 
     return gains
 
 
-def _paired(one: _Believed, other: _Believed, rows: Indices, run: Run) -> DrivePairs:
+def _paired(
+    one: _Believed,
+    other: _Believed,
+    rows: Indices,
+    run: Run,
+) -> DrivePairs:
     """Return pairs of some samples of a first drive, each with an equal drive of the second kind.
 
     Raises UntrustedError if too few agree.
@@ -307,7 +347,13 @@ def _paired(one: _Believed, other: _Believed, rows: Indices, run: Run) -> DriveP
         before_arcsec=one.F_ior_arcsec[rows],
         after_arcsec=samples.F_ior_arcsec,
         weights=_joint_weights(count, solved, weights)[:, solved],
-        drives=tuple(zip(one.drives(rows[solved[even]]), second_drives, strict=True)),
+        drives=tuple(
+            zip(
+                one.drives(rows[solved[even]]),
+                second_drives,
+                strict=True,
+            )
+        ),
         certificate=certificate,
     )
 
@@ -317,7 +363,11 @@ def _figures_of(samples: Samples) -> list[Mapping[str, float]]:
     return [draw.figures for draw in samples.made if draw.F_ior_arcsec is not None]
 
 
-def _samples_with(believed: _Believed, shares: Array, run: Run) -> Samples:
+def _samples_with(
+    believed: _Believed,
+    shares: Array,
+    run: Run,
+) -> Samples:
     """Return samples of a drive with shares of its fields, shape (samples, fields + 1), all at once."""
     assert believed.samples
     return draw_samples(
@@ -331,7 +381,12 @@ def _samples_with(believed: _Believed, shares: Array, run: Run) -> Samples:
     )
 
 
-def _paired_shares(one: _Believed, other: _Believed, rows: Indices, run: Run) -> Array:
+def _paired_shares(
+    one: _Believed,
+    other: _Believed,
+    rows: Indices,
+    run: Run,
+) -> Array:
     """Return shares of the fields of a second drive, shape (rows, fields + 1): those of the first one where alike.
 
     Args:
@@ -352,7 +407,11 @@ def _paired_shares(one: _Believed, other: _Believed, rows: Indices, run: Run) ->
     return paired
 
 
-def _joint_weights(count: int, solved: Indices, weights: Array) -> Array:
+def _joint_weights(
+    count: int,
+    solved: Indices,
+    weights: Array,
+) -> Array:
     """Return the weights of pairs of samples, shape (count, count), of which as many as possible are alike.
 
     Args:
@@ -390,7 +449,13 @@ class ErrorChange:
     share: tuple[float, ...]
 
     @classmethod
-    def of(cls, field: str, before: Array, after: Array, weights: Array) -> ErrorChange:
+    def of(
+        cls,
+        field: str,
+        before: Array,
+        after: Array,
+        weights: Array,
+    ) -> ErrorChange:
         """Return change from F'_ior before to after [arcsec], shape (pairs, torques); weights have shape (pairs,)."""
 
         def percentile(values: Array, share: float) -> tuple[float, ...]:
@@ -504,7 +569,14 @@ def differing_rows(drives: Sequence[Drive]) -> tuple[_FieldRow, ...]:
     rows = list(zip(*map(resolved_fields, drives), strict=True))
     units = {row[0].path: row[0].unit for row in rows}
     for path in dict.fromkeys(path for drive in drives for path in drive.uncertainty):
-        field = partial(ResolvedField, f"uncertainty.{path}", unit=units[path], ref="", meaning="", range=None)
+        field = partial(
+            ResolvedField,
+            f"uncertainty.{path}",
+            unit=units[path],
+            ref="",
+            meaning="",
+            range=None,
+        )
         values = (drive.uncertainty.get(path) for drive in drives)
         rows.append(tuple(field(value=value, kind="default" if value is None else "given") for value in values))
     open_ = {path for drive in drives[1:] for path in differently_open(drives[0], drive)}
@@ -522,7 +594,12 @@ def estimate_comparison(drives: Sequence[Drive], draws: int = EFFECTIVE_SAMPLES)
     return sum(sheet_states(drive, draws) for drive in drives) + DRAWN_STATES * len(drives[0].operation.M_g) * searches
 
 
-def compare_drives(drives: Sequence[Drive], *, draws: int = EFFECTIVE_SAMPLES, run: Run = Run()) -> DrivesComparison:
+def compare_drives(
+    drives: Sequence[Drive],
+    *,
+    draws: int = EFFECTIVE_SAMPLES,
+    run: Run = Run(),
+) -> DrivesComparison:
     """Compare two drives or more with the first of them, at torques of at_common_torques.
 
     Argument: draws, of each from what is not known of it. Raises UntrustedError where an answer cannot be trusted,
@@ -533,7 +610,12 @@ def compare_drives(drives: Sequence[Drive], *, draws: int = EFFECTIVE_SAMPLES, r
     answers = [drive_changes(first, check, pairs=min(draws, _DRAWN_PAIRS), run=run) for check in other_checks]
     changes, proofs = zip(*answers, strict=True)
     proof = sum(proofs, sum((sheet.certificate for sheet in sheets), EMPTY))
-    return DrivesComparison(sheets=sheets, differing=differing_rows(drives), changes=changes, certificate=proof)
+    return DrivesComparison(
+        sheets=sheets,
+        differing=differing_rows(drives),
+        changes=changes,
+        certificate=proof,
+    )
 
 
 def _is_undrawn(first: DesignCheck, second: DesignCheck) -> bool:
@@ -542,7 +624,11 @@ def _is_undrawn(first: DesignCheck, second: DesignCheck) -> bool:
 
 
 def drive_changes(
-    first: DesignCheck, second: DesignCheck, *, pairs: int = _DRAWN_PAIRS, run: Run = Run()
+    first: DesignCheck,
+    second: DesignCheck,
+    *,
+    pairs: int = _DRAWN_PAIRS,
+    run: Run = Run(),
 ) -> tuple[DriveChanges, Certificate]:
     """Compute the changes of F'_ior from a first drive to a second one, of all fields and of single ones alone.
 
@@ -558,7 +644,13 @@ def drive_changes(
     """
     differing = differing_fields((first.drive, second.drive))
     is_same = not differing and _has_same_conditions(first.drive, second.drive)
-    sampled_pairs = drawn_pairs(first, second, same=is_same, count=pairs, run=run)
+    sampled_pairs = drawn_pairs(
+        first,
+        second,
+        same=is_same,
+        count=pairs,
+        run=run,
+    )
     single_changes = _SingleChanges.of(sampled_pairs, first, second, run)
     # bounds of what is unknown depend on other fields
     open_paths = [field.path for field in prior_of(second.drive).fields]
@@ -600,7 +692,13 @@ class _SingleChanges:
     certificate: Certificate  # of all states, those of changes included once they are solved
 
     @classmethod
-    def of(cls, pairs: DrivePairs, first: DesignCheck, second: DesignCheck, run: Run) -> _SingleChanges:
+    def of(
+        cls,
+        pairs: DrivePairs,
+        first: DesignCheck,
+        second: DesignCheck,
+        run: Run,
+    ) -> _SingleChanges:
         """Return the changes of a few of some pairs of samples of two drives, before any is solved."""
         return cls(
             drives=pairs.drives[:_SINGLE_PAIRS],
@@ -621,7 +719,11 @@ class _SingleChanges:
 
     def solve(self, drives: Sequence[Drive]) -> Array:
         """Return F'_ior of drives [arcsec], shape (drives, torques); NaN without a result."""
-        errors_of = partial(_errors, torques=self.torques, drawn=self.is_drawn)
+        errors_of = partial(
+            _errors,
+            torques=self.torques,
+            drawn=self.is_drawn,
+        )
         values = np.empty((len(drives), len(self.torques)))
         for row, (errors, certificate) in zip(values, self.run.map(errors_of, drives), strict=True):
             self.certificate += certificate
@@ -650,7 +752,11 @@ class _SingleChanges:
         return sorted(filter(None, changes), key=lambda change: -max(change.share))
 
 
-def _errors(drive: Drive, torques: Sequence[float], drawn: bool) -> tuple[Array, Certificate]:
+def _errors(
+    drive: Drive,
+    torques: Sequence[float],
+    drawn: bool,
+) -> tuple[Array, Certificate]:
     """Return F'_ior of a drive [arcsec], shape (torques,), with its proof; NaN where there is no answer."""
     try:
         by_torque = (

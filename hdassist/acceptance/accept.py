@@ -97,7 +97,10 @@ def accept(
 
 
 def _require_value(
-    request: Request, drive: Drive, unmeasured: Sequence[Limit], predictions: Predictions | None
+    request: Request,
+    drive: Drive,
+    unmeasured: Sequence[Limit],
+    predictions: Predictions | None,
 ) -> None:
     """Raise DataError if no limit of a drive has a measured or a predicted value, unless each limit needs one."""
     limits = limits_of(drive)
@@ -111,7 +114,10 @@ def _require_value(
 
 
 def _decisions(
-    request: Request, inputs: Inputs, unmeasured: Sequence[Limit], predictions: Predictions | None
+    request: Request,
+    inputs: Inputs,
+    unmeasured: Sequence[Limit],
+    predictions: Predictions | None,
 ) -> list[DecidedCheck]:
     """Return the decision on each limit that is not left out, in the order of the limits."""
     rule = inputs.drive.acceptance.rule
@@ -148,7 +154,11 @@ def _measured_values(limit: Limit, inputs: Inputs) -> list[AcceptedValue]:
     return sorted(values, key=lambda value: -(value.value or 0.0)) or [AcceptedValue()]
 
 
-def _unmeasured_values(limit: Limit, request: Request, predictions: Predictions | None) -> list[AcceptedValue]:
+def _unmeasured_values(
+    limit: Limit,
+    request: Request,
+    predictions: Predictions | None,
+) -> list[AcceptedValue]:
     """Return the predicted value for a limit, an unknown value if only a measured one decides it, or none."""
     if predictions and limit.check.needs:
         return [AcceptedValue.predicted(limit, predictions)]
@@ -190,7 +200,11 @@ def _trace_records(inputs: Inputs) -> list[TraceRecord]:
     return records
 
 
-def _covered_cycle(limit: Limit, measurement: Measurement, direction: SweepResult) -> CoveredCycle | None:
+def _covered_cycle(
+    limit: Limit,
+    measurement: Measurement,
+    direction: SweepResult,
+) -> CoveredCycle | None:
     """Return what a direction covers of the full cycle, for a limit of F'_ior.
 
     None if the cycle is not known, or if a direction covers all of it and its model does not hold.
@@ -261,7 +275,10 @@ def _coverage_text(directions: Sequence[SweepResult]) -> str:
 
 
 def _of_decisions(
-    inputs: Inputs, decisions: Sequence[DecidedCheck], left_out: Sequence[Limit], predictions: Predictions | None
+    inputs: Inputs,
+    decisions: Sequence[DecidedCheck],
+    left_out: Sequence[Limit],
+    predictions: Predictions | None,
 ) -> Iterator[Note]:
     """Yield remarks on values, on unknown inputs, and on limits without a decision."""
     for decision in decisions:
@@ -286,7 +303,12 @@ def _of_sharing(request: Request) -> Iterator[Note]:
         yield Note("SHARED_RECORD", f"the same recording was also given for {', '.join(request.shared)}")
 
 
-def answer_rows(rows: Sequence[LotRow], debug: bool, first: int, last: int) -> list[AcceptAnswer]:
+def answer_rows(
+    rows: Sequence[LotRow],
+    debug: bool,
+    first: int,
+    last: int,
+) -> list[AcceptAnswer]:
     """Return the results of the rows first ... last - 1; debug: raise a bug in a row instead of reporting it."""
     # in a worker process: rows are independent
     return [answer_row(row, debug=debug) for row in rows[first:last]]
@@ -304,7 +326,13 @@ def answer_row(row: LotRow, *, debug: bool = False) -> AcceptAnswer:
         drive = row.request.load()
         inputs = row.request.read(drive)
         # without what differs from drive to drive, so that drives of the same preset share their predictions
-        design = replace(row.request, serial="", measured=(), values=(), shared=())
+        design = replace(
+            row.request,
+            serial="",
+            measured=(),
+            values=(),
+            shared=(),
+        )
         predictions = predicted(design, inputs.unmeasured)
         return accept(row.request, inputs, predictions, row.place)
     except HdassistError as error:

@@ -272,7 +272,11 @@ def provenance(answer: AcceptAnswer) -> Json:
 
 def answer_json(answer: AcceptAnswer) -> Json:
     """An answer as a JSON object; without its place where it has none."""
-    fields: Json = ANSWER.dump_python(answer, mode="json", exclude=None if answer.place else {"place"})
+    fields: Json = ANSWER.dump_python(
+        answer,
+        mode="json",
+        exclude=None if answer.place else {"place"},
+    )
     return fields
 
 
@@ -394,11 +398,22 @@ def _by_check(answer: AcceptAnswer) -> Json:
     """An answer with its checks by name, and the number of those left out, which a version names in its words."""
     names = (f"{place} {check.label}" for place, check in enumerate(answer.checks, 1))
     fields = answer_json(answer)
-    checks = dict(zip(names, fields["checks"], strict=True))
+    checks = dict(
+        zip(
+            names,
+            fields["checks"],
+            strict=True,
+        )
+    )
     return fields | {"checks": checks, "left_out": len(answer.left_out)}
 
 
-def _differences(recorded: Any, now: Any, key: str = "", allowed: float = _ROUNDING) -> Iterator[_AnswerDifference]:
+def _differences(
+    recorded: Any,
+    now: Any,
+    key: str = "",
+    allowed: float = _ROUNDING,
+) -> Iterator[_AnswerDifference]:
     """Differences of two JSON values, but for _NOT_COMPARED; key, of both; allowed, how far numbers may lie apart."""
     then, comes = (dict(enumerate(value)) if isinstance(value, list) else value for value in (recorded, now))
     if isinstance(then, dict) and isinstance(comes, dict):

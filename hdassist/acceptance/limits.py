@@ -220,7 +220,12 @@ class LimitText:
         return fitting[0]
 
 
-def load_limited(preset: str, overrides: Sequence[str], limits: Sequence[LimitText], asked: Asked = ()) -> Drive:
+def load_limited(
+    preset: str,
+    overrides: Sequence[str],
+    limits: Sequence[LimitText],
+    asked: Asked = (),
+) -> Drive:
     """Return the drive of a preset with overrides and limits on top, and with options that go into its origin.
 
     Raises DataError, PresetError or UsageError, the last with limits named as they were given.

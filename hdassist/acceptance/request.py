@@ -217,7 +217,12 @@ class Request(ClosedRecord):
         )
 
     def _at_positions(
-        self, table: NumberTable, error_range: SeenRange, quantities: Sequence[StatedQuantity], M_g: float, drive: Drive
+        self,
+        table: NumberTable,
+        error_range: SeenRange,
+        quantities: Sequence[StatedQuantity],
+        M_g: float,
+        drive: Drive,
     ) -> dict[Limit, AcceptedValue]:
         """Return the values by approached positions at a torque, by the limits of a drive to which they belong.
 
@@ -253,7 +258,11 @@ class Request(ClosedRecord):
         return None if self.measured_only else self.wheels.read(drive)
 
     def predict(
-        self, drive: Drive, limits: Sequence[Limit], wheels: MeasuredTeeth | None, run: Run = Run()
+        self,
+        drive: Drive,
+        limits: Sequence[Limit],
+        wheels: MeasuredTeeth | None,
+        run: Run = Run(),
     ) -> Predictions | None:
         """Return predictions for limits of the drive; None without any, and without a prediction.
 
@@ -262,12 +271,25 @@ class Request(ClosedRecord):
         limits = tuple(limit for limit in limits if limit.check.needs)
         if self.measured_only or self.strict or not limits:
             return None
-        run = replace(run, seed=self.seed, cross_check=self.cross_check)
-        return predict(drive, limits=limits, wheels=wheels, draws=self.draws, sure=self.sure, run=run)
+        run = replace(
+            run,
+            seed=self.seed,
+            cross_check=self.cross_check,
+        )
+        return predict(
+            drive,
+            limits=limits,
+            wheels=wheels,
+            draws=self.draws,
+            sure=self.sure,
+            run=run,
+        )
 
 
 def _recorded_values(
-    measurement: Measurement, M_g: float, stated: Mapping[Limit, AcceptedValue]
+    measurement: Measurement,
+    M_g: float,
+    stated: Mapping[Limit, AcceptedValue],
 ) -> dict[Limit, AcceptedValue]:
     """Return what a recording gives for limits that have a stated value, which one of the two has to leave.
 
@@ -280,7 +302,11 @@ def _recorded_values(
     return {limit: AcceptedValue.measured(limit, direction) for limit in limits}
 
 
-def _range_of_positions(record: PositionRecord, quantities: Sequence[StatedQuantity], drive: Drive) -> SeenRange:
+def _range_of_positions(
+    record: PositionRecord,
+    quantities: Sequence[StatedQuantity],
+    drive: Drive,
+) -> SeenRange:
     """Return F'_ior by approached positions of a drive.
 
     Raises DataError if the positions were planned for another drive, or if there is only one.
@@ -422,7 +448,12 @@ def read_lot(path: str, base: Request) -> Lot:
             if column == ("serial", ""):
                 lines.setdefault(cell.text, []).append(line)
     rows = [_row(table, columns, place, base, lines) for place in range(len(table.rows))]
-    return Lot(file=table.file, sha256=table.sha256, rows=tuple(rows), remarks=table.remarks)
+    return Lot(
+        file=table.file,
+        sha256=table.sha256,
+        rows=tuple(rows),
+        remarks=table.remarks,
+    )
 
 
 def _columns(table: CellTable) -> list[_Column | None]:
@@ -486,7 +517,11 @@ def _column(name: str) -> _Column:
 
 
 def _row(
-    table: CellTable, columns: Sequence[_Column | None], place: int, base: Request, lines: Mapping[str, list[int]]
+    table: CellTable,
+    columns: Sequence[_Column | None],
+    place: int,
+    base: Request,
+    lines: Mapping[str, list[int]],
 ) -> LotRow:
     """Return one row of a lot.
 
@@ -497,7 +532,12 @@ def _row(
     lines: those in which each serial stands.
     """
     line, cells = table.rows[place]
-    reader = _RowReader(table=table, line=line, base=base, has_serials=("serial", "") in columns)
+    reader = _RowReader(
+        table=table,
+        line=line,
+        base=base,
+        has_serials=("serial", "") in columns,
+    )
     if opened := table.unclosed.get(line):
         reader.note_fault(opened, "", "quotes are not closed", hint="close the quotes at the end of the cell")
     for index, cell in enumerate(cells):
@@ -525,7 +565,14 @@ class _RowReader:
     cells: dict[str, tuple[str, str]] = field(default_factory=dict)
     faults: list[Finding] = field(default_factory=list)
 
-    def note_fault(self, column: int, path: str, message: str, got: str = "", hint: str = "") -> None:
+    def note_fault(
+        self,
+        column: int,
+        path: str,
+        message: str,
+        got: str = "",
+        hint: str = "",
+    ) -> None:
         """Note a fault of the row; column: its place in the line, path: the name of its column."""
         finding = Finding(
             file=self.table.file,
@@ -538,7 +585,12 @@ class _RowReader:
         )
         self.faults.append(finding)
 
-    def take(self, cell: Cell, name: str, column: _Column | None) -> None:
+    def take(
+        self,
+        cell: Cell,
+        name: str,
+        column: _Column | None,
+    ) -> None:
         """Take a cell; name: of its column, empty for none; column: what that gives, None if it is not used."""
         if cell.text and not name:
             hint = "put a cell that contains a comma in quotes"
@@ -562,7 +614,13 @@ class _RowReader:
         name_of_cell = f"{self.table.file}:{self.line}:{cell.column}: {shown(name)}"
         self.cells.setdefault(_name_in_messages(part, start, text), (name_of_cell, cell.text))
 
-    def _path(self, cell: Cell, name: str, part: str, text: str) -> str:
+    def _path(
+        self,
+        cell: Cell,
+        name: str,
+        part: str,
+        text: str,
+    ) -> str:
         """Return the path of a file that a cell names, from the folder of the lot; a preset may be of the library."""
         if text == "-":
             self.note_fault(cell.column, name, "a row cannot read standard input", "-", "name a file")
@@ -594,7 +652,11 @@ class _RowReader:
             if name in parts:
                 parts[name] = float(parts[name])
         wheels = {name: parts.pop(name) for name in wheel_names if name in parts}
-        request = replace(self.base, **parts, wheels=replace(self.base.wheels, **wheels))
+        request = replace(
+            self.base,
+            **parts,
+            wheels=replace(self.base.wheels, **wheels),
+        )
         if not request.preset:
             hint = "add a column preset, or use --preset NAME for all rows"
             self.note_fault(1, "preset", "missing", hint=hint)
@@ -606,7 +668,11 @@ class _RowReader:
         )
 
 
-def _name_in_messages(part: str, start: str, text: str) -> str:
+def _name_in_messages(
+    part: str,
+    start: str,
+    text: str,
+) -> str:
     """Return how messages call a value that a cell sets: a file, an option, or an option's argument."""
     if part in _FILE_COLUMNS:
         return text

@@ -195,7 +195,13 @@ class Sampling:
     # New draws
 
     def new(
-        self, draws: Sequence[Draw], first: int, last: int, run: Run, ahead: UnderWay, most: int
+        self,
+        draws: Sequence[Draw],
+        first: int,
+        last: int,
+        run: Run,
+        ahead: UnderWay,
+        most: int,
     ) -> Iterator[list[Draw]]:
         """Yield new draws, `alike` of them at a time.
 
@@ -230,12 +236,22 @@ class Sampling:
         return min(max(best, _LEAST_KEPT_LIKELIHOOD), KEPT_LIKELIHOOD)
 
     def _tasks(
-        self, begin: int, end: int, pilot: Sequence[Mapping[str, float]], kept_likelihood: float
+        self,
+        begin: int,
+        end: int,
+        pilot: Sequence[Mapping[str, float]],
+        kept_likelihood: float,
     ) -> list[tuple[Any, ...]]:
         """Return the arguments of `solved` for draws from the number begin to before end."""
         shares, density = proposed_draws(self.prior, self.evidence, pilot, begin, end, self.seed)
         numbers = range(begin, end)
-        rows = zip(numbers, self.prior.values(shares), shares.tolist(), density.tolist(), strict=True)
+        rows = zip(
+            numbers,
+            self.prior.values(shares),
+            shares.tolist(),
+            density.tolist(),
+            strict=True,
+        )
         return [(*row, kept_likelihood, self._unturned(number)) for number, row in zip(numbers, rows, strict=True)]
 
     def _unturned(self, number: int) -> Draw | None:
@@ -309,7 +325,12 @@ class Sampling:
         return tuple(dict.fromkeys((*self.torques, *(M_g for M_g, _ in tests.values()))))
 
     def _solved(
-        self, number: int, values: dict[str, float], shares: list[float], density: float, kept: float
+        self,
+        number: int,
+        values: dict[str, float],
+        shares: list[float],
+        density: float,
+        kept: float,
     ) -> list[Draw]:
         """Return the draws as `solved` does; raises HdassistError where an answer cannot be trusted."""
         *field_shares, chance = shares
@@ -344,7 +365,12 @@ class Sampling:
         )
         return self._draws_of(system, proof)
 
-    def _chance_of_going_on(self, figures: Mapping[str, float], density: float, kept: float) -> float:
+    def _chance_of_going_on(
+        self,
+        figures: Mapping[str, float],
+        density: float,
+        kept: float,
+    ) -> float:
         """Return p of equation (1) by the figures of stiffness of a draw; 1 without evidence of stiffness."""
         if not figures:
             return 1.0
@@ -379,7 +405,12 @@ class Sampling:
             proof = EMPTY
         return draws
 
-    def _draw_of(self, system: _System, deviations: ProposedDeviations, place: int) -> Draw:
+    def _draw_of(
+        self,
+        system: _System,
+        deviations: ProposedDeviations,
+        place: int,
+    ) -> Draw:
         """Return the draw of a contact system that has some deviations; place: that of it among those of the system."""
         shares = self._shares_with(deviations, system.shares)
         drive = system.drive.with_values(self.prior.values(np.array([shares]))[0])
@@ -401,7 +432,12 @@ class Sampling:
             set_weights=tuple(self._set_weight(system, tested_arcsec) for tested_arcsec in sets.tested_arcsec),
         )
 
-    def _errors_of(self, system: _System, drive: Drive, place: int) -> _Errors:
+    def _errors_of(
+        self,
+        system: _System,
+        drive: Drive,
+        place: int,
+    ) -> _Errors:
         """Return F'_ior of a drive on a contact system; place: that of the draw among those of the system."""
         F_ior, tested, proof = errors_now(system.maps, drive, self.torques, list(system.tests.values()))
         turned, turned_proof = errors_by_turn(system.maps, drive, self.torques, F_ior.tolist(), self.rotations_deg)
@@ -411,7 +447,13 @@ class Sampling:
         return _Errors(
             F_ior_arcsec=F_ior,
             turned_arcsec=turned,
-            by_figure=dict(zip(system.tests, tested.tolist(), strict=True)),
+            by_figure=dict(
+                zip(
+                    system.tests,
+                    tested.tolist(),
+                    strict=True,
+                )
+            ),
             proof=proof,
             turned_proof=turned_proof,
         )
@@ -441,14 +483,23 @@ class Sampling:
             if field_prior in fields and not field_prior.draws
         ]
 
-    def _further_sets(self, system: _System, drive: Drive, shares: Sequence[float]) -> _FurtherSets:
+    def _further_sets(
+        self,
+        system: _System,
+        drive: Drive,
+        shares: Sequence[float],
+    ) -> _FurtherSets:
         """Return F'_ior of further sets of deviations on the contact system of a draw.
 
         drive: with the deviations of the draw.
         shares: of the fields of the draw.
         """
         if not self._set_places:
-            return _FurtherSets(F_ior_arcsec=np.empty((len(self.torques), 0)), tested_arcsec=(), proof=EMPTY)
+            return _FurtherSets(
+                F_ior_arcsec=np.empty((len(self.torques), 0)),
+                tested_arcsec=(),
+                proof=EMPTY,
+            )
         columns = self._set_columns(system.number, shares)
         map_of_torque = {error_map.M_g: error_map for error_map in system.maps}
         as_mounted = [many_extremes(map_of_torque[M_g], Batch(drive, columns), DRAWN_GRIDS) for M_g in self.torques]
@@ -461,7 +512,11 @@ class Sampling:
             return sets
         map_of_test = map_of_torque[ACCURACY_LOAD * drive.rated_torque]
         tested = self._tested_sets(map_of_test, drive, system.number, columns)
-        return replace(sets, tested_arcsec=tuple(tested.F_ior_arcsec.tolist()), proof=sets.proof + tested.certificate)
+        return replace(
+            sets,
+            tested_arcsec=tuple(tested.F_ior_arcsec.tolist()),
+            proof=sets.proof + tested.certificate,
+        )
 
     def _set_columns(self, number: int, shares: Sequence[float]) -> dict[str, Array]:
         """Return values of the deviations of further sets, by path, shape (sets,) each.
@@ -475,7 +530,13 @@ class Sampling:
         paths = [self.prior.fields[place].path for place in self._set_places]
         return {path: np.array([of_set[path] for of_set in values]) for path in paths}
 
-    def _tested_sets(self, error_map: ErrorMap, drive: Drive, number: int, columns: Mapping[str, Array]) -> Extremes:
+    def _tested_sets(
+        self,
+        error_map: ErrorMap,
+        drive: Drive,
+        number: int,
+        columns: Mapping[str, Array],
+    ) -> Extremes:
         """Return the extremes of further sets of deviations as the manufacturer tests them.
 
         error_map: at the load of the test.
@@ -584,7 +645,11 @@ class _FurtherSets:
     proof: Certificate
 
 
-def _misfit_normals(loads: Array, turns_deg: Array, seed: Sequence[int]) -> Array:
+def _misfit_normals(
+    loads: Array,
+    turns_deg: Array,
+    seed: Sequence[int],
+) -> Array:
     """Return misfits of variance 1 at points, independent between torques, shape (1, points).
 
     loads, turns_deg: torque [N*m] and turn [deg] of each point, shape (points,).
@@ -677,13 +742,24 @@ def errors_by_turn(
     map_of_torque = {error_map.M_g: error_map for error_map in maps}
     turned = np.empty((len(torques), len(rotations_deg)))
     proof = EMPTY
-    for k, (M_g, F_ior) in enumerate(zip(torques, now, strict=True)):
+    for k, (M_g, F_ior) in enumerate(
+        zip(
+            torques,
+            now,
+            strict=True,
+        )
+    ):
         turned[k], proof_of_turns = _at_turns(map_of_torque[M_g], drive, F_ior, rotations_deg)
         proof += proof_of_turns
     return turned, proof
 
 
-def _at_turns(error_map: ErrorMap, drive: Drive, now: float, turns_deg: Sequence[float]) -> tuple[Array, Certificate]:
+def _at_turns(
+    error_map: ErrorMap,
+    drive: Drive,
+    now: float,
+    turns_deg: Sequence[float],
+) -> tuple[Array, Certificate]:
     """Return F'_ior of a drive with its fixed wheel turned [arcsec], shape (turns,), and the proof.
 
     now: F'_ior as the wheel stands [arcsec], which a turn by whole revolutions leaves as it is.

@@ -67,7 +67,12 @@ class OptionSamples:
 
     @classmethod
     def of(
-        cls, prior: DrivePrior, samples: Samples | None, torque: int, room_arcsec: float | None, sure: float
+        cls,
+        prior: DrivePrior,
+        samples: Samples | None,
+        torque: int,
+        room_arcsec: float | None,
+        sure: float,
     ) -> OptionSamples:
         """Return the samples of a drive that edits are solved on."""
         first = None if samples is None else samples.of_ranges
@@ -315,7 +320,13 @@ class EditQuestion:
         samples = self.samples
         # a few samples get all edits; the others only those whose verdict is open
         first = samples.first_rows.tolist()
-        solved = dict(zip(first, self._solve(self._tasks(first, run.seed), run), strict=True))
+        solved = dict(
+            zip(
+                first,
+                self._solve(self._tasks(first, run.seed), run),
+                strict=True,
+            )
+        )
         # an edit without effect on any sample is no option
         names = [edit.name for edit in self.edits if not _is_idle(edit, [*solved.values()])]
         if self.tried_deg:
@@ -324,7 +335,11 @@ class EditQuestion:
         # samples that donors leave open, with the edits that matter for them
         undecided = _undecided(samples, effects)
         if undecided:
-            tasks = zip(undecided, self._tasks([*undecided], run.seed), strict=True)
+            tasks = zip(
+                undecided,
+                self._tasks([*undecided], run.seed),
+                strict=True,
+            )
             answers = self._solve([task.of_edits(undecided[row]) for row, task in tasks], run)
             solved |= zip(undecided, answers, strict=True)
             effects = self._effects(names, solved)
@@ -458,7 +473,10 @@ def _undecided(samples: OptionSamples, effects: Mapping[str, Effect]) -> dict[in
 
 
 def _effect(
-    samples: OptionSamples, name: str, solved: Mapping[int, _Solved], evidence: Evidence | None
+    samples: OptionSamples,
+    name: str,
+    solved: Mapping[int, _Solved],
+    evidence: Evidence | None,
 ) -> Effect | None:
     """Return the effect of an edit; None if it makes no drive of a sample, or hardly a sample agrees with it."""
     grade = name.partition(":")[2] if name.startswith("accuracy:") else ""
@@ -497,7 +515,11 @@ def _likelihood(
     return np.ones(donors.shape)
 
 
-def _factor(rows: int, answers: Mapping[int, _Solved], name: str) -> Array | None:
+def _factor(
+    rows: int,
+    answers: Mapping[int, _Solved],
+    name: str,
+) -> Array | None:
     """Return F'_ior with an edit over that without, shape (rows,), NaN if unsolved; None if a sample makes no drive."""
     factor = np.full(rows, np.nan)
     for row, answer in answers.items():
@@ -540,7 +562,13 @@ def _grade_likelihood(
     donors: solved samples of each sample, shape (rows, donors).
     evidence: the present accuracy, None without any.
     """
-    grade = Evidence(path="catalogue.accuracy", figure=ACCURACY, value=grade_arcsec, spread=SOFT_EDGE, kind="limit")
+    grade = Evidence(
+        path="catalogue.accuracy",
+        figure=ACCURACY,
+        value=grade_arcsec,
+        spread=SOFT_EDGE,
+        kind="limit",
+    )
     stated = samples.stated_arcsec
     assert stated is not None
     tested = samples.tested_arcsec
@@ -549,10 +577,18 @@ def _grade_likelihood(
     log = grade.log_likelihood(tested)
     if evidence:
         log = log - evidence.log_likelihood(tested)
-    return np.repeat(np.exp(log)[:, None], donors.shape[1], axis=1)
+    return np.repeat(
+        np.exp(log)[:, None],
+        donors.shape[1],
+        axis=1,
+    )
 
 
-def _tested_factor(over_arcsec: Array, answers: Mapping[int, _Solved], name: str) -> Array:
+def _tested_factor(
+    over_arcsec: Array,
+    answers: Mapping[int, _Solved],
+    name: str,
+) -> Array:
     """Return F'_ior as tested with an edit over other values [arcsec], shape (rows,), NaN if unsolved."""
     factor = np.full(len(over_arcsec), np.nan)
     for row, answer in answers.items():
@@ -587,7 +623,13 @@ def _is_idle(edit: Edit, answers: Sequence[_Solved]) -> bool:
 # One sample
 
 
-def _solve_one(drive: Drive, torques: tuple[float, ...], torque: int, is_drawn: bool, task: _Task) -> _Solved:
+def _solve_one(
+    drive: Drive,
+    torques: tuple[float, ...],
+    torque: int,
+    is_drawn: bool,
+    task: _Task,
+) -> _Solved:
     """Return F'_ior of one sample with its edits."""
     sample = drive.with_values(task.values)
     M_g = torques[torque]
@@ -607,19 +649,37 @@ def _solve_one(drive: Drive, torques: tuple[float, ...], torque: int, is_drawn: 
 
 
 def _as_mounted(
-    error_map: ErrorMap, drive: Drive, task: _Task, is_drawn: bool
+    error_map: ErrorMap,
+    drive: Drive,
+    task: _Task,
+    is_drawn: bool,
 ) -> tuple[dict[str, float | None], Certificate]:
     """Return F'_ior [arcsec] with edits of the same contact system, by name, and the proof."""
     turned = [turned_directions(drive, turn) for turn in task.tried_deg]
-    values, proof = searched(error_map, drive, [{}, *task.edits.values(), *turned], is_drawn=is_drawn)
-    F_ior: dict[str, float | None] = dict(zip(("", *task.edits), values, strict=False))
+    values, proof = searched(
+        error_map,
+        drive,
+        [{}, *task.edits.values(), *turned],
+        is_drawn=is_drawn,
+    )
+    F_ior: dict[str, float | None] = dict(
+        zip(
+            ("", *task.edits),
+            values,
+            strict=False,
+        )
+    )
     if turned:
         F_ior[BEST_OF_HOLES] = min(values[-len(turned) :])
     return F_ior, proof
 
 
 def _tested(
-    maps: Mapping[float, ErrorMap], load: float, drive: Drive, task: _Task, is_drawn: bool
+    maps: Mapping[float, ErrorMap],
+    load: float,
+    drive: Drive,
+    task: _Task,
+    is_drawn: bool,
 ) -> tuple[dict[str, float | None], Certificate]:
     """Return F'_ior [arcsec] as the manufacturer tests it with edits of the same contact system, and the proof."""
     names = [name for name in task.tested if name not in task.systems]
@@ -627,12 +687,20 @@ def _tested(
         return {}, EMPTY
     direction = turned_directions(drive, task.tested_deg)
     changes = [direction | dict(task.edits.get(name, {})) for name in names]
-    F_ior, proof = searched(maps[load], drive, changes, is_drawn=is_drawn)
+    F_ior, proof = searched(
+        maps[load],
+        drive,
+        changes,
+        is_drawn=is_drawn,
+    )
     return dict(zip(names, F_ior, strict=True)), proof
 
 
 def _solve_system(
-    drive: Drive, M_g: float, test: tuple[float, float] | None, is_drawn: bool
+    drive: Drive,
+    M_g: float,
+    test: tuple[float, float] | None,
+    is_drawn: bool,
 ) -> tuple[float, float | None, Certificate]:
     """Return F'_ior [arcsec] of a drive with a contact system of its own, as mounted and as tested, and the proof.
 
@@ -641,18 +709,36 @@ def _solve_system(
     """
     if test is None:
         [error_map] = error_maps(drive, [M_g])
-        F_ior, proof = searched(error_map, drive, [{}], is_drawn=is_drawn)
+        F_ior, proof = searched(
+            error_map,
+            drive,
+            [{}],
+            is_drawn=is_drawn,
+        )
         return F_ior[0], None, proof
     load, turn_deg = test
     maps = {error_map.M_g: error_map for error_map in error_maps(drive, [*dict.fromkeys((M_g, load))])}
-    F_ior, proof = searched(maps[M_g], drive, [{}], is_drawn=is_drawn)
+    F_ior, proof = searched(
+        maps[M_g],
+        drive,
+        [{}],
+        is_drawn=is_drawn,
+    )
     direction = turned_directions(drive, 0.0 if no_hole_better(drive) else turn_deg)
-    tested, of_test = searched(maps[load], drive, [direction], is_drawn=is_drawn)
+    tested, of_test = searched(
+        maps[load],
+        drive,
+        [direction],
+        is_drawn=is_drawn,
+    )
     return F_ior[0], tested[0], proof + of_test
 
 
 def _in_holes(
-    maps: Sequence[ErrorMap], drive: Drive, holes_deg: Sequence[float], is_drawn: bool
+    maps: Sequence[ErrorMap],
+    drive: Drive,
+    holes_deg: Sequence[float],
+    is_drawn: bool,
 ) -> tuple[tuple[tuple[float, ...], ...], Certificate]:
     """Return F'_ior [arcsec] of a drive in holes, shape (torques, holes), and the proof; nothing without holes."""
     if not holes_deg:
@@ -668,7 +754,11 @@ def turned_directions(drive: Drive, turn_deg: float) -> dict[str, float]:
 
 
 def searched(
-    error_map: ErrorMap, drive: Drive, changes: Sequence[Mapping[str, float]], *, is_drawn: bool
+    error_map: ErrorMap,
+    drive: Drive,
+    changes: Sequence[Mapping[str, float]],
+    *,
+    is_drawn: bool,
 ) -> tuple[list[float], Certificate]:
     """Return F'_ior [arcsec] of a drive with each of some changes of its deviations, and the proof."""
     paths = {path for change in changes for path in change} or {"tolerances.F_i1"}

@@ -51,7 +51,10 @@ def ranked_holes(expected_loss: Array, probability_kept: Array | None) -> list[i
 
 
 def chosen_hole(
-    expected_loss: Array, probability_kept: Array | None, stay: int | None, cost: float = LEAST_GAIN
+    expected_loss: Array,
+    probability_kept: Array | None,
+    stay: int | None,
+    cost: float = LEAST_GAIN,
 ) -> int:
     """Return the place of the hole to choose: the present hole, unless a turn is expected to earn its cost.
 

@@ -225,7 +225,12 @@ def _gain(now: Outcome, outcomes: Sequence[Outcome]) -> float:
     return gain
 
 
-def _outcome(F_ior: Array, weights: Array, room_arcsec: float | None, met: Probability | None = None) -> Outcome:
+def _outcome(
+    F_ior: Array,
+    weights: Array,
+    room_arcsec: float | None,
+    met: Probability | None = None,
+) -> Outcome:
     """Return F'_ior [arcsec] over weighted samples.
 
     F_ior: F'_ior of the samples [arcsec], shape (samples,).
@@ -251,10 +256,19 @@ def _outcome(F_ior: Array, weights: Array, room_arcsec: float | None, met: Proba
 
 def _with_probability(outcome: Outcome, met: Probability) -> Outcome:
     """Return an outcome with the probability of meeting the limit."""
-    return replace(outcome, probability=met.value, probability_low=met.low, probability_high=met.high)
+    return replace(
+        outcome,
+        probability=met.value,
+        probability_low=met.low,
+        probability_high=met.high,
+    )
 
 
-def _scaled(outcome: Outcome, now: Outcome, before: Outcome) -> Outcome:
+def _scaled(
+    outcome: Outcome,
+    now: Outcome,
+    before: Outcome,
+) -> Outcome:
     """Return an outcome over one set of deviations of each sample, with percentiles by those of all sets.
 
     outcome: after a step, over one set.
@@ -278,7 +292,12 @@ def _moved(probability: Probability, by: float) -> Probability:
 # Steps
 
 
-def _edited_steps(effects: Effects, edits: Sequence[Edit], now: Outcome, is_measured: bool) -> Iterator[Step]:
+def _edited_steps(
+    effects: Effects,
+    edits: Sequence[Edit],
+    now: Outcome,
+    is_measured: bool,
+) -> Iterator[Step]:
     """Yield the steps that are edits of the preset, and the question after the coupling where it is open."""
     is_known = effects.samples.samples is None
     reference_data: _ReferenceData = "kept" if is_measured or is_known else "applied again"
@@ -288,7 +307,13 @@ def _edited_steps(effects: Effects, edits: Sequence[Edit], now: Outcome, is_meas
             continue
         outcome = _changed_outcome(effects, effects.by_name[edit.name], now)
         if edit.kind == "coupling":
-            answers.append(replace(outcome, answer=edit.of, edit=edit.texts))
+            answers.append(
+                replace(
+                    outcome,
+                    answer=edit.of,
+                    edit=edit.texts,
+                )
+            )
         kind = _kind_of(edit)
         if kind is not None:
             yield Step(
@@ -310,10 +335,21 @@ def _kind_of(edit: Edit) -> _StepKind | None:
 
 def _question(of: str, answers: tuple[Outcome, ...]) -> Step:
     """Return a question; whatever the answer is, reference data are applied again to the drive that has it."""
-    return Step(kind="question", of=of, outcomes=answers, gain=0.0, needs="answer", reference_data="applied again")
+    return Step(
+        kind="question",
+        of=of,
+        outcomes=answers,
+        gain=0.0,
+        needs="answer",
+        reference_data="applied again",
+    )
 
 
-def _changed_outcome(effects: Effects, effect: Effect, now: Outcome) -> Outcome:
+def _changed_outcome(
+    effects: Effects,
+    effect: Effect,
+    now: Outcome,
+) -> Outcome:
     """Return the outcome of an effect by equation (1)."""
     basis = effects.samples
     outcome = _outcome(*effect.values(), basis.room_arcsec)
@@ -332,7 +368,13 @@ def _tried_step(effects: Effects, now: Outcome) -> Iterator[Step]:
     if BEST_OF_HOLES in effects.by_name and len(tried) > 1:
         outcome = _changed_outcome(effects, effects.by_name[BEST_OF_HOLES], now)
         places = ",".join(_place_text(drive, hole) for hole in tried)
-        yield Step(kind="trials", of=places, outcomes=(outcome,), gain=0.0, needs="values in holes")
+        yield Step(
+            kind="trials",
+            of=places,
+            outcomes=(outcome,),
+            gain=0.0,
+            needs="values in holes",
+        )
 
 
 def _turns_deg(drive: Drive, holes: Sequence[int]) -> tuple[float, ...]:
@@ -444,7 +486,11 @@ def _sampled_hole(
     return place, _turned_outcome(basis, turned, columns[place]), proof
 
 
-def _turned_outcome(basis: OptionSamples, turned: Samples, column: int) -> Outcome:
+def _turned_outcome(
+    basis: OptionSamples,
+    turned: Samples,
+    column: int,
+) -> Outcome:
     """Return the outcome of a turn of the fixed wheel; column: its place among the turns of the samples."""
     met: Probability | None = None
     if basis.room_arcsec is not None:
@@ -454,7 +500,11 @@ def _turned_outcome(basis: OptionSamples, turned: Samples, column: int) -> Outco
     return _outcome(first.turned_arcsec[:, basis.torque, column], first.weights, basis.room_arcsec, met)
 
 
-def _contending_holes(effects: Effects, left_arcsec: Sequence[float | None], stay: int | None) -> list[int]:
+def _contending_holes(
+    effects: Effects,
+    left_arcsec: Sequence[float | None],
+    stay: int | None,
+) -> list[int]:
     """Return the places of the holes that may be the best by what the first samples show, and that of the present one.
 
     effects: with the factors of F'_ior in all holes.
@@ -489,7 +539,9 @@ def _contending_holes(effects: Effects, left_arcsec: Sequence[float | None], sta
 
 
 def _probability_bounds(
-    effects: Effects, F_ior: Array, left_arcsec: Sequence[float | None]
+    effects: Effects,
+    F_ior: Array,
+    left_arcsec: Sequence[float | None],
 ) -> tuple[Array, Array] | None:
     """Return a lower and an upper bound of the probability of each hole to meet all limits, shape (holes,) each.
 
@@ -518,7 +570,11 @@ def _level_places(drive: Drive) -> list[int]:
     return [] if drive.mounting.holes else list(range(0, _FREE_POSITIONS, _FREE_POSITIONS // _LEVEL_PLACES))
 
 
-def _mean_losses(effects: Effects, turned: Samples, columns: Mapping[int, int]) -> Array:
+def _mean_losses(
+    effects: Effects,
+    turned: Samples,
+    columns: Mapping[int, int],
+) -> Array:
     """Return the mean loss of each hole, shape (holes,): of those that are no column of the samples by the factors."""
     first = turned.of_ranges
     mean_factors = effects.hole_factors.mean(axis=0)  # shape (torques, holes)
@@ -526,7 +582,11 @@ def _mean_losses(effects: Effects, turned: Samples, columns: Mapping[int, int]) 
     for place, column in columns.items():
         F_ior[:, :, place] = first.turned_arcsec[:, :, column].T
     level = F_ior[:, :, _level_places(first.prior.drive) or slice(None)]
-    losses = np.average(losses_of(governing_share(F_ior, level)), axis=0, weights=first.weights)
+    losses = np.average(
+        losses_of(governing_share(F_ior, level)),
+        axis=0,
+        weights=first.weights,
+    )
     not_solved = [place for place in range(len(losses)) if place not in columns]
     # a hole that is not solved cannot be chosen
     losses[not_solved] = np.inf
@@ -534,7 +594,11 @@ def _mean_losses(effects: Effects, turned: Samples, columns: Mapping[int, int]) 
 
 
 def _kept_in_holes(
-    samples: Samples, columns: Mapping[int, int], holes: int, left_arcsec: Sequence[float | None], sure: float
+    samples: Samples,
+    columns: Mapping[int, int],
+    holes: int,
+    left_arcsec: Sequence[float | None],
+    sure: float,
 ) -> Array | None:
     """Return the probability of each hole to meet all limits, as `mount` states it; None without a limit.
 
@@ -569,7 +633,11 @@ def _turn_texts(drive: Drive, turn_deg: float) -> tuple[str, ...]:
 
 
 def _corrected_step(
-    effects: Effects, middle: KinematicError | None, M_g: float, now: Outcome, run: Run
+    effects: Effects,
+    middle: KinematicError | None,
+    M_g: float,
+    now: Outcome,
+    run: Run,
 ) -> tuple[Step, Certificate]:
     """Return the step to record a drive and to correct its strongest phasors, and the proof.
 
@@ -600,11 +668,22 @@ def _corrected_step(
         met = _met_by_correction(corrected_arcsec <= basis.room_arcsec, basis.samples.set_weights)
     weights_of_cycles = np.repeat(weights, len(shares))
     outcome = _outcome(corrected_arcsec.ravel(), weights_of_cycles, basis.room_arcsec, met)
-    step = Step(kind="correction", of=str(_PHASORS_OFF), outcomes=(outcome,), gain=0.0, needs="recording")
+    step = Step(
+        kind="correction",
+        of=str(_PHASORS_OFF),
+        outcomes=(outcome,),
+        gain=0.0,
+        needs="recording",
+    )
     return step, proof
 
 
-def _corrected_cycles(effects: Effects, M_g: float, available: int, run: Run) -> list[_Corrected]:
+def _corrected_cycles(
+    effects: Effects,
+    M_g: float,
+    available: int,
+    run: Run,
+) -> list[_Corrected]:
     """Return what a correction leaves of the full cycles of some samples, evenly over F'_ior.
 
     effects: with the samples of the drive.
@@ -650,7 +729,11 @@ def _met_by_correction(is_met: NDArray[np.bool_], set_weights: Array) -> Probabi
     return probability_of(met_of_sample, weights)
 
 
-def _corrected(drive: Drive, M_g: float, values: Mapping[str, float]) -> _Corrected:
+def _corrected(
+    drive: Drive,
+    M_g: float,
+    values: Mapping[str, float],
+) -> _Corrected:
     """Return what a correction leaves of the full cycle of one sample at a torque [N*m]."""
     error = kinematic_error(drive.with_values(values), M_g, run=UNCHECKED)
     return _Corrected(_share_left(error), error.certificate)
@@ -667,7 +750,11 @@ def _share_left(error: KinematicError) -> float:
     return float(np.ptp(np.fft.irfft(spectrum, len(curve)))) / F_ior
 
 
-def _questions(basis: OptionSamples, steps: Sequence[Step], now: Outcome) -> Iterator[Step]:
+def _questions(
+    basis: OptionSamples,
+    steps: Sequence[Step],
+    now: Outcome,
+) -> Iterator[Step]:
     """Yield questions about the inputs of most influence, the samples on either side of the median of each.
 
     basis: samples of the drive.
@@ -689,7 +776,12 @@ def _questions(basis: OptionSamples, steps: Sequence[Step], now: Outcome) -> Ite
             yield _question(group, answers)
 
 
-def _answers_about(basis: OptionSamples, samples: Samples, place: int, now: Outcome) -> tuple[Outcome, ...]:
+def _answers_about(
+    basis: OptionSamples,
+    samples: Samples,
+    place: int,
+    now: Outcome,
+) -> tuple[Outcome, ...]:
     """Return the outcomes of the answers that a field is below or above its median, without one that no sample has.
 
     basis, samples: samples of the drive.
@@ -716,11 +808,24 @@ def _answers_about(basis: OptionSamples, samples: Samples, place: int, now: Outc
         outcome = _answered(F_ior[rows], samples.weights[rows], basis, now, before)
         chance = float(weights.sum() / samples.weights.sum())
         range_texts = _range_texts(field_prior.path, low, high)
-        answers.append(replace(outcome, answer=answer, chance=chance, edit=range_texts))
+        answers.append(
+            replace(
+                outcome,
+                answer=answer,
+                chance=chance,
+                edit=range_texts,
+            )
+        )
     return tuple(answers)
 
 
-def _answered(F_ior: Array, weights: Array, basis: OptionSamples, now: Outcome, before: Outcome) -> Outcome:
+def _answered(
+    F_ior: Array,
+    weights: Array,
+    basis: OptionSamples,
+    now: Outcome,
+    before: Outcome,
+) -> Outcome:
     """Return the outcome of an answer, over the samples that have it.
 
     F_ior: F'_ior of these samples [arcsec], shape (samples,).
@@ -739,7 +844,11 @@ def _answered(F_ior: Array, weights: Array, basis: OptionSamples, now: Outcome, 
     return _with_probability(outcome, _moved(met, now.probability - before.probability))
 
 
-def _range_texts(path: str, low: float, high: float) -> tuple[str, ...]:
+def _range_texts(
+    path: str,
+    low: float,
+    high: float,
+) -> tuple[str, ...]:
     """Return changes of a preset that state a range of a field."""
     # as printed, so that the command gives what the page states
     low = float(f"{low:.4g}")

@@ -43,7 +43,11 @@ class MeasuredBeside:
 
 
 def measured_beside(
-    value_arcsec: float, uncertainty_arcsec: float, predicted_arcsec: Array, weights: Array, place: str = ""
+    value_arcsec: float,
+    uncertainty_arcsec: float,
+    predicted_arcsec: Array,
+    weights: Array,
+    place: str = "",
 ) -> MeasuredBeside:
     """Return a measured value beside its range.
 
@@ -63,7 +67,10 @@ def measured_beside(
 
 
 def beside_prediction(
-    prior: DrivePrior, *, draws: int = EFFECTIVE_SAMPLES, run: Run = Run()
+    prior: DrivePrior,
+    *,
+    draws: int = EFFECTIVE_SAMPLES,
+    run: Run = Run(),
 ) -> tuple[MeasuredBeside, ...]:
     """Return the values of F'_ior that were measured on a drive beside the ranges predicted without them.
 

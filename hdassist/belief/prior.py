@@ -237,7 +237,14 @@ class _Knowledge:
             return self._prior(path, "even", unknown.low, unknown.high, unknown.reason)
         return None
 
-    def _prior(self, path: str, distribution: _Distribution, low: float, high: float, reason: str) -> FieldPrior:
+    def _prior(
+        self,
+        path: str,
+        distribution: _Distribution,
+        low: float,
+        high: float,
+        reason: str,
+    ) -> FieldPrior:
         """Return the prior of a field, with its owner and its group."""
         return FieldPrior(
             path=path,

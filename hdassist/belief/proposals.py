@@ -64,7 +64,12 @@ class Proposal:
 
 
 def proposed_draws(
-    prior: DrivePrior, evidence: tuple[Evidence, ...], pilot: _Pilot, first: int, last: int, seed: int
+    prior: DrivePrior,
+    evidence: tuple[Evidence, ...],
+    pilot: _Pilot,
+    first: int,
+    last: int,
+    seed: int,
 ) -> tuple[Array, Array]:
     """Return draws as shares of each field's probability and a spare, and their density, shape (draws,).
 
@@ -85,7 +90,11 @@ def proposed_draws(
     return replace(proposal, field=independent[proposal.field]).drawn(shares[first:])
 
 
-def proposal_of(shares: Array, evidence: tuple[Evidence, ...], pilot: _Pilot) -> Proposal | None:
+def proposal_of(
+    shares: Array,
+    evidence: tuple[Evidence, ...],
+    pilot: _Pilot,
+) -> Proposal | None:
     """Return the proposal by the stiffness of the first draws; None if no field alone explains it.
 
     The field is that by whose share x, and its square, a regression of the log-likelihood leaves least; its density is
@@ -214,7 +223,11 @@ def any_direction(prior: DrivePrior) -> bool:
 
 
 def tabled_errors(
-    maps: Sequence[ErrorMap], prior: DrivePrior, effort: TableEffort, seed: list[int], other: DrivePrior | None = None
+    maps: Sequence[ErrorMap],
+    prior: DrivePrior,
+    effort: TableEffort,
+    seed: list[int],
+    other: DrivePrior | None = None,
 ) -> TabledErrors:
     """Return draws of the deviations that a prior leaves open, and their F'_ior with all else of a drive.
 
@@ -250,7 +263,11 @@ def tabled_errors(
     )
 
 
-def _tables(maps: Sequence[ErrorMap], columns: Mapping[str, Array], mesh: Mesh) -> list[ErrorTable]:
+def _tables(
+    maps: Sequence[ErrorMap],
+    columns: Mapping[str, Array],
+    mesh: Mesh,
+) -> list[ErrorTable]:
     """Return tables of the error, one a torque, that reach as far as the largest deviations of some draws."""
     # the table reaches as far as the largest drawn size, in any direction
     largest = {path: float(values.max()) for path, values in columns.items() if path in deviation_sizes()}
@@ -258,7 +275,11 @@ def _tables(maps: Sequence[ErrorMap], columns: Mapping[str, Array], mesh: Mesh) 
     return [error_table(error_map, reach, mesh) for error_map in maps]
 
 
-def _compared_columns(columns: Mapping[str, Array], count: int, number: int) -> dict[str, Array]:
+def _compared_columns(
+    columns: Mapping[str, Array],
+    count: int,
+    number: int,
+) -> dict[str, Array]:
     """Return the values of the first draws by path, shape (count,), each in another direction.
 
     columns: values by path, shape (draws, directions).
@@ -270,7 +291,10 @@ def _compared_columns(columns: Mapping[str, Array], count: int, number: int) -> 
 
 
 def _log_missed(
-    maps: Sequence[ErrorMap], tables: Sequence[ErrorTable], drive: Drive, columns: Mapping[str, Array]
+    maps: Sequence[ErrorMap],
+    tables: Sequence[ErrorTable],
+    drive: Drive,
+    columns: Mapping[str, Array],
 ) -> tuple[Array, Certificate]:
     """Return ln of the exact F'_ior over that of the tables, shape (torques, drives), and the proof of the exact one.
 
@@ -286,7 +310,11 @@ def _log_missed(
     return np.array(log_missed), proof
 
 
-def turned_errors(F_ior: Array, rotations_deg: Sequence[float], places: NDArray[np.int64]) -> Array:
+def turned_errors(
+    F_ior: Array,
+    rotations_deg: Sequence[float],
+    places: NDArray[np.int64],
+) -> Array:
     """Return F'_ior with the wheel turned [arcsec], shape (places, rotations): that of directions less by as much.
 
     F_ior: as the wheel stands [arcsec], shape (draws, directions).
@@ -367,7 +395,11 @@ class DeviationProposal:
         rng = np.random.default_rng([self.seed, number])
         probability = candidates.density / candidates.density.sum()
         # importance sampling in two stages: by the table, then by the search
-        searched = rng.choice(len(candidates.places), _SEARCHED_DRAWS, p=probability)
+        searched = rng.choice(
+            len(candidates.places),
+            _SEARCHED_DRAWS,
+            p=probability,
+        )
         F_ior, proof = self._searched(map_of_torque, candidates.columns(searched))
         log = log_likelihood_of_errors(F_ior, *values_of_errors(self.errors))
         likelihood = np.exp(log - log.max())
@@ -399,7 +431,11 @@ class DeviationProposal:
         likelihood = np.exp(log - log.max())
         # a floor, since a table may miss what the search finds
         density = _LEAST_PROPOSED + (1 - _LEAST_PROPOSED) * likelihood / likelihood.mean()
-        return _Candidates(table=table, places=places, density=density)
+        return _Candidates(
+            table=table,
+            places=places,
+            density=density,
+        )
 
     def _searched(
         self, map_of_torque: Mapping[float, ErrorMap], columns: Mapping[str, Array]
@@ -423,7 +459,10 @@ class DeviationProposal:
         return np.stack(F_ior, axis=1), proof
 
     def _without_repetition(
-        self, table: TabledErrors, places: NDArray[np.int64], density: Array
+        self,
+        table: TabledErrors,
+        places: NDArray[np.int64],
+        density: Array,
     ) -> list[ProposedDeviations]:
         """Return the chosen draws; one that was chosen again stands once, with the weight of all its repetitions.
 
@@ -443,7 +482,13 @@ class DeviationProposal:
         draw, direction = np.divmod(place, table.F_ior_arcsec.shape[2])
         fields = open_deviations(self.prior)
         paths = [field_prior.path for field_prior in fields]
-        shares = dict(zip(paths, table.shares[draw].tolist(), strict=True))
+        shares = dict(
+            zip(
+                paths,
+                table.shares[draw].tolist(),
+                strict=True,
+            )
+        )
         if any_direction(self.prior):
             standing = _standing_directions(self.prior.drive)
             for field_prior in fields:
@@ -459,7 +504,10 @@ def _standing_directions(drive: Drive) -> tuple[str, ...]:
 
 
 def _draws(
-    prior: DrivePrior, count: int, seed: list[int], paths: tuple[str, ...] = ()
+    prior: DrivePrior,
+    count: int,
+    seed: list[int],
+    paths: tuple[str, ...] = (),
 ) -> tuple[Array, dict[str, Array]]:
     """Return draws of the open deviations: shares of their probability, and values by path, shape (draws, directions).
 
@@ -490,5 +538,9 @@ def _draws(
         if path in standing:
             columns[path] = np.add.outer(of_draws, turns_deg) % 360
         else:
-            columns[path] = np.repeat(of_draws[:, None], directions, axis=1)
+            columns[path] = np.repeat(
+                of_draws[:, None],
+                directions,
+                axis=1,
+            )
     return shares, columns

@@ -232,7 +232,12 @@ class Samples:
         settled = stable[0] if stable else probabilities[-1]
         return replace(settled, few=bool(self.few))
 
-    def probability_within(self, limit_arcsec: float, torque: int, sure: float = SURE) -> Probability:
+    def probability_within(
+        self,
+        limit_arcsec: float,
+        torque: int,
+        sure: float = SURE,
+    ) -> Probability:
         """Return the probability that F'_ior at a torque, by its place, is at most a limit [arcsec]."""
         return self.probability_of_sets(lambda F_ior: F_ior[:, :, torque] <= limit_arcsec, sure)
 
@@ -371,7 +376,10 @@ def deviation_sets(drive: Drive) -> int:
 
 
 def turned_samples(
-    samples: Samples, evidence: tuple[Evidence, ...], rotations_deg: Sequence[float], run: Run = Run()
+    samples: Samples,
+    evidence: tuple[Evidence, ...],
+    rotations_deg: Sequence[float],
+    run: Run = Run(),
 ) -> Samples:
     """Return the same samples with the fixed wheel turned as well, as a drawing with these turns would have them.
 
@@ -406,11 +414,19 @@ def turned_samples(
         sampling.keep(draws)
     # the same stages, by the number of their draws
     stages = tuple(_collected(sampling, draws[: len(stage.made)]) for stage in samples.stages)
-    return replace(_collected(sampling, draws), stages=stages, few=samples.few)
+    return replace(
+        _collected(sampling, draws),
+        stages=stages,
+        few=samples.few,
+    )
 
 
 def _growing(
-    sampling: Sampling, kept: Sequence[Draw], draws: list[Draw], effort: SamplingEffort, run: Run
+    sampling: Sampling,
+    kept: Sequence[Draw],
+    draws: list[Draw],
+    effort: SamplingEffort,
+    run: Run,
 ) -> Iterator[Samples]:
     """Yield the samples after each batch of draws.
 
@@ -452,7 +468,11 @@ def _is_hopeless(samples: Samples | None, draws: Sequence[Draw]) -> bool:
     return samples is not None and len(draws) >= _HOPELESS and not len(samples.weights)
 
 
-def _batch_size(effort: SamplingEffort, samples: Samples | None, count: int) -> int:
+def _batch_size(
+    effort: SamplingEffort,
+    samples: Samples | None,
+    count: int,
+) -> int:
     """Return the number of draws of the next batch.
 
     effort: limits of sampling.
@@ -470,7 +490,11 @@ def _batch_size(effort: SamplingEffort, samples: Samples | None, count: int) -> 
     return size
 
 
-def limits_settled(left_arcsec: Sequence[float | None], samples: Samples, sure: float = SURE) -> bool:
+def limits_settled(
+    left_arcsec: Sequence[float | None],
+    samples: Samples,
+    sure: float = SURE,
+) -> bool:
     """Return whether as many samples again would hardly change the verdict on any limit (Probability.is_stable).
 
     left_arcsec: limit minus self error at each torque; None without a limit.
@@ -536,7 +560,12 @@ def _require_shown(sampling: Sampling, draws: Sequence[Draw]) -> None:
     require_shown(paths, predicted, *values_of_errors(sampling.measured), hint)
 
 
-def _few(samples: Samples, draws: Sequence[Draw], evidence: tuple[Evidence, ...], effort: SamplingEffort) -> Samples:
+def _few(
+    samples: Samples,
+    draws: Sequence[Draw],
+    evidence: tuple[Evidence, ...],
+    effort: SamplingEffort,
+) -> Samples:
     """Return samples with a remark that fewer are effective than were asked for.
 
     Raises UntrustedError where that allows no answer, with the evidence without which most would agree.
@@ -549,7 +578,11 @@ def _few(samples: Samples, draws: Sequence[Draw], evidence: tuple[Evidence, ...]
     too_few = f"effective sample size {samples.effective:.0f} {of_draws}"
     refused = sum(samples.refused.values())
     if refused > len(draws) / 2 or not evidence:
-        reason = max(samples.refused, key=samples.refused.__getitem__, default="no result")
+        reason = max(
+            samples.refused,
+            key=samples.refused.__getitem__,
+            default="no result",
+        )
         raise UntrustedError(
             f"{too_few}: {refused} samples are not valid drives (mostly: {reason})", "narrow the assumed ranges"
         )

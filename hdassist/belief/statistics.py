@@ -39,7 +39,12 @@ class Probability:
     @property
     def complement(self) -> Probability:
         """Probability of the other outcome."""
-        return replace(self, value=1 - self.value, low=1 - self.high, high=1 - self.low)
+        return replace(
+            self,
+            value=1 - self.value,
+            low=1 - self.high,
+            high=1 - self.low,
+        )
 
     def verdict(self, sure: float = SURE) -> Verdict:
         """Return the verdict on a limit that is met with this probability; sure: the one that PASS needs."""
@@ -93,7 +98,11 @@ def even_rows(weights: Array, count: int) -> NDArray[np.int64]:
     return np.searchsorted(np.cumsum(weights) / weights.sum(), (np.arange(count) + 0.5) / count)
 
 
-def weighted_quantile(values: Array, weights: Array, share: float) -> float:
+def weighted_quantile(
+    values: Array,
+    weights: Array,
+    share: float,
+) -> float:
     """Return a quantile of weighted values, linear between the middles of their weights (Hazen if all are equal)."""
     order = np.argsort(values, kind="stable")
     # half of its own weight lies below a value, as in Hazen's plotting positions
@@ -148,7 +157,11 @@ def probability_by_share(value: float, count: float) -> Probability:
     return _with_interval(value, value * count + 0.5, (1 - value) * count + 0.5)
 
 
-def _with_interval(value: float, hits: float, misses: float) -> Probability:
+def _with_interval(
+    value: float,
+    hits: float,
+    misses: float,
+) -> Probability:
     """Return a probability with the interval of the beta distribution of so many hits and misses."""
     # the same share beyond each end
     tail = (1 - CONFIDENCE) / 2
@@ -162,7 +175,11 @@ _BITS = 30  # of a coordinate
 _PLACES = np.arange(_BITS, dtype=np.uint32)
 
 
-def sobol_points(count: int, dimensions: int, seed: int | list[int]) -> Array:
+def sobol_points(
+    count: int,
+    dimensions: int,
+    seed: int | list[int],
+) -> Array:
     """Return the first points of a scrambled sequence, shape (count, dimensions), each coordinate in 0..1.
 
     Of more points by the same seed the first are the same.
@@ -175,9 +192,20 @@ def sobol_points(count: int, dimensions: int, seed: int | list[int]) -> Array:
         return np.asarray(sequence.random_base2(max(count - 1, 1).bit_length())[:count])
     # the same scrambling as scipy.stats.qmc.Sobol, bit by bit
     rng = np.random.default_rng(seed).spawn(1)[0]
-    shift_digits = rng.integers(2, size=(dimensions, _BITS), dtype=np.uint32)
+    shift_digits = rng.integers(
+        2,
+        size=(dimensions, _BITS),
+        dtype=np.uint32,
+    )
     # lower triangular with ones on the diagonal: the scramble can be inverted, so points stay distinct
-    matrix = np.tril(rng.integers(2, size=(dimensions, _BITS, _BITS), dtype=np.uint32), -1)
+    matrix = np.tril(
+        rng.integers(
+            2,
+            size=(dimensions, _BITS, _BITS),
+            dtype=np.uint32,
+        ),
+        -1,
+    )
     matrix += np.eye(_BITS, dtype=np.uint32)
     directions = _scrambled(_directions(dimensions), matrix)
     first_point = shift_digits @ (1 << _PLACES)  # the digital shift

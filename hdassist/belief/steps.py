@@ -56,7 +56,11 @@ def _groups_of(samples: Samples) -> tuple[str, ...]:
     return tuple(dict.fromkeys(field.group for field in samples.prior.fields))
 
 
-def columns_of(samples: Samples, shares: Array, group: str) -> Array:
+def columns_of(
+    samples: Samples,
+    shares: Array,
+    group: str,
+) -> Array:
     """Return the columns of a regression that a group of fields makes of its shares, shape (samples, columns).
 
     A number and its square; sine and cosine of a direction that is unknown, times the size where that is not
@@ -96,7 +100,11 @@ class _Explanation:
     chance: float
 
 
-def shares_of_variance(groups: Mapping[str, Array], y: Array, weights: Array) -> tuple[Influence, ...]:
+def shares_of_variance(
+    groups: Mapping[str, Array],
+    y: Array,
+    weights: Array,
+) -> tuple[Influence, ...]:
     """Return the shares of the weighted variance of y that groups of columns add, the largest first.
 
     groups: columns by the name of their group, shape (samples, columns) each.
@@ -127,7 +135,12 @@ def shares_of_variance(groups: Mapping[str, Array], y: Array, weights: Array) ->
     return tuple(sorted(influences, key=lambda influence: -influence.share))
 
 
-def _explained_by(columns: Array, basis: Array, residual: Array, free: float) -> _Explanation:
+def _explained_by(
+    columns: Array,
+    basis: Array,
+    residual: Array,
+    free: float,
+) -> _Explanation:
     """Return what columns explain of a residual beside a basis.
 
     columns: shape (samples, columns).
@@ -139,12 +152,20 @@ def _explained_by(columns: Array, basis: Array, residual: Array, free: float) ->
     directions = u[:, size > _INDEPENDENT * np.linalg.norm(columns)]
     count = directions.shape[1]
     if count == 0 or free - count < 1:
-        return _Explanation(directions=directions, gain=0.0, chance=1.0)
+        return _Explanation(
+            directions=directions,
+            gain=0.0,
+            chance=1.0,
+        )
     squares = float(np.sum(residual**2))
     explained = float(np.sum((directions.T @ residual) ** 2))
     by_chance = max((squares - explained) / (free - count), _LEAST_MEAN_SQUARE)  # squares that a column of chance takes
     chance = float(fdtrc(count, free - count, explained / count / by_chance))
-    return _Explanation(directions=directions, gain=explained - count * by_chance, chance=chance)
+    return _Explanation(
+        directions=directions,
+        gain=explained - count * by_chance,
+        chance=chance,
+    )
 
 
 def _orthogonal_to(basis: Array, columns: Array) -> Array:

@@ -96,7 +96,12 @@ class PlanCommand(o.PlotOptions, o.SamplingOptions, o.LimitedDriveOptions):
         encoders = EncoderData.of(self.encoders) if self.encoders is not None else EncoderData()
         noise = hypot(self.noise, encoders.uncertainty_arcsec(abs(Kinematics.of(drive).u)))
         demands = PlanDemands(self.wrong, noise, self.corrected)
-        test = ApproachRun(repeats=self.repeats, dwell_s=self.dwell, warm_up_min=self.warm_up, cam_rpm=self.rpm)
+        test = ApproachRun(
+            repeats=self.repeats,
+            dwell_s=self.dwell,
+            warm_up_min=self.warm_up,
+            cam_rpm=self.rpm,
+        )
         with out.run(drive.name, check_states(drive, draws=self.draws), self) as run:
             choice = choose_plan(
                 drive,
@@ -132,7 +137,11 @@ class PlanCommand(o.PlotOptions, o.SamplingOptions, o.LimitedDriveOptions):
             if self.sheet.endswith(".html"):
                 text = report_html(sheet)
             else:
-                text = blocks_text(sheet.head, sheet.blocks, ascii=self.ascii)
+                text = blocks_text(
+                    sheet.head,
+                    sheet.blocks,
+                    ascii=self.ascii,
+                )
             write_text(self.sheet, text, self.force)
 
 
@@ -274,7 +283,12 @@ class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOption
         )
 
 
-def _accept_presets(presets: Sequence[str], base: Request, options: AcceptCommand, out: Output) -> int:
+def _accept_presets(
+    presets: Sequence[str],
+    base: Request,
+    options: AcceptCommand,
+    out: Output,
+) -> int:
     """Accept drives one after the other, and return the exit code.
 
     Raises what is wrong with the only drive, and UsageError with any.
@@ -294,11 +308,22 @@ def _accept_presets(presets: Sequence[str], base: Request, options: AcceptComman
         answers.append(failure_of(LotRow(replace(base, preset=preset)), error))
         return answer_json(answers[-1])
 
-    reports = run_each("accept", presets, report_of, out, failed=failed, keep_failures=options.junit is not None)
+    reports = run_each(
+        "accept",
+        presets,
+        report_of,
+        out,
+        failed=failed,
+        keep_failures=options.junit is not None,
+    )
     return _give(reports, answers, "accept", options, out)
 
 
-def _accept_preset(request: Request, options: AcceptCommand, out: Output) -> tuple[AcceptAnswer, Report]:
+def _accept_preset(
+    request: Request,
+    options: AcceptCommand,
+    out: Output,
+) -> tuple[AcceptAnswer, Report]:
     """Return the result of one drive, and its page."""
     from hdassist.acceptance.accept import accept
     from hdassist.design import check_states
@@ -317,7 +342,12 @@ def _accept_preset(request: Request, options: AcceptCommand, out: Output) -> tup
     return answer, accept_report(answer, predictions, drive)
 
 
-def accept_lot(path: str, base: Request, options: AcceptOptions, out: Output) -> int:
+def accept_lot(
+    path: str,
+    base: Request,
+    options: AcceptOptions,
+    out: Output,
+) -> int:
     """Accept the drives of a lot, and return the exit code.
 
     path: of a table.
@@ -327,8 +357,19 @@ def accept_lot(path: str, base: Request, options: AcceptOptions, out: Output) ->
     Raises UsageError for options that do not go together, or for an existing file; DataError for a table or file that
     cannot be read or written; PresetError for unusable names of columns.
     """
-    acceptance = _LotAcceptance(base=base, options=options, out=out, name=path)
-    reports = run_each("accept", [path], acceptance.report_of, out, kind="file")
+    acceptance = _LotAcceptance(
+        base=base,
+        options=options,
+        out=out,
+        name=path,
+    )
+    reports = run_each(
+        "accept",
+        [path],
+        acceptance.report_of,
+        out,
+        kind="file",
+    )
     return _give(reports, acceptance.answers, acceptance.name, options, out, acceptance.sha256)
 
 
@@ -378,7 +419,12 @@ class _LotAcceptance:
             say(f"wrote {options.jsonl}")
         return lot_report(lot, self.answers)
 
-    def _compute(self, lot: Lot, stored: Sequence[AcceptAnswer | None], kept: Kept[AcceptAnswer]) -> None:
+    def _compute(
+        self,
+        lot: Lot,
+        stored: Sequence[AcceptAnswer | None],
+        kept: Kept[AcceptAnswer],
+    ) -> None:
         """Take the results of all rows in their order: stored ones, and new ones, which are kept at once."""
         stored_count = sum(answer is not None for answer in stored)
         kept_before = kept.done
@@ -429,7 +475,11 @@ def _give(
     return code
 
 
-def _known(lot: Lot, kept: Kept[AcceptAnswer], options: AcceptOptions) -> list[AcceptAnswer | None]:
+def _known(
+    lot: Lot,
+    kept: Kept[AcceptAnswer],
+    options: AcceptOptions,
+) -> list[AcceptAnswer | None]:
     """Answers to the rows that are there from before and still stand, None for the others.
 
     Raises UsageError: answers are there, and none is of a drive of this lot.
@@ -453,7 +503,11 @@ def _known(lot: Lot, kept: Kept[AcceptAnswer], options: AcceptOptions) -> list[A
     return stored
 
 
-def _replay_answers(path: str, options: AcceptOptions, out: Output) -> int:
+def _replay_answers(
+    path: str,
+    options: AcceptOptions,
+    out: Output,
+) -> int:
     """Do the answers of a file of --json or --jsonl again; returns the exit code. Raises DataError: no such file."""
     from hdassist.acceptance.answer import changed_file, read_answers
     from hdassist.acceptance.request import LotRow
@@ -479,7 +533,10 @@ def _replay_answers(path: str, options: AcceptOptions, out: Output) -> int:
 
 
 def _answers(
-    rows: Sequence[LotRow], words: str, options: AcceptOptions, out: Output
+    rows: Sequence[LotRow],
+    words: str,
+    options: AcceptOptions,
+    out: Output,
 ) -> Generator[AcceptAnswer, None, None]:
     """Answers to rows, in their order, as they come; words beside the bar."""
     from hdassist.acceptance.accept import answer_rows
@@ -489,7 +546,14 @@ def _answers(
     with (
         out.progress(words, len(rows)) as progress,
         out.engine(options) as engine,
-        closing(stream(work, len(rows), jobs=options.jobs, executor=engine)) as chunks,
+        closing(
+            stream(
+                work,
+                len(rows),
+                jobs=options.jobs,
+                executor=engine,
+            )
+        ) as chunks,
     ):
         for answers in chunks:
             yield from answers

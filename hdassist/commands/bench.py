@@ -102,7 +102,12 @@ class MountCommand(
             from hdassist.pages.mount import mount_report
 
             advices.append(self._advice(out))
-            return mount_report(advices[0], self.seed, carded=card is not None, sure=self.sure)
+            return mount_report(
+                advices[0],
+                self.seed,
+                carded=card is not None,
+                sure=self.sure,
+            )
 
         code = give("mount", run_each("mount", [self.preset], one, out), out)
         if card and advices:
@@ -121,7 +126,13 @@ class MountCommand(
 
         plain = self.ascii or (path == "-" and out.style.ascii)
         say = texts(HOME if self.lang is None else self.lang)
-        return CardFile(path=path, say=say, serial=self.serial or "", ascii=plain, force=out.force)
+        return CardFile(
+            path=path,
+            say=say,
+            serial=self.serial or "",
+            ascii=plain,
+            force=out.force,
+        )
 
     def _advice(self, out: Output) -> Advice:
         """Return the advice by the preset alone, or after measured values."""
@@ -165,7 +176,12 @@ class MountCommand(
         return {"draws": self.draws, "sure": self.sure or SURE, "cost": cost, "worth": self.worth / 100}
 
     def _advice_after(
-        self, out: Output, drive: Drive, trials: Sequence[Trial], outcome: Trial | None, setup: TrialSetup
+        self,
+        out: Output,
+        drive: Drive,
+        trials: Sequence[Trial],
+        outcome: Trial | None,
+        setup: TrialSetup,
     ) -> Advice:
         """Return the advice after measured values; outcome: last value, measured after an advice from the others."""
         from hdassist.mounting.advice import advice_states, advise_after
@@ -174,7 +190,12 @@ class MountCommand(
         other_torques = drive.operation.M_g
         if self.torque and self.preset != "-":
             other_torques = replace(self, torque=[], limit=[]).load(self.preset).operation.M_g
-        states = advice_states(drive, 0, draws=self.draws, trials=True)
+        states = advice_states(
+            drive,
+            0,
+            draws=self.draws,
+            trials=True,
+        )
         with out.run(drive.name, states, self) as run:
             return advise_after(
                 drive,
@@ -186,22 +207,47 @@ class MountCommand(
                 **self._decision_options(),
             )
 
-    def _advice_before(self, out: Output, drive: Drive, measured: MeasuredTeeth | None, setup: TrialSetup) -> Advice:
+    def _advice_before(
+        self,
+        out: Output,
+        drive: Drive,
+        measured: MeasuredTeeth | None,
+        setup: TrialSetup,
+    ) -> Advice:
         """Return the advice by the preset alone; measured: wheels in place of harmonics."""
         from hdassist.mounting.advice import advice_states, advise
 
         rotations = _rotations(drive, self.step)
-        states = advice_states(drive, len(rotations), draws=self.draws, measured=measured)
+        states = advice_states(
+            drive,
+            len(rotations),
+            draws=self.draws,
+            measured=measured,
+        )
         if not self.compensated:
             with out.run(drive.name, states, self) as run:
-                return advise(drive, rotations, measured=measured, setup=setup, run=run, **self._decision_options())
+                return advise(
+                    drive,
+                    rotations,
+                    measured=measured,
+                    setup=setup,
+                    run=run,
+                    **self._decision_options(),
+                )
         from hdassist.correction.correct import advice_corrected, corrected_states
         from hdassist.correction.forms import form_of_text
 
         form = form_of_text(self.compensated)
         states += corrected_states(drive, len(rotations), self.draws)
         with out.run(drive.name, states, self) as run:
-            advice = advise(drive, rotations, measured=measured, setup=setup, run=run, **self._decision_options())
+            advice = advise(
+                drive,
+                rotations,
+                measured=measured,
+                setup=setup,
+                run=run,
+                **self._decision_options(),
+            )
             return advice_corrected(advice, form, self.draws, run)
 
 
@@ -257,7 +303,13 @@ class CardFile:
         from hdassist.pages.report import card_html, card_text
 
         warnings = mount_warnings(advice, self.say)
-        card = card_of(advice, self.say, warnings, serial=self.serial.strip(), made=date.today())
+        card = card_of(
+            advice,
+            self.say,
+            warnings,
+            serial=self.serial.strip(),
+            made=date.today(),
+        )
         return card_html(card) if self._suffix == ".html" else card_text(card, ascii=self.ascii)
 
 
@@ -351,11 +403,23 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
             joints = [LoggedJoint.of(text) for text in self.joint]
             if joints and (drive or self.ratio or self.archive):
                 raise UsageError("--joint states the ratio of each joint", "leave out --ratio, --drive and --archive")
-            session = _MeasureSession(options=self, form=form, drive=drive, shafts=shafts, take=take)
+            session = _MeasureSession(
+                options=self,
+                form=form,
+                drive=drive,
+                shafts=shafts,
+                take=take,
+            )
             for file in self.files:
                 for joint in joints:
                     session.joints[f"{file}: {joint.name}"] = (file, joint)
-            reports = run_each("measure", [*session.joints] or self.files, session.report_of, out, kind="file")
+            reports = run_each(
+                "measure",
+                [*session.joints] or self.files,
+                session.report_of,
+                out,
+                kind="file",
+            )
             repeat_values, lines = repeats(session.measurements)
             if joints:  # of one drive each, so they are no repeats
                 repeat_values = {}
@@ -430,16 +494,29 @@ class _MeasureSession:
                 travel_deg=travel_deg,
                 shafts=self.shafts,
             )
-        form = replace(self.form, angle=joint.angle, second=joint.second)
+        form = replace(
+            self.form,
+            angle=joint.angle,
+            second=joint.second,
+        )
         return form.measured(
             file, self.drive, joint.ratio, seed=self.options.seed, travel_deg=travel_deg, shafts=self.shafts
         )
 
 
-def _of_joint(report: Report, joint: str, about: str) -> Report:
+def _of_joint(
+    report: Report,
+    joint: str,
+    about: str,
+) -> Report:
     """Return the report on a recording as that of a joint, by its name; about: file and joint."""
     values = {"joint": joint, **report.values}
-    return replace(report, head=f"joint {joint}, {report.head}", about=about, values=values)
+    return replace(
+        report,
+        head=f"joint {joint}, {report.head}",
+        about=about,
+        values=values,
+    )
 
 
 class ControllerOptions(o.OptionGroup):
@@ -504,7 +581,13 @@ class ControllerOptions(o.OptionGroup):
         take_output(path, force)
         return BACKLASH_FORMATS[name], path
 
-    def write_controller(self, result: Correction, target: tuple[ControllerFormat, str] | None, *, force: bool) -> None:
+    def write_controller(
+        self,
+        result: Correction,
+        target: tuple[ControllerFormat, str] | None,
+        *,
+        force: bool,
+    ) -> None:
         """Write the controller's file of a correction, where one is asked for and the correction is not refused."""
         from hdassist.correction.writers import ControllerAxis, correction_file, poor_table
 
@@ -580,7 +663,12 @@ class CompensateCommand(
         return CorrectionForm(self.form, self.points or usual, self.each_load)
 
     def recorded(
-        self, file: str, drive: Drive, M_g: float | None = None, *, may_be_noise: bool = False
+        self,
+        file: str,
+        drive: Drive,
+        M_g: float | None = None,
+        *,
+        may_be_noise: bool = False,
     ) -> RecordedError:
         """Error of a record of the drive, at a torque M_g [N*m] where it is its own; may_be_noise as of `measure`."""
         from hdassist.correction.records import recorded_error, require_fine_counts, require_sense
@@ -589,7 +677,12 @@ class CompensateCommand(
         travel = self.travel or drive.acceptance.travel
         how = {"seed": self.seed, "together": True, "may_be_noise": may_be_noise, "travel_deg": travel}
         record_M_g = drive.operation.M_g[0] if M_g is None else M_g
-        measurement = self.reading().measured(file, drive, M_g=record_M_g, **how)
+        measurement = self.reading().measured(
+            file,
+            drive,
+            M_g=record_M_g,
+            **how,
+        )
         if M_g is not None:
             require_fine_counts(measurement)
             require_sense(measurement, drive, M_g, self.alignment())
@@ -622,15 +715,30 @@ class CompensateCommand(
         target = None if backlash_target else self.controller_target(form, force=self.force)
         M_g = option_value("--torque", self.torque[0], "N*m")
         how = {"seed": self.seed, "together": True, "travel_deg": self.travel}
-        measurement = self.reading().measured(file, None, self.ratio, M_g=M_g, **how)
+        measurement = self.reading().measured(
+            file,
+            None,
+            self.ratio,
+            M_g=M_g,
+            **how,
+        )
         require_fine_counts(measurement)
         result = correction_alone(measurement, self.alignment(), M_g, form, self.output_turns)
         self.write_controller(result, target, force=self.force)
         if backlash_target:
             self.write_backlash(file, M_g, backlash_target)
-        return compensate_report(result, is_written=bool(self.csv or self.write), warnings=measurement.warnings)
+        return compensate_report(
+            result,
+            is_written=bool(self.csv or self.write),
+            warnings=measurement.warnings,
+        )
 
-    def write_backlash(self, file: str, M_g: float, target: tuple[BacklashFormat, str]) -> None:
+    def write_backlash(
+        self,
+        file: str,
+        M_g: float,
+        target: tuple[BacklashFormat, str],
+    ) -> None:
         """Write the setting of a controller that compensates backlash only.
 
         file: recording in both directions.
@@ -641,7 +749,14 @@ class CompensateCommand(
         from hdassist.correction.backlash import backlash_file, backlash_of
 
         controller, path = target
-        measured = self.reading().measured(file, None, self.ratio, M_g=M_g, seed=self.seed, travel_deg=self.travel)
+        measured = self.reading().measured(
+            file,
+            None,
+            self.ratio,
+            M_g=M_g,
+            seed=self.seed,
+            travel_deg=self.travel,
+        )
         source = f"recording {measured.trace.file}, sha256 {measured.trace.sha256}"
         text, about = backlash_file(backlash_of(measured, M_g), controller, self.axis, source)
         say(about.rstrip())
@@ -666,7 +781,13 @@ class CompensateCommand(
         records = self.records(drive)
         after = self.recorded(self.after, drive, may_be_noise=True) if self.after else None
         with out.run(drive.name, 2 * check_states(drive, draws=self.draws), self) as run:
-            result = correct(drive, form=form, records=records, draws=self.draws, run=run)
+            result = correct(
+                drive,
+                form=form,
+                records=records,
+                draws=self.draws,
+                run=run,
+            )
             if after and not result.chosen.is_refused:
                 return verified_report(result, verify(result, after, run))
         self.write_controller(result, target, force=self.force)

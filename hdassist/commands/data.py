@@ -81,7 +81,12 @@ class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
             lowest = {unknown.path: unknown.low for unknown in wanted.unknowns}
             with_found_values(preset_text, preset, lowest, "")
         with out.run(drive.name, estimate_drives(wanted, self.evaluations), self) as run:
-            result = calibrate(drive, wanted, points=self.evaluations, run=run)
+            result = calibrate(
+                drive,
+                wanted,
+                points=self.evaluations,
+                run=run,
+            )
         if self.write is not None and not result.shortfall:
             best = wanted.by_path(result.fits[0].values)
             ref = f"hdassist calibrate, {wanted.name or self.targets.name}"
@@ -130,7 +135,13 @@ class PresetsListCommand(o.PageOptions):
             rows.append((name, *numbers, ", ".join(map(str, counts.values()))))
         heads = ("preset", "ratio", "diameter, mm", "rated, N·m", "given, identified, assumed")
         table = Table("", heads, tuple(rows))
-        return Report("presets-list", None, "presets of hdassist", blocks=(table,), values={"presets": values})
+        return Report(
+            "presets-list",
+            None,
+            "presets of hdassist",
+            blocks=(table,),
+            values={"presets": values},
+        )
 
 
 class PresetsShowCommand(o.PageOptions, o.DriveOptions):
@@ -202,7 +213,14 @@ class PresetsValidateCommand(o.AnswerOptions, o.DriveOptions):
     def run(self) -> int:
         """Validate the presets; returns the exit code."""
         out = self.open()
-        reports = run_each(_VALIDATE, self.presets, self._report, out, failed=_invalid, keep_failures=True)
+        reports = run_each(
+            _VALIDATE,
+            self.presets,
+            self._report,
+            out,
+            failed=_invalid,
+            keep_failures=True,
+        )
         return give(_VALIDATE, reports, replace(out, quiet=True))
 
     def _report(self, name: str) -> Report:
@@ -213,7 +231,13 @@ class PresetsValidateCommand(o.AnswerOptions, o.DriveOptions):
             drive = self.load(name)
         except UsageError as error:
             complain(error, name)
-            return Report(_VALIDATE, None, "", values=_invalid(name, error), exit_code=error.exit_code)
+            return Report(
+                _VALIDATE,
+                None,
+                "",
+                values=_invalid(name, error),
+                exit_code=error.exit_code,
+            )
         values = origin_counts(drive)
         warnings = drive.origin.warnings
         verdict = f"valid, warnings: {len(warnings)}" if warnings else "OK"

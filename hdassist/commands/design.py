@@ -65,7 +65,14 @@ class CheckCommand(o.PlotOptions, o.SamplingOptions, o.PitchOptions, o.LimitedDr
             from hdassist.pages.check import check_report
 
             with out.run(title, check_states(drive, measured, self.draws), self) as run:
-                result = check(drive, measured=measured, solver=self.solver, draws=self.draws, sure=self.sure, run=run)
+                result = check(
+                    drive,
+                    measured=measured,
+                    solver=self.solver,
+                    draws=self.draws,
+                    sure=self.sure,
+                    run=run,
+                )
         return check_report(result, self.seed)
 
 
@@ -144,7 +151,16 @@ class StiffnessCommand(o.PlotOptions, o.DriveOptions):
 
         drive = self.load(preset)
         with out.run(drive.name, stiffness_states(), self) as run:
-            return stiffness_report(drive, stiffness(drive, T_1=self.t1, T_2=self.t2, T_max=self.to, run=run))
+            return stiffness_report(
+                drive,
+                stiffness(
+                    drive,
+                    T_1=self.t1,
+                    T_2=self.t2,
+                    T_max=self.to,
+                    run=run,
+                ),
+            )
 
 
 _JSON_ROWS = 100_000  # that --json holds in memory, at most
@@ -198,7 +214,12 @@ class SweepCommand(o.RowsOptions, o.LoadedDriveOptions):
                 "use -o FILE.jsonl for any number of rows",
             )
         options = {"vary": self.vary, "set": list(drive.origin.overrides)}
-        owner = KeptOwner(command="sweep", preset=drive.name, inputs={"preset": drive.origin.sha256}, options=options)
+        owner = KeptOwner(
+            command="sweep",
+            preset=drive.name,
+            inputs={"preset": drive.origin.sha256},
+            options=options,
+        )
         if file is not None:
             claim_output(file, is_kept=True)
         with open_kept(file, owner, sweep.kind, force=self.force) as results:
@@ -216,7 +237,13 @@ class SweepCommand(o.RowsOptions, o.LoadedDriveOptions):
                 say(f"error: no row has a result: {swept.reason}")
             return replace(report, head="") if streamed else report
 
-    def _write_tables(self, sweep: Sweep, results: Kept[SweepRow], owner: KeptOwner, out: Output) -> None:
+    def _write_tables(
+        self,
+        sweep: Sweep,
+        results: Kept[SweepRow],
+        owner: KeptOwner,
+        out: Output,
+    ) -> None:
         """Write the rows as CSV and as Parquet, if these are asked for; owner: all that they depend on."""
         from hdassist.pages.curves import cells, columns
 
@@ -234,7 +261,13 @@ class SweepCommand(o.RowsOptions, o.LoadedDriveOptions):
         return self.csv == "-" or (no_page and self.csv is None and self.output == "-")
 
 
-def _rows(sweep: Sweep, name: str, results: Kept[SweepRow], options: SweepCommand, out: Output) -> Iterator[SweepRow]:
+def _rows(
+    sweep: Sweep,
+    name: str,
+    results: Kept[SweepRow],
+    options: SweepCommand,
+    out: Output,
+) -> Iterator[SweepRow]:
     """Records of all rows: those that are kept, then the others as they are computed and kept."""
     from hdassist.run.run import stream
 
@@ -242,7 +275,15 @@ def _rows(sweep: Sweep, name: str, results: Kept[SweepRow], options: SweepComman
     with (
         out.progress(name, sweep.rows - results.done) as progress,
         out.engine(options) as engine,
-        closing(stream(sweep, sweep.rows, done=results.done, jobs=options.jobs, executor=engine)) as chunks,
+        closing(
+            stream(
+                sweep,
+                sweep.rows,
+                done=results.done,
+                jobs=options.jobs,
+                executor=engine,
+            )
+        ) as chunks,
     ):
         for records in chunks:
             results.append(records)
@@ -254,9 +295,17 @@ def _printed(rows: Iterator[SweepRow], sweep: Sweep) -> Iterator[SweepRow]:
     """The same records, each written to standard output as CSV when it comes."""
     from hdassist.pages.curves import cells, columns
 
-    write_text("-", csv_text(columns(sweep), []), force=False)
+    write_text(
+        "-",
+        csv_text(columns(sweep), []),
+        force=False,
+    )
     for record in rows:
-        write_text("-", csv_text(cells(record), []), force=False)
+        write_text(
+            "-",
+            csv_text(cells(record), []),
+            force=False,
+        )
         yield record
 
 
@@ -318,15 +367,38 @@ class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOpt
             M_g = torque_of(drive)
 
             def one(name: str) -> Report:
-                measurement = reading.measured(name, drive, seed=self.seed, together=True, M_g=M_g)
+                measurement = reading.measured(
+                    name,
+                    drive,
+                    seed=self.seed,
+                    together=True,
+                    M_g=M_g,
+                )
                 zero = given_zero if self.zero else zero_of(measurement.trace, drive, start)
                 fitted = (start is None, zero is None)
-                alignment = replace(self.alignment(), start_deg=start or 0.0, zero_deg=zero or 0.0, fitted=fitted)
+                alignment = replace(
+                    self.alignment(),
+                    start_deg=start or 0.0,
+                    zero_deg=zero or 0.0,
+                    fitted=fitted,
+                )
                 with out.progress(f"{drive.name}, {measurement.trace.file}", FIT_STATES) as progress:
-                    result = compare(measurement, drive, M_g=M_g, asked=alignment, run=Run(progress=progress))
+                    result = compare(
+                        measurement,
+                        drive,
+                        M_g=M_g,
+                        asked=alignment,
+                        run=Run(progress=progress),
+                    )
                 return comparison_report(result)
 
-            answers = run_each("compare", self.files, one, out, kind="file")
+            answers = run_each(
+                "compare",
+                self.files,
+                one,
+                out,
+                kind="file",
+            )
         return give("compare", answers, out)
 
     def _limited(self, preset: str) -> Drive:
@@ -334,7 +406,11 @@ class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOpt
         from hdassist.loading import with_asked
 
         torques = [] if self.torque is None else [self.torque]
-        options = o.LimitedDriveOptions(overrides=self.overrides, torque=torques, limit=self.limit)
+        options = o.LimitedDriveOptions(
+            overrides=self.overrides,
+            torque=torques,
+            limit=self.limit,
+        )
         return with_asked(options.load(preset), self.taken_over())
 
     def _require_presets_only(self) -> None:
@@ -377,7 +453,13 @@ class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOpt
             return drives_report(result, self.seed)
 
         schema = "compare-presets"
-        answers = run_each(schema, [""], one, out, failed=lambda _, e: failure(schema, e, preset=names[0]))
+        answers = run_each(
+            schema,
+            [""],
+            one,
+            out,
+            failed=lambda _, e: failure(schema, e, preset=names[0]),
+        )
         return give(schema, answers, out)
 
 
@@ -434,7 +516,11 @@ class ReportCommand(o.AnswerOptions, o.SamplingOptions, o.LimitedDriveOptions):
 
         drive = self.load(preset)
         with out.run(drive.name, sheet_states(drive, self.draws), self) as run:
-            return drive_report(sheet_of(drive, draws=self.draws, run=run), draws=self.draws, seed=self.seed)
+            return drive_report(
+                sheet_of(drive, draws=self.draws, run=run),
+                draws=self.draws,
+                seed=self.seed,
+            )
 
     def _kind(self) -> str:
         """Suffix of the file that the report is written as. Raises UsageError for any other."""
@@ -464,18 +550,32 @@ class DrawOptions(o.LimitedDriveOptions):
         from hdassist.preset.fields import DEVIATION_FIELDS
         from hdassist.tolerance.production import production_law
 
-        law = production_law(drive, self.distribution, chosen=chosen, known=self.known)
+        law = production_law(
+            drive,
+            self.distribution,
+            chosen=chosen,
+            known=self.known,
+        )
         if not any(field.path == field.group and field.path in DEVIATION_FIELDS for field in law.own):
             raise UsageError("no field varies: all tolerances are 0", "set tolerances.e_hb or other tolerances above 0")
         return law
 
-    def with_designs(self, out: Output, production: Production, count: int) -> tuple[Production, Samples | None]:
+    def with_designs(
+        self,
+        out: Output,
+        production: Production,
+        count: int,
+    ) -> tuple[Production, Samples | None]:
         """A production with the designs of so many drives, and the samples that they are of, if they differ."""
         with out.run("designs", production.design_states(count), self) as run:
             return production.with_designs(count, run=run)
 
     def records(
-        self, out: Output, production: Production, count: int, progress: ProgressBar | None = None
+        self,
+        out: Output,
+        production: Production,
+        count: int,
+        progress: ProgressBar | None = None,
     ) -> list[RandomDrive]:
         """Records of so many drives of a production; progress: the bar of more work than these."""
         from hdassist.run.run import stream
@@ -594,7 +694,12 @@ class ToleranceCommand(o.RowsOptions, DrawOptions):
             per_design=self.per_design,
         )
         points = tuple(map(AtTorque, torques, limits, self_errors))
-        summary = Summary(points=points, positions=len(production.rotations), wanted=self.wanted, sure=self.sure)
+        summary = Summary(
+            points=points,
+            positions=len(production.rotations),
+            wanted=self.wanted,
+            sure=self.sure,
+        )
         return production, summary
 
     def _solve_drives(
@@ -614,7 +719,15 @@ class ToleranceCommand(o.RowsOptions, DrawOptions):
         with (
             out.progress(production.drive.name, self.count - kept.done) as progress,
             out.engine(self) as engine,
-            closing(stream(production.records, self.count, done=kept.done, jobs=self.jobs, executor=engine)) as chunks,
+            closing(
+                stream(
+                    production.records,
+                    self.count,
+                    done=kept.done,
+                    jobs=self.jobs,
+                    executor=engine,
+                )
+            ) as chunks,
             at_stop(progress_words),
         ):
             for records in until_interrupted(chunks):
@@ -650,7 +763,11 @@ class SensitivityCommand(o.FigureOptions, DrawOptions):
 
         drive = self.load(preset)
         law = self.law(drive)
-        each_its_own = replace(law, shared=law.shared + law.own, own=())
+        each_its_own = replace(
+            law,
+            shared=law.shared + law.own,
+            own=(),
+        )
         production = Production(
             each_its_own, drive.operation.M_g, mounting=False, seed=self.seed, per_design=1, steps=True
         )
@@ -667,7 +784,9 @@ _SHORT_TIME = 10.0  # s, of which nothing is said
 
 
 def _rooms_beside_self_error(
-    limits: Sequence[float], self_errors: Sequence[float], torques: Sequence[float]
+    limits: Sequence[float],
+    self_errors: Sequence[float],
+    torques: Sequence[float],
 ) -> list[float]:
     """Return the room that limits leave F'_ior beside the self error [arcsec], shape (torques,).
 

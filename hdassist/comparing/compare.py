@@ -107,7 +107,11 @@ class _Conclusion:
     best: Explanation | None = None
 
 
-def _explanation(fit: VectorFit, base: VectorFit, fitter: VectorFitter) -> Explanation:
+def _explanation(
+    fit: VectorFit,
+    base: VectorFit,
+    fitter: VectorFitter,
+) -> Explanation:
     """Return a fit in terms of the preset; states are not solved beyond the fit itself."""
     record = fitter.record
     drive = fitter.drive
@@ -132,11 +136,19 @@ def _explanation(fit: VectorFit, base: VectorFit, fitter: VectorFitter) -> Expla
         clear=gain > _gain_by_chance(unknowns - len(base.free)),
         sufficient=record.within_noise(fit.chi_square, unknowns),
         overrides=_overrides(fit, changes, drive) if is_determined else (),
-        alignment=replace(record.alignment, start_deg=float(fit.unknowns[-2]), zero_deg=float(fit.unknowns[-1])),
+        alignment=replace(
+            record.alignment,
+            start_deg=float(fit.unknowns[-2]),
+            zero_deg=float(fit.unknowns[-1]),
+        ),
     )
 
 
-def _explained_share(fit: VectorFit, base: VectorFit, fitter: VectorFitter) -> float | None:
+def _explained_share(
+    fit: VectorFit,
+    base: VectorFit,
+    fitter: VectorFitter,
+) -> float | None:
     """Return the share of the chi-square above that of noise that a fit removes; None if there is none above it."""
     freedom = fitter.record.freedom
     # noise alone leaves a chi-square of its degrees of freedom
@@ -161,7 +173,12 @@ def _polar(fit: VectorFit, i: int) -> Array:
     return result
 
 
-def _change(fit: VectorFit, i: int, covariance: Array, drive: Drive) -> VectorChange | None:
+def _change(
+    fit: VectorFit,
+    i: int,
+    covariance: Array,
+    drive: Drive,
+) -> VectorChange | None:
     """Return the new value of the fitted vector i; None where its size is not identifiable."""
     k = fit.fitted[i]
     axes = _polar(fit, i)
@@ -185,7 +202,11 @@ def _change(fit: VectorFit, i: int, covariance: Array, drive: Drive) -> VectorCh
     )
 
 
-def _overrides(fit: VectorFit, changes: Sequence[VectorChange], drive: Drive) -> tuple[str, ...]:
+def _overrides(
+    fit: VectorFit,
+    changes: Sequence[VectorChange],
+    drive: Drive,
+) -> tuple[str, ...]:
     """Return new values, rounded to a tenth of the uncertainty or less.
 
     The result is empty if the preset does not allow one of them.
@@ -218,10 +239,18 @@ def _not_told_apart(fit: VectorFit) -> tuple[tuple[str, ...], ...]:
 
 
 def _conclude(
-    base: Explanation, singles: Sequence[Explanation], joint: Explanation | None, *, mirrored: bool
+    base: Explanation,
+    singles: Sequence[Explanation],
+    joint: Explanation | None,
+    *,
+    mirrored: bool,
 ) -> _Conclusion:
     """Return the simplest explanation whose residual is within noise."""
-    best = min(singles, key=lambda single: single.chi_square, default=base)
+    best = min(
+        singles,
+        key=lambda single: single.chi_square,
+        default=base,
+    )
     # the simplest explanation first: nothing to explain, or the file read otherwise
     if mirrored or (base.sufficient and not best.clear):
         return _Conclusion("mirrored" if mirrored else "agrees")
@@ -259,11 +288,23 @@ class _RecordReader:
     measurement: both directions as one; asked: how the file counts, of which the orders are the same.
     """
 
-    def __init__(self, measurement: Measurement, drive: Drive, M_g: float, asked: Alignment, run: Run = Run()) -> None:
+    def __init__(
+        self,
+        measurement: Measurement,
+        drive: Drive,
+        M_g: float,
+        asked: Alignment,
+        run: Run = Run(),
+    ) -> None:
         self.measurement = measurement
         self.drive = drive
         self.torus = ErrorWaves(drive, M_g, run)
-        self._doubt = partial(doubtful_waves, M_g=M_g, torus=self.torus, run=run)
+        self._doubt = partial(
+            doubtful_waves,
+            M_g=M_g,
+            torus=self.torus,
+            run=run,
+        )
         # solved once for all ways to read the file
         self._changes = self._doubt(drive)
         self._orders = RecordedOrders(
@@ -289,14 +330,25 @@ class _RecordReader:
         return _MirroredFile(alignment, fitter.residual_rms_arcsec(fit), within), fit
 
 
-def mirrored_reading(measurement: Measurement, drive: Drive, M_g: float, asked: Alignment) -> _MirroredFile | None:
+def mirrored_reading(
+    measurement: Measurement,
+    drive: Drive,
+    M_g: float,
+    asked: Alignment,
+) -> _MirroredFile | None:
     """Return how else a record is read if that alone explains it; None otherwise.
 
     The other reading explains it if its residual is within noise, or far smaller.
 
     Raises UsageError for rolling balls, UntrustedError where a state cannot be trusted.
     """
-    reader = _RecordReader(measurement=measurement, drive=drive, M_g=M_g, asked=asked, run=UNCHECKED)
+    reader = _RecordReader(
+        measurement=measurement,
+        drive=drive,
+        M_g=M_g,
+        asked=asked,
+        run=UNCHECKED,
+    )
     fitter, base = reader.fitted(asked)
     if _explanation(base, base, fitter).sufficient:
         return None
@@ -367,7 +419,11 @@ def torque_of(drive: Drive) -> float:
     return drive.operation.M_g[0]
 
 
-def zero_of(trace: MeasuredTrace, drive: Drive, start_deg: float | None) -> float | None:
+def zero_of(
+    trace: MeasuredTrace,
+    drive: Drive,
+    start_deg: float | None,
+) -> float | None:
     """Return the zero [deg] of a record where none is stated, None to fit it.
 
     A cam angle counts as phi_h; an angle of the output gives phi_h where the angle of the output at phi_h = 0 is known.
@@ -378,13 +434,24 @@ def zero_of(trace: MeasuredTrace, drive: Drive, start_deg: float | None) -> floa
     return None if start_deg is None else -Kinematics.of(drive).u * start_deg
 
 
-def _solved_singles(singles: Sequence[Explanation], fitter: VectorFitter, solved: SolvedStates) -> list[Explanation]:
+def _solved_singles(
+    singles: Sequence[Explanation],
+    fitter: VectorFitter,
+    solved: SolvedStates,
+) -> list[Explanation]:
     """Return explanations by one deviation with their ranges by solved states; the best one with its curve."""
     least = min((single.chi_square for single in singles), default=np.inf)
     return [_solved(single, fitter, solved, curve=single.chi_square == least) for single in singles]
 
 
-def compare(measurement: Measurement, drive: Drive, M_g: float, *, asked: Alignment, run: Run = Run()) -> Comparison:
+def compare(
+    measurement: Measurement,
+    drive: Drive,
+    M_g: float,
+    *,
+    asked: Alignment,
+    run: Run = Run(),
+) -> Comparison:
     """Compare a measured trace with a drive at a torque M_g [N*m].
 
     Arguments: measurement, of both directions as one, each with its own level: the model knows no friction; asked, how
@@ -392,7 +459,13 @@ def compare(measurement: Measurement, drive: Drive, M_g: float, *, asked: Alignm
     errors whose size is not known.
     """
     measurement.trace.require_known_scale()
-    reader = _RecordReader(measurement=measurement, drive=drive, M_g=M_g, asked=asked, run=run)
+    reader = _RecordReader(
+        measurement=measurement,
+        drive=drive,
+        M_g=M_g,
+        asked=asked,
+        run=run,
+    )
     fitter, base = reader.fitted(asked)
     unchanged = _explanation(base, base, fitter)
     # a record that the drive explains needs no other reading of its file
@@ -451,7 +524,13 @@ class _Difference:
         return [DRIFT_LEFT.format(self.drift)] if self.drift else []
 
     @classmethod
-    def of(cls, fitter: VectorFitter, drive: Drive, unchanged: Explanation, solved: SolvedStates) -> _Difference:
+    def of(
+        cls,
+        fitter: VectorFitter,
+        drive: Drive,
+        unchanged: Explanation,
+        solved: SolvedStates,
+    ) -> _Difference:
         """Return the difference of a drive as it is, from the record of a fitter."""
         record = fitter.record
         sweep = record.sweep
@@ -513,7 +592,13 @@ def _single_fits(fitter: VectorFitter, base: VectorFit) -> list[VectorFit]:
     return fits
 
 
-def _solved(explained: Explanation, fitter: VectorFitter, solved: SolvedStates, *, curve: bool) -> Explanation:
+def _solved(
+    explained: Explanation,
+    fitter: VectorFitter,
+    solved: SolvedStates,
+    *,
+    curve: bool,
+) -> Explanation:
     """Return an explanation with its F'_ior from solved states.
 
     With `curve` it also has its residual within the orders.
@@ -535,7 +620,11 @@ def _solved(explained: Explanation, fitter: VectorFitter, solved: SolvedStates, 
     sizes = [(pair.difference.amplitude_arcsec, pair.difference.uncertainty_arcsec or 0.0) for pair in pairs]
     # orders that noise does not explain
     clear = [pair for pair, (size, u) in zip(pairs, sizes, strict=True) if size > CHI_SQUARE_CLEAR * u]
-    return replace(explained, difference_left_arcsec=rms(residual), orders_left=tuple(clear[:_RESIDUAL_ORDERS]))
+    return replace(
+        explained,
+        difference_left_arcsec=rms(residual),
+        orders_left=tuple(clear[:_RESIDUAL_ORDERS]),
+    )
 
 
 def _angle_uncertainties(base: VectorFit, unchanged: Explanation) -> tuple[float | None, float | None]:

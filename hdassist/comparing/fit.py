@@ -174,7 +174,11 @@ class VectorFitter:
         weights /= weights.sum()
         shifts = np.array([point.unknowns - result.unknowns for point in profile])[:, result.free]
         covariance = (weights * shifts.T) @ shifts
-        covariance[:start, :start] += np.tensordot(weights, [point.covariance for point in profile], axes=1)
+        covariance[:start, :start] += np.tensordot(
+            weights,
+            [point.covariance for point in profile],
+            axes=1,
+        )
         return replace(result, covariance=covariance)
 
     def _profile_of(self, fit: VectorFit, step: float) -> list[VectorFit]:
@@ -200,7 +204,13 @@ class VectorFitter:
         (waves,) = self._waves(fit.unknowns, fit.fitted)
         return replace(self, record=self.record.doubting(waves, changes, fit.unknowns[-2:]))
 
-    def _waves(self, unknowns: Array, fitted: Sequence[int], points: int = WAVE_POINTS, *steps: Array) -> Complex:
+    def _waves(
+        self,
+        unknowns: Array,
+        fitted: Sequence[int],
+        points: int = WAVE_POINTS,
+        *steps: Array,
+    ) -> Complex:
         """Return waves of the drive with fitted vectors from the unknowns, and a step on, shape (1 + steps, waves)."""
         moved = [_complex_of(unknowns + step) for step in (np.zeros_like(unknowns), *steps)]
         return self.torus.waves([with_vectors(self.drive, vectors, fitted) for vectors in moved], points)
@@ -222,7 +232,12 @@ class VectorFitter:
         components = [place for k in fitted for place in (2 * k, 2 * k + 1)]
         return np.array([*components, *(2 * COUNT + np.flatnonzero(self.angles))], dtype=np.int64)
 
-    def _descend(self, unknowns: Array, fitted: tuple[int, ...], points: int = WAVE_POINTS) -> VectorFit:
+    def _descend(
+        self,
+        unknowns: Array,
+        fitted: tuple[int, ...],
+        points: int = WAVE_POINTS,
+    ) -> VectorFit:
         """Gauss-Newton with steps (15) along the identifiable directions, until chi-square (13) hardly falls."""
         free = self._free(fitted)
         residual, waves = self._residual(unknowns, fitted, points)
@@ -251,12 +266,22 @@ class VectorFitter:
             covariance=covariance,
         )
 
-    def _residual(self, unknowns: Array, fitted: Sequence[int], points: int) -> tuple[Array, Complex]:
+    def _residual(
+        self,
+        unknowns: Array,
+        fitted: Sequence[int],
+        points: int,
+    ) -> tuple[Array, Complex]:
         """Return the whitened residual y of (13), shape (2 orders,), and the waves, shape (waves,)."""
         (waves,) = self._waves(unknowns, fitted, points)
         return self.record.whitened(self.record.measured - self.record.predicted(waves, unknowns[-2:])), waves
 
-    def _jacobian(self, unknowns: Array, fitted: Sequence[int], waves: Complex) -> Array:
+    def _jacobian(
+        self,
+        unknowns: Array,
+        fitted: Sequence[int],
+        waves: Complex,
+    ) -> Array:
         """Return whitened slopes J of the prediction by the free unknowns, per unit and deg, shape (2 orders, f)."""
         steps = _VECTOR_STEP * np.eye(len(unknowns))[self._free(fitted)[: 2 * len(fitted)]]
         columns = self.record.slopes(waves, unknowns[-2:])[list(self.angles)]
@@ -288,7 +313,10 @@ class VectorFitter:
         return np.asarray(np.linalg.qr(directions)[0])
 
     def _linearized(
-        self, unknowns: Array, fitted: tuple[int, ...], waves: Complex
+        self,
+        unknowns: Array,
+        fitted: tuple[int, ...],
+        waves: Complex,
     ) -> tuple[Array, Array, Array, Array]:
         """Return slopes J, directions that are identifiable and that are not, and singular values of J along the first.
 

@@ -56,7 +56,11 @@ def vectors_of(drive: Drive) -> Complex:
     return np.asarray(sizes / VECTOR_UNITS * np.exp(1j * np.radians(VECTOR_ORDERS * directions)))
 
 
-def size_and_direction(drive: Drive, vectors: Complex, k: int) -> tuple[float, float]:
+def size_and_direction(
+    drive: Drive,
+    vectors: Complex,
+    k: int,
+) -> tuple[float, float]:
     """Return size [um] and direction [deg] of one of vectors, shape (vectors,).
 
     The direction is the one nearest to that of the drive.
@@ -68,7 +72,11 @@ def size_and_direction(drive: Drive, vectors: Complex, k: int) -> tuple[float, f
     return float(abs(vectors[k]) * VECTOR_UNITS[k]), direction_near + (away + turn / 2) % turn - turn / 2
 
 
-def with_vectors(drive: Drive, vectors: Complex, fitted: Iterable[int]) -> Drive:
+def with_vectors(
+    drive: Drive,
+    vectors: Complex,
+    fitted: Iterable[int],
+) -> Drive:
     """Return the drive with those vectors, shape (vectors,), that were fitted, by their places in VECTORS."""
     values: dict[str, float] = {}
     for k in fitted:
@@ -82,7 +90,12 @@ def doubts_of(drive: Drive) -> dict[str, float]:
     return shares | {"gears.j_n": _DOUBTED_CLEARANCE}
 
 
-def doubtful_waves(drive: Drive, M_g: float, torus: ErrorWaves, run: Run = Run()) -> Complex:
+def doubtful_waves(
+    drive: Drive,
+    M_g: float,
+    torus: ErrorWaves,
+    run: Run = Run(),
+) -> Complex:
     """Return changes of waves [arcsec] for a standard deviation of each doubtful field, shape (changes, waves).
 
     Two changes a field: half the difference of both ways, and the distance of their mean from the drive as it is. A
@@ -203,7 +216,13 @@ class RecordedOrders:
     (2 wheels, 2 angles).
     """
 
-    def __init__(self, sweep: SweepResult, torus: ErrorWaves, kinematics: Kinematics, alignment: Alignment) -> None:
+    def __init__(
+        self,
+        sweep: SweepResult,
+        torus: ErrorWaves,
+        kinematics: Kinematics,
+        alignment: Alignment,
+    ) -> None:
         self.sweep = sweep
         self.alignment = alignment
         design = sweep.fit.design
@@ -233,7 +252,12 @@ class RecordedOrders:
         result.alignment = alignment
         return result
 
-    def doubting(self, waves: Complex, changes: Complex, angles: Array) -> RecordedOrders:
+    def doubting(
+        self,
+        waves: Complex,
+        changes: Complex,
+        angles: Array,
+    ) -> RecordedOrders:
         """Return the record with the doubt of a model in its covariance (14).
 
         Arguments: waves of the model, shape (waves,); changes of them by a standard deviation of each doubtful field,
@@ -339,7 +363,12 @@ class SolvedStates:
         self.certificate += extremes.certificate
         return extremes.first
 
-    def curve(self, drive: Drive, turns: Array, alignment: Alignment) -> Array:
+    def curve(
+        self,
+        drive: Drive,
+        turns: Array,
+        alignment: Alignment,
+    ) -> Array:
         """Return error as in the file [arcsec], up to a constant, at the rig's input angles [turns], shape (turns,).
 
         The four pitch-locked states around each angle are solved; a cubic goes through them.
@@ -350,7 +379,12 @@ class SolvedStates:
         around = np.mod(first[:, None] + np.arange(4), kinematics.cycle_states)  # (turns, 4)
         index, places = np.unique(around.ravel(), return_inverse=True)
         states = pitch_locked_states(kinematics, index, float(np.radians(alignment.start_deg)))
-        error = kinematic_error(drive, self.M_g, states=states, run=UNCHECKED)
+        error = kinematic_error(
+            drive,
+            self.M_g,
+            states=states,
+            run=UNCHECKED,
+        )
         self.certificate += error.certificate
         weights = np.vander(pitches - first, 4) @ np.linalg.inv(np.vander(np.arange(4.0)))  # of a cubic, (turns, 4)
         nodes = error.error_arcsec[places].reshape(-1, 4)

@@ -147,7 +147,12 @@ def backlash_of(measured: Measurement, torque_Nm: float) -> _Backlash:
     )
 
 
-def backlash_file(backlash: _Backlash, controller: BacklashFormat, axis: str, source: str) -> tuple[str, str]:
+def backlash_file(
+    backlash: _Backlash,
+    controller: BacklashFormat,
+    axis: str,
+    source: str,
+) -> tuple[str, str]:
     """Return the file of a controller's setting, and the lines about it that are its comments, too.
 
     source: the recording that it comes from.

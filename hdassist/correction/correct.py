@@ -92,7 +92,13 @@ class _LoadedError:
         """Return the ranges of curves, shape (..., points), over the points that count."""
         return np.asarray(np.ptp(curves if self.visited is None else curves[..., self.visited], axis=-1))
 
-    def corrected(self, form: CorrectionForm, M_g: float, *, together: bool) -> CorrectionTable | Phasors:
+    def corrected(
+        self,
+        form: CorrectionForm,
+        M_g: float,
+        *,
+        together: bool,
+    ) -> CorrectionTable | Phasors:
         """Return the corrections of a form at a torque M_g [N*m]: one of all drives, or one of each."""
         return form.fitted(self.lines.mean if together else self.lines, M_g)
 
@@ -228,7 +234,12 @@ def correct(
     # all is known: one drive
     if not (prior.fields and draws):
         return correction_of(drive, [{}], records, form, run)
-    samples = drive_samples(prior, [None for _ in drive.operation.M_g], draws=draws, run=run)
+    samples = drive_samples(
+        prior,
+        [None for _ in drive.operation.M_g],
+        draws=draws,
+        run=run,
+    )
     # as for the ranges of every page
     first = samples.of_ranges
     rows = even_rows(first.weights, draws)
@@ -268,14 +279,25 @@ def correction_of(
     for k, M_g in enumerate(torques):
         sampled = None if F_ior_arcsec is None else F_ior_arcsec[:, k]
         record = records.get(M_g)
-        error = _loaded_error(drive, M_g, drives, run, alike=is_alike, F_ior_arcsec=sampled)
+        error = _loaded_error(
+            drive,
+            M_g,
+            drives,
+            run,
+            alike=is_alike,
+            F_ior_arcsec=sampled,
+        )
         certificate += error.lines.certificate
         # the recording says more than any sample
         if record and not record.is_part:
             error = _recorded_belief(error.lines, record, run)
         # a torque without a recording of its own: the drives that agree with the others
         elif records:
-            error = replace(error, lines=alike_lines(error.lines, run, misfit), beyond=float(np.mean(error.beyond)))
+            error = replace(
+                error,
+                lines=alike_lines(error.lines, run, misfit),
+                beyond=float(np.mean(error.beyond)),
+            )
         elif samples and sampled is not None:
             error = replace(error, stated_arcsec=samples.of_ranges.percentile(0.5, k))
         errors[M_g] = error
@@ -284,7 +306,11 @@ def correction_of(
     )
 
 
-def _recorded_belief(lines: ErrorLines, record: RecordedError, run: Run) -> _LoadedError:
+def _recorded_belief(
+    lines: ErrorLines,
+    record: RecordedError,
+    run: Run,
+) -> _LoadedError:
     """Return the error of drives that agree with a record of the full cycle; lines, of drives as this one may be."""
     visited = record.visited(lines.kinematics) if record.recorded_turns else None
     recorded = with_scale_spread(recorded_lines(lines, record, run), record.scale_uncertainty, run.seed)
@@ -350,7 +376,12 @@ def _halving_points(design: _LoadedError, *, together: bool) -> int | None:
     return next((points for points, residual in residuals.items() if residual <= most_residual), None)
 
 
-def _phasor_residuals(M_g: float, design: _LoadedError, *, is_recorded: bool) -> dict[int, float]:
+def _phasor_residuals(
+    M_g: float,
+    design: _LoadedError,
+    *,
+    is_recorded: bool,
+) -> dict[int, float]:
     """Return the median of the residual range [arcsec] by number of correction terms.
 
     If the phases are so uncertain that common terms may make the error worse, it is that of each drive with its own.
@@ -367,9 +398,22 @@ def _phasor_residuals(M_g: float, design: _LoadedError, *, is_recorded: bool) ->
     return phasors
 
 
-def _forms_to_compare(form: CorrectionForm, phasors: int, *, has_loads: bool) -> list[CorrectionForm]:
+def _forms_to_compare(
+    form: CorrectionForm,
+    phasors: int,
+    *,
+    has_loads: bool,
+) -> list[CorrectionForm]:
     """Return the usual forms and a wanted one, each once; phasors: number of correction terms of the usual ones."""
-    usual = [CorrectionForm(None, phasors), CorrectionForm(None, phasors, each_load=True), *USUAL_TABLES]
+    usual = [
+        CorrectionForm(None, phasors),
+        CorrectionForm(
+            None,
+            phasors,
+            each_load=True,
+        ),
+        *USUAL_TABLES,
+    ]
     if not has_loads:
         usual = [candidate for candidate in usual if not candidate.each_load]
     return list(dict.fromkeys([*usual, form]))
@@ -425,13 +469,20 @@ def _loaded_error(
         lines = with_more_lines(lines, replace(cycles[0], error_arcsec=remainder).lines(lines.kinematics))
     # lines leave fine details out, so their range is a little too small
     scale = _scale_to_cycles(lines, cycles, rows, F_ior_arcsec)
-    lines = replace(lines, amplitude=lines.amplitude * scale[:, None], certificate=certificate)
+    lines = replace(
+        lines,
+        amplitude=lines.amplitude * scale[:, None],
+        certificate=certificate,
+    )
     beyond = [_share_beyond(lines, row, cycle) for row, cycle in zip(rows.tolist(), cycles, strict=True)]
     return _LoadedError(lines, np.resize(beyond, len(drives)))
 
 
 def _scale_to_cycles(
-    lines: ErrorLines, cycles: Sequence[RecordedError], rows: NDArray[np.int64], F_ior_arcsec: Array | None
+    lines: ErrorLines,
+    cycles: Sequence[RecordedError],
+    rows: NDArray[np.int64],
+    F_ior_arcsec: Array | None,
 ) -> Array:
     """Return the factors that give the curves of lines the range of the error, shape (drives,).
 
@@ -450,7 +501,11 @@ def _scale_to_cycles(
     return scale
 
 
-def _share_beyond(lines: ErrorLines, row: int, cycle: RecordedError) -> float:
+def _share_beyond(
+    lines: ErrorLines,
+    row: int,
+    cycle: RecordedError,
+) -> float:
     """Return the range of the part of a solved cycle that the lines of its drive leave out, over that of the lines."""
     lines_of_drive = replace(lines, amplitude=lines.amplitude[row : row + 1])
     line_range = max(float(np.ptp(lines_of_drive.curves)), np.finfo(float).tiny)
@@ -466,7 +521,12 @@ def _enough_phasors(left_arcsec: Mapping[int, float]) -> int:
     return next(number for number, residual_arcsec in left_arcsec.items() if residual_arcsec <= _ENOUGH * least)
 
 
-def _exported(chosen: FormResiduals, errors: _ErrorsByTorque, M_g: float, preset: str) -> CorrectionTable | Phasors:
+def _exported(
+    chosen: FormResiduals,
+    errors: _ErrorsByTorque,
+    M_g: float,
+    preset: str,
+) -> CorrectionTable | Phasors:
     """Return the correction of a form for a torque, with its uncertainty.
 
     Tables contain that of the opposite torque as well.
@@ -479,15 +539,27 @@ def _exported(chosen: FormResiduals, errors: _ErrorsByTorque, M_g: float, preset
     form = chosen.form
     lines = errors[M_g].lines
     # one correction: of the mean error of the drives
-    exported = replace(form.fitted(lines.mean, M_g), preset=preset, promised=chosen.residuals)
+    exported = replace(
+        form.fitted(lines.mean, M_g),
+        preset=preset,
+        promised=chosen.residuals,
+    )
     if isinstance(exported, Phasors):
-        exported = replace(exported, amplitude_arcsec=exported.amplitude_arcsec[0], phase_deg=exported.phase_deg[0])
+        exported = replace(
+            exported,
+            amplitude_arcsec=exported.amplitude_arcsec[0],
+            phase_deg=exported.phase_deg[0],
+        )
         return exported if len(lines.amplitude) == 1 else _with_uncertainty(exported, lines)
     # the other direction has a table of its own
     if form.each_load and -M_g in errors:
         opposite = form.fitted(errors[-M_g].lines.mean, -M_g)
         if isinstance(opposite, CorrectionTable):
-            exported = replace(exported, other_direction_arcsec=opposite.error_arcsec[0], other_M_g=-M_g)
+            exported = replace(
+                exported,
+                other_direction_arcsec=opposite.error_arcsec[0],
+                other_M_g=-M_g,
+            )
     return replace(exported, error_arcsec=exported.error_arcsec[0])
 
 
@@ -509,7 +581,12 @@ def _with_uncertainty(phasors: Phasors, lines: ErrorLines) -> Phasors:
     )
 
 
-def _residuals_of(form: CorrectionForm, errors: _ErrorsByTorque, *, together: bool) -> FormResiduals:
+def _residuals_of(
+    form: CorrectionForm,
+    errors: _ErrorsByTorque,
+    *,
+    together: bool,
+) -> FormResiduals:
     """Return the residuals of a form fitted to the errors of all drives together, or to each by itself."""
     design = next(iter(errors))
     turns = errors[design].lines.kinematics.cycle_cam_revolutions
@@ -531,7 +608,9 @@ def _residuals_of(form: CorrectionForm, errors: _ErrorsByTorque, *, together: bo
 
 
 def ranges_left(
-    correction: CorrectionTable | Phasors, error: _LoadedError, off_turns: Sequence[float] = (0.0,)
+    correction: CorrectionTable | Phasors,
+    error: _LoadedError,
+    off_turns: Sequence[float] = (0.0,),
 ) -> Array:
     """Return the ranges [arcsec] of an error over the cycle that a correction leaves, shape (offsets, drives).
 
@@ -561,7 +640,12 @@ def correction_curve(correction: CorrectionTable | Phasors, kinematics: Kinemati
     ).curves
 
 
-def _ranges_by_points(turn: RepeatTurn | None, error: _LoadedError, *, together: bool = False) -> dict[int, float]:
+def _ranges_by_points(
+    turn: RepeatTurn | None,
+    error: _LoadedError,
+    *,
+    together: bool = False,
+) -> dict[int, float]:
     """Return the median of the residual range [arcsec] of forms by their points, fitted as in `_residuals_of`."""
     fitted = {N: error.corrected(CorrectionForm(turn, N), 0.0, together=together) for N in TRIED_POINTS[turn]}
     return {N: percentiles(ranges_left(correction, error)[0])[1] for N, correction in fitted.items()}
@@ -602,7 +686,11 @@ def percentiles(values: Array) -> tuple[float, float, float]:
 
 
 def correction_alone(
-    found: Measurement, asked: Alignment, M_g: float, form: CorrectionForm, output_turns: str | None = None
+    found: Measurement,
+    asked: Alignment,
+    M_g: float,
+    form: CorrectionForm,
+    output_turns: str | None = None,
 ) -> Correction:
     """Return the correction from a recording at a torque M_g [N*m], measured with its ratio, both directions as one.
 
@@ -634,7 +722,11 @@ def correction_alone(
     return _fitted_correction(None, {M_g: error}, form, {M_g: record}, found.trace.file)
 
 
-def _kinematics_alone(found: Measurement, form: CorrectionForm, output_turns: str | None) -> Kinematics:
+def _kinematics_alone(
+    found: Measurement,
+    form: CorrectionForm,
+    output_turns: str | None,
+) -> Kinematics:
     """Return the kinematics of a drive from its recording alone: ratio, and the sense in which the output rotates.
 
     The arguments are those of `correction_alone`, which says what is raised.
@@ -671,7 +763,12 @@ def _no_lines(kinematics: Kinematics) -> ErrorLines:
     )
 
 
-def _drawn_belief(found: Measurement, record: RecordedError, kinematics: Kinematics, asked: Alignment) -> _LoadedError:
+def _drawn_belief(
+    found: Measurement,
+    record: RecordedError,
+    kinematics: Kinematics,
+    asked: Alignment,
+) -> _LoadedError:
     """Return errors that agree with a recording of a part of the cycle."""
     drawn = drawn_errors(found, kinematics, asked)
     error = _LoadedError(
@@ -699,7 +796,11 @@ class VerifiedCorrection:
     verdict: Verdict
 
 
-def verify(result: Correction, record: RecordedError, run: Run) -> VerifiedCorrection:
+def verify(
+    result: Correction,
+    record: RecordedError,
+    run: Run,
+) -> VerifiedCorrection:
     """Compare a recording with the correction on with the predicted residual.
 
     The interval of the measured residual covers the uncertainty from noise. The verdict is PASS if the interval is
@@ -740,7 +841,11 @@ def _corrected_lines(lines: ErrorLines, correction: Array) -> ErrorLines:
     return replace(lines, amplitude=lines.amplitude + spectrum)
 
 
-def _verdict_of(low: float, high: float | None, limit: float) -> Verdict:
+def _verdict_of(
+    low: float,
+    high: float | None,
+    limit: float,
+) -> Verdict:
     """Return the verdict of an interval without an upper end if it is None: PASS within a limit, FAIL above it."""
     # the interval decides as a whole, so noise gives no verdict
     if high is not None and high <= limit:
@@ -748,7 +853,12 @@ def _verdict_of(low: float, high: float | None, limit: float) -> Verdict:
     return Verdict.FAIL if low > limit else Verdict.INCONCLUSIVE
 
 
-def _likely_cause(before: Array, taken: Array, record: RecordedError, lines: ErrorLines) -> str:
+def _likely_cause(
+    before: Array,
+    taken: Array,
+    record: RecordedError,
+    lines: ErrorLines,
+) -> str:
     """Return the sign and zero with which a correction acts that explain a record best, in words; empty if none does.
 
     The square of before - after - correction is smallest if their correlation is largest.
@@ -803,7 +913,12 @@ def _cause_text(row: int, off_turns: float) -> str:
 # What a correction leaves in each position of the fixed wheel
 
 
-def advice_corrected(advice: Advice, form: CorrectionForm, draws: int, run: Run) -> Advice:
+def advice_corrected(
+    advice: Advice,
+    form: CorrectionForm,
+    draws: int,
+    run: Run,
+) -> Advice:
     """Return an advice by what a correction leaves that is made in each position and for each torque.
 
     Where that tells no hole from another, the advice as it was. Arguments: draws, drives of the same weight, from the
@@ -830,12 +945,20 @@ def advice_corrected(advice: Advice, form: CorrectionForm, draws: int, run: Run)
         cost=choice.cost,
     )
     curve = advice.curve and replace(advice.curve, certificate=advice.curve.certificate + certificate)
-    advice = replace(advice, curve=curve, compensated=(form.name, decision))
+    advice = replace(
+        advice,
+        curve=curve,
+        compensated=(form.name, decision),
+    )
     return advice if decision.word(advice.sure) == "ANY_HOLE" else replace(advice, decision=decision, value=None)
 
 
 def _residuals_in_positions(
-    advice: Advice, drives: Sequence[dict[str, float]], rotations: Sequence[float], form: CorrectionForm, run: Run
+    advice: Advice,
+    drives: Sequence[dict[str, float]],
+    rotations: Sequence[float],
+    form: CorrectionForm,
+    run: Run,
 ) -> tuple[Array, Certificate]:
     """Return what corrections leave of drives in positions [arcsec], shape (torques, drives, positions), with proof.
 
@@ -852,14 +975,25 @@ def _residuals_in_positions(
             rotated = {path: values.get(path, drive.number(path)) + rotation_deg for path in carried(drive)}
             rotated_drives.append(values | rotated)
         for M_g in advice.torques:
-            error = _loaded_error(drive, M_g, rotated_drives, run, alike=len(drives) == 1, solved=_SOLVED_A_POSITION)
+            error = _loaded_error(
+                drive,
+                M_g,
+                rotated_drives,
+                run,
+                alike=len(drives) == 1,
+                solved=_SOLVED_A_POSITION,
+            )
             certificate += error.lines.certificate
             residuals.append(ranges_left(form.fitted(error.lines, M_g), error)[0])
     by_position = np.reshape(residuals, (len(rotations), -1, len(drives)))
     return by_position.transpose(1, 2, 0), certificate
 
 
-def corrected_states(drive: Drive, positions: int, draws: int) -> int:
+def corrected_states(
+    drive: Drive,
+    positions: int,
+    draws: int,
+) -> int:
     """Return the number of states that this solves, about, for a progress bar."""
     cycle = Kinematics.of(drive).cycle_states
     return len(drive.operation.M_g) * positions * (cycle + max(1, draws) * WAVE_POINTS**2)

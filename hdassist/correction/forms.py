@@ -172,7 +172,12 @@ class CorrectionForm:
         if self.turn is None:
             return phasors_of(lines, M_g, self.points)
         values = table_values(lines, self.turn, self.points)
-        return CorrectionTable(turn=self.turn, error_arcsec=values, u=lines.kinematics.u, M_g=M_g)
+        return CorrectionTable(
+            turn=self.turn,
+            error_arcsec=values,
+            u=lines.kinematics.u,
+            M_g=M_g,
+        )
 
 
 USUAL_TABLES = (
@@ -207,7 +212,11 @@ def form_words(name: str) -> str:
     return name.replace("phasors", "correction terms")
 
 
-def table_values(lines: ErrorLines, turn: RepeatTurn, points: int) -> Array:
+def table_values(
+    lines: ErrorLines,
+    turn: RepeatTurn,
+    points: int,
+) -> Array:
     """Return values [arcsec] of tables that fit the errors of drives best, shape (drives, points).
 
     Between points tables are straight.
@@ -235,7 +244,11 @@ def line_orders(lines: ErrorLines) -> tuple[Array, Array, Array]:
     return per_output, order, per_output - order * ratio
 
 
-def phasors_of(lines: ErrorLines, M_g: float, number: int) -> Phasors:
+def phasors_of(
+    lines: ErrorLines,
+    M_g: float,
+    number: int,
+) -> Phasors:
     """So many of the strongest lines of errors at a torque M_g [N*m], over all drives, rising."""
     power = (np.abs(lines.amplitude) ** 2).mean(axis=0)
     kept = np.sort(np.argsort(-power, kind="stable")[:number])

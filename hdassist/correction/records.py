@@ -289,7 +289,12 @@ class _Travel:
         return np.asarray(even + 2 * closeness * (self.fitted_arcsec[end] - even))
 
 
-def require_sense(measurement: Measurement, drive: Drive, M_g: float, alignment: Alignment) -> None:
+def require_sense(
+    measurement: Measurement,
+    drive: Drive,
+    M_g: float,
+    alignment: Alignment,
+) -> None:
     """Raise UntrustedError if a recording fits its drive clearly better when it is read the other way.
 
     Its start and zero are any over the full cycle, those of the drive over a part of it. A drive with unknown
@@ -332,7 +337,11 @@ def require_fine_counts(measurement: Measurement) -> None:
         )
 
 
-def recorded_error(measurement: Measurement, kinematics: Kinematics, asked: Alignment) -> RecordedError:
+def recorded_error(
+    measurement: Measurement,
+    kinematics: Kinematics,
+    asked: Alignment,
+) -> RecordedError:
     """Return the error of a recording without level and drift, both directions as one.
 
     That of a travel is continued over the cycle.
@@ -366,7 +375,11 @@ class _DrawnErrors:
     beyond_arcsec: Array
 
 
-def drawn_errors(measurement: Measurement, kinematics: Kinematics, asked: Alignment) -> _DrawnErrors:
+def drawn_errors(
+    measurement: Measurement,
+    kinematics: Kinematics,
+    asked: Alignment,
+) -> _DrawnErrors:
     """Return errors that agree with a recording, by the posterior of its amplitudes.
 
     Waves that the recording does not determine, such as sidebands of a part of the cycle, differ from draw to draw.
@@ -404,22 +417,39 @@ def drawn_errors(measurement: Measurement, kinematics: Kinematics, asked: Alignm
     )
 
 
-def _lines_of_draws(posterior: AmplitudePosterior, draws: NDArray[np.int64], kinematics: Kinematics) -> ErrorLines:
+def _lines_of_draws(
+    posterior: AmplitudePosterior,
+    draws: NDArray[np.int64],
+    kinematics: Kinematics,
+) -> ErrorLines:
     """Return the components of some draws of a posterior as lines of the full cycle.
 
     draws: numbers of the draws, shape (drives,).
     """
-    cosines, sines = np.split(posterior.amplitudes[draws], 2, axis=1)
+    cosines, sines = np.split(
+        posterior.amplitudes[draws],
+        2,
+        axis=1,
+    )
     cycle = posterior.cycle
     # pairs count periods in an input and in an output revolution
     periods = posterior.pairs[:, 0] * cycle.numerator + posterior.pairs[:, 1] * cycle.denominator
     per_cycle, index = np.unique(periods, return_inverse=True)
     amplitude = np.zeros((len(draws), len(per_cycle)), dtype=complex)
     np.add.at(amplitude.T, index, (cosines - 1j * sines).T)  # several components may have the same period
-    return ErrorLines(kinematics=kinematics, per_cycle=per_cycle, amplitude=amplitude, certificate=EMPTY)
+    return ErrorLines(
+        kinematics=kinematics,
+        per_cycle=per_cycle,
+        amplitude=amplitude,
+        certificate=EMPTY,
+    )
 
 
-def with_scale_spread(lines: ErrorLines, scale_uncertainty: float, seed: int) -> ErrorLines:
+def with_scale_spread(
+    lines: ErrorLines,
+    scale_uncertainty: float,
+    seed: int,
+) -> ErrorLines:
     """Return lines of drives whose errors differ by a normal factor around 1, which a recording leaves open.
 
     lines: lines of the drives.
@@ -441,9 +471,17 @@ def _whole_turns(turns: float, kinematics: Kinematics) -> float:
     return float(period * np.ceil(turns / period - 1e-9))
 
 
-def solved_error(drive: Drive, M_g: float, run: Run) -> tuple[RecordedError, Certificate]:
+def solved_error(
+    drive: Drive,
+    M_g: float,
+    run: Run,
+) -> tuple[RecordedError, Certificate]:
     """Return the solved error of a drive at a torque M_g [N*m], as a record of each state of its cycle."""
-    solved = kinematic_error(drive, M_g, run=replace(run, cross_check=None))
+    solved = kinematic_error(
+        drive,
+        M_g,
+        run=replace(run, cross_check=None),
+    )
     return RecordedError(solved.states.phi_h / (2 * np.pi), solved.error_arcsec), solved.certificate
 
 
@@ -456,7 +494,11 @@ def with_more_lines(lines: ErrorLines, more: ErrorLines) -> ErrorLines:
     return replace(lines, per_cycle=all_per_cycle, amplitude=amplitude)
 
 
-def alike_lines(lines: ErrorLines, run: Run, misfit: float | None) -> ErrorLines:
+def alike_lines(
+    lines: ErrorLines,
+    run: Run,
+    misfit: float | None,
+) -> ErrorLines:
     """Return the lines of drives that may differ by a misfit from these: standard deviation of a line, over its size.
 
     Where misfit is None phases are any.
@@ -468,7 +510,11 @@ def alike_lines(lines: ErrorLines, run: Run, misfit: float | None) -> ErrorLines
     return replace(lines, amplitude=amplitudes + scale * _drawn(len(amplitudes), len(power), run))
 
 
-def _drawn(drives: int, lines: int, run: Run) -> Complex:
+def _drawn(
+    drives: int,
+    lines: int,
+    run: Run,
+) -> Complex:
     """Draw normal numbers of standard deviation 1 in both parts, whose mean is 0, shape (drives, lines)."""
     # antithetic pairs: their mean is exactly 0
     real, imaginary = np.random.default_rng([run.seed, 1]).standard_normal((2, drives // 2, lines))
@@ -490,19 +536,36 @@ class _ReadingNoise:
     freedom: int
 
     @classmethod
-    def of(cls, record: RecordedError, fitted: ErrorLines, weights: Array) -> _ReadingNoise:
+    def of(
+        cls,
+        record: RecordedError,
+        fitted: ErrorLines,
+        weights: Array,
+    ) -> _ReadingNoise:
         """Return the noise by readings that no line can follow, or else the power that most lines have."""
         freedom, variance = record.noise(fitted)
         # too few repeats: most lines are noise, whose power has the median log(2) times its mean
         if freedom < _LEAST_REPEATS:
             median_power = float(np.median(np.abs(fitted.amplitude[0]) ** 2))
-            return cls(power=max(median_power / np.log(2), _LEAST_POWER), least=_LEAST_POWER, freedom=0)
+            return cls(
+                power=max(median_power / np.log(2), _LEAST_POWER),
+                least=_LEAST_POWER,
+                freedom=0,
+            )
         # variance of an amplitude by least squares with these weights
         power = max(4 * variance * float(weights @ weights), _LEAST_POWER)
-        return cls(power=power, least=power * freedom / chdtri(freedom, _LEAST_CHANCE), freedom=freedom)
+        return cls(
+            power=power,
+            least=power * freedom / chdtri(freedom, _LEAST_CHANCE),
+            freedom=freedom,
+        )
 
 
-def recorded_lines(lines: ErrorLines, record: RecordedError, run: Run) -> ErrorLines:
+def recorded_lines(
+    lines: ErrorLines,
+    record: RecordedError,
+    run: Run,
+) -> ErrorLines:
     """Return lines of drives that agree with a record of the full cycle.
 
     Each line is shrunk by what its kind shows of its size: lines of the model, of single teeth, of neither. Noise of
@@ -533,7 +596,11 @@ def recorded_lines(lines: ErrorLines, record: RecordedError, run: Run) -> ErrorL
     return replace(with_peaks, amplitude=with_peaks.amplitude + drawn - drawn.mean(axis=0))
 
 
-def _shrunk_by_kind(fitted: ErrorLines, lines: ErrorLines, noise: _ReadingNoise) -> tuple[Array, Array]:
+def _shrunk_by_kind(
+    fitted: ErrorLines,
+    lines: ErrorLines,
+    noise: _ReadingNoise,
+) -> tuple[Array, Array]:
     """Return the share of each fitted line that is no noise, and its mean square if noise is least, shape (lines,).
 
     Kinds are lines of the model, lines of single teeth, of both, and of neither.
@@ -666,7 +733,14 @@ class _RecordFit:
             solved, _ = solved_error(self.drive.with_values(values), M_g, self.run)
             # the solved cycle has one reading for each state, and repeats
             period = lines.kinematics.cycle_cam_revolutions
-            remainders.append(np.interp(record.cam_turns, solved.cam_turns, solved.apart(lines), period=period))
+            remainders.append(
+                np.interp(
+                    record.cam_turns,
+                    solved.cam_turns,
+                    solved.apart(lines),
+                    period=period,
+                )
+            )
         return _levelled(remainders)
 
     def residuals(self, unknowns: Array, terms: _FitTerms) -> Array:
@@ -688,12 +762,21 @@ class _RecordFit:
         unlikely += (drawn[:, ~self.is_direction] ** 2).sum(axis=1)
         return np.asarray(drawn[np.argsort(unlikely)[:_STARTS]])
 
-    def best_fit(self, starts: Array, scale: float, beyond: Array) -> tuple[Any, _FitTerms]:
+    def best_fit(
+        self,
+        starts: Array,
+        scale: float,
+        beyond: Array,
+    ) -> tuple[Any, _FitTerms]:
         """Return the best fit from some starts, and its terms; further starts are left out once one is close."""
         bounds = np.where(self.is_direction, np.inf, _LARGEST)
         fits = []
         for start in starts:
-            terms = _FitTerms(start=start, scale=scale, beyond=beyond)
+            terms = _FitTerms(
+                start=start,
+                scale=scale,
+                beyond=beyond,
+            )
             fit = least_squares(
                 lambda unknowns, terms: self.residuals(unknowns[None], terms)[0],
                 start,
@@ -718,9 +801,18 @@ class _RecordFit:
         # its bound by chi square of independent numbers, and by what noise and a fit to it may hide of it
         bound = excess * independent / chdtri(max(independent - len(best), 2.0), 1 - _MISFIT_CHANCE)
         bound += noise * (float(ndtri(1 - _MISFIT_CHANCE)) / len(self.read) ** 0.5 + len(best) / len(self.read))
-        return _RecordMisfit(noise=noise, excess=excess, bound=float(np.sqrt(bound / np.var(self.read))))
+        return _RecordMisfit(
+            noise=noise,
+            excess=excess,
+            bound=float(np.sqrt(bound / np.var(self.read))),
+        )
 
-    def agreeing(self, fit: Any, terms: _FitTerms, draws: int) -> Array:
+    def agreeing(
+        self,
+        fit: Any,
+        terms: _FitTerms,
+        draws: int,
+    ) -> Array:
         """Draw unknowns that agree with the records, first the best ones, shape (draws, unknowns).
 
         Normal numbers around the fit are drawn and weighed by their likelihood.
@@ -745,7 +837,10 @@ def _levelled(by_torque: Iterable[Array]) -> Array:
 
 
 def agreeing_drives(
-    drive: Drive, records: Mapping[float, RecordedError], draws: int, run: Run
+    drive: Drive,
+    records: Mapping[float, RecordedError],
+    draws: int,
+    run: Run,
 ) -> tuple[list[dict[str, float]], float]:
     """Find drives that agree with records by torque [N*m].
 
@@ -757,10 +852,19 @@ def agreeing_drives(
     Returns the values of the drives by path, and the most misfit, as a share of the error. Raises UntrustedError if no
     drive agrees.
     """
-    record_fit = _RecordFit(drive=drive, prior=fitted_prior(drive), records=records, run=run)
+    record_fit = _RecordFit(
+        drive=drive,
+        prior=fitted_prior(drive),
+        records=records,
+        run=run,
+    )
     read = record_fit.read
     together = len(read) / (_MISFITS_A_TURN * record_fit.cam_turns)  # readings within which a misfit is the same
-    misfit = _RecordMisfit(noise=0.0, excess=0.0, bound=_FIRST_MISFIT)
+    misfit = _RecordMisfit(
+        noise=0.0,
+        excess=0.0,
+        bound=_FIRST_MISFIT,
+    )
     beyond = np.zeros(len(read))
     starts = record_fit.starts()
     for _ in range(_FITS):

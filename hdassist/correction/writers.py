@@ -98,7 +98,12 @@ class ControllerFormat:
 
 
 def _error_as_read(
-    table: CorrectionTable, axis: ControllerAxis, reading_deg: Array, direction: int = 1, *, of_cam: bool = False
+    table: CorrectionTable,
+    axis: ControllerAxis,
+    reading_deg: Array,
+    direction: int = 1,
+    *,
+    of_cam: bool = False,
 ) -> Array:
     """Return the error [arcsec] in the controller's counting at its readings of the output, or of the cam."""
     turned = axis.sense * (np.asarray(reading_deg) - axis.zero_deg) / 360
@@ -107,7 +112,12 @@ def _error_as_read(
 
 
 def _error_at_setpoint(
-    table: CorrectionTable, axis: ControllerAxis, setpoint_deg: Array, direction: int = 1, *, from_first: bool = False
+    table: CorrectionTable,
+    axis: ControllerAxis,
+    setpoint_deg: Array,
+    direction: int = 1,
+    *,
+    from_first: bool = False,
 ) -> Array:
     """Return the error [arcsec] as `error_as_read` has it, where the motor stands once it is taken off a set-point.
 
@@ -120,7 +130,11 @@ def _error_at_setpoint(
     return error
 
 
-def stored_table(table: CorrectionTable, controller: ControllerFormat, axis: ControllerAxis) -> CorrectionTable:
+def stored_table(
+    table: CorrectionTable,
+    controller: ControllerFormat,
+    axis: ControllerAxis,
+) -> CorrectionTable:
     """Return the table as the controller will play it, with its rows and steps; without the residuals of the first.
 
     Raises UsageError: a table that the controller cannot keep.
@@ -136,14 +150,23 @@ def stored_table(table: CorrectionTable, controller: ControllerFormat, axis: Con
             table, error_arcsec=np.round(table.error_arcsec / step) * step, other_direction_arcsec=other_arcsec
         )
     played = controller.played(table, axis)
-    angle = np.linspace(0, table.period_deg, _RESAMPLED_POINTS, endpoint=False)
+    angle = np.linspace(
+        0,
+        table.period_deg,
+        _RESAMPLED_POINTS,
+        endpoint=False,
+    )
     turns_as_read = played.is_of_cam or table.turn == "output"
     reading = axis.zero_deg + axis.sense * angle / (1 if turns_as_read else table.u)
     error = axis.sense * np.interp(reading, played.reading_deg, played.error_arcsec, period=played.period_deg)
     return replace(table, error_arcsec=error)
 
 
-def correction_file(result: Correction, controller: ControllerFormat, axis: ControllerAxis) -> tuple[str, str]:
+def correction_file(
+    result: Correction,
+    controller: ControllerFormat,
+    axis: ControllerAxis,
+) -> tuple[str, str]:
     """Return the controller's file of a table, with the residuals that it leaves as it is stored, and its companions.
 
     Raises UsageError: a correction that the controller cannot keep.
@@ -156,7 +179,11 @@ def correction_file(result: Correction, controller: ControllerFormat, axis: Cont
         correction = stored if other_arcsec is None else replace(stored, error_arcsec=other_arcsec)
         residual = percentiles(ranges_left(correction, error)[0])
         expected.append(ExpectedResidual(M_g, percentiles(error.ranges)[1], *residual))
-    about = replace(table, promised=tuple(expected), recorded_deg=result.recorded_deg)
+    about = replace(
+        table,
+        promised=tuple(expected),
+        recorded_deg=result.recorded_deg,
+    )
     kind, sha256 = (
         ("preset", result.drive.origin.sha256) if result.drive else ("record", result.records[result.M_g].sha256)
     )
@@ -183,7 +210,10 @@ def poor_table(result: Correction, controller: ControllerFormat) -> str:
 
 
 def controller_file(
-    table: CorrectionTable, controller: ControllerFormat, axis: ControllerAxis, source: str
+    table: CorrectionTable,
+    controller: ControllerFormat,
+    axis: ControllerAxis,
+    source: str,
 ) -> tuple[str, str]:
     """Return the controller's file and a description, which the file contains as comments if its format has them.
 
@@ -225,7 +255,11 @@ def controller_file(
     return "\n".join([*lines, ""]), "\n".join([*about, ""])
 
 
-def _turn_rows(table: CorrectionTable, axis: ControllerAxis, digits: int) -> tuple[Array, Array, Array]:
+def _turn_rows(
+    table: CorrectionTable,
+    axis: ControllerAxis,
+    digits: int,
+) -> tuple[Array, Array, Array]:
     """Rows over one turn of an axis, with one at each end: set-points [deg], errors [arcsec] counting up and down.
 
     The motor stands at the table's points once the error is taken off, in the mean of both directions.
@@ -267,7 +301,12 @@ def _twincat_nc_played(table: CorrectionTable, axis: ControllerAxis) -> _PlayedC
     """Return the error taken off at even set-points, straight between."""
     setpoint = _even_setpoints(table, axis)[:-1]
     error = _error_at_setpoint(table, axis, setpoint)
-    return _PlayedCorrection(reading_deg=setpoint - error / 3600, error_arcsec=error, period_deg=360.0, stored=error)
+    return _PlayedCorrection(
+        reading_deg=setpoint - error / 3600,
+        error_arcsec=error,
+        period_deg=360.0,
+        stored=error,
+    )
 
 
 def _twincat_nc(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
@@ -387,7 +426,12 @@ def _eqmod_played(table: CorrectionTable, axis: ControllerAxis) -> _PlayedCorrec
     stored = _error_at_setpoint(table, axis, setpoint, from_first=True).round(_EQMOD_DIGITS)
     played = stored - np.arange(rows) * ((stored[-1] - stored[0]) / (rows + 1))
     reading = setpoint - (played - played[0]) / 3600
-    return _PlayedCorrection(reading_deg=reading, error_arcsec=played, period_deg=worm_deg, stored=stored)
+    return _PlayedCorrection(
+        reading_deg=reading,
+        error_arcsec=played,
+        period_deg=worm_deg,
+        stored=stored,
+    )
 
 
 def _eqmod(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
@@ -400,7 +444,13 @@ def _eqmod(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
         f"!StepsPerWorm={round(played.period_deg * axis.steps_per_degree)}",
         *(
             f"{i} {steps} {error:.{_EQMOD_DIGITS}f}"
-            for i, (steps, error) in enumerate(zip(motor, played.stored, strict=True))
+            for i, (steps, error) in enumerate(
+                zip(
+                    motor,
+                    played.stored,
+                    strict=True,
+                )
+            )
         ),
     ]
 

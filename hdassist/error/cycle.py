@@ -88,7 +88,11 @@ class KinematicError:
         # the extremes make F'_ior, so another solver sees them in any case; random states guard the rest of the
         # curve
         states = len(self.states)
-        random_rows = np.random.default_rng(seed).choice(states, min(count, states), replace=False)
+        random_rows = np.random.default_rng(seed).choice(
+            states,
+            min(count, states),
+            replace=False,
+        )
         rows = np.unique(np.concatenate([[self.at_max, self.at_min], random_rows]))
         return replace(
             self,
@@ -173,7 +177,12 @@ class _SolvedStates:
 
 
 def _solved_states(
-    drive: Drive, M_g: float, states: States, teeth: ToothDeviations | None, solver: str | None, run: Run
+    drive: Drive,
+    M_g: float,
+    states: States,
+    teeth: ToothDeviations | None,
+    solver: str | None,
+    run: Run,
 ) -> _SolvedStates:
     """Solve states of a drive, those with similar contacts one after the other. The arguments are as in the caller."""
     kinematics = Kinematics.of(drive)
@@ -200,7 +209,12 @@ def _solved_states(
 
 
 def whole_error(
-    drive: Drive, M_g: float, *, teeth: ToothDeviations | None = None, solver: str | None = None, run: Run = Run()
+    drive: Drive,
+    M_g: float,
+    *,
+    teeth: ToothDeviations | None = None,
+    solver: str | None = None,
+    run: Run = Run(),
 ) -> KinematicError:
     """Return the kinematic error over the full cycle without a cross-check, from the user's cache if it is there.
 
@@ -208,7 +222,14 @@ def whole_error(
     are those of `kinematic_error`.
     """
     # the cross-check is left to the caller, who may run it beside other work
-    compute = partial(kinematic_error, drive, M_g, teeth=teeth, solver=solver, run=replace(run, cross_check=None))
+    compute = partial(
+        kinematic_error,
+        drive,
+        M_g,
+        teeth=teeth,
+        solver=solver,
+        run=replace(run, cross_check=None),
+    )
     # measured teeth are not part of the preset that names a kept result, and another solver has other digits
     if teeth or solver:
         return compute()
@@ -251,7 +272,11 @@ def _formulations(drive: Drive, states: States) -> Iterator[tuple[NDArray[np.int
 
 
 def _cross_check_of(
-    drive: Drive, error: KinematicError, teeth: ToothDeviations | None, run: Run, stated: dict[bytes, Formulation]
+    drive: Drive,
+    error: KinematicError,
+    teeth: ToothDeviations | None,
+    run: Run,
+    stated: dict[bytes, Formulation],
 ) -> CrossCheck:
     """Solve all states of an error again by the run's other solver.
 
@@ -279,7 +304,11 @@ def _cross_check_of(
         programme = stated[formulation.digest]
         checks.append(solve_again(programme, torques, delta_p, error.rotation_arcsec[rows], solver, where))
     worst = max(check.max_difference_arcsec for check in checks)
-    return CrossCheck(solver=checks[0].solver, states=len(error.states), max_difference_arcsec=worst)
+    return CrossCheck(
+        solver=checks[0].solver,
+        states=len(error.states),
+        max_difference_arcsec=worst,
+    )
 
 
 def require_programme(drive: Drive, run: Run) -> None:
@@ -302,7 +331,11 @@ def cross_checks_of(solved: Sequence[_Solved], run: Run) -> list[CrossCheck]:
     return [_cross_check_of(drive, error, teeth, run, stated) for drive, teeth, error in solved]
 
 
-def state_place(states: States, M_g: float, k: int) -> str:
+def state_place(
+    states: States,
+    M_g: float,
+    k: int,
+) -> str:
     """Return the words that say where state k is, at a torque M_g [N*m]."""
     phi_h = float(np.degrees(states.phi_h[k]))
     phi_g = float(np.degrees(states.phi_g[k]))
@@ -345,7 +378,12 @@ class SelfError:
 _SELF_ERRORS = TypeAdapter(list[tuple[list[list[float]], Certificate]])
 
 
-def self_error(drive: Drive, torques: Sequence[float], *, run: Run = Run()) -> list[SelfError]:
+def self_error(
+    drive: Drive,
+    torques: Sequence[float],
+    *,
+    run: Run = Run(),
+) -> list[SelfError]:
     """Return the self error of a drive at torques M_g [N*m], over numerics.n_phase tooth and ball phases.
 
     It is kept in the user's cache. Raises UntrustedError if an answer cannot be trusted.
@@ -373,12 +411,22 @@ def _self_errors(drive: Drive, torques: Sequence[float]) -> list[tuple[list[list
     for i, k in np.ndindex(grid, grid):
         formulation = formulate(systems.at(i / grid, k / grid))
         for t, M_g in enumerate(torques):
-            cases[M_g] = LoadCase(formulation, M_g, like=cases.get(M_g, cases.get(torques[0])))
+            cases[M_g] = LoadCase(
+                formulation,
+                M_g,
+                like=cases.get(M_g, cases.get(torques[0])),
+            )
             place = partial(_place, i / grid, k / grid, M_g)
             answers = cases[M_g].solve(WITHOUT_DEVIATIONS, place)
             rotation[t, i, k] = answers.rotation_arcsec[0]
             certificates[t] += answers.certificate
-    return list(zip(rotation.tolist(), certificates, strict=True))
+    return list(
+        zip(
+            rotation.tolist(),
+            certificates,
+            strict=True,
+        )
+    )
 
 
 @dataclass(frozen=True)
@@ -389,7 +437,11 @@ class LimitRooms:
     certificate: Certificate  # of the self error, empty without any limit
 
 
-def limits_left(drive: Drive, torques: Sequence[float], run: Run = Run()) -> LimitRooms:
+def limits_left(
+    drive: Drive,
+    torques: Sequence[float],
+    run: Run = Run(),
+) -> LimitRooms:
     """Return the room that limits of a drive leave F'_ior beside the self error at torques [N*m].
 
     Raises UntrustedError if a self error cannot be trusted.
@@ -403,5 +455,10 @@ def limits_left(drive: Drive, torques: Sequence[float], run: Run = Run()) -> Lim
     return LimitRooms(rooms, certificate)
 
 
-def _place(tau: float, beta: float, M_g: float, _: int) -> str:
+def _place(
+    tau: float,
+    beta: float,
+    M_g: float,
+    _: int,
+) -> str:
     return f"tau = {tau:g}, beta = {beta:g}, M_g = {M_g:g} N*m, without deviations"

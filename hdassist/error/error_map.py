@@ -68,7 +68,12 @@ class Batch:
         """Return the drives in some rows."""
         return Batch(self.drive, {path: column[rows] for path, column in self.columns.items()})
 
-    def scalars(self, row: Indices, alpha_g: Array, alpha_b: Array) -> Array:
+    def scalars(
+        self,
+        row: Indices,
+        alpha_g: Array,
+        alpha_b: Array,
+    ) -> Array:
         """Return the scalars [mm] of the drives in some rows at angles of their wheels [rad]; shapes broadcast."""
         return scalars_of({key: wave[row] for key, wave in self._waves.items()}, alpha_g, alpha_b)
 
@@ -129,7 +134,11 @@ class ErrorMap:
     """The error of drives that share a contact system, at one torque, over all tooth positions."""
 
     def __init__(
-        self, drive: Drive, M_g: float, formulation: Formulation | None = None, like: LoadCase | None = None
+        self,
+        drive: Drive,
+        M_g: float,
+        formulation: Formulation | None = None,
+        like: LoadCase | None = None,
     ) -> None:
         """Prepare the load case and the states of the full cycle.
 
@@ -149,7 +158,11 @@ class ErrorMap:
         self.drive = drive
         self.M_g = M_g
         # It never solves a state, so every answer starts from the same contact set and has the same digits.
-        self.fresh = LoadCase(formulation or formulate(contact_system(drive)), M_g, like=like)
+        self.fresh = LoadCase(
+            formulation or formulate(contact_system(drive)),
+            M_g,
+            like=like,
+        )
         kinematics = Kinematics.of(drive)
         # the map is of the rotation; F_kpp has this sign
         self.sign = kinematics.error_sign
@@ -157,7 +170,12 @@ class ErrorMap:
 
     def load_case(self) -> LoadCase:
         """Return a load case that solves states of the map, in batches however small."""
-        return LoadCase(self.fresh.formulation, self.M_g, like=self.fresh, many=True)
+        return LoadCase(
+            self.fresh.formulation,
+            self.M_g,
+            like=self.fresh,
+            many=True,
+        )
 
     def extremes(self, drive: Drive | None = None) -> Extremes:
         """Return the extremes of a drive, the map's by default, from every state of its cycle.
@@ -193,7 +211,11 @@ def every_state(drive: Drive, M_g: float) -> Extremes:
     )
 
 
-def error_maps(drive: Drive, torques: Sequence[float], formulation: Formulation | None = None) -> list[ErrorMap]:
+def error_maps(
+    drive: Drive,
+    torques: Sequence[float],
+    formulation: Formulation | None = None,
+) -> list[ErrorMap]:
     """Return maps of the error of a drive at torques [N*m], which share one contact system.
 
     Args:
@@ -206,7 +228,14 @@ def error_maps(drive: Drive, torques: Sequence[float], formulation: Formulation 
     for M_g in torques:
         # contact sets of neighbouring torques are similar
         previous_case = maps[-1].fresh if maps else None
-        maps.append(ErrorMap(drive=drive, M_g=M_g, formulation=formulation, like=previous_case))
+        maps.append(
+            ErrorMap(
+                drive=drive,
+                M_g=M_g,
+                formulation=formulation,
+                like=previous_case,
+            )
+        )
     return maps
 
 
@@ -219,7 +248,11 @@ def _lattice(kinematics: Kinematics) -> tuple[States, Indices, int]:
     """
     j = np.arange(kinematics.cycle_states)
     # -1: no state of the cycle stands at this point
-    board = np.full((kinematics.z_b, kinematics.z_g), -1, dtype=np.int64)
+    board = np.full(
+        (kinematics.z_b, kinematics.z_g),
+        -1,
+        dtype=np.int64,
+    )
     board[j % kinematics.z_b, j % kinematics.z_g] = j
     # one step along one wheel alone leads to a state only if z_b and z_g have no common factor
     finest = 2 if board[0, 1] < 0 else 1
@@ -361,7 +394,12 @@ class ErrorTable:
         """
         batch = Batch(self.drive, values)
         # the cycle is long, so its states lie densely on the torus, and a grid of positions represents them
-        alpha = np.linspace(0, 2 * np.pi, self.turns, endpoint=False)
+        alpha = np.linspace(
+            0,
+            2 * np.pi,
+            self.turns,
+            endpoint=False,
+        )
         by_b, by_g = batch.by_wheel(alpha, alpha)
         # orders beyond the fourth need more positions than the table is read at
         rough = self._rough_errors(batch) if by_b.shape[-1] > SMOOTH_SCALARS else None
@@ -389,7 +427,12 @@ class ErrorTable:
             raise UntrustedError(*_UNSPANNED)
         # their slopes change little over the table; NaN outside the discs
         slopes = np.nanmean(self.slopes[rough_rows], axis=(1, 2, 3, 4))
-        alpha = np.linspace(0, 2 * np.pi, _ROUGH_TURNS, endpoint=False)
+        alpha = np.linspace(
+            0,
+            2 * np.pi,
+            _ROUGH_TURNS,
+            endpoint=False,
+        )
         by_b, by_g = batch.by_wheel(alpha, alpha)
         return by_b[..., SMOOTH_SCALARS:] @ slopes, by_g[..., SMOOTH_SCALARS:] @ slopes
 
@@ -404,7 +447,11 @@ def _finer(n: int) -> Array:
     return np.fft.irfft(waves, _ROUGH_TURNS, axis=0) * _ROUGH_TURNS / n
 
 
-def error_table(error_map: ErrorMap, reach: Reach, mesh: Mesh) -> ErrorTable:
+def error_table(
+    error_map: ErrorMap,
+    reach: Reach,
+    mesh: Mesh,
+) -> ErrorTable:
     """Return the table of the error of drives that share a contact system, at the torque of their map.
 
     Raises UntrustedError if an answer cannot be trusted.

@@ -140,7 +140,11 @@ class _GridStates:
         return np.stack([total.max(axis=(1, 2)), -total.min(axis=(1, 2))], axis=1)
 
 
-def _hills_of(up: Array, down: Array, to_points: Callable[[Array], Indices]) -> _Hills:
+def _hills_of(
+    up: Array,
+    down: Array,
+    to_points: Callable[[Array], Indices],
+) -> _Hills:
     """Return the local maxima of an upper map and the local minima of a lower map.
 
     Each is moved to the top of the parabola through its neighbours.
@@ -166,7 +170,12 @@ def _hills_of(up: Array, down: Array, to_points: Callable[[Array], Indices]) -> 
     )
 
 
-def _tops_of_parabolas(maps: Array, map_number: Indices, k: Indices, l: Indices) -> tuple[Array, Array]:
+def _tops_of_parabolas(
+    maps: Array,
+    map_number: Indices,
+    k: Indices,
+    l: Indices,
+) -> tuple[Array, Array]:
     """Return the tops of parabolas along both axes through points of maps and their neighbours.
 
     Args:
@@ -194,7 +203,11 @@ def _tops_of_parabolas(maps: Array, map_number: Indices, k: Indices, l: Indices)
     return place, height
 
 
-def many_extremes(error_map: ErrorMap, batch: Batch, grids: tuple[int, ...] = FINE_GRIDS) -> Extremes:
+def many_extremes(
+    error_map: ErrorMap,
+    batch: Batch,
+    grids: tuple[int, ...] = FINE_GRIDS,
+) -> Extremes:
     """Return the extremes of drives from few states of each, or from every state of a short cycle.
 
     Args:
@@ -233,7 +246,11 @@ class _Search:
         z_b, z_g = error_map.board.shape
         # the first z_b states have all angles of the rigid wheel, the first z_g those of the flexspline
         by_b, by_g = batch.by_wheel(states.alpha_b[:z_b], states.alpha_g[:z_g])
-        self._torus = Torus(by_b=by_b, by_g=by_g, finest=error_map.finest)
+        self._torus = Torus(
+            by_b=by_b,
+            by_g=by_g,
+            finest=error_map.finest,
+        )
         self._certificate = EMPTY
 
     def every(self) -> Extremes:
@@ -245,7 +262,14 @@ class _Search:
         by_drive = rotation.reshape(-1, states)
         # each row: largest, smallest
         ends = np.stack([by_drive.argmax(axis=1), by_drive.argmin(axis=1)], axis=1)
-        return self._extremes_at(point[ends].reshape(-1, 2), np.take_along_axis(by_drive, ends, axis=1))
+        return self._extremes_at(
+            point[ends].reshape(-1, 2),
+            np.take_along_axis(
+                by_drive,
+                ends,
+                axis=1,
+            ),
+        )
 
     def extremes(self, grids: tuple[int, ...]) -> Extremes:
         """Return the extremes of all drives, proposed by grids of so many positions of each wheel."""
@@ -263,7 +287,11 @@ class _Search:
         is_drawn = grids == DRAWN_GRIDS
         gain = _DRAWN_GAIN if is_drawn else _FINE_GAIN
         rings = _DRAWN_RINGS if is_drawn else _FINE_RINGS
-        rules = Rules(steps=_MAX_STEPS, gain=gain / ARCSEC, radius=(radius, *rings))
+        rules = Rules(
+            steps=_MAX_STEPS,
+            gain=gain / ARCSEC,
+            radius=(radius, *rings),
+        )
         # states on the way have no certificate: only their tops are solved again
         points = self._case.climb(self._torus, starts, rules)
         rotation, _, _ = self._solve(np.repeat(np.arange(self._drives), 2), points)
@@ -292,7 +320,11 @@ class _Search:
         states = self._map.states.take(self._map.state(point))
         # words for an error message, made when one is needed
         place = partial(state_place, states, self._map.M_g)
-        answers = self._case.solve(StateGaps(self._torus.scalars(row, point)), place, slope=True)
+        answers = self._case.solve(
+            StateGaps(self._torus.scalars(row, point)),
+            place,
+            slope=True,
+        )
         self._certificate += answers.certificate
         assert answers.slope_arcsec_per_mm is not None
         return answers.rotation_arcsec, answers.slope_arcsec_per_mm, answers.zone_share[:, 0]
@@ -327,7 +359,11 @@ class _Search:
         index = np.stack(np.unravel_index(there_and_back((n, n)), (n, n)), axis=1)  # in the order of the walk
         grid_point = index * (self._size / n)
         row = np.tile(np.arange(drives), n * n)
-        point = np.repeat(self._map.to_lattice(grid_point), drives, axis=0)
+        point = np.repeat(
+            self._map.to_lattice(grid_point),
+            drives,
+            axis=0,
+        )
         rotation, slopes, zone_share = self._solve(row, point)
         smooth = slice(SMOOTH_SCALARS)
         change_b, change_g = self._torus.changes(row, point)
@@ -357,7 +393,12 @@ class _Search:
             rough_slopes=rough_slopes,
         )
 
-    def _rough(self, rough_slopes: Array, row: Indices, point: Indices) -> Array:
+    def _rough(
+        self,
+        rough_slopes: Array,
+        row: Indices,
+        point: Indices,
+    ) -> Array:
         """Return the error that orders beyond the fourth add at points [arcsec].
 
         Args:
@@ -368,7 +409,12 @@ class _Search:
         scalars = self._torus.scalars(row, point)[:, SMOOTH_SCALARS:]
         return np.asarray((scalars * rough_slopes[row]).sum(axis=1))
 
-    def _rough_of_wheel(self, part: Array, rough_slopes: Array, fine: int) -> Array:
+    def _rough_of_wheel(
+        self,
+        part: Array,
+        rough_slopes: Array,
+        fine: int,
+    ) -> Array:
         """Return the error that orders beyond the fourth of one wheel add, shape (drives, fine) [arcsec].
 
         The nearest tooth counts at each of the fine positions: a whole tooth is a sixth of a wave of order 16 on 100
@@ -465,7 +511,12 @@ def _starts_of(hills: _Hills) -> Starts:
     )
 
 
-def between_states(value: Array, by_b: Array, by_g: Array, times: int = SPLINE_POINTS) -> tuple[Array, Array]:
+def between_states(
+    value: Array,
+    by_b: Array,
+    by_g: Array,
+    times: int = SPLINE_POINTS,
+) -> tuple[Array, Array]:
     """Return an upper and a lower bound of the error between the states of a grid, shape (drives, n times, n times).
 
     They are cubic splines. If the tangents of all four states around a place lie beyond the spline, they bound the
@@ -499,7 +550,12 @@ def between_states(value: Array, by_b: Array, by_g: Array, times: int = SPLINE_P
     return up, down
 
 
-def _spline_between(value: Array, by_b: Array, by_g: Array, times: int) -> Array:
+def _spline_between(
+    value: Array,
+    by_b: Array,
+    by_g: Array,
+    times: int,
+) -> Array:
     """Return the cubic spline through the states of a grid, with the arguments of between_states."""
     # slopes at creases are those of one side only
     b = _limited_slope(value, by_b, 1)
@@ -511,7 +567,11 @@ def _spline_between(value: Array, by_b: Array, by_g: Array, times: int) -> Array
     return np.asarray((A @ value + B @ b) @ A.T + (A @ g + B @ twist) @ B.T)
 
 
-def _limited_slope(value: Array, slope: Array, axis: int) -> Array:
+def _limited_slope(
+    value: Array,
+    slope: Array,
+    axis: int,
+) -> Array:
     """Return slopes along an axis limited by the differences to both neighbours."""
     # a slope far above those to both neighbours belongs to a crease beside the state
     difference = np.abs(np.roll(value, -1, axis) - value)

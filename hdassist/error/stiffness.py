@@ -141,7 +141,13 @@ def stiffness(
     contact_arcsec = np.array(contact)
     tube_arcsec = np.array(tube)
     # floats are safe as keys: the ends of the segments are among the torques as they are
-    twist_of = dict(zip(torque.tolist(), (contact_arcsec + tube_arcsec).tolist(), strict=True))
+    twist_of = dict(
+        zip(
+            torque.tolist(),
+            (contact_arcsec + tube_arcsec).tolist(),
+            strict=True,
+        )
+    )
     return Stiffness(
         torque=torque,
         contact_arcsec=contact_arcsec,
@@ -167,7 +173,12 @@ class _SegmentEnds:
         return self.torques[0]
 
 
-def _segment_ends(drive: Drive, T_1: float | None, T_2: float | None, T_max: float | None) -> _SegmentEnds:
+def _segment_ends(
+    drive: Drive,
+    T_1: float | None,
+    T_2: float | None,
+    T_max: float | None,
+) -> _SegmentEnds:
     """Return the ends of the segments of a curve, with the arguments of `stiffness`.
 
     Raises UsageError for torques that are too small, not finite or in the wrong order.
@@ -195,7 +206,11 @@ def _segment_ends(drive: Drive, T_1: float | None, T_2: float | None, T_max: flo
     return _SegmentEnds(torques=tuple(torques), T_max=T_max)
 
 
-def _segments(ends: _SegmentEnds, twist_of: Mapping[float, float], sign: int) -> tuple[Segment, ...]:
+def _segments(
+    ends: _SegmentEnds,
+    twist_of: Mapping[float, float],
+    sign: int,
+) -> tuple[Segment, ...]:
     """Return the segments of one side.
 
     Args:
@@ -209,11 +224,23 @@ def _segments(ends: _SegmentEnds, twist_of: Mapping[float, float], sign: int) ->
     for start, end in pairwise([0.0, *(sign * T for T in ends.torques[1:])]):
         # a chord, as catalogues define K_1 to K_3
         twist = twist_of[end] - twist_of.get(start, centre)
-        segments.append(Segment(start=start, end=end, stiffness=(end - start) / twist * ARCSEC))
+        segments.append(
+            Segment(
+                start=start,
+                end=end,
+                stiffness=(end - start) / twist * ARCSEC,
+            )
+        )
     return tuple(segments)
 
 
-def _kept_twists(drive: Drive, torque: Array, ends: _SegmentEnds, formulation: Formulation | None, run: Run) -> _Twists:
+def _kept_twists(
+    drive: Drive,
+    torque: Array,
+    ends: _SegmentEnds,
+    formulation: Formulation | None,
+    run: Run,
+) -> _Twists:
     """Return the twists of a drive at torques [N*m], from the user's cache if they are there.
 
     Without a cross-check by a solver that comes with cvxpy they are not kept: such a drive is one of many.
@@ -247,11 +274,20 @@ def _twists_of(torques: int) -> TypeAdapter[_Twists]:
     return TypeAdapter(tuple[twists, twists, Certificate, CrossCheck | None], config=ConfigDict(allow_inf_nan=False))
 
 
-def _again(drive: Drive, torque: Array, contact: Array, solver: str) -> CrossCheck:
+def _again(
+    drive: Drive,
+    torque: Array,
+    contact: Array,
+    solver: str,
+) -> CrossCheck:
     """Return the twist of mesh and rings at torques [N*m] by another solver [arcsec], shape (torques,)."""
     # runs in another process, so it states the programme anew
     formulation = formulate(contact_system(drive))
-    gaps = np.repeat(formulation.system.delta_p[None], len(torque), axis=0)
+    gaps = np.repeat(
+        formulation.system.delta_p[None],
+        len(torque),
+        axis=0,
+    )
     return solve_again(formulation, torque, gaps, contact, solver, partial(_place, torque))
 
 
@@ -310,7 +346,11 @@ def segments_beside(catalogue: Catalogue, side: Sequence[Segment]) -> list[_Segm
 
 def ends_elsewhere(catalogue: Catalogue, side: Sequence[Segment]) -> bool:
     """Return whether segments end at other torques than the catalogue's: chords between them are other stiffnesses."""
-    ends = zip(side, (catalogue.T_1, catalogue.T_2), strict=False)
+    ends = zip(
+        side,
+        (catalogue.T_1, catalogue.T_2),
+        strict=False,
+    )
     return any(T is not None and abs(segment.end) != T for segment, T in ends)
 
 

@@ -90,14 +90,22 @@ def known_causes(drive: Drive) -> dict[tuple[int, int], tuple[float, str]]:
     return causes
 
 
-def _words(k_g: int, k_b: int, needs_cam: bool) -> str:
+def _words(
+    k_g: int,
+    k_b: int,
+    needs_cam: bool,
+) -> str:
     flexspline = f"{k_g if k_g > 1 else ''} flexspline" if k_g else ""
     rigid = f"{abs(k_b) if abs(k_b) > 1 else ''} circular spline" if k_b else ""
     between = (" - " if k_b < 0 else " + ") if k_g and k_b else ""
     return " ".join(f"{flexspline}{between}{rigid}{' + wave generator' if needs_cam else ''}".split())
 
 
-def orders(drive: Drive, error_arcsec: Array, revolutions: int) -> list[TraceOrder]:
+def orders(
+    drive: Drive,
+    error_arcsec: Array,
+    revolutions: int,
+) -> list[TraceOrder]:
     """Return the orders of an error over whole input revolutions, by rising order.
 
     Known orders are always listed, others if they are among the largest. If several causes lie within the resolution
@@ -131,7 +139,11 @@ def orders(drive: Drive, error_arcsec: Array, revolutions: int) -> list[TraceOrd
     return listed
 
 
-def _causes_by_bin(drive: Drive, revolutions: int, bins: int) -> dict[int, str]:
+def _causes_by_bin(
+    drive: Drive,
+    revolutions: int,
+    bins: int,
+) -> dict[int, str]:
     """Return the simplest causes in each bin of the spectrum over whole input revolutions."""
     causes: dict[int, list[tuple[int, str]]] = {}  # degree and cause
     for (k_g, k_b), (order, cause) in known_causes(drive).items():
@@ -238,10 +250,23 @@ def trace(
         kinematics, np.arange(revolutions * kinematics.teeth_fixed), float(np.radians(start_deg))
     )
     solved_drive, teeth = measured.in_drive(drive) if measured else (drive, None)
-    error = kinematic_error(solved_drive, M_g, states=states, teeth=teeth, solver=solver, run=run)
+    error = kinematic_error(
+        solved_drive,
+        M_g,
+        states=states,
+        teeth=teeth,
+        solver=solver,
+        run=run,
+    )
     along = None
     if gravity:
-        solve = partial(kinematic_error, solved_drive, teeth=teeth, solver=solver, run=UNCHECKED)
+        solve = partial(
+            kinematic_error,
+            solved_drive,
+            teeth=teeth,
+            solver=solver,
+            run=UNCHECKED,
+        )
         error, along = _error_along(error, gravity, solve)
     return Trace(
         error=error,
@@ -254,7 +279,9 @@ def trace(
 
 
 def _error_along(
-    mean: KinematicError, gravity: Gravity, solve: Callable[..., KinematicError]
+    mean: KinematicError,
+    gravity: Gravity,
+    solve: Callable[..., KinematicError],
 ) -> tuple[KinematicError, ErrorAlong]:
     """Return the error with gravity on top of a mean torque, interpolated between solved torques.
 
@@ -289,7 +316,12 @@ def _error_along(
 class _SolvedTorques:
     """Errors of the same states at several torques, between which the error is interpolated linearly."""
 
-    def __init__(self, mean: KinematicError, torque: Array, solve: Callable[..., KinematicError]) -> None:
+    def __init__(
+        self,
+        mean: KinematicError,
+        torque: Array,
+        solve: Callable[..., KinematicError],
+    ) -> None:
         """Solve the smallest and the largest torque.
 
         Args:
@@ -387,7 +419,11 @@ POINTS_A_TURN = 180  # of the cam, at which curves are computed
 
 def _wave_numbers() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return how often each wave goes around the flexspline's and the rigid wheel's angle, shape (waves,) each."""
-    k_g, k_b = np.meshgrid(np.arange(_HIGHEST + 1), np.arange(-_HIGHEST, _HIGHEST + 1), indexing="ij")
+    k_g, k_b = np.meshgrid(
+        np.arange(_HIGHEST + 1),
+        np.arange(-_HIGHEST, _HIGHEST + 1),
+        indexing="ij",
+    )
     half = (k_g > 0) | (k_b > 0)  # the others are their mirror images
     return k_g[half], k_b[half]
 
@@ -399,7 +435,13 @@ class ErrorWaves:
     torque, where there is one. Raises UsageError for a drive with rolling balls.
     """
 
-    def __init__(self, drive: Drive, M_g: float, run: Run = Run(), error_map: ErrorMap | None = None) -> None:
+    def __init__(
+        self,
+        drive: Drive,
+        M_g: float,
+        run: Run = Run(),
+        error_map: ErrorMap | None = None,
+    ) -> None:
         self._map = error_map or ErrorMap(drive, M_g)
         self._run = run
         self._case = self._map.load_case()
@@ -448,7 +490,12 @@ class EstimatedCycle:
     certificate: Certificate
 
 
-def estimated_cycle(drive: Drive, M_g: float, *, short_cycle: int = SHORT_CYCLE) -> KinematicError | EstimatedCycle:
+def estimated_cycle(
+    drive: Drive,
+    M_g: float,
+    *,
+    short_cycle: int = SHORT_CYCLE,
+) -> KinematicError | EstimatedCycle:
     """Return the error of a drive at a torque M_g [N*m] over its full cycle, from its waves.
 
     In a short cycle every state is solved.
@@ -518,7 +565,12 @@ class ErrorLines:
         return replace(self, amplitude=self.amplitude.mean(axis=0)[None])
 
 
-def error_lines(drive: Drive, M_g: float, changes: Sequence[Mapping[str, float]], run: Run = Run()) -> ErrorLines:
+def error_lines(
+    drive: Drive,
+    M_g: float,
+    changes: Sequence[Mapping[str, float]],
+    run: Run = Run(),
+) -> ErrorLines:
     """Return the lines of a drive at a torque M_g [N*m] with the values of each of some changes, by path.
 
     A wave that goes k_g times around the flexspline and k_b times around the rigid wheel comes k_g L/z_g + k_b L/z_b
@@ -539,10 +591,19 @@ def error_lines(drive: Drive, M_g: float, changes: Sequence[Mapping[str, float]]
     per_cycle = np.unique(np.abs(often[often != 0]))
     turning = np.where(often > 0, np.conj(waves), waves)  # both wheels turn backwards in the cam's frame
     amplitude = turning @ (np.abs(often)[:, None] == per_cycle)
-    return ErrorLines(kinematics=kinematics, per_cycle=per_cycle, amplitude=amplitude, certificate=certificate)
+    return ErrorLines(
+        kinematics=kinematics,
+        per_cycle=per_cycle,
+        amplitude=amplitude,
+        certificate=certificate,
+    )
 
 
-def _waves_of(drive: Drive, M_g: float, change: Mapping[str, float]) -> tuple[Complex, Certificate]:
+def _waves_of(
+    drive: Drive,
+    M_g: float,
+    change: Mapping[str, float],
+) -> tuple[Complex, Certificate]:
     changed_drive = drive.with_values(change)
     waves = ErrorWaves(changed_drive, M_g)
     return waves.waves([changed_drive])[0], waves.certificate

@@ -119,7 +119,13 @@ class Form(ModalScreen[None]):
 
     BINDINGS: ClassVar[list[BindingType]] = [Binding("escape", "dismiss(None)", "leave")]
 
-    def __init__(self, title: str, value: str, hint: str, take: Callable[[str], None]) -> None:
+    def __init__(
+        self,
+        title: str,
+        value: str,
+        hint: str,
+        take: Callable[[str], None],
+    ) -> None:
         super().__init__()
         self._title = title
         self._value = value
@@ -132,7 +138,11 @@ class Form(ModalScreen[None]):
             form.border_title = visible(self._title)
             form.border_subtitle = "Enter accepts, Escape cancels"
             yield Input(self._value, select_on_focus=True)
-            yield Static(visible(self._hint), id="hint", markup=False)
+            yield Static(
+                visible(self._hint),
+                id="hint",
+                markup=False,
+            )
             yield Static("", id="wrong", markup=False)
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
@@ -194,7 +204,12 @@ class _Exporting(Asking):
         self.ask_file("assembly card", name, hint, lambda path: CardFile(path, say).text(advice))
 
     def ask_file(
-        self, title: str, name: str, hint: str, text: Callable[[str], str], written: Callable[[], object] = str
+        self,
+        title: str,
+        name: str,
+        hint: str,
+        text: Callable[[str], str],
+        written: Callable[[], object] = str,
     ) -> None:
         """Ask for a file's name and write a text to it, made of that name; over a file only after asking.
 
@@ -217,7 +232,14 @@ class _Exporting(Asking):
             else:
                 keep()
 
-        self.ask_in(Form(title=f"{title}: file", value=name, hint=hint, take=take))
+        self.ask_in(
+            Form(
+                title=f"{title}: file",
+                value=name,
+                hint=hint,
+                take=take,
+            )
+        )
 
     def action_report(self) -> None:
         """Write the page of `check` with all its tables."""
@@ -226,7 +248,11 @@ class _Exporting(Asking):
             return
 
         def text(path: str) -> str:
-            style = Style(ascii=self.ascii, codes=False, width=80)
+            style = Style(
+                ascii=self.ascii,
+                codes=False,
+                width=80,
+            )
             return report_html(report) if path.endswith(".html") else report_markdown(report, style)
 
         hint = ".html, or Markdown: the page of check; hdassist report includes mount and stiffness too"
@@ -323,7 +349,11 @@ class Explorer(_Exporting):
         }
         self.lines = {name: Static(id=name, markup=False) for name in _LINES}
         self.side = Vertical(id="side")
-        self.wanted = Input(placeholder="/ filters", id="filter", compact=True)
+        self.wanted = Input(
+            placeholder="/ filters",
+            id="filter",
+            compact=True,
+        )
         self.all = Vertical(id="all", classes="holes")
 
     def compose(self) -> ComposeResult:
@@ -410,14 +440,24 @@ class Explorer(_Exporting):
         effects = known.effects or LeverEffects({})
         if effects.is_whole and not self.levers.order:
             self.levers.sort_by_effect(effects, torque)
-        self.levers.show(session, effects, torque, self.wanted.value, is_grouped=self.is_grouped)
+        self.levers.show(
+            session,
+            effects,
+            torque,
+            self.wanted.value,
+            is_grouped=self.is_grouped,
+        )
         typical = ", of a typical drive"
         self.side.border_subtitle = f"change at {self.M_g:g} N·m, ″{typical if known.typical else ''}"
         seat = panes["seat"]
         drawing, seat.border_subtitle = seat_pane(session, letters, seat.scrollable_content_region.width)
         seat.show(drawing)
         panes["why"].show(*why_blocks(known), ascii=self.ascii)
-        panes["advice"].show(Paragraph(order_words(known)), facts_of(known.report), ascii=self.ascii)
+        panes["advice"].show(
+            Paragraph(order_words(known)),
+            facts_of(known.report),
+            ascii=self.ascii,
+        )
         for name in ("turn", "cycle"):
             panes[name].border_title = f"{VIEWS[name].upper()}{typical if self._of_turn() else ''}"
             blocks = turn_blocks(known.turn, name) if known.turn else [Text(known.without, "dim")]
@@ -596,9 +636,22 @@ class Explorer(_Exporting):
             hint = f"{about_field(field)}. An empty value reverts a change."
             self._ask_change(title, text_of(field.value), hint, lambda s, value: state.edited(s, field.path, value))
 
-    def _ask_change(self, title: str, text: str, hint: str, change: Callable[[Session, str], Session]) -> None:
+    def _ask_change(
+        self,
+        title: str,
+        text: str,
+        hint: str,
+        change: Callable[[Session, str], Session],
+    ) -> None:
         """Have a text filled in that changes the session."""
-        self.ask_in(Form(title=title, value=text, hint=hint, take=lambda value: self.show(change(self.session, value))))
+        self.ask_in(
+            Form(
+                title=title,
+                value=text,
+                hint=hint,
+                take=lambda value: self.show(change(self.session, value)),
+            )
+        )
 
     def action_nudge(self, steps: int) -> None:
         """Change the field under the cursor by steps."""

@@ -177,7 +177,12 @@ class Asking(App[int]):
 
     def complain(self, error: HdassistError) -> None:
         """Notify of an error and its hint."""
-        self.notify(visible(f"{error.message}\n{error.hint}".strip()), severity="error", markup=False, timeout=8)
+        self.notify(
+            visible(f"{error.message}\n{error.hint}".strip()),
+            severity="error",
+            markup=False,
+            timeout=8,
+        )
 
     def ask_of_drive(self) -> None:
         """Ask for the answers of `check` and of `mount`, unless they are there."""
@@ -190,7 +195,13 @@ class Asking(App[int]):
         old = self.known.old
         self.ask("drive", self.known, drive_answers, drive, still_typical(old, drive) if old else {}, self.effort)
 
-    def ask(self, group: str, known: Known, function: Callable[..., None], *arguments: object) -> None:
+    def ask(
+        self,
+        group: str,
+        known: Known,
+        function: Callable[..., None],
+        *arguments: object,
+    ) -> None:
         """Ask, and take each answer, unless that was the last question of its group, the process of which is ended."""
         if self.asked.get(group) == arguments:
             return

@@ -98,7 +98,14 @@ class ExploreCommand(o.LimitedDriveOptions):
         with closing(service):
             keep = partial(put_text, str(user_state_path("hdassist", ensure_exists=True) / _SESSION_FILE))
             effort = Effort(jobs=self.jobs)
-            app = Explorer(session, service, effort, dark=not self.light, ascii=style.ascii, keep=keep)
+            app = Explorer(
+                session,
+                service,
+                effort,
+                dark=not self.light,
+                ascii=style.ascii,
+                keep=keep,
+            )
             app.run()
         if app.session.changes != session.changes:
             for label, name in (("back to it", "explore"), ("its numbers", "check")):
@@ -145,7 +152,11 @@ class _ForkedProcesses:
     def begin(self, question: Question) -> _Answering:
         """Begin a process that answers a question. Raises OSError: the system gives none."""
         receiving_end, sending_end = self._context.Pipe(duplex=False)
-        process = self._context.Process(target=_answer_forked, args=(question, sending_end), daemon=False)
+        process = self._context.Process(
+            target=_answer_forked,
+            args=(question, sending_end),
+            daemon=False,
+        )
         with sending_end:
             process.start()
         return _Answering(process, receiving_end)
@@ -184,7 +195,11 @@ class _WaitingProcesses:
 
     def _begun(self) -> _Answering:
         own_end, worker_end = self._context.Pipe()
-        process = self._context.Process(target=_answer_spawned, args=(worker_end, os.getpid()), daemon=False)
+        process = self._context.Process(
+            target=_answer_spawned,
+            args=(worker_end, os.getpid()),
+            daemon=False,
+        )
         with worker_end, stops_held_back():
             process.start()
         return _Answering(process, own_end)

@@ -104,7 +104,12 @@ class LeverEffects:
 _Tell = Callable[[str, object], None]  # field of `asking.Known`, and its value
 
 
-def drive_answers(drive: Drive, typical: Mapping[str, float], effort: Effort, tell: _Tell) -> None:
+def drive_answers(
+    drive: Drive,
+    typical: Mapping[str, float],
+    effort: Effort,
+    tell: _Tell,
+) -> None:
     """F'_ior of a typical drive, that over the seat by a search, the answers of `check`, and of `mount` or `trials`.
 
     Argument: typical, values by path of all that was not known exactly of a drive like it. Raises HdassistError where
@@ -121,27 +126,60 @@ def drive_answers(drive: Drive, typical: Mapping[str, float], effort: Effort, te
             tell("check", so_far)
 
     states = check_states(drive, draws=effort.draws)
-    states += advice_states(drive, 0 if tried else len(rotations), draws=effort.draws, trials=tried)
+    states += advice_states(
+        drive,
+        0 if tried else len(rotations),
+        draws=effort.draws,
+        trials=tried,
+    )
     with workers(effort.jobs) as executor:
         run = Run(executor, _Share(states, tell), _SEED)
         if has_typical:
-            errors = run.map(partial(kinematic_error, typical_drive, run=UNCHECKED), typical_drive.operation.M_g)
+            errors = run.map(
+                partial(
+                    kinematic_error,
+                    typical_drive,
+                    run=UNCHECKED,
+                ),
+                typical_drive.operation.M_g,
+            )
             tell("first", FirstErrors([error.F_ior_arcsec for error in errors], SURE_PROVEN))
-        checked = check(drive, draws=effort.draws, run=run, seen=seen)
+        checked = check(
+            drive,
+            draws=effort.draws,
+            run=run,
+            seen=seen,
+        )
         tell("check", checked)
         tell("page", check_report(checked, _SEED))
         if tried:
             setup = TrialSetup(TRIALS.torque_of(drive.operation.M_g))
-            advice = advise_after(drive, (), setup, draws=effort.draws, run=run)
+            advice = advise_after(
+                drive,
+                (),
+                setup,
+                draws=effort.draws,
+                run=run,
+            )
         else:
-            advice = advise(drive, rotations, draws=effort.draws, run=run)
+            advice = advise(
+                drive,
+                rotations,
+                draws=effort.draws,
+                run=run,
+            )
     if advice.decision.is_sampled or not advice.unknown:
         tell("curve", _mount_curve(advice))
     tell("report", mount_report(advice, _SEED))
     tell("advice", advice)
 
 
-def _tell_searched(drive: Drive, typical_drive: Drive | None, rotations: tuple[float, ...], tell: _Tell) -> None:
+def _tell_searched(
+    drive: Drive,
+    typical_drive: Drive | None,
+    rotations: tuple[float, ...],
+    tell: _Tell,
+) -> None:
     """Tell what a search gives at once: F'_ior of a typical drive, and that over the seat if all of it is known.
 
     typical_drive: None if none is known.
@@ -187,7 +225,13 @@ def still_typical(found: DesignCheck, drive: Drive) -> Mapping[str, float]:
     return {path: value for path, value in typical_of(found)[0].items() if path in open_}
 
 
-def cam_turn(drive: Drive, typical: Mapping[str, float], rotation_deg: float, M_g: float, tell: _Tell) -> None:
+def cam_turn(
+    drive: Drive,
+    typical: Mapping[str, float],
+    rotation_deg: float,
+    M_g: float,
+    tell: _Tell,
+) -> None:
     """The page of `trace` of a typical drive over its full cycle, with its fixed wheel turned.
 
     Raises HdassistError where there is no answer.
@@ -198,7 +242,13 @@ def cam_turn(drive: Drive, typical: Mapping[str, float], rotation_deg: float, M_
     tell("turn", trace_report(rotated_drive, turn_trace, _SEED))
 
 
-def lever_effects(drive: Drive, pinned: Drive, typical: Mapping[str, float], effort: Effort, tell: _Tell) -> None:
+def lever_effects(
+    drive: Drive,
+    pinned: Drive,
+    typical: Mapping[str, float],
+    effort: Effort,
+    tell: _Tell,
+) -> None:
     """Effect of a plausible step of each field on F'_ior of a typical drive, by a search.
 
     A step of a field that is not known exactly goes about one standard deviation far, one of a field in which a pinned
@@ -221,7 +271,11 @@ def lever_effects(drive: Drive, pinned: Drive, typical: Mapping[str, float], eff
     tell("effects", replace(effects, is_whole=True))
 
 
-def _steps(drive: Drive, here: Drive, others: Mapping[str, Any]) -> Iterator[tuple[str, tuple[float, ...]]]:
+def _steps(
+    drive: Drive,
+    here: Drive,
+    others: Mapping[str, Any],
+) -> Iterator[tuple[str, tuple[float, ...]]]:
     """Plausible steps of the fields of a typical drive, in order of preference.
 
     Arguments: drive, with its ranges; here, the typical one; others, values where a pinned one differs.

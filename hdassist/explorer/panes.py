@@ -123,7 +123,11 @@ class Holes(KeyedTable):
     """F'_ior in each position of the fixed wheel: numbers, and a bar from its 5th to its 95th percentile."""
 
     def show(
-        self, session: Session, found: SeatCurve | None, behind: SeatCurve | None, letters: Mapping[float, str]
+        self,
+        session: Session,
+        found: SeatCurve | None,
+        behind: SeatCurve | None,
+        letters: Mapping[float, str],
     ) -> None:
         """Show positions.
 
@@ -163,17 +167,29 @@ class Holes(KeyedTable):
 
     def _room(self, numbers: Mapping[float, Sequence[Text]], heads: Sequence[str]) -> int:
         """Columns that are left for bars beside numbers under heads."""
-        by_torque = zip(heads, zip(*numbers.values(), strict=True), strict=False)
+        by_torque = zip(
+            heads,
+            zip(*numbers.values(), strict=True),
+            strict=False,
+        )
         return self.size.width - 11 - sum(max(len(head), *map(len, cells)) for head, cells in by_torque)
 
 
-def _top_of_bars(found: SeatCurve | None, measured: Sequence[float], limits: Sequence[float]) -> float:
+def _top_of_bars(
+    found: SeatCurve | None,
+    measured: Sequence[float],
+    limits: Sequence[float],
+) -> float:
     """Return the upper end of the bars [arcsec]: a tick above all values, or above the limits before any are known."""
     errors = found.F_ior_arcsec.max(axis=(1, 2)).tolist() if found else limits
     return ticks(0.0, max([0.1, *measured, *errors]), 5)[-1]
 
 
-def _place_name(session: Session, place_deg: float, signs: str) -> Text:
+def _place_name(
+    session: Session,
+    place_deg: float,
+    signs: str,
+) -> Text:
     """Return the name of a position with its signs, bold for the present one."""
     style = "bold" if place_deg == session.turn_deg else ""
     name = Text(f"{bare(place_deg, session.drive.mounting.holes):>4} {signs:4.4}", style)
@@ -182,7 +198,10 @@ def _place_name(session: Session, place_deg: float, signs: str) -> Text:
 
 
 def _range_marks(
-    found: SeatCurve | None, behind: SeatCurve | None, place_deg: float, limits: Sequence[float]
+    found: SeatCurve | None,
+    behind: SeatCurve | None,
+    place_deg: float,
+    limits: Sequence[float],
 ) -> Iterator[tuple[float, float, str, str]]:
     """Yield the marks of a position, from below upwards: the other variant, ranges, limits, medians.
 
@@ -212,7 +231,12 @@ def _seat_ranges(found: SeatCurve | None, rotation_deg: float) -> list[list[floa
     return found.F_ior_arcsec[:, :, place].T.tolist() if found and place is not None else []
 
 
-def values_of(found: SeatCurve | None, rotation_deg: float, *, medians: bool = False) -> list[Text]:
+def values_of(
+    found: SeatCurve | None,
+    rotation_deg: float,
+    *,
+    medians: bool = False,
+) -> list[Text]:
     """F'_ior at each torque in a position: a value, or its 5th and 95th percentile, or its median alone."""
     texts = []
     for k, (low, middle, high) in enumerate(_seat_ranges(found, rotation_deg)):
@@ -221,7 +245,11 @@ def values_of(found: SeatCurve | None, rotation_deg: float, *, medians: bool = F
     return texts
 
 
-def _bar(width: int, top: float, marks: Iterable[tuple[float, float, str, str]]) -> Text:
+def _bar(
+    width: int,
+    top: float,
+    marks: Iterable[tuple[float, float, str, str]],
+) -> Text:
     """A row of signs from 0 to a top [arcsec], each from a value to another one, in a style; later ones above."""
     signs = [(" ", "") for _ in range(width)]
     for low, high, sign, style in marks:
@@ -231,7 +259,11 @@ def _bar(width: int, top: float, marks: Iterable[tuple[float, float, str, str]])
     return Text.assemble(*signs)
 
 
-def seat_pane(session: Session, letters: Mapping[float, str], width: int) -> tuple[Text, str]:
+def seat_pane(
+    session: Session,
+    letters: Mapping[float, str],
+    width: int,
+) -> tuple[Text, str]:
     """The seat from the cam side in so many columns, and the legend of its letters, which a wide one has beside it."""
     first = session.drive.mounting.first_hole
     named = [(angle_deg, sign) for angle_deg, signs in letters.items() for sign in signs if sign in _LETTER_KINDS]
@@ -252,7 +284,11 @@ def seat_pane(session: Session, letters: Mapping[float, str], width: int) -> tup
     legend = [f"{sign} {label}" for sign, label in _SEAT_WORDS.items() if sign in present]
     lines = seat_in_characters(seat).split("\n")
     if width >= _LEGEND_COLUMNS:
-        with_legend = zip_longest(lines, legend[: len(lines)], fillvalue="")
+        with_legend = zip_longest(
+            lines,
+            legend[: len(lines)],
+            fillvalue="",
+        )
         lines = [f"{line:{SEAT_WIDTH + 4}}{entry}".rstrip() for line, entry in with_legend]
     text = Text("\n".join(lines))
     for letter, style in _LETTER_STYLES.items():
@@ -274,7 +310,11 @@ class Pane(VerticalScroll):
 
     def show(self, *parts: RenderableType | Block, ascii: bool = False) -> None:
         """Show texts and blocks; one moment later where there is no room yet."""
-        style = Style(ascii=ascii, codes=False, width=self.scrollable_content_region.width)
+        style = Style(
+            ascii=ascii,
+            codes=False,
+            width=self.scrollable_content_region.width,
+        )
         if style.width >= _LEAST_PANE:
             shown = [[*block_on_page(part, style)] if isinstance(part, Block) else [part] for part in parts]
             self._text.update(Group(*(part for group in shown for part in group)))
@@ -296,7 +336,15 @@ class Levers(KeyedTable):
         sizes = {path: abs(changes[torque]) for path, (_, changes) in effects.steps.items()}
         self.order = tuple(sorted(sizes, key=lambda path: (path not in effects.differing, -sizes[path])))
 
-    def show(self, session: Session, effects: LeverEffects, torque: int, wanted: str, *, is_grouped: bool) -> None:
+    def show(
+        self,
+        session: Session,
+        effects: LeverEffects,
+        torque: int,
+        wanted: str,
+        *,
+        is_grouped: bool,
+    ) -> None:
         """Show fields whose path or meaning has some words, in the preset's order or by their effect.
 
         Without words those that are no part of the drive are left out. Arguments: session; effects of steps at a
@@ -320,13 +368,20 @@ class Levers(KeyedTable):
         room = self.size.width - sum(max((len(row[k]) for row in cells.values()), default=0) for k in (0, 2, 3, 4)) - 2
         rows = {}
         for path, (name, meaning, *ranges) in cells.items():
-            meaning.truncate(max(room, 0), overflow="ellipsis", pad=True)
+            meaning.truncate(
+                max(room, 0),
+                overflow="ellipsis",
+                pad=True,
+            )
             rows[path] = name, Text(" ") + meaning, *ranges
         self.fill(["field", " meaning"[: room + 1], " value", " step", f" {'change':>7}"], rows)
 
 
 def _lever_cells(
-    field: ResolvedField, marks: Mapping[str, str], effects: LeverEffects, torque: int
+    field: ResolvedField,
+    marks: Mapping[str, str],
+    effects: LeverEffects,
+    torque: int,
 ) -> tuple[Text, Text, Text, Text, Text]:
     """Name and mark of a field, its meaning, its value with unit, a plausible step, and the change by it."""
     mark = marks.get(field.path, " ")
@@ -367,7 +422,13 @@ def head_line(session: Session) -> Text:
     return line.append("  x_b follows W_0" if session.keeps_clearance else "", _INK[1])
 
 
-def headline(session: Session, known: Known, pinned: Known | None, torque: int, width: int) -> RichTable | Text:
+def headline(
+    session: Session,
+    known: Known,
+    pinned: Known | None,
+    torque: int,
+    width: int,
+) -> RichTable | Text:
     """Return F'_ior by torque as `check` has it, as it stands and in the best hole.
 
     Before the answer is whole a typical drive, as it was and is, stands beside the old one.
@@ -384,14 +445,22 @@ def headline(session: Session, known: Known, pinned: Known | None, torque: int, 
         return Text(f"F'_ior: {known.without}")
     columns = _check_columns(known, shown, torque)
     if known.first and known.old and not known.whole:
-        F_ior_pairs = zip(typical_of(known.old)[1], known.first.F_ior_arcsec, strict=True)
+        F_ior_pairs = zip(
+            typical_of(known.old)[1],
+            known.first.F_ior_arcsec,
+            strict=True,
+        )
         columns["typical drive, ″"] = [
             f"{before:.2f} → {new:.2f} {MARKS[known.first.sure][0]}" for before, new in F_ior_pairs
         ]
     if "limit, ″" in columns:
         columns |= _limit_columns(known, shown, columns.pop("verdict"))
     if known.whole and pinned and pinned.whole:
-        points = zip(shown.points, pinned.whole.points, strict=True)
+        points = zip(
+            shown.points,
+            pinned.whole.points,
+            strict=True,
+        )
         changes = [point.F_ior_or_error - before.F_ior_or_error for point, before in points]
         columns["change, ″"] = [f"[{_INK[0]}]{change:+.2f}[/]" for change in changes]
     columns |= _best_hole_column(session, known, _surety(shown))
@@ -403,7 +472,11 @@ def _surety(check: DesignCheck) -> str:
     return SURE_RANGE if check.samples else SURE_PROVEN
 
 
-def _check_columns(known: Known, shown: DesignCheck, torque: int) -> dict[str, list[str]]:
+def _check_columns(
+    known: Known,
+    shown: DesignCheck,
+    torque: int,
+) -> dict[str, list[str]]:
     """Return the columns of a check that the headline has, by their heads, a cell for each torque.
 
     Args:
@@ -432,7 +505,11 @@ def _check_columns(known: Known, shown: DesignCheck, torque: int) -> dict[str, l
     return columns
 
 
-def _limit_columns(known: Known, shown: DesignCheck, verdicts: Sequence[str]) -> dict[str, list[str]]:
+def _limit_columns(
+    known: Known,
+    shown: DesignCheck,
+    verdicts: Sequence[str],
+) -> dict[str, list[str]]:
     """Return the verdict, the margin and the probability of meeting the limit, a cell for each torque."""
     if shown is known.check and not known.whole:
         verdicts = ["…" for _ in verdicts]
@@ -449,7 +526,11 @@ def _limit_columns(known: Known, shown: DesignCheck, verdicts: Sequence[str]) ->
     }
 
 
-def _best_hole_column(session: Session, known: Known, surety: str) -> dict[str, list[str]]:
+def _best_hole_column(
+    session: Session,
+    known: Known,
+    surety: str,
+) -> dict[str, list[str]]:
     """Return F'_ior in the best hole, none if it is the present one; surety: of the numbers beside it."""
     advice = known.advice
     best_deg = advice.chosen.rotation_deg if advice and advice.word != "ANY_HOLE" else 0.0
@@ -469,7 +550,11 @@ def _table_within(columns: dict[str, list[str]], width: int) -> RichTable:
     for name in sorted(widths, key=lambda name: name != "verdict")[::-1]:
         if sum(widths[kept] for kept in columns) > width:
             del columns[name]
-    table = RichTable(box=None, padding=(0, 2, 0, 0), header_style="dim")
+    table = RichTable(
+        box=None,
+        padding=(0, 2, 0, 0),
+        header_style="dim",
+    )
     for name in columns:
         table.add_column(name, justify="right", no_wrap=True)
     for cells in zip(*columns.values(), strict=True):
@@ -495,7 +580,13 @@ def turn_blocks(page: Report, name: str) -> Iterator[Block]:
         if isinstance(block, Curve) and name == "turn":
             first = block.x < 1
             title = block.y_label.partition(":")[0]
-            yield replace(block, x=block.x[first], y=block.y[first], y_label=title, over=0.0)
+            yield replace(
+                block,
+                x=block.x[first],
+                y=block.y[first],
+                y_label=title,
+                over=0.0,
+            )
         elif name == "cycle" and not isinstance(block, Facts):
             yield block
 

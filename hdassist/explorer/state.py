@@ -103,7 +103,11 @@ class Session:
         return again("trace", self.source.drive((*self.changes, *values, ("operation.M_g", f"[{M_g}]"))))
 
 
-def opened_state(name: str, overrides: tuple[str, ...] = (), pin: str = "") -> Session:
+def opened_state(
+    name: str,
+    overrides: tuple[str, ...] = (),
+    pin: str = "",
+) -> Session:
     """A session of a preset, compared with it as it was opened or with another one. Raises what loading raises."""
     source = _StateSource.of(name, overrides)
     session = Session(source, source.drive(), source.drive())
@@ -115,7 +119,11 @@ def is_tried(drive: Drive) -> bool:
     return len({value.rotation_deg for value in measured_errors(drive)}) > 1
 
 
-def edited(session: Session, path: str, value: str) -> Session:
+def edited(
+    session: Session,
+    path: str,
+    value: str,
+) -> Session:
     """The session with a field changed; an empty value takes the change back.
 
     Teeth change together: one number of them, or the ratio (100:1), keeps their difference. Raises UsageError with
@@ -144,7 +152,11 @@ def _with_fields(session: Session, values: Mapping[str, str]) -> Session:
     step = tuple(changes.items())
     if step == session.changes:
         return session
-    return replace(_at_step(session, step), past=(*session.past, session.changes), future=())
+    return replace(
+        _at_step(session, step),
+        past=(*session.past, session.changes),
+        future=(),
+    )
 
 
 def with_evidence(session: Session, text: str) -> Session:
@@ -205,19 +217,31 @@ def pinned(session: Session) -> Session:
 def undone(session: Session) -> Session:
     """The session before its last change, which it has to have."""
     back = _at_step(session, session.past[-1])
-    return replace(back, past=session.past[:-1], future=(session.changes, *session.future))
+    return replace(
+        back,
+        past=session.past[:-1],
+        future=(session.changes, *session.future),
+    )
 
 
 def redone(session: Session) -> Session:
     """The session with the change that was undone last, which it has to have."""
     on = _at_step(session, session.future[0])
-    return replace(on, past=(*session.past, session.changes), future=session.future[1:])
+    return replace(
+        on,
+        past=(*session.past, session.changes),
+        future=session.future[1:],
+    )
 
 
 def _at_step(session: Session, changes: _Changes) -> Session:
     """The session with other changes of its preset. Raises UsageError with the loader's words about them."""
     try:
-        return replace(session, drive=session.source.drive(changes), changes=changes)
+        return replace(
+            session,
+            drive=session.source.drive(changes),
+            changes=changes,
+        )
     except UsageError as error:
         raise UsageError(OVERRIDE_PLACE.sub("", error.message), error.hint) from None
 
@@ -256,7 +280,11 @@ def step_of(field: PresetField, value: float) -> float:
     return 10.0 ** floor(log10(reach) - 1)
 
 
-def stepped(drive: Drive, path: str, steps: int) -> str | None:
+def stepped(
+    drive: Drive,
+    path: str,
+    steps: int,
+) -> str | None:
     """The value of a field so many steps on, as text; None where it has no steps."""
     field = field_table()[path]
     value = drive.value(path)

@@ -72,7 +72,11 @@ class ArchiveEntry:
 
 _ENTRY = TypeAdapter(ArchiveEntry)
 _ENTRIES = RecordKind(_ENTRY, hint="the archive was changed or damaged; restore it from a copy")
-OWNER = KeptOwner(command="archive", version="", inputs={})
+OWNER = KeptOwner(
+    command="archive",
+    version="",
+    inputs={},
+)
 
 
 @dataclass(frozen=True)
@@ -118,7 +122,11 @@ def _fields_of(sweep: SweepResult) -> Json:
     }
 
 
-def add_to_archive(folder: str, conditions: Json, measurement: Measurement) -> bool:
+def add_to_archive(
+    folder: str,
+    conditions: Json,
+    measurement: Measurement,
+) -> bool:
     """Add a recording to the archive of a folder; return whether some of its directions are new.
 
     An entry of this drive, recording and direction is added once more if its conditions are stated otherwise, or if

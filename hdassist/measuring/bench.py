@@ -225,12 +225,21 @@ def bench_record(table: NumberTable, form: TraceForm | None = None) -> PositionR
     return None
 
 
-def _numbers_of(table: NumberTable, columns: dict[str, int], role: str) -> Array:
+def _numbers_of(
+    table: NumberTable,
+    columns: dict[str, int],
+    role: str,
+) -> Array:
     """Return the numbers of the column of a role, shape (rows,); ones without it."""
     return table.values[:, columns[role]] if role in columns else np.ones(len(table.lines))
 
 
-def _positions_of_rows(table: NumberTable, columns: dict[str, int], angle: str, form: TraceForm) -> PositionRecord:
+def _positions_of_rows(
+    table: NumberTable,
+    columns: dict[str, int],
+    angle: str,
+    form: TraceForm,
+) -> PositionRecord:
     """Return the approaches of a table that has a row for each.
 
     table: table of numbers with the names of its columns.
@@ -272,7 +281,12 @@ def _require_columns(form: TraceForm, *, has_angles: bool) -> None:
         raise UsageError(message, "state the unit of their angles with --angle-unit")
 
 
-def _loop(table: NumberTable, columns: dict[str, int], angle: str, form: TraceForm) -> LoopRecord:
+def _loop(
+    table: NumberTable,
+    columns: dict[str, int],
+    angle: str,
+    form: TraceForm,
+) -> LoopRecord:
     """Return the torque loops of a table; the arguments are those of `_positions_of_rows`."""
     units = list(form.angle_units)
     if form.error_unit is not None:
@@ -308,7 +322,12 @@ def _run_sides(table: NumberTable) -> dict[int, int]:
     return sides or dict.fromkeys(without_side, 1)
 
 
-def _positions_of_runs(table: NumberTable, target_column: int, runs: dict[int, int], form: TraceForm) -> PositionRecord:
+def _positions_of_runs(
+    table: NumberTable,
+    target_column: int,
+    runs: dict[int, int],
+    form: TraceForm,
+) -> PositionRecord:
     """Return the approaches of a table that has a row for each position and a column for each run.
 
     The runs have deviations, or the angles that were reached if their names say so, as "run 1 measured fwd".
@@ -395,7 +414,12 @@ class _Approaches:
         side = record.side[order]
         positions = [np.flatnonzero(target == position) for position in np.unique(target)]
         groups = [rows[side[rows] == way] for rows in positions for way in np.unique(side[rows])]
-        return cls(side=side, deviation_arcsec=record.deviation_arcsec[order], positions=positions, groups=groups)
+        return cls(
+            side=side,
+            deviation_arcsec=record.deviation_arcsec[order],
+            positions=positions,
+            groups=groups,
+        )
 
     def figures(self, deviations: Array) -> dict[str, Array]:
         """Return quantities of sets of deviations [arcsec], shape (sets, rows), each of shape (sets,).
@@ -432,7 +456,12 @@ class _DrawnFigures:
     by_scatter: dict[str, Array]
 
     @classmethod
-    def of(cls, approaches: _Approaches, seed: int, draws: int) -> _DrawnFigures | None:
+    def of(
+        cls,
+        approaches: _Approaches,
+        seed: int,
+        draws: int,
+    ) -> _DrawnFigures | None:
         """Draw approaches with the scatter of measured ones, whose size is uncertain; None without repetition."""
         deviation = approaches.deviation_arcsec
         # repetitions: each group takes one degree of freedom for its mean
@@ -474,7 +503,12 @@ class _DrawnFigures:
         return max(0.0, float(np.quantile(self.by_scatter[name], _LEAST_CHANCE)) - self.bias(name))
 
 
-def position_quantities(record: PositionRecord, *, seed: int = 0, draws: int = 2000) -> tuple[StatedQuantity, ...]:
+def position_quantities(
+    record: PositionRecord,
+    *,
+    seed: int = 0,
+    draws: int = 2000,
+) -> tuple[StatedQuantity, ...]:
     """Return positioning one way, repeatability, and repeatability from both sides, as far as they were measured.
 
     One position has no positioning.
@@ -503,7 +537,12 @@ def position_quantities(record: PositionRecord, *, seed: int = 0, draws: int = 2
     return tuple(quantities)
 
 
-def _without_scatter(deviation: Array, side: Array, groups: Sequence[NDArray[np.int64]], variance: float) -> Array:
+def _without_scatter(
+    deviation: Array,
+    side: Array,
+    groups: Sequence[NDArray[np.int64]],
+    variance: float,
+) -> Array:
     """Return the mean deviation of each approach's position and side, less what scatter adds to their spread.
 
     Means over few approaches scatter too, so their range is larger than that of the true deviations. The means of a
@@ -626,7 +665,12 @@ class _LoopBranches:
             lost_motion=(abs(float(widths.mean())), sqrt(variance[0] + variance[2]) / 2),
         )
 
-    def _twists(self, branches: Sequence[slice], way: str, torques: Array) -> _BranchTwists:
+    def _twists(
+        self,
+        branches: Sequence[slice],
+        way: str,
+        torques: Array,
+    ) -> _BranchTwists:
         """Return the twists at torques [N*m] by all branches of one way that reach over them; way: in words."""
         complete = []
         for rows in branches:
@@ -662,7 +706,12 @@ def loop_quantities(loops: tuple[PlaceLoop, ...]) -> tuple[StatedQuantity, ...]:
     )
 
 
-def _twist_at(torque: Array, twist: Array, wanted: float, reach: float) -> tuple[float, float]:
+def _twist_at(
+    torque: Array,
+    twist: Array,
+    wanted: float,
+    reach: float,
+) -> tuple[float, float]:
     """Return the twist at a torque by a parabola through the readings around it [arcsec], and its variance.
 
     torque, twist: of the readings [N*m], [arcsec], shape (rows,).

@@ -74,7 +74,12 @@ class TraceFit:
     unmodelled: size of the residuals beyond noise of reading [arcsec].
     """
 
-    def __init__(self, design: TraceDesign, values: Array, lines: Array) -> None:
+    def __init__(
+        self,
+        design: TraceDesign,
+        values: Array,
+        lines: Array,
+    ) -> None:
         self.design = design
         self.bins = design.bins
         self.lines = lines
@@ -92,8 +97,18 @@ class TraceFit:
         self.drift = drift.coefficients
         # neighbours that err together are fewer independent readings
         uncertainty = np.linalg.norm(slopes.root, axis=1) * np.sqrt(self.variance * max(self.correlated, 1.0))
-        slope_pairs = zip(slopes.coefficients.tolist(), uncertainty.tolist(), strict=True)
-        self.slopes = dict(zip(design.slow.over, slope_pairs, strict=True))
+        slope_pairs = zip(
+            slopes.coefficients.tolist(),
+            uncertainty.tolist(),
+            strict=True,
+        )
+        self.slopes = dict(
+            zip(
+                design.slow.over,
+                slope_pairs,
+                strict=True,
+            )
+        )
 
     def combined(self, *shares: float) -> TraceFit:
         """Return the same fit with the curve that is a sum of such shares of its blocks."""
@@ -264,7 +279,12 @@ class TraceFit:
         return curve_of(self.coefficients, self.orders, turns)
 
 
-def fit_orders(bins: Bins, orders: Array, slow: SlowTerms = SlowTerms(), lines: ArrayLike = ()) -> TraceFit:
+def fit_orders(
+    bins: Bins,
+    orders: Array,
+    slow: SlowTerms = SlowTerms(),
+    lines: ArrayLike = (),
+) -> TraceFit:
     """Fit the orders, lines beside them, a level of each sweep, and slow terms to a trace's bins.
 
     Raises UntrustedError: too few bins, or angles that do not resolve the orders.
@@ -280,7 +300,11 @@ def _blocks_of(design: TraceDesign, solution: Array) -> list[_FitBlock]:
     sizes = [coefficients, design.bins.levels, slow.degree, len(slow.over)]
     sizes += [coefficients for _ in range(slow.order_changes)]
     ends = np.cumsum(sizes)[:-1]
-    parts = zip(np.split(solution, ends), np.split(design.root, ends), strict=True)
+    parts = zip(
+        np.split(solution, ends),
+        np.split(design.root, ends),
+        strict=True,
+    )
     return [_FitBlock(coefficients=part, root=root) for part, root in parts]
 
 
@@ -305,7 +329,11 @@ def drift_of(fit: TraceFit, extent: float) -> float:
     return float(size) if abs(size) > max(_DRIFT_CLEAR * uncertainty, _DRIFTED * extent) else 0.0
 
 
-def _residual_memory(design: TraceDesign, residual: Array, variance: float) -> tuple[float, float]:
+def _residual_memory(
+    design: TraceDesign,
+    residual: Array,
+    variance: float,
+) -> tuple[float, float]:
     """Return the number of bins that err together, and the size of the correlated part of the residuals [arcsec].
 
     residual: [arcsec], shape (bins,); variance: at weight 1 [arcsec^2].
@@ -336,7 +364,11 @@ def _lagged_products(residual: Array) -> Array:
     return np.asarray(np.fft.irfft(np.abs(spectrum) ** 2)[: min(_LAGS, size // 4)] / size)
 
 
-def _removed_by_fit(design: TraceDesign, size: int, lags: int) -> Array:
+def _removed_by_fit(
+    design: TraceDesign,
+    size: int,
+    lags: int,
+) -> Array:
     """Return the part of the autocorrelation of white noise that a fit removes, by the lag, shape (lags,).
 
     The fit removes white noise at its own orders only: what remains is correlated by as much less.
@@ -349,7 +381,12 @@ def _removed_by_fit(design: TraceDesign, size: int, lags: int) -> Array:
     return np.asarray((by_waves + design.columns - waves) / size)
 
 
-def _correlated_size(bins: Bins, residual: Array, variance: float, removed: float) -> float:
+def _correlated_size(
+    bins: Bins,
+    residual: Array,
+    variance: float,
+    removed: float,
+) -> float:
     """Return the size of the part of residuals [arcsec] that is correlated from one bin to the next; 0 if unclear.
 
     removed: part of their correlation that the fit removed.
@@ -364,7 +401,11 @@ def _correlated_size(bins: Bins, residual: Array, variance: float, removed: floa
     return float(np.sqrt(covariance)) if is_clear else 0.0
 
 
-def residual_power(bins: Bins, residual: Array, variance: float) -> tuple[Array, Array]:
+def residual_power(
+    bins: Bins,
+    residual: Array,
+    variance: float,
+) -> tuple[Array, Array]:
     """Return orders per input revolution, and the power of residuals there over that of independent ones.
 
     The orders rise, and are at least twice as dense as the recording resolves, shape (probes,). Readings lie somewhere
@@ -373,7 +414,13 @@ def residual_power(bins: Bins, residual: Array, variance: float) -> tuple[Array,
 
     residual: [arcsec], shape (bins,); variance: of the independent ones at weight 1 [arcsec^2].
     """
-    parts = list(zip(bins.by_sweep(bins.turns * bins.per_turn), bins.by_sweep(bins.weight * residual), strict=True))
+    parts = list(
+        zip(
+            bins.by_sweep(bins.turns * bins.per_turn),
+            bins.by_sweep(bins.weight * residual),
+            strict=True,
+        )
+    )
     longest = max(int(np.ptp(np.floor(turns))) for turns, _ in parts) + 1
     # a power of two, with room for no wrap-around
     length = 1 << int(np.ceil(np.log2(2 * longest)))
@@ -411,7 +458,11 @@ def distance(probes: Array, orders: Array) -> Array:
     return np.minimum(np.abs(probes - orders[after - 1]), np.abs(probes - orders[np.minimum(after, len(orders) - 1)]))
 
 
-def noise_floor(design: TraceDesign, residual: Array, variance: float) -> tuple[Array, Array] | None:
+def noise_floor(
+    design: TraceDesign,
+    residual: Array,
+    variance: float,
+) -> tuple[Array, Array] | None:
     """Return the power of the noise at each order over that of independent residuals, and the Student factor.
 
     Residuals of a real recording are not white: low orders have more noise than high ones. Their power halfway between

@@ -120,7 +120,10 @@ def positioning_test(record: PositionRecord) -> PositioningTest | None:
 
 
 def _side_statistics(
-    numbers: NDArray[np.int64], deviation_arcsec: Array, is_side: Array, count: int
+    numbers: NDArray[np.int64],
+    deviation_arcsec: Array,
+    is_side: Array,
+    count: int,
 ) -> _SideStatistics | None:
     """Return the statistics of the approaches from one side; None unless every position has one.
 

@@ -101,7 +101,11 @@ class _TorqueRange:
     @classmethod
     def of(cls, M_g: float, F_ior: Range) -> _TorqueRange:
         """Return the range of the curve at a torque [N*m]."""
-        return cls(M_g_Nm=M_g, F_ior_arcsec=F_ior.value, standard_uncertainty_arcsec=F_ior.uncertainty)
+        return cls(
+            M_g_Nm=M_g,
+            F_ior_arcsec=F_ior.value,
+            standard_uncertainty_arcsec=F_ior.uncertainty,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,7 +202,11 @@ class SweepResult:
     def order_alone(self, per_cam_rev: float) -> MeasuredOrder | None:
         """Return an order without its beats, the value that a limit of it is compared with; None if it has none."""
         candidates = [order for order in self.orders if abs(order.per_cam_rev - per_cam_rev) <= 0.5 / self.bins.span]
-        return min(candidates, key=lambda order: abs(order.per_cam_rev - per_cam_rev), default=None)
+        return min(
+            candidates,
+            key=lambda order: abs(order.per_cam_rev - per_cam_rev),
+            default=None,
+        )
 
     @property
     def is_bound(self) -> bool:
@@ -269,7 +277,11 @@ def _without_repeats(texts: Iterable[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(texts))
 
 
-def _gearing_within(drive: Drive | None, ratio: float | None, travel_deg: float | None) -> Gearing | None:
+def _gearing_within(
+    drive: Drive | None,
+    ratio: float | None,
+    travel_deg: float | None,
+) -> Gearing | None:
     """Return the gearing of a drive or of a ratio, restricted to a travel of the output [deg] if one is stated."""
     gearing = gearing_of(drive, ratio)
     return gearing.within(travel_deg) if gearing else None
@@ -346,7 +358,9 @@ def measure(
 
 
 def _reversal_of(
-    directions: Sequence[SweepResult], trace: MeasuredTrace, gearing: Gearing | None
+    directions: Sequence[SweepResult],
+    trace: MeasuredTrace,
+    gearing: Gearing | None,
 ) -> tuple[Reversal | None, EncoderLag | None]:
     """Return what is lost at the reversal, and the lag between the encoders, as far as both directions show them."""
     growing_first = sorted(directions, key=lambda sweep: -sweep.direction)
@@ -436,7 +450,11 @@ class _RecordUnderway:
         fit, torque_miss = self._with_order_changes(sign, fit)
         fit, drift_left = self._with_lines(fit)
         if self.M_g is not None and len(fit.blocks) > 1:
-            fit = self._at_requested_torque(fit, self.M_g, is_bend_known=torque_miss is not None)
+            fit = self._at_requested_torque(
+                fit,
+                self.M_g,
+                is_bend_known=torque_miss is not None,
+            )
         self._require_ratio(fit)
         result = self._sweep_result(sign, fit, drift_left, torque_miss)
         if not fit.unmodelled < _UNMODELLED * result.range.value:
@@ -493,7 +511,13 @@ class _RecordUnderway:
         without_drift = fit_orders(bins, fit.orders[~fit.is_line], replace(fit.design.slow, degree=1))
         return _with_lines_or_drift(without_drift)
 
-    def _at_requested_torque(self, fit: TraceFit, M_g: float, *, is_bend_known: bool) -> TraceFit:
+    def _at_requested_torque(
+        self,
+        fit: TraceFit,
+        M_g: float,
+        *,
+        is_bend_known: bool,
+    ) -> TraceFit:
         """Return a fit with its curve at the requested torque [N*m], whose column may count the other way."""
         low, _, high = fit.bins.torques
         nearest = min((M_g, -M_g), key=lambda load: max(low - load, load - high))
@@ -552,17 +576,33 @@ class _RecordUnderway:
             self.warnings.append(change.warning)
         return fit
 
-    def _slow_terms(self, trace: MeasuredTrace, bins: Bins, ratio: float) -> SlowTerms:
+    def _slow_terms(
+        self,
+        trace: MeasuredTrace,
+        bins: Bins,
+        ratio: float,
+    ) -> SlowTerms:
         """Return the slow terms of a direction, with a lag between the encoders if its speed changes."""
         slow = SlowTerms(_DRIFTS[self.drift])
         is_travel = bool(self.gearing and self.gearing.travel)
         if is_travel or not self.together:
-            slow = slow_terms(bins.span_on_output(ratio), ratio, slow.degree, is_travel=is_travel)
+            slow = slow_terms(
+                bins.span_on_output(ratio),
+                ratio,
+                slow.degree,
+                is_travel=is_travel,
+            )
         if trace.time_s is not None and not self.together and speed_changes(bins):
             slow = replace(slow, over=("speed",))
         return slow
 
-    def _sweep_result(self, sign: int, fit: TraceFit, drift_left: float, torque_miss: float | None) -> SweepResult:
+    def _sweep_result(
+        self,
+        sign: int,
+        fit: TraceFit,
+        drift_left: float,
+        torque_miss: float | None,
+    ) -> SweepResult:
         """Return the range of a fit with its uncertainty, its orders and its coverage.
 
         drift_left: linear drift [arcsec] that the fit contains.
@@ -609,7 +649,13 @@ class _RecordUnderway:
         )
         return _at_most_readings(result, trace)
 
-    def _ranges(self, fit: TraceFit, visited: _Visited, others: OtherUncertainties, sign: int) -> CurveRanges:
+    def _ranges(
+        self,
+        fit: TraceFit,
+        visited: _Visited,
+        others: OtherUncertainties,
+        sign: int,
+    ) -> CurveRanges:
         """Return the ranges of the curve of a fit.
 
         Args:
@@ -637,7 +683,11 @@ class _RecordUnderway:
         )
 
     def _error_sources(
-        self, trace: MeasuredTrace, fit: TraceFit, turns: Array, torque_miss: float | None
+        self,
+        trace: MeasuredTrace,
+        fit: TraceFit,
+        turns: Array,
+        torque_miss: float | None,
     ) -> tuple[UncertaintySource, ...]:
         """Return the sources besides noise and drift; turns: visited angles, torque_miss: see `_sweep_result`."""
         errors_range = float(np.ptp(trace.error_arcsec[trace.rows]))
@@ -696,7 +746,11 @@ def _at_most_readings(result: SweepResult, trace: MeasuredTrace) -> SweepResult:
     if not result.is_bound:
         return result
     largest = min(result.raw_range_arcsec, float(np.ptp(trace.error_arcsec[trace.rows])))
-    return replace(result, range=result.range.at_most(largest), revolution=result.revolution.at_most(largest))
+    return replace(
+        result,
+        range=result.range.at_most(largest),
+        revolution=result.revolution.at_most(largest),
+    )
 
 
 def _noise_sources(F_ior: Range) -> tuple[UncertaintySource, ...]:
@@ -708,12 +762,18 @@ def _noise_sources(F_ior: Range) -> tuple[UncertaintySource, ...]:
 
 
 def _other_uncertainties(
-    drifts: Sequence[UncertaintySource], errors: Sequence[UncertaintySource], span: float
+    drifts: Sequence[UncertaintySource],
+    errors: Sequence[UncertaintySource],
+    span: float,
 ) -> OtherUncertainties:
     """Return the uncertainties of the ranges by drifts over a span [turns], and by sources that do not grow with it."""
     drift = combined(drifts)
     error = combined(errors)
-    return OtherUncertainties(visited=hypot(drift, error), revolution=hypot(drift / span, error), cam=error)
+    return OtherUncertainties(
+        visited=hypot(drift, error),
+        revolution=hypot(drift / span, error),
+        cam=error,
+    )
 
 
 def _slow_range(fit: TraceFit) -> float:
@@ -741,7 +801,12 @@ def _require_fine_steps(trace: MeasuredTrace, F_ior: Range) -> None:
 
 
 def _require_clear(
-    trace: MeasuredTrace, fit: TraceFit, F_ior: Range, sources: Sequence[UncertaintySource], *, is_drifting: bool
+    trace: MeasuredTrace,
+    fit: TraceFit,
+    F_ior: Range,
+    sources: Sequence[UncertaintySource],
+    *,
+    is_drifting: bool,
 ) -> None:
     """Raise UntrustedError if F'_ior is not above its noise; is_drifting: whether a drift is left in the recording."""
     by_recording = [source for source in sources if source.name not in {*STATED, WIND_UP}]
@@ -771,7 +836,11 @@ def _with_lines_or_drift(fit: TraceFit) -> tuple[TraceFit, float]:
     return fit, 0.0 if len(fit.drift) else drift_of(fit, extent)
 
 
-def _declared(trace: MeasuredTrace, orders: Sequence[float] | None, notes: list[str]) -> Sequence[float]:
+def _declared(
+    trace: MeasuredTrace,
+    orders: Sequence[float] | None,
+    notes: list[str],
+) -> Sequence[float]:
     """Return the declared orders, or the default ones that the steps of the angle resolve.
 
     notes: to which orders that are not resolved are added.
@@ -796,7 +865,13 @@ def _declared(trace: MeasuredTrace, orders: Sequence[float] | None, notes: list[
     return resolved
 
 
-def _fit(bins: Bins, declared: Sequence[float], ratio: float, slow: SlowTerms, notes: list[str]) -> TraceFit:
+def _fit(
+    bins: Bins,
+    declared: Sequence[float],
+    ratio: float,
+    slow: SlowTerms,
+    notes: list[str],
+) -> TraceFit:
     """Return a fit with as many sidebands as the recording resolves and has bins for, or with none.
 
     notes: to which sidebands that are not fitted are added.
@@ -861,7 +936,13 @@ class Reading(ClosedRecord, TraceForm):
         parse_orders(self.orders or None)
         _require_drift(self.drift)
 
-    def measured(self, file: str, drive: Drive | None, ratio: float | None = None, **how: Any) -> Measurement:
+    def measured(
+        self,
+        file: str,
+        drive: Drive | None,
+        ratio: float | None = None,
+        **how: Any,
+    ) -> Measurement:
         """Return the results of a recording.
 
         drive, ratio: one of both.
@@ -881,7 +962,11 @@ class Reading(ClosedRecord, TraceForm):
         return result
 
     def measured_or_bench(
-        self, file: str, drive: Drive | None, ratio: float | None = None, **how: Any
+        self,
+        file: str,
+        drive: Drive | None,
+        ratio: float | None = None,
+        **how: Any,
     ) -> Measurement | PositionRecord | LoopRecord:
         """Return the results of a recording, or approached positions and torque loops as they were recorded.
 

@@ -202,7 +202,13 @@ def parse_orders(text: str | None) -> tuple[float, ...] | None:
     return tuple(sorted(orders))
 
 
-def slow_terms(turns: float, ratio: float, degree: int, *, is_travel: bool = False) -> SlowTerms:
+def slow_terms(
+    turns: float,
+    ratio: float,
+    degree: int,
+    *,
+    is_travel: bool = False,
+) -> SlowTerms:
     """Return the slow terms of a recording over input revolutions: a drift, or more in a part of an output revolution.
 
     There a drift and the orders of the output, up to SLOW_ORDERS a turn of it, look alike, and polynomials stand for
@@ -276,7 +282,13 @@ class _Causes:
     sidebands: Array
 
     @classmethod
-    def of(cls, fit: TraceFit, drive: Drive | None, gearing: Gearing | None, sidebands: Array) -> _Causes:
+    def of(
+        cls,
+        fit: TraceFit,
+        drive: Drive | None,
+        gearing: Gearing | None,
+        sidebands: Array,
+    ) -> _Causes:
         """Assign each product of the deviations of a drive to the nearest order of a fit, if it is close enough."""
         fitted = fit.orders[~fit.is_line]
         # half the distance of fitted orders: nearer, a cause belongs to this order
@@ -328,7 +340,10 @@ class _Causes:
 
 
 def order_tables(
-    fit: TraceFit, declared: Sequence[float], drive: Drive | None, gearing: Gearing | None
+    fit: TraceFit,
+    declared: Sequence[float],
+    drive: Drive | None,
+    gearing: Gearing | None,
 ) -> tuple[tuple[MeasuredOrder, ...], tuple[MeasuredOrder, ...]]:
     """Return the orders of a fit with their simplest causes, rising, and each declared order with its sidebands.
 
@@ -361,7 +376,11 @@ def order_tables(
     return tuple(table), tuple(joint_table)
 
 
-def _with_sidebands(fit: TraceFit, declared: Sequence[float], ratio: float) -> dict[float, OrderIndices]:
+def _with_sidebands(
+    fit: TraceFit,
+    declared: Sequence[float],
+    ratio: float,
+) -> dict[float, OrderIndices]:
     """Return the places of each declared order and its sidebands in a fit, of those that have any."""
     # a sideband belongs to the nearer order
     reach = np.minimum(BEATS / ratio, np.diff(declared).min(initial=1.0) / 2)  # half way to the next order
@@ -372,7 +391,12 @@ def _with_sidebands(fit: TraceFit, declared: Sequence[float], ratio: float) -> d
     return {order: places for order, places in indices.items() if len(places)}
 
 
-def _order_of(fit: TraceFit, group: OrderIndices, lines: Array, causes: _Causes) -> MeasuredOrder:
+def _order_of(
+    fit: TraceFit,
+    group: OrderIndices,
+    lines: Array,
+    causes: _Causes,
+) -> MeasuredOrder:
     """Return the order of a group of a fit; lines: those that are no sidebands."""
     wave = fit.wave(group)
     return MeasuredOrder(
@@ -385,7 +409,11 @@ def _order_of(fit: TraceFit, group: OrderIndices, lines: Array, causes: _Causes)
     )
 
 
-def _joint_order(fit: TraceFit, per_cam_rev: float, indices: OrderIndices) -> MeasuredOrder:
+def _joint_order(
+    fit: TraceFit,
+    per_cam_rev: float,
+    indices: OrderIndices,
+) -> MeasuredOrder:
     """Return a declared order together with its sidebands, without a cause."""
     wave = fit.joint_wave(indices)
     return MeasuredOrder(
@@ -397,7 +425,11 @@ def _joint_order(fit: TraceFit, per_cam_rev: float, indices: OrderIndices) -> Me
     )
 
 
-def other_ratio(fit: TraceFit, declared: Sequence[float], ratio: float) -> float | None:
+def other_ratio(
+    fit: TraceFit,
+    declared: Sequence[float],
+    ratio: float,
+) -> float | None:
     """Return the ratio that the sidebands of a fit show, if it is another one than that of the drive; else None.
 
     The error of a drive has sidebands at the same distances from several orders. Lines of a ball pass or of the test
@@ -440,7 +472,13 @@ class _Sidebands:
     student: float
 
     @classmethod
-    def of(cls, fit: TraceFit, indices: OrderIndices, joint: MeasuredOrder, ratio: float) -> _Sidebands:
+    def of(
+        cls,
+        fit: TraceFit,
+        indices: OrderIndices,
+        joint: MeasuredOrder,
+        ratio: float,
+    ) -> _Sidebands:
         """Return the distribution of the sidebands of a joint component.
 
         Cosine and sine of each sideband c are drawn from a normal distribution. The sidebands next to the order are as
@@ -462,7 +500,12 @@ class _Sidebands:
             variance = float(np.mean((mean**2 + np.diag(covariance)) / share))
         freedom = len(numbers) - float((np.diag(covariance) / (variance * share)).sum())  # of that size
         student = float(stdtrit(max(freedom, 1.0), 0.975)) / COVERAGE_FACTOR
-        return cls(numbers=numbers, mean=mean, covariance=covariance, student=student)
+        return cls(
+            numbers=numbers,
+            mean=mean,
+            covariance=covariance,
+            student=student,
+        )
 
     def widened(self, order: MeasuredOrder, beats: int) -> MeasuredOrder:
         """Return an order with its uncertainty over whole output revolutions; beats: sidebands on each side of it."""
@@ -486,7 +529,11 @@ class _Sidebands:
         return float(_UNSEEN_FACTOR * self.student * np.hypot(size - amplitude_arcsec, scatter))
 
 
-def _conditional(variances: Array, projection: Array, noise: Array) -> tuple[Array, Array]:
+def _conditional(
+    variances: Array,
+    projection: Array,
+    noise: Array,
+) -> tuple[Array, Array]:
     """Return how normal numbers c follow from B c + noise: the gain, shape (n, m), and their covariance, shape (n, n).
 
     variances: of independent numbers before, shape (n,).
@@ -766,7 +813,11 @@ def ranges_of(
     )
 
 
-def _bootstrap_curves(fit: TraceFit, rng: np.random.Generator, draws: int) -> Array:
+def _bootstrap_curves(
+    fit: TraceFit,
+    rng: np.random.Generator,
+    draws: int,
+) -> Array:
     """Return coefficients of curves [arcsec], shape (2 orders, 3 + draws), for `_range` and `_slope_coefficients`.
 
     The curves are the fitted one, this one without lines, the fitted one shrunk by its share of noise, and the shrunk
@@ -803,7 +854,12 @@ class _Extremes:
     steepest: largest slopes [arcsec per input revolution], shape (slopes,).
     """
 
-    def __init__(self, parts: int, curves: int, slopes: int) -> None:
+    def __init__(
+        self,
+        parts: int,
+        curves: int,
+        slopes: int,
+    ) -> None:
         self.high = np.full((parts, curves), -np.inf)
         self.low = np.full((parts, curves), np.inf)
         self.cam_high = np.full(curves, -np.inf)
@@ -840,7 +896,11 @@ class _Extremes:
         return np.asarray(np.max(ranges, axis=0))
 
 
-def _extremes_of(fit: TraceFit, turns: Array, curves: Array) -> _Extremes:
+def _extremes_of(
+    fit: TraceFit,
+    turns: Array,
+    curves: Array,
+) -> _Extremes:
     """Return the extremes of curves, shape (2 orders, curves), at angles [turns], rising, shape (angles,)."""
     slopes = _slope_coefficients(fit.orders, curves)
     is_slow = np.tile(fit.is_slow, 2)
@@ -850,7 +910,11 @@ def _extremes_of(fit: TraceFit, turns: Array, curves: Array) -> _Extremes:
     # 1e-6: an angle at the edge of a part belongs to the later one in spite of rounding
     part = np.floor(turns * _TURN_PARTS + 1e-6).astype(np.int64)
     part -= part[0]
-    extremes = _Extremes(parts=int(part[-1]) + 1, curves=curves.shape[1], slopes=slopes.shape[1])
+    extremes = _Extremes(
+        parts=int(part[-1]) + 1,
+        curves=curves.shape[1],
+        slopes=slopes.shape[1],
+    )
     for start in range(0, len(turns), DESIGN_CHUNK):
         rows = slice(start, start + DESIGN_CHUNK)
         columns = order_columns(turns[rows], fit.orders)
@@ -884,7 +948,11 @@ def _kept_shares(fit: TraceFit) -> Array:
     return np.asarray(np.maximum(0.0, 1 - _SHRINK * noise / np.maximum(power, 1e-300)))
 
 
-def _range(extents: Array, lines: float, others: float) -> Range:
+def _range(
+    extents: Array,
+    lines: float,
+    others: float,
+) -> Range:
     """Return a range from those of the curves of `_bootstrap_curves`, shape (curves,).
 
     lines: range that lines add if their extremes coincide with those of the curve [arcsec].

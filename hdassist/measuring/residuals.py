@@ -142,7 +142,11 @@ def _highest_peak(fit: TraceFit, highest: float) -> _Peak | None:
     )
 
 
-def _power_without(fit: TraceFit, order: float, variance: float) -> Array:
+def _power_without(
+    fit: TraceFit,
+    order: float,
+    variance: float,
+) -> Array:
     """Return the power of the residuals of a fit without a wave of an order, shape (probes,)."""
     column, coefficients = fit.beside(order_columns(fit.bins.turns, np.array([order])))
     _, power = residual_power(fit.bins, fit.residual - column @ coefficients, variance)
@@ -157,7 +161,11 @@ def _is_free(fit: TraceFit, probes: Array) -> NDArray[np.bool_]:
 
 
 def _least_likely(
-    probes: Array, power: Array, neighbours: Array, resolution: float, places_per_probe: float
+    probes: Array,
+    power: Array,
+    neighbours: Array,
+    resolution: float,
+    places_per_probe: float,
 ) -> tuple[int, float]:
     """Return the index of the probe whose power is least likely noise, and the logarithm of that probability.
 
@@ -197,7 +205,11 @@ def _least_likely(
     return least, float(log_chance[least])
 
 
-def _settled(fit: TraceFit, orders: Array, order: float) -> TraceFit:
+def _settled(
+    fit: TraceFit,
+    orders: Array,
+    order: float,
+) -> TraceFit:
     """Return a fit with one further line, with the orders of the lines moved to the best fit.
 
     If a line is so close to a fitted order that the recording does not resolve them, it is put between orders
@@ -263,7 +275,11 @@ def _place_between(fit: TraceFit, order: float) -> float:
     return float(places[int(np.argmax(reductions))])
 
 
-def _departures(trace: MeasuredTrace, bins: Bins, fitted: Array) -> list[Array]:
+def _departures(
+    trace: MeasuredTrace,
+    bins: Bins,
+    fitted: Array,
+) -> list[Array]:
     """Return the errors [arcsec] of the rows of each sweep of a trace minus a curve.
 
     fitted: values of the curve at the bins [arcsec], shape (bins,).
@@ -354,12 +370,20 @@ def _step_sizes(trace: MeasuredTrace, departures: Sequence[Array]) -> _StepSizes
     return _StepSizes(size=np.concatenate(sizes), row=np.concatenate(rows))
 
 
-def _difference_of_means(total: Array, index: NDArray[np.int64], reach: int) -> Array:
+def _difference_of_means(
+    total: Array,
+    index: NDArray[np.int64],
+    reach: int,
+) -> Array:
     """Return the mean over `reach` values behind minus that before some indices, from the cumulative sum of values."""
     return np.asarray((total[index + reach] - 2 * total[index] + total[index - reach]) / reach)
 
 
-def _fitted_step(trace: MeasuredTrace, fit: TraceFit, row: int) -> float | None:
+def _fitted_step(
+    trace: MeasuredTrace,
+    fit: TraceFit,
+    row: int,
+) -> float | None:
     """Return the size of a step at a row by a joint fit [arcsec]; None if a drift explains more of the residuals.
 
     A cycle that does not close by a drift has a step at its end.
@@ -411,7 +435,11 @@ def without_spikes(trace: MeasuredTrace, fit: TraceFit) -> _TraceChange | None:
     )
 
 
-def _is_short_spike(departures: Sequence[Array], size: Array, extent: float) -> NDArray[np.bool_]:
+def _is_short_spike(
+    departures: Sequence[Array],
+    size: Array,
+    extent: float,
+) -> NDArray[np.bool_]:
     """Return whether a reading is far off the fit and its neighbours, in a group that is short, shape (rows,).
 
     departures: of the readings from the fit [arcsec], by sweep.
@@ -432,7 +460,11 @@ def _is_short_spike(departures: Sequence[Array], size: Array, extent: float) -> 
     return np.asarray(is_short & (from_neighbours > np.maximum(size / 2, usual)))
 
 
-def _least_spike(trace: MeasuredTrace, fit: TraceFit, extent: float) -> Array:
+def _least_spike(
+    trace: MeasuredTrace,
+    fit: TraceFit,
+    extent: float,
+) -> Array:
     """Return the smallest spike that counts at each reading [arcsec], shape (rows,).
 
     It is larger beside a gap in which the curve is not followed.
@@ -446,7 +478,11 @@ def _least_spike(trace: MeasuredTrace, fit: TraceFit, extent: float) -> Array:
     return np.where(is_sparse, _SPIKE_SPARSE_SHARE * extent, 0.0)
 
 
-def _largest_of_others(trace: MeasuredTrace, size: Array, is_spike: NDArray[np.bool_]) -> Array:
+def _largest_of_others(
+    trace: MeasuredTrace,
+    size: Array,
+    is_spike: NDArray[np.bool_],
+) -> Array:
     """Return the largest departure of readings that are no spikes [arcsec], within a revolution, shape (rows,).
 
     It is taken over the input revolution of a reading and its two neighbours.

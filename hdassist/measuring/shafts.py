@@ -97,9 +97,22 @@ def parse_shafts(text: str | None) -> tuple[Shaft, ...]:
             raise UsageError(f"invalid --shafts {text}: {name} is stated twice", "state each shaft once")
         # a period becomes an order only with the speed of the recording
         if unit:
-            shafts.append(Shaft(name, stated.strip(), period_s=amount * TIMES[unit]))
+            shafts.append(
+                Shaft(
+                    name,
+                    stated.strip(),
+                    period_s=amount * TIMES[unit],
+                )
+            )
         else:
-            shafts.append(Shaft(name, stated.strip(), per_rev=amount, is_of_output=match[2] == "output"))
+            shafts.append(
+                Shaft(
+                    name,
+                    stated.strip(),
+                    per_rev=amount,
+                    is_of_output=match[2] == "output",
+                )
+            )
     return tuple(shafts)
 
 
@@ -123,7 +136,10 @@ class _Place:
 
 
 def shaft_components(
-    trace: MeasuredTrace, fit: TraceFit, shafts: Sequence[Shaft], gearing: Gearing | None
+    trace: MeasuredTrace,
+    fit: TraceFit,
+    shafts: Sequence[Shaft],
+    gearing: Gearing | None,
 ) -> tuple[ShaftComponent, ...]:
     """Return the component of each shaft in one direction of a recording.
 
@@ -158,7 +174,11 @@ def shaft_components(
     return tuple(components)
 
 
-def _with_wave(component: ShaftComponent, fit: TraceFit, order: float) -> ShaftComponent:
+def _with_wave(
+    component: ShaftComponent,
+    fit: TraceFit,
+    order: float,
+) -> ShaftComponent:
     """Return a component with the amplitude and phase of an order of a fit."""
     index = int(np.abs(fit.orders - order).argmin())
     wave = fit.wave(np.array([index]))
@@ -176,12 +196,21 @@ def _input_speed(trace: MeasuredTrace) -> float | None:
         return trace.turns_per_s
     if trace.time_s is None:
         return None
-    sweeps = zip(trace.by_sweep(trace.cam_deg), trace.by_sweep(trace.time_s), strict=True)
+    sweeps = zip(
+        trace.by_sweep(trace.cam_deg),
+        trace.by_sweep(trace.time_s),
+        strict=True,
+    )
     turned, lasted = np.sum([(abs(angle[-1] - angle[0]) / 360, time[-1] - time[0]) for angle, time in sweeps], axis=0)
     return float(turned / lasted)
 
 
-def _order_of(shaft: Shaft, trace: MeasuredTrace, gearing: Gearing | None, speed: float | None) -> float:
+def _order_of(
+    shaft: Shaft,
+    trace: MeasuredTrace,
+    gearing: Gearing | None,
+    speed: float | None,
+) -> float:
     """Return the revolutions of a shaft in an input revolution."""
     if shaft.per_rev is not None and not shaft.is_of_output:
         return shaft.per_rev
@@ -221,10 +250,19 @@ def _line_near(fit: TraceFit, order: float) -> float | None:
     """Return the order of the line of a fit that a recording does not resolve from an order, None without one."""
     within = RESOLVED_GAP / fit.bins.span
     candidates = [line for line in np.asarray(fit.lines).tolist() if abs(line - order) <= within]
-    return min(candidates, key=lambda line: abs(line - order), default=None)
+    return min(
+        candidates,
+        key=lambda line: abs(line - order),
+        default=None,
+    )
 
 
-def _missing(place: _Place, places: Sequence[_Place], trace: MeasuredTrace, fit: TraceFit) -> str:
+def _missing(
+    place: _Place,
+    places: Sequence[_Place],
+    trace: MeasuredTrace,
+    fit: TraceFit,
+) -> str:
     """Return why a recording does not determine the component of a shaft, empty if it does."""
     order = place.shown_order
     span = fit.bins.span
@@ -247,7 +285,11 @@ def _missing(place: _Place, places: Sequence[_Place], trace: MeasuredTrace, fit:
     return ""
 
 
-def _fitted(trace: MeasuredTrace, fit: TraceFit, orders: Array) -> TraceFit:
+def _fitted(
+    trace: MeasuredTrace,
+    fit: TraceFit,
+    orders: Array,
+) -> TraceFit:
     """Return the fit to a recording with the orders of shafts in place of lines that it does not resolve from them."""
     within = RESOLVED_GAP / fit.bins.span
     lines = np.asarray(fit.lines, dtype=float)

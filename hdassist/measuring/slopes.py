@@ -83,7 +83,11 @@ def speed_changes(bins: Bins) -> bool:
 
 
 def reversal_and_lag(
-    fits: Sequence[TraceFit], shared: Array, drift_arcsec: float, trace: MeasuredTrace, ratio: float | None
+    fits: Sequence[TraceFit],
+    shared: Array,
+    drift_arcsec: float,
+    trace: MeasuredTrace,
+    ratio: float | None,
 ) -> tuple[Reversal | None, EncoderLag | None]:
     """Return what is lost at the reversal, and the lag of the output's encoder; None for what is unknown.
 
@@ -121,7 +125,10 @@ def _mean_lag(slopes: Sequence[_ValueAndSpread], ms_per_slope: float) -> Encoder
 
 
 def _reversal(
-    fits: Sequence[TraceFit], shared: Array, drift_arcsec: float, levels: _LevelsOverSpeed | None
+    fits: Sequence[TraceFit],
+    shared: Array,
+    drift_arcsec: float,
+    levels: _LevelsOverSpeed | None,
 ) -> Reversal:
     """Return the difference of two directions at shared angles [turns], and the lost motion.
 
@@ -166,7 +173,11 @@ def without_lag(trace: MeasuredTrace, lag_s: float) -> MeasuredTrace:
         # averaged below: single differences are mostly noise
         speed = np.gradient(trace.cam_deg[sweep.rows], time_s[sweep.rows])
         window = np.ones(min(_SPEED_ROWS, len(speed)))
-        rows_in_window = np.convolve(np.ones(len(speed)), window, mode="same")  # fewer at the ends of a sweep
+        rows_in_window = np.convolve(
+            np.ones(len(speed)),
+            window,
+            mode="same",
+        )  # fewer at the ends of a sweep
         mean_speed = np.convolve(speed, window, mode="same") / rows_in_window
         cam_deg[sweep.rows] -= mean_speed * lag_s
     return replace(trace, cam_deg=cam_deg)
@@ -210,7 +221,11 @@ def _levels_over_speed(fits: Sequence[TraceFit]) -> _LevelsOverSpeed | None:
     )
 
 
-def _weighted_fit(columns: Array, values: Array, precision: Array) -> tuple[Array, Array]:
+def _weighted_fit(
+    columns: Array,
+    values: Array,
+    precision: Array,
+) -> tuple[Array, Array]:
     """Return the unknowns that fit values best, and their standard uncertainties, each of shape (unknowns,).
 
     Values that differ from the fit by more than their noise widen the uncertainty; those that differ by less do not
@@ -252,7 +267,12 @@ class RecordedTorque:
         is_large = largest_change > max(smallest, _LOAD_APART * (self.greatest_Nm - self.least_Nm))
         return is_large and any(float(np.std(torque)) > _TORQUE_CLEAR * _noise_of(torque) for torque in torques)
 
-    def fitted(self, fit: TraceFit, wound: TraceFit, torques: Sequence[Array]) -> RecordedTorque | None:
+    def fitted(
+        self,
+        fit: TraceFit,
+        wound: TraceFit,
+        torques: Sequence[Array],
+    ) -> RecordedTorque | None:
         """Return the torque with the slope over it that a fit has removed; None if the slope may be chance.
 
         fit: without that slope.
@@ -297,7 +317,12 @@ class RecordedTorque:
         correlation = float(np.corrcoef(load, trace.error_arcsec)[0, 1])
         sense = -1.0 if correlation < -_CLEAR_SENSE else 1.0
         span = float(np.ptp(load))
-        removed = replace(self, by="catalogue", wind_up_arcsec=span, uncertainty_arcsec=_CATALOGUE_SHARE * span)
+        removed = replace(
+            self,
+            by="catalogue",
+            wind_up_arcsec=span,
+            uncertainty_arcsec=_CATALOGUE_SHARE * span,
+        )
         return replace(trace, error_arcsec=trace.error_arcsec - sense * load), removed
 
 
@@ -307,7 +332,11 @@ def _noise_of(torque: Array) -> float:
     return float(np.std(np.diff(torque))) / sqrt(2)
 
 
-def at_torque(trace: MeasuredTrace, M_g: float, rated: float = 0.0) -> MeasuredTrace:
+def at_torque(
+    trace: MeasuredTrace,
+    M_g: float,
+    rated: float = 0.0,
+) -> MeasuredTrace:
     """Return the sweeps of a trace at a torque, or all around it if it has none there.
 
     The column of torque may count the other way. A trace without the column stays as it is.
@@ -346,7 +375,12 @@ class _TorqueCoverage:
     is_around: NDArray[np.bool_]
 
 
-def _torque_coverage(trace: MeasuredTrace, loads: Sequence[Array], M_g: float, rated: float) -> _TorqueCoverage:
+def _torque_coverage(
+    trace: MeasuredTrace,
+    loads: Sequence[Array],
+    M_g: float,
+    rated: float,
+) -> _TorqueCoverage:
     """Return which sweeps of a trace cover a torque M_g [N*m], each direction by itself.
 
     loads: torque of the readings of each sweep [N*m]; rated: torque of the drive [N*m].
@@ -359,8 +393,16 @@ def _torque_coverage(trace: MeasuredTrace, loads: Sequence[Array], M_g: float, r
     is_around = np.zeros(len(loads), dtype=bool)
     # each direction needs the torque by itself
     for is_way in (direction > 0, direction < 0):
-        smallest = np.min(low, where=is_way, initial=np.inf)
-        largest = np.max(high, where=is_way, initial=-np.inf)
+        smallest = np.min(
+            low,
+            where=is_way,
+            initial=np.inf,
+        )
+        largest = np.max(
+            high,
+            where=is_way,
+            initial=-np.inf,
+        )
         # some rigs count the torque against the motion, which changes its sign with the direction
         for torque in (M_g, -M_g):
             has_torque = is_way & np.array([_has_torque(load, torque, tolerance) for load in loads])
@@ -371,7 +413,11 @@ def _torque_coverage(trace: MeasuredTrace, loads: Sequence[Array], M_g: float, r
     return _TorqueCoverage(is_at=is_at, is_around=is_around)
 
 
-def _has_torque(load: Array, torque: float, room: float) -> bool:
+def _has_torque(
+    load: Array,
+    torque: float,
+    room: float,
+) -> bool:
     """Return whether a sweep was recorded at a torque: its readings lie on both sides of it, without a wide gap there.
 
     load: torque of the readings [N*m], shape (rows,); torque [N*m]; room: difference that does not matter [N*m].

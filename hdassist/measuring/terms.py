@@ -157,14 +157,23 @@ def bins_of(trace: MeasuredTrace, highest: float) -> Bins:
     )
 
 
-def _bins_of_sweep(trace: MeasuredTrace, rows: slice, travel: Array, per_turn: float) -> _SweepBins:
+def _bins_of_sweep(
+    trace: MeasuredTrace,
+    rows: slice,
+    travel: Array,
+    per_turn: float,
+) -> _SweepBins:
     """Return averages of the rows of a sweep, by their input angle and by the steps of the error before them.
 
     travel: of all rows [turns], shape (rows,); per_turn: bins in an input revolution.
     """
     turns = trace.cam_deg[rows] / 360
     # levels are numbered by the steps of the error before them
-    steps_before = np.searchsorted(trace.breaks, trace.line[rows], side="right")
+    steps_before = np.searchsorted(
+        trace.breaks,
+        trace.line[rows],
+        side="right",
+    )
     _, level = np.unique(steps_before, return_inverse=True)  # from 0
     # levels part a bin: each has a place of its own behind that of the level before
     _, place = np.unique(np.floor(turns * per_turn) + level / len(turns), return_inverse=True)
@@ -195,7 +204,11 @@ def order_columns(turns: Array, orders: Array) -> Array:
     part_orders = part_orders.round(12)
     waves = {order: np.exp(2j * np.pi * order * turns) for order in {*whole_orders.tolist(), *part_orders.tolist()}}
     columns = np.empty((2, len(orders), len(turns)))
-    pairs = zip(whole_orders.tolist(), part_orders.tolist(), strict=True)
+    pairs = zip(
+        whole_orders.tolist(),
+        part_orders.tolist(),
+        strict=True,
+    )
     for row, (whole_order, part_order) in enumerate(pairs):
         wave = waves[whole_order] * waves[part_order]
         columns[0, row] = wave.real
@@ -203,7 +216,11 @@ def order_columns(turns: Array, orders: Array) -> Array:
     return columns.reshape(2 * len(orders), len(turns)).T
 
 
-def curve_of(coefficients: Array, orders: Array, turns: Array) -> Array:
+def curve_of(
+    coefficients: Array,
+    orders: Array,
+    turns: Array,
+) -> Array:
     """Return curves [arcsec] at input angles [turns], shape (angles, ...).
 
     coefficients: of cosines and sines of the orders [arcsec], shape (2 orders, ...).
@@ -250,7 +267,12 @@ class TraceDesign:
     Raises UntrustedError: too few bins, or angles that do not resolve the orders.
     """
 
-    def __init__(self, bins: Bins, orders: Array, slow: SlowTerms = SlowTerms()) -> None:
+    def __init__(
+        self,
+        bins: Bins,
+        orders: Array,
+        slow: SlowTerms = SlowTerms(),
+    ) -> None:
         self.bins = bins
         self.orders = orders
         self.slow = slow
@@ -317,6 +339,11 @@ class TraceDesign:
         moments = [(self._rows(rows.start) * self.bins.weight[rows, None]).T @ curves(rows) for rows in self._parts]
         return self.root @ (self.root.T @ sum(moments))
 
-    def drift_at(self, drift: Array, turns: Array, travel: Array) -> Array:
+    def drift_at(
+        self,
+        drift: Array,
+        turns: Array,
+        travel: Array,
+    ) -> Array:
         """Return a drift [arcsec] at cam angles and after so much travel [turns]."""
         return self._slow(turns, travel) @ drift

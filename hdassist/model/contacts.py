@@ -112,7 +112,13 @@ class ContactSystem:
 
     def at_places(self, forces: Array) -> Array:
         """Return the force at each place [N], shape (states, m), from forces of candidates [N], shape (states, M)."""
-        return np.asarray(np.add.reduceat(forces, self.first, axis=1))
+        return np.asarray(
+            np.add.reduceat(
+                forces,
+                self.first,
+                axis=1,
+            )
+        )
 
     @property
     def balls(self) -> slice:
@@ -171,7 +177,11 @@ class ContactSystem:
         return np.asarray(delta_p)
 
 
-def contact_system(drive: Drive, tau: float = 0.0, beta: float | None = None) -> ContactSystem:
+def contact_system(
+    drive: Drive,
+    tau: float = 0.0,
+    beta: float | None = None,
+) -> ContactSystem:
     """Return the contact system of a drive.
 
     Args:
@@ -278,7 +288,11 @@ class ContactSystems:
         )
         # the flexspline pushes the outer ring inwards at the nodes, balls push it outwards
         compliance = _compliance_of(ring, np.vstack([-ring.radial(self._bore), ring.radial(theta)]))
-        return _BallPhase(theta=theta, compliance=compliance, part=part)
+        return _BallPhase(
+            theta=theta,
+            compliance=compliance,
+            part=part,
+        )
 
     def _structure_compliance(self, teeth: _ToothPhase, balls: _BallPhase) -> Array:
         """Return the compliance between all places [mm/N], shape (m, m): flank pairs, bore nodes, balls."""
@@ -302,7 +316,12 @@ def _support_stiffness(drive: Drive) -> Array:
     return C
 
 
-def _flexspline_compliance(drive: Drive, geometry: Geometry, flanks: Flanks, bore: Array) -> Array:
+def _flexspline_compliance(
+    drive: Drive,
+    geometry: Geometry,
+    flanks: Flanks,
+    bore: Array,
+) -> Array:
     """Return the compliance of the flexspline between flanks and bore nodes [mm/N], shape (places, places)."""
     flexspline = flexspline_ring(drive, geometry)
     # components of the outward normal of the tooth
@@ -328,7 +347,11 @@ def _compliance_of(ring: Ring, loads: Array) -> Array:
     return np.asarray(by_mode @ by_mode.T)  # a product with its own transpose is symmetric to the last digit
 
 
-def _between(inner: slice, outer: slice, theta: Array) -> Array:
+def _between(
+    inner: slice,
+    outer: slice,
+    theta: Array,
+) -> Array:
     """Return the rows of G of radial contacts between two bodies at angles theta [rad].
 
     Args:
@@ -343,7 +366,11 @@ def _between(inner: slice, outer: slice, theta: Array) -> Array:
     return G
 
 
-def _flank_part(geometry: Geometry, flanks: Flanks, face: Face) -> _Part:
+def _flank_part(
+    geometry: Geometry,
+    flanks: Flanks,
+    face: Face,
+) -> _Part:
     """Return the candidates of flanks, a row for each station, equation (6a)."""
     s_cos = flanks.side * np.cos(flanks.alpha)
     pairs = len(flanks.theta) // len(face.fall)
@@ -361,7 +388,11 @@ def _flank_part(geometry: Geometry, flanks: Flanks, face: Face) -> _Part:
     closing = s_cos * (v + flanks.h_c * chi) + np.sin(flanks.alpha) * w
     # It was taken at the open edge. Behind the edge the rim stands back by as much as the wave has fallen.
     delta_p = flanks.gap + geometry.j_n + closing * (1 + np.tile(face.fall, pairs))
-    return _Part(G=G, delta_p=delta_p, local=np.tile(face.compliance, pairs))
+    return _Part(
+        G=G,
+        delta_p=delta_p,
+        local=np.tile(face.compliance, pairs),
+    )
 
 
 def _normal(flanks: Flanks) -> Array:
@@ -423,7 +454,13 @@ class Ring:
         return np.hstack([np.zeros((len(theta), 1)), -factor * np.sin(angle), factor * np.cos(angle)])
 
 
-def plain_ring(E: float, area: float, inertia: float, radius: float, n_max: int) -> Ring:
+def plain_ring(
+    E: float,
+    area: float,
+    inertia: float,
+    radius: float,
+    n_max: int,
+) -> Ring:
     """Return a ring of constant section, equation (4).
 
     Args:
@@ -438,7 +475,11 @@ def plain_ring(E: float, area: float, inertia: float, radius: float, n_max: int)
     stiffness = np.pi * E * inertia * (n**2 - 1.0) ** 2 / radius**3
     # n = 0 stretches the hoop instead of bending it
     stiffness[0] = 2 * np.pi * E * area / radius
-    return Ring(radius=radius, order=n, stiffness=stiffness)
+    return Ring(
+        radius=radius,
+        order=n,
+        stiffness=stiffness,
+    )
 
 
 def outer_ring(drive: Drive, geometry: Geometry) -> Ring:
@@ -470,7 +511,11 @@ def flexspline_ring(drive: Drive, geometry: Geometry) -> Ring:
     n = ring.order[1:]
     # second part of equation (5): the shell twists in the modes, with n^2 in the denominator
     twist = 2 * np.pi * D * (1 - nu) * (n**2 - 1.0) ** 2 / (n**2 * r * length)
-    return Ring(radius=r, order=ring.order, stiffness=ring.stiffness + np.concatenate([[0.0], twist]))
+    return Ring(
+        radius=r,
+        order=ring.order,
+        stiffness=ring.stiffness + np.concatenate([[0.0], twist]),
+    )
 
 
 def shell_twist_stiffness(drive: Drive, geometry: Geometry) -> float:

@@ -150,7 +150,11 @@ def is_half_turn_symmetric(drive: Drive) -> bool:
     return all(count % 2 == 0 for count in counts)
 
 
-def deviation_scalars(drive: Drive, alpha_g: Array, alpha_b: Array) -> Array:
+def deviation_scalars(
+    drive: Drive,
+    alpha_g: Array,
+    alpha_b: Array,
+) -> Array:
     """Return the scalars of the preset's deviations [mm], shape (states, scalars), as many as it needs.
 
     Args:
@@ -186,7 +190,11 @@ def waves_of(value: Callable[[str], Array | float], drive: Drive) -> Waves:
     return waves
 
 
-def scalars_of(waves: Waves, alpha_g: Array, alpha_b: Array) -> Array:
+def scalars_of(
+    waves: Waves,
+    alpha_g: Array,
+    alpha_b: Array,
+) -> Array:
     """Return the scalars [mm] of many drives at once, shape (..., scalars): the first 4, 6 or 12, or all of them.
 
     Args:
@@ -226,7 +234,12 @@ class ToothDeviations:
     b: Array | None = None  # of each space of the rigid wheel, shape (z_b,)
 
 
-def state_gaps(drive: Drive, system: ContactSystem, states: States, teeth: ToothDeviations | None = None) -> StateGaps:
+def state_gaps(
+    drive: Drive,
+    system: ContactSystem,
+    states: States,
+    teeth: ToothDeviations | None = None,
+) -> StateGaps:
     """Return the changes of the gaps of states by the deviations of a drive.
 
     Args:
@@ -259,7 +272,12 @@ def state_gaps(drive: Drive, system: ContactSystem, states: States, teeth: Tooth
     return StateGaps(scalars, -flanks.side * np.cos(flanks.alpha) * deviation)
 
 
-def _at_teeth(deviation: Array, tooth: NDArray[np.int64], turned: Array, z: int) -> Array:
+def _at_teeth(
+    deviation: Array,
+    tooth: NDArray[np.int64],
+    turned: Array,
+    z: int,
+) -> Array:
     """Return the deviations [mm] of the teeth at flanks in states, shape (states, flanks).
 
     Args:
@@ -407,7 +425,12 @@ def _assumption(drive: Drive, path: str) -> Unknown | None:
         if source.kind != "assumed" or not source.range:
             return None
         low, high = source.range
-        return Unknown(path=path, low=low, high=high, reason=source.ref)
+        return Unknown(
+            path=path,
+            low=low,
+            high=high,
+            reason=source.ref,
+        )
     section, name = path.split(".")
     # a value that stands in the preset without a source counts as given
     is_default = name not in getattr(drive, section).model_fields_set
@@ -418,7 +441,12 @@ def _assumption(drive: Drive, path: str) -> Unknown | None:
     if not bounds:
         return None
     low, high = bounds
-    return Unknown(path=path, low=low, high=high, reason=LAWS[path].why)
+    return Unknown(
+        path=path,
+        low=low,
+        high=high,
+        reason=LAWS[path].why,
+    )
 
 
 # --- deviations that are not known
@@ -445,7 +473,12 @@ def unknowns(drive: Drive) -> tuple[Unknown, ...]:
         size = deviation.size
         direction = deviation.direction
         if drive.value(size) is None:
-            unknown_by_path[size] = Unknown(path=size, low=0.0, high=high, reason=reason)
+            unknown_by_path[size] = Unknown(
+                path=size,
+                low=0.0,
+                high=high,
+                reason=reason,
+            )
         if drive.value(direction) is None:
             unknown_by_path[direction] = Unknown(
                 # order n repeats n times a revolution, so its directions do too

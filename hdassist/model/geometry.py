@@ -104,8 +104,18 @@ class Geometry:
         r_m = r_f - h_1 / 2
         bore = r_f - h_1
         return cls(
-            flexspline=Wheel(z=g.z_g, m=m, alpha=alpha, x=g.x_g),
-            rigid=Wheel(z=g.z_b, m=g.m, alpha=alpha, x=g.x_b),
+            flexspline=Wheel(
+                z=g.z_g,
+                m=m,
+                alpha=alpha,
+                x=g.x_g,
+            ),
+            rigid=Wheel(
+                z=g.z_b,
+                m=g.m,
+                alpha=alpha,
+                x=g.x_b,
+            ),
             r_f=r_f,
             r_m=r_m,
             r_ag=m * (g.z_g + 2 * g.x_g + 2 * g.h_a) / 2,
@@ -167,7 +177,11 @@ class _FlankPoints(NamedTuple):
 
 
 @lru_cache(maxsize=64)  # the rules of a drive ask for the same flanks as its contact systems
-def flank_candidates(geometry: Geometry, tau: float = 0.0, samples: int = FLANK_SAMPLES) -> Flanks:
+def flank_candidates(
+    geometry: Geometry,
+    tau: float = 0.0,
+    samples: int = FLANK_SAMPLES,
+) -> Flanks:
     """Return every flank pair that can touch, with its smallest gap over the active height.
 
     Pairs whose teeth do not overlap radially cannot touch and are omitted.
@@ -228,7 +242,11 @@ def _overlapping_pairs(geometry: Geometry, tau: float) -> _FlankPairs:
     )
 
 
-def _nearest_points(geometry: Geometry, pairs: _FlankPairs, samples: int) -> _FlankPoints:
+def _nearest_points(
+    geometry: Geometry,
+    pairs: _FlankPairs,
+    samples: int,
+) -> _FlankPoints:
     """Return the point of each flank with the smallest gap, among so many heights of its active part.
 
     The gap has one minimum along a flank, or none between its ends, so the search narrows down from a coarse step.
@@ -247,7 +265,12 @@ def _nearest_points(geometry: Geometry, pairs: _FlankPairs, samples: int) -> _Fl
     return points
 
 
-def _nearest_of(geometry: Geometry, pairs: _FlankPairs, heights: Array, tried: NDArray[np.int64]) -> _FlankPoints:
+def _nearest_of(
+    geometry: Geometry,
+    pairs: _FlankPairs,
+    heights: Array,
+    tried: NDArray[np.int64],
+) -> _FlankPoints:
     """Return the point of each flank with the smallest gap among the tried ones.
 
     Args:
@@ -270,7 +293,11 @@ def _nearest_of(geometry: Geometry, pairs: _FlankPairs, heights: Array, tried: N
 
 
 def flank_point(
-    geometry: Geometry, r_y: Array, theta: Array, side: Array, shape: _NominalShape | None = None
+    geometry: Geometry,
+    r_y: Array,
+    theta: Array,
+    side: Array,
+    shape: _NominalShape | None = None,
 ) -> tuple[Array, Array]:
     """Return the polar coordinates (rho [mm], phi [rad]) of points of flanks; all shapes broadcast.
 
@@ -323,7 +350,10 @@ def flank_gap(
 
 
 def _lowest_active_radius(
-    geometry: Geometry, theta: Array, side: Array, shape: _NominalShape
+    geometry: Geometry,
+    theta: Array,
+    side: Array,
+    shape: _NominalShape,
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Return the smallest r_y [mm] of each active flank, and which flanks reach the rigid wheel, shape (n,).
 
@@ -356,7 +386,12 @@ _ANGLE_ROUNDS = 50  # most iterations of a fixed point; one gains a factor W_0/r
 _ANGLE_CONVERGED = 1e-15  # last change of an angle [rad]
 
 
-def nominal_shape(theta: Array, W_0: float, r_m: float, curve: _NominalCurve = "linear") -> _NominalShape:
+def nominal_shape(
+    theta: Array,
+    W_0: float,
+    r_m: float,
+    curve: _NominalCurve = "linear",
+) -> _NominalShape:
     """Return the shape of the rim on the cam at angles theta.
 
     linear: the bending mode n = 2 of a ring, w = W_0 cos 2 theta. inextensible: the closed curve
@@ -379,7 +414,11 @@ def nominal_shape(theta: Array, W_0: float, r_m: float, curve: _NominalCurve = "
     return _NominalShape(w, v, chi)
 
 
-def _inextensible_shape(theta: Array, W_0: float, r_m: float) -> _NominalShape:
+def _inextensible_shape(
+    theta: Array,
+    W_0: float,
+    r_m: float,
+) -> _NominalShape:
     """Return the shape of the rim on the inextensible curve at angles theta [rad]."""
     # the curve depends on two numbers of the drive only, and is found once
     curve = _closed_curve(W_0, r_m)
@@ -394,7 +433,11 @@ def _inextensible_shape(theta: Array, W_0: float, r_m: float) -> _NominalShape:
     # r(phi) = r_0 + A cos 2 phi, and its derivative gives the direction of the normal
     radius = curve.mean_radius + curve.wave * np.cos(2 * phi)
     slope = -2 * curve.wave * np.sin(2 * phi)
-    return _NominalShape(w=radius - r_m, v=r_m * (phi - theta), chi=-np.arctan2(slope, radius))
+    return _NominalShape(
+        w=radius - r_m,
+        v=r_m * (phi - theta),
+        chi=-np.arctan2(slope, radius),
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -424,7 +467,11 @@ def _closed_curve(W_0: float, r_m: float) -> _ClosedCurve:
     # ds/dphi is even in phi, so only cosines occur; integrating them gives sines with 1/k
     series = np.fft.rfft(speed).real / _HARMONICS
     k = 2 * np.arange(1, _HARMONICS_KEPT + 1)
-    return _ClosedCurve(mean_radius=r_0, wave=wave, arc_length=series[1 : _HARMONICS_KEPT + 1] / k)
+    return _ClosedCurve(
+        mean_radius=r_0,
+        wave=wave,
+        arc_length=series[1 : _HARMONICS_KEPT + 1] / k,
+    )
 
 
 # --- stations along the face
@@ -481,7 +528,11 @@ class Kinematics:
     @classmethod
     def of(cls, drive: Drive) -> Kinematics:
         """Return the kinematics of a drive."""
-        return cls(z_g=drive.gears.z_g, z_b=drive.gears.z_b, fixed=drive.mounting.fixed)
+        return cls(
+            z_g=drive.gears.z_g,
+            z_b=drive.gears.z_b,
+            fixed=drive.mounting.fixed,
+        )
 
     @property
     def u(self) -> float:
@@ -547,7 +598,11 @@ class States:
         )
 
 
-def pitch_locked_states(kinematics: Kinematics, index: NDArray[np.int64] | None = None, start: float = 0.0) -> States:
+def pitch_locked_states(
+    kinematics: Kinematics,
+    index: NDArray[np.int64] | None = None,
+    start: float = 0.0,
+) -> States:
     """Return the states j in which the cam has advanced by j tooth pitches of the fixed wheel.
 
     Args:

@@ -135,7 +135,12 @@ def _measured_conflicts(values: Mapping[str, Any]) -> Iterator[_Conflict]:
             )
         if fault := position_fault(position, values["mounting.holes"]):
             message, hint = fault
-            yield _Conflict(path=f"measured.F_ior.{key}", message=message, got=key, hint=hint)
+            yield _Conflict(
+                path=f"measured.F_ior.{key}",
+                message=message,
+                got=key,
+                hint=hint,
+            )
 
 
 def _lone_phases(values: Mapping[str, Any]) -> Iterator[tuple[_Conflict, tuple[str, ...]]]:
@@ -159,7 +164,11 @@ def _too_soft(C: float | None) -> str:
     return f"{C:g} N/mm" if C and C < _LEAST_SUPPORT else ""
 
 
-def _too_small(end: float | None, rated: float | None, M_g: Sequence[float]) -> str:
+def _too_small(
+    end: float | None,
+    rated: float | None,
+    M_g: Sequence[float],
+) -> str:
     """Return a torque that cannot end a segment of the stiffness curve with the smallest possible one, else empty."""
     least = _LEAST_END * (rated or max(map(abs, M_g), default=0.0))
     return f"{end:g} N*m; above {least:g} N*m" if end is not None and end <= least else ""
@@ -408,7 +417,11 @@ def _rim_is_thin(geometry: Geometry) -> Iterator[_Conflict]:
         )
 
 
-def _bearing_fits(geometry: Geometry, d_ball: float | None, N: int) -> Iterator[_Conflict]:
+def _bearing_fits(
+    geometry: Geometry,
+    d_ball: float | None,
+    N: int,
+) -> Iterator[_Conflict]:
     """Yield a conflict if outer ring and balls do not fit the bore."""
     raceway = geometry.r_raceway
     ring_h = 2 * (geometry.r_ring - geometry.r_raceway)
@@ -427,7 +440,12 @@ def _bearing_fits(geometry: Geometry, d_ball: float | None, N: int) -> Iterator[
         hint = f"use at most {room:.3g} mm for {N} balls"
         if d_ball >= raceway:
             message = f"does not fit inside the raceway with a radius of {raceway:.4g} mm"
-            yield _Conflict(path="bearing.d_ball", message=message, got=f"{d_ball:g} mm", hint=hint)
+            yield _Conflict(
+                path="bearing.d_ball",
+                message=message,
+                got=f"{d_ball:g} mm",
+                hint=hint,
+            )
         elif d_ball > room:
             yield _Conflict(
                 path="bearing.d_ball", message=f"no room for {N} balls in the bearing", got=f"{d_ball:g} mm", hint=hint

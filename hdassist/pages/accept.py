@@ -114,7 +114,11 @@ _DECISION_COLUMNS: Quantities[DecidedCheck] = (
 )
 
 
-def accept_report(answer: AcceptAnswer, predictions: Predictions | None, drive: Drive) -> Report:
+def accept_report(
+    answer: AcceptAnswer,
+    predictions: Predictions | None,
+    drive: Drive,
+) -> Report:
     """Return the acceptance of a drive as a report; predictions: those of the model, None without any."""
     checks = _by_severity(_shown_checks(answer))
     worst = [check for check in checks if check.verdict == checks[0].verdict]
@@ -185,7 +189,11 @@ def _in_unit(check: DecidedCheck, unit: str) -> DecidedCheck:
         return check
     size = convert(f"1 {unit}", check.unit)
     names = ("limit", "value", "expanded_uncertainty", "margin", "guard")
-    return replace(check, unit=unit, **{name: (value := getattr(check, name)) and value / size for name in names})
+    return replace(
+        check,
+        unit=unit,
+        **{name: (value := getattr(check, name)) and value / size for name in names},
+    )
 
 
 def _by_severity(checks: Iterable[DecidedCheck]) -> list[DecidedCheck]:
@@ -193,7 +201,12 @@ def _by_severity(checks: Iterable[DecidedCheck]) -> list[DecidedCheck]:
     return sorted(checks, key=lambda each: (SEVERITY.index(each.verdict), (each.margin or 0.0) / each.limit))
 
 
-def _column_of_basis(quantity: Quantity[DecidedCheck], basis: str, *, is_predicted: bool) -> Quantity[DecidedCheck]:
+def _column_of_basis(
+    quantity: Quantity[DecidedCheck],
+    basis: str,
+    *,
+    is_predicted: bool,
+) -> Quantity[DecidedCheck]:
     """Return a column of decisions with the label that its numbers have by the basis of the values.
 
     is_predicted: whether the values are medians over samples.
@@ -228,7 +241,11 @@ def _tables(answer: AcceptAnswer) -> Iterator[Table]:
         yield Table.by_row(title, columns, checks)
 
 
-def _facts(answer: AcceptAnswer, predictions: Predictions | None, drive: Drive) -> Iterator[Fact]:
+def _facts(
+    answer: AcceptAnswer,
+    predictions: Predictions | None,
+    drive: Drive,
+) -> Iterator[Fact]:
     """Yield options, questions, notes and the next command, a label and a text each."""
     if predictions:
         yield from steps_facts(predictions)
@@ -258,7 +275,11 @@ def _facts(answer: AcceptAnswer, predictions: Predictions | None, drive: Drive) 
         yield "next", _turning_command(failed[0]) if failed else _to_explain(answer.checks)
 
 
-def _with_measured(check: DecidedCheck, answer: AcceptAnswer, drive: Drive) -> str:
+def _with_measured(
+    check: DecidedCheck,
+    answer: AcceptAnswer,
+    drive: Drive,
+) -> str:
     """Return the same command with the value of a check still to be measured instead of a recording at its torque."""
     if not (answer.request and check.option.startswith("--measured")):
         return f"{again('accept', drive)} {check.option}"
@@ -428,7 +449,12 @@ def _failed_by_F_ior(answers: Sequence[AcceptAnswer]) -> list[_FailedDrive]:
         if checks and answer.request is not None:
             worst = max(range(len(checks)), key=lambda k: (ratios[k], k))  # the last one of equal ones
             failed.append(
-                _FailedDrive(name=title(answer), request=answer.request, check=checks[worst], times_limit=ratios[worst])
+                _FailedDrive(
+                    name=title(answer),
+                    request=answer.request,
+                    check=checks[worst],
+                    times_limit=ratios[worst],
+                )
             )
     return sorted(failed, key=lambda drive: drive.times_limit)
 
@@ -466,7 +492,11 @@ def _drives(count: int) -> str:
     return f"{count} drive{'' if count == 1 else 's'}"
 
 
-def replay_report(recorded: AcceptAnswer, now: AcceptAnswer | None, fault: DataError | None) -> Report:
+def replay_report(
+    recorded: AcceptAnswer,
+    now: AcceptAnswer | None,
+    fault: DataError | None,
+) -> Report:
     """Return the replay of an answer as a report.
 
     recorded: the answer of the file.
@@ -520,7 +550,10 @@ def csv(answers: Sequence[AcceptAnswer]) -> str:
 
 
 def _csv_row(
-    answer: AcceptAnswer, check: DecidedCheck | None, verdict: str | None, reason: str | None
+    answer: AcceptAnswer,
+    check: DecidedCheck | None,
+    verdict: str | None,
+    reason: str | None,
 ) -> dict[str, object]:
     """Return a row of CSV: the figures of a check, and the grounds of the answer that it belongs to."""
     return {
@@ -540,7 +573,11 @@ SUITES_HEAD = '<?xml version="1.0" encoding="UTF-8"?>\n<!-- hdassist accept -->\
 _COUNTED = {"tests": "testcase", "failures": "failure", "errors": "error", "skipped": "skipped"}
 
 
-def junit(name: str, answers: Sequence[AcceptAnswer], lot_sha256: str = "") -> str:
+def junit(
+    name: str,
+    answers: Sequence[AcceptAnswer],
+    lot_sha256: str = "",
+) -> str:
     """JUnit XML, which build servers show: a suite for each drive, a test case for each of its checks.
 
     A case's class is its drive, its name the limit; remarks on a drive stand once, in the output of its suite. FAIL and
@@ -560,7 +597,11 @@ def junit(name: str, answers: Sequence[AcceptAnswer], lot_sha256: str = "") -> s
     return SUITES_HEAD + tostring(root, encoding="unicode") + "\n"
 
 
-def _suite(root: Element, answer: AcceptAnswer, lot_sha256: str) -> None:
+def _suite(
+    root: Element,
+    answer: AcceptAnswer,
+    lot_sha256: str,
+) -> None:
     """Append the test suite of a drive to a JUnit file: a test case for each of its checks."""
     suite = _Suite.begun(root, answer, lot_sha256)
     if answer.error:
@@ -582,7 +623,12 @@ class _Suite:
     name: str  # of the drive: its serial number, or its preset without one
 
     @classmethod
-    def begun(cls, root: Element, answer: AcceptAnswer, lot_sha256: str) -> _Suite:
+    def begun(
+        cls,
+        root: Element,
+        answer: AcceptAnswer,
+        lot_sha256: str,
+    ) -> _Suite:
         """Append a suite with its properties, and without test cases."""
         name = answer.serial or answer.preset.name
         element = SubElement(root, "testsuite", name=visible(name))
@@ -591,11 +637,22 @@ class _Suite:
         properties = {**identity, **provenance(answer), "lot_sha256": lot_sha256}
         for key, value in properties.items():
             if value is not None and value != "":
-                SubElement(place, "property", name=key, value=visible(str(value)))
+                SubElement(
+                    place,
+                    "property",
+                    name=key,
+                    value=visible(str(value)),
+                )
         return cls(element=element, name=name)
 
     def add_case(
-        self, label: str, outcome: str, *, message: str = "", kind: str = "", lines: Sequence[str] = ()
+        self,
+        label: str,
+        outcome: str,
+        *,
+        message: str = "",
+        kind: str = "",
+        lines: Sequence[str] = (),
     ) -> None:
         """Append a test case.
 
@@ -606,7 +663,12 @@ class _Suite:
             kind: type of a failure.
             lines: text of the outcome; empty lines are left out.
         """
-        case = SubElement(self.element, "testcase", classname=visible(self.name), name=visible(label))
+        case = SubElement(
+            self.element,
+            "testcase",
+            classname=visible(self.name),
+            name=visible(label),
+        )
         attributes = {key: visible(text) for key, text in (("message", message), ("type", kind)) if text}
         SubElement(case, outcome, attributes).text = visible("\n".join(filter(None, lines))) or None
 
@@ -627,8 +689,18 @@ class _Suite:
         sentence = f"{check.verdict}: {_sentence(check)}"
         because = f"because: {check.reason}" if check.reason else ""
         if check.verdict == "PASS":
-            self.add_case(check.label, "system-out", lines=(sentence, because))
+            self.add_case(
+                check.label,
+                "system-out",
+                lines=(sentence, because),
+            )
             return
         action = f"measure it, {check.option}" if _is_open(check) else f"hdassist explain {check.code}"
         lines = (sentence, because, f"what to do: {action}")
-        self.add_case(check.label, "failure", message=sentence, kind=str(check.verdict), lines=lines)
+        self.add_case(
+            check.label,
+            "failure",
+            message=sentence,
+            kind=str(check.verdict),
+            lines=lines,
+        )

@@ -55,7 +55,11 @@ _ANGLES = ("phi_h", "phi_g", "phi_b")
 _UNKNOWN_AT_ZERO = "F_ior_shown_arcsec, at_max and at_min take unknown inputs as 0"
 
 
-def _angle_deg(end: str, angle: str, point: OperatingPoint) -> float | None:
+def _angle_deg(
+    end: str,
+    angle: str,
+    point: OperatingPoint,
+) -> float | None:
     """Return an angle of the mesh position with the largest or the smallest error (at_max, at_min) [deg]."""
     return (
         None
@@ -338,7 +342,12 @@ def steps_tables(check: DesignCheck) -> Iterator[Table]:
         notes = [_DERIVED] if any(step.kind == "tolerance" for step in options) else []
         if check.samples and is_error_measured(check.drive):
             notes.append(_NOT_LISTED)
-        yield Table(f"options {purpose} ({value})", ("option", outcome, "how"), tuple(rows), notes=tuple(notes))
+        yield Table(
+            f"options {purpose} ({value})",
+            ("option", outcome, "how"),
+            tuple(rows),
+            notes=tuple(notes),
+        )
     if questions:
         question_rows = tuple((_step_words(step, check.drive), _outcome_words(step, point)) for step in questions)
         title = f"questions to clarify, at {point.M_g:g} N·m ({value})"

@@ -62,7 +62,11 @@ _COMPARED_NUMBERS = quantity_table(
 )
 
 
-def _plus_minus(value: float | None, uncertainty: float | None, digits: int = 1) -> str:
+def _plus_minus(
+    value: float | None,
+    uncertainty: float | None,
+    digits: int = 1,
+) -> str:
     """Return a value with its standard uncertainty (k = 1), as far as they are known."""
     spread = "" if uncertainty is None else f" ± {uncertainty:.{digits}f}"
     return NO_VALUE if value is None else f"{value:z.{digits}f}{spread}"
@@ -398,7 +402,12 @@ def _most_by(result: DrivesComparison, changes: DriveChanges) -> str:
     return "; ".join(f"{named(change.field or '')} at {load}" for change, load in places)
 
 
-def _change(result: DrivesComparison, sheet: DriveSheet, changes: DriveChanges, k: int) -> str:
+def _change(
+    result: DrivesComparison,
+    sheet: DriveSheet,
+    changes: DriveChanges,
+    k: int,
+) -> str:
     """Return the change from A in per cent, of the medians of F'_ior, or a word for it."""
     sense = changes.F_ior_is[k]
     before = result.sheets[0].check.points[k].F_ior_or_error
@@ -456,7 +465,12 @@ def _changes(result: DrivesComparison) -> Iterator[Table]:
         paths = _some(changes.not_alone)
         if paths:
             notes.append(f"cannot be changed alone (the drive would be impossible or less certain): {paths}")
-        yield Table(title, ("", *torques), tuple(rows), notes=tuple(notes))
+        yield Table(
+            title,
+            ("", *torques),
+            tuple(rows),
+            notes=tuple(notes),
+        )
 
 
 def _cell(field: ResolvedField) -> str:
@@ -490,7 +504,11 @@ def _drives_facts(result: DrivesComparison) -> Iterator[Fact]:
         likelier = [
             (max(odds, odds.complement, key=attrgetter("value")), load_words) for odds, load_words in open_ if odds
         ]
-        least, load_words = min(likelier, key=lambda each: each[0].low, default=(None, ""))
+        least, load_words = min(
+            likelier,
+            key=lambda each: each[0].low,
+            default=(None, ""),
+        )
         sure = f"; probability of its sign: {least.text(SURE, outcome='a decision')}" if least else ""
         yield "open", f"unknown inputs may reverse this change{load_words}{sure}"
     yield "next", again("report", result.sheets[result.best].drive, "-o", "report.html")

@@ -38,7 +38,12 @@ _OTHER_DIRECTION = "other_direction_arcsec"  # whose torque has rows of its own
 _SHORT_FORM = "output turn, 256 points"  # that many controllers keep
 
 
-def compensate_report(result: Correction, *, is_written: bool = False, warnings: Sequence[str] = ()) -> Report:
+def compensate_report(
+    result: Correction,
+    *,
+    is_written: bool = False,
+    warnings: Sequence[str] = (),
+) -> Report:
     """Return the residual error with a stored correction, by its form, as a report.
 
     result: the correction.
@@ -112,7 +117,12 @@ def verified_report(result: Correction, found: VerifiedCorrection) -> Report:
     low, high = found.interval_arcsec
     measured = f"at least {low:.1f}" if high is None else f"{low:.1f}-{high:.1f}"
     rows: list[tuple[str, ...]] = [("F'_ior", f"{promised.uncorrected_p50:.1f}", _range(promised), measured)]
-    parts = zip(result.parts, found.promised_parts, found.parts, strict=False)  # loads and directions are not compared
+    parts = zip(
+        result.parts,
+        found.promised_parts,
+        found.parts,
+        strict=False,
+    )  # loads and directions are not compared
     rows += [(_part_words(before), *map(_range, (before, *further_parts))) for before, *further_parts in parts]
     why = [
         f"Measured residual F'_ior: {found.F_ior_arcsec:.1f}″ ({measured}); predicted: at most {promised.p95:.1f}″ "
@@ -304,13 +314,28 @@ def _before_and_after(result: Correction) -> Curve:
     names = ("before", "after")
     title = f"kinematic error, ″, {ENVELOPE}"
     x_label = "input angle over the full mesh cycle, revolutions"
-    return Curve(x=turns, y=before, x_label=x_label, y_label=title, over=1.0, second=after, names=names, rows=3)
+    return Curve(
+        x=turns,
+        y=before,
+        x_label=x_label,
+        y_label=title,
+        over=1.0,
+        second=after,
+        names=names,
+        rows=3,
+    )
 
 
 def _form_object(each: FormResiduals) -> dict[str, Any]:
     return {
         "form": each.form.name,
-        "left": dict(zip(("p5", "p50", "p95"), each.left, strict=True)),
+        "left": dict(
+            zip(
+                ("p5", "p50", "p95"),
+                each.left,
+                strict=True,
+            )
+        ),
         "refused": each.is_refused,
         "residuals": each.residuals,
     }

@@ -50,7 +50,13 @@ _UNKNOWN_AS_ZERO = "Unknown inputs are taken as 0; hdassist check gives F'_ior w
 ORDER_QUANTITIES = quantity_table("trace.orders")
 
 
-def slope_words(slope: float, uncertainty: float, speed: float | None, *, is_least: bool = False) -> str:
+def slope_words(
+    slope: float,
+    uncertainty: float,
+    speed: float | None,
+    *,
+    is_least: bool = False,
+) -> str:
     """Return the largest slope [arcsec per deg of the output] in words, and the rate at a speed [arcsec/s].
 
     is_least: whether the slope is a lower bound.
@@ -80,7 +86,12 @@ def _start_words(trace: Trace, moving: str) -> str:
     return f"{trace.error.M_g:g} N·m, {trace.revolutions} input {revolutions} from {moving} = {trace.start_deg:g}°"
 
 
-def _trace_facts(drive: Drive, trace: Trace, *, is_part: bool) -> list[Fact]:
+def _trace_facts(
+    drive: Drive,
+    trace: Trace,
+    *,
+    is_part: bool,
+) -> list[Fact]:
     """Return what a trace rests on, and the next command; is_part: whether it is shorter than the full mesh cycle."""
     return [
         ("gravity", _along_words(trace.along)),
@@ -90,7 +101,12 @@ def _trace_facts(drive: Drive, trace: Trace, *, is_part: bool) -> list[Fact]:
     ]
 
 
-def trace_report(drive: Drive, trace: Trace, seed: int, speed: float | None = None) -> Report:
+def trace_report(
+    drive: Drive,
+    trace: Trace,
+    seed: int,
+    speed: float | None = None,
+) -> Report:
     """Return the error of a drive over input revolutions as a report.
 
     drive: the drive.
@@ -129,7 +145,13 @@ def trace_report(drive: Drive, trace: Trace, seed: int, speed: float | None = No
     )
 
 
-def _trace_object(drive: Drive, trace: Trace, moving: str, seed: int, speed: float | None) -> Json:
+def _trace_object(
+    drive: Drive,
+    trace: Trace,
+    moving: str,
+    seed: int,
+    speed: float | None,
+) -> Json:
     """Return a trace as JSON; moving: name of the angle at which it starts; the others as those of trace_report."""
     error = trace.error
     return {
@@ -155,7 +177,12 @@ def _angles_deg(trace: Trace) -> dict[str, Array]:
     return {f"{name}_deg": np.degrees(getattr(states, name)) for name in ("phi_h", "phi_g", "phi_b")}
 
 
-def _limits_of_trace(drive: Drive, trace: Trace, *, is_part: bool) -> Iterator[str]:
+def _limits_of_trace(
+    drive: Drive,
+    trace: Trace,
+    *,
+    is_part: bool,
+) -> Iterator[str]:
     """Yield what a trace leaves out; is_part: whether it is shorter than the full mesh cycle."""
     if drive.measured != Measured.of_defaults():
         yield "Values of the preset: measurements of the drive are not taken into account."
@@ -167,7 +194,12 @@ def _limits_of_trace(drive: Drive, trace: Trace, *, is_part: bool) -> Iterator[s
         yield _UNKNOWN_AS_ZERO
 
 
-def _next(drive: Drive, trace: Trace, *, is_part: bool) -> str:
+def _next(
+    drive: Drive,
+    trace: Trace,
+    *,
+    is_part: bool,
+) -> str:
     """Return the next command: the trace of the full mesh cycle after one of a part."""
     if not is_part:
         return again("mount", drive)
@@ -186,11 +218,22 @@ def _along_words(along: ErrorAlong | None) -> str:
     return f"{ends}, {solved}. {constant.capitalize()}. Wind-up of {along.wind_up_arcsec:.4g}″ not included"
 
 
-def curve_of_turns(turns: Series, error: Series, words: str) -> Curve:
+def curve_of_turns(
+    turns: Series,
+    error: Series,
+    words: str,
+) -> Curve:
     """Return the error over input revolutions as a curve; words: those for the error, with its unit."""
     over = float(np.ptp(turns) > _MANY_TURNS)
     around = f": {ENVELOPE}" if over else ""
-    return Curve(turns, error, x_label="input angle, revolutions", y_label=f"{words}{around}", over=over, rows=4)
+    return Curve(
+        turns,
+        error,
+        x_label="input angle, revolutions",
+        y_label=f"{words}{around}",
+        over=over,
+        rows=4,
+    )
 
 
 _ARCMIN = pi / 10800  # rad
@@ -359,7 +402,11 @@ def _sweep_facts(swept: Swept) -> Iterator[Fact]:
         yield "next", again("check", swept.drive, *(word for text in sets for word in ("--set", text)))
 
 
-def _of(axis: Axis, values: str, sign: str) -> str:
+def _of(
+    axis: Axis,
+    values: str,
+    sign: str,
+) -> str:
     """Return values along an axis, in its unit."""
     return f"{axis.path}{sign}{values} {axis.unit.replace('*', '·')}".rstrip()
 
@@ -378,4 +425,9 @@ def _figures(swept: Swept) -> Iterator[Curve]:
         gaps = "" if solved.all() else f", {np.sum(~solved)} points without a result omitted"
         if solved.sum() > 1:
             label = _of(axis, "", ",").rstrip(",")
-            yield Curve(x=values[solved], y=F_ior[solved], x_label=label, y_label=f"F'_ior{torque}, ″{gaps}")
+            yield Curve(
+                x=values[solved],
+                y=F_ior[solved],
+                x_label=label,
+                y_label=f"F'_ior{torque}, ″{gaps}",
+            )

@@ -83,7 +83,13 @@ def _after_calibration(result: Calibration, written: str | None) -> str:
 def _targets_table(wanted: Targets, fitted: Json) -> Table:
     """Return the targets beside the values of a fit; fitted: that fit as JSON."""
     rows = []
-    columns = zip(wanted.targets, fitted["found"], fitted["off_tolerances"], fitted["targets_met"], strict=True)
+    columns = zip(
+        wanted.targets,
+        fitted["found"],
+        fitted["off_tolerances"],
+        fitted["targets_met"],
+        strict=True,
+    )
     for target, value, off_tolerances, is_met in columns:
         state = "met" if is_met else "MISSED"
         rows.append((target.words, target.unit, target.wanted, four_digits(value), f"{off_tolerances:+.2f}", state))

@@ -111,7 +111,10 @@ def _slope_facts(result: Measurement) -> list[Fact]:
 
 
 def measure_report(
-    result: Measurement, drive: Drive | None, options: Sequence[str] = (), speed: float | None = None
+    result: Measurement,
+    drive: Drive | None,
+    options: Sequence[str] = (),
+    speed: float | None = None,
 ) -> Report:
     """Return F'_ior of a recording with its uncertainty, by direction, as a report.
 
@@ -206,7 +209,12 @@ def _full_cycle_words(result: Measurement, direction: SweepResult) -> Iterator[s
         yield f"To narrow this interval, record the output from {first:.0f} to {last:.0f}° next."
 
 
-def _facts(result: Measurement, drive: Drive | None, options: Sequence[str], speed: float | None) -> Iterator[Fact]:
+def _facts(
+    result: Measurement,
+    drive: Drive | None,
+    options: Sequence[str],
+    speed: float | None,
+) -> Iterator[Fact]:
     """Yield the largest orders, reading of the file and the next command, a label and a text each."""
     first_sweep = result.directions[0]
     file = result.trace.file
@@ -280,7 +288,11 @@ def _shaft_words(found: SweepResult) -> str:
     return "; ".join(f"{component.shaft}: {component.missing}" for component in missing)
 
 
-def _next_command(result: Measurement, drive: Drive | None, options: Sequence[str]) -> str:
+def _next_command(
+    result: Measurement,
+    drive: Drive | None,
+    options: Sequence[str],
+) -> str:
     """Return the command that follows a recording.
 
     For a part of the cycle it compares with the prediction; for the full cycle of a drive it is the hole of its fixed
@@ -492,12 +504,21 @@ class _BenchResults:
     iso230: PositioningTest | None = None
 
     @classmethod
-    def of(cls, record: PositionRecord | LoopRecord, drive: Drive | None, seed: int) -> _BenchResults:
+    def of(
+        cls,
+        record: PositionRecord | LoopRecord,
+        drive: Drive | None,
+        seed: int,
+    ) -> _BenchResults:
         """Return the quantities of a record; seed: of the drawn approaches."""
         if isinstance(record, PositionRecord):
             quantities = position_quantities(record, seed=seed)
             positions = seen_range(record, quantities)
-            return cls(quantities=quantities, positions=positions, iso230=positioning_test(record))
+            return cls(
+                quantities=quantities,
+                positions=positions,
+                iso230=positioning_test(record),
+            )
         places = place_loops(record, _rated_torque(record, drive))
         return cls(quantities=loop_quantities(places), places=places)
 
@@ -530,7 +551,11 @@ class _BenchResults:
         return ", ".join(lines)
 
 
-def _bench_object(record: PositionRecord | LoopRecord, results: _BenchResults, seed: int) -> Json:
+def _bench_object(
+    record: PositionRecord | LoopRecord,
+    results: _BenchResults,
+    seed: int,
+) -> Json:
     """Return the quantities of a record by the keys of the JSON result."""
     table = record.table
     return {
@@ -545,7 +570,10 @@ def _bench_object(record: PositionRecord | LoopRecord, results: _BenchResults, s
 
 
 def bench_report(
-    record: PositionRecord | LoopRecord, drive: Drive | None, seed: int, options: Sequence[str] = ()
+    record: PositionRecord | LoopRecord,
+    drive: Drive | None,
+    seed: int,
+    options: Sequence[str] = (),
 ) -> Report:
     """Return the quantities of approached positions, or of torque loops.
 
@@ -684,7 +712,11 @@ _ENTRY_COLUMNS = quantity_table(
 )
 
 
-def history_report(serial: str, archive: str, entries: Sequence[ArchiveEntry]) -> Report:
+def history_report(
+    serial: str,
+    archive: str,
+    entries: Sequence[ArchiveEntry],
+) -> Report:
     """Return the change of F'_ior of a drive by its entries in an archive, compared with its uncertainty."""
     histories_of_drives = histories(entries)
     verdict = "no change beyond its uncertainty" if histories_of_drives else "nothing to compare"
@@ -748,4 +780,12 @@ def _history_curve(found: DriveHistory) -> Curve:
     ends = [(day, entry.low_arcsec, entry.high_arcsec) for day, entry in zip(days, found.entries, strict=True)]
     y = np.array([entry.F_ior_arcsec for entry in found.entries])
     label = "F'_ior, ″"
-    return Curve(x=days, y=y, x_label=f"days since {first}", y_label=label, whiskers=tuple(ends), points=True, rows=6)
+    return Curve(
+        x=days,
+        y=y,
+        x_label=f"days since {first}",
+        y_label=label,
+        whiskers=tuple(ends),
+        points=True,
+        rows=6,
+    )

@@ -70,7 +70,13 @@ def _plan_object(choice: PlanChoice, F_ior: Sequence[float]) -> Json:
     return {
         "M_g_Nm": choice.M_g,
         "limit_arcsec": choice.drive.limit(choice.M_g),
-        "F_ior_arcsec": dict(zip(("p5", "p50", "p95"), F_ior, strict=True)),
+        "F_ior_arcsec": dict(
+            zip(
+                ("p5", "p50", "p95"),
+                F_ior,
+                strict=True,
+            )
+        ),
         "beyond_limit": drives.beyond and attributes(drives.beyond, "value", "low", "high"),
         "verdict": str(choice.verdict),
         "plans": as_objects(_PLAN_QUANTITIES, choice.judged),
@@ -247,7 +253,11 @@ def approach_csv(choice: PlanChoice) -> str:
     )
 
 
-def sheet_report(choice: PlanChoice, serial: str = "", file: str = "") -> Report:
+def sheet_report(
+    choice: PlanChoice,
+    serial: str = "",
+    file: str = "",
+) -> Report:
     """Return the sheet of a test for the test rig; serial: of the drive; file: with its positions, if written."""
     drive = choice.drive
     return Report(
@@ -306,7 +316,15 @@ def _readings(test: PlannedTest, file: str) -> Table | Facts:
     if len(targets_deg) > _LISTED_READINGS:
         return Facts((("readings", f"the list is in {file or 'the file of --approach'}"),))
     rows = []
-    for number, (minute, target_deg, side) in enumerate(zip(minutes, targets_deg, sides, strict=True), start=1):
+    for number, (minute, target_deg, side) in enumerate(
+        zip(
+            minutes,
+            targets_deg,
+            sides,
+            strict=True,
+        ),
+        start=1,
+    ):
         from_side = "below" if side > 0 else "above"
         rows.append((f"{number}", f"{minute:.0f}", f"{target_deg:.5g}", from_side, "", ""))
     return Table("readings", ("no.", "at min", "position, °", "from", "read, °", "deviation, ″"), tuple(rows))

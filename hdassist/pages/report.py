@@ -87,7 +87,12 @@ def _reasons(check: Report) -> list[str]:
     return [f"{label}: {text}" for label, text in facts.rows if label not in ("options", "to clarify", "next")]
 
 
-def drive_report(sheet: DriveSheet, *, draws: int, seed: int) -> Report:
+def drive_report(
+    sheet: DriveSheet,
+    *,
+    draws: int,
+    seed: int,
+) -> Report:
     """Return the report of a drive, two pages of paper; draws, seed: those of the uncertain inputs."""
     drive = sheet.drive
     verdict = sheet.check.verdict
@@ -172,7 +177,11 @@ def _basis(sheet: DriveSheet, values: Mapping[str, int]) -> Iterator[Block]:
     )
 
 
-def _provenance(drive: Drive, draws: int, seed: int) -> Facts:
+def _provenance(
+    drive: Drive,
+    draws: int,
+    seed: int,
+) -> Facts:
     origin = drive.origin
     rows = (
         ("preset", f"{origin.file or drive.name}, SHA-256 {origin.sha256}"),
@@ -186,12 +195,20 @@ def _provenance(drive: Drive, draws: int, seed: int) -> Facts:
 _CARD_COLUMNS = 78  # of the card as plain text
 _LINES_BESIDE = 45  # of the card as text: drawing, checks and empty lines, which stand side by side on paper
 _CYRILLIC = range(0x400, 0x500)
-_UNICODE = Style(ascii=False, codes=False, width=80)
+_UNICODE = Style(
+    ascii=False,
+    codes=False,
+    width=80,
+)
 
 
 def report_html(report: Report) -> str:
     """Return a report as one HTML file without scripts or further files."""
-    return _html("report.html", report=report, proof=proof(report.certificate, report.cross_checks))
+    return _html(
+        "report.html",
+        report=report,
+        proof=proof(report.certificate, report.cross_checks),
+    )
 
 
 def report_markdown(report: Report, style: Style) -> str:
@@ -217,9 +234,19 @@ def card_text(card: Card, *, ascii: bool = False) -> str:
     return blocks_text(card.title, card.blocks, ascii=ascii)
 
 
-def blocks_text(title: str, blocks: Iterable[Block], *, ascii: bool = False) -> str:
+def blocks_text(
+    title: str,
+    blocks: Iterable[Block],
+    *,
+    ascii: bool = False,
+) -> str:
     """A title and blocks below it as text of the width of a card; ascii: as of card_text."""
-    style = Style(ascii, codes=False, width=_CARD_COLUMNS, beyond_ascii=_CYRILLIC)
+    style = Style(
+        ascii,
+        codes=False,
+        width=_CARD_COLUMNS,
+        beyond_ascii=_CYRILLIC,
+    )
     parts = [part for block in (Paragraph(title), *blocks) for part in block_on_page(block, style)]
     return Output(style).page(Group(*[line for part in parts for line in (part, Text(""))]))
 
@@ -237,7 +264,12 @@ def _html(name: str, **parts: Any) -> str:
     return page.get_template(name).render(**parts)
 
 
-def _environment(finalize: Callable[[Any], Any], style: Style, *, autoescape: bool = False) -> Environment:
+def _environment(
+    finalize: Callable[[Any], Any],
+    style: Style,
+    *,
+    autoescape: bool = False,
+) -> Environment:
     """Where templates are found, how what they print is made safe, and what they know of blocks.
 
     Lines of a tag alone leave none.
@@ -258,7 +290,11 @@ def _environment(finalize: Callable[[Any], Any], style: Style, *, autoescape: bo
         text = visible(in_characters(figure, plain))
         return text if autoescape else Markup(text.replace("```", "'''"))
 
-    environment.filters.update(drawn=drawn, unbroken=_unbroken, kind=lambda block: type(block).__name__)
+    environment.filters.update(
+        drawn=drawn,
+        unbroken=_unbroken,
+        kind=lambda block: type(block).__name__,
+    )
     environment.tests["figure"] = lambda block: isinstance(block, Figure)
     environment.globals.update(
         BLANK=BLANK,
@@ -328,6 +364,12 @@ class _ChartAxes:
 def outline(figure: Curve, y: Array) -> list[tuple[float, float]]:
     """Points of a line; of many points corners around them, along the greatest values and back along the least."""
     if len(figure.x) <= 2 * ENVELOPE_COLUMNS:
-        return list(zip(figure.x.tolist(), y.tolist(), strict=True))
+        return list(
+            zip(
+                figure.x.tolist(),
+                y.tolist(),
+                strict=True,
+            )
+        )
     (x, low), (_, high) = least_and_greatest(figure.x, y, ENVELOPE_COLUMNS, figure.over)
     return [*zip(x, high, strict=True), *zip(x[::-1], low[::-1], strict=True)]

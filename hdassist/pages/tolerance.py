@@ -106,7 +106,11 @@ def _verdict_of_drives(summary: Summary) -> str:
     return str(summary.verdict)
 
 
-def _measure_words(summary: Summary, gains: Sequence[MeasurementGain], M_g: float) -> str:
+def _measure_words(
+    summary: Summary,
+    gains: Sequence[MeasurementGain],
+    M_g: float,
+) -> str:
     """Return what to measure for a verdict, more drives if no measurement helps; empty if there is a verdict."""
     if summary.verdict is not Verdict.INCONCLUSIVE:
         return ""
@@ -137,7 +141,12 @@ def _mounted_drives(summary: Summary) -> list[_MountedDrives]:
 
 
 def tolerance_report(
-    law: ProductionLaw, seed: int, summary: Summary, samples: Samples | None, *, interrupted: bool = False
+    law: ProductionLaw,
+    seed: int,
+    summary: Summary,
+    samples: Samples | None,
+    *,
+    interrupted: bool = False,
 ) -> Report:
     """Return random drives as a report; samples: those of their designs, None for one design or kept drives."""
     drive = law.drive
@@ -171,7 +180,11 @@ def tolerance_report(
     )
 
 
-def _drives_table(law: ProductionLaw, summary: Summary, drives: Sequence[_MountedDrives]) -> Table:
+def _drives_table(
+    law: ProductionLaw,
+    summary: Summary,
+    drives: Sequence[_MountedDrives],
+) -> Table:
     """Return the percentiles of F'_ior of random drives, with their yield if there is a limit."""
     title = "F'_ior of drives of this type, ″ (percentiles)"
     if summary.has_limit and law.shared:
@@ -296,7 +309,12 @@ def _share_below(drives: Sequence[_MountedDrives]) -> Curve:
     )
 
 
-def _values(law: ProductionLaw, seed: int, summary: Summary, gains: Sequence[MeasurementGain]) -> Json:
+def _values(
+    law: ProductionLaw,
+    seed: int,
+    summary: Summary,
+    gains: Sequence[MeasurementGain],
+) -> Json:
     ways = {"as_built": False, "best_position": True}
     has_yield = summary.has_limit and summary.count
     return {
@@ -478,7 +496,11 @@ def _effects(found: Sensitivities, torque: int) -> list[_FieldEffect]:
     ]
 
 
-def _table(effects: Sequence[_FieldEffect], tolerances: int, others: int) -> Table:
+def _table(
+    effects: Sequence[_FieldEffect],
+    tolerances: int,
+    others: int,
+) -> Table:
     """Return a table of some fields with a tolerance, the largest gain first, and of some others."""
     tight = sorted((e for e in effects if e.tightened), key=lambda e: -e.tightened.gain if e.tightened else 0.0)
     not_tightened = [e for e in effects if not e.tightened]
@@ -536,7 +558,10 @@ def _best_verdict(ways: Sequence[Allocation]) -> Verdict:
 
 
 def _remaining_facts(
-    verdict: Verdict, torque_limits: Sequence[_TorqueLimit], to_measure: Sequence[MeasurementGain], M_g: float
+    verdict: Verdict,
+    torque_limits: Sequence[_TorqueLimit],
+    to_measure: Sequence[MeasurementGain],
+    M_g: float,
 ) -> list[Fact]:
     """Return what keeps the tolerances from a PASS: the self error, and inputs that measuring would settle.
 
@@ -642,7 +667,12 @@ def _words(way: Allocation, found: Allocator) -> str:
     )
 
 
-def _next(found: Allocator, ways: Sequence[Allocation], verdict: Verdict, to_measure: Sequence[MeasurementGain]) -> str:
+def _next(
+    found: Allocator,
+    ways: Sequence[Allocation],
+    verdict: Verdict,
+    to_measure: Sequence[MeasurementGain],
+) -> str:
     """Return the next command: with the tolerances, the measured value or more drives, or for other options."""
     drive = found.production.drive
     if verdict is Verdict.PASS:

@@ -30,7 +30,12 @@ from pydantic_core import InitErrorDetails
 from hdassist.files import NUMBER, UNSIGNED, number_of, package_table
 from hdassist.preset.text import InvalidValueError, Path, near_miss, read_count, read_number, read_spread
 
-_CLOSED = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+_CLOSED = ConfigDict(
+    frozen=True,
+    extra="forbid",
+    strict=True,
+    allow_inf_nan=False,
+)
 UNKNOWN = "unknown"  # written in a preset in place of a value
 _DECLARED_FIELDS: dict[str, Any] = package_table("preset/fields.toml")
 
@@ -51,7 +56,12 @@ class Section(BaseModel):
 
     @field_validator("*", mode="wrap")
     @classmethod
-    def _read(cls, value: Any, validated: ValidatorFunctionWrapHandler, info: ValidationInfo) -> Any:
+    def _read(
+        cls,
+        value: Any,
+        validated: ValidatorFunctionWrapHandler,
+        info: ValidationInfo,
+    ) -> Any:
         """Return a value; as a preset has it where the context collects the values that hold, by path ("gears.m")."""
         if info.context is None:
             return validated(value)
@@ -249,7 +259,12 @@ class PresetField:
         has_range = isinstance(entry, dict) and entry.get("range") is not None
         return entry | {"range": (path, entry["range"])} if has_range else entry
 
-    def _entry(self, known: set[tuple[object, ...]], key: str, value: Any) -> float | _UncertainReading:
+    def _entry(
+        self,
+        known: set[tuple[object, ...]],
+        key: str,
+        value: Any,
+    ) -> float | _UncertainReading:
         """Return the value of a key of a table; known: the keys before it, to which it is added."""
         pattern, expected, like_key, _ = KEYED_TABLES[self.kind]
         numbers = [number_of(part.removeprefix("h")) for part in key.split("@")]

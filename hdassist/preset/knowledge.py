@@ -56,7 +56,11 @@ _LARGE_SIZE = 35.0
 _SHAFT_BEARING = (5e3, 2e3, 1e4)
 
 
-def F_p(d: float, m: float, accuracy: int) -> float:
+def F_p(
+    d: float,
+    m: float,
+    accuracy: int,
+) -> float:
     """Return the total cumulative pitch deviation [um] by ISO 1328-1:2013.
 
     It is that of a pitch diameter d and a module m [mm] and an accuracy class.
@@ -64,12 +68,20 @@ def F_p(d: float, m: float, accuracy: int) -> float:
     return float((0.002 * d + 0.55 * d**0.5 + 0.7 * m + 12) * 2 ** ((accuracy - 5) / 2))
 
 
-def f_p(d: float, m: float, accuracy: int) -> float:
+def f_p(
+    d: float,
+    m: float,
+    accuracy: int,
+) -> float:
     """Return the single pitch deviation [um] by ISO 1328-1:2013, of a pitch diameter and module [mm] and a class."""
     return float((0.001 * d + 0.4 * m + 5) * 2 ** ((accuracy - 5) / 2))
 
 
-def _growth(by: str, d: float, m: float) -> float:
+def _growth(
+    by: str,
+    d: float,
+    m: float,
+) -> float:
     """Factor on a field by its law where the pitch diameter is d times, and the module m times as large."""
     return {"same": 1.0, "d": d, "1/d": 1 / d, "m": m}[by]
 
@@ -92,7 +104,12 @@ class Law:
     usual: float | None = None
     assumed: bool = False
 
-    def range_at(self, d: float, m: float, value: float) -> tuple[float, float] | None:
+    def range_at(
+        self,
+        d: float,
+        m: float,
+        value: float,
+    ) -> tuple[float, float] | None:
         """Return the plausible range of a field, which includes its value, at a pitch diameter and a module [mm]."""
         if self.bounds is None:
             return None
@@ -133,7 +150,11 @@ def implausible(drive: Drive) -> Iterator[tuple[str, str, str]]:
         if share is not None and not proportion.low * (1 - _BOUND_ROUNDING) <= share <= proportion.high * (
             1 + _BOUND_ROUNDING
         ):
-            finding_words = proportion.words.format(value=value, base=base, share=share)
+            finding_words = proportion.words.format(
+                value=value,
+                base=base,
+                share=share,
+            )
             yield (
                 proportion.path,
                 finding_words,
@@ -201,7 +222,11 @@ def with_cam_support(drive: Drive) -> Drive:
     if support:
         # as it is written into a preset
         value, low, high = (float(f"{number:.4g}") for number in support)
-        source[SUPPORT_FIELD] = Source(kind="assumed", range=(low, high), ref=f"cam.coupling: {cam.coupling}; {why}")
+        source[SUPPORT_FIELD] = Source(
+            kind="assumed",
+            range=(low, high),
+            ref=f"cam.coupling: {cam.coupling}; {why}",
+        )
     return drive.with_values({SUPPORT_FIELD: value}).model_copy(update={"source": source})
 
 
@@ -312,7 +337,11 @@ def _size_by_torque(like: Drive, rated: float | None) -> SimilarValue:
     return SimilarValue(d, "assumed", f"{law}; catalogues have {low:.3g} to {high:.3g} mm for it")
 
 
-def _refuse_size(required: str, d: float, usual: str) -> NoReturn:
+def _refuse_size(
+    required: str,
+    d: float,
+    usual: str,
+) -> NoReturn:
     raise UsageError(
         f"{required} contradicts a pitch diameter of {d:.6g} mm: drives of that size have {usual}",
         "omit one of the two; hdassist derives it from the other",
@@ -408,7 +437,11 @@ def _scaled(like: Drive, path: str, law: Law, s: float, m: float, stiffer: float
     compliance = path.startswith("contact.c_")
     elastic = stiffer if stiffness else 1 / stiffer if compliance else 1.0
     in_modules = value / like.gears.m / (1000 if path == "gears.j_n" else 1) if law.by == "m" else 0.0
-    comment = _SIMILAR_WORDS[law.by].format(like=like.name, s=s, value=in_modules)
+    comment = _SIMILAR_WORDS[law.by].format(
+        like=like.name,
+        s=s,
+        value=in_modules,
+    )
     if law.usual is not None and not value:
         value = _rounded(law.usual * _growth(law.by, d / REFERENCE, m / _REFERENCE_MODULE))
         comment = ""
@@ -419,17 +452,32 @@ def _scaled(like: Drive, path: str, law: Law, s: float, m: float, stiffer: float
     bounds = None
     if isinstance(value, float) and (scaled := law.range_at(d, m, value)):
         bounds = _around(like, path, value, *map(_rounded, scaled))
-    return SimilarValue(value=value, kind="assumed", ref="; ".join(filter(None, (comment, law.why))), range=bounds)
+    return SimilarValue(
+        value=value,
+        kind="assumed",
+        ref="; ".join(filter(None, (comment, law.why))),
+        range=bounds,
+    )
 
 
-def _around(like: Drive, path: str, value: float, low: float, high: float) -> tuple[float, float] | None:
+def _around(
+    like: Drive,
+    path: str,
+    value: float,
+    low: float,
+    high: float,
+) -> tuple[float, float] | None:
     """Return the bounds widened to hold the value; None where they are equal or beyond the range of the field."""
     low = min(low, value)
     high = max(high, value)
     return (low, high) if low < high and like.allows(path, low) and like.allows(path, high) else None
 
 
-def _shifts(like: Drive, entries: Mapping[str, SimilarValue], d: float) -> dict[str, SimilarValue]:
+def _shifts(
+    like: Drive,
+    entries: Mapping[str, SimilarValue],
+    d: float,
+) -> dict[str, SimilarValue]:
     """Return profile shifts that keep the bore in proportion to the pitch diameter, and the tip distance in modules."""
     g = like.gears
     bore = 2 * (g.root_radius - like.flexspline.h_1) / g.pitch_diameter
@@ -448,7 +496,11 @@ def _shifts(like: Drive, entries: Mapping[str, SimilarValue], d: float) -> dict[
     }
 
 
-def _tolerances(d: float, m: float, quality: str) -> dict[str, SimilarValue]:
+def _tolerances(
+    d: float,
+    m: float,
+    quality: str,
+) -> dict[str, SimilarValue]:
     """Return F'_i of both wheels of a drive of a quality, by path; d: pitch diameter [mm]; m: module [mm]."""
     usual_class, finest, coarsest = _QUALITIES[quality]
     usual = _rounded(F_p(d, m, usual_class), 2)
@@ -474,7 +526,12 @@ def _backlash(d: float) -> dict[str, SimilarValue]:
     }
 
 
-def _load(like: Drive, required: Requirements, s: float, d: float) -> dict[str, SimilarValue]:
+def _load(
+    like: Drive,
+    required: Requirements,
+    s: float,
+    d: float,
+) -> dict[str, SimilarValue]:
     rated_torque = like.rated_torque
     rating = required.get("operation.rated")
     if rating is None:
@@ -543,7 +600,11 @@ def _quality(quality: str | None) -> Requirements:
     return {_QUALITY: SimilarValue(quality, "given", f"--quality {quality}")}
 
 
-def _teeth_requirement(like: Drive, teeth: str | None, ratio: float | None) -> Requirements:
+def _teeth_requirement(
+    like: Drive,
+    teeth: str | None,
+    ratio: float | None,
+) -> Requirements:
     """Return the required number of teeth, empty if neither teeth nor ratio are stated.
 
     Raises UsageError if they contradict each other.
@@ -609,7 +670,11 @@ def _require_steel_cup(flexspline: str | None) -> None:
     raise UsageError(message, near_miss(flexspline, kinds))
 
 
-def _seat(like: Drive, holes: str | None, allowed: str | None) -> dict[str, SimilarValue]:
+def _seat(
+    like: Drive,
+    holes: str | None,
+    allowed: str | None,
+) -> dict[str, SimilarValue]:
     """Return the fields of the fixed wheel's seat, by path.
 
     holes: number of bolt holes, 0 for a free angle. allowed: numbers of the usable holes, counted from 0, separated by
@@ -694,7 +759,11 @@ def _teeth(text: str) -> int:
     return z_g
 
 
-def option_value(option: str, text: str, unit: str) -> float:
+def option_value(
+    option: str,
+    text: str,
+    unit: str,
+) -> float:
     """Return the value of an option in a unit, from a text like "26" or "26 N·m". Raises UsageError: no such text."""
     try:
         return float(read_number(scalar_value(text.strip()), unit))
@@ -702,7 +771,11 @@ def option_value(option: str, text: str, unit: str) -> float:
         raise UsageError(f"invalid {option} {shown(text)!r}: {fault.message}", fault.hint) from None
 
 
-def _measure(option: str, text: str, unit: str) -> float:
+def _measure(
+    option: str,
+    text: str,
+    unit: str,
+) -> float:
     value = option_value(option, text, unit)
     if not value > 0:
         raise UsageError(f"invalid {option} {shown(text)}: expected a number above 0 {unit}")

@@ -70,16 +70,43 @@ class Document:
     warnings: list[Finding] = field(default_factory=list)
     bad: set[Path] = field(default_factory=set)
 
-    def add(self, path: Path, message: str, hint: str = "", got: str | None = None, key: bool = False) -> None:
+    def add(
+        self,
+        path: Path,
+        message: str,
+        hint: str = "",
+        got: str | None = None,
+        key: bool = False,
+    ) -> None:
         """Add a finding on a value or its key, and mark the path as bad; got: the value as written by default."""
         self.bad.add(path)
         self.findings.append(self._finding(path, message, hint, self.written(path) if got is None else got, key))
 
-    def warn(self, path: Path, message: str, hint: str) -> None:
+    def warn(
+        self,
+        path: Path,
+        message: str,
+        hint: str,
+    ) -> None:
         """Add a warning on a key."""
-        self.warnings.append(self._finding(path, message, hint, "", key=True))
+        self.warnings.append(
+            self._finding(
+                path,
+                message,
+                hint,
+                "",
+                key=True,
+            )
+        )
 
-    def _finding(self, path: Path, message: str, hint: str, got: str, key: bool) -> Finding:
+    def _finding(
+        self,
+        path: Path,
+        message: str,
+        hint: str,
+        got: str,
+        key: bool,
+    ) -> Finding:
         file, mark = self.where(path, key)
         return Finding(
             file=file,
@@ -96,7 +123,13 @@ class Document:
         if path not in self.places:
             path = path[:2]  # the only item of a list, or the limit for all torques, written as one value
         got = (shown(str(path[-1])) or "nothing") if fault.at_key else None
-        self.add(path, fault.message, fault.hint, got, key=fault.at_key)
+        self.add(
+            path,
+            fault.message,
+            fault.hint,
+            got,
+            key=fault.at_key,
+        )
 
     def where(self, path: Path, key: bool = False) -> tuple[str, Mark]:
         """Return the file and place of a value or key; of the nearest table around it where it is not given."""
@@ -146,7 +179,12 @@ def shown(text: str, width: int = 60) -> str:
     return "".join(c if c.isprintable() else escaped(c) for c in text)
 
 
-def read_yaml(text: bytes | str, file: str, path: Path = (), at: Callable[[int, int], Mark] = Mark) -> Document:
+def read_yaml(
+    text: bytes | str,
+    file: str,
+    path: Path = (),
+    at: Callable[[int, int], Mark] = Mark,
+) -> Document:
     """Read YAML text; faults are added to the findings of the document, none is raised.
 
     Arguments: text, as bytes in UTF-8 or as str; file, the name that findings bear; path of the value that the text is
@@ -213,7 +251,13 @@ class _Reader:
     def _mark(self, mark: Any) -> Mark:
         return self.mark_at(mark.line + 1, mark.column + 1)
 
-    def _end(self, mark: Mark, message: str, got: str = "", hint: str = "") -> PresetError:
+    def _end(
+        self,
+        mark: Mark,
+        message: str,
+        got: str = "",
+        hint: str = "",
+    ) -> PresetError:
         finding = Finding(
             file=self.document.file,
             line=mark.line,
@@ -237,7 +281,12 @@ class _Reader:
         while not isinstance(event := next(self.events), end):
             yield event
 
-    def _value(self, event: Any, path: Path, key: Mark | None = None) -> Any:
+    def _value(
+        self,
+        event: Any,
+        path: Path,
+        key: Mark | None = None,
+    ) -> Any:
         """Return the value that begins with an event; key, where its key stands."""
         mark = self._mark(event.start_mark)
         # recursion must not overflow the stack
@@ -272,7 +321,12 @@ class _Reader:
         )
         return value
 
-    def _refuse_extras(self, event: Any, mark: Mark, path: Path) -> None:
+    def _refuse_extras(
+        self,
+        event: Any,
+        mark: Mark,
+        path: Path,
+    ) -> None:
         """Add the findings on aliases, anchors and tags, which presets do not have."""
         if isinstance(event, yaml.AliasEvent):
             alias = shown(f"*{event.anchor}")
@@ -304,7 +358,14 @@ class _Reader:
                 table[name] = value  # of a key given twice the last one, whose place is known
         return table
 
-    def _find(self, mark: Mark, path: Path, message: str, got: str = "", hint: str = "") -> None:
+    def _find(
+        self,
+        mark: Mark,
+        path: Path,
+        message: str,
+        got: str = "",
+        hint: str = "",
+    ) -> None:
         finding = Finding(
             file=self.document.file,
             line=mark.line,
@@ -326,7 +387,11 @@ class _Reader:
         if "not closed" in message and begun is not None:
             opened = self._mark(begun)
             hint = f"opened in line {opened.line}, column {opened.column}"
-        return self._end(self._mark(error_mark) if error_mark else self.last, f"not valid YAML: {message}", hint=hint)
+        return self._end(
+            self._mark(error_mark) if error_mark else self.last,
+            f"not valid YAML: {message}",
+            hint=hint,
+        )
 
 
 def path_text(path: Path) -> str:
@@ -361,7 +426,13 @@ def ordered_findings(items: Iterable[Finding]) -> list[Finding]:
         last = ordered[MAX_FINDINGS]
         unlisted = len(ordered) - MAX_FINDINGS
         ordered[MAX_FINDINGS:] = [
-            Finding(file=last.file, line=last.line, column=last.column, path="", message=f"and {unlisted} more")
+            Finding(
+                file=last.file,
+                line=last.line,
+                column=last.column,
+                path="",
+                message=f"and {unlisted} more",
+            )
         ]
     return ordered
 
@@ -463,7 +534,12 @@ def read_spread(text: str, unit: str) -> tuple[float, float]:
     return value, spread
 
 
-def read_number(value: Any, unit: str, *, spread: bool = False) -> float:
+def read_number(
+    value: Any,
+    unit: str,
+    *,
+    spread: bool = False,
+) -> float:
     """Return a number in a unit from a value of a preset, a number or a text with a unit.
 
     Raises InvalidValueError for any other. spread: the text may have an uncertainty, which read_spread reads.
@@ -521,7 +597,11 @@ def _factor(given: str, unit: str) -> Decimal:
     raise UnitError(f"unknown unit {shown_unit}", near_miss(given[:30], units_for(unit)) or fitting)
 
 
-def _no_number(text: str, unit: str, sign: str = "") -> UnitError:
+def _no_number(
+    text: str,
+    unit: str,
+    sign: str = "",
+) -> UnitError:
     if _NOT_FINITE.fullmatch(text.split(" ")[0]):
         return UnitError("must be a finite number")
     if sign == "," or re.fullmatch(r"[-+]?[0-9]+,[0-9]+.*", text):

@@ -125,8 +125,16 @@ def _best_section(sections: Sequence[_Section]) -> _Section:
 
     Raises DataError without a section that an error can be made of.
     """
-    longest = max(sections, key=lambda section: section.span_s, default=_Section(_Facts()))
-    unguided = max(map(_longest_unguided, sections), key=lambda section: section.span_s, default=_Section(_Facts()))
+    longest = max(
+        sections,
+        key=lambda section: section.span_s,
+        default=_Section(_Facts()),
+    )
+    unguided = max(
+        map(_longest_unguided, sections),
+        key=lambda section: section.span_s,
+        default=_Section(_Facts()),
+    )
     # without pulses the error does not depend on the guide rate, which is seldom known well
     is_preferred = unguided.span_s >= min(_LONG_S, _PREFERRED_SHARE * longest.span_s)
     chosen = unguided if is_preferred or not longest.is_guided else longest
@@ -172,7 +180,12 @@ def guide_rows(lines: Sequence[str], form: GuideForm) -> GuideRows:
         f"error in right ascension over the angle at {SIDEREAL_ARCSEC_S:g} arcsec/s; its sense is unknown",
     )
     table = tuple(rows.get(number, "") for number in range(len(lines)))
-    return GuideRows(lines=table, notes=notes, is_lower_bound=is_unknown, scale_uncertainty=uncertainty)
+    return GuideRows(
+        lines=table,
+        notes=notes,
+        is_lower_bound=is_unknown,
+        scale_uncertainty=uncertainty,
+    )
 
 
 def _row(frame: _Frame, arcsec_per_px: float) -> str:
@@ -193,7 +206,16 @@ def _sections(lines: Sequence[str]) -> Iterator[_Section]:
         if line.startswith("Frame,"):
             names = line.split(",")
         if line[:1].isdecimal():
-            frame = _frame(number, dict(zip(names, line.split(","), strict=False)))
+            frame = _frame(
+                number,
+                dict(
+                    zip(
+                        names,
+                        line.split(","),
+                        strict=False,
+                    )
+                ),
+            )
             if frame is not None:
                 section.frames.append(frame)
         elif line.strip() and not _is_harmless(line):

@@ -112,7 +112,13 @@ def read_pitch(
     first, order = _rows_by_tooth(table, teeth_in, teeth) if is_table else (1, [])
     mark = _marked_tooth(stated, first, teeth)
     table.require_sound()
-    values = _cumulative(table, deviation_in, order, unit, is_single=layout.form == "single")
+    values = _cumulative(
+        table,
+        deviation_in,
+        order,
+        unit,
+        is_single=layout.form == "single",
+    )
     table.require_sound()
     deviation = _from_mark(table, values, first - mark, layout)
     flank_is = cast(_Flank | None, layout.flank or None)
@@ -155,7 +161,11 @@ def _length_unit(stated: _Statements) -> tuple[str, float]:
         return stated.refused("unit", error.message, "um", error.hint), 1.0
 
 
-def _marked_tooth(stated: _Statements, first: int, teeth: int) -> int:
+def _marked_tooth(
+    stated: _Statements,
+    first: int,
+    teeth: int,
+) -> int:
     """Return the number of the tooth with the mark, by default the first one, with a note.
 
     Args:
@@ -172,7 +182,12 @@ def _marked_tooth(stated: _Statements, first: int, teeth: int) -> int:
     return mark
 
 
-def _from_mark(table: NumberTable, values: Array, shift: int, layout: _Layout) -> Array:
+def _from_mark(
+    table: NumberTable,
+    values: Array,
+    shift: int,
+    layout: _Layout,
+) -> Array:
     """Return deviations [um] counter-clockwise from the marked tooth, without their mean, shape (teeth,).
 
     Args:
@@ -219,7 +234,12 @@ class _Statements:
                 table.add(line, column, "", "a name that is not UTF-8 text", name, "save the file as UTF-8")
         for line, _, word, text, column in entries:
             if key := PITCH_KEYS.get(word):
-                statement = _Statement(value=_value_of(key, text), text=text, line=line, column=column)
+                statement = _Statement(
+                    value=_value_of(key, text),
+                    text=text,
+                    line=line,
+                    column=column,
+                )
                 self.stated[key].append(statement)
             elif hint := near_miss(word, PITCH_KEYS):
                 table.notes.append(f'line {line}: "{word}" is ignored; {hint}')
@@ -272,13 +292,25 @@ class _Statements:
         table = self.table
         for key, value in (("form", form_in(name)), ("flank", flank_in(name)), ("unit", length_in(name))):
             if value and value != AMBIGUOUS:
-                statement = _Statement(value=value, text=name, line=table.names_line, column=1)
+                statement = _Statement(
+                    value=value,
+                    text=name,
+                    line=table.names_line,
+                    column=1,
+                )
                 self.stated[key].append(statement)
             elif value and not self.stated[key] and key not in self.asked:
                 message = "state whether they are single or cumulative pitch deviations"
                 table.add(table.names_line, 1, key, message, name, _FORM_HINT)
 
-    def refused(self, key: str, message: str, default: str, hint: str = "", at: _Statement | None = None) -> str:
+    def refused(
+        self,
+        key: str,
+        message: str,
+        default: str,
+        hint: str = "",
+        at: _Statement | None = None,
+    ) -> str:
         """Return the default value of a key after a finding on a statement of it, by default the first one."""
         statement = at or self.stated[key][0]
         self.table.add(statement.line, statement.column, key, message, statement.text or "nothing", hint)
@@ -296,7 +328,11 @@ def _value_of(key: str, text: str) -> str:
     return value if value in _CHOICES[key][0] else ""
 
 
-def _rows_by_tooth(table: NumberTable, column: int, teeth: int) -> tuple[int, list[int]]:
+def _rows_by_tooth(
+    table: NumberTable,
+    column: int,
+    teeth: int,
+) -> tuple[int, list[int]]:
     """The first tooth number, 0 or 1, and the row (from 0) of each tooth of the wheel, from the first on.
 
     Faults of the tooth numbers are added to the findings of the table.
@@ -324,7 +360,12 @@ def _rows_by_tooth(table: NumberTable, column: int, teeth: int) -> tuple[int, li
 
 
 def _cumulative(
-    table: NumberTable, column: int, order: list[int], unit: tuple[str, float], *, is_single: bool
+    table: NumberTable,
+    column: int,
+    order: list[int],
+    unit: tuple[str, float],
+    *,
+    is_single: bool,
 ) -> Array:
     """Cumulative deviations [um] in the order of the tooth numbers, with their signs in the file.
 
@@ -400,7 +441,13 @@ class WheelFiles:
         wheels = {}
         for name, file in self.files.items():
             teeth = drive.gears.z_b if name == "b" else drive.gears.z_g
-            pitch = read_pitch(file, teeth, form=self.pitch_form, sense=self.pitch_sense, flank=self.pitch_flank)
+            pitch = read_pitch(
+                file,
+                teeth,
+                form=self.pitch_form,
+                sense=self.pitch_sense,
+                flank=self.pitch_flank,
+            )
             mark = self.marks.get(name)
             notes = list(pitch.notes)
             if mark is None:

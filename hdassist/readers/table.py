@@ -117,7 +117,13 @@ class NumberTable:
         return self.names[column] if column < len(self.names) else f"column {column + 1}"
 
     def unit_of(
-        self, column: int, words: str, default: str, units: Iterable[str], asked: str | None = None, option: str = ""
+        self,
+        column: int,
+        words: str,
+        default: str,
+        units: Iterable[str],
+        asked: str | None = None,
+        option: str = "",
     ) -> str:
         """Return the unit of a column: the one asked for, that of its name, or the default; how it is read is noted.
 
@@ -164,7 +170,14 @@ class NumberTable:
             unit = ""
         return unit if unit in units else ""
 
-    def _require_degrees(self, column: int, words: str, units: Iterable[str], named: str, asked: str | None) -> None:
+    def _require_degrees(
+        self,
+        column: int,
+        words: str,
+        units: Iterable[str],
+        named: str,
+        asked: str | None,
+    ) -> None:
         """Raise PresetError if a column in degrees, minutes and seconds has other cells, or another unit is stated."""
         name = self.name(column)
         decimal_rows = len(self.values) - self.sexagesimal[column]
@@ -183,7 +196,14 @@ class NumberTable:
             message = f'"{name}": degrees, minutes and seconds, and the unit {stated} is stated'
             raise self.fault(message, "leave out the unit, or write plain numbers in that unit")
 
-    def _require_known(self, column: int, named: str, default: str, units: Iterable[str], option: str) -> None:
+    def _require_known(
+        self,
+        column: int,
+        named: str,
+        default: str,
+        units: Iterable[str],
+        option: str,
+    ) -> None:
         """Raise PresetError if a unit is stated for a column, in its name or in a remark, and is not understood."""
         name = self.name(column)
         quantity = quantity_of(default) or "angle"
@@ -215,14 +235,29 @@ class NumberTable:
             self.add(line.number, place, "", message, text, hint)
             raise PresetError(self.findings)
 
-    def in_unit(self, column: int, words: str, default: str, asked: str | None = None, option: str = "") -> _Cells:
+    def in_unit(
+        self,
+        column: int,
+        words: str,
+        default: str,
+        asked: str | None = None,
+        option: str = "",
+    ) -> _Cells:
         """Return the values of a column in the unit whose size is 1; arguments and errors are those of unit_of."""
         # the default tells which quantity the column has
         sizes = next(sizes for sizes in (ANGLES, TIMES, TORQUES) if default in sizes)
         unit = self.unit_of(column, words, default, sizes, asked, option)
         return self.values[:, column] * (angle_size(unit) if sizes is ANGLES else sizes[unit])
 
-    def add(self, line: int, column: int, path: str, message: str, got: str = "", hint: str = "") -> None:
+    def add(
+        self,
+        line: int,
+        column: int,
+        path: str,
+        message: str,
+        got: str = "",
+        hint: str = "",
+    ) -> None:
         """Add a finding by line and column of the file."""
         self.findings.append(
             Finding(
@@ -230,11 +265,24 @@ class NumberTable:
             )
         )
 
-    def add_at(self, row: int, column: int, message: str, got: str = "", hint: str = "") -> None:
+    def add_at(
+        self,
+        row: int,
+        column: int,
+        message: str,
+        got: str = "",
+        hint: str = "",
+    ) -> None:
         """Add a finding by row and column (from 0)."""
         self.add(int(self.lines[row]), 1, self.name(column), message, got, hint)
 
-    def fault(self, message: str, hint: str, row: int | None = None, column: int = 0) -> PresetError:
+    def fault(
+        self,
+        message: str,
+        hint: str,
+        row: int | None = None,
+        column: int = 0,
+    ) -> PresetError:
         """The fault of a cell by row and column (from 0), or without a row that of the names, which it lists."""
         # a fault of the columns as a whole
         if row is None or not len(self.lines):
@@ -333,7 +381,11 @@ def read_texts(source: Readable) -> CellTable:
     )
 
 
-def _is_wide(text: str, separator: str, heading: str) -> bool:
+def _is_wide(
+    text: str,
+    separator: str,
+    heading: str,
+) -> bool:
     """Return whether a line has as many cells as a heading, empty ones included, and the heading has several."""
     end = f"{separator}end"  # behind which no empty cell is left out
     width = len(cells_of(heading, separator))
@@ -390,7 +442,13 @@ def read_numbers(
 class _Rows:
     """Rows of a table of numbers, read part by part, with separator, decimal mark and width from its first lines."""
 
-    def __init__(self, table: NumberTable, needs: Sequence[str], *, takes_sexagesimal: bool = False) -> None:
+    def __init__(
+        self,
+        table: NumberTable,
+        needs: Sequence[str],
+        *,
+        takes_sexagesimal: bool = False,
+    ) -> None:
         self.table = table
         self.needs = needs
         self.takes_sexagesimal = takes_sexagesimal
@@ -484,7 +542,12 @@ class _Rows:
             self._refuse(first_number, message, row_text(first_row), hint)
 
     def _settle_names(
-        self, sample: Sequence[TableLine], first_cells: Sequence[Cell], separator: str, *, has_names: bool
+        self,
+        sample: Sequence[TableLine],
+        first_cells: Sequence[Cell],
+        separator: str,
+        *,
+        has_names: bool,
     ) -> None:
         """Settle the names of the columns.
 
@@ -533,7 +596,13 @@ class _Rows:
         hint = f"{program}; write one line of names above rows of numbers, like {';'.join(self.needs)}"
         self._refuse(sample[0].number, message, sample[0].text.strip(), hint)
 
-    def _refuse(self, line: int, message: str, got: str, hint: str) -> NoReturn:
+    def _refuse(
+        self,
+        line: int,
+        message: str,
+        got: str,
+        hint: str,
+    ) -> NoReturn:
         """Raise PresetError with the findings of the table, or with this one if it has none."""
         if not self.table.findings:
             self.table.add(line, 1, "", message, got, hint)
@@ -578,7 +647,12 @@ class _Rows:
         if not all(lines) or max(map(len, lines)) > MAX_LINE:
             return None
         try:
-            rows = np.loadtxt(lines, delimiter=None if separator == " " else separator, comments=None, ndmin=2)
+            rows = np.loadtxt(
+                lines,
+                delimiter=None if separator == " " else separator,
+                comments=None,
+                ndmin=2,
+            )
         except ValueError:
             return None
         return rows if rows.shape == (len(lines), self.width) and bool((np.abs(rows) <= GREATEST).all()) else None
@@ -609,7 +683,12 @@ class _Rows:
             return None
         return [self._number(line, index, cell) for index, cell in enumerate(row)]
 
-    def _number(self, line: int, index: int, cell: Cell) -> float:
+    def _number(
+        self,
+        line: int,
+        index: int,
+        cell: Cell,
+    ) -> float:
         message, hint = fault_of(cell.text, self.decimal or ".")
         if not message:
             value = float(cell.text.replace(",", "."))
@@ -634,7 +713,11 @@ class _Rows:
         return nan
 
 
-def _lines(first: int, part: str, table: NumberTable) -> Iterator[TableLine]:
+def _lines(
+    first: int,
+    part: str,
+    table: NumberTable,
+) -> Iterator[TableLine]:
     """Lines of a part of a text that are not blank; one that is too long is added to the findings of the table."""
     # an empty line of a spreadsheet has separators
     for number, line in enumerate(part.split("\n"), first):
@@ -679,7 +762,11 @@ def _program_of(lines: Sequence[str]) -> str:
     return next((program for pattern, program in _PROGRAMS.items() if re.search(pattern, text, re.MULTILINE)), "")
 
 
-def _readable_parts(text: TextFile, table: NumberTable, guide: GuideForm) -> Iterator[tuple[int, str]]:
+def _readable_parts(
+    text: TextFile,
+    table: NumberTable,
+    guide: GuideForm,
+) -> Iterator[tuple[int, str]]:
     """Return parts of a text, those of a guide log or PE file as lines of a table in the same places.
 
     Arguments: text of the file.
@@ -715,7 +802,14 @@ def _readable_parts(text: TextFile, table: NumberTable, guide: GuideForm) -> Ite
             else:
                 yield 1, "\n".join(_of_pe_file(lines, table))
         except DataError as error:
-            finding = Finding(file=text.name, line=1, column=1, path="", message=error.message, hint=error.hint)
+            finding = Finding(
+                file=text.name,
+                line=1,
+                column=1,
+                path="",
+                message=error.message,
+                hint=error.hint,
+            )
             raise PresetError([finding]) from None
 
 

@@ -89,7 +89,12 @@ class _AngleSweep:
 class AngleError(ValueError):
     """An impossible angle: its row, a message and a hint."""
 
-    def __init__(self, row: int, message: str, hint: str) -> None:
+    def __init__(
+        self,
+        row: int,
+        message: str,
+        hint: str,
+    ) -> None:
         super().__init__(message)
         self.row = row
         self.message = message
@@ -115,7 +120,11 @@ def _guessed_wrap(angle: _Angles, count: float) -> float | None:
     return None
 
 
-def _unwrapped(angle: _Angles, wrap: float, other: _Angles | None = None) -> _Angles:
+def _unwrapped(
+    angle: _Angles,
+    wrap: float,
+    other: _Angles | None = None,
+) -> _Angles:
     """Angles without the jumps of an encoder that begins again after wrap, shape (rows,), in the same unit.
 
     other: the same angle by another encoder, without jumps and in either sense, which says how far a long step went.
@@ -140,7 +149,12 @@ def _unwrapped(angle: _Angles, wrap: float, other: _Angles | None = None) -> _An
 
 def _leaping(angle: _Angles) -> NDArray[np.bool_]:
     """Rows, shape (rows,), whose angle [deg] lies off the median of the five around it, as it never does on its way."""
-    padded = np.pad(angle, 2, mode="reflect", reflect_type="odd")
+    padded = np.pad(
+        angle,
+        2,
+        mode="reflect",
+        reflect_type="odd",
+    )
     around = np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1)
     steps = np.abs(np.diff(around))
     return np.abs(angle - around) > _JITTER + _WIDEST_TURN_BACK * float(np.median(steps))
@@ -171,7 +185,11 @@ def sweeps(angle: _Angles) -> list[_AngleSweep]:
     return [move for move in _without_turning(angle, moves, step / 2) if len(move) >= _FEW_ROWS]
 
 
-def _without_turning(angle: _Angles, moves: Sequence[_AngleSweep], within: float) -> list[_AngleSweep]:
+def _without_turning(
+    angle: _Angles,
+    moves: Sequence[_AngleSweep],
+    within: float,
+) -> list[_AngleSweep]:
     """Moves without the rows so near to their turning points [deg], which may be readings of either direction.
 
     Where a shaft has turned back between two rows the last of one move may be the first of the other, on whose side of
@@ -363,10 +381,18 @@ class MeasuredTrace:
         columns = ("cam_deg", "error_arcsec", "line", "time_s", "load")
         arrays = {name: getattr(self, name) for name in columns}
         kept: dict[str, Any] = {name: np.delete(values, rows) for name, values in arrays.items() if values is not None}
-        return replace(self, **kept, sweeps=tuple(sweeps(kept["cam_deg"])))
+        return replace(
+            self,
+            **kept,
+            sweeps=tuple(sweeps(kept["cam_deg"])),
+        )
 
 
-def read_trace(source: Readable, form: TraceForm | None = None, ratio: float | None = None) -> MeasuredTrace:
+def read_trace(
+    source: Readable,
+    form: TraceForm | None = None,
+    ratio: float | None = None,
+) -> MeasuredTrace:
     """Read a measured trace: a table and the trace in it. Arguments and errors are theirs."""
     form = form or TraceForm()
     return trace_of(read_record(source, form), form, ratio)
@@ -431,7 +457,11 @@ class _Resolution:
     dithered: bool = False
 
 
-def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) -> MeasuredTrace:
+def trace_of(
+    table: NumberTable,
+    form: TraceForm,
+    ratio: float | None = None,
+) -> MeasuredTrace:
     """Return the measured trace in a table, whose values it takes away.
 
     Args:
@@ -456,7 +486,13 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
         _require_ratio(table, second.index, readings.cam_deg, error, per_turn, sense)
     turns_per_s = _turns_per_s(table, form, readings, first, per_turn)
     moves = _moves_of_readings(table, readings, first.index)
-    _require_small_error(table, second.index, error, moves, has_far_readings=bool(far.any()))
+    _require_small_error(
+        table,
+        second.index,
+        error,
+        moves,
+        has_far_readings=bool(far.any()),
+    )
     return MeasuredTrace(
         file=table.file,
         sha256=table.sha256,
@@ -480,7 +516,12 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
     )
 
 
-def _error_of(table: NumberTable, readings: _Readings, second: _TraceColumn, per_turn: float) -> tuple[Array, int]:
+def _error_of(
+    table: NumberTable,
+    readings: _Readings,
+    second: _TraceColumn,
+    per_turn: float,
+) -> tuple[Array, int]:
     """Return the error of each row [arcsec], shape (rows,), and the sense in which two encoders count.
 
     Args:
@@ -499,7 +540,11 @@ def _error_of(table: NumberTable, readings: _Readings, second: _TraceColumn, per
 
 
 def _turns_per_s(
-    table: NumberTable, form: TraceForm, readings: _Readings, first: _TraceColumn, per_turn: float
+    table: NumberTable,
+    form: TraceForm,
+    readings: _Readings,
+    first: _TraceColumn,
+    per_turn: float,
 ) -> float:
     """Return the constant speed of the cam [1/s] by which times were read as angles; 0 for recorded angles.
 
@@ -517,7 +562,11 @@ def _turns_per_s(
     return table.deg_per_s / WHOLE_TURN_DEG * (per_turn if is_of_output else 1)
 
 
-def _moves_of_readings(table: NumberTable, readings: _Readings, column: int) -> list[_AngleSweep]:
+def _moves_of_readings(
+    table: NumberTable,
+    readings: _Readings,
+    column: int,
+) -> list[_AngleSweep]:
     """Return the moves of the shaft, and note the rows that are in none.
 
     column: of the angle, from 0.
@@ -534,7 +583,12 @@ def _moves_of_readings(table: NumberTable, readings: _Readings, column: int) -> 
     return moves
 
 
-def _require_rows_and_ratio(table: NumberTable, first: _TraceColumn, second: _TraceColumn, ratio: float | None) -> None:
+def _require_rows_and_ratio(
+    table: NumberTable,
+    first: _TraceColumn,
+    second: _TraceColumn,
+    ratio: float | None,
+) -> None:
     """Raise PresetError for a table of few rows, DataError if its columns need a ratio that is not stated."""
     if len(table.lines) < _FEWEST_ROWS:
         raise table.fault(
@@ -546,7 +600,11 @@ def _require_rows_and_ratio(table: NumberTable, first: _TraceColumn, second: _Tr
 
 
 def _readings_of(
-    table: NumberTable, form: TraceForm, first: _TraceColumn, second: _TraceColumn, per_turn: float
+    table: NumberTable,
+    form: TraceForm,
+    first: _TraceColumn,
+    second: _TraceColumn,
+    per_turn: float,
 ) -> _Readings:
     """Return the readings of a table, without wraps, and note its unused columns.
 
@@ -579,10 +637,20 @@ def _readings_of(
     cam_deg = _angle(table, first, angle, form.wrap, expected_deg)
     if first.shaft == "output":
         cam_deg *= per_turn
-    return _Readings(cam_deg=cam_deg, second=second_values, output_deg=output_deg, time_s=time_s, torque=torque)
+    return _Readings(
+        cam_deg=cam_deg,
+        second=second_values,
+        output_deg=output_deg,
+        time_s=time_s,
+        torque=torque,
+    )
 
 
-def _without_leaps(table: NumberTable, readings: _Readings, leaps: dict[int, NDArray[np.bool_]]) -> _Readings:
+def _without_leaps(
+    table: NumberTable,
+    readings: _Readings,
+    leaps: dict[int, NDArray[np.bool_]],
+) -> _Readings:
     """Return readings, and lines of the table, without rows that leap and return; leaps: by column number."""
     for column, rows in leaps.items():
         if rows.any():
@@ -593,7 +661,12 @@ def _without_leaps(table: NumberTable, readings: _Readings, leaps: dict[int, NDA
     return readings.of_rows(is_kept)
 
 
-def _resolution(readings: _Readings, first: _TraceColumn, second: _TraceColumn, per_turn: float) -> _Resolution:
+def _resolution(
+    readings: _Readings,
+    first: _TraceColumn,
+    second: _TraceColumn,
+    per_turn: float,
+) -> _Resolution:
     """Return the resolution of the error; per_turn: input revolutions per output revolution."""
     step_arcsec = _step(readings.second) * abs(second.size)
     if readings.output_deg is None:
@@ -617,7 +690,12 @@ def _resolution(readings: _Readings, first: _TraceColumn, second: _TraceColumn, 
 
 
 def _require_small_error(
-    table: NumberTable, column: int, error: Array, moves: Sequence[_AngleSweep], *, has_far_readings: bool
+    table: NumberTable,
+    column: int,
+    error: Array,
+    moves: Sequence[_AngleSweep],
+    *,
+    has_far_readings: bool,
 ) -> None:
     """Raise PresetError for an error over more than LARGEST_ERROR, at the row where it leaps or is largest.
 
@@ -643,7 +721,11 @@ def _require_small_error(
 
 
 def _angle(
-    table: NumberTable, column: _TraceColumn, readings: Array, wrap: float | None, other: Array | None = None
+    table: NumberTable,
+    column: _TraceColumn,
+    readings: Array,
+    wrap: float | None,
+    other: Array | None = None,
 ) -> Array:
     """Angles [deg] of the readings of a column without wraps; other, see `unwrapped`."""
     angle = readings * (column.size / _ARCSEC_PER_DEG)
@@ -661,7 +743,11 @@ def _angle(
     return joined
 
 
-def _beside(table: NumberTable, role: str, default: str) -> Array | None:
+def _beside(
+    table: NumberTable,
+    role: str,
+    default: str,
+) -> Array | None:
     """The one column of a role, in the unit whose size is 1; None without one, and for times that do not rise."""
     if table.roles.count(role) != 1:
         return None
@@ -672,7 +758,13 @@ def _beside(table: NumberTable, role: str, default: str) -> Array | None:
     return values
 
 
-def _second(table: NumberTable, column: int, output: Array, cam: Array, ratio: float) -> tuple[Array, int]:
+def _second(
+    table: NumberTable,
+    column: int,
+    output: Array,
+    cam: Array,
+    ratio: float,
+) -> tuple[Array, int]:
     """Error [arcsec] out of the angles [deg] of two encoders, and the sense in which they count."""
     centred = cam - cam.mean()
     slope = float(centred @ output / (centred @ centred))
@@ -691,7 +783,14 @@ def _second(table: NumberTable, column: int, output: Array, cam: Array, ratio: f
     return error, sense
 
 
-def _require_ratio(table: NumberTable, column: int, cam: Array, error: Array, ratio: float, sense: int) -> None:
+def _require_ratio(
+    table: NumberTable,
+    column: int,
+    cam: Array,
+    error: Array,
+    ratio: float,
+    sense: int,
+) -> None:
     """Raise PresetError if the error grows with the angle as it does where the ratio is another one.
 
     Arguments: column of the error or of the output, from 0.
@@ -756,7 +855,11 @@ def _step(readings: Array) -> float:
     return _even_step(levels, rounding) if 2 * len(levels) <= len(readings) else 0.0
 
 
-def _step_in_time(cam: Array, output: Array, ratio: float) -> float:
+def _step_in_time(
+    cam: Array,
+    output: Array,
+    ratio: float,
+) -> float:
     """Resolution [arcsec] of output angles [deg] read at even angles of the cam; 0 without one.
 
     Angles of a turning shaft seldom repeat themselves, but the steps between them do; steps over missing rows are left
@@ -822,7 +925,11 @@ def _column_kinds(table: NumberTable, form: TraceForm) -> list[str]:
     return ["time" if is_time else "cam", "error"]
 
 
-def _angle_column(table: NumberTable, form: TraceForm, kinds: Sequence[str]) -> int:
+def _angle_column(
+    table: NumberTable,
+    form: TraceForm,
+    kinds: Sequence[str],
+) -> int:
     """Return the column (from 0) of the angle; a column of time is one if there is no column of angles."""
     kind = next((kind for kind in ("cam", "angle", "output") if kind in kinds), "angle")
     if kind not in kinds and kinds.count("time") == 1:
@@ -830,7 +937,12 @@ def _angle_column(table: NumberTable, form: TraceForm, kinds: Sequence[str]) -> 
     return _column(table, form.angle, kinds, kind, "angle")
 
 
-def _shaft_of_angle(kind: str, form: TraceForm, *, is_time: bool) -> _Shaft:
+def _shaft_of_angle(
+    kind: str,
+    form: TraceForm,
+    *,
+    is_time: bool,
+) -> _Shaft:
     """Return the shaft of the column of the angle.
 
     Args:
@@ -845,12 +957,21 @@ def _shaft_of_angle(kind: str, form: TraceForm, *, is_time: bool) -> _Shaft:
     return "output" if kind == "output" else "cam"
 
 
-def _error_column(table: NumberTable, index: int, form: TraceForm) -> _TraceColumn:
+def _error_column(
+    table: NumberTable,
+    index: int,
+    form: TraceForm,
+) -> _TraceColumn:
     """Return the column of the error in its unit."""
     return _in_unit(table, index, None, "error", form.error_unit, "arcsec", "--error-unit")
 
 
-def _is_time(table: NumberTable, index: int, kind: str, form: TraceForm) -> bool:
+def _is_time(
+    table: NumberTable,
+    index: int,
+    kind: str,
+    form: TraceForm,
+) -> bool:
     """Return whether the column of the angle has the time, by its unit or else by its content."""
     if form.angle_unit is not None:
         return plain_unit(form.angle_unit) in TIMES
@@ -858,7 +979,11 @@ def _is_time(table: NumberTable, index: int, kind: str, form: TraceForm) -> bool
     return not unit_in(name) and (kind == "time" or quantity_of(foreign_unit_in(name)) == "time")
 
 
-def _by_time(table: NumberTable, index: int, form: TraceForm) -> _TraceColumn:
+def _by_time(
+    table: NumberTable,
+    index: int,
+    form: TraceForm,
+) -> _TraceColumn:
     """Return a column of time as the angle of a shaft that turns at a constant speed.
 
     The shaft is the output if the form has a speed, and the input if it has a period.
@@ -886,10 +1011,21 @@ def _by_time(table: NumberTable, index: int, form: TraceForm) -> _TraceColumn:
         arcsec_per_s = WHOLE_TURN_DEG * _ARCSEC_PER_DEG / form.period
         table.notes[-1] += f", the input angle at one revolution in {form.period:g} s (--period)"
     table.deg_per_s = arcsec_per_s / _ARCSEC_PER_DEG
-    return _TraceColumn(index=index, shaft=shaft, unit=unit, size=TIMES[unit] * arcsec_per_s)
+    return _TraceColumn(
+        index=index,
+        shaft=shaft,
+        unit=unit,
+        size=TIMES[unit] * arcsec_per_s,
+    )
 
 
-def _column(table: NumberTable, asked: str | None, kinds: Sequence[str], kind: str, option: str) -> int:
+def _column(
+    table: NumberTable,
+    asked: str | None,
+    kinds: Sequence[str],
+    kind: str,
+    option: str,
+) -> int:
     """Column (from 0) by its name or number as asked for, else the only one of a kind."""
     if asked is not None:
         for plain in (str, str.lower):
@@ -910,7 +1046,13 @@ def _column(table: NumberTable, asked: str | None, kinds: Sequence[str], kind: s
 
 
 def _in_unit(
-    table: NumberTable, index: int, shaft: _Shaft | None, words: str, asked: str | None, default: str, option: str
+    table: NumberTable,
+    index: int,
+    shaft: _Shaft | None,
+    words: str,
+    asked: str | None,
+    default: str,
+    option: str,
 ) -> _TraceColumn:
     """A column in the unit asked for, that of its name, or the default; how it is read is noted."""
     unit = table.unit_of(index, words, default, (*ANGLES, COUNTS), asked, option)
@@ -920,7 +1062,12 @@ def _in_unit(
             f'"{table.name(index)}": the counts per revolution are unknown',
             f"state them, for example {option} 16384,4194304",
         )
-    column = _TraceColumn(index=index, shaft=shaft, unit=unit, size=angle_size(unit))
+    column = _TraceColumn(
+        index=index,
+        shaft=shaft,
+        unit=unit,
+        size=angle_size(unit),
+    )
     if is_in_counts:
         table.notes[-1] += " a turn"
     return column

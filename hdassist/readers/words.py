@@ -42,7 +42,11 @@ _GERMAN = re.compile(_TABLE["no_units"]["german"], re.IGNORECASE)
 _JOINED = [
     (re.compile(rf"(?<![^\W\d_])(?:{entry['words']})", re.IGNORECASE), entry["unit"]) for entry in _TABLE["joined"]
 ]
-_SPELLINGS = sorted({*ANGLES, *TORQUES, *TIMES, *_SPELLED, "nm"}, key=len, reverse=True)
+_SPELLINGS = sorted(
+    {*ANGLES, *TORQUES, *TIMES, *_SPELLED, "nm"},
+    key=len,
+    reverse=True,
+)
 _UNIT = rf"(?<![^\W\d_])(?:{'|'.join(map(re.escape, _SPELLINGS))})(?![^\W\d_⁰¹²³⁴⁵⁶⁷⁸⁹])"
 _POWER = r"(?:(?:\^|\*\*)\s*[-+−]?\d+|[⁻⁺]?[⁰¹²³⁴⁵⁶⁷⁸⁹]+)"
 _FACTOR = rf"\d+(?:[.,]\d+)?(?:e[-+−]?\d+)?(?:\s*[×x*·]\s*10)?{_POWER}?"
@@ -388,7 +392,11 @@ def separator_of(lines: Sequence[str]) -> str:
     return "," if by_commas and 2 * by_blanks < len(bare) else " "
 
 
-def names_in(line: str, width: int, separator: str) -> tuple[str, ...] | None:
+def names_in(
+    line: str,
+    width: int,
+    separator: str,
+) -> tuple[str, ...] | None:
     """Names of the columns in a line above the rows, separated as these are or otherwise; None if they do not fit."""
     by_marks = (tuple(cell.text for cell in cells_of(line, mark)) for mark in dict.fromkeys((separator, *";\t,")))
     # a unit belongs to the name before it

@@ -114,7 +114,12 @@ class RecordKind(Generic[_RecordT]):
         "the file was changed or damaged; delete this line and all lines below it, then the same command resumes"
     )
 
-    def read(self, lines: Iterable[bytes], above: bytes, name: str) -> Iterator[tuple[_RecordT, bytes]]:
+    def read(
+        self,
+        lines: Iterable[bytes],
+        above: bytes,
+        name: str,
+    ) -> Iterator[tuple[_RecordT, bytes]]:
         """Yield records with their lines; a last one that is not finished is left out.
 
         lines: those below the owner.
@@ -204,7 +209,13 @@ class Kept(Generic[_RecordT]):
         ):
             descriptor, lock = _locked(str(part_file))
             # a complete file under another name, which takes the place of this one at once
-            fresh = Kept(_path=str(part_file), _descriptor=descriptor, _lock=lock, _owner=self._owner, _kind=self._kind)
+            fresh = Kept(
+                _path=str(part_file),
+                _descriptor=descriptor,
+                _lock=lock,
+                _owner=self._owner,
+                _kind=self._kind,
+            )
             fresh.begin()
             fresh.append(records)
         # the new file is locked already, so no other run can come between
@@ -333,7 +344,13 @@ def open_kept(
     cannot be written, has a record that does not hold, or is removed or cut while it is written.
     """
     descriptor, lock = _locked(path, patience)
-    kept = Kept(_path=path, _descriptor=descriptor, _lock=lock, _owner=owner, _kind=kind)
+    kept = Kept(
+        _path=path,
+        _descriptor=descriptor,
+        _lock=lock,
+        _owner=owner,
+        _kind=kind,
+    )
     try:
         # --force: what the file has is given up
         if force:
@@ -351,7 +368,11 @@ def open_kept(
                 _lock_file(path).unlink()
 
 
-def read_kept(data: bytes, name: str, kind: RecordKind[_RecordT]) -> list[_RecordT] | None:
+def read_kept(
+    data: bytes,
+    name: str,
+    kind: RecordKind[_RecordT],
+) -> list[_RecordT] | None:
     """Records of a file that is only read; None where it is not of this form. Raises DataError as `open_kept` does."""
     lines = BytesIO(data)
     try:
@@ -391,7 +412,11 @@ def _locked(path: str | None, patience: float = LOCK_PATIENCE) -> tuple[int, int
         raise
 
 
-def _held(place: str, path: str, patience: float) -> int:
+def _held(
+    place: str,
+    path: str,
+    patience: float,
+) -> int:
     """Return the descriptor of a file whose lock this process has; path, the name for messages; patience [s]."""
     begun = time.monotonic()
     # a lock of a killed run ends with its last process
@@ -447,7 +472,14 @@ def _lines(descriptor: int) -> Iterator[bytes]:
 
 def _sealed(fields: Mapping[str, Any], above: bytes) -> bytes:
     """A JSON object as a line with its checksum; above, that of the line above. Never NaN or Infinity."""
-    text = printable(json.dumps(fields, ensure_ascii=True, allow_nan=False, separators=(",", ":"))).encode()
+    text = printable(
+        json.dumps(
+            fields,
+            ensure_ascii=True,
+            allow_nan=False,
+            separators=(",", ":"),
+        )
+    ).encode()
     checksum = hashlib.sha256(above + text).hexdigest()[:_DIGITS]
     return text[:-1] + f',"checksum":"{checksum}"}}\n'.encode()
 
@@ -571,7 +603,11 @@ def cached(kind: str, key: str) -> bytes | None:
     return None
 
 
-def keep(kind: str, key: str, data: bytes) -> None:
+def keep(
+    kind: str,
+    key: str,
+    data: bytes,
+) -> None:
     """Keep data of a kind by a key (SHA-256), in place of those before; none where that cannot be written."""
     name = _name(kind, key)
     line = _first_line(key, data)
@@ -590,7 +626,10 @@ def keep(kind: str, key: str, data: bytes) -> None:
 
 
 def kept_answer(
-    kind: str, depends: object, adapter: TypeAdapter[_AnswerT], compute: Callable[[], _AnswerT]
+    kind: str,
+    depends: object,
+    adapter: TypeAdapter[_AnswerT],
+    compute: Callable[[], _AnswerT],
 ) -> _AnswerT:
     """An answer of a kind as it is kept, or computed and kept.
 
@@ -642,7 +681,11 @@ def empty_cache() -> None:
         _prune(folder, 0, 0)
 
 
-def _prune(folder: PrivateFolder, most: float, left: float) -> None:
+def _prune(
+    folder: PrivateFolder,
+    most: float,
+    left: float,
+) -> None:
     """Remove the oldest files until so many bytes are left, where there are more than most."""
     files = _files(folder)
     total = sum(about.st_size for _, about in files)

@@ -92,7 +92,11 @@ class Run:
     @property
     def of_task(self) -> Run:
         """The run of one task: in a process of its own, which reports once it is done, or in this one."""
-        return replace(self, executor=None, progress=None if self.executor else self.progress)
+        return replace(
+            self,
+            executor=None,
+            progress=None if self.executor else self.progress,
+        )
 
     def finished(self, states: int) -> None:
         """Report the states of a task to the progress, where it could not do so itself."""
@@ -115,7 +119,12 @@ class Cluster(Executor):
     size: how many tasks it works on at a time, by now.
     """
 
-    def __init__(self, engine: Executor, size: Callable[[], int], installation: _Installation) -> None:
+    def __init__(
+        self,
+        engine: Executor,
+        size: Callable[[], int],
+        installation: _Installation,
+    ) -> None:
         self._engine = engine
         self._size = size
         self._installation = installation
@@ -138,7 +147,11 @@ class Cluster(Executor):
 
 
 def _same_there(
-    installation: _Installation, expected: object, task: Callable[..., Any], args: tuple[Any, ...], more: dict[str, Any]
+    installation: _Installation,
+    expected: object,
+    task: Callable[..., Any],
+    args: tuple[Any, ...],
+    more: dict[str, Any],
 ) -> Any:
     """Do a task on a worker. Raises UntrustedError: its installation is not that of the process that asks."""
     # other versions may have other last digits
@@ -149,7 +162,11 @@ def _same_there(
 
 
 @contextmanager
-def cluster(name: str, jobs: int, installation: _Installation) -> Iterator[Cluster]:
+def cluster(
+    name: str,
+    jobs: int,
+    installation: _Installation,
+) -> Iterator[Cluster]:
     """An engine by its name, as ENGINES has it; it stays for the next time, and ends with this process.
 
     Arguments: name, with "=ADDRESS" of a scheduler that runs already; jobs, workers that are begun where there is none
@@ -185,7 +202,11 @@ _clusters = ExitStack()  # closes the clusters that this process has begun or is
 
 
 @cache
-def _dask_cluster(address: str, jobs: int, installation: _Installation) -> Cluster:
+def _dask_cluster(
+    address: str,
+    jobs: int,
+    installation: _Installation,
+) -> Cluster:
     """Return the cluster of a scheduler, or of workers on this machine, begun once and kept until this process ends."""
     with ExitStack() as stack:
         client = _dask_client(stack, address, count(jobs))
@@ -203,7 +224,11 @@ def end_clusters() -> None:
     _dask_cluster.cache_clear()
 
 
-def _dask_client(stack: ExitStack, address: str, worker_count: int) -> Any:
+def _dask_client(
+    stack: ExitStack,
+    address: str,
+    worker_count: int,
+) -> Any:
     """Return a client of dask, closed with the stack.
 
     Arguments:
@@ -308,7 +333,11 @@ def stream(
                 answer.cancel()
 
 
-def _timed(work: bytes, first: int, last: int) -> tuple[float, list[Any]]:
+def _timed(
+    work: bytes,
+    first: int,
+    last: int,
+) -> tuple[float, list[Any]]:
     """How long some items took [s], and their records; work, pickled."""
     begun = time.perf_counter()
     records = _unpickled(work)(first, last)
@@ -473,7 +502,11 @@ class Processes(ThreadPoolExecutor):
             process.join(_SHUTDOWN)
 
 
-def _work(here: Connection, there: Connection, parent: int) -> None:
+def _work(
+    here: Connection,
+    there: Connection,
+    parent: int,
+) -> None:
     """Do tasks from a pipe, one after the other, to its end; here, the parent's end, which a fork has inherited."""
     begin_worker(parent)
     # before any task makes objects

@@ -106,7 +106,11 @@ class PrivateFolder:
 
         name: of the file; at_most: bytes that it may have. Raises OSError: there is no such file.
         """
-        descriptor = os.open(self._place(name), os.O_RDONLY | BINARY | _AS_IT_IS, dir_fd=self.descriptor)
+        descriptor = os.open(
+            self._place(name),
+            os.O_RDONLY | BINARY | _AS_IT_IS,
+            dir_fd=self.descriptor,
+        )
         with os.fdopen(descriptor, "rb") as file:
             about = os.fstat(descriptor)
             # another user's file could hold anything
@@ -126,14 +130,24 @@ class PrivateFolder:
         """Write a file that is not there yet. Raises OSError: it is, or it cannot be written."""
         # O_EXCL: never into a file, or through a link, that is there already
         flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | BINARY | _AS_IT_IS
-        descriptor = os.open(self._place(name), flags, 0o600, dir_fd=self.descriptor)
+        descriptor = os.open(
+            self._place(name),
+            flags,
+            0o600,
+            dir_fd=self.descriptor,
+        )
         with os.fdopen(descriptor, "wb") as file:
             file.write(content)
 
     def replace(self, name: str, new_name: str) -> None:
         """Give a file another name, in place of the file that has it."""
         folder = self.descriptor
-        os.replace(self._place(name), self._place(new_name), src_dir_fd=folder, dst_dir_fd=folder)
+        os.replace(
+            self._place(name),
+            self._place(new_name),
+            src_dir_fd=folder,
+            dst_dir_fd=folder,
+        )
 
     def remove(self, name: str) -> None:
         """Remove a file. Raises OSError: it cannot be removed."""
@@ -148,7 +162,11 @@ class PrivateFolder:
     def own_status(self, name: str) -> os.stat_result | None:
         """Return what is known of a file that this user alone can write; None for any other file."""
         try:
-            about = os.stat(self._place(name), dir_fd=self.descriptor, follow_symlinks=False)
+            about = os.stat(
+                self._place(name),
+                dir_fd=self.descriptor,
+                follow_symlinks=False,
+            )
         except OSError:
             return None
         return about if _is_own(about) else None
@@ -158,7 +176,12 @@ class PrivateFolder:
 
 
 @contextmanager
-def private_folder(named: Path, own: str, *, makes: bool) -> Iterator[PrivateFolder]:
+def private_folder(
+    named: Path,
+    own: str,
+    *,
+    makes: bool,
+) -> Iterator[PrivateFolder]:
     """Open a folder for this user alone.
 
     named: the folder that the user names; own: the name of a folder in it, which is opened; makes: whether folders are
@@ -167,7 +190,11 @@ def private_folder(named: Path, own: str, *, makes: bool) -> Iterator[PrivateFol
     ValueError: it cannot be opened.
     """
     if makes:
-        named.mkdir(mode=0o700, parents=True, exist_ok=True)
+        named.mkdir(
+            mode=0o700,
+            parents=True,
+            exist_ok=True,
+        )
     if sys.platform == "win32":
         yield _folder_of_profile(named / own, makes=makes)
         return
@@ -182,7 +209,11 @@ def private_folder(named: Path, own: str, *, makes: bool) -> Iterator[PrivateFol
         if makes:
             with suppress(FileExistsError):
                 os.mkdir(own, 0o700, dir_fd=parent)
-        folder = os.open(own, os.O_RDONLY | os.O_DIRECTORY | _AS_IT_IS, dir_fd=parent)
+        folder = os.open(
+            own,
+            os.O_RDONLY | os.O_DIRECTORY | _AS_IT_IS,
+            dir_fd=parent,
+        )
     finally:
         os.close(parent)
     try:
@@ -529,7 +560,12 @@ def pipe_stream(stream: TextIO) -> TextIO:
         return stream
     is_ended_by_line = getattr(stream, "line_buffering", False)
     buffered = io.BufferedWriter(raw)
-    return io.TextIOWrapper(buffered, stream.encoding, stream.errors, line_buffering=is_ended_by_line)
+    return io.TextIOWrapper(
+        buffered,
+        stream.encoding,
+        stream.errors,
+        line_buffering=is_ended_by_line,
+    )
 
 
 class _PipeWriter(io.FileIO):

@@ -43,7 +43,11 @@ class Residuals:
         return np.where(np.isnan(worst), np.inf, worst)
 
 
-def displacements(system: ContactSystem, forces: Array, free: Array) -> Array:
+def displacements(
+    system: ContactSystem,
+    forces: Array,
+    free: Array,
+) -> Array:
     """Return the displacements a [mm, rad], shape (states, 9).
 
     Args:
@@ -59,7 +63,13 @@ def displacements(system: ContactSystem, forces: Array, free: Array) -> Array:
     return a
 
 
-def residuals(system: ContactSystem, delta_p: Array, torque: float | Array, forces: Array, free: Array) -> Residuals:
+def residuals(
+    system: ContactSystem,
+    delta_p: Array,
+    torque: float | Array,
+    forces: Array,
+    free: Array,
+) -> Residuals:
     """Return the residuals of answers to system (1).
 
     Args:
@@ -88,7 +98,12 @@ def residuals(system: ContactSystem, delta_p: Array, torque: float | Array, forc
     return Residuals(np.stack(shares, axis=1))
 
 
-def _unbalanced_share(system: ContactSystem, torque: float | Array, forces: Array, a: Array) -> Array:
+def _unbalanced_share(
+    system: ContactSystem,
+    torque: float | Array,
+    forces: Array,
+    a: Array,
+) -> Array:
     """Return the residual of G' F - C a + b = 0 as a share of the sum of the absolute forces, shape (states,).
 
     Args:
@@ -169,7 +184,11 @@ class StateSums:
             self.slope[rows] = sums.slope
 
 
-def rotation_slopes(formulation: Formulation, forces: Array, scalars: int) -> Array:
+def rotation_slopes(
+    formulation: Formulation,
+    forces: Array,
+    scalars: int,
+) -> Array:
     """Return the slope of the rotation by deviation scalars at constant contacts [rad/mm], shape (states, scalars).
 
     Equation (9a). The slopes are NaN if the contacts do not hold the parts.
@@ -235,7 +254,14 @@ class Certificate(ClosedRecord):
         )
 
 
-EMPTY = Certificate(states=0, negative_force=0.0, negative_gap=0.0, complementarity=0.0, equilibrium=0.0, fallbacks=0)
+EMPTY = Certificate(
+    states=0,
+    negative_force=0.0,
+    negative_gap=0.0,
+    complementarity=0.0,
+    equilibrium=0.0,
+    fallbacks=0,
+)
 
 
 @dataclass(frozen=True)
@@ -303,7 +329,11 @@ def _joined(parts: Iterable[Array]) -> Array:
     return np.concatenate(arrays) if arrays else np.empty(0)
 
 
-def _require_proof(proof: Residuals, place: Callable[[int], str], first: int) -> None:
+def _require_proof(
+    proof: Residuals,
+    place: Callable[[int], str],
+    first: int,
+) -> None:
     worst = proof.worst
     # NaN compares as not solved
     k = int(np.argmin(worst <= TOLERANCE))  # the first one that is not solved, if any
@@ -318,7 +348,12 @@ def _require_proof(proof: Residuals, place: Callable[[int], str], first: int) ->
         )
 
 
-def _require_linear(system: ContactSystem, rotation: Array, place: Callable[[int], str], first: int) -> None:
+def _require_linear(
+    system: ContactSystem,
+    rotation: Array,
+    place: Callable[[int], str],
+    first: int,
+) -> None:
     # the gaps are linear in the rotation for small angles only; beyond a quarter of a pitch other flanks would meet
     quarter_pitch = np.pi / 2 / system.geometry.flexspline.z
     k = int(np.argmax(np.abs(rotation)))

@@ -51,7 +51,12 @@ class Springs:
     excess: Array  # gap of each candidate minus that of the first one at its place, shape (M,)
 
     @classmethod
-    def of(cls, formulation: Formulation, gaps: Array, contact: NDArray[np.bool_]) -> Springs:
+    def of(
+        cls,
+        formulation: Formulation,
+        gaps: Array,
+        contact: NDArray[np.bool_],
+    ) -> Springs:
         """Return the springs of a contact set.
 
         Args:
@@ -65,12 +70,22 @@ class Springs:
         stiffness = contact / formulation.local
         at_places = np.add.reduceat(stiffness, first)
         # a place without contact has no spring: 0 marks it, as an infinite compliance cannot be stored
-        series = np.divide(1, at_places, out=np.zeros(len(first)), where=at_places > 0)
+        series = np.divide(
+            1,
+            at_places,
+            out=np.zeros(len(first)),
+            where=at_places > 0,
+        )
         lowest = gaps[first]
         excess = gaps - lowest[place]  # exactly 0 at a place with one candidate, not a difference of large numbers
         # the mean of the excess gaps, weighted by stiffness: where the joint spring begins to push
         offset = np.add.reduceat(stiffness * excess, first) * series
-        return cls(series=series, offset=offset, lowest=lowest, excess=excess)
+        return cls(
+            series=series,
+            offset=offset,
+            lowest=lowest,
+            excess=excess,
+        )
 
 
 @dataclass(frozen=True)
@@ -102,7 +117,12 @@ class Formulation:
     local: Array  # compliance of each candidate by itself, in units, shape (M,)
     A: Array  # equilibrium of the free freedoms, in units, shape (free, m)
     # references of the engines by the torque [N*mm], None where the contact set does not hold the parts
-    references: dict[float, Reference | None] = field(default_factory=dict, init=False, repr=False, compare=False)
+    references: dict[float, Reference | None] = field(
+        default_factory=dict,
+        init=False,
+        repr=False,
+        compare=False,
+    )
 
     @cached_property
     def digest(self) -> bytes:
@@ -153,7 +173,13 @@ class Formulation:
         sums = csr_array((np.ones(M), (self.system.place, np.arange(M))), shape=(m, M))
         constraints = [equilibrium, sums @ forces - place_forces == 0]
         problem = cp.Problem(cp.Minimize(contact_energy + structure_energy + gaps @ forces), constraints)
-        return _Statement(problem=problem, forces=forces, gaps=gaps, load=load, equilibrium=equilibrium)
+        return _Statement(
+            problem=problem,
+            forces=forces,
+            gaps=gaps,
+            load=load,
+            equilibrium=equilibrium,
+        )
 
     def gaps(self, delta_p: Array) -> Array:
         """Return gaps without force [mm], shape (..., M), in units of the programme."""
@@ -185,7 +211,11 @@ def formulate(system: ContactSystem) -> Formulation:
     # The unit of force follows the stiffest station: with the softest one Clarabel gives up coned flanks at light
     # torques.
     stiffest = float(system.face.compliance.min())
-    units = _Units(gap=_MICROMETRE, force=_MICROMETRE / stiffest, load=load_units)
+    units = _Units(
+        gap=_MICROMETRE,
+        force=_MICROMETRE / stiffest,
+        load=load_units,
+    )
     G_s = G[:, supported]
     # G_s C_s^-1 G_s': a supported freedom is a compliance between all places, second term of H in (2)
     H = (G_s / system.C[supported]) @ G_s.T
@@ -335,7 +365,11 @@ class Reference:
         return np.asarray(coordinates / self._gap_unit)
 
 
-def _responses(formulation: Formulation, springs: Springs, is_single: NDArray[np.bool_]) -> _Responses:
+def _responses(
+    formulation: Formulation,
+    springs: Springs,
+    is_single: NDArray[np.bool_],
+) -> _Responses:
     """Return how the coordinates of a reference respond at the contact set of its springs.
 
     Raises ValueError if the contact set does not hold the parts in place.
@@ -357,11 +391,18 @@ def _responses(formulation: Formulation, springs: Springs, is_single: NDArray[np
     by_place = traded[:, :m].copy()
     by_place[:, approached] *= series[approached]
     by_place[approached, approached] += series[approached]
-    return _Responses(by_place=by_place, by_gap=-traded[:, :m][:, is_touching].T, by_load=traded[:, m:])
+    return _Responses(
+        by_place=by_place,
+        by_gap=-traded[:, :m][:, is_touching].T,
+        by_load=traded[:, m:],
+    )
 
 
 def _pivots(
-    formulation: Formulation, responses: _Responses, contact: NDArray[np.bool_], is_single: NDArray[np.bool_]
+    formulation: Formulation,
+    responses: _Responses,
+    contact: NDArray[np.bool_],
+    is_single: NDArray[np.bool_],
 ) -> _Pivots:
     """Return the values of candidates by the coordinates of their places.
 
@@ -379,7 +420,12 @@ def _pivots(
     # compliances are positive; another sign means that the contact set lets a part move freely
     if not np.all(unscaled > 0):
         raise ValueError("no pivots to start from")
-    return _Pivots(gain=gain, weight=weight, self_response=self_response, scale=1 / np.sqrt(unscaled))
+    return _Pivots(
+        gain=gain,
+        weight=weight,
+        self_response=self_response,
+        scale=1 / np.sqrt(unscaled),
+    )
 
 
 def principal_transform(matrix: Array, inside: NDArray[np.bool_]) -> Array:

@@ -232,7 +232,12 @@ def muted_output() -> Iterator[None]:
         os.close(kept)
 
 
-def solve_through_cvxpy(formulation: Formulation, delta_p: Array, torque: float, solver: str) -> tuple[Array, Array]:
+def solve_through_cvxpy(
+    formulation: Formulation,
+    delta_p: Array,
+    torque: float,
+    solver: str,
+) -> tuple[Array, Array]:
     """Return forces [N], shape (M,), and free displacements [mm, rad] of one state, by a solver called through cvxpy.
 
     Args:
@@ -291,7 +296,11 @@ def solvers_depend_on(solver: str | None) -> tuple[str, ...] | None:
     return (name, *program("cvxpy", *_SHIPPED.values())) if name in _SHIPPED else None
 
 
-def _cross_check_key(formulation: Formulation, arrays: Sequence[Array], programs: str) -> str:
+def _cross_check_key(
+    formulation: Formulation,
+    arrays: Sequence[Array],
+    programs: str,
+) -> str:
     """Return the hash of a programme, of arrays to the last digit, and of the programs that solve it."""
     hashed = sha256(programs.encode() + formulation.digest)
     for array in arrays:
@@ -371,7 +380,13 @@ def _kept_cross_check(key: str, states: int) -> CrossCheck | None:
     return kept if is_valid else None
 
 
-def _difference(formulation: Formulation, torque: float, delta_p: Array, expected: float, solver: str) -> float:
+def _difference(
+    formulation: Formulation,
+    torque: float,
+    delta_p: Array,
+    expected: float,
+    solver: str,
+) -> float:
     """Return the difference between a solver's rotation of one state and the expected one [arcsec]."""
     _, free = solve_through_cvxpy(formulation, delta_p, torque, solver)
     return float(np.abs(free[formulation.system.free_rotation] * ARCSEC - expected))
@@ -549,7 +564,12 @@ class LoadCase:
         self.formulation: Formulation = formulation
         self.system = formulation.system
         self._compiled = compiled and walk_library()[0] is not None
-        self._one_by_one: OneByOne = OneByOne(formulation, contact, compiled=self._compiled, solver=solver)
+        self._one_by_one: OneByOne = OneByOne(
+            formulation,
+            contact,
+            compiled=self._compiled,
+            solver=solver,
+        )
         self._walk: Walk | Pivoting | None = None
         # the reference costs as much as some dozens of states solved alone
         self._walk_pays_from: float = 0 if many else MANY_STATES  # number of states
@@ -584,13 +604,22 @@ class LoadCase:
         chunks = (self.sums(gaps[first : first + STATES_AT_A_TIME], slope=slope) for first in firsts)
         return proven_answers(self.system, self._torque, chunks, place, progress)
 
-    def over(self, torques: Array, place: Callable[[int], str], progress: Progress | None = None) -> Answers:
+    def over(
+        self,
+        torques: Array,
+        place: Callable[[int], str],
+        progress: Progress | None = None,
+    ) -> Answers:
         """Solve the state without deviations at torques M_g [N*m], each from the contacts of the previous one.
 
         The other arguments and the errors are those of solve.
         """
         loads = torques * N_MM
-        delta_p = np.repeat(self.system.delta_p[None], len(torques), axis=0)
+        delta_p = np.repeat(
+            self.system.delta_p[None],
+            len(torques),
+            axis=0,
+        )
         forces, free, given_up = self._one_by_one.solve(delta_p, loads)
         sums = StateSums.of(self.system, delta_p, loads, forces, free, given_up)
         return proven_answers(self.system, loads, [sums], place, progress)
@@ -613,14 +642,23 @@ class LoadCase:
                 self._walk = Walk(reference) if self._compiled else Pivoting(self.formulation, reference)
         if self._walk is None:
             return self._alone(gaps, slope)
-        sums = self._walk.solve(gaps, self._torque, slope=slope)
+        sums = self._walk.solve(
+            gaps,
+            self._torque,
+            slope=slope,
+        )
         # a residual that grew over many pivots is cured by a solution from scratch
         given_up = np.flatnonzero(~(sums.residuals.worst <= _POOR_PROOF))  # or NaN
         if len(given_up):
             sums.put(given_up, self._alone(gaps[given_up], slope))
         return replace(sums, given_up=len(given_up))
 
-    def climb(self, torus: Torus, hills: Starts, rules: Rules) -> Points:
+    def climb(
+        self,
+        torus: Torus,
+        hills: Starts,
+        rules: Rules,
+    ) -> Points:
         """Return the highest states around hills, as `climbed` does, shape (groups, 2). They are not proven."""
         if isinstance(self._walk, Walk):
             return self._walk.climb(torus, self._torque, hills, rules)

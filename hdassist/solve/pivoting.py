@@ -41,7 +41,13 @@ class Pivoting:
         # grows from call to call: states of one drive swing between few contact sets
         self._swing = np.zeros(0, dtype=int)
 
-    def solve(self, gaps: StateGaps, torque: float, *, slope: bool = False) -> StateSums:
+    def solve(
+        self,
+        gaps: StateGaps,
+        torque: float,
+        *,
+        slope: bool = False,
+    ) -> StateSums:
         """Return sums and residuals of states, NaN for a state that was given up.
 
         Args:
@@ -52,7 +58,14 @@ class Pivoting:
         system = self._formulation.system
         forces, free = self.forces(gaps, torque)
         slopes = rotation_slopes(self._formulation, forces, gaps.scalars.shape[1]) if slope else None
-        return StateSums.of(system, system.delta_p_of(gaps), torque, forces, free, slope=slopes)
+        return StateSums.of(
+            system,
+            system.delta_p_of(gaps),
+            torque,
+            forces,
+            free,
+            slope=slopes,
+        )
 
     def forces(self, gaps: StateGaps, torque: float) -> tuple[Array, Array]:
         """Return forces [N], shape (states, M), and free displacements [mm, rad], NaN for a state that was given up."""
@@ -150,19 +163,17 @@ class Pivoting:
         values = tableau[:, n:]  # of all states at the present contact set
         has_changed = np.zeros(n, dtype=bool)
         solution = np.full(start.shape, np.nan)
-        is_open = np.asarray(np.isfinite(start).all(axis=1))  # states that are not solved yet
+        is_open = np.isfinite(start).all(axis=1)  # states that are not solved yet
         k = np.intp(0)  # the state that the pivots lead to
         # by the most negative value, which cannot be proven to end, hence the limit
         for _ in range(LIMIT * (n + states)):
             smallest_value = values.min(axis=0, initial=0)
+            # no value is negative there: complementarity holds by construction, as a candidate has one of both values
             is_solved = is_open & (smallest_value >= -_ZERO)
-            # all values are at least 0 there: complementarity holds by construction, since values and opposites
-            # are separate
-            if is_solved.any():
-                solution[is_solved] = values[:, is_solved].T * has_changed
-                is_open &= ~is_solved
-                if not is_open.any():
-                    break
+            solution[is_solved] = values[:, is_solved].T * has_changed
+            is_open &= ~is_solved
+            if not is_open.any():
+                break
             if not is_open[k]:
                 k = np.where(is_open, smallest_value, -np.inf).argmax()  # the open state nearest to its solution
             # the candidate that violates its sign most changes sides
@@ -177,7 +188,15 @@ class Pivoting:
             # with these entries one rank-one update serves the pivot's row and column as well
             column[r] = pivot + 1
             row[r] = pivot - 1
-            dger(-1 / pivot, column, row, a=tableau, overwrite_x=1, overwrite_y=1, overwrite_a=1)
+            dger(
+                -1 / pivot,
+                column,
+                row,
+                a=tableau,
+                overwrite_x=1,
+                overwrite_y=1,
+                overwrite_a=1,
+            )
             has_changed[r] = not has_changed[r]
         return solution
 
@@ -197,7 +216,10 @@ class _NearStep:
 
 
 def solve_near(
-    formulation: Formulation, gaps: Array, right: Array, contact: NDArray[np.bool_]
+    formulation: Formulation,
+    gaps: Array,
+    right: Array,
+    contact: NDArray[np.bool_],
 ) -> tuple[Array, Array] | None:
     """Return forces, shape (M,), and duals, shape (free,), of one state; None if the method gives up.
 
@@ -235,7 +257,12 @@ def solve_near(
     return None
 
 
-def _solved_at(formulation: Formulation, gaps: Array, right: Array, contact: NDArray[np.bool_]) -> _NearStep | None:
+def _solved_at(
+    formulation: Formulation,
+    gaps: Array,
+    right: Array,
+    contact: NDArray[np.bool_],
+) -> _NearStep | None:
     """Solve one state at a contact set, with the arguments of solve_near; None if the numbers overflow."""
     # unknowns: the forces of places in contact, and the displacements of the free freedoms
     structure = formulation.structure
@@ -256,10 +283,19 @@ def _solved_at(formulation: Formulation, gaps: Array, right: Array, contact: NDA
     # approach of each place, from which each station takes its share by its own gap
     approach = series[:m] * solution[:m] + springs.offset
     forces = np.where(contact, (approach[place] - springs.excess) / formulation.local, 0.0)
-    return _NearStep(forces=forces, open_gaps=open_gaps, duals=solution[m:], is_loose=is_loose)
+    return _NearStep(
+        forces=forces,
+        open_gaps=open_gaps,
+        duals=solution[m:],
+        is_loose=is_loose,
+    )
 
 
-def _solved_or_loose(matrix: Array, right_side: Array, is_dual: NDArray[np.bool_]) -> tuple[Array, bool]:
+def _solved_or_loose(
+    matrix: Array,
+    right_side: Array,
+    is_dual: NDArray[np.bool_],
+) -> tuple[Array, bool]:
     """Return the solution of a system, and whether it has none without soft springs.
 
     If no contact holds the parts, soft springs let them move until some contact does.

@@ -66,7 +66,11 @@ class Torus:
         return [_central_difference(self.by_b, row, point[:, 0]), _central_difference(self.by_g, row, point[:, 1])]
 
 
-def _central_difference(part: Array, row: Points, position: Points) -> Array:
+def _central_difference(
+    part: Array,
+    row: Points,
+    position: Points,
+) -> Array:
     z = part.shape[1]
     return np.asarray((part[row, (position + 1) % z] - part[row, (position - 1) % z]) / 2)
 
@@ -92,7 +96,12 @@ class Rules:
     radius: tuple[int, ...]  # in which a climb looks for its next state, then the radii of rings around its top
 
 
-def climbed(torus: Torus, hills: Starts, rules: Rules, state_at: _StateAt) -> Points:
+def climbed(
+    torus: Torus,
+    hills: Starts,
+    rules: Rules,
+    state_at: _StateAt,
+) -> Points:
     """Return the highest states that climbs from the hills of each group reach, shape (groups, 2).
 
     Args:
@@ -107,7 +116,13 @@ def climbed(torus: Torus, hills: Starts, rules: Rules, state_at: _StateAt) -> Po
     for first, end, row, sign in zip(hills.first, ends, hills.row, hills.sign, strict=True):
         max_height = -np.inf
         for hill in range(first, end):
-            climb = _Climb(torus=torus, rules=rules, state_at=state_at, row=int(row), sign=int(sign))
+            climb = _Climb(
+                torus=torus,
+                rules=rules,
+                state_at=state_at,
+                row=int(row),
+                sign=int(sign),
+            )
             climb.add(hills.point[hill], hills.rotation[hill], hills.slope[hill])
             climb.go_up(radius, max_height)
             if climb.height > max_height:
@@ -122,7 +137,14 @@ def climbed(torus: Torus, hills: Starts, rules: Rules, state_at: _StateAt) -> Po
 class _Climb:
     """States of one climb, with the bounds that they set."""
 
-    def __init__(self, torus: Torus, rules: Rules, state_at: _StateAt, row: int, sign: int) -> None:
+    def __init__(
+        self,
+        torus: Torus,
+        rules: Rules,
+        state_at: _StateAt,
+        row: int,
+        sign: int,
+    ) -> None:
         self._torus = torus
         self._rules = rules
         self._state_at = state_at
@@ -154,7 +176,12 @@ class _Climb:
             self.add(point, rotation, slope)
         return bool(np.isfinite(rotation))
 
-    def add(self, point: Points, rotation: float, slope: Array) -> None:
+    def add(
+        self,
+        point: Points,
+        rotation: float,
+        slope: Array,
+    ) -> None:
         """Add a solved state.
 
         Args:
@@ -321,7 +348,13 @@ class Walk:
         if getattr(self, "_walk", None):
             self._library.walk_free(self._walk)
 
-    def solve(self, gaps: StateGaps, torque: float, *, slope: bool = False) -> StateSums:
+    def solve(
+        self,
+        gaps: StateGaps,
+        torque: float,
+        *,
+        slope: bool = False,
+    ) -> StateSums:
         """Return sums and residuals of states, NaN for a state that was given up.
 
         Args:
@@ -349,7 +382,13 @@ class Walk:
             given_up=given_up,
         )
 
-    def climb(self, torus: Torus, torque: float, hills: Starts, rules: Rules) -> Points:
+    def climb(
+        self,
+        torus: Torus,
+        torque: float,
+        hills: Starts,
+        rules: Rules,
+    ) -> Points:
         """Return what `climbed` returns, compiled; a state that is given up counts as none.
 
         Args:
@@ -390,7 +429,10 @@ class Walk:
 
 
 def walk_near_state(
-    formulation: Formulation, gaps: Array, right: Array, contact: NDArray[np.bool_]
+    formulation: Formulation,
+    gaps: Array,
+    right: Array,
+    contact: NDArray[np.bool_],
 ) -> tuple[Array, Array] | None:
     """Return what `pivoting.solve_near` returns for the same arguments, compiled."""
     system = formulation.system
@@ -418,7 +460,11 @@ def walk_near_state(
     return (forces, duals) if is_solved else None
 
 
-def read_table(table: Array, places: Array, factors: Array) -> Array:
+def read_table(
+    table: Array,
+    places: Array,
+    factors: Array,
+) -> Array:
     """Return values of a table of four axes, interpolated linearly, NaN beyond its ends, shape (points,).
 
     Args:

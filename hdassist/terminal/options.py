@@ -68,7 +68,11 @@ class OptionGroup:
         declared = DECLARED["any"] | DECLARED.get(cls.__name__, {})
         for field, kind in get_annotations(cls, eval_str=True).items():
             if field in declared and not hasattr(kind, "__metadata__"):
-                cls.__annotations__[field] = _declared_parameter(field, kind, **declared[field])
+                cls.__annotations__[field] = _declared_parameter(
+                    field,
+                    kind,
+                    **declared[field],
+                )
         dataclass(frozen=True, kw_only=True)(cls)
 
     @classmethod
@@ -138,7 +142,11 @@ class PageOptions(OptionGroup):
 
         shared_names = {field.name for field in fields(Output)} & vars(self).keys()  # options that an Output has too
         options = {name: getattr(self, name) for name in shared_names}
-        style = Style.of(sys.stdout, ascii=self.ascii, no_color=self.no_color)
+        style = Style.of(
+            sys.stdout,
+            ascii=self.ascii,
+            no_color=self.no_color,
+        )
         if self.answer_file != "-":
             style = Style(style.ascii, codes=False, width=PIPE_WIDTH)
         has_page = self.answer_file != "-" or "-" not in paths.values()
@@ -157,7 +165,11 @@ class PageOptions(OptionGroup):
         Raises UsageError and DataError.
         """
         if self.json and not is_written(self.answer_file):
-            answer = failure(command, error, preset=getattr(self, "preset", None))
+            answer = failure(
+                command,
+                error,
+                preset=getattr(self, "preset", None),
+            )
             write_text(self.answer_file, json_text(answer), self.force)
 
     def report(self, out: Output, preset: str) -> Report:

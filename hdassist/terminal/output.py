@@ -87,7 +87,12 @@ class Output:
         write_text(self.target, visible(answer), self.force)
 
     @contextmanager
-    def run(self, words: str, states: int, options: object) -> Iterator[Run]:
+    def run(
+        self,
+        words: str,
+        states: int,
+        options: object,
+    ) -> Iterator[Run]:
         """How work of so many states is carried out, with a bar and words beside it.
 
         Its processes, seed and other solver are those that the options of a command have; one that solves each state
@@ -98,7 +103,12 @@ class Output:
         values = {"jobs": None, "seed": 0, "cross_check": CROSS_SOLVER, "solver": None} | vars(options)
         alone = values["jobs"] is None or values["solver"] is not None
         with self.progress(words, states) as progress, nullcontext() if alone else self.workers(options) as executor:
-            yield Run(executor=executor, progress=progress, seed=values["seed"], cross_check=values["cross_check"])
+            yield Run(
+                executor=executor,
+                progress=progress,
+                seed=values["seed"],
+                cross_check=values["cross_check"],
+            )
 
     @contextmanager
     def engine(self, options: object) -> Iterator[Executor | None]:
@@ -168,7 +178,11 @@ class ProgressBar:
         if self._bar:
             if not self._bar.tasks:
                 self._bar.add_task("")
-            self._bar.reset(_TASK, description=self._style.text(words), total=total)
+            self._bar.reset(
+                _TASK,
+                description=self._style.text(words),
+                total=total,
+            )
             if total is None:
                 self._bar.start()
                 self._bar.refresh()
@@ -226,7 +240,12 @@ def _head(command: str) -> Json:
     return {"schema": schema_of(command), "version": __version__}
 
 
-def envelope(command: str, drive: Drive | None, exit_code: int = 0, warnings: Sequence[str] = ()) -> Json:
+def envelope(
+    command: str,
+    drive: Drive | None,
+    exit_code: int = 0,
+    warnings: Sequence[str] = (),
+) -> Json:
     """Keys common to all answers of a command; drive, the subject of the answer, None without one."""
     origin = drive.origin if drive else None
     return {
@@ -249,7 +268,13 @@ def report_object(report: Report) -> Json:
     return {key: as_json(value) for key, value in answer.items()}
 
 
-def failure(command: str, error: HdassistError, *, preset: str | None = None, file: str | None = None) -> Json:
+def failure(
+    command: str,
+    error: HdassistError,
+    *,
+    preset: str | None = None,
+    file: str | None = None,
+) -> Json:
     """The answer about a drive or a file that has none: its error.
 
     Arguments: command; error; preset and file, the names asked for.
@@ -281,7 +306,17 @@ def together(command: str, results: Sequence[Json]) -> Json:
 
 def json_text(answer: Json) -> str:
     """An answer as text; never NaN or Infinity."""
-    return printable(json.dumps(answer, indent=2, ensure_ascii=True, allow_nan=False)) + "\n"
+    return (
+        printable(
+            json.dumps(
+                answer,
+                indent=2,
+                ensure_ascii=True,
+                allow_nan=False,
+            )
+        )
+        + "\n"
+    )
 
 
 def csv_text(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
@@ -334,7 +369,15 @@ def run_each(
                 raise
             complain(error, "" if name in error.message else name)
             fault = failed(name, error) if failed else failure(command, error, **{kind: name or None})
-            reports.append(Report(command, None, "", values=fault, exit_code=error.exit_code))
+            reports.append(
+                Report(
+                    command,
+                    None,
+                    "",
+                    values=fault,
+                    exit_code=error.exit_code,
+                )
+            )
             continue
         reports.append(report if len(names) == 1 else replace(report, line=indent(report.line, f"{name}: ")))
         if out.verbose:
@@ -342,7 +385,11 @@ def run_each(
     return reports
 
 
-def _note_time(report: Report, begun: float, name: str) -> None:
+def _note_time(
+    report: Report,
+    begun: float,
+    name: str,
+) -> None:
     """Note on stderr how long a report took since begun [s], its residuals, and the engine that solved its states."""
     from hdassist.solve.answers import Certificate
     from hdassist.solve.walk import walk_library
@@ -392,13 +439,22 @@ def give(
     return worst_exit_code(report.exit_code for report in reports)
 
 
-def _give_pages(reports: Sequence[Report], out: Output, below: Sequence[str]) -> None:
+def _give_pages(
+    reports: Sequence[Report],
+    out: Output,
+    below: Sequence[str],
+) -> None:
     """Write the pages of reports, an empty line between them; below: lines under all pages."""
     from rich.console import Group
 
     from hdassist.terminal.page import report_page
 
-    shown = partial(report_page, style=out.style, plots=out.plot, details=out.details)
+    shown = partial(
+        report_page,
+        style=out.style,
+        plots=out.plot,
+        details=out.details,
+    )
     parts: list[Any] = []
     for report in reports:
         if parts:

@@ -90,7 +90,11 @@ class _PageText(Text):
         ending = self._ending * (self.cell_len > width)
         if ending and max(map(cell_len, self.plain.split())) > width - len(ending):
             self.plain = self.plain.replace(_UNBROKEN, " ")
-        lines = super().wrap(console, width - len(ending), **options)
+        lines = super().wrap(
+            console,
+            width - len(ending),
+            **options,
+        )
         quotes = 0
         for line in lines:
             quotes += line.plain.count(command_quote())
@@ -116,7 +120,13 @@ def _why_lines(report: Report, style: Style) -> list[_PageText]:
     return why
 
 
-def report_page(report: Report, style: Style, *, plots: bool = True, details: bool = False) -> RenderableType:
+def report_page(
+    report: Report,
+    style: Style,
+    *,
+    plots: bool = True,
+    details: bool = False,
+) -> RenderableType:
     """A report for people; plots: whether figures are drawn; details: whether all of it is shown."""
     head = _PageText(style.text(report.head), "bold")
     if report.verdict:
@@ -140,7 +150,11 @@ def word(verdict: str, style: Style) -> Text:
     return _PageText(style.text(_PAGE_WORDS.get(verdict, verdict)), _STYLES.get(tone_of(verdict), ""))
 
 
-def block_on_page(block: Block, style: Style, plots: bool = True) -> Iterator[RenderableType]:
+def block_on_page(
+    block: Block,
+    style: Style,
+    plots: bool = True,
+) -> Iterator[RenderableType]:
     """A block in characters; none of an empty one, nor of figures without plots."""
     match block:
         case Paragraph():
@@ -193,7 +207,12 @@ def _tables(block: Table, style: Style) -> Iterator[RenderableType]:
             (columns_left[:count], {"is_tight": True, "folds": True}) for count in range(len(columns_left), 0, -1)
         ]
         for columns, ways in narrower:
-            table = _table(block, [0, *columns], style, **ways)
+            table = _table(
+                block,
+                [0, *columns],
+                style,
+                **ways,
+            )
             if Measurement.get(screen, options, table).minimum <= style.width:
                 break
         yield Group(title, table) if title else table
@@ -201,7 +220,14 @@ def _tables(block: Table, style: Style) -> Iterator[RenderableType]:
         title = _PageText("")
 
 
-def _table(block: Table, columns: list[int], style: Style, *, is_tight: bool = False, folds: bool = False) -> RichTable:
+def _table(
+    block: Table,
+    columns: list[int],
+    style: Style,
+    *,
+    is_tight: bool = False,
+    folds: bool = False,
+) -> RichTable:
     """Some columns of a table, of which only words with spaces wrap.
 
     Columns of a tight one are near, and its heads wrap; where it folds, brackets stand below their numbers.
@@ -220,11 +246,21 @@ def _table(block: Table, columns: list[int], style: Style, *, is_tight: bool = F
             cells = [cell.replace(" (", "\n(") for cell in cells]
         lines = [line for cell in cells for line in cell.split("\n")]
         if is_tight:
-            head = textwrap.fill(head, max(1, *map(cell_len, (*lines, *head.split()))), break_on_hyphens=False)
+            head = textwrap.fill(
+                head,
+                max(1, *map(cell_len, (*lines, *head.split()))),
+                break_on_hyphens=False,
+            )
         wraps = is_words and any(" " in cell for cell in (head, *cells))
         least = None if wraps else max(map(cell_len, (*head.split("\n"), *lines)))
         justify: JustifyMethod = "left" if is_words else "right"
-        table.add_column(head, justify=justify, overflow="fold", no_wrap=not wraps, min_width=least)
+        table.add_column(
+            head,
+            justify=justify,
+            overflow="fold",
+            no_wrap=not wraps,
+            min_width=least,
+        )
         columns_of_cells.append(cells)
     for cells_of_row in zip(*columns_of_cells, strict=True):
         table.add_row(*(_PageText(cell, _STYLES.get(tone_of(cell), "")) for cell in cells_of_row))

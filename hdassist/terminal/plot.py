@@ -96,7 +96,12 @@ class _Rows:
     parts: int
 
     @classmethod
-    def within(cls, low: float, high: float, row_limit: int) -> _Rows:
+    def within(
+        cls,
+        low: float,
+        high: float,
+        row_limit: int,
+    ) -> _Rows:
         """Choose the rows that show the interval from low to high as large as possible.
 
         Args:
@@ -115,7 +120,14 @@ class _Rows:
                     height = digit * 10.0**exponent / parts
                     last = floor(low / height + 0.5)
                     count = floor(high / height + 0.5) - last + 1
-                    candidates.append(cls(height=height, last=last, count=count, parts=parts))
+                    candidates.append(
+                        cls(
+                            height=height,
+                            last=last,
+                            count=count,
+                            parts=parts,
+                        )
+                    )
         usable = [rows for rows in candidates if rows.count <= row_limit and len(rows.numbered) >= 2]
         return min(usable, key=lambda rows: (row_limit - rows.count, abs(rows.parts - 2)))
 
@@ -170,7 +182,11 @@ class _Frame:
 
     def finer(self, cell: tuple[int, ...]) -> _Frame:
         """The same in dots, with rows and columns of them to a character."""
-        return replace(self, columns=self.columns * cell[1], rows=self.rows * cell[0])
+        return replace(
+            self,
+            columns=self.columns * cell[1],
+            rows=self.rows * cell[0],
+        )
 
     def place(self, x: ArrayLike, y: ArrayLike) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Columns and rows of points."""
@@ -197,7 +213,13 @@ class _Frame:
             last = inside[-1:]
         return dots
 
-    def around_cells(self, style: Style, cells: list[list[str]], title: str, x_label: str) -> str:
+    def around_cells(
+        self,
+        style: Style,
+        cells: list[list[str]],
+        title: str,
+        x_label: str,
+    ) -> str:
         """The picture with its axes, their numbers and labels, and the figure's limit."""
         corner, side, floor, mark = ("+", "|", "-", "+") if style.ascii else ("└", "│", "─", "┤")
         figure = self.figure
@@ -219,7 +241,12 @@ class _Frame:
         lines += [indent + line.center(self.columns).rstrip() for line in label_lines]
         return "\n".join(lines)
 
-    def _draw_limit(self, cells: list[list[str]], floor: str, words: str) -> None:
+    def _draw_limit(
+        self,
+        cells: list[list[str]],
+        floor: str,
+        words: str,
+    ) -> None:
         """Draw the limit across, with its number at the end that the curve leaves free."""
         row = cells[int(self.place(self.figure.x[0], self.figure.limit or 0.0)[1])]
         places = [range(self.columns - len(words), self.columns), range(len(words))]
@@ -248,7 +275,10 @@ def dots_to_braille(dots: _Dots) -> list[list[str]]:
 
 
 def least_and_greatest(
-    x: _PlotValues, y: _PlotValues, columns: int, over: float
+    x: _PlotValues,
+    y: _PlotValues,
+    columns: int,
+    over: float,
 ) -> list[tuple[_PlotValues, _PlotValues]]:
     """Two lines with a point a column: the least and the greatest of y within so much of x, a column at least.
 
@@ -257,12 +287,20 @@ def least_and_greatest(
     reach = max(over, float(x[-1] - x[0]) / columns) / 2
     places = np.linspace(x[0], x[-1], columns)
     middles = np.clip(places, x[0] + reach, x[-1] - reach)
-    ends = zip(np.searchsorted(x, middles - reach), np.searchsorted(x, middles + reach, "right"), strict=True)
+    ends = zip(
+        np.searchsorted(x, middles - reach),
+        np.searchsorted(x, middles + reach, "right"),
+        strict=True,
+    )
     parts = [y[first:last] for first, last in ends]
     return [(places, np.array([end(part) if len(part) else np.nan for part in parts])) for end in (np.min, np.max)]
 
 
-def ticks(low: float, high: float, count: int) -> list[float]:
+def ticks(
+    low: float,
+    high: float,
+    count: int,
+) -> list[float]:
     """Round numbers that enclose low and high, at most count steps apart."""
     if high - low <= _FLAT * max(1.0, abs(low), abs(high)):
         low = low - 1
@@ -296,7 +334,12 @@ def seat_in_characters(seat: Seat) -> str:
     return "\n".join("".join(row).rstrip() for row in canvas)
 
 
-def _put(canvas: list[list[str]], angle: float, text: str, radius: float) -> None:
+def _put(
+    canvas: list[list[str]],
+    angle: float,
+    text: str,
+    radius: float,
+) -> None:
     x = (SEAT_WIDTH - 1) / 2 * (1 + 0.9 * radius * cos(radians(angle)))
     y = (_SEAT_HEIGHT - 1) / 2 * (1 - 0.95 * radius * sin(radians(angle)))
     start = max(0, min(SEAT_WIDTH - len(text), round(x) - (len(text) - 1) // 2))

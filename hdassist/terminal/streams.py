@@ -45,7 +45,13 @@ class Style:
     height: int = 24
 
     @classmethod
-    def of(cls, stream: TextIO, *, ascii: bool = False, no_color: bool = False) -> Style:
+    def of(
+        cls,
+        stream: TextIO,
+        *,
+        ascii: bool = False,
+        no_color: bool = False,
+    ) -> Style:
         """Style of a stream, from its terminal, the environment and the options that force it."""
         terminal = stream.isatty()
         plain = no_color or bool(os.environ.get("NO_COLOR")) or os.environ.get("TERM") == "dumb"
@@ -55,7 +61,12 @@ class Style:
         if terminal:
             width, height = shutil.get_terminal_size((PIPE_WIDTH, 24))
         codes = terminal and not plain and takes_codes(stream)
-        return cls(ascii or not _shows_unicode(stream), codes, width, height=height)
+        return cls(
+            ascii or not _shows_unicode(stream),
+            codes,
+            width,
+            height=height,
+        )
 
     def text(self, text: str) -> str:
         """The text as the stream can show it, whatever it has of control characters escaped."""
@@ -79,7 +90,11 @@ def _shows_unicode(stream: TextIO) -> bool:
 
 def stderr_style(*, no_color: bool = False) -> Style:
     """Style of stderr. Whatever goes there may come before options are read, or beside them: --ascii is looked for."""
-    return Style.of(sys.stderr, ascii="--ascii" in sys.argv, no_color=no_color)
+    return Style.of(
+        sys.stderr,
+        ascii="--ascii" in sys.argv,
+        no_color=no_color,
+    )
 
 
 def silence(stream: TextIO | None = None) -> None:
@@ -107,12 +122,22 @@ def _in_words(text: str, width: int) -> str:
     for line in text.split("\n"):
         indent = line[: len(line) - len(line.lstrip())] + "  "
         lines.append(
-            textwrap.fill(line, width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
+            textwrap.fill(
+                line,
+                width,
+                subsequent_indent=indent,
+                break_long_words=False,
+                break_on_hyphens=False,
+            )
         )
     return "\n".join(lines)
 
 
-def made_or(name: str, make: Callable[[], _Made], instead: Callable[[], _Made]) -> _Made:
+def made_or(
+    name: str,
+    make: Callable[[], _Made],
+    instead: Callable[[], _Made],
+) -> _Made:
     """A form of an answer; where making it fails, a simpler one, with a remark on stderr.
 
     name: of what is made, in the remark. With STRICT in the environment, as the tests have it, the failure is raised.
@@ -173,7 +198,11 @@ def _console_class() -> type[Any]:
     return QuietConsole
 
 
-def write_text(path: str, text: str, force: bool) -> None:
+def write_text(
+    path: str,
+    text: str,
+    force: bool,
+) -> None:
     """Write text as UTF-8, and "wrote FILE" on standard error; a terminal gets it with hidden characters escaped.
 
     Arguments: path, "-" for standard output; text; force, whether an existing file may be replaced.
@@ -210,7 +239,11 @@ def require_parquet(path: str) -> None:
 
 
 def write_parquet(
-    path: str, columns: Mapping[str, type], rows: Iterable[Sequence[Any]], owner: Mapping[str, Any], force: bool
+    path: str,
+    columns: Mapping[str, type],
+    rows: Iterable[Sequence[Any]],
+    owner: Mapping[str, Any],
+    force: bool,
 ) -> None:
     """Write a table as Parquet, and "wrote FILE" on standard error.
 
@@ -292,7 +325,12 @@ def _at_once(path: str, flags: int) -> int:
     return descriptor
 
 
-def take_output(path: str, force: bool, *, is_kept: bool = False) -> None:
+def take_output(
+    path: str,
+    force: bool,
+    *,
+    is_kept: bool = False,
+) -> None:
     """Claim a file for an answer of this run, before anything is computed for it.
 
     Arguments: path, "-" for standard output; force, whether an existing file may be replaced; is_kept, whether the run

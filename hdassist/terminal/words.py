@@ -203,7 +203,12 @@ class Texts:
 
     def date(self, day: date) -> str:
         """A date as it is written."""
-        return self("date.form", year=f"{day.year:04}", month=f"{day.month:02}", day=f"{day.day:02}")
+        return self(
+            "date.form",
+            year=f"{day.year:04}",
+            month=f"{day.month:02}",
+            day=f"{day.day:02}",
+        )
 
 
 def languages() -> list[str]:

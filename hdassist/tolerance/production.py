@@ -116,7 +116,11 @@ class ProductionLaw:
 
     def following(self, path: str) -> list[str]:
         """Return the paths of the sizes whose bound is assumed from a tolerance, by its path."""
-        pairs = zip(self.own, self.scaled({path: TIGHTER_STEP}).own, strict=True)
+        pairs = zip(
+            self.own,
+            self.scaled({path: TIGHTER_STEP}).own,
+            strict=True,
+        )
         return [before.path for before, after in pairs if before.path != path and before.high != after.high]
 
 
@@ -178,7 +182,11 @@ def _require_directions(drive: Drive, known: Sequence[str]) -> None:
         )
 
 
-def _toleranced_size(path: str, tolerance: float, law: _SizeLaw) -> TolerancedSize:
+def _toleranced_size(
+    path: str,
+    tolerance: float,
+    law: _SizeLaw,
+) -> TolerancedSize:
     """Return the size of a deviation of each drive, by a law up to its tolerance."""
     return TolerancedSize(
         path=path,
@@ -331,7 +339,11 @@ class Production:
         for k in range(first, last):
             design, weight = self.designs[self.design_of(k)]
             own_values = self.law.values(self.seed, k)
-            about = RandomDrive(design=self.design_of(k), weight=weight, values={**design, **own_values})
+            about = RandomDrive(
+                design=self.design_of(k),
+                weight=weight,
+                values={**design, **own_values},
+            )
             try:
                 records.append(replace(about, **self._solved(about.values, maps)))
             # a drive without a result is counted, and does not end the production
@@ -402,7 +414,11 @@ class Production:
         return Batch(drive, columns | turned)
 
     def _tighter(
-        self, one: Batch, row: int, present: Sequence[Extremes], maps: Sequence[ErrorMap]
+        self,
+        one: Batch,
+        row: int,
+        present: Sequence[Extremes],
+        maps: Sequence[ErrorMap],
     ) -> tuple[dict[str, tuple[float, ...]], Certificate]:
         """Return F'_ior between the states of its extremes with each size a step smaller, and the certificate.
 
@@ -418,7 +434,12 @@ class Production:
             # at the states of the present extremes: F'_ior of the smaller size is at least this difference
             for state in (extremes.at_max[row], extremes.at_min[row]):
                 states = error_map.states.take(np.full(len(paths), state))
-                case = LoadCase(error_map.fresh.formulation, error_map.M_g, like=error_map.fresh, many=True)
+                case = LoadCase(
+                    error_map.fresh.formulation,
+                    error_map.M_g,
+                    like=error_map.fresh,
+                    many=True,
+                )
                 gaps = StateGaps(batch.scalars(rows, states.alpha_g, states.alpha_b))
                 answers = case.solve(gaps, partial(state_place, states, error_map.M_g))
                 rotations.append(answers.rotation_arcsec)

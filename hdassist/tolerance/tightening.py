@@ -130,7 +130,11 @@ def _best_first(ways: Mapping[str, Sequence[Tightened]], torques: range) -> tupl
     return tuple(at_torques)
 
 
-def sensitivities(production: Production, samples: Samples, records: _Records) -> Sensitivities:
+def sensitivities(
+    production: Production,
+    samples: Samples,
+    records: _Records,
+) -> Sensitivities:
     """Return sensitivities of a production in which each drive has its own design, and the samples of the designs.
 
     records: function that returns a number of records of a production.
@@ -146,13 +150,25 @@ def sensitivities(production: Production, samples: Samples, records: _Records) -
     for path in law.sizes:
         # solved with the drives themselves, at the states of their extremes
         then = np.array([(record.tighter or {})[path] for record in all_records])
-        ways[path] = _tightened(path, F_ior, then, weights, proven=False)
+        ways[path] = _tightened(
+            path,
+            F_ior,
+            then,
+            weights,
+            proven=False,
+        )
     # the estimate is a lower bound: the best size is solved anew until the best one is solved
     best = _best_size(ways, worst)
     while not ways[best][worst].proven:
         tighter_records = _sound(records(_with_tighter(production, best), len(production.designs)))
         then = np.array([record.F_ior_arcsec for record in tighter_records])
-        ways[best] = _tightened(best, F_ior, then, weights, proven=True)
+        ways[best] = _tightened(
+            best,
+            F_ior,
+            then,
+            weights,
+            proven=True,
+        )
         all_records += tighter_records
         best = _best_size(ways, worst)
     torques = range(len(production.torques))
@@ -200,7 +216,11 @@ def worst_torque(drive: Drive, samples: Samples) -> int:
     return int(np.argmax(np.array(now_arcsec) / (limits if all(limits) else 1)))
 
 
-def to_measure(law: ProductionLaw, samples: Samples, torque: int) -> tuple[MeasurementGain, ...]:
+def to_measure(
+    law: ProductionLaw,
+    samples: Samples,
+    torque: int,
+) -> tuple[MeasurementGain, ...]:
     """Return the next measurements of a design, by the share of the spread of ln F'_ior that goes, the best first."""
     # only what all drives of a design share can be measured once
     shared = {field.path for field in law.shared} - DEVIATION_FIELDS
@@ -215,7 +235,14 @@ def _sound(records: list[RandomDrive]) -> list[RandomDrive]:
     return records
 
 
-def _tightened(path: str, F_ior: Array, then: Array, weights: Array, *, proven: bool) -> list[Tightened]:
+def _tightened(
+    path: str,
+    F_ior: Array,
+    then: Array,
+    weights: Array,
+    *,
+    proven: bool,
+) -> list[Tightened]:
     """Return the gain of a step of a tolerance at each torque, from F'_ior now and then [arcsec].
 
     These have the shape (drives, torques).
@@ -233,7 +260,14 @@ def _tightened(path: str, F_ior: Array, then: Array, weights: Array, *, proven: 
         # a large gain is a low percentile
         low, high = now_quantile - np.quantile(gains, _ENDS[::-1])
         steps.append(
-            Tightened(path=path, now=now_quantile, then=then_quantile, low=float(low), high=float(high), proven=proven)
+            Tightened(
+                path=path,
+                now=now_quantile,
+                then=then_quantile,
+                low=float(low),
+                high=float(high),
+                proven=proven,
+            )
         )
     return steps
 
@@ -366,15 +400,36 @@ class Allocator:
         # the last of equal ones has the smallest tolerances
         return max(reversed(attempts), key=lambda allocation: (allocation.probability.value, allocation.tried.share))
 
-    def _tried(self, turned: bool, values: Array, attempt: int) -> tuple[list[RandomDrive], Allocation]:
+    def _tried(
+        self,
+        turned: bool,
+        values: Array,
+        attempt: int,
+    ) -> tuple[list[RandomDrive], Allocation]:
         """Return the random drives with given tolerances, other drives at each attempt, and their allocation."""
-        chosen = dict(zip(self.choices, values.tolist(), strict=True))
+        chosen = dict(
+            zip(
+                self.choices,
+                values.tolist(),
+                strict=True,
+            )
+        )
         # other random numbers each time: no set of drives is fitted by chance
         law = self.production.law.scaled({choice.path: value / choice.now for choice, value in chosen.items()})
-        production = replace(self.production, law=law, mounting=turned, seed=self.production.seed + attempt)
+        production = replace(
+            self.production,
+            law=law,
+            mounting=turned,
+            seed=self.production.seed + attempt,
+        )
         records = self.records(production, self.drives)
         points = [AtTorque(M_g, room, 0.0) for M_g, room in zip(production.torques, self.rooms, strict=True)]
-        summary = Summary(points=tuple(points), positions=len(production.rotations), wanted=self.wanted, sure=self.sure)
+        summary = Summary(
+            points=tuple(points),
+            positions=len(production.rotations),
+            wanted=self.wanted,
+            sure=self.sure,
+        )
         summary.add(records)
         tried = summary.yield_of(True)
         by_path = {choice.path: value for choice, value in chosen.items()}
@@ -388,7 +443,12 @@ class Allocator:
             verdict=summary.verdict,
         )
 
-    def _sought(self, records: Sequence[RandomDrive], now: Array, aim: float) -> Array:
+    def _sought(
+        self,
+        records: Sequence[RandomDrive],
+        now: Array,
+        aim: float,
+    ) -> Array:
         """Return the cheapest tolerances for which drives, with sizes scaled, would stay below an aim.
 
         The least ones where none are.
@@ -439,7 +499,13 @@ class Allocator:
             ratios = np.full(len(records), _UNSOLVED_RATIO)
             ratios[is_solved] = np.max(np.maximum(scaled, RESOLVED_ERROR) / np.array(self.rooms), axis=1)
             ratios_of_designs = [
-                float(np.quantile(ratios[design_of_record == design], self.wanted, method="hazen"))
+                float(
+                    np.quantile(
+                        ratios[design_of_record == design],
+                        self.wanted,
+                        method="hazen",
+                    )
+                )
                 for design in designs
             ]
             return weighted_quantile(np.array(ratios_of_designs), weights, self.sure)

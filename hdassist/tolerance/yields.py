@@ -101,7 +101,11 @@ class YieldBelief:
     def _kinds(self) -> tuple[NDArray[np.integer], Array]:
         """Return the numbers of passed drives and of drives that designs have, shape (kinds, 2), and their weights."""
         pairs = np.stack([self.passed, self.drives], axis=1)
-        kinds, where = np.unique(pairs, axis=0, return_inverse=True)
+        kinds, where = np.unique(
+            pairs,
+            axis=0,
+            return_inverse=True,
+        )
         return kinds, np.asarray(np.bincount(where.ravel(), self.weights / self.weights.sum()), dtype=float)
 
     def _posterior(self, kinds: NDArray[np.integer], weights: Array) -> tuple[Array, Array, Array]:
@@ -206,7 +210,13 @@ class Summary:
         """Whether there is a limit at any torque."""
         return any(point.limit is not None for point in self.points)
 
-    def yield_of(self, best: bool, point: AtTorque | None = None, *, refused_pass: bool = False) -> YieldBelief:
+    def yield_of(
+        self,
+        best: bool,
+        point: AtTorque | None = None,
+        *,
+        refused_pass: bool = False,
+    ) -> YieldBelief:
         """Yield as built, or with each wheel in its best position, at all torques or at one.
 
         Arguments: refused_pass, whether drives without an answer count as good; else they count as bad.
