@@ -61,6 +61,7 @@ class Quantity(Generic[T]):
         if callable(self.value):
             return self.value(thing)
         value: Any = thing
+        # dotted paths through attributes and places of tuples
         for name in (self.value or self.key).split("."):
             if value is not None:
                 value = value[int(name)] if name.isdecimal() else getattr(value, name)
@@ -69,6 +70,7 @@ class Quantity(Generic[T]):
     def text(self, thing: T) -> str:
         """Return the quantity as a table shows it."""
         value = self.of(thing)
+        # the format of the unit at the end of the name
         digits = self._number[1] if self.digits is None else self.digits
         if value is None:
             return NO_VALUE
@@ -115,6 +117,7 @@ def error_decimals(standard_error: float | None, most: int = 2) -> int:
     """Return the number of decimals to the first digit of a standard error, most at most: of 0.15 it is 1."""
     if not standard_error:
         return most
+    # further digits are chance of the samples
     return min(max(-floor(log10(standard_error)), 0), most)
 
 
@@ -129,6 +132,7 @@ def quantity_table(table: str, **functions: Callable[[Any], Any]) -> Quantities[
     for key, declared in declared_quantities()[page][name].items():
         value = declared.get("value", key)
         digits = declared.get("digits")
+        # names of functions in the table stand for functions of the page
         shown = declared.get("label"), declared.get("unit"), functions.get(digits or "", digits)
         quantities.append(Quantity[Any](key, *shown, functions.get(value, value)))
     return tuple(quantities)
@@ -157,6 +161,7 @@ def as_object(quantities: Iterable[Quantity[T]], thing: T) -> dict[str, Any]:
         *parents, last = quantity.key.split(".")
         place = result
         for name in parents:
+            # dotted keys make nested objects
             place = place.setdefault(name, {})
         place[last] = quantity.of(thing)
     return result
@@ -229,6 +234,7 @@ class Table:
     @property
     def words(self) -> list[int]:
         """Places of the columns of words; the others have numbers, or nothing."""
+        # one cell of words makes the whole column one
         columns = enumerate(zip(*self.rows, strict=True))
         return [k for k, cells in columns if (self.named and k == 0) or not all(map(_NUMERIC.match, cells))]
 
@@ -241,6 +247,7 @@ class Table:
     ) -> Table:
         """Return a table with a column for each quantity that any thing has and a row for each thing."""
         rows = tuple(things)
+        # a column that no thing has would be empty
         shown = [q for q in quantities if any(q.of(thing) is not None for thing in rows)]
         cells = tuple(tuple(q.text(thing) for q in shown) for thing in rows)
         return cls(title, tuple(q.words.strip() for q in shown), cells)
@@ -308,6 +315,7 @@ class Curve:
     @property
     def ends(self) -> tuple[float, float]:
         """The least and the greatest value of an axis that holds its limit, and 0 where it begins there, too."""
+        # what is drawn beside the curve widens its axis
         values = [*self.extent]
         if self.from_zero:
             values.append(0.0)
@@ -447,6 +455,7 @@ def as_json(value: Any) -> Any:
         return {key: as_json(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [as_json(item) for item in value]
+    # before the last line, since members of StrEnum are texts too
     if isinstance(value, Enum):
         return str(value)
     return value.tolist() if hasattr(value, "tolist") else value  # arrays and numbers of numpy
@@ -488,6 +497,7 @@ def certificate_object(found: object, cross_checks: Iterable[CrossCheck | None] 
     from hdassist.solve.walk import walk_library
 
     proof = {**attributes(found, "states", "max_residual"), "engine": walk_library()[1]}
+    # kept results have their largest residual only
     if not isinstance(found, Certificate):
         return proof
     crosses = [cross for cross in cross_checks if cross]

@@ -149,6 +149,7 @@ class Form(ModalScreen[None]):
         """Take the text that was filled in, or show its fault."""
         try:
             self._take(event.value.strip())
+        # the form stays open with what was typed
         except HdassistError as error:
             self.query_one("#wrong", Static).update(visible(f"{error.message}\n{error.hint}".strip()))
             return
@@ -222,9 +223,11 @@ class _Exporting(Asking):
             self.notify(visible(f"wrote {path}"), markup=False)
 
         def take(path: str) -> None:
+            # the screen would be overwritten
             if path == "-":
                 raise UsageError("the screen uses standard output", "name a file")
             require_writable(path, force=True)
+            # the text is made before the question, so that it is that of the present screen
             keep = partial(put, path, text(path))
             question = Notice(f"{path} exists. Replace it?")
             if Path(path).exists():  # asked once the form has gone
@@ -262,6 +265,7 @@ class _Exporting(Asking):
         """Write the preset with the changes, its comments and order as they are."""
         source = self.session.source
         overrides = self.session.drive.origin.overrides
+        # without a change the file is what it was
         if not overrides:
             self.notify("no field is changed, so there is nothing to save")
             return
@@ -285,6 +289,7 @@ class _Exporting(Asking):
         """Leave; ask before where there is a change, also one undone, that is in no preset and was not opened."""
         command = self.session.command("explore")
         question = f"Quit? This command returns to the session, and is printed on leaving:\n\n{command}"
+        # an undone change can be redone only here
         if self.session.changes != self.saved or self.session.future:
             self.ask_in(Notice(question), lambda sure: self.exit() if sure else None)
         else:
@@ -379,6 +384,7 @@ class Explorer(_Exporting):
 
     def on_mount(self) -> None:
         """Ask the first questions."""
+        # in tests the screen runs beside others
         if not self.is_headless:  # else stops are those of the process that it runs in
             self._end_when_told()
         self.side.border_title = "INPUTS"
@@ -415,8 +421,10 @@ class Explorer(_Exporting):
         effort = self.effort
         drive = session.drive
         pinned = session.pinned
+        # each question is asked when its pane is seen, and once
         if self.pinned and self.pinned.check is None:
             self.ask("pinned", self.pinned, drive_answers, pinned, {}, effort)
+        # a pane without room is not drawn
         if known_data.whole and self.levers.region.width:
             self.ask("levers", known_data, lever_effects, drive, pinned, known_data.typical, effort)
         if known_data.whole and (self.panes["turn"].region.width or self.panes["cycle"].region.width):
@@ -428,16 +436,19 @@ class Explorer(_Exporting):
 
     def draw(self) -> None:
         """Show the session and its answers."""
+        # messages may arrive before the screen is built
         if not self.holes.is_attached:
             return
         session = self.session
         known = self.known
         panes = self.panes
         letters = self._letters()
+        # the list may have become shorter
         torque = self.torque % len(session.drive.operation.M_g)
         self.holes.show(session, known.curve, self.pinned.curve if self.pinned else None, letters)
         self.holes.border_subtitle = "" if known.advice or known.failed else known.without
         effects = known.effects or LeverEffects({})
+        # sorted once, so that rows do not jump while somebody reads
         if effects.is_whole and not self.levers.order:
             self.levers.sort_by_effect(effects, torque)
         self.levers.show(
@@ -484,6 +495,7 @@ class Explorer(_Exporting):
     def _keys(self) -> Content:
         """Keys that work where the focus is; a click presses one."""
         keys: dict[str, tuple[str, str]] = {}
+        # no key of the main screen works there
         if isinstance(self.screen, ModalScreen):  # a dialog says its own
             return Content("")
         for active in self.screen.active_bindings.values():
@@ -493,6 +505,7 @@ class Explorer(_Exporting):
         room = self.size.width - 2  # a key and its word stand in one line
         for description, (display, name) in keys.items():
             width = len(f"  {display} {description}")
+            # keys wrap as whole words
             if room < width:
                 lines.append("")
                 room = self.size.width - 2
@@ -516,6 +529,7 @@ class Explorer(_Exporting):
         drive = self.session.drive
         letters = defaultdict(str, {0.0: "N"})
         advice = self.known.advice
+        # of equal holes none is the best
         if advice and advice.word != "ANY_HOLE":
             letters[advice.chosen.rotation_deg] += "B"
             letters[advice.ranked[-1].rotation_deg] += "W"
@@ -594,6 +608,7 @@ class Explorer(_Exporting):
     def action_look(self, letter: str) -> None:
         """Look at the position that has a letter by now; say why where there is none, or nothing to turn."""
         place = next((angle_deg for angle_deg, letters in self._letters().items() if letter in letters), None)
+        # no letter yet, or none of this kind
         if place is None:
             message = order_words(self.known) if self.known.advice else f"no best hole yet: {self.known.without}"
             self.notify(visible(message), severity="warning", markup=False)

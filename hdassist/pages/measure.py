@@ -88,6 +88,7 @@ _ON_PAGE = quantity_table("measure.page", percent_sign=lambda share: f"{100 * sh
 
 def _columns(found: SweepResult) -> Sequence[Quantity[SweepResult]]:
     """Return the columns of the short table; of a lower bound the range is that of the recorded part, not F'_ior."""
+    # of a whole cycle the range is F'_ior
     if not found.is_bound:
         return _ON_PAGE
     label = "range"
@@ -172,6 +173,7 @@ def _measurement_object(result: Measurement, speed: float | None) -> Json:
 
 def _lower_bound(result: Measurement, found: SweepResult) -> Iterator[str]:
     """Yield the reasons why F'_ior is a lower bound; nothing for the full mesh cycle."""
+    # without a ratio nobody knows how long the cycle is
     if found.coverage is None or result.gearing is None:
         yield (
             f"The recording covers {found.bins.span:.2f} input revolutions; without --drive or --ratio the full mesh "
@@ -183,6 +185,7 @@ def _lower_bound(result: Measurement, found: SweepResult) -> Iterator[str]:
         yield "The declination is unknown: state it (--declination DEG)."
     elif found.is_bound and result.gearing.travel:
         yield f"{covered} of the travel of {result.gearing.travel_deg:.4g}°."
+        # covered, but not in one sweep: slow terms cannot be told from its level
         if found.coverage.share >= FULL_SHARE:
             yield "The travel was recorded in several sweeps: record it in one."
     elif found.is_bound:
@@ -192,6 +195,7 @@ def _lower_bound(result: Measurement, found: SweepResult) -> Iterator[str]:
         yield f"{covered} of the full mesh cycle of {cycle} input revolutions{outputs}."
         if found.coverage.share >= FULL_SHARE:
             yield "Slow terms were removed: only readings of a whole output revolution determine them."
+        # long enough, so rows are missing within
         elif found.bins.span >= FULL_SHARE * cycle:
             gap = 360 * GAP_PERIODS / float(found.fit.orders[-1])
             yield f"Rows are missing: gaps of more than {gap:.3g}° between readings are not covered."
@@ -200,6 +204,7 @@ def _lower_bound(result: Measurement, found: SweepResult) -> Iterator[str]:
 def _full_cycle_words(result: Measurement, direction: SweepResult) -> Iterator[str]:
     """Yield F'_ior of the full mesh cycle and the part to record next, for a part of the cycle with a model."""
     cycle = direction.by_model
+    # of a whole cycle the table has the interval
     if cycle is None or result.gearing is None or not direction.is_bound:
         return
     low, high = cycle.interval_arcsec
@@ -240,6 +245,7 @@ def _facts(
     missing = [source.name for source in first_sweep.sources if source.arcsec is None]
     yield "not in u", f"{', '.join(missing)} (--budget NAME=U)" if missing else ""
     yield "read as", "; ".join(result.notes)
+    # a command cannot read the same standard input again
     if file != STDIN:
         yield "next", _next_command(result, drive, options)
 
@@ -247,11 +253,13 @@ def _facts(
 def _orders_words(found: SweepResult) -> str:
     """Return the largest orders of a direction in words, with the amplitude without sidebands if it is known."""
     largest = sorted(found.orders_of_cam, key=lambda order: -order.amplitude_arcsec)[:_NAMED_ORDERS]
+    # the note at the end serves all of them then
     of_recording = all(order.is_of_record for order in largest)  # over whole output revolutions it may be much more
     named = []
     for order in largest:
         spread = f" ± {COVERAGE_FACTOR * order.uncertainty_arcsec:.2f}" if not order.is_of_record else ""
         place = " in this recording" if order.is_of_record and not of_recording else ""
+        # the amplitude without sidebands is known for whole output revolutions only
         alone = None if order.is_of_record else found.order_alone(order.per_cam_rev)
         without = f" ({alone.amplitude_arcsec:.2f}″)" if alone else ""
         named.append(f"order {order.per_cam_rev:g}: {order.amplitude_arcsec:.2f}{spread}″{place}{without}")
@@ -300,9 +308,11 @@ def _next_command(
     """
     file = result.trace.file
     gearing = result.gearing
+    # a part of a cycle can be compared, but not corrected
     if not gearing or result.directions[0].is_bound:
         return again("compare", drive, file, *options)
     travel = ["--travel", f"{gearing.travel_deg:.6g}"] if gearing.travel else []
+    # measured errors are values in hole 0 for mount
     if drive or result.trace.angle_of == "output":  # of which a record alone has no correction
         command, record = ("compensate", [file, *travel]) if travel else ("mount", [f"h0={file}"])
         return again(command, drive, *record, *options)
@@ -317,6 +327,7 @@ def _reversal_words(reversal: Reversal) -> str:
         f"lost motion {reversal.lost_motion_arcsec:.2f} ± {reach:.2f}″ (k = {COVERAGE_FACTOR:g}) at reversal "
         "(backlash, friction, hysteresis)"
     )
+    # friction and lag look the same at one speed
     if reversal.by == "one speed":
         size = f" of {reversal.arcsec_per_ms:.3g}″ per ms" if reversal.arcsec_per_ms else ""
         text += f", encoder lag{size} included (record two speeds to remove it)"
@@ -363,10 +374,12 @@ def _at_torques(found: SweepResult) -> str:
 
 def _slow(found: SweepResult) -> str:
     """Return the slow terms of the output in words: size, possible cause, F'_ior without them; empty for small ones."""
+    # small terms are in the details
     if found.slow_arcsec < _NAMED_SLOW * found.range.value:
         return ""
     slow = [order for order in found.orders if order.per_cam_rev < SLOWEST_ORDER]
     size = f"{found.slow_arcsec:.2f}″"
+    # in a part they were removed, and belong to nobody for certain
     if found.is_part:
         return f"slow terms of {size} removed. Part of an output revolution does not separate test rig, drift and drive"
     largest = max(slow, key=lambda order: order.amplitude_arcsec)
@@ -421,6 +434,7 @@ def _line(found: SweepResult) -> str:
     if found.is_bound:
         return f">= {found.interval_arcsec[0]:.2f}″"
     low, high = found.interval_arcsec
+    # compared as printed
     upper_reach = f"{high - found.F_ior_arcsec:.2f}"
     lower_reach = f"{found.F_ior_arcsec - low:.2f}"
     spread = f"± {lower_reach}" if upper_reach == lower_reach else f"+{upper_reach} -{lower_reach}"
@@ -430,6 +444,7 @@ def _line(found: SweepResult) -> str:
 def _csv(result: Measurement) -> CsvTable:
     """Return one row per step of the angle and direction: error minus its level and drift, and the fitted curve."""
     rows: list[list[Any]] = []
+    # one table for both directions
     for of_direction in result.directions:
         error = of_direction.fit.error
         columns = np.column_stack(
@@ -442,6 +457,7 @@ def _csv(result: Measurement) -> CsvTable:
 def repeats(results: Sequence[Measurement]) -> tuple[Json, list[str]]:
     """Return F'_ior over files, as of repeat runs, for JSON and in a line; both are empty for one file."""
     values = [result.F_ior_arcsec for result in results]
+    # a single value has no spread
     if len(values) < 2:
         return {}, []
     mean = float(np.mean(values))
@@ -619,6 +635,7 @@ def _rated_torque(record: LoopRecord, drive: Drive | None) -> float:
     """Return the rated torque [N*m] for torque loops, with a note: that of the drive, or the largest of the loops."""
     rated = drive.operation.rated if drive else None
     basis = "the preset"
+    # a loop is usually run up to the rated torque
     if rated is None:
         hint = f"{drive.name} has no operation.rated" if drive else "--drive PRESET states its own"
         rated = float(abs(record.torque_Nm).max())
@@ -643,6 +660,7 @@ def _accept_command(
         positions: what approached positions tell of F'_ior.
         options: those by which the file was read.
     """
+    # the file itself is the measurement
     if positions and positions.M_g and file != STDIN:  # all of it by one option
         budget = ["--budget", "encoder=U,coupling=U,reseating=U,temperature=U"]
         arguments = ["--measured", f"{positions.M_g:.15g}={file}", "--measured-only", *options, *budget]
@@ -691,6 +709,7 @@ def _seen_words(found: SeenRange) -> str:
     least = f"at least {found.at_least_arcsec:.2f}″ by these positions"
     if found.uncertainty_arcsec is None and not found.expanded_arcsec:
         return f"unknown: scatter may be part of the {found.arcsec:.2f}″; approach the positions twice or more"
+    # shares hold for the planned positions
     if found.is_cut:
         return f"{least}; planned positions or sides are missing, so the shares of the plan do not apply"
     if not found.seen:

@@ -169,10 +169,12 @@ def guide_rows(lines: Sequence[str], form: GuideForm) -> GuideRows:
         uncertainty = rate.uncertainty
         rate_words = f"pulses added back at {rate.words}"
     is_unknown = not isfinite(chosen.facts.declination)
+    # equation (1): the distance on the sky shrinks with cos(declination)
     arcsec_per_px = chosen.facts.scale / (1.0 if is_unknown else cos(radians(chosen.facts.declination)))
     first = frames[0].line
     last = frames[-1].line
     rows = {frame.line: _row(frame, arcsec_per_px) for frame in frames}
+    # in the line above the first frame, so that the numbers of the lines stay
     rows[first - 1] = "output_deg error_arcsec"
     total = sum(len(section.frames) for section in sections)
     notes = (
@@ -199,6 +201,7 @@ def _sections(lines: Sequence[str]) -> Iterator[_Section]:
     names = list[str]()
     section = _Section(facts)
     for number, line in enumerate(lines):
+        # a new section forgets the head of the one before
         if line.startswith(_BEGINNINGS):
             facts = _Facts()
             names = []
@@ -218,10 +221,12 @@ def _sections(lines: Sequence[str]) -> Iterator[_Section]:
             )
             if frame is not None:
                 section.frames.append(frame)
+        # dithering or a slew moves the star by an unknown amount
         elif line.strip() and not _is_harmless(line):
             if section.frames:
                 yield section
             section = _Section(facts)
+        # facts may stand below the first frames
         section.facts = facts
     if section.frames:
         yield section
@@ -264,11 +269,13 @@ def _frame(number: int, cells: dict[str, str]) -> _Frame | None:
     duration = cells.get("RADuration", "")
     time_s = number_of(cells.get("Time", ""))
     distance_px = number_of(cells.get("RARawDistance", ""))
+    # lost frames have empty cells
     if not (duration and isfinite(time_s) and isfinite(distance_px)):
         return None
     pulse_s = number_of(duration) / 1e3
     if not isfinite(pulse_s):
         return None
+    # a pulse without direction makes the frame useless
     west = {"W": 1.0, "E": -1.0}.get(cells.get("RADirection", "").strip().upper(), nan)
     return _Frame(
         line=number,
@@ -283,6 +290,7 @@ def _longest_unguided(section: _Section) -> _Section:
     longest = _Section(section.facts)
     part = _Section(section.facts)
     for frame in section.frames:
+        # the next frame shows the star after the pulse
         if frame.pulse_s:
             part = _Section(section.facts)
             continue
@@ -305,6 +313,7 @@ def _guide_rate(facts: _Facts, form: GuideForm) -> _GuideRate:
     if form.rate_arcsec_s is not None:
         stated = form.rate_arcsec_s
         origin = f"{stated:g} arcsec/s as stated"
+        # a wrong unit is a frequent cause, so both numbers are named
         if rates and abs(stated / rates[0][0] - 1) > _SAME_RATE:
             origin += f", although the log states {rates[0][0]:.3g} arcsec/s {rates[0][1]}"
         return _GuideRate(stated * px_per_arcsec, 0.0, origin)
@@ -314,6 +323,7 @@ def _guide_rate(facts: _Facts, form: GuideForm) -> _GuideRate:
     rate, origin = rates[0]
     uncertainty = _ONE_RATE_UNCERTAINTY
     if len(rates) > 1:
+        # half of the difference of two figures for the same rate
         uncertainty = max(_LEAST_RATE_UNCERTAINTY, abs(rates[1][0] / rate - 1) / 2)
     description = f"{rate:.3g} arcsec/s {origin}, standard uncertainty {100 * uncertainty:.0f} % (assumed)"
     return _GuideRate(rate * px_per_arcsec, uncertainty, description)
@@ -322,6 +332,7 @@ def _guide_rate(facts: _Facts, form: GuideForm) -> _GuideRate:
 def _rates_of_log(facts: _Facts, px_per_arcsec: float) -> list[tuple[float, str]]:
     """Return the guide rates of the axis [arcsec/s] that a log states, the one to use first, and their origins."""
     rates = []
+    # at the declination of the star; the others hold at the equator
     if facts.calibrated > 0 and facts.calibrated != _NO_RATE:
         rates.append((facts.calibrated / px_per_arcsec, "as calibrated"))
     elif facts.at_equator > 0:

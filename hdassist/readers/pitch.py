@@ -97,20 +97,24 @@ def read_pitch(
     Raises DataError: a file that cannot be read; PresetError: every fault of the file; UsageError: a wrong argument.
     """
     arguments = {"form": form, "sense": sense, "flank": flank}
+    # only what somebody stated can contradict the file
     stated_arguments = {key: value for key, value in arguments.items() if value is not None}
     for key, value in stated_arguments.items():
         if value not in _CHOICES[key][0]:
             raise UsageError(f"invalid {key} {value}: expected one of {', '.join(_CHOICES[key][0])}")
     if teeth < 2:
         raise UsageError(f"invalid number of teeth {teeth}: expected two or more")
+    # faults of the table are collected, so that faults of the statements are found in the same run
     table = read_numbers(source, ("tooth number", "deviation"))
     stated = _Statements(table, stated_arguments)
     is_table = not table.findings
     teeth_in, deviation_in = stated.columns() if is_table else (0, 0)
     unit = _length_unit(stated)
     layout = _Layout.of(stated)
+    # without a sound table there are no columns to look at
     first, order = _rows_by_tooth(table, teeth_in, teeth) if is_table else (1, [])
     mark = _marked_tooth(stated, first, teeth)
+    # all faults so far at once; sums of wrong values would only add further ones
     table.require_sound()
     values = _cumulative(
         table,
@@ -149,6 +153,7 @@ class _Layout:
     @property
     def positive_sense(self) -> str:
         """The sense, cw or ccw, in which a positive deviation points."""
+        # signs along the numbering turn with it
         return self.sense if self.sign == "along" else self.sign
 
 
@@ -196,6 +201,7 @@ def _from_mark(
         shift: first tooth minus marked tooth.
         layout: sense of the numbers and of the signs.
     """
+    # the marked tooth becomes the first one
     values = np.roll(values, shift)
     if layout.sense == "cw":
         values = np.roll(values[::-1], 1)  # the marked tooth stays first
@@ -229,6 +235,7 @@ class _Statements:
             table.names = ()  # a remark with as many words as there are columns
         entries = [(remark.number, remark.remark, *remark.entry) for remark in table.remarks if remark.entry]
         names = [entry[:3] for entry in entries]
+        # Latin-1 reads any byte, so a wrong code page shows as letters that no name has
         for line, column, name in (*names, *((table.names_line, 1, name) for name in table.names)):
             if table.is_latin and _CODE_PAGE.search(name):
                 table.add(line, column, "", "a name that is not UTF-8 text", name, "save the file as UTF-8")
@@ -241,6 +248,7 @@ class _Statements:
                     column=column,
                 )
                 self.stated[key].append(statement)
+            # a misspelled key would be ignored in silence
             elif hint := near_miss(word, PITCH_KEYS):
                 table.notes.append(f'line {line}: "{word}" is ignored; {hint}')
 
@@ -248,6 +256,7 @@ class _Statements:
         """Value of a key: that of the argument, else that of the file, else the one that is assumed, with a note."""
         stated = self.stated[key]
         default, note = ASSUMED.get(key, ("", ""))
+        # who calls knows the wheel better than its file
         if argument := self.asked.get(key):
             contradiction = next((statement.text for statement in stated if statement.value != argument), None)
             if contradiction is not None:
@@ -257,6 +266,7 @@ class _Statements:
             if not statement.value:
                 expected = _CHOICES[key][1] if key in _CHOICES else "the number of a tooth"
                 return self.refused(key, f"must be {expected}", default, at=statement)
+            # remarks and names of columns may say the same twice
             if statement.value != stated[0].value:
                 hint = f"line {stated[0].line} states {stated[0].text}; keep one of the two"
                 return self.refused(key, "stated twice with different values", default, hint, statement)
@@ -268,11 +278,13 @@ class _Statements:
         """Return the columns of the tooth numbers and of the deviations, and take statements from the latter's name."""
         names = self.table.names
         teeth = [index for index, name in enumerate(names) if names_teeth(name)]
+        # without a name the first column has the numbers
         first = teeth[0] if len(teeth) == 1 else 0
         columns = [index for index in range(self.table.values.shape[1]) if index != first]
         for key, meaning in (("flank", flank_in), ("form", form_in)):
             wanted = self.asked.get(key) or next((statement.value for statement in self.stated[key]), "")
             if wanted and len(columns) > 1 and names:
+                # several columns of deviations: by flank, then by form
                 columns = [index for index in columns if meaning(names[index]) == wanted] or columns
         if len(columns) > 1:
             self._refuse_columns(columns)
@@ -299,6 +311,7 @@ class _Statements:
                     column=1,
                 )
                 self.stated[key].append(statement)
+            # "pitch deviation" alone may be either form
             elif value and not self.stated[key] and key not in self.asked:
                 message = "state whether they are single or cumulative pitch deviations"
                 table.add(table.names_line, 1, key, message, name, _FORM_HINT)
@@ -322,7 +335,9 @@ def _value_of(key: str, text: str) -> str:
     if key == "unit":
         return plain_unit(text)
     if key == "mark":
+        # a plain number: the tooth with the mark
         return str(int(text)) if re.fullmatch(r"[+]?[0-9]{1,9}", text) else ""
+    # "counter-clockwise" is written in many ways
     value = re.sub(r"[\s-]+", "", text.lower())
     value = _SENSES.get(value, value)
     return value if value in _CHOICES[key][0] else ""
@@ -343,9 +358,11 @@ def _rows_by_tooth(
             hint = "put tooth numbers in the first column, or name the columns"
             table.add_at(row, column, "must be the whole number of a tooth", f"{number:g}", hint)
             return 1, []
+        # rows may stand in any order, but each tooth once
         if row_of.setdefault(int(number), row) != row:
             hint = f"first in line {table.lines[row_of[int(number)]]}; keep one row"
             table.add_at(row, column, "a tooth is given twice", f"{number:g}", hint)
+    # programs count from 0, people from 1
     first = 0 if 0 in row_of else 1
     wanted = range(first, first + teeth)
     beyond = sorted(row_of.keys() - set(wanted))
@@ -376,9 +393,11 @@ def _cumulative(
     values = table.values[order, column] * size
     if size != 1:
         table.notes.append(f"{name} to um")
+    # cumulative deviations are sums of single ones, from the first tooth on
     if is_single:
         gap = float(values.sum())
         sum_of_magnitudes = float(np.abs(values).sum())
+        # all pitches of a wheel together are one revolution, so their deviations add up to 0
         values = np.cumsum(values - gap / len(values))
         closes = abs(gap) <= _NOISE * sum_of_magnitudes
         if not closes and abs(gap) > _CLOSING * np.ptp(values):
@@ -389,6 +408,7 @@ def _cumulative(
             shared = "" if closes else f", closing error of {gap:.3g} um distributed over all teeth"
             table.notes.append(f"single pitch deviations summed up{shared}")
     reach = float(np.ptp(values))
+    # positions, or another unit
     if reach > _LARGEST_RANGE:
         hint = "check the unit, and that the values are deviations, not positions"
         table.add_at(0, column, f"{reach:.4g} um over the whole wheel", f"unit {name}", hint)
@@ -448,6 +468,7 @@ class WheelFiles:
                 sense=self.pitch_sense,
                 flank=self.pitch_flank,
             )
+            # an option takes precedence over the preset
             mark = self.marks.get(name)
             notes = list(pitch.notes)
             if mark is None:
@@ -458,11 +479,13 @@ class WheelFiles:
                 mark = float(mark_of_preset)
                 note = f"the mark is at {mark:g} deg, from phases.xi_{name} of the preset"
                 notes.append(f"{note}; to change it use --mark-{name}")
+            # measured about the seat, the eccentricity is in the deviations already
             if name == "b" and drive.value("tolerances.e_b"):
                 notes.append(
                     "tolerances.e_b is added to the measured teeth, which is right only "
                     "if they were measured about their own centre"
                 )
+            # fields that the measured teeth replace
             composite, *harmonics = IN_TEETH[name]
             replaced = [composite] if is_overridden(composite, drive.origin.overrides) else []
             without_effect = (*replaced, *filter(drive.number, harmonics))

@@ -79,6 +79,7 @@ class _PageText(Text):
 
     def __init__(self, text: str, style: str = "") -> None:
         is_command = bool(_COMMAND.match(text))
+        # a quoted argument must not be broken, or it cannot be copied
         if is_command:
             text = _SPACE_IN_QUOTES[command_quote()].sub(_UNBROKEN, text)
             text = _SPACE_BEHIND_OPTION.sub(rf"\1{_UNBROKEN}", text)
@@ -87,7 +88,9 @@ class _PageText(Text):
 
     def wrap(self, console: Console, width: int, **options: Any) -> RichLines:
         """Lines of a width, as rich has them."""
+        # the sign for which a shell reads on
         ending = self._ending * (self.cell_len > width)
+        # an argument longer than a line has to break somewhere
         if ending and max(map(cell_len, self.plain.split())) > width - len(ending):
             self.plain = self.plain.replace(_UNBROKEN, " ")
         lines = super().wrap(
@@ -99,6 +102,7 @@ class _PageText(Text):
         for line in lines:
             quotes += line.plain.count(command_quote())
             line.plain = line.plain.replace(_UNBROKEN, " ")
+            # within quotes a backslash would be part of the argument
             if ending and quotes % 2 == 0 and line is not lines[-1]:
                 line.plain = line.plain.rstrip() + ending
         return lines
@@ -131,12 +135,15 @@ def report_page(
     head = _PageText(style.text(report.head), "bold")
     if report.verdict:
         head.append(": ").append(word(report.verdict, style))
+    # the short page names the option that shows them
     further_blocks = (*report.details, *_certificate_facts(report.certificate, report.cross_checks))
     blocks = [*report.blocks, *(further_blocks if details else ())]
     hidden = "" if details or not further_blocks else "--details"
     proven = proof(report.certificate, report.cross_checks)
+    # the last line of every page that solved states
     verified = ("verified", f"{proven} ({hidden})" if hidden else proven)
     last = Facts.of([verified if proven else ("more", hidden)])
+    # a gap below each block
     parts = [part for block in blocks for part in block_on_page(block, style, plots)]
     lines = [line for part in parts for line in (part, Text(""))]
     if plots and blocks and isinstance(blocks[-1], Curve):
@@ -196,11 +203,13 @@ def _labelled(block: Facts, style: Style) -> RichTable:
 
 def _tables(block: Table, style: Style) -> Iterator[RenderableType]:
     """A table, a tight one where that is wider than the page, or several with the same first column."""
+    # to measure tables before one is chosen
     screen = console(sys.stdout, style)
     options = screen.options.update(width=_ANY_WIDTH)
     title = _PageText("\n".join(style.text(line) for line in (block.title, *block.notes) if line))
     title.stylize("bold", 0, len(style.text(block.title)))
     columns_left = list(range(1, len(block.heads)))
+    # a table too wide for the page continues below, with its first column again
     while columns_left or title:
         narrower = [(columns_left, {}), (columns_left, {"is_tight": True})]
         narrower += [
@@ -242,6 +251,7 @@ def _table(
     for k in columns:
         head, *cells = (style.text(_PAGE_WORDS.get(row[k], row[k])) for row in (block.heads, *block.rows))
         is_words = k in block.words
+        # "12 (10 to 15)" becomes two lines
         if folds and not is_words:
             cells = [cell.replace(" (", "\n(") for cell in cells]
         lines = [line for cell in cells for line in cell.split("\n")]
@@ -251,6 +261,7 @@ def _table(
                 max(1, *map(cell_len, (*lines, *head.split()))),
                 break_on_hyphens=False,
             )
+        # numbers never break
         wraps = is_words and any(" " in cell for cell in (head, *cells))
         least = None if wraps else max(map(cell_len, (*head.split("\n"), *lines)))
         justify: JustifyMethod = "left" if is_words else "right"

@@ -46,7 +46,9 @@ def curve(style: Style, drawn: Curve) -> str:
     newline.
     """
     frame = _Frame.around(style, drawn)
+    # braille has 4 x 2 dots in a character
     fine = frame if style.ascii else frame.finer(_DOTS.shape)
+    # where many points share a column, a line from the smallest to the largest
     dots, *further_series = (
         np.logical_or.reduce(
             [
@@ -58,11 +60,13 @@ def curve(style: Style, drawn: Curve) -> str:
     )
     title = drawn.y_label
     under = dict.fromkeys(f"{sign(mark, style)}: {mark.words}" for mark in drawn.marks)
+    # intervals of points, as vertical lines
     for x, *ends in drawn.whiskers:
         column, (last, first) = fine.place(x, ends)
         dots[first : last + 1, column] = True
     cells = np.where(dots, "*", " ").tolist() if style.ascii else dots_to_braille(dots)
     for dots_of_series in further_series:
+        # the first series lies on top
         second = dots_of_series & ~dots
         if style.ascii:
             cells = np.array([*" *o"])[dots + 2 * second].tolist()
@@ -70,6 +74,7 @@ def curve(style: Style, drawn: Curve) -> str:
             cells = dots_to_braille(dots | (second & (np.arange(fine.columns) % _DASH < _DASH // 2)))
         looks = ("* ", "o ") if style.ascii else (f"⠒⠒⠒{_UNBROKEN}", f"⠒⠒{_UNBROKEN}⠒⠒{_UNBROKEN}")
         title += ": " + ", ".join(look + name for look, name in zip(looks, drawn.names, strict=True))
+    # last, so that no line hides a mark
     for mark in drawn.marks:
         column, row = frame.place(mark.x, mark.y)
         cells[row][column] = sign(mark, style)
@@ -316,6 +321,7 @@ def ticks(
 def seat_in_characters(seat: Seat) -> str:
     """Return the seat seen from the wave generator side, without its legend; the hole to go to stands in brackets."""
     canvas = [[" "] * SEAT_WIDTH for _ in range(_SEAT_HEIGHT)]
+    # many holes have room for some numbers only
     number_step = ceil(len(seat.holes) / _NUMBERED_IN_TEXT)
     goals = [place.angle_deg for place in seat.places if place.kind == "best"]
     for hole in seat.holes:
@@ -323,8 +329,10 @@ def seat_in_characters(seat: Seat) -> str:
         if any(abs(hole.angle_deg - goal) < 1e-6 for goal in goals):
             label = f"[{hole.number}]"
         _put(canvas, hole.angle_deg, label if hole.usable else seat.barred, 1.0)
+    # a free seat has ticks in place of holes
     for k in range(0 if seat.holes else _NUMBERED_IN_TEXT):
         _put(canvas, seat.first_deg + 360 * k / _NUMBERED_IN_TEXT, ".", 1.0)
+    # letters of one place stand side by side
     for angle in dict.fromkeys(place.angle_deg for place in seat.places):
         letters = [place.letter for place in seat.places if place.angle_deg == angle]
         _put(canvas, angle, "".join(letters), 0.72)
