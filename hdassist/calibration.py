@@ -707,7 +707,7 @@ def _places_of(unknowns: Sequence[FieldPrior], values: Mapping[str, float]) -> A
 
 
 def _rounded_values(unknowns: Sequence[FieldPrior], point: Array) -> tuple[float, ...]:
-    """Values of fields at their places between the bounds, shape (unknowns,), as they are printed and written."""
+    """Return the values at places between the bounds, shape (unknowns,), rounded as they are printed."""
     return tuple(float(f"{u.value(x):.{_VALUE_DIGITS}g}") for u, x in zip(unknowns, point, strict=True))
 
 
@@ -741,7 +741,7 @@ def _shortfall(
     fit: Fit,
     values: Sequence[_FoundValue],
 ) -> str:
-    """Targets that a fit misses and bounds that hold its values back, in words; empty where all targets are met."""
+    """Return the targets that a fit misses and the bounds that limit it, in words; empty if all targets are met."""
     outcomes = zip(
         targets.targets,
         fit.predictions,

@@ -209,7 +209,7 @@ _PRESETS = ("list", "show", "validate", "schema", "new")  # commands of `hdassis
 
 
 def module_of(name: str) -> str:
-    """Module of a command, by its section in the help; it has a class named after the command, as `CheckCommand`."""
+    """Return the module of a command by its section in the help; its class is named after the command."""
     section = next(section for section, summaries in _SUMMARIES.items() if name in summaries)
     return _MODULES.get(name, f"hdassist.commands.{section.lower()}")
 

@@ -524,7 +524,7 @@ def _grid(
     steps: str,
     is_count: bool,
 ) -> list[float]:
-    """Values from start to stop, as near to their places as numbers can be. Raises InvalidValueError: no such steps."""
+    """Return values from start to stop, as close as numbers can be. Raises InvalidValueError for impossible steps."""
     count = int(steps) if re.fullmatch("[0-9]{1,9}", steps) else 0
     if not 2 <= count <= MOST_VALUES:
         raise InvalidValueError(f"steps from 2 to {MOST_VALUES}", _FORM)

@@ -144,7 +144,7 @@ SURE = 0.95  # probability of keeping a limit from which on a verdict is PASS; F
 
 
 def verdict_by_probability(kept: float, sure: float = SURE) -> Verdict:
-    """Verdict on the probability of keeping a limit: PASS from sure on, FAIL up to 1 - sure, else INCONCLUSIVE."""
+    """Return the verdict on the probability to meet a limit: PASS from sure on, FAIL up to 1 - sure."""
     if kept >= sure:
         return Verdict.PASS
     return Verdict.FAIL if kept <= 1 - sure else Verdict.INCONCLUSIVE
@@ -177,7 +177,7 @@ def is_settled(
     high: float,
     sure: float = SURE,
 ) -> bool:
-    """Whether no threshold of a verdict lies within the Monte Carlo interval of a probability: else more are drawn."""
+    """Return whether no threshold of a verdict lies within the Monte Carlo interval of a probability."""
     return not any(low < threshold < high for threshold in (sure, 1 - sure))
 
 

@@ -696,7 +696,7 @@ def _tables(text: str) -> Any:
 
 
 def _table(tables: Any, name: str) -> Any:
-    """A table of a preset, which is added where there is none."""
+    """Return a table of a preset, which is added where there is none."""
     if tables.get(name) is None:
         tables[name] = {}
     return tables[name]
@@ -738,7 +738,7 @@ def _written(
     wanted: Drive,
     model: Mapping[str, str | int] | None = None,
 ) -> str:
-    """Text of tables, read again: it must give the wanted drive, but for fields of model that it has already."""
+    """Return text of tables, read again: it must give the wanted drive, but for fields of model that it has already."""
     stream = StringIO()
     _editor().dump(tables, stream)
     text = stream.getvalue()
@@ -756,7 +756,7 @@ _NUMBER_TEXT = {"type": "string", "pattern": rf"^\s*{NUMBER}"}  # with a unit, o
 
 
 def preset_schema() -> dict[str, Any]:
-    """JSON Schema (draft 2020-12) of presets: names, types, ranges, units and meanings of the fields as declared.
+    """Return the JSON Schema (draft 2020-12) of presets: names, types, ranges, units and meanings of the fields.
 
     Units within texts, keys of tables and rules between fields are left to `hdassist presets validate`.
     """
@@ -793,7 +793,7 @@ def _table_schema(model: type[Section]) -> dict[str, Any]:
 
 
 def _field_schema(field: PresetField) -> dict[str, Any]:
-    """Schema of a field as presets are written: texts for numbers, one item for a list, a number for a table."""
+    """Return schema of a field as presets are written: texts for numbers, one item for a list, a number for a table."""
     number = _number_schema(field)
     text = {"type": "string"}
     table: Any = {"type": "object", "additionalProperties": _NUMBER_TEXT if field.kind == "readings" else number}

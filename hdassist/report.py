@@ -178,7 +178,7 @@ _TONES = {  # of verdicts and of labels of facts; any other has none
 
 
 def tone_of(words: str) -> str:
-    """The tone of a verdict or label, by its words before a comma or colon: good, bad, open, loud, quiet or none."""
+    """Return the tone of a verdict or label, by its words before a comma or colon; empty without one."""
     return _TONES.get(re.split("[,:]", words)[0], "")
 
 
@@ -448,7 +448,7 @@ _SCHEMA_NUMBERS = {
 
 
 def as_json(value: Any) -> Any:
-    """A value as JSON has it: results as objects of their fields, arrays and tuples as lists, enumerations as text."""
+    """Return a value as JSON has it: results as objects, arrays and tuples as lists, enumerations as text."""
     if is_dataclass(value):
         return {item.name: as_json(getattr(value, item.name)) for item in fields(value)}
     if isinstance(value, Mapping):
@@ -462,7 +462,7 @@ def as_json(value: Any) -> Any:
 
 
 def attributes(thing: object, *names: str, **paths: str) -> Json:
-    """Some attributes of a result under their names, and others, by their dotted paths, under names of their own."""
+    """Return some attributes of a result under their names, and others by dotted paths under other names."""
     return {
         name: attrgetter(path)(thing)
         for name, path in (
@@ -489,7 +489,7 @@ def schema_of(command: str) -> str:
 
 
 def certificate_object(found: object, cross_checks: Iterable[CrossCheck | None] = ()) -> Json:
-    """Certificate, cross-check and engine as JSON, the worst of all torques; of kept states their residual alone.
+    """Return certificate, cross-check and engine as JSON, the worst of all torques; for kept states the residual only.
 
     found: certificate of states, or a kept one; the engine is that of states that no --solver was asked for.
     """

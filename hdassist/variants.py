@@ -213,7 +213,7 @@ class _PairedPrior(DrivePrior):
     paired: Array
 
     def shares(self, count: int, seed: int = 0) -> Array:  # noqa: ARG002 - the samples have theirs
-        """The first of the pairs, shape (count, fields + 1), whatever the seed."""
+        """Return the first of the pairs, shape (count, fields + 1), whatever the seed."""
         return self.paired[:count]
 
 
@@ -431,7 +431,7 @@ def _joint_weights(
 
 
 def _no_figures(_drive: Drive) -> tuple[dict[str, float], Certificate]:
-    """None beside F'_ior, and by that draws that are not kept: they are not those of the drive alone."""
+    """Return no figures besides F'_ior, so that the draws of pairs are not kept as those of the drive alone."""
     return {}, EMPTY
 
 

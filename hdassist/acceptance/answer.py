@@ -238,7 +238,7 @@ ANSWERS = RecordKind(ANSWER)
 
 
 def of_predictions(predictions: Predictions | None, wheels: MeasuredTeeth | None) -> Json:
-    """Fields of an answer that come from predictions, and the measured wheels that they are of, as JSON has them."""
+    """Return the fields of an answer that come from predictions and measured wheels, as JSON has them."""
     fields: Json = {"pitch": [{"wheel": name, **wheel} for name, wheel in pitch_object(wheels).items() if wheel]}
     if predictions is None:
         return fields
@@ -252,12 +252,12 @@ def of_predictions(predictions: Predictions | None, wheels: MeasuredTeeth | None
 
 
 def now() -> str:
-    """The time as answers have it."""
+    """Return the time as answers have it."""
     return datetime.now(UTC).isoformat(timespec="seconds")
 
 
 def provenance(answer: AcceptAnswer) -> Json:
-    """Provenance of an answer as a flat table."""
+    """Return provenance of an answer as a flat table."""
     return {
         "version": answer.version,
         "preset_sha256": answer.preset.sha256,
@@ -271,7 +271,7 @@ def provenance(answer: AcceptAnswer) -> Json:
 
 
 def answer_json(answer: AcceptAnswer) -> Json:
-    """An answer as a JSON object; without its place where it has none."""
+    """Return an answer as a JSON object; without its place where it has none."""
     fields: Json = ANSWER.dump_python(
         answer,
         mode="json",
@@ -281,7 +281,7 @@ def answer_json(answer: AcceptAnswer) -> Json:
 
 
 def lot_summary(answers: Sequence[AcceptAnswer]) -> Json:
-    """Counts, and the share of PASS among drives that pass or fail with its interval, as JSON has them."""
+    """Return counts, and the share of PASS among drives that pass or fail with its interval, as JSON has them."""
     counts = {verdict: sum(answer.status == verdict for answer in answers) for verdict in LOT_VERDICTS}
     decided = counts["PASS"] + counts["FAIL"]
     share = probability_by_share(counts["PASS"] / decided, decided) if decided else None
@@ -294,7 +294,7 @@ def lot_summary(answers: Sequence[AcceptAnswer]) -> Json:
 
 
 def read_answers(path: str) -> list[AcceptAnswer]:
-    """Answers of `hdassist accept` from a file: --json of one drive or of many, or --jsonl of a lot.
+    """Return answers of `hdassist accept` from a file: --json of one drive or of many, or --jsonl of a lot.
 
     A last line that breaks off is left out. Raises DataError: a file that cannot be read, or says something else.
     """
@@ -387,7 +387,7 @@ def _value_text(value: Any) -> str:
 
 
 def answer_differences(recorded: AcceptAnswer, now: AcceptAnswer) -> list[_AnswerDifference]:
-    """Differences of two answers, with the names of their checks; of one without an answer that alone."""
+    """Return differences of two answers, with the names of their checks; of one without an answer that alone."""
     if bool(recorded.error) != bool(now.error):
         errors = (answer.error and answer.error.message for answer in (recorded, now))
         return [_AnswerDifference("verdict", recorded.status, now.status), _AnswerDifference("error", *errors)]
@@ -395,7 +395,7 @@ def answer_differences(recorded: AcceptAnswer, now: AcceptAnswer) -> list[_Answe
 
 
 def _by_check(answer: AcceptAnswer) -> Json:
-    """An answer with its checks by name, and the number of those left out, which a version names in its words."""
+    """Return an answer with its checks by name, and the number of those left out, whose words differ by version."""
     names = (f"{place} {check.label}" for place, check in enumerate(answer.checks, 1))
     fields = answer_json(answer)
     checks = dict(
@@ -414,7 +414,7 @@ def _differences(
     key: str = "",
     allowed: float = _ROUNDING,
 ) -> Iterator[_AnswerDifference]:
-    """Differences of two JSON values, but for _NOT_COMPARED; key, of both; allowed, how far numbers may lie apart."""
+    """Return the differences of two JSON values; key: of both; allowed: how far numbers may lie apart."""
     then, comes = (dict(enumerate(value)) if isinstance(value, list) else value for value in (recorded, now))
     if isinstance(then, dict) and isinstance(comes, dict):
         numbers = [abs(number) for number in (*then.values(), *comes.values()) if isinstance(number, float)]

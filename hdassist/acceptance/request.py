@@ -145,7 +145,7 @@ class Request(ClosedRecord):
         return [self.preset, *(torque_and_file(text)[1] for text in self.measured), *wheels]
 
     def load(self, asked: Asked = ()) -> Drive:
-        """The drive, its limits included; asked, options that go into its origin.
+        """Return the drive, its limits included; asked, options that go into its origin.
 
         Raises DataError, PresetError or UsageError (a bad override or limit).
         """
@@ -369,7 +369,7 @@ class LotRow:
     cells: Mapping[str, tuple[str, str]] = field(default_factory=dict, compare=False)
 
     def message(self, error: HdassistError) -> str:
-        """The message of an error, naming cells of the row in place of options."""
+        """Return the message of an error, naming cells of the row in place of options."""
         if self.place is None or error is self.fault:
             return error.message
         message = named_overrides(error.message, [f"--set {text}" for text in self.request.overrides])

@@ -74,7 +74,7 @@ class PlanCommand(o.PlotOptions, o.SamplingOptions, o.LimitedDriveOptions):
     beside = ("csv", "approach", "sheet")
 
     def plan(self, drive: Drive) -> ReadingPlan | None:
-        """The test of a drive to judge, None where none was asked about. Raises UsageError for options without one."""
+        """Return the test of a drive to judge, None without one. Raises UsageError for options without one."""
         from hdassist.planning import ReadingPlan
 
         if self.positions is not None:
@@ -164,7 +164,7 @@ class AcceptOptions(o.FigureOptions, o.SamplingOptions):
         return begins_with(path, (FIGURES_HEAD, SUITES_HEAD))
 
     def open(self) -> Output:
-        """Where answers go. Raises UsageError and DataError unless each file has its own place, and can be written."""
+        """Return the output. Raises UsageError and DataError unless each file has its own place and can be written."""
         if self.jsonl == "-" or (self.resume and self.jsonl is None):
             raise UsageError("the results of a lot need a file", "give a file: --jsonl FILE")
         if self.jsonl is not None:
@@ -261,7 +261,7 @@ class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOption
             raise UsageError("--preset, --jsonl and --resume apply to lots only", "use hdassist accept LOT.csv")
 
     def request(self) -> Request:
-        """The request that every drive gets. Raises UsageError for an invalid limit."""
+        """Return the request that every drive gets. Raises UsageError for an invalid limit."""
         from hdassist.acceptance.request import Request
 
         return Request(
@@ -480,7 +480,7 @@ def _known(
     kept: Kept[AcceptAnswer],
     options: AcceptOptions,
 ) -> list[AcceptAnswer | None]:
-    """Answers to the rows that are there from before and still stand, None for the others.
+    """Return answers to the rows that are there from before and still stand, None for the others.
 
     Raises UsageError: answers are there, and none is of a drive of this lot.
     """
@@ -538,7 +538,7 @@ def _answers(
     options: AcceptOptions,
     out: Output,
 ) -> Generator[AcceptAnswer, None, None]:
-    """Answers to rows, in their order, as they come; words beside the bar."""
+    """Yield answers to rows, in their order, as they come; words beside the bar."""
     from hdassist.acceptance.accept import answer_rows
     from hdassist.run.run import stream
 

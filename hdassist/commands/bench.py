@@ -115,7 +115,7 @@ class MountCommand(
         return code
 
     def _card(self, out: Output) -> CardFile | None:
-        """The card that is asked for. Raises UsageError before anything is computed."""
+        """Return the card that is asked for. Raises UsageError before anything is computed."""
         if (path := self.card) is None:
             if self.lang is not None or self.serial is not None:
                 raise UsageError("--lang and --serial apply to a card only", "add --card FILE")
@@ -297,7 +297,7 @@ class CardFile:
         return ".txt" if self.path == "-" else Path(self.path).suffix.lower()
 
     def text(self, advice: Advice) -> str:
-        """The card of an advice as its file has it."""
+        """Return the card of an advice as its file has it."""
         from hdassist.pages.card import card_of
         from hdassist.pages.mount import mount_warnings
         from hdassist.pages.report import card_html, card_text
@@ -322,7 +322,7 @@ class ArchiveOptions(o.OptionGroup):
     history: str | None = None
 
     def archiving(self, files: Sequence[str]) -> Callable[[Measurement], None]:
-        """The use of each result of files. Raises UsageError for options that do not go together."""
+        """Return the use of each result of files. Raises UsageError for options that do not go together."""
         from hdassist.measuring.archive import add_to_archive, read_conditions
 
         stated_options = (bool(files), bool(self.archive), bool(self.serial), self.history is not None)
@@ -342,7 +342,7 @@ class ArchiveOptions(o.OptionGroup):
         return take
 
     def history_report(self, serial: str) -> Report:
-        """How a drive of the archive has changed."""
+        """Return how a drive of the archive has changed."""
         from hdassist.measuring.archive import is_cut_off, read_archive
         from hdassist.pages.measure import history_report
 
@@ -530,7 +530,7 @@ class ControllerOptions(o.OptionGroup):
     steps_per_degree: float = 0.0
 
     def controller_target(self, form: CorrectionForm, *, force: bool) -> tuple[ControllerFormat, str] | None:
-        """Controller and file that are asked for, of a form.
+        """Return controller and file that are asked for, of a form.
 
         Raises UsageError: no such controller, or a form that it does not keep; as `take_output` for the file.
         """
@@ -654,7 +654,7 @@ class CompensateCommand(
     after: str | None = None
 
     def correction_form(self) -> CorrectionForm:
-        """The form that is asked for."""
+        """Return the form that is asked for."""
         from hdassist.correction.forms import CAM_POINTS, USUAL_POINTS, CorrectionForm
 
         if self.form == "phasors":
@@ -670,7 +670,7 @@ class CompensateCommand(
         *,
         may_be_noise: bool = False,
     ) -> RecordedError:
-        """Error of a record of the drive, at a torque M_g [N*m] where it is its own; may_be_noise as of `measure`."""
+        """Return the error of a recording of the drive at a torque M_g [N*m]; may_be_noise: as in `measure`."""
         from hdassist.correction.records import recorded_error, require_fine_counts, require_sense
         from hdassist.model.geometry import Kinematics
 
@@ -689,7 +689,7 @@ class CompensateCommand(
         return recorded_error(measurement, Kinematics.of(drive), self.alignment())
 
     def records(self, drive: Drive) -> dict[float, RecordedError]:
-        """Errors of the records by torque [N*m]. Raises UsageError for more records than torques."""
+        """Return errors of the records by torque [N*m]. Raises UsageError for more records than torques."""
         files = self.files or []
         torques = drive.operation.M_g
         if len(files) > len(torques):
@@ -699,7 +699,7 @@ class CompensateCommand(
         return {M_g: self.recorded(name, drive, M_g) for M_g, name in zip(torques, files, strict=False)}
 
     def of_record(self, file: str) -> Report:
-        """Correction of a record without a preset. Raises UsageError for options that need one."""
+        """Return correction of a record without a preset. Raises UsageError for options that need one."""
         from hdassist.correction.correct import correction_alone
         from hdassist.correction.records import require_fine_counts
         from hdassist.pages.compensate import compensate_report
@@ -763,7 +763,7 @@ class CompensateCommand(
         write_text(path, text, self.force)
 
     def report(self, out: Output, preset: str) -> Report:
-        """Corrections of the drive, or of a record alone."""
+        """Return corrections of the drive, or of a record alone."""
         from hdassist.correction.correct import correct, verify
         from hdassist.design import check_states
         from hdassist.pages.compensate import compensate_report, verified_report

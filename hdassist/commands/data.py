@@ -64,7 +64,7 @@ class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
             raise UsageError("--write needs a preset file, without --set and not from standard input")
 
     def report(self, out: Output, preset: str) -> Report:
-        """The values, found and written where that is asked for."""
+        """Return the values, found and written where that is asked for."""
         from hdassist.calibration import calibrate, estimate_drives, read_targets
         from hdassist.files import READ_AT_MOST, read_preset
         from hdassist.loading import with_found_values
@@ -111,7 +111,7 @@ class PresetsListCommand(o.PageOptions):
     """
 
     def report(self, _out: Output, _preset: str) -> Report:
-        """The presets."""
+        """Return the presets."""
         from hdassist.files import preset_names
         from hdassist.loading import load_preset
         from hdassist.model.geometry import Kinematics
@@ -161,7 +161,7 @@ class PresetsShowCommand(o.PageOptions, o.DriveOptions):
     resolved: bool = False
 
     def open(self) -> Output:
-        """As of other commands, with the room for a table in a pipe."""
+        """Return the output of the command, with room for a table if it is a pipe."""
         out = super().open()
         return out if sys.stdout.isatty() else replace(out, style=replace(out.style, width=_PIPED_COLUMNS))
 
@@ -180,7 +180,7 @@ class PresetsShowCommand(o.PageOptions, o.DriveOptions):
         return 0
 
     def report(self, _out: Output, preset: str) -> Report:
-        """All values of the preset."""
+        """Return all values of the preset."""
         from hdassist.preset.fields import resolved_fields, value_text
 
         drive = self.load(preset)
@@ -224,7 +224,7 @@ class PresetsValidateCommand(o.AnswerOptions, o.DriveOptions):
         return give(_VALIDATE, reports, replace(out, quiet=True))
 
     def _report(self, name: str) -> Report:
-        """The verdict on a preset, which a bad --set has too. Raises all other errors of loading it."""
+        """Return the verdict on a preset, which a bad --set has too. Raises all other errors of loading it."""
         from hdassist.preset.fields import origin_counts
 
         try:
@@ -258,7 +258,7 @@ class PresetsValidateCommand(o.AnswerOptions, o.DriveOptions):
 
 
 def _invalid(name: str, error: HdassistError) -> Json:
-    """The answer about a preset that is not valid."""
+    """Return the answer about a preset that is not valid."""
     findings = [asdict(finding) for finding in error.findings] if isinstance(error, PresetError) else []
     return failure(_VALIDATE, error, preset=name) | {"file": name, "valid": False, "findings": findings}
 
@@ -382,7 +382,7 @@ class DoctorCommand(o.PageOptions):
     empty_cache: bool = False
 
     def report(self, out: Output, _preset: str) -> Report:
-        """The installation, examined."""
+        """Return the installation, examined."""
         from hdassist.run.kept import empty_cache
 
         if self.empty_cache:
@@ -409,7 +409,7 @@ class DoctorCommand(o.PageOptions):
 
 
 def _packages() -> Iterator[DoctorFinding]:
-    """hdassist, Python, and each package it needs."""
+    """Yield the versions of hdassist, Python and each required package."""
     from importlib.metadata import PackageNotFoundError, requires, version  # a fifth of imports of `hdassist --help`
 
     yield DoctorFinding("hdassist", "ok", f"{__version__}, Python {platform.python_version()}, {platform.platform()}")
@@ -424,7 +424,7 @@ def _packages() -> Iterator[DoctorFinding]:
 
 
 def engine() -> DoctorFinding:
-    """Which engine solves the states."""
+    """Return the engine that solves the states."""
     from hdassist.solve import walk
 
     compiled, description = walk.walk_library()
@@ -432,7 +432,7 @@ def engine() -> DoctorFinding:
 
 
 def cache() -> DoctorFinding:
-    """Where answers are kept, how large they are, and how to be rid of them."""
+    """Return the folder of the cache, its size, and the command that empties it."""
     from hashlib import sha256
 
     from hdassist.run import kept
@@ -449,7 +449,7 @@ def cache() -> DoctorFinding:
 
 
 def surroundings(style: Style) -> DoctorFinding:
-    """Cores of this machine, and what standard output shows, by its style: a bar under way has replaced the stream."""
+    """Return the cores of this machine and the style of standard output, which a progress bar may have replaced."""
     cores = count(0)
     kind = "a terminal" if sys.stdout.isatty() else "no terminal"
     shown = f"{style.width} columns, {'7-bit' if style.ascii else 'all'} characters"
@@ -457,7 +457,7 @@ def surroundings(style: Style) -> DoctorFinding:
 
 
 def self_test() -> DoctorFinding:
-    """Every state of a known drive against stored digits, and its extremes by another solver."""
+    """Return every state of a known drive against stored digits, and its extremes by another solver."""
     from hdassist.error.cycle import kinematic_error
     from hdassist.error.error_map import ErrorMap
     from hdassist.loading import load_preset
@@ -499,7 +499,7 @@ class ExplainCommand(o.PageOptions):
     names: list[str]
 
     def report(self, out: Output, _preset: str) -> Report:
-        """The names, explained."""
+        """Return the names, explained."""
         from hdassist.explaining import explained
         from hdassist.pages.data import explain_report
 

@@ -54,7 +54,7 @@ class CheckCommand(o.PlotOptions, o.SamplingOptions, o.PitchOptions, o.LimitedDr
     cross_check: str = "highs"
 
     def report(self, out: Output, preset: str) -> Report:
-        """The design check of a drive."""
+        """Return the design check of a drive."""
         files = self.wheels_of_one(self.presets)
         drive = self.load(preset)
         measured = self.teeth(files, drive)
@@ -100,7 +100,7 @@ class TraceCommand(o.PlotOptions, o.PitchOptions, o.OneTorqueOptions):
     seed: int = 0
 
     def report(self, out: Output, preset: str) -> Report:
-        """The trace of a drive."""
+        """Return the trace of a drive."""
         from hdassist.error.waves import Gravity, trace
         from hdassist.model.geometry import Kinematics
         from hdassist.pages.curves import trace_report
@@ -145,7 +145,7 @@ class StiffnessCommand(o.PlotOptions, o.DriveOptions):
     cross_check: str = "highs"
 
     def report(self, out: Output, preset: str) -> Report:
-        """The twist over torque."""
+        """Return the twist over torque."""
         from hdassist.error.stiffness import stiffness, stiffness_states
         from hdassist.pages.curves import stiffness_report
 
@@ -254,7 +254,7 @@ class SweepCommand(o.RowsOptions, o.LoadedDriveOptions):
             write_parquet(self.parquet, kinds, map(cells, results.records()), asdict(owner), self.force)
 
     def _takes_stdout(self) -> bool:
-        """Whether rows go to standard output as CSV."""
+        """Return whether rows go to standard output as CSV."""
         import sys
 
         no_page = not (self.json or self.quiet or sys.stdout.isatty())
@@ -268,7 +268,7 @@ def _rows(
     options: SweepCommand,
     out: Output,
 ) -> Iterator[SweepRow]:
-    """Records of all rows: those that are kept, then the others as they are computed and kept."""
+    """Yield records of all rows: those that are kept, then the others as they are computed and kept."""
     from hdassist.run.run import stream
 
     yield from results.records()
@@ -292,7 +292,7 @@ def _rows(
 
 
 def _printed(rows: Iterator[SweepRow], sweep: Sweep) -> Iterator[SweepRow]:
-    """The same records, each written to standard output as CSV when it comes."""
+    """Yield the same records, each written to standard output as CSV when it comes."""
     from hdassist.pages.curves import cells, columns
 
     write_text(
@@ -464,7 +464,7 @@ class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOpt
 
 
 def is_preset(name: str) -> bool:
-    """Whether an argument beside a preset is one too, and no trace: a name of the library, or a YAML file."""
+    """Return whether an argument beside a preset is one too, and no trace: a name of the library, or a YAML file."""
     from hdassist.files import preset_names
 
     return Path(name).suffix.lower() in _PRESET_SUFFIXES or name in preset_names()
@@ -510,7 +510,7 @@ class ReportCommand(o.AnswerOptions, o.SamplingOptions, o.LimitedDriveOptions):
         return code
 
     def report(self, out: Output, preset: str) -> Report:
-        """All about a drive."""
+        """Return all about a drive."""
         from hdassist.pages.report import drive_report
         from hdassist.variants import sheet_of, sheet_states
 
@@ -523,7 +523,7 @@ class ReportCommand(o.AnswerOptions, o.SamplingOptions, o.LimitedDriveOptions):
             )
 
     def _kind(self) -> str:
-        """Suffix of the file that the report is written as. Raises UsageError for any other."""
+        """Return suffix of the file that the report is written as. Raises UsageError for any other."""
         if self.output == "-":
             return ".md"
         kind = Path(self.output).suffix.lower()
@@ -543,7 +543,7 @@ class DrawOptions(o.LimitedDriveOptions):
     executor: str | None = None
 
     def law(self, drive: Drive, *, chosen: bool = False) -> ProductionLaw:
-        """Distributions of the random drives; chosen, whether sizes that are assumed are tolerances to choose too.
+        """Return the distributions of the random drives; chosen: whether assumed sizes are tolerances to choose too.
 
         Raises UsageError for invalid options.
         """
@@ -566,7 +566,7 @@ class DrawOptions(o.LimitedDriveOptions):
         production: Production,
         count: int,
     ) -> tuple[Production, Samples | None]:
-        """A production with the designs of so many drives, and the samples that they are of, if they differ."""
+        """Return a production with the designs of so many drives, and the samples that they are of, if they differ."""
         with out.run("designs", production.design_states(count), self) as run:
             return production.with_designs(count, run=run)
 
@@ -577,7 +577,7 @@ class DrawOptions(o.LimitedDriveOptions):
         count: int,
         progress: ProgressBar | None = None,
     ) -> list[RandomDrive]:
-        """Records of so many drives of a production; progress: the bar of more work than these."""
+        """Return records of so many drives of a production; progress: the bar of more work than these."""
         from hdassist.run.run import stream
 
         drives: list[RandomDrive] = []
@@ -756,7 +756,7 @@ class SensitivityCommand(o.FigureOptions, DrawOptions):
     details: bool = False
 
     def report(self, out: Output, preset: str) -> Report:
-        """The tolerances, ranked."""
+        """Return the tolerances, ranked."""
         from hdassist.pages.tolerance import sensitivity_report
         from hdassist.tolerance.production import Production
         from hdassist.tolerance.tightening import sensitivities
@@ -830,7 +830,7 @@ class AllocateCommand(o.FigureOptions, DrawOptions):
     mounting: bool = True
 
     def report(self, out: Output, preset: str) -> Report:
-        """The cheapest tolerances."""
+        """Return the cheapest tolerances."""
         from hdassist.error.cycle import self_error
         from hdassist.pages.tolerance import allocate_report
         from hdassist.tolerance.production import Production

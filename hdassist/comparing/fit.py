@@ -238,7 +238,7 @@ class VectorFitter:
         fitted: tuple[int, ...],
         points: int = WAVE_POINTS,
     ) -> VectorFit:
-        """Gauss-Newton with steps (15) along the identifiable directions, until chi-square (13) hardly falls."""
+        """Descend by Gauss-Newton steps (15) along the identifiable directions, until chi-square (13) hardly falls."""
         free = self._free(fitted)
         residual, waves = self._residual(unknowns, fitted, points)
         for _ in range(_MOST_STEPS if len(free) else 0):

@@ -249,7 +249,7 @@ def phasors_of(
     M_g: float,
     number: int,
 ) -> Phasors:
-    """So many of the strongest lines of errors at a torque M_g [N*m], over all drives, rising."""
+    """Return a number of the strongest lines of errors at a torque M_g [N*m], over all drives, rising."""
     power = (np.abs(lines.amplitude) ** 2).mean(axis=0)
     kept = np.sort(np.argsort(-power, kind="stable")[:number])
     amplitude = -lines.amplitude[:, kept]

@@ -310,7 +310,7 @@ def _twincat_nc_played(table: CorrectionTable, axis: ControllerAxis) -> _PlayedC
 
 
 def _twincat_nc(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
-    """Even set-points over a turn and what is added to them [deg], an array with its parameters for each direction."""
+    """Return even set-points over a revolution and additions to them [deg], an array with parameters per direction."""
     setpoint = _even_setpoints(table, axis)
     ways = [("Both", 1)] if table.other_direction_arcsec is None else [("Positive", 1), ("Negative", -1)]
     lines = ["VAR_GLOBAL"]
@@ -334,7 +334,7 @@ def _twincat_nc(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
 
 
 def _siemens(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
-    """Even points from the first of the turn to the same a turn later; a positive value moves the axis back."""
+    """Return even points from the first of the turn to the same a turn later; a positive value moves the axis back."""
     step = 360 / table.points
     start = axis.zero_deg % step
     values = _error_as_read(table, axis, np.linspace(start, start + 360, table.points + 1)) / 3600
@@ -352,7 +352,7 @@ def _siemens(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
 
 
 def _moteus_played(table: CorrectionTable, axis: ControllerAxis) -> _PlayedCorrection:
-    """256 values of 8 bits over the turn of the cam's encoder: the addition to it, u times the output's error.
+    """Return 256 values of 8 bits over the input encoder's revolution: additions to it, u times the output's error.
 
     Value i stands at i/256 of the turn, as the firmware computes it; its comment speaks of the middle of a bin.
     """
@@ -456,7 +456,7 @@ def _eqmod(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
 
 
 def _rows_from_zero(table: CorrectionTable, axis: ControllerAxis) -> tuple[Array, list[Array]]:
-    """Readings [deg] of the table's own points from the axis's zero on, and errors [arcsec] counting up and down."""
+    """Return the table's points [deg] from the axis's zero on, and the errors [arcsec] counting up and down."""
     reading = axis.zero_deg + table.angles_deg
     ways = (1,) if table.other_direction_arcsec is None else (1, -1)
     return reading, [_error_as_read(table, axis, reading, way, of_cam=table.turn != "output") for way in ways]

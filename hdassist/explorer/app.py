@@ -133,7 +133,7 @@ class Form(ModalScreen[None]):
         self._take = take
 
     def compose(self) -> ComposeResult:
-        """Title, line, hint, and room for a fault."""
+        """Yield title, line, hint, and room for a fault."""
         with Vertical(id="form") as form:
             form.border_title = visible(self._title)
             form.border_subtitle = "Enter accepts, Escape cancels"
@@ -171,7 +171,7 @@ class Notice(ModalScreen[bool | None]):
         self._asks = asks
 
     def compose(self) -> ComposeResult:
-        """The text."""
+        """Yield the text."""
         with VerticalScroll(id="notice") as scroll:
             scroll.border_subtitle = "y yes, n no, Escape cancels" if self._asks else "↑ ↓ scroll, Escape closes"
             yield Static(self._text, markup=False)
@@ -190,7 +190,7 @@ class _Exporting(Asking):
         self.push_screen(dialog, closed)
 
     def named(self, end: str) -> str:
-        """A file's name that begins as the preset's."""
+        """Return a file's name that begins as the preset's."""
         return f"{Path(self.session.source.name).stem}{end}"
 
     def action_card(self) -> None:
@@ -297,7 +297,7 @@ class _Exporting(Asking):
 
 
 def without_fonts(svg: str) -> str:
-    """A picture that loads no fonts from elsewhere: it is shown in those that are there."""
+    """Return a picture that loads no fonts from elsewhere: it is shown in those that are there."""
     return re.sub(r"\s*@font-face \{.*?\}", "", svg, flags=re.DOTALL)
 
 
@@ -362,7 +362,7 @@ class Explorer(_Exporting):
         self.all = Vertical(id="all", classes="holes")
 
     def compose(self) -> ComposeResult:
-        """Head, F'_ior, tabs, the panes, the position looked at, the next step, the command line, the keys."""
+        """Yield head, F'_ior, tabs, the panes, the position looked at, the next step, the command line, the keys."""
         with self.all:
             yield from (self.lines[name] for name in _LINES[:3])
             with Horizontal():
@@ -431,7 +431,7 @@ class Explorer(_Exporting):
             self.ask("turn", known_data, cam_turn, drive, self._of_turn(), session.turn_deg, self.M_g)
 
     def _of_turn(self) -> Mapping[str, float]:
-        """Typical values for a cam turn: none where all deviations are known."""
+        """Return typical values for a cam turn: none where all deviations are known."""
         return self.known.typical if unknowns(self.session.drive) else {}
 
     def draw(self) -> None:
@@ -485,7 +485,7 @@ class Explorer(_Exporting):
             self.lines[name].update(line)
 
     def _tabs(self) -> Content:
-        """The views by their keys, the one that is shown in reverse; a click goes to one."""
+        """Return the views by their keys, the one that is shown in reverse; a click goes to one."""
         tabs = [
             f"[{'reverse ' if self.all.has_class(name) else ''}@click=app.view('{name}')] {k} {title} [/]"
             for k, (name, title) in enumerate(VIEWS.items(), 1)
@@ -493,7 +493,7 @@ class Explorer(_Exporting):
         return Content.from_markup(" ".join(tabs))
 
     def _keys(self) -> Content:
-        """Keys that work where the focus is; a click presses one."""
+        """Return keys that work where the focus is; a click presses one."""
         keys: dict[str, tuple[str, str]] = {}
         # no key of the main screen works there
         if isinstance(self.screen, ModalScreen):  # a dialog says its own
@@ -514,7 +514,7 @@ class Explorer(_Exporting):
         return Content.from_markup("\n".join(lines))
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Whether an action can be done now."""
+        """Return whether an action can be done now."""
         session = self.session
         able = {"undone": session.past, "redone": session.future, "torque": session.drive.operation.M_g[1:]}
         return bool(able.get(str(*parameters) if action == "change" else action, True))
@@ -525,7 +525,7 @@ class Explorer(_Exporting):
         self.call_after_refresh(self.draw)
 
     def _letters(self) -> dict[float, str]:
-        """Letters of positions by their turn [deg]: now, best, worst, to measure next, not allowed."""
+        """Return letters of positions by their turn [deg]: now, best, worst, to measure next, not allowed."""
         drive = self.session.drive
         letters = defaultdict(str, {0.0: "N"})
         advice = self.known.advice
@@ -540,7 +540,7 @@ class Explorer(_Exporting):
         return letters
 
     def _looked_at(self) -> Text:
-        """Where the wheel is looked at, and F'_ior there."""
+        """Return the position that is looked at, and F'_ior there."""
         session = self.session
         curve = self.known.curve
         turn = self.session.turn_deg
@@ -562,7 +562,7 @@ class Explorer(_Exporting):
             self.show(replace(self.session, turn_deg=float(key)))
 
     def _field(self) -> ResolvedField | None:
-        """The field under the cursor."""
+        """Return the field under the cursor."""
         return next((row for row in resolved_fields(self.session.drive) if row.path == self.levers.key), None)
 
     @on(Input.Changed, "#filter")
@@ -576,7 +576,7 @@ class Explorer(_Exporting):
         self.levers.focus()
 
     def command_line(self) -> str:
-        """The command that gives the same answer."""
+        """Return the command that gives the same answer."""
         if self.all.has_class("turn") or self.all.has_class("cycle"):
             return self.session.trace_command(self.M_g, self._of_turn())
         return self.session.command()

@@ -80,13 +80,13 @@ class _SevenBits(LineFilter):
     """Every line of the screen in 7-bit characters, each as wide as before."""
 
     def apply(self, segments: list[Segment], background: Color) -> list[Segment]:
-        """The same segments for a terminal without Unicode; lines of frames become +."""
+        """Return the same segments for a terminal without Unicode; lines of frames become +."""
         del background
         return [Segment(_seven_bits(segment.text), segment.style, segment.control) for segment in segments]
 
 
 def _seven_bits(text: str) -> str:
-    """A text in ASCII that takes as many columns."""
+    """Return a text in ASCII that takes as many columns."""
     return "".join(sign if sign.isascii() else "+" * cell_len(sign) for sign in text.translate(_SIGNS))
 
 
@@ -121,7 +121,7 @@ class Asking(App[int]):
         self.theme = _THEMES[dark]
 
     def get_line_filters(self) -> Sequence[LineFilter]:
-        """The filters that every line goes through on its way to the terminal."""
+        """Return the filters that every line goes through on its way to the terminal."""
         return [*super().get_line_filters(), *([_SevenBits()] if self.ascii else [])]
 
     def draw(self) -> None:
@@ -131,7 +131,7 @@ class Asking(App[int]):
         """Ask for the rest of the screen."""
 
     def known_of(self, drive: Drive) -> Known:
-        """Answers about a drive."""
+        """Return answers about a drive."""
         return self.answers.setdefault(again("check", drive), Known())
 
     @property

@@ -214,7 +214,7 @@ class Service:
         self._closed = False
 
     async def ask(self, question: Question) -> AsyncIterator[tuple[str, Any]]:
-        """The answers of a process of its own; when the caller stops listening, or is cancelled, it is ended."""
+        """Yield the answers of a process of its own; when the caller stops listening, or is cancelled, it is ended."""
         begun = asyncio.create_task(asyncio.to_thread(self._begin, question))
         try:
             try:

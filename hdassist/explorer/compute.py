@@ -71,12 +71,12 @@ class SeatCurve:
     sure: tuple[str, ...]
 
     def surety(self, rotation_deg: float) -> str:
-        """How sure it is at a turn, empty at one that it has not."""
+        """Return how sure it is at a turn, empty at one that it has not."""
         place = self.place(rotation_deg)
         return "" if place is None else self.sure[place]
 
     def place(self, rotation_deg: float) -> int | None:
-        """Which of the turns one is, None for another."""
+        """Return the index of a turn, None if it is none of the turns."""
         is_near = np.abs((np.array(self.rotations_deg) - rotation_deg + 180) % 360 - 180) < 1e-6
         return int(is_near.argmax()) if is_near.any() else None
 
@@ -110,7 +110,7 @@ def drive_answers(
     effort: Effort,
     tell: _Tell,
 ) -> None:
-    """F'_ior of a typical drive, that over the seat by a search, the answers of `check`, and of `mount` or `trials`.
+    """Yield F'_ior of a typical drive, that over the seat, the results of `check`, and of `mount` or `trials`.
 
     Argument: typical, values by path of all that was not known exactly of a drive like it. Raises HdassistError where
     there is no answer.
@@ -212,7 +212,7 @@ class _Share:
 
 
 def typical_of(found: DesignCheck) -> tuple[Mapping[str, float], Sequence[float]]:
-    """Values by path of the sample nearest to the median, and its F'_ior at each torque [arcsec]."""
+    """Return values by path of the sample nearest to the median, and its F'_ior at each torque [arcsec]."""
     if not (samples := found.samples):
         return {}, [point.error.F_ior_arcsec for point in found.points if point.error]
     row = samples.middle_sample(found.governing)
@@ -220,7 +220,7 @@ def typical_of(found: DesignCheck) -> tuple[Mapping[str, float], Sequence[float]
 
 
 def still_typical(found: DesignCheck, drive: Drive) -> Mapping[str, float]:
-    """The same values, for inputs that are uncertain in another drive too and the same there."""
+    """Return the same values, for inputs that are uncertain in another drive too and the same there."""
     open_ = {field.path for field in prior_of(drive).fields if found.drive.value(field.path) == drive.value(field.path)}
     return {path: value for path, value in typical_of(found)[0].items() if path in open_}
 
@@ -232,7 +232,7 @@ def cam_turn(
     M_g: float,
     tell: _Tell,
 ) -> None:
-    """The page of `trace` of a typical drive over its full cycle, with its fixed wheel turned.
+    """Yield the page of `trace` of a typical drive over its full cycle, with its fixed wheel turned.
 
     Raises HdassistError where there is no answer.
     """
@@ -249,7 +249,7 @@ def lever_effects(
     effort: Effort,
     tell: _Tell,
 ) -> None:
-    """Effect of a plausible step of each field on F'_ior of a typical drive, by a search.
+    """Yield the effect of a plausible step of each field on F'_ior of a typical drive, by a search.
 
     A step of a field that is not known exactly goes about one standard deviation far, one of a field in which a pinned
     drive differs to its value. Raises HdassistError where the typical drive has no answer.
@@ -276,7 +276,7 @@ def _steps(
     here: Drive,
     others: Mapping[str, Any],
 ) -> Iterator[tuple[str, tuple[float, ...]]]:
-    """Plausible steps of the fields of a typical drive, in order of preference.
+    """Yield plausible steps of the fields of a typical drive, in order of preference.
 
     Arguments: drive, with its ranges; here, the typical one; others, values where a pinned one differs.
     """
@@ -299,7 +299,7 @@ def _steps(
 
 
 def _stepped_errors(drive: Drive, steps: tuple[str, tuple[float, ...]]) -> tuple[str, float, Array | None]:
-    """A field, the first of its steps that makes a drive, and F'_ior at each torque there, None without an answer."""
+    """Return a field, its first step that makes a drive, and F'_ior at each torque there, None without a result."""
     path, sizes = steps
     together = TEETH_FIELDS if path in TEETH_FIELDS else [path]
     for by in sizes:

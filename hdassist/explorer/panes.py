@@ -63,12 +63,12 @@ _TICKS = tuple(
 
 
 def _torque_style(place: int) -> str:
-    """The style of a torque by its place."""
+    """Return the style of a torque by its place."""
     return _INK[place % len(_INK)]
 
 
 def _torque_sign(place: int, sure: str = SURE_RANGE) -> str:
-    """The bar of a torque by its place, which tells it apart without colour too."""
+    """Return the bar of a torque by its place, which tells it apart without colour too."""
     line = _BAR_LINES[place % len(_BAR_LINES)]
     return f"{line}{MARKS.get(sure, MARKS[SURE_REFINED])[place % len(_BAR_LINES)]}{line}"
 
@@ -166,7 +166,7 @@ class Holes(KeyedTable):
                 self.move_cursor(row=self.get_row_index(present_row))
 
     def _room(self, numbers: Mapping[float, Sequence[Text]], heads: Sequence[str]) -> int:
-        """Columns that are left for bars beside numbers under heads."""
+        """Return columns that are left for bars beside numbers under heads."""
         by_torque = zip(
             heads,
             zip(*numbers.values(), strict=True),
@@ -226,7 +226,7 @@ def _range_marks(
 
 
 def _seat_ranges(found: SeatCurve | None, rotation_deg: float) -> list[list[float]]:
-    """5th percentile, median and 95th of F'_ior [arcsec] at each torque in a position; empty where there are none."""
+    """Return the 5th, 50th and 95th percentile of F'_ior [arcsec] at each torque in a position; empty without any."""
     place = found.place(rotation_deg) if found else None
     return found.F_ior_arcsec[:, :, place].T.tolist() if found and place is not None else []
 
@@ -237,7 +237,7 @@ def values_of(
     *,
     medians: bool = False,
 ) -> list[Text]:
-    """F'_ior at each torque in a position: a value, or its 5th and 95th percentile, or its median alone."""
+    """Return F'_ior at each torque in a position: a value, or its 5th and 95th percentile, or its median alone."""
     texts = []
     for k, (low, middle, high) in enumerate(_seat_ranges(found, rotation_deg)):
         text = f"{low:.2f}" if high <= low else f"{middle:.1f}" if medians else f"{low:.1f}…{high:.1f}"
@@ -250,7 +250,7 @@ def _bar(
     top: float,
     marks: Iterable[tuple[float, float, str, str]],
 ) -> Text:
-    """A row of signs from 0 to a top [arcsec], each from a value to another one, in a style; later ones above."""
+    """Return a row of signs from 0 to a top [arcsec], each mark from a value to another; later marks on top."""
     signs = [(" ", "") for _ in range(width)]
     for low, high, sign, style in marks:
         first, last = (min(round(value / top * (width - 1)), width - 1) for value in (low, high))
@@ -264,7 +264,7 @@ def seat_pane(
     letters: Mapping[float, str],
     width: int,
 ) -> tuple[Text, str]:
-    """The seat from the cam side in so many columns, and the legend of its letters, which a wide one has beside it."""
+    """Return the seat, seen from the wave generator side, and the legend of its letters, beside it if there is room."""
     first = session.drive.mounting.first_hole
     named = [(angle_deg, sign) for angle_deg, signs in letters.items() for sign in signs if sign in _LETTER_KINDS]
     seat = Seat(
@@ -305,7 +305,7 @@ class Pane(VerticalScroll):
         self._text = Static(markup=False)
 
     def compose(self) -> ComposeResult:
-        """The text."""
+        """Yield the text."""
         yield self._text
 
     def show(self, *parts: RenderableType | Block, ascii: bool = False) -> None:
@@ -409,7 +409,7 @@ _VERDICT_STYLES: dict[str, str] = {
 
 
 def head_line(session: Session) -> Text:
-    """The drive, how much of it is uncertain and changed, and the drive beside it."""
+    """Return the drive, how much of it is uncertain and changed, and the drive beside it."""
     drive = session.drive
     line = Text(no_wrap=True, overflow="ellipsis")
     line.append(visible(drive.name), "bold")
@@ -563,19 +563,19 @@ def _table_within(columns: dict[str, list[str]], width: int) -> RichTable:
 
 
 def order_words(known: Known) -> str:
-    """The order with its reasons, or why there is none."""
+    """Return the order with its reasons, or why there is none."""
     return " ".join(known.report.why) if known.report else known.without
 
 
 def next_text(known: Known) -> str:
-    """The order for the wheel in a line, before its reason, and in another one the value to measure next."""
+    """Return the order for the wheel in a line, before its reason, and in another one the value to measure next."""
     if not (known.advice and known.report):
         return known.without.replace("\n", " ")
     return visible("\n".join((" ".join(order_and_reason(known.advice)), *known.report.why[1:][-1:])))
 
 
 def turn_blocks(page: Report, name: str) -> Iterator[Block]:
-    """The first cam turn of a page of `trace`, or its full cycle with its greatest orders."""
+    """Yield the first cam turn of a page of `trace`, or its full cycle with its greatest orders."""
     for block in reversed(page.blocks):
         if isinstance(block, Curve) and name == "turn":
             first = block.x < 1
@@ -592,7 +592,7 @@ def turn_blocks(page: Report, name: str) -> Iterator[Block]:
 
 
 def why_blocks(known: Known) -> tuple[Block, ...]:
-    """Influences on F'_ior with their shares, what it would take, and other facts of check."""
+    """Return influences on F'_ior with their shares, what it would take, and other facts of check."""
     if not (whole_check := known.whole):
         return (Paragraph(known.without),)
     point = whole_check.points[whole_check.governing]
@@ -607,7 +607,7 @@ def why_blocks(known: Known) -> tuple[Block, ...]:
 
 
 def facts_of(report: Report | None, *left_out: str) -> Facts:
-    """The labelled lines of a page, its warnings and proof, without some labels; not the command to type next."""
+    """Return the labelled lines of a page, its warnings and verification, without some labels and the next command."""
     if not report:
         return Facts(())
     rows = [row for block in (*report.blocks, *report.details) if isinstance(block, Facts) for row in block.rows]

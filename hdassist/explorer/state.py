@@ -38,11 +38,11 @@ class _StateSource:
 
     @classmethod
     def of(cls, name: str, overrides: tuple[str, ...] = ()) -> _StateSource:
-        """A preset by its name or file. Raises DataError where there is none."""
+        """Return a preset by its name or file. Raises DataError where there is none."""
         return cls(name, *read_preset(name), overrides)
 
     def drive(self, changes: _Changes = ()) -> Drive:
-        """The drive with changes, of one field the last one.
+        """Return the drive with changes, of one field the last one.
 
         Raises PresetError, or UsageError with the loader's words about them.
         """
@@ -89,13 +89,13 @@ class Session:
         return tuple(360 * k / holes for k in range(holes))
 
     def command(self, name: str = "") -> str:
-        """The command line that gives the same answer: that of a command by name, without one of mount."""
+        """Return the command line that gives the same answer: that of a command by name, without one of mount."""
         pinned = self.pinned.origin.file
         pin_options = ("--pin", pinned) if name == "explore" and pinned != self.drive.origin.file else ()
         return again(name or "mount", self.drive, *pin_options)
 
     def trace_command(self, M_g: float, typical: Mapping[str, float]) -> str:
-        """The same of the cam turn at a torque [N*m] of a typical drive, the fixed wheel as it is looked at."""
+        """Return the same of the cam turn at a torque [N*m] of a typical drive, the fixed wheel as it is looked at."""
         drive = self.drive.with_values(typical)
         moved = [path for path in carried(drive) if self.turn_deg and drive.value(path) is not None]
         turned = {path: drive.number(path) + self.turn_deg for path in moved}
@@ -108,14 +108,14 @@ def opened_state(
     overrides: tuple[str, ...] = (),
     pin: str = "",
 ) -> Session:
-    """A session of a preset, compared with it as it was opened or with another one. Raises what loading raises."""
+    """Return a session of a preset, compared with its opened state or another preset. Raises what loading raises."""
     source = _StateSource.of(name, overrides)
     session = Session(source, source.drive(), source.drive())
     return replace(session, pinned=_StateSource.of(pin, (session.torques,)).drive()) if pin else session
 
 
 def is_tried(drive: Drive) -> bool:
-    """Whether F'_ior was measured in several positions of the fixed wheel."""
+    """Return whether F'_ior was measured in several positions of the fixed wheel."""
     return len({value.rotation_deg for value in measured_errors(drive)}) > 1
 
 
@@ -124,7 +124,7 @@ def edited(
     path: str,
     value: str,
 ) -> Session:
-    """The session with a field changed; an empty value takes the change back.
+    """Return the session with a field changed; an empty value takes the change back.
 
     Teeth change together: one number of them, or the ratio (100:1), keeps their difference. Raises UsageError with
     the loader's words where the value is refused.
@@ -147,7 +147,7 @@ def edited(
 
 
 def _with_fields(session: Session, values: Mapping[str, str]) -> Session:
-    """The session with fields changed, by path; empty values take changes back."""
+    """Return the session with fields changed, by path; empty values take changes back."""
     changes = {path: text for path, text in {**dict(session.changes), **values}.items() if text}
     step = tuple(changes.items())
     if step == session.changes:
@@ -160,7 +160,7 @@ def _with_fields(session: Session, values: Mapping[str, str]) -> Session:
 
 
 def with_evidence(session: Session, text: str) -> Session:
-    """The session with more known of its drive: values by name, several with blanks or ; between, or a trace's path.
+    """Return the session with further data of its drive: values by name, separated by blanks or ;, or a recording.
 
     A name is a field, one of `measured` (K_1), a position (h4, h4@80) in which F'_ior was measured, or `limit`. A trace
     is of the position and torque of trials. Values may have an uncertainty (31 ± 2), k = 2; an empty one takes it back.
@@ -189,7 +189,7 @@ def with_evidence(session: Session, text: str) -> Session:
 
 
 def _measured_value(session: Session, path: str) -> str:
-    """F'_ior of a trace with its expanded uncertainty [arcsec]."""
+    """Return F'_ior of a trace with its expanded uncertainty [arcsec]."""
     gearing = gearing_of(session.drive, None)
     trace = read_trace(path, TraceForm(), gearing.ratio if gearing else None)
     sweep = with_full_cycle(measure(trace, drive=session.drive)).directions[0]
@@ -202,20 +202,20 @@ def _measured_value(session: Session, path: str) -> str:
 
 
 def turned_state(session: Session, by: int) -> Session:
-    """The session with the wheel looked at so many positions further, counter-clockwise."""
+    """Return the session with the wheel looked at so many positions further, counter-clockwise."""
     positions = session.positions
     place = round(session.turn_deg * len(positions) / 360) + by
     return replace(session, turn_deg=positions[place % len(positions)])
 
 
 def pinned(session: Session) -> Session:
-    """The session compared with its drive as it is now; pinned again, with the preset."""
+    """Return the session compared with its drive as it is now; pinned again, with the preset."""
     is_pinned = session.pinned.origin == session.drive.origin
     return replace(session, pinned=session.source.drive() if is_pinned else session.drive)
 
 
 def undone(session: Session) -> Session:
-    """The session before its last change, which it has to have."""
+    """Return the session before its last change, which it has to have."""
     back = _at_step(session, session.past[-1])
     return replace(
         back,
@@ -225,7 +225,7 @@ def undone(session: Session) -> Session:
 
 
 def redone(session: Session) -> Session:
-    """The session with the change that was undone last, which it has to have."""
+    """Return the session with the change that was undone last, which it has to have."""
     on = _at_step(session, session.future[0])
     return replace(
         on,
@@ -235,7 +235,7 @@ def redone(session: Session) -> Session:
 
 
 def _at_step(session: Session, changes: _Changes) -> Session:
-    """The session with other changes of its preset. Raises UsageError with the loader's words about them."""
+    """Return the session with other changes of its preset. Raises UsageError with the loader's words about them."""
     try:
         return replace(
             session,
@@ -259,13 +259,13 @@ _LEVER_STEPS = {"um": 1.0, "deg": 5.0, "N*m": 10.0}  # a step in units that have
 
 
 def about_field(field: ResolvedField) -> str:
-    """Path, meaning and range of a field."""
+    """Return path, meaning and range of a field."""
     reach = field_table()[field.path].range_words(field.unit)
     return f"{field.path}: {field.meaning}{f'; {reach}' if reach else ''}"
 
 
 def step_of(field: PresetField, value: float) -> float:
-    """How far a step of a field goes from a value: by its unit, else about one per cent in a round number.
+    """Return how far a step of a field goes from a value: by its unit, else about one per cent in a round number.
 
     By its unit only where that is at most a tenth of the field's range: 5 deg of a phase, not of a pressure angle.
     """
@@ -285,7 +285,7 @@ def stepped(
     path: str,
     steps: int,
 ) -> str | None:
-    """The value of a field so many steps on, as text; None where it has no steps."""
+    """Return the value of a field so many steps on, as text; None where it has no steps."""
     field = field_table()[path]
     value = drive.value(path)
     if field.kind not in ("number", "count") or value is None:

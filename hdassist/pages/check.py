@@ -69,7 +69,7 @@ def _angle_deg(
 
 
 def percentile_error(percent: int, point: OperatingPoint) -> float | None:
-    """Monte Carlo standard error of a percentile of F'_ior [arcsec]."""
+    """Return the Monte Carlo standard error of a percentile of F'_ior [arcsec]."""
     if not (belief := point.belief):
         return None
     return belief.samples.of_ranges.percentile_error(percent / 100, belief.torque)
@@ -306,7 +306,7 @@ def _values(check: DesignCheck, seed: int) -> Json:
 
 
 def _line(check: DesignCheck) -> str:
-    """Torque, F'_ior, verdict."""
+    """Return torque, F'_ior, verdict."""
     return "\n".join(
         f"{p.M_g:g} N*m: F'_ior "
         + (f"{p.belief.p5:.2f} to {p.belief.p95:.2f}" if p.belief else _ON_PAGE[1].text(p))

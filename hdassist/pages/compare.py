@@ -549,7 +549,7 @@ def _drives_values(result: DrivesComparison, seed: int) -> Json:
 
 
 def _drive_object(sheet: DriveSheet, seed: int) -> Json:
-    """The JSON of `check` and `mount` on a drive, as far as it is compared."""
+    """Return the JSON of `check` and `mount` on a drive, as far as it is compared."""
     check = report_object(check_report(sheet.check, seed))
     best = sheet.advice.chosen
     is_one = sheet.advice.names_hole

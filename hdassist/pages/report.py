@@ -212,10 +212,10 @@ def report_html(report: Report) -> str:
 
 
 def report_markdown(report: Report, style: Style) -> str:
-    """A report as Markdown, with the tables of GitHub's dialect and figures in characters; style: of its texts."""
+    """Return a report as GitHub Markdown, with figures in characters; style: of its texts."""
 
     def safe(value: Any) -> Any:
-        """The text with what Markdown or HTML would take for a sign of their own behind a backslash."""
+        """Return the text with what Markdown or HTML would take for a sign of their own behind a backslash."""
         if isinstance(value, Markup):
             return value
         return re.sub(r"([\\`*_\[\]<>|~&#])", r"\\\1", style.text(str(value)).replace("\n", "\\n"))
@@ -240,7 +240,7 @@ def blocks_text(
     *,
     ascii: bool = False,
 ) -> str:
-    """A title and blocks below it as text of the width of a card; ascii: as of card_text."""
+    """Return a title and blocks below it as text of the width of a card; ascii: as of card_text."""
     style = Style(
         ascii,
         codes=False,
@@ -252,7 +252,7 @@ def blocks_text(
 
 
 def lines_on_paper(card: Card) -> int:
-    """About how many lines a card has beside its drawing, rows to write in counted by their height.
+    """Return about how many lines a card has beside its drawing, rows to write in counted by their height.
 
     By that the style sheet chooses letters with which the card is one page.
     """
@@ -270,7 +270,7 @@ def _environment(
     *,
     autoescape: bool = False,
 ) -> Environment:
-    """Where templates are found, how what they print is made safe, and what they know of blocks.
+    """Return the environment of the templates: their folder, the escaping of texts, and their functions.
 
     Lines of a tag alone leave none.
     """
@@ -286,7 +286,7 @@ def _environment(
     plain = replace(style, codes=False, width=_UNICODE.width)
 
     def drawn(figure: Figure) -> str:
-        """A figure in characters; in a fenced block of Markdown only the fence is a sign."""
+        """Return a figure in characters; in a fenced block of Markdown only the fence is a sign."""
         text = visible(in_characters(figure, plain))
         return text if autoescape else Markup(text.replace("```", "'''"))
 
@@ -311,7 +311,7 @@ def _environment(
 
 
 def _unbroken(text: str) -> str:
-    """A text for HTML: an arrow as its sign, and no line ends within a range or before a unit."""
+    """Return a text for HTML: an arrow as its sign, and no line ends within a range or before a unit."""
     return re.sub(
         r"\([-+.\d]+-[-+.\d]+\)|[-+.\d]+ to [-+.\d]+|\d (?:N·m|\u041d·\u043c|µm|mm|%)",
         lambda found: found[0].replace("-", "\N{NON-BREAKING HYPHEN}").replace(" ", "\N{NO-BREAK SPACE}"),
@@ -320,7 +320,7 @@ def _unbroken(text: str) -> str:
 
 
 def _html_safe(value: Any) -> Any:
-    """Text with hidden characters escaped (jinja2 does the rest); numbers of the drawing need no more digits."""
+    """Return text with hidden characters escaped (jinja2 does the rest); numbers of the drawing need no more digits."""
     if isinstance(value, float):
         return round(value, 2)
     return _UNICODE.text(value) if isinstance(value, str) and not isinstance(value, Markup) else value
@@ -333,7 +333,7 @@ ENVELOPE_COLUMNS = 400  # of a curve of many points, drawn from least to greates
 
 
 def at(angle_deg: float, distance: float) -> tuple[float, float]:
-    """Where a direction lies on the drawing of a seat: counter-clockwise from the right, y downwards."""
+    """Return the place of a direction on the drawing of a seat: counter-clockwise from the right, y downwards."""
     return CENTRE[0] + distance * cos(radians(angle_deg)), CENTRE[1] - distance * sin(radians(angle_deg))
 
 
@@ -347,17 +347,17 @@ class _ChartAxes:
 
     @classmethod
     def around(cls, figure: Curve) -> _ChartAxes:
-        """Axes that hold a figure of more than one point, its limit and its whiskers."""
+        """Return axes that hold a figure of more than one point, its limit and its whiskers."""
         ends = float(figure.x[0]), float(figure.x[-1])
         columns = [tick for tick in ticks(*ends, 8) if ends[0] <= tick <= ends[1]]
         return cls(columns, ticks(*figure.ends, 5), ends)
 
     def right(self, x: float) -> float:
-        """Where x lies in the drawing."""
+        """Return the place of x in the drawing."""
         return _CHART_BOX[0] + (x - self.ends[0]) / (self.ends[1] - self.ends[0]) * (_CHART_BOX[2] - _CHART_BOX[0])
 
     def down(self, y: float) -> float:
-        """Where y lies in the drawing."""
+        """Return the place of y in the drawing."""
         return _CHART_BOX[3] - (y - self.rows[0]) / (self.rows[-1] - self.rows[0]) * (_CHART_BOX[3] - _CHART_BOX[1])
 
 

@@ -325,7 +325,7 @@ class PresetField:
         return isfinite(value) and self.gt < value <= self.le and value >= self.ge
 
     def range_words(self, unit: str = "") -> str:
-        """Range of the field, or of each item of it, in words and with the unit; empty where there is none."""
+        """Return range of the field, or of each item of it, in words and with the unit; empty where there is none."""
         low = f"above {plain(self.gt)}, up" if self.gt > -inf else plain(self.ge) if self.ge > -inf else ""
         if self.le < inf:
             return f"{low} to {plain(self.le)} {unit}".rstrip()
@@ -333,7 +333,7 @@ class PresetField:
 
 
 def _read_items(items: Mapping[Any, Any], read: Callable[[Any, Any], Any]) -> dict[Any, Any]:
-    """Items of a table or list, by key, as a function reads each. Raises ValidationError with the faults of all."""
+    """Return the items of a table or list by key, read by a function. Raises ValidationError with all faults."""
     values = {}
     faults = list[InitErrorDetails]()
     for key, item in items.items():
@@ -733,7 +733,7 @@ def deviation_sizes() -> tuple[str, ...]:
 
 
 def path_of(key: str) -> Path:
-    """Path that the key of an override sets; keys of `uncertainty`, `fit`, `source` and `cost` have a dot in them."""
+    """Return the path that the key of an override sets; keys of tables by path have a dot in them."""
     parts = [part.strip() for part in key.split(".")]
     if parts[0] in PATH_TABLES:
         return tuple(filter(None, (parts[0], ".".join(parts[1:3]), *parts[3:])))

@@ -253,7 +253,7 @@ class _Statements:
                 table.notes.append(f'line {line}: "{word}" is ignored; {hint}')
 
     def value(self, key: str) -> str:
-        """Value of a key: that of the argument, else that of the file, else the one that is assumed, with a note."""
+        """Return the value of a key: that of the argument, else of the file, else the assumed one, with a note."""
         stated = self.stated[key]
         default, note = ASSUMED.get(key, ("", ""))
         # who calls knows the wheel better than its file
@@ -331,7 +331,7 @@ class _Statements:
 
 
 def _value_of(key: str, text: str) -> str:
-    """Value of a remark; empty if it is invalid."""
+    """Return value of a remark; empty if it is invalid."""
     if key == "unit":
         return plain_unit(text)
     if key == "mark":
@@ -348,7 +348,7 @@ def _rows_by_tooth(
     column: int,
     teeth: int,
 ) -> tuple[int, list[int]]:
-    """The first tooth number, 0 or 1, and the row (from 0) of each tooth of the wheel, from the first on.
+    """Return the first tooth number, 0 or 1, and the row (from 0) of each tooth of the wheel, from the first on.
 
     Faults of the tooth numbers are added to the findings of the table.
     """
@@ -384,7 +384,7 @@ def _cumulative(
     *,
     is_single: bool,
 ) -> Array:
-    """Cumulative deviations [um] in the order of the tooth numbers, with their signs in the file.
+    """Return cumulative deviations [um] in the order of the tooth numbers, with their signs in the file.
 
     Arguments: table, whose notes and findings are added to; column of the deviations, and their rows in order; unit,
     its name and size in um; is_single, whether they are single pitch deviations.
@@ -453,7 +453,7 @@ class WheelFiles:
             raise UsageError("--pitch-form, --pitch-sense and --pitch-flank need --pitch-b or --pitch-g")
 
     def read(self, drive: Drive) -> MeasuredTeeth | None:
-        """The measured wheels of a drive, with the assumptions made in their notes; None without a file.
+        """Return the measured wheels of a drive, with the assumptions made in their notes; None without a file.
 
         Raises PresetError with the faults of a file, DataError for a file that cannot be read, UsageError where the
         direction of a mark is unknown.

@@ -283,7 +283,7 @@ class NumberTable:
         row: int | None = None,
         column: int = 0,
     ) -> PresetError:
-        """The fault of a cell by row and column (from 0), or without a row that of the names, which it lists."""
+        """Return the fault of a cell by row and column (from 0), or without a row that of the names, which it lists."""
         # a fault of the columns as a whole
         if row is None or not len(self.lines):
             self.add(self.names_line, 1, "", message, self.listed, hint)
@@ -320,7 +320,7 @@ class CellTable:
     unclosed: Mapping[int, int]
 
     def with_points(self, text: str) -> str:
-        """A cell with decimal points, where the separator leaves commas free and the cell has no list in it."""
+        """Return a cell with decimal points, where the separator leaves commas free and the cell has no list in it."""
         # "1,5" in a file with semicolons is a number; "[1,5]" is a list
         free = self.separator != "," and "." not in text and "[" not in text
         return _DECIMAL_COMMA.sub(".", text) if free else text
@@ -627,7 +627,7 @@ class _Rows:
         self.lines.frombytes(lines.tobytes())
 
     def _plain(self, part: str) -> _Cells | None:
-        """Rows of a part of numbers and separators alone, shape (rows, columns); None for any other part.
+        """Return rows of a part of numbers and separators alone, shape (rows, columns); None for any other part.
 
         It reads the same numbers as `_row`, only faster.
         """
@@ -664,7 +664,7 @@ class _Rows:
             self.decimal = "," if marks[","] > marks["."] else "." if marks["."] else ""
 
     def _row(self, line: int, row: Sequence[Cell]) -> list[float] | None:
-        """Numbers of a row; None, with a finding, for a row that has none or another number of cells."""
+        """Return numbers of a row; None, with a finding, for a row that has none or another number of cells."""
         # a second line of names, or a remark without #
         if not has_numbers(row):
             hint = "put # in front of it; only one line of names is allowed, above the rows"
@@ -718,7 +718,7 @@ def _lines(
     part: str,
     table: NumberTable,
 ) -> Iterator[TableLine]:
-    """Lines of a part of a text that are not blank; one that is too long is added to the findings of the table."""
+    """Yield the lines of a part of a text that are not blank; an overlong one is added to the findings."""
     # an empty line of a spreadsheet has separators
     for number, line in enumerate(part.split("\n"), first):
         if not line.strip(' ;,\t"\x1a') or (number == 1 and _SEPARATOR_LINE.fullmatch(line)):
@@ -757,7 +757,7 @@ def shortened(items: Sequence[object], most: int = 5) -> str:
 
 
 def _program_of(lines: Sequence[str]) -> str:
-    """The file of another program that some first lines are of, in words; empty for none that is known."""
+    """Return the file of another program that some first lines are of, in words; empty for none that is known."""
     text = "\n".join(lines[:_HEAD])
     return next((program for pattern, program in _PROGRAMS.items() if re.search(pattern, text, re.MULTILINE)), "")
 
@@ -814,7 +814,7 @@ def _readable_parts(
 
 
 def _of_pe_file(lines: list[str], table: NumberTable) -> Iterator[str]:
-    """Angle of the shaft that turns once a worm period, the cam, by motor steps, else by time."""
+    """Yield angle of the shaft that turns once a worm period, the cam, by motor steps, else by time."""
     facts = re.findall(r"^!(WormPeriod|StepsPerWorm)\s*=\s*([-+0-9.]+)", "\n".join(lines), re.MULTILINE)
     stated = {key: number_of(number) for key, number in reversed(facts)}  # the first of each
     period, steps = (stated.get(key, nan) for key in ("WormPeriod", "StepsPerWorm"))

@@ -125,7 +125,7 @@ def _unwrapped(
     wrap: float,
     other: _Angles | None = None,
 ) -> _Angles:
-    """Angles without the jumps of an encoder that begins again after wrap, shape (rows,), in the same unit.
+    """Return angles without the jumps of an encoder that begins again after wrap, shape (rows,), in the same unit.
 
     other: the same angle by another encoder, without jumps and in either sense, which says how far a long step went.
     Raises AngleError: a step that may have gone either way round.
@@ -148,7 +148,7 @@ def _unwrapped(
 
 
 def _leaping(angle: _Angles) -> NDArray[np.bool_]:
-    """Rows, shape (rows,), whose angle [deg] lies off the median of the five around it, as it never does on its way."""
+    """Return the rows, shape (rows,), whose angle [deg] lies far off the median of the five around it."""
     padded = np.pad(
         angle,
         2,
@@ -161,7 +161,7 @@ def _leaping(angle: _Angles) -> NDArray[np.bool_]:
 
 
 def sweeps(angle: _Angles) -> list[_AngleSweep]:
-    """Moves in one direction each, in the order of the rows.
+    """Return moves in one direction each, in the order of the rows.
 
     Arguments: angle [deg], shape (rows,), without jumps of the encoder. Rows of a short move at the beginning or end
     are left out. Raises AngleError: an angle that runs backwards within a move.
@@ -190,7 +190,7 @@ def _without_turning(
     moves: Sequence[_AngleSweep],
     within: float,
 ) -> list[_AngleSweep]:
-    """Moves without the rows so near to their turning points [deg], which may be readings of either direction.
+    """Return moves without the rows so near to their turning points [deg], which may be readings of either direction.
 
     Where a shaft has turned back between two rows the last of one move may be the first of the other, on whose side of
     the play it lies.
@@ -205,7 +205,7 @@ def _without_turning(
 
 
 def _moves(angle: _Angles, least: float) -> list[_AngleSweep]:
-    """Moves between turning points that lie at least so far apart [deg]."""
+    """Return moves between turning points that lie at least so far apart [deg]."""
     signs = np.sign(np.diff(angle)).astype(np.int8)
     moving = np.flatnonzero(signs)
     # only the last rows before the direction changes can be turning points
@@ -360,7 +360,7 @@ class MeasuredTrace:
         return np.concatenate(self.by_sweep(np.arange(len(self.line))))
 
     def by_sweep(self, values: NDArray[Any]) -> list[NDArray[Any]]:
-        """Values of all rows, shape (rows,), parted into those of each sweep."""
+        """Return values of all rows, shape (rows,), parted into those of each sweep."""
         return [values[sweep.rows] for sweep in self.sweeps]
 
     def require_known_scale(self) -> None:
@@ -373,11 +373,11 @@ class MeasuredTrace:
             raise UntrustedError(message, "state the guide rate: --guide-rate ARCSEC/S")
 
     def one_way(self, sign: int) -> MeasuredTrace:
-        """The trace with its sweeps in a direction alone; 0 for both."""
+        """Return the trace with its sweeps in a direction alone; 0 for both."""
         return replace(self, sweeps=tuple(sweep for sweep in self.sweeps if sweep.direction == sign or not sign))
 
     def without(self, rows: NDArray[np.int64]) -> MeasuredTrace:
-        """The trace without some rows."""
+        """Return the trace without some rows."""
         columns = ("cam_deg", "error_arcsec", "line", "time_s", "load")
         arrays = {name: getattr(self, name) for name in columns}
         kept: dict[str, Any] = {name: np.delete(values, rows) for name, values in arrays.items() if values is not None}
@@ -727,7 +727,7 @@ def _angle(
     wrap: float | None,
     other: Array | None = None,
 ) -> Array:
-    """Angles [deg] of the readings of a column without wraps; other, see `unwrapped`."""
+    """Return angles [deg] of the readings of a column without wraps; other, see `unwrapped`."""
     angle = readings * (column.size / _ARCSEC_PER_DEG)
     if not np.ptp(angle):
         raise table.fault("the column is constant", "check the column of the angle", 0, column.index)
@@ -748,7 +748,7 @@ def _beside(
     role: str,
     default: str,
 ) -> Array | None:
-    """The one column of a role, in the unit whose size is 1; None without one, and for times that do not rise."""
+    """Return the only column of a role in its base unit; None without one, and for times that do not increase."""
     if table.roles.count(role) != 1:
         return None
     values = table.in_unit(table.roles.index(role), role, default)
@@ -765,7 +765,7 @@ def _second(
     cam: Array,
     ratio: float,
 ) -> tuple[Array, int]:
-    """Error [arcsec] out of the angles [deg] of two encoders, and the sense in which they count."""
+    """Return error [arcsec] out of the angles [deg] of two encoders, and the sense in which they count."""
     centred = cam - cam.mean()
     slope = float(centred @ output / (centred @ centred))
     if np.ptp(cam) >= 360 and abs(abs(slope) * ratio - 1) > _SLIP:
@@ -833,7 +833,7 @@ def _cause_of_ratio(fitting: Sequence[float], ratio: float) -> str:
 
 
 def _leap_in(values: Array) -> int | None:
-    """The row at which values leap by most of their range and stay there; None without one, and with several."""
+    """Return the row at which values leap by most of their range and stay there; None without one, and with several."""
     steps = np.diff(values)
     row = int(np.abs(steps).argmax())
     without_step = np.concatenate([values[: row + 1], values[row + 1 :] - steps[row]])
@@ -849,7 +849,7 @@ def _even_step(levels: Array, least: float) -> float:
 
 
 def _step(readings: Array) -> float:
-    """Resolution of readings that repeat themselves and lie on even steps; 0 without such a step."""
+    """Return resolution of readings that repeat themselves and lie on even steps; 0 without such a step."""
     levels = np.unique(readings)
     rounding = 1e-9 * float(np.abs(readings).max() + np.ptp(readings))
     return _even_step(levels, rounding) if 2 * len(levels) <= len(readings) else 0.0
@@ -860,7 +860,7 @@ def _step_in_time(
     output: Array,
     ratio: float,
 ) -> float:
-    """Resolution [arcsec] of output angles [deg] read at even angles of the cam; 0 without one.
+    """Return resolution [arcsec] of output angles [deg] read at even angles of the cam; 0 without one.
 
     Angles of a turning shaft seldom repeat themselves, but the steps between them do; steps over missing rows are left
     out.
@@ -877,12 +877,12 @@ def _step_in_time(
 
 
 def _is_even(cam: Array, within_deg: float) -> bool:
-    """Whether nine in ten steps of the cam [deg] are as long but for so much: a rounded angle may come round again."""
+    """Return whether nine in ten steps of the cam are equal within a tolerance [deg], so that rounding repeats."""
     return float(np.ptp(np.quantile(np.abs(np.diff(cam)), (0.05, 0.95)))) <= within_deg
 
 
 def _columns(table: NumberTable, form: TraceForm) -> tuple[_TraceColumn, _TraceColumn]:
-    """Columns of the angle, and of the error or the output's own angle: by the form, by their names, or by their order.
+    """Return the columns of the angle, and of the error or the output angle: by form, names or sequence.
 
     Raises UsageError: one column for both; PresetError: columns without a clear role.
     """
@@ -1026,7 +1026,7 @@ def _column(
     kind: str,
     option: str,
 ) -> int:
-    """Column (from 0) by its name or number as asked for, else the only one of a kind."""
+    """Return column (from 0) by its name or number as asked for, else the only one of a kind."""
     if asked is not None:
         for plain in (str, str.lower):
             same = [i for i, name in enumerate(table.names) if plain(name) == plain(asked)]
@@ -1054,7 +1054,7 @@ def _in_unit(
     default: str,
     option: str,
 ) -> _TraceColumn:
-    """A column in the unit asked for, that of its name, or the default; how it is read is noted."""
+    """Return a column in the unit asked for, that of its name, or the default; how it is read is noted."""
     unit = table.unit_of(index, words, default, (*ANGLES, COUNTS), asked, option)
     is_in_counts = unit.removeprefix("-") not in ANGLES
     if asked is None and is_in_counts:

@@ -89,7 +89,7 @@ _WRITTEN = {".": re.compile(NUMBER), ",": re.compile(NUMBER.replace(r"\.", ","))
 
 
 def role_in(name: str) -> str:
-    """Content of a column by its name: a key of _ROLES, as error, cam, output or angle; empty for an unknown one."""
+    """Return the content of a column by its name: error, cam, output, angle and so on; empty if it is unknown."""
     if _names_temperature(name):
         return "temperature"
     if field := _epics_field_in(name):
@@ -147,18 +147,18 @@ def is_numbered_run(name: str) -> bool:
 
 
 def form_in(text: str) -> str:
-    """Form of pitch deviations by a name: cumulative, single, ambiguous, or empty without one."""
+    """Return form of pitch deviations by a name: cumulative, single, ambiguous, or empty without one."""
     return next((row["form"] for row in _TABLE["forms"] if re.search(row["words"], text)), "")
 
 
 def flank_in(text: str) -> str:
-    """Flank by a name: left, right, or empty for none or both."""
+    """Return flank by a name: left, right, or empty for none or both."""
     flanks = [flank for flank, pattern in _FLANKS.items() if re.search(pattern, text.lower())]
     return flanks[0] if len(flanks) == 1 else ""
 
 
 def names_teeth(text: str) -> bool:
-    """Whether a name is that of a column of tooth numbers."""
+    """Return whether a name is that of a column of tooth numbers."""
     return bool(re.match(_TABLE["tooth"]["number"], text.strip().lower()))
 
 
@@ -202,7 +202,7 @@ def scaled_unit_in(name: str) -> str:
 
 
 def unit_in(name: str, units: Iterable[str] = ANGLES) -> str:
-    """The first of some units in a name, such as "angle [deg]", "error/arcsec" or "wg_angle_deg"; empty for none.
+    """Return the first known unit in a name such as "angle [deg]", "error/arcsec" or "wg_angle_deg"; empty without one.
 
     A unit with a factor, as in "error [0.1 arcsec]" or "error [arcsec/s]", is none of them.
     """
@@ -257,7 +257,7 @@ def quantity_of(unit: str) -> str:
 
 
 def length_in(name: str) -> str:
-    """Unit of a column of deviations by its name: a length, or another unit (see micrometres); empty without one."""
+    """Return the unit of a column of deviations by its name; empty without one."""
     for text in re.findall(r"\[([^\]]*)\]", name):
         if not form_in(text) and not flank_in(text):
             return plain_unit(text)
@@ -269,7 +269,7 @@ def length_in(name: str) -> str:
 
 
 def plain_unit(unit: str) -> str:
-    """A unit as this module spells it."""
+    """Return a unit as this module spells it."""
     low = unit.strip().translate(_MICRO).lower()
     return _SPELLED.get(low, low)
 
@@ -321,7 +321,7 @@ class TableLine(NamedTuple):
 
     @classmethod
     def of(cls, number: int, text: str) -> TableLine:
-        """A line by its number and text."""
+        """Return a line by its number and text."""
         mark = _REMARK.match(text)
         return cls(number, text, mark.end() + 1 if mark else 0)
 
@@ -338,7 +338,7 @@ class TableLine(NamedTuple):
 
 
 def cells_of(line: str, separator: str) -> list[Cell]:
-    """Cells of a line; empty ones at its end are left out."""
+    """Return cells of a line; empty ones at its end are left out."""
     cells = []
     start = len(line) - len(line.lstrip())
     end = len(line.rstrip())
@@ -365,17 +365,17 @@ def unclosed_quote(line: str, separator: str) -> int:
 
 
 def row_text(row: Iterable[Cell]) -> str:
-    """Texts of some cells, with blanks between them."""
+    """Return texts of some cells, with blanks between them."""
     return " ".join(cell.text for cell in row).strip()
 
 
 def has_numbers(row: Iterable[Cell]) -> bool:
-    """Whether a cell begins like a number, or is one that is not finite."""
+    """Return whether a cell begins like a number, or is one that is not finite."""
     return any(_MEANT.match(cell.text) or _NOT_FINITE.fullmatch(cell.text) for cell in row)
 
 
 def separator_of(lines: Sequence[str]) -> str:
-    """Separator of the cells in most lines of numbers: a semicolon, tab, comma or blank.
+    """Return separator of the cells in most lines of numbers: a semicolon, tab, comma or blank.
 
     Semicolons and tabs are never part of a number, so they count before commas, and commas before blanks.
     """
@@ -397,7 +397,7 @@ def names_in(
     width: int,
     separator: str,
 ) -> tuple[str, ...] | None:
-    """Names of the columns in a line above the rows, separated as these are or otherwise; None if they do not fit."""
+    """Return the names of columns in a line above the rows, whatever separates them; None if they do not fit."""
     by_marks = (tuple(cell.text for cell in cells_of(line, mark)) for mark in dict.fromkeys((separator, *";\t,")))
     # a unit belongs to the name before it
     by_blanks = (tuple(re.split(separator, line.strip())) for separator in (r"\s{2,}", r"\s+(?![\[(/])(?<!/)(?<!/\s)"))
@@ -405,7 +405,7 @@ def names_in(
 
 
 def decimal_mark_in(text: str) -> str:
-    """The one point or comma of a number; empty without one, and for any other text."""
+    """Return the one point or comma of a number; empty without one, and for any other text."""
     if ("." in text) == ("," in text) or not _LIKE_A_NUMBER.fullmatch(text):
         return ""
     return "." if "." in text else ","
@@ -434,7 +434,7 @@ def sexagesimal_degrees(text: str, *, by_colons: bool) -> float | None:
 
 
 def fault_of(text: str, decimal: str) -> tuple[str, str]:
-    """Fault of the text of a number, and a hint, both empty where it is one; decimal, the mark of the file."""
+    """Return fault of the text of a number, and a hint, both empty where it is one; decimal, the mark of the file."""
     if _WRITTEN[decimal].fullmatch(text):
         return "", ""
     if not text:

@@ -49,7 +49,7 @@ _RecordT = TypeVar("_RecordT")
 
 
 def own_schema(own: str) -> AfterValidator:
-    """A validator of a record's schema, which refuses every other one by its name."""
+    """Return a validator of a record's schema, which refuses every other one by its name."""
 
     def require(schema: str) -> str:
         if schema != own:
@@ -180,7 +180,7 @@ class Kept(Generic[_RecordT]):
         self._checksum = checksum
 
     def records(self) -> Iterator[_RecordT]:
-        """The records that are there, in the order of the items, to be read before more are written.
+        """Yield the records that are there, in the order of the items, to be read before more are written.
 
         Raises DataError: one that does not hold.
         """
@@ -373,7 +373,7 @@ def read_kept(
     name: str,
     kind: RecordKind[_RecordT],
 ) -> list[_RecordT] | None:
-    """Records of a file that is only read; None where it is not of this form. Raises DataError as `open_kept` does."""
+    """Return the records of a file that is only read; None for another form. Raises DataError as `open_kept` does."""
     lines = BytesIO(data)
     try:
         _, previous = _owner_of(lines.readline(), name)
@@ -464,14 +464,14 @@ def _writing(path: str | None, hint: str = "") -> Iterator[None]:
 
 
 def _lines(descriptor: int) -> Iterator[bytes]:
-    """Lines of a file, each with its end; one that is longer than any of ours comes in parts."""
+    """Yield lines of a file, each with its end; one that is longer than any of ours comes in parts."""
     with os.fdopen(os.dup(descriptor), "rb") as file:
         file.seek(0)
         yield from iter(partial(file.readline, _LONGEST_LINE), b"")
 
 
 def _sealed(fields: Mapping[str, Any], above: bytes) -> bytes:
-    """A JSON object as a line with its checksum; above, that of the line above. Never NaN or Infinity."""
+    """Return a JSON object as a line with its checksum; above, that of the line above. Never NaN or Infinity."""
     text = printable(
         json.dumps(
             fields,
@@ -485,7 +485,7 @@ def _sealed(fields: Mapping[str, Any], above: bytes) -> bytes:
 
 
 def _unsealed(line: bytes, above: bytes) -> tuple[dict[str, Any], bytes]:
-    """Fields and checksum of a line. Raises ValueError: it is not as `_sealed` writes it."""
+    """Return fields and checksum of a line. Raises ValueError: it is not as `_sealed` writes it."""
     with suppress(ValueError, LookupError, TypeError, AttributeError):
         fields: dict[str, Any] = json.loads(line)
         del fields["checksum"]
@@ -499,7 +499,7 @@ def _checksum_of(line: bytes) -> bytes:
 
 
 def _owner_of(line: bytes, name: str) -> tuple[KeptOwner, bytes]:
-    """The owner in the first line of a file, and its checksum.
+    """Return the owner in the first line of a file, and its checksum.
 
     Raises UsageError: the file is not of this form; DataError: it is, and was changed.
     """
@@ -515,7 +515,7 @@ def _owner_of(line: bytes, name: str) -> tuple[KeptOwner, bytes]:
 
 
 def why_invalid(error: Exception) -> str:
-    """The fault of a line or of fields that are no record: of a record, its first field at fault."""
+    """Return the fault of a line or of fields that are no record: of a record, its first field at fault."""
     if not isinstance(error, ValidationError):
         return "nested too deep" if isinstance(error, RecursionError) else str(error)
     first = error.errors(include_url=False)[0]
@@ -550,18 +550,18 @@ _UNUSABLE = (OSError, ValueError)  # a path with a NUL
 
 
 def cache_folder() -> Path:
-    """Folder of the user's cache, which may be emptied at any time."""
+    """Return folder of the user's cache, which may be emptied at any time."""
     return Path(named) if (named := os.environ.get(FOLDER)) else user_cache_path("hdassist")
 
 
 def keeps_answers() -> bool:
-    """Whether answers are read from the cache and kept there."""
+    """Return whether answers are read from the cache and kept there."""
     return not os.environ.get(NO_CACHE)
 
 
 @cache
 def program(*packages: str) -> tuple[str, ...]:
-    """All of this installation that answers depend on, with packages by name beside numpy and scipy."""
+    """Return all of this installation that answers depend on, with packages by name beside numpy and scipy."""
     source = sha256()
     package = Path(__file__).parents[1]
     for path in sorted(path for kind in ("*.py", "*.toml", "*.c") for path in package.rglob(kind)):
@@ -573,14 +573,14 @@ def program(*packages: str) -> tuple[str, ...]:
 
 @cache
 def operating_system() -> str:
-    """The operating system, the kind of machine and the C library, on which last digits depend."""
+    """Return the operating system, the kind of machine and the C library, on which last digits depend."""
     # not platform.platform(), which starts a process for the processor's name
     about = platform.system(), platform.release(), platform.version(), platform.machine(), *platform.libc_ver()
     return " ".join(about)
 
 
 def why_unsafe() -> str:
-    """Why answers are neither kept nor read in the folder of the cache: who else could have written them, or empty."""
+    """Return why the cache is not used: who else could have written to its folder; empty if it is safe."""
     with suppress(*_UNUSABLE):
         try:
             with _own_folder():
@@ -591,7 +591,7 @@ def why_unsafe() -> str:
 
 
 def cached(kind: str, key: str) -> bytes | None:
-    """Data kept of a kind by a key (SHA-256); None where there are none, or they do not hold."""
+    """Return data kept of a kind by a key (SHA-256); None where there are none, or they do not hold."""
     name = _name(kind, key)
     with suppress(*_UNUSABLE), _own_folder() as folder:
         content = folder.read(name, _LARGEST_FILE)
@@ -631,7 +631,7 @@ def kept_answer(
     adapter: TypeAdapter[_AnswerT],
     compute: Callable[[], _AnswerT],
 ) -> _AnswerT:
-    """An answer of a kind as it is kept, or computed and kept.
+    """Return an answer of a kind as it is kept, or computed and kept.
 
     Arguments: depends, all that decides it, as JSON; adapter, its type.
     """
@@ -657,7 +657,7 @@ class KeptAnswer(Generic[_AnswerT]):
         return sha256(json.dumps(self.depends, sort_keys=True).encode()).hexdigest()
 
     def found(self) -> _AnswerT | None:
-        """The answer as it is kept; None where there is none, or it does not hold."""
+        """Return the answer as it is kept; None where there is none, or it does not hold."""
         with suppress(ValueError):
             return self.adapter.validate_json((keeps_answers() and cached(self.kind, self._key)) or b"")
         return None
@@ -669,7 +669,7 @@ class KeptAnswer(Generic[_AnswerT]):
 
 
 def cached_files() -> list[int]:
-    """Sizes of the files that are kept [bytes]."""
+    """Return sizes of the files that are kept [bytes]."""
     with suppress(*_UNUSABLE), _own_folder() as folder:
         return [about.st_size for _, about in _files(folder)]
     return []

@@ -62,7 +62,7 @@ class Run:
     cross_check: str | None = CROSS_SOLVER
 
     def map(self, function: Callable[..., _ResultT], *columns: Iterable[Any]) -> Iterator[_ResultT]:
-        """Results of a function over rows of arguments, in their order."""
+        """Return results of a function over rows of arguments, in their order."""
         return iter((self.executor.map if self.executor else map)(function, *columns))
 
     def solved(self, states: int) -> None:
@@ -142,7 +142,7 @@ class Cluster(Executor):
         return self._known
 
     def submit(self, task: Callable[..., Any], /, *args: Any, **more: Any) -> Future[Any]:
-        """The answer of a task."""
+        """Return the answer of a task."""
         return self._engine.submit(_same_there, self._installation, self._here, task, args, more)
 
 
@@ -287,7 +287,7 @@ def stream(
     seconds: float = _SECONDS,
     executor: Executor | None = None,
 ) -> Generator[list[Any], None, None]:
-    """Records of the items done, done + 1, ... total - 1, in lists of one chunk each; close it to stop the work.
+    """Yield records of the items done, done + 1, ... total - 1, in lists of one chunk each; close it to stop the work.
 
     Items go out in chunks that take a few seconds each, by the time of those before them, and only so many ahead of the
     one that is waited for: memory does not grow with the number of items.
@@ -338,7 +338,7 @@ def _timed(
     first: int,
     last: int,
 ) -> tuple[float, list[Any]]:
-    """How long some items took [s], and their records; work, pickled."""
+    """Return how long some items took [s], and their records; work, pickled."""
     begun = time.perf_counter()
     records = _unpickled(work)(first, last)
     return time.perf_counter() - begun, records
@@ -346,7 +346,7 @@ def _timed(
 
 @lru_cache(maxsize=1)
 def _unpickled(work: bytes) -> _Work:
-    """The work, unpickled once in each process: its caches stay from chunk to chunk."""
+    """Return the work, unpickled once in each process: its caches stay from chunk to chunk."""
     function: _Work = pickle.loads(work)
     return function
 
@@ -462,13 +462,13 @@ class Processes(ThreadPoolExecutor):
             pool.submit(abs, 0)
 
     def submit(self, task: Callable[..., Any], /, *args: Any, **more: Any) -> Future[Any]:
-        """The answer of a task. Raises BrokenExecutor: a process was ended from outside."""
+        """Return the answer of a task. Raises BrokenExecutor: a process was ended from outside."""
         if self._is_over:
             raise BrokenExecutor
         return super().submit(self._answer, (task, args, more))
 
     def _answer(self, task: Task) -> Any:
-        """The answer of a process to a task; where one is lost all others end too."""
+        """Return the answer of a process to a task; where one is lost all others end too."""
         # as many threads as processes: there is always an idle one
         worker = self._idle.get()
         try:
@@ -557,5 +557,5 @@ def _end_with_parent() -> None:
 
 
 def count(jobs: int) -> int:
-    """So many processes (0: one for each core)."""
+    """Return the number of processes; 0 stands for one per core."""
     return jobs or core_count()

@@ -41,7 +41,7 @@ def at_stop(action: Callable[[], str | None]) -> Iterator[None]:
 
 
 def until_interrupted(items: Iterator[_ItemT]) -> Generator[_ItemT, None, bool]:
-    """Items as they come, to the first interrupt, which ends the waiting for the next one and not the process.
+    """Yield items as they come, to the first interrupt, which ends the waiting for the next one and not the process.
 
     For work that can answer with the items that it has; a second stop ends the process. Result: whether interrupted.
     """

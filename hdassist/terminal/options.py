@@ -45,7 +45,7 @@ def _declared_parameter(
     section: str | None = None,
     **parameters: Any,
 ) -> Any:
-    """The type of a field together with its option, or argument, as options.toml declares that."""
+    """Return the type of a field together with its option, or argument, as options.toml declares that."""
     if get_origin(kind) is list and not is_required:
         parameters = {"default_factory": list, "show_default": False} | parameters
     if is_argument:
@@ -54,7 +54,7 @@ def _declared_parameter(
 
 
 def option_name(field: str) -> str:
-    """The option of a field."""
+    """Return the option of a field."""
     return f"--{field.replace('_', '-')}"
 
 
@@ -77,12 +77,12 @@ class OptionGroup:
 
     @classmethod
     def command_name(cls) -> str:
-        """The command, as its class is named: presets-show."""
+        """Return the command, as its class is named: presets-show."""
         return "-".join(re.findall("[A-Z][a-z]+", cls.__name__)[:-1]).lower()
 
     @classmethod
     def typed(cls, field: str, value: object) -> str:
-        """A field with its value as it is typed: the option, or the value alone of an argument."""
+        """Return a field with its value as it is typed: the option, or the value alone of an argument."""
         tables = [DECLARED.get(base.__name__, {}) for base in cls.__mro__]
         declared: dict[str, Any] = next((table[field] for table in [*tables, DECLARED["any"]] if field in table), {})
         if declared.get("is_argument"):
@@ -94,7 +94,7 @@ class OptionGroup:
         return f"{name}={number}" if name.startswith("--") else f"{name}{number}"
 
     def only(self, part: type[_PartT]) -> _PartT:
-        """The options of one of the groups that a command is made of, or of a dataclass with the same fields."""
+        """Return the options of one of the groups that a command is made of, or of a dataclass with the same fields."""
         names = [field.name for field in fields(part)]  # type: ignore[arg-type]  # a dataclass, which a type variable cannot ask for
         return part(**{name: getattr(self, name) for name in names})
 
@@ -122,11 +122,11 @@ class PageOptions(OptionGroup):
         return self.output
 
     def replaces(self, _path: str) -> bool:
-        """Whether an existing file may be replaced."""
+        """Return whether an existing file may be replaced."""
         return self.force
 
     def open(self) -> Output:
-        """Where the answer goes; refuses files that cannot be written before anything is computed.
+        """Return the output; refuse files that cannot be written before anything is computed.
 
         Raises UsageError and DataError for such files, and where two answers would go to standard output.
         """
@@ -173,7 +173,7 @@ class PageOptions(OptionGroup):
             write_text(self.answer_file, json_text(answer), self.force)
 
     def report(self, out: Output, preset: str) -> Report:
-        """The report on a preset; out shows how far its work is."""
+        """Return the report on a preset; out shows how far its work is."""
         raise NotImplementedError  # of a command whose `run` is its own, and never asks
 
 
@@ -203,7 +203,7 @@ class RowsOptions(PlotOptions):
     parquet: str | None = None
 
     def open(self) -> Output:
-        """Where the answer goes; also refuses a table of records for which a package is not installed."""
+        """Return the output; refuse files that cannot be written before anything is computed."""
         if self.parquet is not None:
             require_parquet(self.parquet)
         return super().open()
@@ -228,13 +228,13 @@ class DriveOptions(OptionGroup):
         return list(self.overrides)
 
     def load(self, preset: str) -> Drive:
-        """The drive of a preset with the changes. Raises DataError, PresetError or UsageError."""
+        """Return the drive of a preset with the changes. Raises DataError, PresetError or UsageError."""
         from hdassist.loading import load_preset
 
         return load_preset(preset, self.changes, self.taken_over())
 
     def taken_over(self) -> tuple[AskedOption, ...]:
-        """Options of which a next command on the drive is to have its own: all that decide an answer."""
+        """Return options of which a next command on the drive is to have its own: all that decide an answer."""
         from hdassist.preset.fields import AskedOption
 
         command = self.command_name()
@@ -327,13 +327,13 @@ class PitchOptions(OptionGroup):
     pitch_flank: Literal["left", "right"] | None = None
 
     def wheels(self) -> WheelFiles:
-        """The files and how they are read."""
+        """Return the files and how they are read."""
         from hdassist.readers.pitch import WheelFiles
 
         return self.only(WheelFiles)
 
     def wheels_of_one(self, presets: Sequence[str]) -> WheelFiles:
-        """The files, if any. Raises UsageError for options that cannot be meant, before any is read."""
+        """Return the files, if any. Raises UsageError for options that cannot be meant, before any is read."""
         wheels = self.wheels()
         wheels.require_sound()
         if wheels.files and len(presets) > 1:
@@ -346,7 +346,7 @@ class PitchOptions(OptionGroup):
 
     @staticmethod
     def teeth(files: WheelFiles, drive: Drive) -> MeasuredTeeth | None:
-        """The measured wheels of a drive, None without a file; assumptions are noted on stderr.
+        """Return the measured wheels of a drive, None without a file; assumptions are noted on stderr.
 
         Raises PresetError with the faults of a file, DataError for a file that cannot be read.
         """
@@ -375,13 +375,13 @@ class TraceOptions(OptionGroup):
     period: float | None = None
 
     def reading(self) -> Reading:
-        """How files are read and looked at."""
+        """Return how files are read and looked at."""
         from hdassist.measuring.measure import Reading
 
         return replace(self.only(Reading), budget=tuple(self.budget))
 
     def words_of_reading(self) -> list[str]:
-        """The options that were given, as a next command on the same file takes them."""
+        """Return the options that were given, as a next command on the same file takes them."""
         return [self.typed(name, value) for name, value in self.only(TraceOptions).given()]
 
 
@@ -392,7 +392,7 @@ class SignOptions(OptionGroup):
     cam_sense: Literal["ccw", "cw"] = "ccw"
 
     def alignment(self) -> Alignment:
-        """The signs, with both angles given as 0."""
+        """Return the signs, with both angles given as 0."""
         from hdassist.comparing.record import Alignment
 
         sign = 1.0 if self.error_is == "cam-output" else -1.0
@@ -415,12 +415,12 @@ class TrialOptions(OptionGroup):
     sure: float | None = None
 
     def torque_of(self, torques: Sequence[float]) -> float:
-        """Torque of the trials [N*m], of a drive with such torques."""
+        """Return torque of the trials [N*m], of a drive with such torques."""
         return min(torques, key=abs) if self.trial_torque is None else self.trial_torque
 
 
 def limits_of_options(texts: Sequence[str], only: str = "") -> tuple[LimitText, ...]:
-    """Limits of the command line, those of all torques first; only: name of the limits that a command holds.
+    """Return limits of the command line, those of all torques first; only: name of the limits that a command holds.
 
     Raises UsageError: a text that is no limit, or one that the command does not hold.
     """
@@ -466,7 +466,7 @@ def _with_no_load_warning(drive: Drive, no_load_Nm: float) -> Drive:
 
 
 def torque_overrides(texts: Sequence[str | None]) -> list[str]:
-    """Torques of the command line, where given, as 80 or '80 N·m', as an override of the preset.
+    """Return torques of the command line, where given, as 80 or '80 N·m', as an override of the preset.
 
     Raises UsageError: any other text, or 0.
     """
@@ -482,7 +482,7 @@ def torque_overrides(texts: Sequence[str | None]) -> list[str]:
 
 
 def degrees_or_fit(option: str, text: str) -> float | None:
-    """An angle [deg] of the command line, None for fit. Raises UsageError: anything else."""
+    """Return an angle [deg] of the command line, None for fit. Raises UsageError: anything else."""
     if text == "fit":
         return None
     angle = number_of(text)

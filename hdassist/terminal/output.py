@@ -77,7 +77,7 @@ class Output:
         self.text(self.page(answer))
 
     def page(self, answer: RenderableType) -> str:
-        """The answer for people as plain text."""
+        """Return the answer for people as plain text."""
         page = io.StringIO()
         console(page, replace(self.style, codes=False)).print(answer)
         return "\n".join(line.rstrip() for line in page.getvalue().splitlines()).rstrip() + "\n"
@@ -223,7 +223,7 @@ def complain(error: HdassistError, about: str = "") -> None:
 
 
 def with_code(hint: str, fault: Fault) -> str:
-    """A hint, and the command that explains errors of its kind."""
+    """Return a hint, and the command that explains errors of its kind."""
     return f"{hint} (hdassist explain {fault})" if hint else f"hdassist explain {fault}"
 
 
@@ -246,7 +246,7 @@ def envelope(
     exit_code: int = 0,
     warnings: Sequence[str] = (),
 ) -> Json:
-    """Keys common to all answers of a command; drive, the subject of the answer, None without one."""
+    """Return keys common to all answers of a command; drive, the subject of the answer, None without one."""
     origin = drive.origin if drive else None
     return {
         **_head(command),
@@ -261,7 +261,7 @@ def envelope(
 
 
 def report_object(report: Report) -> Json:
-    """A report as a JSON object."""
+    """Return a report as a JSON object."""
     answer = envelope(report.command, report.drive, report.exit_code, report.warnings) | report.values
     if report.certificate:
         answer["certificate"] = certificate_object(report.certificate, report.cross_checks)
@@ -275,7 +275,7 @@ def failure(
     preset: str | None = None,
     file: str | None = None,
 ) -> Json:
-    """The answer about a drive or a file that has none: its error.
+    """Return the answer about a drive or a file that has none: its error.
 
     Arguments: command; error; preset and file, the names asked for.
     """
@@ -290,12 +290,12 @@ def failure(
 
 
 def combine(command: str, results: Sequence[Json]) -> Json:
-    """One object for all drives: the answer itself where there is one, else a list of them."""
+    """Return one object for all drives: the answer itself where there is one, else a list of them."""
     return results[0] if len(results) == 1 else together(command, results)
 
 
 def together(command: str, results: Sequence[Json]) -> Json:
-    """One object with a list of answers, be it one or many; its exit code is the worst of theirs."""
+    """Return one object with a list of answers, be it one or many; its exit code is the worst of theirs."""
     return {
         **_head(command),
         "exit_code": worst_exit_code(result["exit_code"] for result in results),
@@ -305,7 +305,7 @@ def together(command: str, results: Sequence[Json]) -> Json:
 
 
 def json_text(answer: Json) -> str:
-    """An answer as text; never NaN or Infinity."""
+    """Return an answer as text; never NaN or Infinity."""
     return (
         printable(
             json.dumps(
@@ -320,7 +320,7 @@ def json_text(answer: Json) -> str:
 
 
 def csv_text(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
-    """A table as CSV: one header line, plain newlines, full precision, empty where there is no value.
+    """Return a table as CSV: one header line, plain newlines, full precision, empty where there is no value.
 
     Text cannot act: hidden characters are escaped, and an apostrophe stands before formulas of spreadsheets.
     """
@@ -332,7 +332,7 @@ def csv_text(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
 
 
 def _cell(value: Any) -> Any:
-    """A cell: numbers as they are, text made harmless."""
+    """Return a cell: numbers as they are, text made harmless."""
     if value is None or isinstance(value, Number):
         return "" if value is None else value
     text = visible(str(value))
@@ -349,7 +349,7 @@ def run_each(
     failed: Callable[[str, HdassistError], Json] | None = None,
     keep_failures: bool = False,
 ) -> list[Report]:
-    """Reports on presets or files one after the other; the error of one is its answer, and the others go on.
+    """Return reports on presets or files one after the other; the error of one is its answer, and the others go on.
 
     Each line of one of several begins with its name.
 

@@ -87,7 +87,7 @@ class _PageText(Text):
         self._ending = broken_line_end() if is_command else ""
 
     def wrap(self, console: Console, width: int, **options: Any) -> RichLines:
-        """Lines of a width, as rich has them."""
+        """Return lines of a width, as rich has them."""
         # the sign for which a shell reads on
         ending = self._ending * (self.cell_len > width)
         # an argument longer than a line has to break somewhere
@@ -108,7 +108,7 @@ class _PageText(Text):
         return lines
 
     def __rich_measure__(self, console: Console, options: ConsoleOptions) -> Measurement:
-        """Columns that it needs and takes; a path longer than _LONGEST_WORD may be broken within."""
+        """Return columns that it needs and takes; a path longer than _LONGEST_WORD may be broken within."""
         needed, taken = super().__rich_measure__(console, options)
         return Measurement(min(needed, _LONGEST_WORD), taken)
 
@@ -131,7 +131,7 @@ def report_page(
     plots: bool = True,
     details: bool = False,
 ) -> RenderableType:
-    """A report for people; plots: whether figures are drawn; details: whether all of it is shown."""
+    """Return a report for people; plots: whether figures are drawn; details: whether all of it is shown."""
     head = _PageText(style.text(report.head), "bold")
     if report.verdict:
         head.append(": ").append(word(report.verdict, style))
@@ -153,7 +153,7 @@ def report_page(
 
 
 def word(verdict: str, style: Style) -> Text:
-    """A verdict as a page has it, in the colour of its tone; any other text as it is."""
+    """Return a verdict as a page has it, in the colour of its tone; any other text as it is."""
     return _PageText(style.text(_PAGE_WORDS.get(verdict, verdict)), _STYLES.get(tone_of(verdict), ""))
 
 
@@ -162,7 +162,7 @@ def block_on_page(
     style: Style,
     plots: bool = True,
 ) -> Iterator[RenderableType]:
-    """A block in characters; none of an empty one, nor of figures without plots."""
+    """Yield a block in characters; none of an empty one, nor of figures without plots."""
     match block:
         case Paragraph():
             yield _PageText(style.text(block.text))
@@ -185,12 +185,12 @@ def block_on_page(
 
 
 def in_characters(block: Figure, style: Style) -> str:
-    """A figure in characters; empty, with a remark on stderr, where it cannot be drawn."""
+    """Return a figure in characters; empty, with a remark on stderr, where it cannot be drawn."""
     return made_or("plot", lambda: DRAWINGS[type(block)](style, block), str)
 
 
 def _labelled(block: Facts, style: Style) -> RichTable:
-    """Labelled lines; a text that wraps stays beside its label, which wraps where it takes more than half a page."""
+    """Return labelled lines; a wrapped text stays beside its label, which wraps beyond half a page."""
     grid = RichTable.grid(padding=(0, 2, 0, 0))
     grid.add_column(no_wrap=max(cell_len(label) for label, _ in block.rows) <= style.width // 2)
     grid.add_column(overflow="fold")
@@ -202,7 +202,7 @@ def _labelled(block: Facts, style: Style) -> RichTable:
 
 
 def _tables(block: Table, style: Style) -> Iterator[RenderableType]:
-    """A table, a tight one where that is wider than the page, or several with the same first column."""
+    """Yield a table, a tight one where that is wider than the page, or several with the same first column."""
     # to measure tables before one is chosen
     screen = console(sys.stdout, style)
     options = screen.options.update(width=_ANY_WIDTH)
@@ -237,7 +237,7 @@ def _table(
     is_tight: bool = False,
     folds: bool = False,
 ) -> RichTable:
-    """Some columns of a table, of which only words with spaces wrap.
+    """Return some columns of a table, of which only words with spaces wrap.
 
     Columns of a tight one are near, and its heads wrap; where it folds, brackets stand below their numbers.
     """

@@ -40,7 +40,7 @@ _LETTER_RADIUS = {"now": 0.5, "after": 0.5, "cam": 0.28}  # how far out the lett
 
 
 def curve(style: Style, drawn: Curve) -> str:
-    """A curve with numbered axes; where points crowd, from least to greatest.
+    """Return a curve with numbered axes; where points crowd, from least to greatest.
 
     Of two series the second is dashed; their legend stands above, that of marks below. Returns lines without a final
     newline.
@@ -82,7 +82,7 @@ def curve(style: Style, drawn: Curve) -> str:
 
 
 def sign(mark: CurveMark, style: Style) -> str:
-    """The sign of a mark, the same on every page: by its words, else their first letter."""
+    """Return the sign of a mark, the same on every page: by its words, else their first letter."""
     letter = MARK_SIGNS.get(mark.words, mark.words[0].upper())
     return "o" if style.ascii and not letter.isascii() else letter
 
@@ -160,7 +160,7 @@ class _Frame:
 
     @classmethod
     def around(cls, style: Style, figure: Curve) -> _Frame:
-        """Axes that hold all values of a figure, its limit and 0 where these are near."""
+        """Return axes that hold all values of a figure, its limit and 0 where these are near."""
         low, high = figure.extent
         if high - low <= _FLAT * max(1.0, abs(low), abs(high)):
             low = low - 1
@@ -186,7 +186,7 @@ class _Frame:
         )
 
     def finer(self, cell: tuple[int, ...]) -> _Frame:
-        """The same in dots, with rows and columns of them to a character."""
+        """Return the same in dots, with rows and columns of them to a character."""
         return replace(
             self,
             columns=self.columns * cell[1],
@@ -194,7 +194,7 @@ class _Frame:
         )
 
     def place(self, x: ArrayLike, y: ArrayLike) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Columns and rows of points."""
+        """Return columns and rows of points."""
         first = self.figure.x[0]
         span = max(float(np.ptp(self.figure.x)), np.finfo(float).tiny)
         column = ((np.asarray(x) - first) / span * self.columns).astype(int)
@@ -202,7 +202,7 @@ class _Frame:
         return np.clip(column, 0, self.columns - 1), np.clip(row, 0, self.rows - 1)
 
     def dots(self, x: _PlotValues, y: _PlotValues) -> _Dots:
-        """A line from point to point, shape (rows, columns); where points lie apart it is straight, at NaN a gap."""
+        """Return a line from point to point, shape (rows, columns): straight between distant points, a gap at NaN."""
         if len(x) < self.columns:
             finer_x = np.linspace(x[0], x[-1], 4 * self.columns)
             y = np.interp(finer_x, x, y)
@@ -225,7 +225,7 @@ class _Frame:
         title: str,
         x_label: str,
     ) -> str:
-        """The picture with its axes, their numbers and labels, and the figure's limit."""
+        """Return the picture with its axes, their numbers and labels, and the figure's limit."""
         corner, side, floor, mark = ("+", "|", "-", "+") if style.ascii else ("└", "│", "─", "┤")
         figure = self.figure
         numbers = {row: f"{number} {mark}" for row, number in self.numbers.items()}
@@ -272,7 +272,7 @@ class _Frame:
 
 
 def dots_to_braille(dots: _Dots) -> list[list[str]]:
-    """Characters of a grid of dots, four rows and two columns to a character."""
+    """Return characters of a grid of dots, four rows and two columns to a character."""
     rows = dots.shape[0] // 4
     columns = dots.shape[1] // 2
     codes = (dots.reshape(rows, 4, columns, 2).transpose(0, 2, 1, 3) * _DOTS).sum(axis=(2, 3))
@@ -285,7 +285,7 @@ def least_and_greatest(
     columns: int,
     over: float,
 ) -> list[tuple[_PlotValues, _PlotValues]]:
-    """Two lines with a point a column: the least and the greatest of y within so much of x, a column at least.
+    """Return two lines with a point a column: the least and the greatest of y within so much of x, a column at least.
 
     At both edges those of the first and the last such stretch. NaN at a gap.
     """

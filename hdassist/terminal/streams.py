@@ -52,7 +52,7 @@ class Style:
         ascii: bool = False,
         no_color: bool = False,
     ) -> Style:
-        """Style of a stream, from its terminal, the environment and the options that force it."""
+        """Return style of a stream, from its terminal, the environment and the options that force it."""
         terminal = stream.isatty()
         plain = no_color or bool(os.environ.get("NO_COLOR")) or os.environ.get("TERM") == "dumb"
         columns = os.environ.get("COLUMNS", "")
@@ -69,7 +69,7 @@ class Style:
         )
 
     def text(self, text: str) -> str:
-        """The text as the stream can show it, whatever it has of control characters escaped."""
+        """Return the text as the stream can show it, whatever it has of control characters escaped."""
         text = visible(text)
         if not self.ascii:
             return re.sub(r"\bum\b", "µm", text.replace("N*m", "N·m"))
@@ -78,7 +78,7 @@ class Style:
 
 
 def _shows_unicode(stream: TextIO) -> bool:
-    """Whether a stream takes more than 7 bits; Python writes UTF-8 under LC_ALL=C, where nobody wants it."""
+    """Return whether a stream takes more than 7 bits; Python writes UTF-8 under LC_ALL=C, where nobody wants it."""
     if os.environ.get("LC_ALL") in ("C", "POSIX"):
         return False
     try:
@@ -89,7 +89,7 @@ def _shows_unicode(stream: TextIO) -> bool:
 
 
 def stderr_style(*, no_color: bool = False) -> Style:
-    """Style of stderr. Whatever goes there may come before options are read, or beside them: --ascii is looked for."""
+    """Return the style of stderr; messages may come before options are read, so --ascii is looked for."""
     return Style.of(
         sys.stderr,
         ascii="--ascii" in sys.argv,
@@ -117,7 +117,7 @@ def say(line: str, *, whole: bool = False) -> None:
 
 
 def _in_words(text: str, width: int) -> str:
-    """Lines no wider than a terminal, broken between words; a longer word, as a path, is left to the terminal."""
+    """Return lines no wider than a terminal, broken between words; a longer word is left to the terminal."""
     lines = []
     for line in text.split("\n"):
         indent = line[: len(line) - len(line.lstrip())] + "  "
@@ -138,7 +138,7 @@ def made_or(
     make: Callable[[], _Made],
     instead: Callable[[], _Made],
 ) -> _Made:
-    """A form of an answer; where making it fails, a simpler one, with a remark on stderr.
+    """Return a form of an answer; where making it fails, a simpler one, with a remark on stderr.
 
     name: of what is made, in the remark. With STRICT in the environment, as the tests have it, the failure is raised.
     """
@@ -152,7 +152,7 @@ def made_or(
 
 
 def console(stream: TextIO, style: Style) -> Console:
-    """A rich console that writes to a stream with a style."""
+    """Return a rich console that writes to a stream with a style."""
     console_of_stream: Console = _console_class()(
         file=stream,
         width=style.width,
@@ -170,7 +170,7 @@ def console(stream: TextIO, style: Style) -> Console:
 
 @cache
 def _console_class() -> type[Any]:
-    """The class of consoles: with rich, which help and plain text do without."""
+    """Return the class of consoles: with rich, which help and plain text do without."""
     from rich.console import Console
 
     class QuietConsole(Console):
@@ -188,7 +188,7 @@ def _console_class() -> type[Any]:
             silence()
 
         def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterator[Segment]:
-            """Segments without control characters but those that rich adds to them when it writes colours.
+            """Yield segments without control characters but those that rich adds to them when it writes colours.
 
             Style.text does the same before the layout; here whatever went past it is caught.
             """
@@ -274,7 +274,7 @@ def write_parquet(
 
 
 def begins_with(path: str, heads: Sequence[str]) -> bool:
-    """Whether a file begins with one of some texts."""
+    """Return whether a file begins with one of some texts."""
     try:
         with Path(path).open("rb") as stream:
             start = stream.read(max(map(len, heads)))
@@ -374,12 +374,12 @@ def _is_read_only(folder: Path) -> bool:
 
 
 def _real(target: Path) -> Path:
-    """The target of a link: the link stays one when its file is replaced."""
+    """Return the target of a link: the link stays one when its file is replaced."""
     return Path(os.path.realpath(target))
 
 
 def _is_device(target: Path) -> bool:
-    """A device or a pipe, which keeps no content and must not be replaced."""
+    """Return a device or a pipe, which keeps no content and must not be replaced."""
     return is_there(target) and not is_file(target)
 
 

@@ -45,7 +45,7 @@ MORE_DRAWS = 4  # times as many samples, which halve the interval of a probabili
 
 
 def again(command: str, drive: Drive | None, *more: str) -> str:
-    """A command about the same drive, as a shell takes it; PRESET stands for one that is not known.
+    """Return a command about the same drive, as a shell takes it; PRESET stands for one that is not known.
 
     It has the options that were given to the command of that name, and of others those that it takes over.
     """
@@ -62,13 +62,13 @@ def again(command: str, drive: Drive | None, *more: str) -> str:
 
 
 def preset_argument(drive: Drive) -> str:
-    """The preset of a drive as a command takes it."""
+    """Return the preset of a drive as a command takes it."""
     origin = drive.origin
     return "-" if origin.file == STDIN else origin.file or drive.name
 
 
 def _options(command: str, overrides: Iterable[str]) -> Iterator[str]:
-    """Overrides as options of a command; torques and limits as they were asked for."""
+    """Yield overrides as options of a command; torques and limits as they were asked for."""
     for override in overrides:
         torques = re.fullmatch(r"operation\.M_g=\[([-+.\de, ]+)\]", override)
         if torques and command != "accept":  # which has no --torque
@@ -170,39 +170,39 @@ class Texts:
     entries: Mapping[str, str]
 
     def __call__(self, key: str, **fields: object) -> str:
-        """The text of a key, its fields filled in. Raises KeyError for a key or field that is not there."""
+        """Return the text of a key, its fields filled in. Raises KeyError for a key or field that is not there."""
         return self.entries[key].format(**fields)
 
     def variant(self, name: str) -> Texts:
-        """The same with the entries "name.key" in place of those of the key."""
+        """Return the same with the entries "name.key" in place of those of the key."""
         entries = {
             key.removeprefix(f"{name}."): text for key, text in self.entries.items() if key.startswith(f"{name}.")
         }
         return replace(self, entries={**self.entries, **entries})
 
     def number(self, value: float, form: str = "g") -> str:
-        """A number with the decimal point of the language."""
+        """Return a number with the decimal point of the language."""
         return f"{value:{form}}".replace(".", self("number.point"))
 
     def angle(self, degrees: float) -> str:
-        """An angle with its unit."""
+        """Return an angle with its unit."""
         return self("unit.angle", angle=self.number(degrees))
 
     def torque(self, M_g: float) -> str:
-        """A torque [N*m] with its unit."""
+        """Return a torque [N*m] with its unit."""
         return self("unit.torque", torque=self.number(M_g))
 
     def percent(self, share: float, sign: str = "") -> str:
-        """A share as per cent; sign "+" shows that of gains and losses."""
+        """Return a share as per cent; sign "+" shows that of gains and losses."""
         return self("unit.percent", value=self.number(100 * share, f"{sign}.0f"))
 
     def holes(self, count: int) -> str:
-        """A number of holes, in the plural that goes with it."""
+        """Return a number of holes, in the plural that goes with it."""
         form = next((f for f in ("one", "few") if re.search(self(f"plural.{f}"), str(count))), "many")
         return self(f"holes.{form}", count=count)
 
     def date(self, day: date) -> str:
-        """A date as it is written."""
+        """Return a date as it is written."""
         return self(
             "date.form",
             year=f"{day.year:04}",
@@ -212,14 +212,14 @@ class Texts:
 
 
 def languages() -> list[str]:
-    """Languages that there is a catalogue of."""
+    """Return languages that there is a catalogue of."""
     folder = files(__package__) / "languages"
     return sorted(item.name.removesuffix(".yaml") for item in folder.iterdir() if item.name.endswith(".yaml"))
 
 
 @cache
 def texts(language: str = HOME) -> Texts:
-    """The catalogue of a language. Raises UsageError where there is none."""
+    """Return the catalogue of a language. Raises UsageError where there is none."""
     import yaml
 
     if language not in languages():
