@@ -370,7 +370,7 @@ class PhaseScan:
 
 
 def predictions(drive: Drive, targets: Sequence[CalibrationTarget]) -> tuple[float, ...]:
-    """Return the quantity of each target in its unit. Raises UntrustedError where one cannot be trusted."""
+    """Return the quantity of each target in its unit. Raises UntrustedError if one cannot be trusted."""
     # several targets may ask for the same torque
     scan = cache(partial(phase_scan, drive))
     torques = sorted({target.asked["M_g"] for target in targets if target.quantity == "self_error"})
@@ -481,7 +481,7 @@ class _FoundValue:
 class Calibration:
     """Found values, the best set first, then others, far from it, that meet every target too.
 
-    values: of the best set; shortfall: targets that it misses and bounds that hold it back, in words, empty where all
+    values: of the best set; shortfall: targets that it misses and bounds that hold it back, in words, empty if all
     are met; indistinct: pairs of unknowns that the targets cannot separate, with their correlation; evaluations:
     drives computed.
     """
@@ -680,7 +680,7 @@ class _Search:
         return np.asarray(np.nan_to_num(deviations, nan=_IMPOSSIBLE))
 
     def settled(self, point: Array, iterations: int) -> OptimizeResult:
-        """Least squares (11) from a point, shape (unknowns,); status above 0 where it came to rest."""
+        """Least squares (11) from a point, shape (unknowns,); status above 0 if it came to rest."""
         return least_squares(
             lambda p: self.residuals([p])[0],
             # from a bound least squares could not move

@@ -66,7 +66,7 @@ class OperatingPoint:
 
     @property
     def F_ior_arcsec(self) -> float | None:
-        """F'_ior [arcsec]: the median over the unknown inputs; None where they were not drawn."""
+        """F'_ior [arcsec]: the median over the unknown inputs; None if they were not drawn."""
         if self.belief:
             return self.belief.p50
         return self.error.F_ior_arcsec if self.error and not self.open_ else None
@@ -86,7 +86,7 @@ class OperatingPoint:
     def range_arcsec(self) -> tuple[float, float] | None:
         """5th and 95th percentile of F'_ior [arcsec].
 
-        Both the same where all is known; None where it is not and was not drawn.
+        Both the same where all is known; None if it is not and was not drawn.
         """
         if self.belief:
             return self.belief.p5, self.belief.p95
@@ -564,7 +564,7 @@ class Sweep:
     """The rows of a grid; called with (first, last) it gives their records, as `stream` wants it.
 
     text and file of the preset; overrides; varied fields; further axes, along which a row has the drive of the preset:
-    its torques M_g [N*m], where they are not varied. The last axis changes fastest.
+    its torques M_g [N*m], if they are not varied. The last axis changes fastest.
     """
 
     text: bytes
@@ -669,7 +669,7 @@ class Swept:
 
     @property
     def ends(self) -> dict[str, tuple[int, float]]:
-        """The rows with the least and the greatest F'_ior, and that [arcsec]; none where no row has an answer."""
+        """The rows with the least and the greatest F'_ior, and that [arcsec]; none if no row has an answer."""
         if self.failed == self.sweep.rows:
             return {}
         rows = {"least": np.nanargmin(self.F_ior_arcsec), "greatest": np.nanargmax(self.F_ior_arcsec)}

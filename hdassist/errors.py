@@ -186,12 +186,12 @@ _EXIT_SEVERITY = (1, 5, 4, 2, 3, 6, 0)  # the worst of several drives, first
 
 
 def worst(verdicts: Iterable[Verdict]) -> Verdict:
-    """Return the most severe of some verdicts; NO_LIMIT where there is none."""
+    """Return the most severe of some verdicts; NO_LIMIT if there is none."""
     return min(verdicts, key=SEVERITY.index, default=Verdict.NO_LIMIT)
 
 
 def worst_exit_code(codes: Iterable[int]) -> int:
-    """Return the most severe of some exit codes; 0 where there is none."""
+    """Return the most severe of some exit codes; 0 if there is none."""
     return min(
         codes,
         key=lambda code: _EXIT_SEVERITY.index(code) if code in _EXIT_SEVERITY else -1,

@@ -1,7 +1,7 @@
 """Files of a run: bytes and text of those that it reads, the presets among them, and outputs, none of them an input.
 
 Text comes part after part, from a path, a stream or bytes. It may be of unknown origin: hidden characters are escaped
-where it is shown, and numbers have ASCII digits and a decimal point. Files are compared by device and inode, not by
+if it is shown, and numbers have ASCII digits and a decimal point. Files are compared by device and inode, not by
 name: links and other cases of a name are the same file.
 """
 
@@ -124,7 +124,7 @@ class TextFile:
 
     @contextmanager
     def _opened(self) -> Iterator[IO[bytes] | IO[str]]:
-        """The source to read from, unpacked where it is a gzip file."""
+        """The source to read from, unpacked if it is a gzip file."""
         source = io.BytesIO(self.source) if isinstance(self.source, bytes) else self.source
         if not isinstance(source, str | Path | io.BufferedIOBase):
             yield source

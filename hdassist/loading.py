@@ -613,7 +613,7 @@ def with_found_values(
 
     Arguments: text; file, its name in messages; values, by path, of fields that the text gives or leaves out; ref,
     where they come from; model, the fields of numerics that they were identified with, which are written into the
-    text. A fit of before goes. Raises the errors of loading the text; DataError where it cannot be changed in place.
+    text. A fit of before goes. Raises the errors of loading the text; DataError if it cannot be changed in place.
     """
     before = load_text(text, file)
     tables = _tables(text)
@@ -696,7 +696,7 @@ def _tables(text: str) -> Any:
 
 
 def _table(tables: Any, name: str) -> Any:
-    """Return a table of a preset, which is added where there is none."""
+    """Return a table of a preset, which is added if there is none."""
     if tables.get(name) is None:
         tables[name] = {}
     return tables[name]

@@ -139,7 +139,7 @@ class DrivesUnderTest:
 
     cycle_output: output turns of the cycle; left_arcsec: the room that the limit leaves F'_ior, None without one;
     demands; seed of the starts and of the noise; travel: output turns in use, from where the test starts, whose range
-    is F'_ior; stated_beyond: probability of being beyond the limit as check states it, None where it states none.
+    is F'_ior; stated_beyond: probability of being beyond the limit as check states it, None if it states none.
     """
 
     curves: Array
@@ -397,7 +397,7 @@ class PlannedTest:
 class _LineSeen:
     """A line of the error: how often it comes in a turn of the output and of the cam, and its share of the variance.
 
-    seen_as: how often it seems to come in a test, 0 where that is blind to it.
+    seen_as: how often it seems to come in a test, 0 if that is blind to it.
     """
 
     per_output_turn: float

@@ -57,7 +57,7 @@ class Quantity(Generic[T]):
     value: str | Callable[[T], Any] = ""
 
     def of(self, thing: T) -> Any:
-        """Return the quantity of a thing in full precision; None where there is none."""
+        """Return the quantity of a thing in full precision; None if there is none."""
         if callable(self.value):
             return self.value(thing)
         value: Any = thing
@@ -314,7 +314,7 @@ class Curve:
 
     @property
     def ends(self) -> tuple[float, float]:
-        """The least and the greatest value of an axis that holds its limit, and 0 where it begins there, too."""
+        """The least and the greatest value of an axis that holds its limit, and 0 if it begins there, too."""
         # what is drawn beside the curve widens its axis
         values = [*self.extent]
         if self.from_zero:
@@ -350,7 +350,7 @@ class SeatMark:
 class Seat:
     """The seat of the fixed wheel, counter-clockwise from the right, seen from the cam side.
 
-    holes: none where the angle is free; first_deg: direction of hole 0; turn_deg: the turn from now, the shorter
+    holes: none if the angle is free; first_deg: direction of hole 0; turn_deg: the turn from now, the shorter
     way, negative for clockwise; barred: the letter of holes that are not allowed; legend: the meaning of letters
     and numbers, for a drawing in characters; note: what a drawing in HTML has below its title.
     """
@@ -409,12 +409,12 @@ CsvTable = tuple[Sequence[str], Sequence[Sequence[Any]]]  # header and rows
 class Report:
     """The answer of a command about one drive or file.
 
-    command; drive, None where there is none; head, the subject of the answer, empty where there is no page; verdict, a
+    command; drive, None if there is none; head, the subject of the answer, empty if there is no page; verdict, a
     word; why, sentences below it.
     blocks of the page, and those that only --details shows; certificate and cross-checks of the states behind it.
     values: keys of JSON beside those that all answers have, results among them as as_json takes them; csv; line: the
     answer alone.
-    about: the subject of warnings, the drive or its file where it is empty; warnings; exit_code.
+    about: the subject of warnings, the drive or its file if it is empty; warnings; exit_code.
     """
 
     command: str

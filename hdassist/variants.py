@@ -134,7 +134,7 @@ def sheet_of(
 ) -> DriveSheet:
     """Check a drive, look for its best position and compute its stiffness, each as the command of that name does.
 
-    Argument: draws, from the unknown fields. Raises UntrustedError where an answer cannot be trusted.
+    Argument: draws, from the unknown fields. Raises UntrustedError if an answer cannot be trusted.
     """
     # first, since its samples have the turned wheels too: they serve the check as well
     advice = advise(
@@ -262,7 +262,7 @@ def drawn_pairs(
 
     Samples are independent of each other where a drive has none, where F'_ior as measured is evidence, where the first
     has evidence that the second has not, or where few pairs agree with that on the second. Arguments: same, whether
-    nothing that moves F'_ior differs; count, pairs that are drawn. Raises UntrustedError where an answer cannot be
+    nothing that moves F'_ior differs; count, pairs that are drawn. Raises UntrustedError if an answer cannot be
     trusted.
     """
     one = _Believed(first)
@@ -602,7 +602,7 @@ def compare_drives(
 ) -> DrivesComparison:
     """Compare two drives or more with the first of them, at torques of at_common_torques.
 
-    Argument: draws, of each from what is not known of it. Raises UntrustedError where an answer cannot be trusted,
+    Argument: draws, of each from what is not known of it. Raises UntrustedError if an answer cannot be trusted,
     KeyboardInterrupt.
     """
     sheets = tuple(sheet_of(drive, draws=draws, run=run) for drive in drives)

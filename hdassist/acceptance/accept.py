@@ -229,7 +229,7 @@ def _open_by_sharing(decision: DecidedCheck, others: Sequence[str]) -> DecidedCh
 def _decisive(decisions: Sequence[DecidedCheck]) -> DecidedCheck:
     """Return the worst decision, the first of those alike.
 
-    Beside a direction that covers the whole cycle, one of a part counts only where it is not clear of the limit.
+    Beside a direction that covers the whole cycle, one of a part counts only if it is not clear of the limit.
     """
     # a direction with the whole cycle outweighs one with a part, unless that part is near the limit
     if any(decision.extent == "whole" for decision in decisions):

@@ -271,7 +271,7 @@ def provenance(answer: AcceptAnswer) -> Json:
 
 
 def answer_json(answer: AcceptAnswer) -> Json:
-    """Return an answer as a JSON object; without its place where it has none."""
+    """Return an answer as a JSON object; without its place if it has none."""
     fields: Json = ANSWER.dump_python(
         answer,
         mode="json",

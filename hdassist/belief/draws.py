@@ -157,7 +157,7 @@ class Sampling:
     # Draws that were kept
 
     def kept(self) -> list[Draw]:
-        """Return the draws that are kept, from the first on; none where not all of them are draws."""
+        """Return the draws that are kept, from the first on; none if not all of them are draws."""
         return (self._is_answer and self.answer.found()) or []
 
     def keep(self, draws: Sequence[Draw]) -> None:

@@ -52,7 +52,7 @@ _LEAST_ERROR = 1e-9  # arcsec, a divisor
 class OptionSamples:
     """Samples that edits are solved on, and what a limit leaves F'_ior.
 
-    samples, None where all is known; rows, places of the samples that stand for all, and their weights; shares of each
+    samples, None if all is known; rows, places of the samples that stand for all, and their weights; shares of each
     field's probability; torque, its place; room_arcsec, None without a limit; sure, probability that PASS needs.
     """
 
@@ -103,7 +103,7 @@ class OptionSamples:
 
     @property
     def stated_arcsec(self) -> Array | None:
-        """F'_ior of the samples as all pages state it [arcsec], shape (rows,); None where all is known."""
+        """F'_ior of the samples as all pages state it [arcsec], shape (rows,); None if all is known."""
         return None if self.samples is None else self.samples.F_ior_arcsec[self.rows, self.torque]
 
     @property
@@ -115,7 +115,7 @@ class OptionSamples:
     def all_sets(self) -> tuple[Array, Array] | None:
         """F'_ior of all sets of deviations [arcsec] and their weights, shape (sets x rows,) each, the samples first.
 
-        None where all is known.
+        None if all is known.
         """
         if self.samples is None:
             return None
@@ -316,7 +316,7 @@ class EditQuestion:
     is_measured: bool = False
 
     def effects(self, run: Run = Run()) -> Effects:
-        """Return what the edits do to F'_ior at the torque. Raises UntrustedError where a state cannot be trusted."""
+        """Return what the edits do to F'_ior at the torque. Raises UntrustedError if a state cannot be trusted."""
         samples = self.samples
         # a few samples get all edits; the others only those whose verdict is open
         first = samples.first_rows.tolist()
@@ -705,7 +705,7 @@ def _solve_system(
     """Return F'_ior [arcsec] of a drive with a contact system of its own, as mounted and as tested, and the proof.
 
     test: load [N*m] and turn [deg] of the test of the accuracy, None without one.
-    Raises UntrustedError where an answer cannot be trusted.
+    Raises UntrustedError if an answer cannot be trusted.
     """
     if test is None:
         [error_map] = error_maps(drive, [M_g])

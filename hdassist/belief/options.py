@@ -90,7 +90,7 @@ class Step(ClosedRecord):
     kind; of: hole to go to or holes to try (turns [deg] of a seat without holes), number of phasors, path of the field,
     coupling, or accuracy [arcsec]; outcomes, of a question one an answer; gain: mean move of the probability of meeting
     the limit, or without one of the median of F'_ior, as a share of it; edit: the changes of the preset that carry it
-    out, as --set takes them, none where a value has to be measured first; needs, what that is; reference_data, whether
+    out, as --set takes them, none if a value has to be measured first; needs, what that is; reference_data, whether
     they were applied again.
     """
 
@@ -132,14 +132,14 @@ def steps_of(
     """Return steps on a drive at one of its torques, and their proof: options by their gain, then questions by theirs.
 
     prior: prior of the drive.
-    samples: samples of it; None where all is known.
+    samples: samples of it; None if all is known.
     torques: torques of the drive [N*m].
     torque: place of the torque that the steps are for.
     left_arcsec: what a limit leaves F'_ior at each torque [arcsec]; None without a limit.
     run: the run.
     sure: probability of meeting a limit that PASS needs.
     middle: the full cycle of the sample in the middle at that torque, if it is known.
-    The result is empty of drives with rolling balls. Raises UntrustedError where a state cannot be trusted.
+    The result is empty of drives with rolling balls. Raises UntrustedError if a state cannot be trusted.
     """
     if not searchable(prior.drive):
         return (), EMPTY
@@ -192,7 +192,7 @@ def _edit_question(basis: OptionSamples, torques: Sequence[float]) -> EditQuesti
 
 
 def _outcome_now(effects: Effects, samples: Samples | None) -> Outcome:
-    """Return the outcome without any step; samples: all stages of them, None where all is known."""
+    """Return the outcome without any step; samples: all stages of them, None if all is known."""
     basis = effects.samples
     if samples is None or basis.samples is None:
         return _outcome(effects.stated_arcsec, np.ones(1), basis.room_arcsec, None)
@@ -298,7 +298,7 @@ def _edited_steps(
     now: Outcome,
     is_measured: bool,
 ) -> Iterator[Step]:
-    """Yield the steps that are edits of the preset, and the question after the coupling where it is open."""
+    """Yield the steps that are edits of the preset, and the question after the coupling if it is open."""
     is_known = effects.samples.samples is None
     reference_data: _ReferenceData = "kept" if is_measured or is_known else "applied again"
     answers = []
@@ -396,10 +396,10 @@ def _hole_step(
 ) -> tuple[Step | None, Certificate]:
     """Return the step to the hole that `mount` names, from the same samples and by the same rule, and its proof.
 
-    None if no hole can be named, or if the wheel stays where it is.
+    None if no hole can be named, or if the wheel stays if it is.
 
     effects: with the factors of F'_ior in all holes.
-    samples: all stages of the samples; None where all is known.
+    samples: all stages of the samples; None if all is known.
     torques: torques of the drive [N*m].
     left_arcsec: what a limit leaves F'_ior at each torque [arcsec]; None without a limit.
     run: the run.
@@ -432,7 +432,7 @@ def _exact_hole(
 ) -> tuple[int, Outcome | None, Certificate]:
     """Return the place of the hole to choose if all of a drive is known, what comes of it, and the proof.
 
-    The outcome is None if the wheel stays where it is. Arguments as those of _hole_step; stay: place of the present
+    The outcome is None if the wheel stays if it is. Arguments as those of _hole_step; stay: place of the present
     hole, None if the wheel may not stay there.
     """
     basis = effects.samples
@@ -465,7 +465,7 @@ def _sampled_hole(
 ) -> tuple[int, Outcome | None, Certificate]:
     """Return the place of the hole to choose over the samples of a drive, what comes of it, and the proof.
 
-    Only holes that may be the best are solved. The outcome is None if the wheel stays where it is. Arguments as those
+    Only holes that may be the best are solved. The outcome is None if the wheel stays if it is. Arguments as those
     of _exact_hole.
     """
     basis = effects.samples
@@ -619,7 +619,7 @@ def _kept_in_holes(
 
 
 def _turn_texts(drive: Drive, turn_deg: float) -> tuple[str, ...]:
-    """Return changes of a preset that turn the fixed wheel; none where a direction is drawn from a range."""
+    """Return changes of a preset that turn the fixed wheel; none if a direction is drawn from a range."""
     texts = []
     for path in carried(drive):
         value = drive.value(path)

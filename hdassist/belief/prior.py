@@ -159,7 +159,7 @@ class DrivePrior:
 def prior_of(drive: Drive) -> DrivePrior:
     """Return the prior of a drive, made from its preset alone.
 
-    Teeth mesh without play where a catalogue says so: the rigid wheel's shift follows, where it is assumed.
+    Teeth mesh without play where a catalogue says so: the rigid wheel's shift follows, if it is assumed.
     A field with an uncertainty is normal. One that is assumed, or left to a default with a plausible range, is even
     over its range, in the logarithm where the range is positive and spans more than a factor of 4. A deviation that is
     not given is even up to the largest that its part may have, its direction even around. One that was fitted with

@@ -387,7 +387,7 @@ def turned_samples(
     evidence: their evidence.
     rotations_deg: turns of the fixed wheel [deg].
     run: the run.
-    Raises UntrustedError where a state cannot be trusted.
+    Raises UntrustedError if a state cannot be trusted.
     """
     sampling = Sampling(
         prior=samples.prior,
@@ -568,7 +568,7 @@ def _few(
 ) -> Samples:
     """Return samples with a remark that fewer are effective than were asked for.
 
-    Raises UntrustedError where that allows no answer, with the evidence without which most would agree.
+    Raises UntrustedError if that allows no answer, with the evidence without which most would agree.
     """
     is_answer = samples.effective >= (effort.least or effort.effective)
     of_draws = f"of {len(draws)} draws, {effort.effective} required"

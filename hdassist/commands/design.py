@@ -590,7 +590,7 @@ class DrawOptions(o.LimitedDriveOptions):
 
 
 def _require_limits(drive: Drive) -> list[float]:
-    """Limit of F'_ior [arcsec] at each torque. Raises UsageError where there is none at one of them."""
+    """Limit of F'_ior [arcsec] at each torque. Raises UsageError if there is none at one of them."""
     limits = []
     for M_g in drive.operation.M_g:
         limit = drive.limit(M_g)

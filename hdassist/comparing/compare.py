@@ -38,7 +38,7 @@ from hdassist.solve.answers import Certificate
 
 _CLEAR_GAIN = 25.0  # chi-square of two unknowns that noise exceeds four times in a million
 _EQUAL_FIT = 9.0  # chi-square: fits that are no further apart explain a record equally well
-_BLIND_SHARE = 0.1  # squared share of an unknown that may be unidentifiable where it has a number
+_BLIND_SHARE = 0.1  # squared share of an unknown that may be unidentifiable if it has a number
 _NAMED_SHARE = 0.3  # of a combination of vectors: those of less are not named
 _VAGUE_DIRECTION = 60.0  # deg: a direction of greater standard uncertainty is None
 _DECIMALS = 3  # of a new value, at most
@@ -56,7 +56,7 @@ FIT_STATES = 200_000  # that the fits of a comparison solve, about
 class VectorChange:
     """New size and direction of a deviation vector, by their paths, with standard uncertainties.
 
-    The direction is None where it is not identifiable.
+    The direction is None if it is not identifiable.
     """
 
     size: str
@@ -73,8 +73,8 @@ class Explanation:
 
     deviations: paths of the sizes that were free; changes: of those whose size is identifiable; not_told_apart: names
     of those that cannot be, a tuple a combination; explained_share: of the difference's chi-square above that of noise,
-    None where it is below; clear: a better fit than chance makes; sufficient: the residual is within noise; overrides:
-    new values as --set takes them, empty where one of them is not identifiable; F_ior_arcsec, of the full cycle then,
+    None if it is below; clear: a better fit than chance makes; sufficient: the residual is within noise; overrides:
+    new values as --set takes them, empty if one of them is not identifiable; F_ior_arcsec, of the full cycle then,
     solved; None without overrides; difference_left_arcsec: rms within the orders, from solved states of the record;
     None where those were not solved; orders_left: the greatest of that.
     """
@@ -179,7 +179,7 @@ def _change(
     covariance: Array,
     drive: Drive,
 ) -> VectorChange | None:
-    """Return the new value of the fitted vector i; None where its size is not identifiable."""
+    """Return the new value of the fitted vector i; None if its size is not identifiable."""
     k = fit.fitted[i]
     axes = _polar(fit, i)
     vector = VECTORS[k]
@@ -366,7 +366,7 @@ class Comparison:
     uncertainties_deg: standard, of start and zero of that, None where given; predicted_arcsec at the bins, levels and
     drift as the residual has none; residual_arcsec at the bins; orders, measured and predicted; predicted_curve,
     difference_curve [arcsec] limited to the orders, at the angles visited (sweep.grid_turns); singles: one explanation
-    of each vector; joint; both empty where the drive agrees with the record.
+    of each vector; joint; both empty if the drive agrees with the record.
     """
 
     drive: Drive
@@ -410,7 +410,7 @@ class Comparison:
 
 
 def torque_of(drive: Drive) -> float:
-    """Return the torque [N*m] of a comparison: the preset's only one. Raises UsageError where it has several."""
+    """Return the torque [N*m] of a comparison: the preset's only one. Raises UsageError if it has several."""
     if len(drive.operation.M_g) > 1:
         several = ", ".join(f"{M_g:g}" for M_g in drive.operation.M_g)
         raise UsageError(

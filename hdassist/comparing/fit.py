@@ -2,7 +2,7 @@
 
 The unknowns are x and y of each vector, then start and zero of the record [deg]. Every step of the Gauss-Newton
 iteration (docs/theory.md, (13) to (16)) solves the contacts anew. Directions among the unknowns along which the
-standard uncertainty would exceed any plausible deviation are unidentifiable and stay where they are.
+standard uncertainty would exceed any plausible deviation are unidentifiable and stay if they are.
 
 This is not the fit of correction.records.agreeing_drives, which answers another question. Here: which deviation, of any
 size and against the preset, would explain the difference; so no prior pulls, doubts of the model widen the covariance,

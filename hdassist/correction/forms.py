@@ -50,7 +50,7 @@ class CorrectionTable:
 
     turn: after which it repeats; error_arcsec, shape (..., points): to be taken off, at angles_deg of that turn;
     u: cam turns in a turn of the output, negative where they turn apart; M_g [N*m]: torque that it is for;
-    other_direction_arcsec, shape (points,): for the other direction of motion, None where both share the first, and
+    other_direction_arcsec, shape (points,): for the other direction of motion, None if both share the first, and
     other_M_g, the torque of that; preset: name of the drive; promised: residuals with it; recorded_deg: of the
     output, ends of the travel that a record has, beyond which the table is its continuation; None of the full cycle.
     """

@@ -55,7 +55,7 @@ class _PlayedCorrection:
     """The output of a controller from its own points: the error it takes off at readings, straight between.
 
     reading_deg and error_arcsec, shape (points,) each, in the controller's counting; period_deg of the reading; stored:
-    the numbers of its file; scale: of these, where it has one; is_of_cam: whether the reading is of the cam, not of the
+    the numbers of its file; scale: of these, if it has one; is_of_cam: whether the reading is of the cam, not of the
     output.
     """
 
@@ -72,9 +72,9 @@ class ControllerFormat:
     """The file of a controller.
 
     turns: after which its tables may repeat; lines: the file's; setup: settings of the machine; most_points of a
-    table, None where the machine says; by_direction: whether it has values for each direction; step_arcsec of values;
-    played: its output from a table, None where its rows stand at the table's own points; comment: start of a comment,
-    empty where it has none, and comments_at: the line before which they stand, None for the end.
+    table, None if the machine says; by_direction: whether it has values for each direction; step_arcsec of values;
+    played: its output from a table, None if its rows stand at the table's own points; comment: start of a comment,
+    empty if it has none, and comments_at: the line before which they stand, None for the end.
     """
 
     name: str

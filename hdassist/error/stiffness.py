@@ -70,7 +70,7 @@ class Stiffness:
         return self.contact_arcsec + self.tube_arcsec
 
     def weaker(self, segment: int) -> float:
-        """Return the stiffness [N*m/rad] of a segment (1: K_1) on the side where it is less."""
+        """Return the stiffness [N*m/rad] of a segment (1: K_1) on the side where it is smaller."""
         return min(side[segment - 1].stiffness for side in (self.positive, self.negative))
 
     def twist_at(self, torque: float) -> float:
@@ -294,7 +294,7 @@ def _again(
 class Twist:
     """Twist of a drive without deviations, at tooth phase 0 and its ball phase.
 
-    Argument: formulation of its contact system, where it is there already.
+    Argument: formulation of its contact system, if it is there already.
     """
 
     def __init__(self, drive: Drive, formulation: Formulation | None = None) -> None:
@@ -304,7 +304,7 @@ class Twist:
     def at(self, torque: Array, progress: Progress | None = None) -> tuple[Array, Array, Certificate]:
         """Return the twist of mesh and rings, and of the shell's tube [arcsec], at torques [N*m], with the certificate.
 
-        Raises UntrustedError where an answer cannot be trusted.
+        Raises UntrustedError if an answer cannot be trusted.
         """
         answers = self.case.over(torque, partial(_place, torque), progress)
         return answers.rotation_arcsec, torque * N_MM / self._tube * ARCSEC, answers.certificate
@@ -325,7 +325,7 @@ _CATALOGUE_UNITS = {**dict.fromkeys(_STIFFNESSES, "Nm_per_rad"), "T_1": "Nm", "T
 
 @dataclass(frozen=True)
 class _SegmentBeside:
-    """A segment of the model's curve beside the stiffness of the catalogue [N*m/rad], None where it gives none.
+    """A segment of the model's curve beside the stiffness of the catalogue [N*m/rad], None if it gives none.
 
     off_percent: how far the model is off; None without a catalogue, or where its segments end at other torques.
     """
@@ -360,7 +360,7 @@ def off(ours: float, theirs: float | None) -> float | None:
 
 
 def stiffness_object(catalogue: Catalogue, result: Stiffness) -> dict[str, Any] | None:
-    """Return the figures of a catalogue and how far the model is off, for JSON; None where it gives none."""
+    """Return the figures of a catalogue and how far the model is off, for JSON; None if it gives none."""
     figures = {f"{name}_{unit}": getattr(catalogue, name) for name, unit in _CATALOGUE_UNITS.items()}
     percents = dict.fromkeys(_STIFFNESSES) | {
         row.name: row.off_percent for row in segments_beside(catalogue, result.positive)

@@ -432,7 +432,7 @@ class ErrorWaves:
     """Errors of a drive at a torque M_g [N*m], and of drives that differ from it in their deviations alone.
 
     k_g, k_b: wave_numbers; certificate: of all states that were solved so far. Argument: error_map of the drive at that
-    torque, where there is one. Raises UsageError for a drive with rolling balls.
+    torque, if there is one. Raises UsageError for a drive with rolling balls.
     """
 
     def __init__(
@@ -452,7 +452,7 @@ class ErrorWaves:
         """Return the waves [arcsec] of the error F_kpp of drives, shape (drives, waves).
 
         The error is the real part of sum z exp(i (k_g alpha_g + k_b alpha_b)), up to a constant. Waves that a grid of
-        so many points does not hold are 0. Raises UntrustedError where a state cannot be trusted.
+        so many points does not hold are 0. Raises UntrustedError if a state cannot be trusted.
         """
         # the walk solves neighbouring points one after the other
         path = there_and_back((points, points))

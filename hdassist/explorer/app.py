@@ -431,7 +431,7 @@ class Explorer(_Exporting):
             self.ask("turn", known_data, cam_turn, drive, self._of_turn(), session.turn_deg, self.M_g)
 
     def _of_turn(self) -> Mapping[str, float]:
-        """Return typical values for a cam turn: none where all deviations are known."""
+        """Return typical values for a cam turn: none if all deviations are known."""
         return self.known.typical if unknowns(self.session.drive) else {}
 
     def draw(self) -> None:
@@ -606,7 +606,7 @@ class Explorer(_Exporting):
         self.show(state.turned_state(self.session, by))
 
     def action_look(self, letter: str) -> None:
-        """Look at the position that has a letter by now; say why where there is none, or nothing to turn."""
+        """Look at the position that has a letter by now; say why if there is none, or nothing to turn."""
         place = next((angle_deg for angle_deg, letters in self._letters().items() if letter in letters), None)
         # no letter yet, or none of this kind
         if place is None:

@@ -69,7 +69,7 @@ class Known:
 
     @property
     def without(self) -> str:
-        """What stands in place of an answer that is not there, with the reason where there is none."""
+        """What stands in place of an answer that is not there, with the reason if there is none."""
         if self.failed:
             return visible(f"no result: {self.failed.message}\n{self.failed.hint}")
         full = round(_BAR_COLUMNS * self.done)
@@ -141,7 +141,7 @@ class Asking(App[int]):
 
     @property
     def pinned(self) -> Known | None:
-        """Answers about the drive to compare with, None where it is the one that is shown or has other torques."""
+        """Answers about the drive to compare with, None if it is the one that is shown or has other torques."""
         pinned = self.session.pinned
         drive = self.session.drive
         is_other = pinned.operation.M_g == drive.operation.M_g and self.known_of(pinned) is not self.known

@@ -237,7 +237,7 @@ class Service:
                     process.connection.close()
 
     def _begin(self, question: Question) -> _Answering | None:
-        """Begin a process for a question; None where the service is closed. Raises OSError: there is none."""
+        """Begin a process for a question; None if the service is closed. Raises OSError: there is none."""
         if self._closed:
             return None
         process = self.processes.begin(question)

@@ -62,7 +62,7 @@ FULL = Effort()
 class SeatCurve:
     """F'_ior [arcsec] over turns of the fixed wheel from where it stands [deg].
 
-    F_ior_arcsec: shape (3, torques, turns): 5th percentile, median, 95th, all alike where it is one value; sure: how
+    F_ior_arcsec: shape (3, torques, turns): 5th percentile, median, 95th, all alike if it is one value; sure: how
     sure it is at each turn.
     """
 
@@ -112,7 +112,7 @@ def drive_answers(
 ) -> None:
     """Yield F'_ior of a typical drive, that over the seat, the results of `check`, and of `mount` or `trials`.
 
-    Argument: typical, values by path of all that was not known exactly of a drive like it. Raises HdassistError where
+    Argument: typical, values by path of all that was not known exactly of a drive like it. Raises HdassistError if
     there is no answer.
     """
     typical_drive = drive.with_values(typical)
@@ -234,7 +234,7 @@ def cam_turn(
 ) -> None:
     """Yield the page of `trace` of a typical drive over its full cycle, with its fixed wheel turned.
 
-    Raises HdassistError where there is no answer.
+    Raises HdassistError if there is no answer.
     """
     rotated_drive = rotated(drive.with_values(typical), rotation_deg)
     turns = Kinematics.of(rotated_drive).cycle_cam_revolutions
@@ -252,7 +252,7 @@ def lever_effects(
     """Yield the effect of a plausible step of each field on F'_ior of a typical drive, by a search.
 
     A step of a field that is not known exactly goes about one standard deviation far, one of a field in which a pinned
-    drive differs to its value. Raises HdassistError where the typical drive has no answer.
+    drive differs to its value. Raises HdassistError if the typical drive has no answer.
     """
     typical_drive = drive.with_values(typical)
     if not searchable(typical_drive):

@@ -297,7 +297,7 @@ def seat_pane(
 
 
 class Pane(VerticalScroll):
-    """A pane with a title that shows text, or blocks of a page, and is scrolled where they have no room."""
+    """A pane with a title that shows text, or blocks of a page, and is scrolled if they have no room."""
 
     def __init__(self, name: str, title: str) -> None:
         super().__init__(id=name)

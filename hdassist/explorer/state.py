@@ -38,7 +38,7 @@ class _StateSource:
 
     @classmethod
     def of(cls, name: str, overrides: tuple[str, ...] = ()) -> _StateSource:
-        """Return a preset by its name or file. Raises DataError where there is none."""
+        """Return a preset by its name or file. Raises DataError if there is none."""
         return cls(name, *read_preset(name), overrides)
 
     def drive(self, changes: _Changes = ()) -> Drive:
@@ -285,7 +285,7 @@ def stepped(
     path: str,
     steps: int,
 ) -> str | None:
-    """Return the value of a field so many steps on, as text; None where it has no steps."""
+    """Return the value of a field so many steps on, as text; None if it has no steps."""
     field = field_table()[path]
     value = drive.value(path)
     if field.kind not in ("number", "count") or value is None:

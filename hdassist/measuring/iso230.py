@@ -44,7 +44,7 @@ class PositioningTest:
     """Figures of approached positions by ISO 230-2.
 
     positions: number of them. approaches: fewest of a position from a side. reversal_uncertainty_arcsec: standard
-    uncertainty of the mean reversal value by the scatter of the approaches, None where it is not known.
+    uncertainty of the mean reversal value by the scatter of the approaches, None if it is not known.
     """
 
     figures: tuple[_PositioningFigure, ...]
@@ -58,7 +58,7 @@ class PositioningTest:
         return self.approaches >= FEWEST_APPROACHES
 
     def figure(self, symbol: str) -> _PositioningFigure | None:
-        """Return the figure of a symbol; None where the approaches do not determine it."""
+        """Return the figure of a symbol; None if the approaches do not determine it."""
         return next((figure for figure in self.figures if figure.symbol == symbol), None)
 
 
@@ -90,7 +90,7 @@ class _SideStatistics:
 
 
 def positioning_test(record: PositionRecord) -> PositioningTest | None:
-    """Return the figures of ISO 230-2 that approached positions determine; None where they determine none.
+    """Return the figures of ISO 230-2 that approached positions determine; None if they determine none.
 
     Figures of both sides need each position approached from both. Figures with a standard deviation need every
     position approached twice from each side that occurs.

@@ -94,7 +94,7 @@ _CORRELATED = 1e3  # condition of the normal equations: beyond, orders cannot be
 class Gearing:
     """Cam turns per output turn (without sign), of the full cycle, and of the travel, where that is less.
 
-    travel: None where the drive turns through its full cycle.
+    travel: None if the drive turns through its full cycle.
     """
 
     ratio: float
@@ -136,7 +136,7 @@ class Coverage:
 
 
 def gearing_of(drive: Drive | None, ratio: float | None) -> Gearing | None:
-    """Return the gearing of a drive, or of a drive with two waves by its ratio; None where neither is known.
+    """Return the gearing of a drive, or of a drive with two waves by its ratio; None if neither is known.
 
     Raises UsageError: both are given, or no ratio that a drive with two waves can have.
     """
@@ -179,7 +179,7 @@ class MeasuredOrder:
 
 
 def parse_orders(text: str | None) -> tuple[float, ...] | None:
-    """Return the declared orders per cam turn, rising, from a text like "1-12" or "1,2,4"; None where there is none.
+    """Return the declared orders per cam turn, rising, from a text like "1-12" or "1,2,4"; None if there is none.
 
     Raises UsageError: no such text, or orders beyond 0 to 200.
     """

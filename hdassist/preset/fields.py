@@ -46,7 +46,7 @@ class Section(BaseModel):
     model_config = _CLOSED
 
     def __init_subclass__(cls) -> None:
-        """Give fields their defaults, None where they may be so, and those without a type that of a number or None."""
+        """Give fields their defaults, None if they may be so, and those without a type that of a number or None."""
         declared = _DECLARED_FIELDS[cls.__name__]
         if declared.keys() > cls.__annotations__.keys():
             cls.__annotations__ = {name: cls.__annotations__.get(name, "float | None") for name in declared}
@@ -148,7 +148,7 @@ KEYED_TABLES = {
 class PresetField:
     """Declaration of a field of a preset.
 
-    meaning; unit, empty for a pure number; default, where it may be left out; unknown: whether it is unknown then;
+    meaning; unit, empty for a pure number; default, if it may be left out; unknown: whether it is unknown then;
     range of the field, or of each item of it: from ge, or just above gt, to le; kind of its value; choices of that
     kind; is_optional: whether it may be empty; is_required: whether it has to be given; question, to its maker, and
     how, to measure it, of those that decide most.
@@ -325,7 +325,7 @@ class PresetField:
         return isfinite(value) and self.gt < value <= self.le and value >= self.ge
 
     def range_words(self, unit: str = "") -> str:
-        """Return range of the field, or of each item of it, in words and with the unit; empty where there is none."""
+        """Return range of the field, or of each item of it, in words and with the unit; empty if there is none."""
         low = f"above {plain(self.gt)}, up" if self.gt > -inf else plain(self.ge) if self.ge > -inf else ""
         if self.le < inf:
             return f"{low} to {plain(self.le)} {unit}".rstrip()
@@ -688,7 +688,7 @@ class Drive(Section):
         return "contact.k_face" if self.numerics.stations == 1 else "contact.c_t"
 
     def number(self, path: str) -> float:
-        """Return the value of a field that holds a number, by path; 0 where it is not known."""
+        """Return the value of a field that holds a number, by path; 0 if it is not known."""
         return float(self.value(path) or 0.0)
 
     def allows(self, path: str, value: float) -> bool:
@@ -822,5 +822,5 @@ def origin_counts(drive: Drive) -> dict[str, int]:
 
 
 def value_text(value: Any) -> str:
-    """Return a value as a preset has it, without brackets; a dash where there is none."""
+    """Return a value as a preset has it, without brackets; a dash if there is none."""
     return "-" if value is None else text_of(value).strip("[]{}") or "-"

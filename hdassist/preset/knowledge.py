@@ -467,7 +467,7 @@ def _around(
     low: float,
     high: float,
 ) -> tuple[float, float] | None:
-    """Return the bounds widened to hold the value; None where they are equal or beyond the range of the field."""
+    """Return the bounds widened to hold the value; None if they are equal or beyond the range of the field."""
     low = min(low, value)
     high = max(high, value)
     return (low, high) if low < high and like.allows(path, low) and like.allows(path, high) else None
@@ -569,7 +569,7 @@ _MEASURES = {
 def read_requirements(like: Drive, *, ratio: float | None = None, **given: str | None) -> Requirements:
     """Return the requirements on a drive that is to be like another one.
 
-    Arguments, None where not given: ratio, of the drive built in as the other one; coupling of the cam, as cam.coupling
+    Arguments, None if not given: ratio, of the drive built in as the other one; coupling of the cam, as cam.coupling
     has it; shaft, diameter and overhang [mm] of one that it is overhung on, like 14x30; pitch_diameter [mm] and torque
     [N*m]; teeth, like 160/162; holes of the seat, and the allowed_holes; of a catalogue the stiffness [N*m/rad], K1,
     K2, K3 or one number, T1 and T2, the ends of its segments [N*m], lost_motion and accuracy [arcsec]: texts, which may

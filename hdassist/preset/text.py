@@ -58,7 +58,7 @@ class SourceSpan:
 
 @dataclass
 class Document:
-    """A text as it was read: data, None where it breaks off; place of each path, findings, warnings.
+    """A text as it was read: data, None if it breaks off; place of each path, findings, warnings.
 
     file: its name in findings; bad: paths whose values are not to be used.
     """
@@ -132,7 +132,7 @@ class Document:
         )
 
     def where(self, path: Path, key: bool = False) -> tuple[str, Mark]:
-        """Return the file and place of a value or key; of the nearest table around it where it is not given."""
+        """Return the file and place of a value or key; of the nearest table around it if it is not given."""
         while path and path not in self.places:
             path = path[:-1]
             key = True

@@ -57,7 +57,7 @@ class GuideForm:
 class GuideRows:
     """Rows of a table that a guide log gives.
 
-    lines: texts of the table in the places of the log's lines, empty where it has none.
+    lines: texts of the table in the places of the log's lines, empty if it has none.
     notes: how the log was read. is_lower_bound: whether the error is one, because the declination is unknown.
     scale_uncertainty: relative standard uncertainty of the error by that of the guide rate.
     """
@@ -303,7 +303,7 @@ def _longest_unguided(section: _Section) -> _Section:
 def _guide_rate(facts: _Facts, form: GuideForm) -> _GuideRate:
     """Return the guide rate of a section: as an option states it, as it was calibrated, or as the mount states it.
 
-    Raises DataError where none is known, or where the declination that it depends on is not.
+    Raises DataError if none is known, or where the declination that it depends on is not.
     """
     if not isfinite(facts.declination):
         description = "a guided section of a guide log with an unknown declination, on which the guide rate depends"

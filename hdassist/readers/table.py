@@ -132,7 +132,7 @@ class NumberTable:
         default: unit of a column whose name has none.
         units: units that the column may have.
         asked: unit that an option states, None without one.
-        option: that option, empty where there is none.
+        option: that option, empty if there is none.
         Raises PresetError if the name or a remark states another unit and no option states one.
         """
         name = self.name(column)

@@ -34,7 +34,7 @@ from hdassist.readers.words import (
 )
 
 WHOLE_TURN_DEG = 360.0
-_COUNTER_BITS = (16, 24, 32)  # of counters that begin again where they are full
+_COUNTER_BITS = (16, 24, 32)  # of counters that begin again if they are full
 _WRAP_STEPS = 20.0  # median steps that a step over a wrap may go, at most
 _LEAST_WRAP_REST = 1.0  # deg that a step over a wrap may go in any case
 _LEAP = 0.4  # of the wrap: the direction of a longer step is ambiguous
@@ -318,7 +318,7 @@ class MeasuredTrace:
     """A measured trace in the order of its rows.
 
     cam_deg, error_arcsec, line: shape (rows,), angle of the cam without wraps, error, line of the file. step_arcsec:
-    resolution of the readings, 0 where no step is found; in_time: whether its rounding repeats with the turns of the
+    resolution of the readings, 0 if no step is found; in_time: whether its rounding repeats with the turns of the
     cam, as with readings at even angles; cam_step_arcsec: part of it by counts of the cam, which no noise of the output
     evens out then; dithered: whether they are counts at angles uneven by more than one, whose rounding is noise that
     a fit has in its residuals. sweeps: moves in one direction each. sha256: of the file. angle_of: shaft of

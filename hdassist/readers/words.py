@@ -434,7 +434,7 @@ def sexagesimal_degrees(text: str, *, by_colons: bool) -> float | None:
 
 
 def fault_of(text: str, decimal: str) -> tuple[str, str]:
-    """Return fault of the text of a number, and a hint, both empty where it is one; decimal, the mark of the file."""
+    """Return fault of the text of a number, and a hint, both empty if it is one; decimal, the mark of the file."""
     if _WRITTEN[decimal].fullmatch(text):
         return "", ""
     if not text:

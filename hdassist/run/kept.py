@@ -69,7 +69,7 @@ class ClosedRecord:
 class KeptOwner(ClosedRecord):
     """All that decides the records of a file: command, inputs (SHA-256 of each), options, seed and version of hdassist.
 
-    preset: name of the drive, empty where there are several; inputs and version: empty where each record has its own.
+    preset: name of the drive, empty if there are several; inputs and version: empty where each record has its own.
     """
 
     schema: Literal["hdassist.kept/1"] = _KEPT_SCHEMA
@@ -534,7 +534,7 @@ def _short(value: Any) -> str:
 # They have a folder of their own in the one that is named, for this user alone: no link is followed and no file of
 # another owner read, replaced or removed. A file is named by its kind and key; its
 # first line has the key and the checksum of the rest. Whatever does not hold is as if it were not there. The folder may
-# be emptied at any time, and where it cannot be used no data are kept.
+# be emptied at any time, and if it cannot be used no data are kept.
 
 _AnswerT = TypeVar("_AnswerT")
 
@@ -591,7 +591,7 @@ def why_unsafe() -> str:
 
 
 def cached(kind: str, key: str) -> bytes | None:
-    """Return data kept of a kind by a key (SHA-256); None where there are none, or they do not hold."""
+    """Return data kept of a kind by a key (SHA-256); None if there are none, or they do not hold."""
     name = _name(kind, key)
     with suppress(*_UNUSABLE), _own_folder() as folder:
         content = folder.read(name, _LARGEST_FILE)
@@ -608,7 +608,7 @@ def keep(
     key: str,
     data: bytes,
 ) -> None:
-    """Keep data of a kind by a key (SHA-256), in place of those before; none where that cannot be written."""
+    """Keep data of a kind by a key (SHA-256), in place of those before; none if that cannot be written."""
     name = _name(kind, key)
     line = _first_line(key, data)
     if len(line) + len(data) >= _LARGEST_FILE:
@@ -657,7 +657,7 @@ class KeptAnswer(Generic[_AnswerT]):
         return sha256(json.dumps(self.depends, sort_keys=True).encode()).hexdigest()
 
     def found(self) -> _AnswerT | None:
-        """Return the answer as it is kept; None where there is none, or it does not hold."""
+        """Return the answer as it is kept; None if there is none, or it does not hold."""
         with suppress(ValueError):
             return self.adapter.validate_json((keeps_answers() and cached(self.kind, self._key)) or b"")
         return None
@@ -704,7 +704,7 @@ def _files(folder: PrivateFolder) -> list[tuple[str, os.stat_result]]:
 
 
 def _own_folder(*, makes: bool = False) -> AbstractContextManager[PrivateFolder]:
-    """Return the folder for this user alone, to be opened; makes: whether it is made where there is none."""
+    """Return the folder for this user alone, to be opened; makes: whether it is made if there is none."""
     return private_folder(cache_folder(), OWN_FOLDER, makes=makes)
 
 

@@ -85,7 +85,7 @@ class Run:
 
     @property
     def at_a_time(self) -> int:
-        """How many tasks are worked on at a time by now; 0 where that is not known, or in this process."""
+        """How many tasks are worked on at a time by now; 0 if that is not known, or in this process."""
         # executors of the library have no size
         return int(getattr(self.executor, "size", 0))
 
@@ -110,7 +110,7 @@ UNCHECKED = Run(cross_check=None)  # in this process, no state solved again
 
 _RETRIES = 3  # of a task whose worker was lost
 TIMEOUT = 10.0  # s for a scheduler to answer
-_Installation = Callable[[], object]  # all that the digits of an answer depend on, where it is called
+_Installation = Callable[[], object]  # all that the digits of an answer depend on, if it is called
 
 
 class Cluster(Executor):
@@ -169,7 +169,7 @@ def cluster(
 ) -> Iterator[Cluster]:
     """An engine by its name, as ENGINES has it; it stays for the next time, and ends with this process.
 
-    Arguments: name, with "=ADDRESS" of a scheduler that runs already; jobs, workers that are begun where there is none
+    Arguments: name, with "=ADDRESS" of a scheduler that runs already; jobs, workers that are begun if there is none
     (0: one for each core); installation. Raises UsageError: no such engine, or its package is not there; DataError: it
     cannot be reached or begun; UntrustedError: it has lost the work, or a worker has another installation.
     """

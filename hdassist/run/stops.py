@@ -1,4 +1,4 @@
-"""Stops from outside: SIGINT, SIGTERM, SIGHUP and SIGBREAK end the command where it is, whatever it is doing.
+"""Stops from outside: SIGINT, SIGTERM, SIGHUP and SIGBREAK end the command if it is, whatever it is doing.
 
 No exception is raised: one in the middle of an import, a fork or a library may be swallowed there. What has to be
 put away is registered by who made it. This module is imported before all others, and imports only `system`.

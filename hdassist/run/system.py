@@ -280,7 +280,7 @@ def has_forkserver() -> bool:
 
 
 def begin_resource_tracker() -> None:
-    """Begin the process by which multiprocessing removes what others leave behind, where there is one.
+    """Begin the process by which multiprocessing removes what others leave behind, if there is one.
 
     It is begun now, as it lets signals in that are held back, and inherits the streams of now.
     """
@@ -323,7 +323,7 @@ def core_count() -> int:
 
 
 def address_limit() -> int | None:
-    """Return the bytes of addresses that this process may have (ulimit -v); None where there is no limit."""
+    """Return the bytes of addresses that this process may have (ulimit -v); None if there is no limit."""
     if sys.platform == "win32":
         return None
     import resource

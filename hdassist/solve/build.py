@@ -50,7 +50,7 @@ def _is_for_windows() -> bool:
 
 
 def compile_walk(folder: Path, more: Sequence[str] = ()) -> list[Path]:
-    """Compile the walk into a folder; the libraries made, none where there is no compiler or it fails.
+    """Compile the walk into a folder; the libraries made, none if there is no compiler or it fails.
 
     Arguments: more, further options of the compiler.
     """

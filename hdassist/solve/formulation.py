@@ -116,7 +116,7 @@ class Formulation:
     H: Array  # compliance of structure and supports between the places, in units, shape (m, m)
     local: Array  # compliance of each candidate by itself, in units, shape (M,)
     A: Array  # equilibrium of the free freedoms, in units, shape (free, m)
-    # references of the engines by the torque [N*mm], None where the contact set does not hold the parts
+    # references of the engines by the torque [N*mm], None if the contact set does not hold the parts
     references: dict[float, Reference | None] = field(
         default_factory=dict,
         init=False,

@@ -157,7 +157,7 @@ class Output:
 
 
 class ProgressBar:
-    """Called with work that was done, it moves a bar with one task; None where nobody looks. style: of its words."""
+    """Called with work that was done, it moves a bar with one task; None if nobody looks. style: of its words."""
 
     def __init__(self, bar: Progress | None, style: Style) -> None:
         self._bar = bar
@@ -290,7 +290,7 @@ def failure(
 
 
 def combine(command: str, results: Sequence[Json]) -> Json:
-    """Return one object for all drives: the answer itself where there is one, else a list of them."""
+    """Return one object for all drives: the answer itself if there is one, else a list of them."""
     return results[0] if len(results) == 1 else together(command, results)
 
 
@@ -320,7 +320,7 @@ def json_text(answer: Json) -> str:
 
 
 def csv_text(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
-    """Return a table as CSV: one header line, plain newlines, full precision, empty where there is no value.
+    """Return a table as CSV: one header line, plain newlines, full precision, empty if there is no value.
 
     Text cannot act: hidden characters are escaped, and an apostrophe stands before formulas of spreadsheets.
     """
@@ -417,7 +417,7 @@ def give(
     Args:
         command: for the schema of several reports.
         reports: those without a head have no page.
-        out: how and where they are written.
+        out: how and if they are written.
         more: keys of JSON about all reports.
         below: lines under all pages.
 

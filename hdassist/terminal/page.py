@@ -185,7 +185,7 @@ def block_on_page(
 
 
 def in_characters(block: Figure, style: Style) -> str:
-    """Return a figure in characters; empty, with a remark on stderr, where it cannot be drawn."""
+    """Return a figure in characters; empty, with a remark on stderr, if it cannot be drawn."""
     return made_or("plot", lambda: DRAWINGS[type(block)](style, block), str)
 
 

@@ -103,7 +103,7 @@ def silence(stream: TextIO | None = None) -> None:
 
 
 def say(line: str, *, whole: bool = False) -> None:
-    """Write a line on stderr as it can show it; silent where it cannot be written: the exit code stays.
+    """Write a line on stderr as it can show it; silent if it cannot be written: the exit code stays.
 
     whole: it is not broken between words, as it has a command to be copied.
     """
@@ -247,7 +247,7 @@ def write_parquet(
 ) -> None:
     """Write a table as Parquet, and "wrote FILE" on standard error.
 
-    Arguments: path; columns, the type of each by its name; rows, None where a cell is empty; owner, all that decides
+    Arguments: path; columns, the type of each by its name; rows, None if a cell is empty; owner, all that decides
     them, in the table's metadata as "hdassist"; force, whether an existing file may be replaced.
     Raises UsageError: the file exists; DataError: it cannot be written. Then no file has changed.
     """

@@ -219,7 +219,7 @@ def languages() -> list[str]:
 
 @cache
 def texts(language: str = HOME) -> Texts:
-    """Return the catalogue of a language. Raises UsageError where there is none."""
+    """Return the catalogue of a language. Raises UsageError if there is none."""
     import yaml
 
     if language not in languages():

@@ -109,7 +109,7 @@ class Sensitivities:
 
     @property
     def largest(self) -> Influence | None:
-        """Input with the largest share of the variance at the worst torque; None where no share is computed."""
+        """Input with the largest share of the variance at the worst torque; None if no share is computed."""
         return next(iter(self.influences[self.worst]), None)
 
     @property

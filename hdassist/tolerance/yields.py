@@ -162,7 +162,7 @@ class AtTorque:
 class Summary:
     """Sums over random drives, added as they are computed.
 
-    positions: how many the wheel was tried in, 1 where it is not turned; wanted: the yield that is asked for, as a
+    positions: how many the wheel was tried in, 1 if it is not turned; wanted: the yield that is asked for, as a
     share, and sure, with which probability; designs and weights: number and weight of each drive's design; refused:
     designs of drives without an answer; reason, of the first of them.
     """
@@ -234,9 +234,9 @@ class Summary:
 
     @property
     def verdict(self) -> Verdict:
-        """Verdict on the probability that the yield is the wanted one, with the wheel turned where it may be.
+        """Verdict on the probability that the yield is the wanted one, with the wheel turned if it may be.
 
-        Designs are as many as were asked for, and are not drawn further: INCONCLUSIVE where they are too few for one.
+        Designs are as many as were asked for, and are not drawn further: INCONCLUSIVE if they are too few for one.
         """
         if self.wanted is None or not self.has_limit:
             return Verdict.NO_LIMIT
