@@ -273,7 +273,7 @@ _ALIKE = 0.65  # share of letters, without the ending, from which a name looks l
 
 
 def _near_files(path: Path) -> list[str]:
-    """Return files whose names resemble that of a missing one. Raises OSError, ValueError without its directory."""
+    """Return the files whose names resemble that of a missing one. Raises OSError, ValueError without its directory."""
     names: dict[str, list[str]] = {}
     for item in path.parent.iterdir():
         names.setdefault(item.stem.lower(), []).append(item.name)

@@ -257,7 +257,7 @@ def now() -> str:
 
 
 def provenance(answer: AcceptAnswer) -> Json:
-    """Return provenance of an answer as a flat table."""
+    """Return the provenance of an answer as a flat table."""
     return {
         "version": answer.version,
         "preset_sha256": answer.preset.sha256,
@@ -281,7 +281,7 @@ def answer_json(answer: AcceptAnswer) -> Json:
 
 
 def lot_summary(answers: Sequence[AcceptAnswer]) -> Json:
-    """Return counts, and the share of PASS among drives that pass or fail with its interval, as JSON has them."""
+    """Return the counts, and the share of PASS among drives that pass or fail with its interval, as JSON has them."""
     counts = {verdict: sum(answer.status == verdict for answer in answers) for verdict in LOT_VERDICTS}
     decided = counts["PASS"] + counts["FAIL"]
     share = probability_by_share(counts["PASS"] / decided, decided) if decided else None
@@ -294,7 +294,7 @@ def lot_summary(answers: Sequence[AcceptAnswer]) -> Json:
 
 
 def read_answers(path: str) -> list[AcceptAnswer]:
-    """Return answers of `hdassist accept` from a file: --json of one drive or of many, or --jsonl of a lot.
+    """Return the answers of `hdassist accept` from a file: --json of one drive or of many, or --jsonl of a lot.
 
     A last line that breaks off is left out. Raises DataError: a file that cannot be read, or says something else.
     """
@@ -387,7 +387,7 @@ def _value_text(value: Any) -> str:
 
 
 def answer_differences(recorded: AcceptAnswer, now: AcceptAnswer) -> list[_AnswerDifference]:
-    """Return differences of two answers, with the names of their checks; of one without an answer that alone."""
+    """Return the differences of two answers, with the names of their checks; of one without an answer that alone."""
     if bool(recorded.error) != bool(now.error):
         errors = (answer.error and answer.error.message for answer in (recorded, now))
         return [_AnswerDifference("verdict", recorded.status, now.status), _AnswerDifference("error", *errors)]

@@ -480,7 +480,7 @@ def _known(
     kept: Kept[AcceptAnswer],
     options: AcceptOptions,
 ) -> list[AcceptAnswer | None]:
-    """Return answers to the rows that are there from before and still stand, None for the others.
+    """Return the answers to the rows that are there from before and still stand, None for the others.
 
     Raises UsageError: answers are there, and none is of a drive of this lot.
     """
@@ -538,7 +538,7 @@ def _answers(
     options: AcceptOptions,
     out: Output,
 ) -> Generator[AcceptAnswer, None, None]:
-    """Yield answers to rows, in their order, as they come; words beside the bar."""
+    """Yield the answers to rows, in their order, as they come; words beside the bar."""
     from hdassist.acceptance.accept import answer_rows
     from hdassist.run.run import stream
 

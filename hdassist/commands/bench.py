@@ -530,7 +530,7 @@ class ControllerOptions(o.OptionGroup):
     steps_per_degree: float = 0.0
 
     def controller_target(self, form: CorrectionForm, *, force: bool) -> tuple[ControllerFormat, str] | None:
-        """Return controller and file that are asked for, of a form.
+        """Return the controller and file that are asked for, of a form.
 
         Raises UsageError: no such controller, or a form that it does not keep; as `take_output` for the file.
         """
@@ -689,7 +689,7 @@ class CompensateCommand(
         return recorded_error(measurement, Kinematics.of(drive), self.alignment())
 
     def records(self, drive: Drive) -> dict[float, RecordedError]:
-        """Return errors of the records by torque [N*m]. Raises UsageError for more records than torques."""
+        """Return the errors of the records by torque [N*m]. Raises UsageError for more records than torques."""
         files = self.files or []
         torques = drive.operation.M_g
         if len(files) > len(torques):
@@ -699,7 +699,7 @@ class CompensateCommand(
         return {M_g: self.recorded(name, drive, M_g) for M_g, name in zip(torques, files, strict=False)}
 
     def of_record(self, file: str) -> Report:
-        """Return correction of a record without a preset. Raises UsageError for options that need one."""
+        """Return the correction of a record without a preset. Raises UsageError for options that need one."""
         from hdassist.correction.correct import correction_alone
         from hdassist.correction.records import require_fine_counts
         from hdassist.pages.compensate import compensate_report
@@ -763,7 +763,7 @@ class CompensateCommand(
         write_text(path, text, self.force)
 
     def report(self, out: Output, preset: str) -> Report:
-        """Return corrections of the drive, or of a record alone."""
+        """Return the corrections of the drive, or of a record alone."""
         from hdassist.correction.correct import correct, verify
         from hdassist.design import check_states
         from hdassist.pages.compensate import compensate_report, verified_report

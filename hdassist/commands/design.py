@@ -268,7 +268,7 @@ def _rows(
     options: SweepCommand,
     out: Output,
 ) -> Iterator[SweepRow]:
-    """Yield records of all rows: those that are kept, then the others as they are computed and kept."""
+    """Yield the records of all rows: those that are kept, then the others as they are computed and kept."""
     from hdassist.run.run import stream
 
     yield from results.records()
@@ -523,7 +523,7 @@ class ReportCommand(o.AnswerOptions, o.SamplingOptions, o.LimitedDriveOptions):
             )
 
     def _kind(self) -> str:
-        """Return suffix of the file that the report is written as. Raises UsageError for any other."""
+        """Return the suffix of the file that the report is written as. Raises UsageError for any other."""
         if self.output == "-":
             return ".md"
         kind = Path(self.output).suffix.lower()
@@ -577,7 +577,7 @@ class DrawOptions(o.LimitedDriveOptions):
         count: int,
         progress: ProgressBar | None = None,
     ) -> list[RandomDrive]:
-        """Return records of so many drives of a production; progress: the bar of more work than these."""
+        """Return the records of so many drives of a production; progress: the bar of more work than these."""
         from hdassist.run.run import stream
 
         drives: list[RandomDrive] = []

@@ -133,7 +133,7 @@ class Form(ModalScreen[None]):
         self._take = take
 
     def compose(self) -> ComposeResult:
-        """Yield title, line, hint, and room for a fault."""
+        """Yield the title, line, hint, and room for a fault."""
         with Vertical(id="form") as form:
             form.border_title = visible(self._title)
             form.border_subtitle = "Enter accepts, Escape cancels"
@@ -493,7 +493,7 @@ class Explorer(_Exporting):
         return Content.from_markup(" ".join(tabs))
 
     def _keys(self) -> Content:
-        """Return keys that work where the focus is; a click presses one."""
+        """Return the keys that work where the focus is; a click presses one."""
         keys: dict[str, tuple[str, str]] = {}
         # no key of the main screen works there
         if isinstance(self.screen, ModalScreen):  # a dialog says its own
@@ -525,7 +525,7 @@ class Explorer(_Exporting):
         self.call_after_refresh(self.draw)
 
     def _letters(self) -> dict[float, str]:
-        """Return letters of positions by their turn [deg]: now, best, worst, to measure next, not allowed."""
+        """Return the letters of positions by their turn [deg]: now, best, worst, to measure next, not allowed."""
         drive = self.session.drive
         letters = defaultdict(str, {0.0: "N"})
         advice = self.known.advice

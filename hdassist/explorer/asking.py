@@ -131,7 +131,7 @@ class Asking(App[int]):
         """Ask for the rest of the screen."""
 
     def known_of(self, drive: Drive) -> Known:
-        """Return answers about a drive."""
+        """Return the answers about a drive."""
         return self.answers.setdefault(again("check", drive), Known())
 
     @property

@@ -212,7 +212,7 @@ class _Share:
 
 
 def typical_of(found: DesignCheck) -> tuple[Mapping[str, float], Sequence[float]]:
-    """Return values by path of the sample nearest to the median, and its F'_ior at each torque [arcsec]."""
+    """Return the values by path of the sample nearest to the median, and its F'_ior at each torque [arcsec]."""
     if not (samples := found.samples):
         return {}, [point.error.F_ior_arcsec for point in found.points if point.error]
     row = samples.middle_sample(found.governing)
@@ -276,7 +276,7 @@ def _steps(
     here: Drive,
     others: Mapping[str, Any],
 ) -> Iterator[tuple[str, tuple[float, ...]]]:
-    """Yield plausible steps of the fields of a typical drive, in order of preference.
+    """Yield the plausible steps of the fields of a typical drive, in order of preference.
 
     Arguments: drive, with its ranges; here, the typical one; others, values where a pinned one differs.
     """

@@ -166,7 +166,7 @@ class Holes(KeyedTable):
                 self.move_cursor(row=self.get_row_index(present_row))
 
     def _room(self, numbers: Mapping[float, Sequence[Text]], heads: Sequence[str]) -> int:
-        """Return columns that are left for bars beside numbers under heads."""
+        """Return the columns that are left for bars beside numbers under heads."""
         by_torque = zip(
             heads,
             zip(*numbers.values(), strict=True),
@@ -592,7 +592,7 @@ def turn_blocks(page: Report, name: str) -> Iterator[Block]:
 
 
 def why_blocks(known: Known) -> tuple[Block, ...]:
-    """Return influences on F'_ior with their shares, what it would take, and other facts of check."""
+    """Return the influences on F'_ior with their shares, what it would take, and other facts of check."""
     if not (whole_check := known.whole):
         return (Paragraph(known.without),)
     point = whole_check.points[whole_check.governing]

@@ -259,7 +259,7 @@ _LEVER_STEPS = {"um": 1.0, "deg": 5.0, "N*m": 10.0}  # a step in units that have
 
 
 def about_field(field: ResolvedField) -> str:
-    """Return path, meaning and range of a field."""
+    """Return the path, meaning and range of a field."""
     reach = field_table()[field.path].range_words(field.unit)
     return f"{field.path}: {field.meaning}{f'; {reach}' if reach else ''}"
 

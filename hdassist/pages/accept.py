@@ -578,7 +578,7 @@ def junit(
     answers: Sequence[AcceptAnswer],
     lot_sha256: str = "",
 ) -> str:
-    """Return JUnit XML, which build servers show: a suite for each drive, a test case for each of its checks.
+    """Return the JUnit XML, which build servers show: a suite for each drive, a test case for each of its checks.
 
     A case's class is its drive, its name the limit; remarks on a drive stand once, in the output of its suite. FAIL and
     INCONCLUSIVE are failures of that type: neither may look green. A drive without an answer is an error, a limit

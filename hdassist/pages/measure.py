@@ -398,7 +398,7 @@ def _curve(found: SweepResult) -> Curve:
 
 
 def _details(found: SweepResult) -> Iterator[ReportSection]:
-    """Yield orders and budget of uncertainty of a direction."""
+    """Yield the orders and budget of uncertainty of a direction."""
     shown = _ORDER_COLUMNS[:5] if any(order.cause for order in found.orders) else _ORDER_COLUMNS[:4]
     greatest = sorted(found.orders, key=lambda o: -o.amplitude_arcsec)[:_LISTED_ORDERS]
     title = f"orders: amplitude·cos(order·angle + phase), the {len(greatest)} largest of {len(found.orders)}"

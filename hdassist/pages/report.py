@@ -252,7 +252,7 @@ def blocks_text(
 
 
 def lines_on_paper(card: Card) -> int:
-    """Return about how many lines a card has beside its drawing, rows to write in counted by their height.
+    """Return the approximate number of lines that a card has beside its drawing, rows to write in counted by their height.
 
     By that the style sheet chooses letters with which the card is one page.
     """
@@ -347,7 +347,7 @@ class _ChartAxes:
 
     @classmethod
     def around(cls, figure: Curve) -> _ChartAxes:
-        """Return axes that hold a figure of more than one point, its limit and its whiskers."""
+        """Return the axes that hold a figure of more than one point, its limit and its whiskers."""
         ends = float(figure.x[0]), float(figure.x[-1])
         columns = [tick for tick in ticks(*ends, 8) if ends[0] <= tick <= ends[1]]
         return cls(columns, ticks(*figure.ends, 5), ends)

@@ -55,7 +55,7 @@ class _MountedDrives:
         return self.point.best if self.best else self.point.as_built
 
     def percentile(self, share: float) -> Percentile:
-        """Return percentile of F'_ior over the drives [arcsec]."""
+        """Return the percentile of F'_ior over the drives [arcsec]."""
         return self.summary.percentile(self.F_ior, share)
 
     @property

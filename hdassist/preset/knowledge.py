@@ -82,7 +82,7 @@ def _growth(
     d: float,
     m: float,
 ) -> float:
-    """Return factor on a field by its law where the pitch diameter is d times, and the module m times as large."""
+    """Return the factor on a field by its law where the pitch diameter is d times, and the module m times as large."""
     return {"same": 1.0, "d": d, "1/d": 1 / d, "m": m}[by]
 
 

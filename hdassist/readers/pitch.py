@@ -331,7 +331,7 @@ class _Statements:
 
 
 def _value_of(key: str, text: str) -> str:
-    """Return value of a remark; empty if it is invalid."""
+    """Return the value of a remark; empty if it is invalid."""
     if key == "unit":
         return plain_unit(text)
     if key == "mark":
@@ -384,7 +384,7 @@ def _cumulative(
     *,
     is_single: bool,
 ) -> Array:
-    """Return cumulative deviations [um] in the order of the tooth numbers, with their signs in the file.
+    """Return the cumulative deviations [um] in the order of the tooth numbers, with their signs in the file.
 
     Arguments: table, whose notes and findings are added to; column of the deviations, and their rows in order; unit,
     its name and size in um; is_single, whether they are single pitch deviations.

@@ -627,7 +627,7 @@ class _Rows:
         self.lines.frombytes(lines.tobytes())
 
     def _plain(self, part: str) -> _Cells | None:
-        """Return rows of a part of numbers and separators alone, shape (rows, columns); None for any other part.
+        """Return the rows of a part of numbers and separators alone, shape (rows, columns); None for any other part.
 
         It reads the same numbers as `_row`, only faster.
         """
@@ -664,7 +664,7 @@ class _Rows:
             self.decimal = "," if marks[","] > marks["."] else "." if marks["."] else ""
 
     def _row(self, line: int, row: Sequence[Cell]) -> list[float] | None:
-        """Return numbers of a row; None, with a finding, for a row that has none or another number of cells."""
+        """Return the numbers of a row; None, with a finding, for a row that has none or another number of cells."""
         # a second line of names, or a remark without #
         if not has_numbers(row):
             hint = "put # in front of it; only one line of names is allowed, above the rows"
@@ -814,7 +814,7 @@ def _readable_parts(
 
 
 def _of_pe_file(lines: list[str], table: NumberTable) -> Iterator[str]:
-    """Yield angle of the shaft that turns once a worm period, the cam, by motor steps, else by time."""
+    """Yield the angle of the shaft that turns once a worm period, the cam, by motor steps, else by time."""
     facts = re.findall(r"^!(WormPeriod|StepsPerWorm)\s*=\s*([-+0-9.]+)", "\n".join(lines), re.MULTILINE)
     stated = {key: number_of(number) for key, number in reversed(facts)}  # the first of each
     period, steps = (stated.get(key, nan) for key in ("WormPeriod", "StepsPerWorm"))

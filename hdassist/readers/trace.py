@@ -125,7 +125,7 @@ def _unwrapped(
     wrap: float,
     other: _Angles | None = None,
 ) -> _Angles:
-    """Return angles without the jumps of an encoder that begins again after wrap, shape (rows,), in the same unit.
+    """Return the angles without the jumps of an encoder that begins again after wrap, shape (rows,), in the same unit.
 
     other: the same angle by another encoder, without jumps and in either sense, which says how far a long step went.
     Raises AngleError: a step that may have gone either way round.
@@ -161,7 +161,7 @@ def _leaping(angle: _Angles) -> NDArray[np.bool_]:
 
 
 def sweeps(angle: _Angles) -> list[_AngleSweep]:
-    """Return moves in one direction each, in the order of the rows.
+    """Return the moves in one direction each, in the order of the rows.
 
     Arguments: angle [deg], shape (rows,), without jumps of the encoder. Rows of a short move at the beginning or end
     are left out. Raises AngleError: an angle that runs backwards within a move.
@@ -205,7 +205,7 @@ def _without_turning(
 
 
 def _moves(angle: _Angles, least: float) -> list[_AngleSweep]:
-    """Return moves between turning points that lie at least so far apart [deg]."""
+    """Return the moves between turning points that lie at least so far apart [deg]."""
     signs = np.sign(np.diff(angle)).astype(np.int8)
     moving = np.flatnonzero(signs)
     # only the last rows before the direction changes can be turning points
@@ -360,7 +360,7 @@ class MeasuredTrace:
         return np.concatenate(self.by_sweep(np.arange(len(self.line))))
 
     def by_sweep(self, values: NDArray[Any]) -> list[NDArray[Any]]:
-        """Return values of all rows, shape (rows,), parted into those of each sweep."""
+        """Return the values of all rows, shape (rows,), parted into those of each sweep."""
         return [values[sweep.rows] for sweep in self.sweeps]
 
     def require_known_scale(self) -> None:
@@ -727,7 +727,7 @@ def _angle(
     wrap: float | None,
     other: Array | None = None,
 ) -> Array:
-    """Return angles [deg] of the readings of a column without wraps; other, see `unwrapped`."""
+    """Return the angles [deg] of the readings of a column without wraps; other, see `unwrapped`."""
     angle = readings * (column.size / _ARCSEC_PER_DEG)
     if not np.ptp(angle):
         raise table.fault("the column is constant", "check the column of the angle", 0, column.index)
@@ -765,7 +765,7 @@ def _second(
     cam: Array,
     ratio: float,
 ) -> tuple[Array, int]:
-    """Return error [arcsec] out of the angles [deg] of two encoders, and the sense in which they count."""
+    """Return the error [arcsec] out of the angles [deg] of two encoders, and the sense in which they count."""
     centred = cam - cam.mean()
     slope = float(centred @ output / (centred @ centred))
     if np.ptp(cam) >= 360 and abs(abs(slope) * ratio - 1) > _SLIP:
@@ -849,7 +849,7 @@ def _even_step(levels: Array, least: float) -> float:
 
 
 def _step(readings: Array) -> float:
-    """Return resolution of readings that repeat themselves and lie on even steps; 0 without such a step."""
+    """Return the resolution of readings that repeat themselves and lie on even steps; 0 without such a step."""
     levels = np.unique(readings)
     rounding = 1e-9 * float(np.abs(readings).max() + np.ptp(readings))
     return _even_step(levels, rounding) if 2 * len(levels) <= len(readings) else 0.0
@@ -860,7 +860,7 @@ def _step_in_time(
     output: Array,
     ratio: float,
 ) -> float:
-    """Return resolution [arcsec] of output angles [deg] read at even angles of the cam; 0 without one.
+    """Return the resolution [arcsec] of output angles [deg] read at even angles of the cam; 0 without one.
 
     Angles of a turning shaft seldom repeat themselves, but the steps between them do; steps over missing rows are left
     out.
@@ -1026,7 +1026,7 @@ def _column(
     kind: str,
     option: str,
 ) -> int:
-    """Return column (from 0) by its name or number as asked for, else the only one of a kind."""
+    """Return the column (from 0) by its name or number as asked for, else the only one of a kind."""
     if asked is not None:
         for plain in (str, str.lower):
             same = [i for i, name in enumerate(table.names) if plain(name) == plain(asked)]

@@ -147,12 +147,12 @@ def is_numbered_run(name: str) -> bool:
 
 
 def form_in(text: str) -> str:
-    """Return form of pitch deviations by a name: cumulative, single, ambiguous, or empty without one."""
+    """Return the form of pitch deviations by a name: cumulative, single, ambiguous, or empty without one."""
     return next((row["form"] for row in _TABLE["forms"] if re.search(row["words"], text)), "")
 
 
 def flank_in(text: str) -> str:
-    """Return flank by a name: left, right, or empty for none or both."""
+    """Return the flank by a name: left, right, or empty for none or both."""
     flanks = [flank for flank, pattern in _FLANKS.items() if re.search(pattern, text.lower())]
     return flanks[0] if len(flanks) == 1 else ""
 
@@ -338,7 +338,7 @@ class TableLine(NamedTuple):
 
 
 def cells_of(line: str, separator: str) -> list[Cell]:
-    """Return cells of a line; empty ones at its end are left out."""
+    """Return the cells of a line; empty ones at its end are left out."""
     cells = []
     start = len(line) - len(line.lstrip())
     end = len(line.rstrip())
@@ -365,7 +365,7 @@ def unclosed_quote(line: str, separator: str) -> int:
 
 
 def row_text(row: Iterable[Cell]) -> str:
-    """Return texts of some cells, with blanks between them."""
+    """Return the texts of some cells, with blanks between them."""
     return " ".join(cell.text for cell in row).strip()
 
 
@@ -375,7 +375,7 @@ def has_numbers(row: Iterable[Cell]) -> bool:
 
 
 def separator_of(lines: Sequence[str]) -> str:
-    """Return separator of the cells in most lines of numbers: a semicolon, tab, comma or blank.
+    """Return the separator of the cells in most lines of numbers: a semicolon, tab, comma or blank.
 
     Semicolons and tabs are never part of a number, so they count before commas, and commas before blanks.
     """

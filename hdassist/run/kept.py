@@ -464,7 +464,7 @@ def _writing(path: str | None, hint: str = "") -> Iterator[None]:
 
 
 def _lines(descriptor: int) -> Iterator[bytes]:
-    """Yield lines of a file, each with its end; one that is longer than any of ours comes in parts."""
+    """Yield the lines of a file, each with its end; one that is longer than any of ours comes in parts."""
     with os.fdopen(os.dup(descriptor), "rb") as file:
         file.seek(0)
         yield from iter(partial(file.readline, _LONGEST_LINE), b"")
@@ -485,7 +485,7 @@ def _sealed(fields: Mapping[str, Any], above: bytes) -> bytes:
 
 
 def _unsealed(line: bytes, above: bytes) -> tuple[dict[str, Any], bytes]:
-    """Return fields and checksum of a line. Raises ValueError: it is not as `_sealed` writes it."""
+    """Return the fields and checksum of a line. Raises ValueError: it is not as `_sealed` writes it."""
     with suppress(ValueError, LookupError, TypeError, AttributeError):
         fields: dict[str, Any] = json.loads(line)
         del fields["checksum"]
@@ -550,7 +550,7 @@ _UNUSABLE = (OSError, ValueError)  # a path with a NUL
 
 
 def cache_folder() -> Path:
-    """Return folder of the user's cache, which may be emptied at any time."""
+    """Return the folder of the user's cache, which may be emptied at any time."""
     return Path(named) if (named := os.environ.get(FOLDER)) else user_cache_path("hdassist")
 
 
@@ -669,7 +669,7 @@ class KeptAnswer(Generic[_AnswerT]):
 
 
 def cached_files() -> list[int]:
-    """Return sizes of the files that are kept [bytes]."""
+    """Return the sizes of the files that are kept [bytes]."""
     with suppress(*_UNUSABLE), _own_folder() as folder:
         return [about.st_size for _, about in _files(folder)]
     return []

@@ -62,7 +62,7 @@ class Run:
     cross_check: str | None = CROSS_SOLVER
 
     def map(self, function: Callable[..., _ResultT], *columns: Iterable[Any]) -> Iterator[_ResultT]:
-        """Return results of a function over rows of arguments, in their order."""
+        """Return the results of a function over rows of arguments, in their order."""
         return iter((self.executor.map if self.executor else map)(function, *columns))
 
     def solved(self, states: int) -> None:

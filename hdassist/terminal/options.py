@@ -234,7 +234,7 @@ class DriveOptions(OptionGroup):
         return load_preset(preset, self.changes, self.taken_over())
 
     def taken_over(self) -> tuple[AskedOption, ...]:
-        """Return options of which a next command on the drive is to have its own: all that decide an answer."""
+        """Return the options of which a next command on the drive is to have its own: all that decide an answer."""
         from hdassist.preset.fields import AskedOption
 
         command = self.command_name()
@@ -415,12 +415,12 @@ class TrialOptions(OptionGroup):
     sure: float | None = None
 
     def torque_of(self, torques: Sequence[float]) -> float:
-        """Return torque of the trials [N*m], of a drive with such torques."""
+        """Return the torque of the trials [N*m], of a drive with such torques."""
         return min(torques, key=abs) if self.trial_torque is None else self.trial_torque
 
 
 def limits_of_options(texts: Sequence[str], only: str = "") -> tuple[LimitText, ...]:
-    """Return limits of the command line, those of all torques first; only: name of the limits that a command holds.
+    """Return the limits of the command line, those of all torques first; only: name of the limits that a command holds.
 
     Raises UsageError: a text that is no limit, or one that the command does not hold.
     """
@@ -466,7 +466,7 @@ def _with_no_load_warning(drive: Drive, no_load_Nm: float) -> Drive:
 
 
 def torque_overrides(texts: Sequence[str | None]) -> list[str]:
-    """Return torques of the command line, where given, as 80 or '80 N·m', as an override of the preset.
+    """Return the torques of the command line, where given, as 80 or '80 N·m', as an override of the preset.
 
     Raises UsageError: any other text, or 0.
     """

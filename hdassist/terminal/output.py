@@ -246,7 +246,7 @@ def envelope(
     exit_code: int = 0,
     warnings: Sequence[str] = (),
 ) -> Json:
-    """Return keys common to all answers of a command; drive, the subject of the answer, None without one."""
+    """Return the keys common to all answers of a command; drive, the subject of the answer, None without one."""
     origin = drive.origin if drive else None
     return {
         **_head(command),
@@ -349,7 +349,7 @@ def run_each(
     failed: Callable[[str, HdassistError], Json] | None = None,
     keep_failures: bool = False,
 ) -> list[Report]:
-    """Return reports on presets or files one after the other; the error of one is its answer, and the others go on.
+    """Return the reports on presets or files one after the other; the error of one is its answer, and the others go on.
 
     Each line of one of several begins with its name.
 

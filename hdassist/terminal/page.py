@@ -87,7 +87,7 @@ class _PageText(Text):
         self._ending = broken_line_end() if is_command else ""
 
     def wrap(self, console: Console, width: int, **options: Any) -> RichLines:
-        """Return lines of a width, as rich has them."""
+        """Return the lines of a width, as rich has them."""
         # the sign for which a shell reads on
         ending = self._ending * (self.cell_len > width)
         # an argument longer than a line has to break somewhere
@@ -108,7 +108,7 @@ class _PageText(Text):
         return lines
 
     def __rich_measure__(self, console: Console, options: ConsoleOptions) -> Measurement:
-        """Return columns that it needs and takes; a path longer than _LONGEST_WORD may be broken within."""
+        """Return the columns that it needs and takes; a path longer than _LONGEST_WORD may be broken within."""
         needed, taken = super().__rich_measure__(console, options)
         return Measurement(min(needed, _LONGEST_WORD), taken)
 
@@ -190,7 +190,7 @@ def in_characters(block: Figure, style: Style) -> str:
 
 
 def _labelled(block: Facts, style: Style) -> RichTable:
-    """Return labelled lines; a wrapped text stays beside its label, which wraps beyond half a page."""
+    """Return the labelled lines; a wrapped text stays beside its label, which wraps beyond half a page."""
     grid = RichTable.grid(padding=(0, 2, 0, 0))
     grid.add_column(no_wrap=max(cell_len(label) for label, _ in block.rows) <= style.width // 2)
     grid.add_column(overflow="fold")

@@ -160,7 +160,7 @@ class _Frame:
 
     @classmethod
     def around(cls, style: Style, figure: Curve) -> _Frame:
-        """Return axes that hold all values of a figure, its limit and 0 where these are near."""
+        """Return the axes that hold all values of a figure, its limit and 0 where these are near."""
         low, high = figure.extent
         if high - low <= _FLAT * max(1.0, abs(low), abs(high)):
             low = low - 1
@@ -194,7 +194,7 @@ class _Frame:
         )
 
     def place(self, x: ArrayLike, y: ArrayLike) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Return columns and rows of points."""
+        """Return the columns and rows of points."""
         first = self.figure.x[0]
         span = max(float(np.ptp(self.figure.x)), np.finfo(float).tiny)
         column = ((np.asarray(x) - first) / span * self.columns).astype(int)
@@ -272,7 +272,7 @@ class _Frame:
 
 
 def dots_to_braille(dots: _Dots) -> list[list[str]]:
-    """Return characters of a grid of dots, four rows and two columns to a character."""
+    """Return the characters of a grid of dots, four rows and two columns to a character."""
     rows = dots.shape[0] // 4
     columns = dots.shape[1] // 2
     codes = (dots.reshape(rows, 4, columns, 2).transpose(0, 2, 1, 3) * _DOTS).sum(axis=(2, 3))

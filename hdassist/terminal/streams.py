@@ -52,7 +52,7 @@ class Style:
         ascii: bool = False,
         no_color: bool = False,
     ) -> Style:
-        """Return style of a stream, from its terminal, the environment and the options that force it."""
+        """Return the style of a stream, from its terminal, the environment and the options that force it."""
         terminal = stream.isatty()
         plain = no_color or bool(os.environ.get("NO_COLOR")) or os.environ.get("TERM") == "dumb"
         columns = os.environ.get("COLUMNS", "")
@@ -117,7 +117,7 @@ def say(line: str, *, whole: bool = False) -> None:
 
 
 def _in_words(text: str, width: int) -> str:
-    """Return lines no wider than a terminal, broken between words; a longer word is left to the terminal."""
+    """Return the lines no wider than a terminal, broken between words; a longer word is left to the terminal."""
     lines = []
     for line in text.split("\n"):
         indent = line[: len(line) - len(line.lstrip())] + "  "
@@ -188,7 +188,7 @@ def _console_class() -> type[Any]:
             silence()
 
         def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterator[Segment]:
-            """Yield segments without control characters but those that rich adds to them when it writes colours.
+            """Yield the segments without control characters but those that rich adds to them when it writes colours.
 
             Style.text does the same before the layout; here whatever went past it is caught.
             """

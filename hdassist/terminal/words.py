@@ -68,7 +68,7 @@ def preset_argument(drive: Drive) -> str:
 
 
 def _options(command: str, overrides: Iterable[str]) -> Iterator[str]:
-    """Yield overrides as options of a command; torques and limits as they were asked for."""
+    """Yield the overrides as options of a command; torques and limits as they were asked for."""
     for override in overrides:
         torques = re.fullmatch(r"operation\.M_g=\[([-+.\de, ]+)\]", override)
         if torques and command != "accept":  # which has no --torque
@@ -212,7 +212,7 @@ class Texts:
 
 
 def languages() -> list[str]:
-    """Return languages that there is a catalogue of."""
+    """Return the languages that there is a catalogue of."""
     folder = files(__package__) / "languages"
     return sorted(item.name.removesuffix(".yaml") for item in folder.iterdir() if item.name.endswith(".yaml"))
 
