@@ -252,9 +252,9 @@ def blocks_text(
 
 
 def lines_on_paper(card: Card) -> int:
-    """Return the approximate number of lines that a card has beside its drawing, rows to write in counted by their height.
+    """Return the approximate number of lines of a card beside its drawing; rows to write in count by their height.
 
-    By that the style sheet chooses letters with which the card is one page.
+    The style sheet chooses the size of the letters by this number, so that the card is one page.
     """
     return len(card_text(card).splitlines()) - _LINES_BESIDE + len(card.torques.rows)
 
