@@ -78,7 +78,7 @@ def test_start(tmp_path: Path):
     output_of("start.md", tmp_path)
     card = words_of(tmp_path / "card.txt")
     assert "Put the circular spline in hole 9. That is 3 holes (90°) clockwise from hole 0" in card
-    assert "Values of the preset: 4 given, 0 identified, 32 assumed." in card
+    assert "Inputs: 64 uncertain, 4 given in the preset, 0 identified from measurements." in card
     assert "Probability that hole 9 is better than hole 0 by more than 1 %" in card
     assert "hole 9: 22.1″" in card
 

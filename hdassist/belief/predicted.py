@@ -20,7 +20,7 @@ _COVERAGE_FACTOR = 2.0  # of the standard uncertainty of a measured value
 class MeasuredBeside:
     """A measured F'_ior beside its predicted range.
 
-    place: hole or turn and torque of the value, as the preset has it.
+    place: field of the preset that contains the value, with its hole or turn and its torque.
     value_arcsec, uncertainty_arcsec: the value and its standard uncertainty.
     low_arcsec, high_arcsec: 5th and 95th percentile of the prediction without measured values.
     """
@@ -54,7 +54,7 @@ def measured_beside(
     value_arcsec, uncertainty_arcsec: the value and its standard uncertainty.
     predicted_arcsec: F'_ior of samples there, shape (samples,).
     weights: of the samples without measured values, shape (samples,).
-    place: hole or turn and torque of the value.
+    place: field of the preset that contains the value.
     """
     low, high = (weighted_quantile(predicted_arcsec, weights, share) for share in _PREDICTED_SHARES)
     return MeasuredBeside(
@@ -104,22 +104,21 @@ def beside_prediction(
         if figure.rotation_deg:
             predicted_arcsec = samples.turned_arcsec[:, torque, turns.index(figure.rotation_deg)]
             weights = samples.weights
-        place = figure.path.removeprefix("measured.F_ior.")
-        compared.append(measured_beside(figure.value, figure.spread, predicted_arcsec, weights, place))
+        compared.append(measured_beside(figure.value, figure.spread, predicted_arcsec, weights, figure.path))
     return tuple(compared)
 
 
 def beyond_words(compared: Sequence[MeasuredBeside]) -> list[str]:
-    """Return a sentence for each value that lies beyond its range."""
+    """Return a sentence for each value that lies beyond its range, that of `mount` (terminal/languages)."""
     sentences = []
     for value in compared:
         if not (value.is_above or value.is_below):
             continue
         side = "above" if value.is_above else "below"
         predicted = f"{value.low_arcsec:.3g} to {value.high_arcsec:.3g}″ (5 to 95 %)"
+        wider = "; presets new --quality unknown assumes wider tolerances" if value.is_above else ""
         sentences.append(
-            f"the measured F'_ior of {value.value_arcsec:g}″ ({value.place}) is {side} the range that the preset alone "
-            f"predicts, {predicted}: check the value, its torque and the tolerances; "
-            "presets new --quality unknown assumes wider tolerances"
+            f"{value.place}: {value.value_arcsec:g}″ is {side} the range that the preset predicts without measured "
+            f"values, {predicted}: check the value, its torque and the tolerances{wider}"
         )
     return sentences

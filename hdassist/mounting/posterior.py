@@ -224,7 +224,7 @@ class HoleSamples:
     F_ior_by_torque [arcsec] by M_g [N*m], and weight, which sums to 1, of shape (samples, directions) each;
     read_error, relative standard deviation of it; values of the offset that stands with the wheel by field,
     shape (samples, directions), NaN of curves that no drive made; seed; few: how many systems agree with the preset's
-    evidence, in words, where they are fewer than wanted.
+    evidence, in words, where they are fewer than wanted; draws: effective sample size that was asked for.
     """
 
     drive: Drive
@@ -236,6 +236,7 @@ class HoleSamples:
     seed: int = 0
     certificate: Certificate = EMPTY
     few: str = ""
+    draws: int = EFFECTIVE_SAMPLES
 
     @property
     def F_ior_arcsec(self) -> Array:
@@ -683,6 +684,7 @@ def hole_samples(
         seed=samples.seed,
         certificate=sum((errors.certificate for errors in tables), samples.certificate),
         few=samples.few,
+        draws=draws,
     )
 
 

@@ -177,12 +177,14 @@ _CARD_TRIALS = 8  # that a card has room for
 class Card:
     """One page for the bench.
 
-    torques: before and after, the last column empty for measured values; sign: lines to write on.
+    condition: what has to be done before bolting, without text if there is nothing; torques: before and after, the last
+    column empty for measured values; sign: lines to write on.
     """
 
     language: str
     title: str
     subject: Facts
+    condition: Paragraph
     instruction: Paragraph
     seat: Seat
     directions: Lines
@@ -196,7 +198,8 @@ class Card:
     @property
     def blocks(self) -> tuple[Block, ...]:
         """All of it below the title, one after the other."""
-        return tuple(getattr(self, field.name) for field in fields(self)[2:])
+        blocks = tuple(getattr(self, field.name) for field in fields(self)[2:])
+        return blocks if self.condition.text else tuple(block for block in blocks if block is not self.condition)
 
 
 def card_of(advice: Advice, say: Texts, warnings: Sequence[str] = (), *, serial: str = "", made: date) -> Card:
@@ -212,7 +215,8 @@ def card_of(advice: Advice, say: Texts, warnings: Sequence[str] = (), *, serial:
         language=say.language,
         title=say("card.title"),
         subject=_subject(advice, say, serial),
-        instruction=Paragraph(_card_instruction(advice, say)),
+        condition=Paragraph(_condition(advice, say)),
+        instruction=Paragraph(instruction(advice, say, gains=False)),
         seat=seat,
         directions=Lines(
             "", tuple(f"{p.letter}: {p.words}, {say.angle(round(p.angle_deg, 1))}" for p in seat.pointers)
@@ -226,16 +230,15 @@ def card_of(advice: Advice, say: Texts, warnings: Sequence[str] = (), *, serial:
     )
 
 
-def _card_instruction(advice: Advice, say: Texts) -> str:
-    """Return the instruction, behind a value that has to be measured again before anything is bolted."""
-    order = instruction(advice, say, gains=False)
+def _condition(advice: Advice, say: Texts) -> str:
+    """Return that a value has to be measured again before anything is bolted; empty if no value is doubted."""
     doubted = advice.to_repeat
     if not doubted:
-        return order
+        return ""
     hole = hole_of(doubted.rotation_deg, advice.drive.mounting.holes)
     place = place_at(doubted.rotation_deg, hole, say)
     value = f"{measured_value(doubted, say)}″"
-    return f"{say('instruction.repeat', place=place, value=value)} {order}"
+    return say("instruction.repeat", place=place, value=value)
 
 
 def _subject(advice: Advice, say: Texts, serial: str) -> Facts:
@@ -338,7 +341,7 @@ def _chances(advice: Advice, say: Texts) -> Iterator[str]:
     else:
         yield say(f"chance.worse{enough}", holes=holes)
     kinds = origin_counts(advice.drive)
-    yield say("chance.values", **{kind: str(kinds[kind]) for kind in ("given", "identified", "assumed")})
+    yield say("chance.inputs", uncertain=len(advice.open_), given=kinds["given"], identified=kinds["identified"])
 
 
 def _outcome_words(advice: Advice, say: Texts) -> dict[str, str]:
@@ -373,7 +376,6 @@ def _chance(advice: Advice, say: Texts) -> str:
         return say("chance.any")
     if not decision.is_sampled:
         return say("chance.given")
-    count = len(advice.open_)
     probability = decision.probability
     sure = say.percent(probability.value)
     if probability.low < probability.high:  # the ends are rounded outwards, as on pages
@@ -383,10 +385,10 @@ def _chance(advice: Advice, say: Texts) -> str:
     place = hole_place(advice.chosen, say)
     zero = _zero(advice, say)
     if decision.stay is None:  # the wheel has to leave its hole: the best allowed one is what a hole is compared with
-        return say("chance.good", place=place, cost=say.percent(GOOD), count=count, sure=sure)
+        return say("chance.good", place=place, cost=say.percent(GOOD), sure=sure)
     if advice.turn:
-        return say("chance.turn", place=place, zero=zero, cost=say.percent(decision.cost), count=count, sure=sure)
-    return say("chance.leave", zero=zero, cost=say.percent(decision.cost), count=count, sure=sure)
+        return say("chance.turn", place=place, zero=zero, cost=say.percent(decision.cost), sure=sure)
+    return say("chance.leave", zero=zero, cost=say.percent(decision.cost), sure=sure)
 
 
 def _checks(advice: Advice, say: Texts) -> list[str]:

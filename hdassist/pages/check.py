@@ -210,7 +210,7 @@ def check_facts(check: DesignCheck) -> Iterator[Fact]:
 
 def uncertain_inputs_words(prior: DrivePrior) -> str:
     """Return the number of uncertain inputs, and of each kind of them, in words."""
-    origin_words = {"assumed": "assumed within a range", "default": "default values within a range"}
+    origin_words = {"assumed": "assumed with a range", "default": "default with a range"}
     kinds = ", ".join(f"{count} {origin_words.get(kind, kind)}" for kind, count in prior.counts().items() if count)
     return f"{len(prior.fields)} uncertain: {kinds}"
 

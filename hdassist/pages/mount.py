@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
+from math import ceil
 
 import numpy as np
 
@@ -160,7 +161,9 @@ def _warnings_of_values(advice: Advice, say: Texts) -> Iterator[str]:
             "assumed ranges"
         )
     elif after.effective < FEWEST_SURE:
-        yield say("warning.effective", count=f"{after.effective:.0f}")
+        # the number that agrees grows in proportion to the number asked for
+        draws = ceil(after.samples.draws * FEWEST_SURE / after.effective)
+        yield say("warning.effective", count=f"{after.effective:.0f}", wanted=FEWEST_SURE, draws=draws)
     if M_g := advice.likelier_torque:
         stated = say.torque(advice.torques_of_values[0])
         yield say("warning.torque", likelier=say.torque(M_g), stated=stated, M_g=f"{M_g:g}")
@@ -334,7 +337,7 @@ def next_value_words(advice: Advice) -> str:
     if count:
         (_, one), (_, three) = later
         if not advice.next:
-            return f"Stop measuring: one more value would reduce F'_ior {_reduction(advice, one)} on average."
+            return f"Stop measuring: one more value would reduce {_reduction(advice, one)}."
         M_g = advice.next_torque
         again_ = " again" if (advice.next.rotation_deg, M_g) in map(advice.setup.point, advice.trials) else ""
         torque_words = f" at {M_g:g} N·m" if advice.torques_of_values != (M_g,) else ""
@@ -347,7 +350,7 @@ def next_value_words(advice: Advice) -> str:
         return f"{action}. {_expected(advice, (one, 'one more value'), (three, 'three'))}"
     after = dict(later)
     if not advice.next:
-        return f"No need to measure: six values would reduce F'_ior only {_reduction(advice, after[6])} on average."
+        return f"No need to measure: six values would reduce {_reduction(advice, after[6], 'only ')}."
     holes = ", ".join(hole_place(p) for p in advice.to_try)
     gain = _expected(advice, (after[FEWEST_VALUES], "four values"), (after[6], "six"))
     action = f"To reduce F'_ior, measure it at {advice.setup.M_g:g} N·m in {holes}"
@@ -368,12 +371,12 @@ def _reason_before_stop(advice: Advice) -> str:
     return ""
 
 
-def _reduction(advice: Advice, F_ior: float) -> str:
-    """Return the reduction of F'_ior by further values: that of all torques in %, or F'_ior before and after it."""
+def _reduction(advice: Advice, F_ior: float, only: str = "") -> str:
+    """Return the reduction of F'_ior by further values: that of all torques in %, or the mean before and after it."""
     F_ior_now = advice.worths[0][1]
     if len(advice.torques) > 1:
-        return f"by {100 * max(1 - F_ior / F_ior_now, 0.0):.1f} %"
-    return f"from {F_ior_now:.1f} to {F_ior:.1f}″{_elsewhere(advice)}"
+        return f"F'_ior {only}by {100 * max(1 - F_ior / F_ior_now, 0.0):.1f} % on average"
+    return f"the mean F'_ior {only}from {F_ior_now:.1f} to {F_ior:.1f}″{_elsewhere(advice)}"
 
 
 def _expected(advice: Advice, *gains: tuple[float, str]) -> str:
@@ -383,7 +386,7 @@ def _expected(advice: Advice, *gains: tuple[float, str]) -> str:
         shares = ", ".join(f"{100 * max(1 - F_ior / F_ior_now, 0.0):.1f} % after {count}" for F_ior, count in gains)
         return f"Expected reduction of F'_ior: {shares}."
     values = ", ".join(f"{F_ior:.1f}″ after {count}" for F_ior, count in gains)
-    return f"Expected F'_ior{_elsewhere(advice)} in the hole then chosen: {values} (now {F_ior_now:.1f}″)."
+    return f"Mean F'_ior{_elsewhere(advice)} expected in the hole then chosen: {values} (now {F_ior_now:.1f}″)."
 
 
 def _elsewhere(advice: Advice) -> str:

@@ -147,7 +147,8 @@ def _tiles(sheet: DriveSheet, values: Mapping[str, int]) -> Iterator[tuple[str, 
         yield "position of the fixed wheel", hole_place(advice.chosen), f"{WORDS[advice.word]}: {gain}"
     else:
         yield "position of the fixed wheel", "any", "no hole is expected to be better"
-    yield "values assumed", str(values["assumed"]), f"{values['given']} given, {values['identified']} identified"
+    uncertain = len(sheet.check.prior.fields) if sheet.check.prior else 0
+    yield "uncertain inputs", str(uncertain), f"{values['given']} given, {values['identified']} identified"
 
 
 def _basis(sheet: DriveSheet, values: Mapping[str, int]) -> Iterator[Block]:
@@ -170,9 +171,10 @@ def _basis(sheet: DriveSheet, values: Mapping[str, int]) -> Iterator[Block]:
         sampled = f"Inputs: {uncertain_inputs_words(check.samples.prior)}. Samples: {samples_words(check.samples)}. "
     yield Paragraph(
         f"{sampled}{f'Unknown deviations: {names}. ' if names else ''}"
-        f"The preset gives {sum(values.values())} values: {values['given']} given, {values['identified']} identified, "
-        f"{values['assumed']} assumed (hdassist presets show --resolved lists each with its range and source). Values "
-        "identified from measurements agree with the model by construction, which does not validate it; "
+        f"The preset states the source of {sum(values.values())} values: {values['given']} given, "
+        f"{values['identified']} identified from measurements, {values['assumed']} assumed (hdassist presets show "
+        "--resolved lists each with its range and source). Assumed values without a range are not sampled. Identified "
+        "values agree with the measurements by construction, which does not validate the model; "
         "docs/validation.md lists the measurements with which the model was compared."
     )
 

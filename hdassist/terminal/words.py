@@ -98,9 +98,10 @@ def thousands(count: int) -> str:
 
 
 def on_what(drive: Drive) -> str:
-    """Return the number of values with an assumed range that a page at nominal values leaves out; empty without any."""
+    """Return the number of inputs with a range that a page has at their nominal values; empty without any."""
     ranges = len(assumptions(drive))
-    return f"{ranges} values have an assumed range; hdassist check takes the ranges into account" if ranges else ""
+    inputs = "inputs with an assumed or default range are at their nominal values; hdassist check samples them"
+    return f"{ranges} {inputs}" if ranges else ""
 
 
 def not_known(drive: Drive) -> str:

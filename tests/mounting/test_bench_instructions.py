@@ -19,6 +19,7 @@ from hdassist.mounting.positions import mounting_curve, seat_positions
 from hdassist.mounting.posterior import HoleSamples, Trial, TrialSetup
 from hdassist.pages.mount import mount_report
 from hdassist.pages.report import card_html, card_text
+from hdassist.report import Paragraph
 from hdassist.run.run import UNCHECKED
 from tests.helpers.advices import TRIALS, advice_of, card
 from tests.helpers.process import SMALL, TINY, in_a_line, run
@@ -222,7 +223,9 @@ def test_probable_reading_error_is_measured_again_before_any_other_hole() -> Non
     (facts,) = [block for block in report.blocks if type(block).__name__ == "Facts"]
     assert "h6=F_IOR" in dict(facts.rows)["next"]
     paper = card(advice, trials=advice.trials)
-    assert paper.instruction.text.startswith("Before bolting: measure in hole 6 again.")
+    assert paper.condition.text.startswith("Before bolting, measure in hole 6 again: ")
+    assert [block for block in paper.blocks if isinstance(block, Paragraph)] == [paper.condition, paper.instruction]
+    assert "hole 6 again" not in paper.instruction.text
     repeated = advise_after(AT_4, [*others, wrong, tried[3]], SETUP, samples=samples)
     assert repeated.suspected == wrong and repeated.to_repeat is None
 

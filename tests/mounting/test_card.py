@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from hdassist import __version__
+from hdassist.belief.predicted import MeasuredBeside, beyond_words
 from hdassist.errors import UsageError
 from hdassist.model.deviations import Unknown
 from hdassist.mounting.advice import Advice
@@ -64,7 +65,7 @@ def test_the_facts():
         "The choice is made at nominal values; its probability is not known.",
         "If F'_ior is larger than predicted: measure in hole 0, hole 4, hole 8 too, and give all values to hdassist "
         "mount.",
-        "Values of the preset: 50 given, 0 identified, 0 assumed.",
+        "Inputs: 0 uncertain, 50 given in the preset, 0 identified from measurements.",
     )
     assert made.warnings.lines == ()
     digest = CARDS["plain"].drive.origin.sha256[:12]
@@ -142,15 +143,16 @@ def test_holes_that_are_not_allowed():
 
 def test_card_states_the_probability_of_its_hole_without_field_names():
     advice = CARDS["sampled"]
-    said, wrong, _ = card(advice).chance.lines
+    said, wrong, inputs = card(advice).chance.lines
     assert advice.word == "TURN"
-    assert "that hole 8 is better than hole 0 by more than 1 %, over 3 uncertain inputs: 100 % (" in said
+    assert "that hole 8 is better than hole 0 by more than 1 %, over all uncertain inputs: 100 % (" in said
+    assert inputs.startswith("Inputs: 3 uncertain, ")
     high = advice.decision.quantile(0.95, advice.decision.best)[0]
     assert wrong.startswith(f"If F'_ior is more than {high:.1f}″ at 1 N·m after bolting: measure in hole 0, ")
     unsure, word = card(UNSURE), UNSURE.decision.probability.value
     assert (UNSURE.word, unsure.chance.title) == ("BEST_BET", "Probability: BEST BET")
     assert (
-        f"other position is better than hole 0 by more than 1 %, over 3 uncertain inputs: {100 * word:.0f} % ("
+        f"other position is better than hole 0 by more than 1 %, over all uncertain inputs: {100 * word:.0f} % ("
         in unsure.chance.lines[0]
     )
     assert card(CARDS["any"]).chance.lines[0] == "With the known data, no hole is better than another."
@@ -295,6 +297,7 @@ def doubtful() -> list[Advice]:
     beyond, within = iter(beside), SimpleNamespace(is_above=False, is_below=False)
     samples = SimpleNamespace(
         few="",
+        draws=64,
         noise=lambda trials: np.full(len(trials), 0.01),
         predicted=lambda _trial: next(beyond, within),
         setup=CARDS["sampled"].setup,
@@ -319,6 +322,19 @@ def doubtful() -> list[Advice]:
     left = replace(left, decision=replace(left.decision, rotations_deg=tuple(k + 30.0 for k in range(0, 360, 30))))
     corrected = replace(CARDS["sampled"], compensated=("cam", CARDS["sampled"].decision))
     return [odd, replace(odd, after=several), some, free, left, corrected]
+
+
+def test_the_draws_for_enough_samples_are_named():
+    odd, *_ = doubtful()  # 3 of 64 agree, 32 are wanted: 64 * 32 / 3
+    assert any("about 32 agree with --draws 683" in warning for warning in mount_warnings(odd))
+
+
+@pytest.mark.parametrize("value_arcsec", [9.0, 0.5])
+def test_check_and_mount_share_the_sentence_on_odd_values(value_arcsec):
+    beside = MeasuredBeside("measured.F_ior.h4@6.7", value_arcsec, 0.1, low_arcsec=1.0, high_arcsec=2.0)
+    name = "warning.above_range" if beside.is_above else "warning.below_range"
+    value = f"{beside.place}: {value_arcsec:g}″"
+    assert beyond_words([beside]) == [texts("en")(name, value=value, low="1", high="2")]
 
 
 def test_no_text_of_the_catalogue_is_unused(monkeypatch):
@@ -404,7 +420,7 @@ def test_card_states_that_a_mark_is_unknown_and_draws_none():
     made = card(advice_of(overrides=open_), trials=TRIALS)
     assert dict(made.subject.rows)["mark"].startswith("its direction is unknown")
     assert [p.kind for p in made.seat.pointers] == ["cam"]
-    assert "Values of the preset: 47 given, 0 identified, 1 assumed." in made.chance.lines
+    assert any(", 47 given in the preset" in line for line in made.chance.lines)
 
 
 @pytest.mark.parametrize("language", languages())

@@ -180,7 +180,8 @@ def test_unweighted_ranges_are_those_of_assumed_and_defaulted_values():
     drive = load_preset("size-17-100")
     ranges = {path for path, source in drive.source.items() if source.kind == "assumed" and source.range}
     ranges = ranges - {drive.unused_tooth_field} | {"operation.dT"}  # which the preset leaves out
-    told = f"{len(ranges)} values have an assumed range; hdassist check takes the ranges into account"
+    told = f"{len(ranges)} inputs with an assumed or default range are at their nominal values; "
+    told += "hdassist check samples them"
     assert on_what(drive) == told
     assert on_what(load_preset(SMALL)) == ""
 
