@@ -163,7 +163,7 @@ def _warnings_of_values(advice: Advice, say: Texts) -> Iterator[str]:
     elif after.effective < FEWEST_SURE:
         # the number that agrees grows in proportion to the number asked for
         draws = ceil(after.samples.draws * FEWEST_SURE / after.effective)
-        yield say("warning.effective", count=f"{after.effective:.0f}", wanted=FEWEST_SURE, draws=draws)
+        yield say("warning.effective", count=f"{after.effective:.0f}", wanted=FEWEST_SURE, number=draws)
     if M_g := advice.likelier_torque:
         stated = say.torque(advice.torques_of_values[0])
         yield say("warning.torque", likelier=say.torque(M_g), stated=stated, M_g=f"{M_g:g}")
