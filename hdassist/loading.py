@@ -380,17 +380,21 @@ def _check_tables(values: dict[str, Any], document: Document) -> None:
         field_path = tuple(path.split("."))
         value = values.get(path)
         if len(table_values) != len(draws[first]):
-            message = f"has {len(table_values)} draws, {first} has {len(draws[first])}"
+            message = f"has {len(table_values)} values, but {first} has {len(draws[first])}"
             document.add(
                 ("fit", path),
                 message,
-                "give each field the same number of values; the k-th values of all fields are one drive",
+                "give each field the same number of values; values at the same place belong to one drive",
             )
         elif value is not None and value != table_values[0] and not document.is_override(field_path):
-            document.warn(field_path, f"{plain(value)} is not the first value of its fit", "it is used without a range")
+            document.warn(
+                field_path, f"{plain(value)} is not the first value in the section fit", "it is used without a range"
+            )
     for path in values.get("drive.uncertainty", ()):
         if path in values and values[path] is None:
-            document.add(("uncertainty", path), "an uncertainty without a value", f"give {path} too")
+            document.add(
+                ("uncertainty", path), "an uncertainty is given without a value", f"give the value of {path} too"
+            )
     for path, source in values.get("drive.source", {}).items():
         bounds = source.range
         value = values.get(path)
@@ -510,8 +514,8 @@ def _warn_of_model(drive: Drive, document: Document) -> None:
         if document.is_override(path):
             document.warn(
                 path,
-                f"{value}: the values of this preset were identified with its own numerics.{name}",
-                "identified values are not valid with another setting; calibrate again with this one",
+                f"{value} differs from the numerics.{name} with which values of this preset were identified",
+                "identified values are valid only with that setting; calibrate again with the new one",
             )
         elif path not in document.places:
             document.warn(

@@ -47,7 +47,7 @@ REPORTED = (
         ("жесткое колесо", {"quantity or word"}, "internal teeth"),
         ("gears", {"section"}, "Teeth"),
         ("N", {"quantity or word", "symbol", "field"}, "balls"),
-        ("phasors", {"quantity or word"}, "Amplitude and phase"),
+        ("phasors", {"quantity or word"}, "Amplitudes and phases"),
         ("orders", {"check", "quantity or word"}, "per input revolution"),
         ("oldham", {"field"}, "Oldham coupling"),
         ("pitch", {"quantity or word", "field"}, "equal pitches"),

@@ -97,7 +97,7 @@ def test_the_numbers_are_those_of_the_drives_alone(better):
 def test_the_answer_alone_is_the_change_of_each_drive(better):
     values = [sheet.check.points[0].error.F_ior_arcsec for sheet in better.sheets]
     report = drives_report(better, 0)
-    assert report.verdict == report.line == f"take B: B {100 * (values[1] / values[0] - 1):+.0f} %"
+    assert report.verdict == report.line == f"take B: F'_ior of B {100 * (values[1] / values[0] - 1):+.0f} %"
 
 
 def test_drives_without_common_torque_use_equal_shares_of_rated_torque():
@@ -157,7 +157,7 @@ def test_probability_of_being_better_is_the_weight_of_better_pairs(better):
     alike = replace(better, sheets=(better.sheets[0],) * 2)
     assert (alike.best, alike.word, better.word) == (0, "ANY", "TAKE")
     assert [replace(back, changes=(one_torque_less,) * 2).word, back.word] == ["KEEP", "ANY"]  # 75 and 30 % sure
-    assert drives_report(alike, 0).line.startswith("any, all are equal: B ")
+    assert drives_report(alike, 0).line.startswith("any, all are equal: F'_ior of B ")
     coin = replace(better, changes=(replace(changes, probability_better=(probability(0.48),)),))
     assert (coin.word, coin.best) == ("ANY", 1)
     assert drives_report(coin, 0).line.startswith("any, the difference is not significant: B ")
@@ -176,10 +176,10 @@ def test_a_change_that_unknown_inputs_could_reverse_is_open(better):
         changes = replace(better.changes[0], F_ior_is=("unknown",), **known)
         return in_a_line(on_paper(drives_report(replace(better, changes=(changes,)), 0)))
 
-    assert ": keep A: B open F'_ior" not in page()
-    assert ": take B: B open F'_ior" in page(probability_better=(None,))
+    assert ": keep A: F'_ior of B open F'_ior" not in page()
+    assert ": take B: F'_ior of B open F'_ior" in page(probability_better=(None,))
     likely = page(probability_better=(probability(0.8),))
-    assert re.search(r": take B: B -\d+ % F'_ior", likely)
+    assert re.search(r": take B: F'_ior of B -\d+ % F'_ior", likely)
     assert re.search(r" -\d+ % 80 % .*B main cause .*\(tolerances.F_i2\)", likely)
     assert "open unknown inputs may reverse this change" in likely
     few = page(probability_better=(probability(0.01, 0.0, 0.07),))
@@ -358,14 +358,14 @@ def test_a_share_of_no_error_is_not_said():
     found = compare_drives([none, tiny()])
     assert found.sheets[0].check.points[0].F_ior_arcsec == 0
     assert np.isfinite(found.changes[0].together.share).all()
-    assert drives_report(found, 0).line == "keep A: B more"
+    assert drives_report(found, 0).line == "keep A: F'_ior of B larger"
 
 
 def test_three_presets_are_held_against_the_first(better):
     three = replace(better, sheets=(*better.sheets, better.sheets[1]), changes=better.changes * 2)
     report = drives_report(three, 0)
-    change = report.line.removeprefix("take B: B ").partition(";")[0]
-    assert report.line == f"take B: B {change}; C {change}"
+    change = report.line.removeprefix("take B: F'_ior of B ").partition(";")[0]
+    assert report.line == f"take B: F'_ior of B {change}; C {change}"
     assert len(report_object(report)["changes"]) == 2
 
 
@@ -375,7 +375,7 @@ def test_three_drives_with_assembled_and_best_errors_fit_one_screen(better):
     lines = page.splitlines()
     share = 100 * better.changes[0].together.share[0]
     files = ", ".join(f"{letter} {SMALL}" for letter in "ABC")
-    assert in_a_line(page).startswith(f"{files}: take B: B {-share:+.0f} %; C {-share:+.0f} % ")
+    assert in_a_line(page).startswith(f"{files}: take B: F'_ior of B {-share:+.0f} %; C {-share:+.0f} % ")
     for letter, sheet in zip("ABC", three.sheets, strict=True):
         built = sheet.check.points[0].error.F_ior_arcsec
         best = sheet.advice.chosen

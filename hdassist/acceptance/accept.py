@@ -109,8 +109,8 @@ def _require_value(
         return
     hint = " ".join(limit.option for limit in limits)
     if request.measured_only:
-        hint += ", or no --measured-only"
-    raise DataError(f"{drive.name}: no measured value belongs to a limit", hint)
+        hint += "; or leave out --measured-only"
+    raise DataError(f"{drive.name}: none of the limits has a measured value", hint)
 
 
 def _decisions(
@@ -257,7 +257,7 @@ def _of_traces(inputs: Inputs, decisions: Sequence[DecidedCheck]) -> Iterator[No
         if lines:
             rise = max(direction.range.rise for direction in directions)
             in_another_cycle = f"; F'_ior may be {rise:.3g}″ larger in another cycle" if rise else ""
-            yield Note("LINES", f"{place}: {', '.join(lines)} per input revolution{in_another_cycle}")
+            yield Note("LINES", f"{place}: components at {', '.join(lines)} per input revolution{in_another_cycle}")
         assumed = [note for note in measurement.notes if NO_UNIT in note]
         yield from (Note("RECORD", f"{place}: {text}") for text in (*measurement.warnings, *assumed))
 

@@ -305,7 +305,7 @@ def read_answers(path: str) -> list[AcceptAnswer]:
         while part := stream.read(PART):
             data += part
             if b"\0" in part or len(data) > _MOST_ANSWER_BYTES:  # a device may never end
-                raise DataError(f"{file}: a binary file, or larger than {_MOST_ANSWER_BYTES / 1e6:g} MB", hint)
+                raise DataError(f"{file} is a binary file, or larger than {_MOST_ANSWER_BYTES / 1e6:g} MB", hint)
     if (kept := read_kept(bytes(data), file, ANSWERS)) is not None:
         if not kept:
             raise DataError(

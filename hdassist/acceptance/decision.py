@@ -613,7 +613,10 @@ def _verdict_beyond(accepted: AcceptedValue, room: float) -> tuple[Verdict, str]
         return Verdict.INCONCLUSIVE, OF_TRAVEL
     if accepted.extent == "at least" and room + _below(accepted) > 0:
         # the lower end of the interval is within the limit, and yet the rule rejects the value
-        return Verdict.FAIL, f"the estimate {accepted.value:.4g} is beyond the limit by its rule"
+        return (
+            Verdict.FAIL,
+            f"the estimate {accepted.value:.4g} exceeds the limit according to the decision rule of the plan",
+        )
     return Verdict.FAIL, ""
 
 

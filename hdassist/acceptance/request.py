@@ -483,7 +483,7 @@ def _columns(table: CellTable) -> list[_Column | None]:
         columns.append(column)
     if len(findings) == len(table.names) > 1:
         remedy = f"for a recording use hdassist measure {table.file}, or accept PRESET --measured TORQUE={table.file}"
-        raise DataError(f"{table.file}: no column name belongs to a lot file", remedy, Fault.FILE_INVALID)
+        raise DataError(f"{table.file}: none of the column names is that of a lot", remedy, Fault.FILE_INVALID)
     if findings:
         raise PresetError(findings)
     return columns

@@ -627,8 +627,8 @@ class CompensateCommand(
     that change with the load. Each form that controllers store is then fitted to the error by least squares over the
     full mesh cycle, for the first torque of the preset. Its residual is computed over all uncertain inputs
     (docs/unknown.md), at every torque. The page also gives the residual for a wrong zero and for a lost input
-    revolution. Errors are actual minus ideal angles of the output, counter-clockwise seen from the wave generator side,
-    counted from the position of the wave generator at phi_h = 0. --csv writes the correction. A correction that may
+    revolution. Errors are actual minus ideal angles of the output, counter-clockwise positive, seen from the wave
+    generator side. Input angles count from the position phi_h = 0. --csv writes the correction. A correction that may
     make a drive worse is refused (docs/correct.md).
 
     Each FILE is a recording at one torque of the preset, in the sequence of the torques. The correction is then

@@ -847,7 +847,7 @@ class AllocateCommand(o.FigureOptions, DrawOptions):
         )
         if not law.tolerances:
             raise UsageError(
-                "no tolerance to choose: the preset gives no tolerance that is sampled", "set tolerances.e_hb above 0"
+                "no tolerance to choose: the preset contains no tolerance above 0", "set tolerances.e_hb above 0"
             )
         production, samples = self.with_designs(out, production, self.count)
         turned = (False, True) if self.mounting else (False,)

@@ -130,13 +130,15 @@ def backlash_of(measured: Measurement, torque_Nm: float) -> _Backlash:
     reversal = measured.reversal
     if reversal is None:
         raise DataError(
-            f"{measured.trace.file}: a backlash needs a recording in both directions", "record the way back, too"
+            f"{measured.trace.file}: the backlash cannot be determined from one direction", "record both directions"
         )
     value = reversal.lost_motion_arcsec
     uncertainty = reversal.lost_motion_standard_uncertainty_arcsec
     if value <= COVERAGE_FACTOR * uncertainty:
         expanded = COVERAGE_FACTOR * uncertainty
-        message = f"{measured.trace.file}: a lost motion of {value:.3g} ± {expanded:.3g}″ is not clear"
+        message = (
+            f"{measured.trace.file}: the lost motion, {value:.3g} ± {expanded:.3g}″, is not larger than its uncertainty"
+        )
         raise UntrustedError(message, "record longer; if the result is the same, no compensation is needed")
     return _Backlash(
         arcsec=value,

@@ -275,7 +275,8 @@ def _require_columns(form: TraceForm, *, has_angles: bool) -> None:
     form: units that options state; has_angles: whether the table has the angles that were reached, not deviations.
     """
     if len(form.angle_units) > 1 and not has_angles:
-        raise UsageError(f"--angle-unit {form.angle_unit}: positions with deviations have one column of angles")
+        message = f"--angle-unit {form.angle_unit}: a file of positions with deviations has only one column of angles"
+        raise UsageError(message, "state one unit")
     if form.error_unit is not None and has_angles:
         message = f"--error-unit {form.error_unit}: the positions have no column of deviations"
         raise UsageError(message, "state the unit of their angles with --angle-unit")
@@ -293,7 +294,7 @@ def _loop(
         units.append(form.error_unit)
     # one column cannot have two units
     if len(units) > 1:
-        raise UsageError("a torque loop has one column of angles, but several units are given")
+        raise UsageError("a file of torque loops has only one column of angles, but several units are stated")
     return LoopRecord(
         table=table,
         torque_Nm=table.in_unit(columns["torque"], "torque", "N·m"),

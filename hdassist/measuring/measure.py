@@ -535,7 +535,9 @@ class _RecordUnderway:
         if shown_ratio is None:
             return
         period = f"every {shown_ratio:.3g} input revolutions, not every {gearing.ratio:g}"
-        hint = f"check the file and the ratio; sidebands of such a spacing indicate a ratio of about {shown_ratio:.0f}"
+        hint = (
+            f"check the file and the ratio; the spacing of the sidebands indicates a ratio of about {shown_ratio:.0f}"
+        )
         raise DataError(f"{self.trace.file}: the error repeats {period}", hint, Fault.FILE_INVALID)
 
     def _fitted(self, sign: int) -> TraceFit:

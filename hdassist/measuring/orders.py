@@ -197,7 +197,7 @@ def parse_orders(text: str | None) -> tuple[float, ...] | None:
         first = float(match[1])
         last = float(match[2] or match[1])
         if not 0 < first <= last <= _HIGHEST_ORDER or (match[2] and not first.is_integer()):
-            raise UsageError(f"invalid --orders {text}: expected rising orders above 0, up to {_HIGHEST_ORDER:g}")
+            raise UsageError(f"invalid --orders {text}: expected increasing orders above 0, up to {_HIGHEST_ORDER:g}")
         orders.update(np.arange(first, last + 0.5).tolist() if match[2] else [first])
     return tuple(sorted(orders))
 

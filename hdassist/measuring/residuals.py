@@ -419,15 +419,15 @@ def without_spikes(trace: MeasuredTrace, fit: TraceFit) -> _TraceChange | None:
         return None
     spike_rows = trace.rows[spikes]
     lines = shortened(trace.line[spike_rows].tolist(), _NAMED_LINES)
-    message = f"lines {lines}: {size[spikes].max():.3g}″ off the others"
+    message = f"lines {lines}: {size[spikes].max():.3g}″ off the other readings"
     if len(spikes) > _MAX_SPIKE_SHARE * len(trace.rows):
         hint = "check the encoders' cables and counters"
-        raise UntrustedError(f"{trace.file}: {message}: too many to leave out", hint, Fault.ORDERS_UNTOLD)
+        raise UntrustedError(f"{trace.file}: {message}; these are too many to be omitted", hint, Fault.ORDERS_UNTOLD)
     # at the end of a sweep play explains a departure; within one nothing does
     is_within = _rows_to_end(departures)[spikes] >= _LONGEST_SPIKE
     if not trace.robust and is_within.any():  # a shaft that turns back has play and a lag
-        hint = "check the encoders' cables and counters, or leave out these rows: --robust"
-        raise UntrustedError(f"{trace.file}: {message}, no readings of a shaft", hint, Fault.ORDERS_UNTOLD)
+        hint = "check the encoders' cables and counters, or omit these rows with --robust"
+        raise UntrustedError(f"{trace.file}: {message}; a shaft cannot make such a movement", hint, Fault.ORDERS_UNTOLD)
     span = np.ptp(fit.curve(fit.bins.turns))
     return _TraceChange(
         trace=trace.without(spike_rows),

@@ -21,7 +21,7 @@ from hdassist.acceptance.answer import (
     provenance,
 )
 from hdassist.acceptance.decision import Belief, DecidedCheck, Predictions
-from hdassist.acceptance.limits import F_IOR, Limit, LimitText
+from hdassist.acceptance.limits import CODES, F_IOR, Limit, LimitText
 from hdassist.acceptance.request import Lot, Request, torque_and_file
 from hdassist.errors import GUARD, SEVERITY, DataError, percent_text, worst_exit_code
 from hdassist.files import number_of, visible
@@ -249,9 +249,10 @@ def _facts(
     """Yield options, questions, notes and the next command, a label and a text each."""
     if predictions:
         yield from steps_facts(predictions)
-    codes = " ".join(dict.fromkeys(note.code for note in answer.remarks))
+    codes = [*dict.fromkeys(note.code for note in answer.remarks)]
+    words_of_codes = ", ".join(CODES[code].words for code in codes)
     records = [note.text for note in answer.remarks if note.code == "RECORD"]
-    yield "notes", "\n".join([*records, f"hdassist explain {codes}"]) if codes else ""
+    yield "notes", "\n".join([*records, f"{words_of_codes} (hdassist explain {' '.join(codes)})"]) if codes else ""
     first = _by_severity(answer.checks)[0]
     if _is_open(first) and first.extent == "at least":
         kinematics = Kinematics.of(drive)
@@ -259,11 +260,11 @@ def _facts(
         turns = travel * abs(kinematics.u) / 360
         whole_cycle = (
             f"the full mesh cycle, {kinematics.cycle_cam_revolutions} input revolutions; "
-            "less than a third never gives PASS"
+            "a recording of less than a third cannot give PASS"
         )
         if turns < kinematics.cycle_cam_revolutions:
             whole_cycle = (
-                f"the whole travel, {travel:g}° of the output, {turns:.4g} input revolutions; a part never gives PASS"
+                f"the whole travel, {travel:g}° of the output, {turns:.4g} input revolutions; a part cannot give PASS"
             )
         yield "measure", whole_cycle
     if _is_open(first) or (first.basis == "predicted" and first.verdict != "FAIL"):

@@ -414,7 +414,7 @@ def _change(
     share = sheet.check.points[k].F_ior_or_error / max(before, _NO_ERROR) - 1
     if sense == NOT_KNOWN and changes.probability_better[k] is None:
         return "open"
-    return sense if sense == "the same" else "more" if share > _LARGEST_SHARE else f"{100 * share:+.0f} %"
+    return sense if sense == "the same" else "larger" if share > _LARGEST_SHARE else f"{100 * share:+.0f} %"
 
 
 def _loads(result: DrivesComparison) -> list[str]:
@@ -436,7 +436,7 @@ def _verdict(result: DrivesComparison) -> str:
     choice = f"{result.word.lower()} {letters[result.best]}"
     if result.word == "ANY":
         choice = "any, all are equal" if result.all_alike else "any, the difference is not significant"
-    return f"{choice}: {'; '.join(verdicts)}"
+    return f"{choice}: F'_ior of {'; '.join(verdicts)}"
 
 
 def _probability_words(result: DrivesComparison) -> str:

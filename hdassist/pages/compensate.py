@@ -25,7 +25,7 @@ from hdassist.model.geometry import Array
 from hdassist.report import Curve, Fact, Facts, Json, Report, Table, csv_columns, samples_object
 from hdassist.terminal.words import ENVELOPE, again
 
-UNPROVEN = "Not yet tried on a real drive: record the first one with the correction on."
+UNPROVEN = "No real drive has been corrected in this way yet: record the error with the correction on."
 _TOLD_NOISE_CYCLES = 1.5  # full cycles in a recording that shows its noise
 _PART_WORDS = {  # parts of the error, by their names in JSON
     "with the cam": "repeats every input revolution",
@@ -208,8 +208,8 @@ def _facts(result: Correction, is_written: bool) -> Iterator[Fact]:
     yield "parts, ″", parts
     refused = "; ".join(form_words(residual.form.name) for residual in result.forms if residual.is_refused)
     yield "table", _enough(result) + (f"; refused, as they may increase the error: {refused}" if refused else "")
-    numbers = ", ".join(f"{n}: {amplitude_arcsec:.2g}″" for n, amplitude_arcsec in result.phasors.items())
-    yield "terms", f"residual with {numbers} terms"
+    residuals = ", ".join(f"{n} terms: {amplitude_arcsec:.2g}″" for n, amplitude_arcsec in result.phasors.items())
+    yield "terms", f"residual with {residuals}"
     yield from _record_facts(result)
     missing = [f"{M_g:g}" for M_g in result.errors if M_g not in result.corrections]
     if result.chosen.form.each_load and missing:

@@ -687,12 +687,10 @@ def _reversal_verdict(test: PositioningTest) -> str:
 
 def _iso230_table(test: PositioningTest) -> Table:
     """Return the figures by the definitions of ISO 230-2 as a table; its title says how many approaches they are of."""
-    needed = "" if test.is_complete else f", the standard requires {FEWEST_APPROACHES}"
+    required = "" if test.is_complete else f" (the standard requires {FEWEST_APPROACHES})"
     noun = "approach" if test.approaches == 1 else "approaches"
-    number = f"{test.approaches} {noun} of each position and side{needed}"
-    return Table.by_row(
-        f"by the definitions of ISO 230-2, {number}; + forward, - backward", _ISO230_COLUMNS, test.figures
-    )
+    number = f"{test.approaches} {noun} from each side{required}"
+    return Table.by_row(f"figures of ISO 230-2 from {number}; + forward, - backward", _ISO230_COLUMNS, test.figures)
 
 
 def _iso230_object(test: PositioningTest) -> Json:

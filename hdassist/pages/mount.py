@@ -498,11 +498,11 @@ def _positions_table(advice: Advice, places: Sequence[int], title: str = "") -> 
     probability_heads = ("P(better)", "P(within 5 %)") if is_sampled else ()
     notes = []
     if is_sampled:
-        better = f"better: than {start_of_count(advice.drive)} by > {100 * decision.cost:g} %"
-        notes.append(f"P: probability, %; {better}; within 5 %: of the best hole")
-    governing = "governing torque; " if len(advice.torques) > 1 else ""
-    expected = "expected, " if is_sampled else ""
-    notes.append(f"excess over the best hole: {expected}{governing}{counted} counter-clockwise")
+        better = f"lower than in {start_of_count(advice.drive)} by > {100 * decision.cost:g} %"
+        notes.append(f"P(better): {better}; P(within 5 %): of the best hole; in %")
+    mean = "mean " if is_sampled else ""
+    governing = "at governing torque " if len(advice.torques) > 1 else ""
+    notes.append(f"excess: {mean}{governing}over the best hole; {counted} count counter-clockwise")
     title_start = f"{title}: " if title else ""
     return Table(
         f"{title_start}{residual}, ″{spread}",

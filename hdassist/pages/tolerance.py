@@ -373,7 +373,7 @@ def _yield_range(found: YieldBelief) -> Json:
 
 
 _LISTED = (5, 3)  # on the first screen: fields with a tolerance, and others
-_NO_SHARE = "no contribution: too small to distinguish from chance with this number of drives (-n)"
+_NO_SHARE = "-: contribution too small to distinguish from chance with this number of drives (-n)"
 _UNDECIDED = "no tolerance, more drives are needed"
 _MORE_TIMES = 4
 _STEP_WORDS = f"{100 * (1 - TIGHTER_STEP):.0f} % tighter"

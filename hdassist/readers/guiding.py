@@ -349,11 +349,12 @@ def _with_pulses_added(frames: Sequence[_Frame], rate_px_s: float) -> list[_Fram
     """
     if any(isnan(frame.pulse_s) for frame in frames):
         raise DataError(
-            "a guide log with pulses without a direction", "use a log in which the column RADirection states E or W"
+            "the guide log contains pulses without a direction",
+            "use a log in which the column RADirection states E or W",
         )
     if sum(frame.pulse_s * frame.distance_px for frame in frames) < 0:
         raise DataError(
-            "a guide log whose pulses increase the error instead of reducing it",
+            "the pulses of the guide log increase the error instead of reducing it",
             "use a log with guide output off, for example of the Guiding Assistant",
         )
     moved_s = 0.0

@@ -65,7 +65,10 @@ class Recording:
         if not all(np.isfinite(column).all() for column in columns):
             raise DataError("the recording contains values that are not finite", "remove these readings")
         if rows < _FEWEST_READINGS:
-            raise DataError(f"{rows} readings", f"a recording needs at least {_FEWEST_READINGS} readings")
+            raise DataError(
+                f"the recording contains only {rows} readings",
+                f"a recording needs at least {_FEWEST_READINGS} readings",
+            )
         if not np.ptp(self.error_arcsec):
             raise DataError("the error is constant", "check the column of the error")
         if not (np.isfinite(self.ratio) and self.ratio > 1):

@@ -146,7 +146,7 @@ def measure_words(found: Sequence[MeasurementGain], M_g: float) -> str:
 
 def more_draws(samples: Samples) -> str:
     """Return the remedy for a verdict left open by its Monte Carlo interval alone, which so many samples halve."""
-    return f"more samples settle it, without a measurement: --draws {MORE_DRAWS * round(samples.effective)}"
+    return f"more samples may decide this, without a measurement: --draws {MORE_DRAWS * round(samples.effective)}"
 
 
 def samples_words(samples: Samples) -> str:

@@ -148,7 +148,7 @@ def test_accept_page_lists_the_options_and_how_to_measure():
     assert done.returncode == 6
     assert page.startswith("tiny: INCONCLUSIVE probability that F'_ior + self error at 4 N·m is ≤ ")
     for words in ("predicted: PASS from a probability of 95 %", "--measured 4=FILE", "options to meet ",
-                  "notes hdassist explain UNKNOWN next hdassist accept "):  # fmt: skip
+                  "notes unknown deviations (hdassist explain UNKNOWN) next hdassist accept "):  # fmt: skip
         assert words in page
     page = in_a_line(run(*asked, "--draws", "4", "--sure", "0.96").stdout)
     assert "--draws=4 --sure=0.96 --measured 4=FILE" in page

@@ -84,7 +84,7 @@ def test_verdicts_and_exit_codes(rig, args, code, words):
     ("args", "code", "words"),
     [
         ([], 4, "has no acceptance limit"),
-        (["--limit", "F_ior=3"], 4, "no measured value"),
+        (["--limit", "F_ior=3"], 4, "none of the limits has a measured value"),
         (["--limit", "F_ior=3", "--measured", "4=bad.csv"], 4, "bad.csv:2"),
         (["--limit", "F_ior=3", "--measured", "4=none.csv"], 4, "no such file: none.csv"),
         (["--limit", "F_ior=3", "--measured", "run.csv"], 2, "the torque is missing"),
@@ -115,7 +115,7 @@ def test_partial_cycle_is_judged_by_the_lower_end_of_measure(rig):
     within = accepted(rig, "--measured", "4=part.csv", "--limit", f"F_ior@4={float(low) + 1}",
                       "--set", "acceptance.rule=simple")  # fmt: skip
     assert within.returncode == 3
-    assert "is beyond the limit by its rule" in within.stdout
+    assert "exceeds the limit according to the decision rule of the plan" in within.stdout
 
 
 @pytest.mark.thorough

@@ -207,8 +207,8 @@ def test_optional_fields_may_be_empty() -> None:
         ]),
         ([("m: 0.8", "m: x")], "uncertainty: {phases.xi_g: 3}\n", [
             "my.yaml:3:32: gears.m: must be a number (got x; write a number in mm)",
-            "my.yaml:9:28: uncertainty.phases.xi_g: an uncertainty without a value "
-            "(got 3; give phases.xi_g too)",
+            "my.yaml:9:28: uncertainty.phases.xi_g: an uncertainty is given without a value "
+            "(got 3; give the value of phases.xi_g too)",
         ]),
         ([("m: 0.8", "m: 9, m: x")], "", [
             "my.yaml:3:35: gears.m: duplicate key (it is given first in line 3, column 29)",
@@ -251,8 +251,8 @@ def test_optional_fields_may_be_empty() -> None:
         ([], "fit: {gears.z_g: [200, 201]}\n",
          ["my.yaml:9:7: fit.gears.z_g: is not a field with a single number (got gears.z_g; for example gears.m)"]),
         ([], "fit: {gears.m: [0.8, 0.81], cam.W_0: [0.96, 0.95, 0.97]}\n", ["my.yaml:9:38: fit.cam.W_0: "
-         "has 3 draws, gears.m has 2 (got a list; give each field the same number of values; "
-         "the k-th values of all fields are one drive)"]),
+         "has 3 values, but gears.m has 2 (got a list; give each field the same number of values; "
+         "values at the same place belong to one drive)"]),
         ([], "acceptance: {F_ior: {foo: 3}}\n",
          ["my.yaml:9:22: acceptance.F_ior.foo: must be a torque in N*m, or all (got foo)"]),
         ([], "acceptance: {F_ior: {80: 3, 80.0: 4}}\n",
@@ -392,5 +392,7 @@ def test_a_deviation_that_is_not_given_is_not_known() -> None:
 
 
 def test_an_uncertainty_needs_a_value() -> None:
-    with pytest.raises(PresetError, match=r"my\.yaml:9:\d+: uncertainty\.phases\.xi_b: an uncertainty without a value"):
+    with pytest.raises(
+        PresetError, match=r"my\.yaml:9:\d+: uncertainty\.phases\.xi_b: an uncertainty is given without a value"
+    ):
         load(more="uncertainty: {phases.xi_b: 10}\n")

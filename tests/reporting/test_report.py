@@ -128,7 +128,7 @@ def test_report_starts_with_the_verdict_and_repeats_check_and_mount(sheet, folde
     mount = report_object(mount_report(sheet.advice, 0))
     assert f"hole {mount['recommended']['hole']}" in text
     values = origin_counts(sheet.drive)
-    assert f"{values['given']} given, {values['identified']} identified, {values['assumed']} assumed" in text
+    assert f"{values['given']} given, {values['identified']} identified from measurements, " in text
     assert "radial clearance between outer ring and balls (bearing.g_b)" in text
     for words in (
         sheet.drive.origin.sha256,

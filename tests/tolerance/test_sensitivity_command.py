@@ -46,7 +46,7 @@ def test_json_has_influences_and_what_tighter_tolerances_bring(as_json: subproce
 
 def test_a_share_that_is_missing_is_explained() -> None:
     page = run("sensitivity", TINY, *FEW).stdout
-    assert "no contribution: too small to distinguish from chance" in page
+    assert "-: contribution too small to distinguish from chance" in page
     assert "contribution, %" not in page  # of which none is shown
 
 

@@ -96,7 +96,7 @@ CASES = [
         slow=True,
     ),
     Case(
-        "size 20 within the accuracy, bounds of the harmonics twice as large",
+        "share of drives of size 20 within the accuracy, bounds of the harmonics twice as large",
         "%",
         SOURCE,
         0,

@@ -101,7 +101,8 @@ def table() -> str:
         both = range(len(TORQUES)) if row["compared_arcsec"] else ()
         places = ", ".join(f"{share(row, k):.0f} ({share_of_cycle(row, k):.0f})" for k in both)
         what = ", ".join(filter(None, (row["size"], row["ratio"])))
-        source = f"{row['source']} ({row['read']})" if row["read"] != "read" else row["source"]
+        origin = {"read": "", "second hand": " (quoted by another source)", "recalled": " (from memory, not verified)"}
+        source = row["source"] + origin[row["read"]]
         cells = (
             row["drive"],
             what,
