@@ -103,7 +103,7 @@ def _state(torque: dict[str, Any]) -> Iterator[Row]:
     engine, at = engine_of(torque), f"{torque['M_g']:g} N·m"
     us, others = torque["us"]["cycle"][engine], torque["us"]["cycle"][WARM_DAQP]
     yield Row("state", f"one state, {at}, certificate included ({engine})", STATE_US[torque["M_g"]], us, "µs")
-    words = f"faster than DAQP warm on the same matrices, {at}"
+    words = f"speed relative to DAQP with warm start, same matrices, {at}"
     yield Row("daqp", words, FASTER_THAN_DAQP, others / us, "times", at_least=True)
     if torque["cvxpy_us"]:
         solver, least = min(torque["cvxpy_us"].items(), key=lambda item: item[1])

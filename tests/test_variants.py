@@ -160,7 +160,7 @@ def test_probability_of_being_better_is_the_weight_of_better_pairs(better):
     assert drives_report(alike, 0).line.startswith("any, all are equal: F'_ior of B ")
     coin = replace(better, changes=(replace(changes, probability_better=(probability(0.48),)),))
     assert (coin.word, coin.best) == ("ANY", 1)
-    assert drives_report(coin, 0).line.startswith("any, the difference is not significant: B ")
+    assert drives_report(coin, 0).line.startswith("any, the difference is not significant: F'_ior of B ")
 
 
 def test_next_command_reports_the_drive_that_is_taken_or_kept(better):

@@ -422,12 +422,12 @@ def without_spikes(trace: MeasuredTrace, fit: TraceFit) -> _TraceChange | None:
     message = f"lines {lines}: {size[spikes].max():.3g}″ off the other readings"
     if len(spikes) > _MAX_SPIKE_SHARE * len(trace.rows):
         hint = "check the encoders' cables and counters"
-        raise UntrustedError(f"{trace.file}: {message}; these are too many to be omitted", hint, Fault.ORDERS_UNTOLD)
+        raise UntrustedError(f"{trace.file}: {message}, too many rows to be omitted", hint, Fault.ORDERS_UNTOLD)
     # at the end of a sweep play explains a departure; within one nothing does
     is_within = _rows_to_end(departures)[spikes] >= _LONGEST_SPIKE
     if not trace.robust and is_within.any():  # a shaft that turns back has play and a lag
         hint = "check the encoders' cables and counters, or omit these rows with --robust"
-        raise UntrustedError(f"{trace.file}: {message}; a shaft cannot make such a movement", hint, Fault.ORDERS_UNTOLD)
+        raise UntrustedError(f"{trace.file}: {message}, a movement that no shaft makes", hint, Fault.ORDERS_UNTOLD)
     span = np.ptp(fit.curve(fit.bins.turns))
     return _TraceChange(
         trace=trace.without(spike_rows),

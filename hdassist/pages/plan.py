@@ -228,7 +228,7 @@ def _verdicts(test: PlannedTest) -> str:
     undecided = _percent(1 - passing - failing)
     shares = f"PASS {_percent(passing)} %, FAIL {_percent(failing)} %, INCONCLUSIVE {undecided} % of drives"
     rule = f"PASS up to {test.passes_up_to:.1f}″, FAIL beyond {test.fails_beyond:.1f}″"
-    return f"with the decision rule of accept: {rule}; {shares}"
+    return f"by the decision rule of accept, {rule}: {shares}"
 
 
 def approach_csv(choice: PlanChoice) -> str:

@@ -900,9 +900,7 @@ def _columns(table: NumberTable, form: TraceForm) -> tuple[_TraceColumn, _TraceC
     else:
         second_index = _column(table, form.error, kinds, "error", "error")
     if second_index == angle:
-        option = "--second" if by_second else "--error"
-        message = f"column {table.name(angle)} is selected both as the angle and as {option}"
-        raise UsageError(message, f"columns: {table.listed}")
+        raise UsageError(f"column {table.name(angle)} is selected twice, also as the angle", f"columns: {table.listed}")
     if by_second and shaft == "output":
         raise table.fault("no column of input angles", "select one with --angle NAME --angle-of cam")
     if is_time:

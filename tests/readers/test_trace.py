@@ -73,7 +73,7 @@ def test_columns_by_option():
     assert "no column of input or output angles by its name" in fault(data)
     assert "2 columns of errors" in fault(text([CAM, ERROR, ERROR], "cam,err_1,err_2"))
     assert "2 columns of input or output angles" in fault(text([CAM, CAM, ERROR], "enc1,enc2,err"))
-    with pytest.raises(UsageError, match="selected both as the angle and as --error"):
+    with pytest.raises(UsageError, match="is selected twice"):
         read(data, angle="a", error="a")
     with pytest.raises(UsageError, match="not both"):
         read(data, angle="a", error="b", second="c")
