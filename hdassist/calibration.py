@@ -61,9 +61,10 @@ _PARTS: dict[str, tuple[type, str]] = {
 }
 _PHASE_STEP = 20.0  # deg between the phases of which the extremes are located from
 _PHASE_TOLERANCE = 0.1  # deg, of an extreme
-_DISTANT = 0.25  # of an unknown's range: sets that lie further apart in some unknown are different
-_DIFFERENCE_STEP = 0.02  # of the range: step of difference quotients, above the roughness of a search for extremes
-_VALUE_DIGITS = 4  # of a found value
+_DISTANT = 0.25  # sets are different if they lie further apart than this share of the range of some unknown
+# Step of difference quotients, as a share of the range: above the roughness of a search for extremes.
+_DIFFERENCE_STEP = 0.02
+_VALUE_DIGITS = 4  # digits of a found value
 _INDISTINCT = 0.95  # correlation from which on two unknowns cannot be separated
 _RANGE_SHARES = np.linspace(0, 1, 1001)  # of a field's range, at which a value is looked up
 _IMPOSSIBLE = 1e6  # tolerances, each residual of a drive that cannot be computed

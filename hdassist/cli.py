@@ -48,8 +48,8 @@ _SECTIONS = (  # of options, in their order; sections of commands stand before t
 _NOTE = re.compile(r"  \[(?:default: )?\(?([^;\]]*?)\)?(?:; [^\]]*)?\]$")  # default and range, as typer writes them
 _WIDEST = 31  # columns of names of options: --limit [NAME@TORQUE=]VALUE ...
 _ADDRESSES = 512_000_000  # bytes: with less OpenBLAS waits for ever while it is loaded, or ends the process
-_SECTION_COLUMNS = 12  # of the start page
-_NAME_COLUMNS = 13  # of the start page
+_SECTION_COLUMNS = 12  # width of the column of sections on the start page
+_NAME_COLUMNS = 13  # width of the column of commands on the start page
 _LONGEST_SENTENCE = 1000  # characters: no first sentence of a help text is longer
 
 

@@ -527,7 +527,7 @@ def _warn_of_model(drive: Drive, document: Document) -> None:
 
 # --- values put into text
 
-_WIDTH = 110  # of a description
+_WIDTH = 110  # columns of a description
 
 
 def _name(text: str) -> str:

@@ -29,16 +29,16 @@ from hdassist.preset.fields import DEVIATIONS, Drive
 from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.answers import EMPTY, Certificate
 
-_QUOTED_POSITIONS = 12  # of a test as makers quote it
+_QUOTED_POSITIONS = 12  # positions of a test as manufacturers quote it
 _FEWEST_POSITIONS = 6  # that are tried
 _MOST_A_CAM_TURN = 5  # positions that are tried, for each input revolution
 _RANDOM_STARTS = 256  # over all samples
-_LEAST_STARTS = 16  # of each sample
-_LEAST_ARCSEC = 1e-9  # of an error: of a lesser one all is seen
+_LEAST_STARTS = 16  # random starts of each sample, at least
+_LEAST_ARCSEC = 1e-9  # a test captures all of an error below this size [arcsec]
 _LISTED_LINES = 12  # the largest
 _NEVER = Probability(0.0, 0.0, 0.0)  # of a test that sees all: no chance is in it
-SEEN_SHARE = 0.95  # of F'_ior, that a test sees which is enough where there is no limit
-_ROUGH_NOISE = 0.03  # of a composite deviation F'_i: greatest rms of single teeth; evenly from none, a guess
+SEEN_SHARE = 0.95  # share of F'_ior that a sufficient test captures if there is no limit
+_ROUGH_NOISE = 0.03  # largest rms of single teeth, as a share of F'_i; evenly distributed from 0 (engineering estimate)
 _ROUGH_ORDERS = range(5, 13)  # around a wheel
 _ROUGH_SIZE = 0.1  # scale of Rayleigh's law over the order
 _ROUGH_WHEELS = 8  # drawn of each kind

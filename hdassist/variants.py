@@ -49,9 +49,9 @@ _LEAST_EFFECTIVE = 0.5  # of the pairs: where fewer agree with the evidence on t
 _LEAST_WEIGHT = 1e-300  # where a sample has none it is not divided by
 _SAME_ERROR = 0.005  # arcsec: a change that is less counts as none
 _LIKELIER = 0.6  # probability of being better from which a drive is taken, or kept
-_EQUAL_SHARE = 0.01  # of F'_ior: drives that are no further apart are equally good
+_EQUAL_SHARE = 0.01  # drives whose F'_ior differs by less than this share are equally good
 _SINGLE_PAIRS = 16  # in which single fields are changed: the first, as Sobol points lie evenly from the start
-_SCREENED_PAIRS = 2  # of them on which every field is tried, before the largest are searched on all
+_SCREENED_PAIRS = 2  # pairs on which every field is tried before the largest effects are searched on all
 _REPORTED_FIELDS = 3
 # have no bearing on F'_ior at a torque: loads, evidence, limits, the seat's holes, resolution of other answers,
 # uncertainties

@@ -34,7 +34,7 @@ from hdassist.model.deviations import unknown_names
 from hdassist.preset.fields import Drive
 from hdassist.readers.table import NO_UNIT
 
-_QUARTER = 0.25  # of the limit: a test uncertainty ratio of 4 to 1
+_QUARTER = 0.25  # share of the limit that corresponds to a test uncertainty ratio of 4 to 1
 
 
 def _warnings(drive: Drive, predictions: Predictions | None) -> tuple[str, ...]:

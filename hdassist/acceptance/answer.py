@@ -38,7 +38,7 @@ _ACCEPT_SCHEMA = schema_of("accept")
 _NO_VERDICT = "DATA_ERROR"  # in place of a verdict, of a drive without an answer
 _ERROR_CODES = tuple(kind.exit_code for kind in (HdassistError, DataError, UntrustedError))  # of a drive without one
 LOT_VERDICTS = ("PASS", "FAIL", "INCONCLUSIVE", _NO_VERDICT)
-RELATIVE = 1e-6  # of the greatest number of its object: how far a number may lie off that agrees
+RELATIVE = 1e-6  # numbers agree within this share of the largest number of their object
 _ROUNDING = 1e-12  # how far in any case: residuals of another processor
 # properties of the run, not of the drive; residuals are computed again, and differ between engines
 _OF_THE_RUN = (

@@ -67,7 +67,7 @@ from hdassist.solve.formulation import formulate
 from hdassist.solve.walk import digits_depend_on
 
 _ShareOfOne = Annotated[float, Field(strict=True, ge=0, le=1)]
-_MOST_WEIGHT = 1e100  # of a draw that is believed: squares of weights are added
+_MOST_WEIGHT = 1e100  # largest weight of a draw: squares of weights must not overflow
 
 
 @dataclass(frozen=True)
@@ -110,9 +110,10 @@ _DRAWS = TypeAdapter(list[Draw])
 FiguresOf = Callable[[Drive], tuple[Mapping[str, float], Certificate]]  # of a drive by name, with the proof of them
 UnderWay = dict[int, Future[list[Draw]]]  # draws by their number
 _FEW_PROCESSES = 4  # that wait so little at the end of a batch that no draw is begun which may not be needed
-KEPT_LIKELIHOOD = 0.2  # of a perfect one: a draw below it goes on with a probability of its likelihood over this
+# Below this likelihood (1 is perfect) a draw continues with a probability in proportion to it.
+KEPT_LIKELIHOOD = 0.2
 _LEAST_KEPT_LIKELIHOOD = 0.01  # where no draw agrees better: one that agrees less is no drive of this evidence
-_SHOWN_DIGITS = 6  # of an arcsec: the last ones hang on how many positions are computed at once
+_SHOWN_DIGITS = 6  # digits of an error in arcsec: further ones depend on how many positions are computed at once
 
 
 @dataclass(frozen=True)
@@ -669,8 +670,8 @@ def _as_rows(values: Array) -> tuple[tuple[float, ...], ...]:
     return tuple(map(tuple, values.tolist()))
 
 
-_SETS = 11  # of the seeds of a draw: that of its further sets of deviations
-_TESTED_TURN = 7  # of the seeds of a draw: that of the turn in which its accuracy was tested
+_SETS = 11  # number in the seeds of a draw for its further sets of deviations
+_TESTED_TURN = 7  # number in the seeds of a draw for the turn in which its accuracy was tested
 
 
 def turn_of_test_deg(drive: Drive, seed: Sequence[int]) -> float:

@@ -15,7 +15,7 @@ from hdassist.preset.knowledge import ACCURACY_GRADES, SUPPORT_FIELD, with_cam_s
 COUPLING = "cam.coupling"
 ASKED_COUPLINGS = ("oldham", "solid")
 SOURCE_REF = "option of hdassist check"
-_THIRD_LESS = 2 / 3  # of a tolerance: a third less
+_THIRD_LESS = 2 / 3  # factor of a tolerance that is tightened by a third
 
 
 @dataclass(frozen=True, eq=False)

@@ -36,14 +36,14 @@ from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.walk import digits_depend_on
 
-LEAST_STEP_GAIN = 0.02  # of the probability, or of F'_ior without a limit: a smaller one is no step
+LEAST_STEP_GAIN = 0.02  # smallest gain of an option, in probability, or without a limit as a share of F'_ior
 BEST_OF_HOLES = "trials"  # name of the effect of the best of some holes
 _BEST_EDITS = 3  # which are solved as far as the limit needs it
 _FIRST_SAMPLES = 24  # on which all edits are solved
 _MOST_SAMPLES = 96  # that stand for all samples, if more of them have a weight
 _DONORS = 8  # solved samples whose factors another sample takes
-_NO_EFFECT = 0.005  # of F'_ior: a tolerance that reduces it by less
-_LIKELIHOOD_SPREAD = 0.1  # of a sample's likelihood over its donors: above it the sample is not settled
+_NO_EFFECT = 0.005  # smallest reduction by a tolerance that counts, as a share of F'_ior
+_LIKELIHOOD_SPREAD = 0.1  # a sample is settled if its likelihood varies by less than this share over its donors
 _FEWEST_EFFECTIVE = 8.0  # samples that agree with the reference data of an edited drive: fewer tell nothing
 _LEAST_ERROR = 1e-9  # arcsec, a divisor
 

@@ -9,9 +9,9 @@ import numpy as np
 from hdassist.model.geometry import Array
 
 NO_ERROR = 1e-9  # arcsec: a drive without deviations has less
-LEAST_GAIN = 0.01  # of F'_ior: a smaller gain does not pay for a turn, and makes no hole better than another
+LEAST_GAIN = 0.01  # smallest gain that pays for a turn, and that makes a hole better than another, as a share of F'_ior
 FREE_STEP_DEG = 5.0  # between positions where the angle of the seat is free
-_LEAST_SHARE = 1e-12  # of F'_ior over its mean, which is a divisor
+_LEAST_SHARE = 1e-12  # smallest divisor, as a share of the mean F'_ior
 
 
 def governing_share(F_ior_arcsec: Array, holes_arcsec: Array) -> Array:

@@ -55,8 +55,8 @@ _TRIED_HOLES = 4
 _PHASORS_OFF = 20  # strongest waves, that a controller takes off
 _CORRECTED = 3  # samples of which the full cycle is corrected
 _CLEAR = 3.0  # standard errors by which a hole is worse that is not tried further
-_NEARLY = 0.005  # of the loss, or of the probability: holes that are this near each other are all tried further
-_LEVEL_PLACES = 12  # of a free seat
+_NEARLY = 0.005  # holes whose loss or probability differs by less are all solved
+_LEVEL_PLACES = 12  # positions of a free seat by which torques are compared
 _FREE_POSITIONS = round(360 / FREE_STEP_DEG)  # places of a seat whose angle is free, counted as if they were holes
 
 _StepKind = Literal["hole", "trials", "correction", "tolerance", "coupling", "accuracy", "question"]

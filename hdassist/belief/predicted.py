@@ -13,7 +13,7 @@ from hdassist.model.geometry import Array
 from hdassist.run.run import Run
 
 _PREDICTED_SHARES = (0.05, 0.95)  # percentiles at the ends of a predicted range
-_COVERAGE_FACTOR = 2.0  # of the standard uncertainty of a measured value
+_COVERAGE_FACTOR = 2.0  # coverage factor of a measured value
 
 
 @dataclass(frozen=True)

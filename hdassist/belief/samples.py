@@ -46,9 +46,9 @@ from hdassist.solve.answers import EMPTY, Certificate
 EFFECTIVE_SAMPLES = 64  # at least, where no number is asked for
 FEWEST_SAMPLES = 8  # effective ones, of which there is an answer where all draws leave no more
 _FEWEST_AT_ONCE = 4  # draws
-_SETS = 4  # of deviations on each contact system where no hole can be told from another
+_SETS = 4  # sets of deviations on each contact system if all holes are equal
 _HOPELESS = 256  # draws of which none has an answer: no more are made
-_ROUNDING = 1e-9  # of an effective number: equal weights give a whole number but for rounding
+_ROUNDING = 1e-9  # relative rounding of an effective sample size: equal weights give a whole number
 _CONTRADICTION = 300.0  # times that the mean likelihood grows without a figure which contradicts the others
 
 

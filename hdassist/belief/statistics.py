@@ -20,8 +20,8 @@ from hdassist.errors import SURE, Verdict, is_settled, percent_text, verdict_by_
 from hdassist.model.geometry import Array
 
 RESOLVED_ERROR = 1e-3  # arcsec
-CONFIDENCE = 0.9  # of the interval of a probability: 5 % beyond each end
-_FINE_ENOUGH = 0.7  # of 1 - sure: an interval that is named beside a probability and need be no narrower
+CONFIDENCE = 0.9  # confidence of the interval of a probability: 5 % lie beyond each end
+_FINE_ENOUGH = 0.7  # width of an interval, as a share of 1 - sure, below which it need be no narrower
 
 
 @dataclass(frozen=True)
@@ -171,7 +171,7 @@ def _with_interval(
 
 
 DIRECTION_NUMBERS = Path(scipy.__file__).parent / "stats" / "_sobol_direction_numbers.npz"
-_BITS = 30  # of a coordinate
+_BITS = 30  # binary digits of a coordinate
 _PLACES = np.arange(_BITS, dtype=np.uint32)
 
 

@@ -21,12 +21,12 @@ from hdassist.belief.statistics import effective_number, log_error
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import DEVIATIONS
 
-_CHANCE_OF_INFLUENCE = 0.05  # of any group at all to enter where none has an influence
+_CHANCE_OF_INFLUENCE = 0.05  # probability that some group enters although none has an influence
 # what single teeth do depends on all of these together, not on one: columns of them would be chance
 _ONE_OF_MANY = frozenset(deviation.direction for deviation in DEVIATIONS if deviation.kind == "pitch")
-_INDEPENDENT = 1e-8  # of a column's length, below which the part of it that is new is rounding
-_NO_VARIANCE = 1e-18  # of ln F'_ior: samples of less are the same
-_LEAST_MEAN_SQUARE = 1e-30  # of a residual that columns explain to the last digit, a divisor
+_INDEPENDENT = 1e-8  # new part of a column, as a share of its length, below which it is rounding
+_NO_VARIANCE = 1e-18  # variance of ln F'_ior below which samples are equal
+_LEAST_MEAN_SQUARE = 1e-30  # smallest divisor: columns may explain a residual to the last digit
 
 
 @dataclass(frozen=True)

@@ -777,8 +777,8 @@ class SensitivityCommand(o.FigureOptions, DrawOptions):
         return sensitivity_report(replace(result, law=law))
 
 
-_MOST_ROUNDS = 5  # of drives that try tolerances, beside the first, at most
-_DRIVES_PER_DESIGN = 5  # of many designs few drives each tell more than the reverse
+_MOST_ROUNDS = 5  # further rounds of drives that try tolerances, at most
+_DRIVES_PER_DESIGN = 5  # drives of each design: many designs with few drives each show more than the reverse
 _TIMED_DRIVES = 3  # that are solved first, to estimate the time of all
 _SHORT_TIME = 10.0  # s, of which nothing is said
 

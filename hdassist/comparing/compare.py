@@ -39,13 +39,13 @@ from hdassist.solve.answers import Certificate
 _CLEAR_GAIN = 25.0  # chi-square of two unknowns that noise exceeds four times in a million
 _EQUAL_FIT = 9.0  # chi-square: fits that are no further apart explain a record equally well
 _BLIND_SHARE = 0.1  # squared share of an unknown that may be unidentifiable if it has a number
-_NAMED_SHARE = 0.3  # of a combination of vectors: those of less are not named
+_NAMED_SHARE = 0.3  # smallest share of a vector in a combination that is named
 _VAGUE_DIRECTION = 60.0  # deg: a direction of greater standard uncertainty is None
 _DECIMALS = 3  # of a new value, at most
 _ConclusionKind = Literal["agrees", "mirrored", "one", "several", "unexplained"]
-_MIRRORED = 0.5  # of the chi-square: a file read the other way round that leaves less is reported
-_SURELY_MIRRORED = 0.1  # of the chi-square: without looking for deviations that leave less
-_SCREEN = 0.5  # of a clear gain: least gain to first order for which deviations are fitted
+_MIRRORED = 0.5  # a mirrored reading is reported if its chi-square is below this share of the usual one
+_SURELY_MIRRORED = 0.1  # the same share without looking for deviations that explain more
+_SCREEN = 0.5  # deviations are fitted if they promise, to first order, this share of a clear gain
 _POLISHED = 2.0  # times the least chi-square: fits up to that are continued on the fine torus
 _RESIDUAL_ORDERS = 3  # orders of a residual that are named
 UNIDENTIFIABLE_ANGLE = 360.0  # deg: standard uncertainty of an angle that is not identifiable

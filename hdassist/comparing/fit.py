@@ -36,23 +36,23 @@ from hdassist.preset.fields import Drive
 
 COARSE = 16  # positions around each wheel, for a first look at very different deviations
 _DOUBT_ROUNDS = 2  # times that the alignment is fitted with the model doubted at the one before
-_VECTOR_STEP = 1.0  # of a vector's unit, of a difference quotient
-_LONGEST_STEP = 30.0  # of a vector's unit, or deg
+_VECTOR_STEP = 1.0  # step of a difference quotient, in the unit of the vector
+_LONGEST_STEP = 30.0  # longest step of a descent, in the unit of the vector or in deg
 _STEP_SHARES = (1.0, 0.5, 0.2, 0.05)  # of a step, until one is downhill
 _MOST_STEPS = 15
-_SMALLEST_GAIN = 0.05  # of chi-square: a step that gains less is the last
-_SMALLEST_GAIN_SHARE = 1e-3  # of the chi-square before the step: the same
-_NEARER = 0.7  # of the chi-square at the drive's own deviations: a start must be below it to be taken instead
-_BLIND = 0.5  # of the greatest deviation: a direction of greater standard uncertainty is unidentifiable
-_LEAST_BLIND = 20.0  # of a vector's unit: the same at least
-_DIFFERENCE_ERROR = 1e-3  # of the greatest singular value: error of difference quotients
+_SMALLEST_GAIN = 0.05  # decrease of chi-square below which a step is the last
+_SMALLEST_GAIN_SHARE = 1e-3  # the same, as a share of the chi-square before the step
+_NEARER = 0.7  # a start replaces the drive's own deviations if its chi-square is below this share of theirs
+_BLIND = 0.5  # a direction is unidentifiable if its standard uncertainty exceeds this share of the largest deviation
+_LEAST_BLIND = 20.0  # the same, at least, in the unit of a vector
+_DIFFERENCE_ERROR = 1e-3  # error of difference quotients, as a share of the largest singular value
 _START_TURNS = (45.0, 90.0, 135.0, 180.0, 225.0, 270.0, 315.0)  # deg, of a vector before the first step
 _START_SCALES = (0.5, 1.5, 2.0)
-_START_SIZE = 50.0  # of a vector's unit: where the drive's own is 0
+_START_SIZE = 50.0  # size of a start in the unit of the vector if the drive's own size is 0
 _PROFILE_BLIND = 1e-2  # squared share of the start that may be unidentifiable where its profile is computed
 _PROFILE_LEAST = 1.0  # deg: standard uncertainty of the start from which on its profile is computed
 _PROFILE_STEPS = 6  # standard uncertainties of the start, to either side
-_PROFILE_RISE = 12.0  # of chi-square above the least: end of a profile
+_PROFILE_RISE = 12.0  # a profile ends where chi-square exceeds its minimum by this much
 
 COUNT = len(VECTORS)
 _WHEEL = np.array(["gbh".index(vector.part) for vector in VECTORS])  # part that each vector turns with

@@ -49,7 +49,7 @@ from hdassist.solve.answers import EMPTY, Certificate
 
 _REPORTED_SHARES = (0.05, 0.5, 0.95)
 _SOLVED_DRIVES = 8  # whose whole cycle is solved, for the part that lines leave out
-_SOLVED_A_POSITION = 2  # of these in each position of the fixed wheel
+_SOLVED_A_POSITION = 2  # number of such drives in each position of the fixed wheel
 PHASORS = CorrectionForm(None)  # as many as are enough
 _ENOUGH = 1.1  # times the smallest residual of correction terms: fewer terms are sufficient up to this residual
 IN_PLACE = "in place"
@@ -59,10 +59,10 @@ _LOST_TURNS = 9  # counts of lost turns that are looked at, at most
 _STRONG_LINES = 3  # that are named
 _ANY_PHASE_DEG = 180 / 3**0.5  # standard deviation of a phase that is not known
 _LEAST_AMPLITUDE = 1e-300  # arcsec: a line without any is not divided by
-HALVED = 0.5  # of the range: a correction that leaves more is called weak
-_EXPLAINED_RMS_SHARE = 0.5  # of what is left in place, root mean square: a cause that leaves more is none
+HALVED = 0.5  # a correction that leaves more than this share of the range is called weak
+_EXPLAINED_RMS_SHARE = 0.5  # a cause has to leave less than this share of the root mean square that it does not explain
 _ALIKE = 1.05  # times the least that a cause leaves: the nearest zero of such is named
-_IN_ZERO_DEG = 3.0  # of the cam, as far as a zero counts as right
+_IN_ZERO_DEG = 3.0  # input angle up to which a zero counts as right
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,8 +24,8 @@ TRIED_POINTS: Mapping[RepeatTurn | None, Sequence[int]] = {  # of tables, and nu
     None: (20, 80, 320, 1280),
     "output": (32, 64, 100, 128, 180, 256, 360, 512, 720, 1024, 1500, 2048, 4096),
 }
-USUAL_POINTS = 1500  # of a table over an output turn
-CAM_POINTS = 256  # of a table over a turn of the cam, or half of one
+USUAL_POINTS = 1500  # points of a table over an output revolution
+CAM_POINTS = 256  # points of a table over an input revolution, or half of one
 
 
 @dataclass(frozen=True)

@@ -35,34 +35,34 @@ from hdassist.recording.posterior import AmplitudePosterior, posterior_of_record
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
 
-_BEND_TURNS = 0.1  # of the cam, beyond the ends of a travel, in which the error bends from going on to its mirror image
+_BEND_TURNS = 0.1  # input revolutions beyond the ends of a travel in which the error bends into its mirror image
 RECORDED_DRAWS = 64  # drives that agree with a record
-_LEAST_LINE = 0.02  # of the mean square of lines: that of each one by a misfit
+_LEAST_LINE = 0.02  # mean square of a line by a misfit, as a share of the mean over all lines
 _USUAL_GAP = 0.5  # share of the cycle in gaps between readings that are no wider: lines are what that one resolves
-_IMAGE = 0.5  # of a wave: a share that readings see of it in another one, from which that is its image
+_IMAGE = 0.5  # a wave is the image of another one if readings see this share of it there
 _EVEN = 0.999  # the same of readings at even angles
-_ROUNDS = 4  # of least squares, at most: readings that are not quite even mix lines
-_SOLVED = 1e-5  # of the slope of least squares, that is left
+_ROUNDS = 4  # rounds of least squares at most: readings that are not quite even mix lines
+_SOLVED = 1e-5  # least squares end at this share of their first gradient
 _FINER = 32  # times the points of curves: resolution of places
 _WIDEST_GAP = 2  # steps between readings: in the middle of a wider gap the error counts as not read, and as 0
-_MOST_ROUNDED = 0.1  # of the range of a record: expanded uncertainty by counts that are read at even angles
+_MOST_ROUNDED = 0.1  # largest expanded uncertainty by counts at even angles, as a share of the range
 _LEAST_REPEATS = 20  # readings beyond those that lines can follow, from which noise is known
 _LEAST_CHANCE = 0.05  # that noise is less than it counts as for what is lost
 _PEAK_CHANCE = 0.01  # that noise alone has a reading which counts as a peak of the error
 _ALL_HIDDEN = 0.5  # share of drives of whose error noise hides less than it may, from none of that upwards
-_MEDIAN_DEVIATION = 0.6745  # of a normal number
-_SIZE_STEP = 4.0  # of mean squares of lines
-_SIZE_ROUNDS = 50  # of mean squares of lines
+_MEDIAN_DEVIATION = 0.6745  # median magnitude of a standard normal number
+_SIZE_STEP = 4.0  # factor between the mean squares of lines that are tried
+_SIZE_ROUNDS = 50  # rounds for the frequencies of these mean squares
 _LEAST_POWER = 1e-12  # arcsec^2
-_FIRST_MISFIT = 0.1  # of the error, root mean square
-_MOST_MISFIT = 0.15  # of the error, root mean square
+_FIRST_MISFIT = 0.1  # root mean square of the first misfit, as a share of the error
+_MOST_MISFIT = 0.15  # largest root mean square of a misfit, as a share of the error
 _MISFIT_CHANCE = 0.05  # that a misfit is more than its bound
 # drives with open fields alone drawn, as many with all; the likeliest, from which fits begin until one shows the record
 SEARCHED = 128
 _STARTS = 10
-_SHOWN = 0.05  # of the error, root mean square: lines that leave less of a record show it
+_SHOWN = 0.05  # a fit shows a recording if it leaves less than this share of its root mean square
 _FITS = 2  # the second by the misfit of the first, and with what lines leave of its drive's solved cycle
-_MISFITS_A_TURN = 24  # of the cam: independent numbers of a misfit of orders up to 12
+_MISFITS_A_TURN = 24  # independent numbers, in an input revolution, of a misfit of orders up to 12
 _OPEN_DIRECTION = 12**-0.5  # standard deviation, as a share of its turn
 _FEWEST_TURNS = 2.0  # input revolutions of which a table over the input is made
 _LARGEST = 3.0  # standard deviations that a field differs by, at most

@@ -20,13 +20,13 @@ from hdassist.errors import UsageError
 from hdassist.model.geometry import Array
 
 _ARCSEC_A_TURN = 1_296_000
-_SIDEREAL_ARCSEC_A_SECOND = 15.041067  # of an hour axis, in a second of the clock; 15 in a sidereal second
+_SIDEREAL_ARCSEC_A_SECOND = 15.041067  # speed of an hour axis in arcsec per second of the clock; 15 per sidereal second
 _MOTEUS_BINS = 256
 _INT8_MOST = 127
 _PEC_SECONDS = (61, 720)  # sidereal, that OnStepX keeps
 _EQMOD_DIGITS = 4
 _TWINCAT_STEPS_A_DEGREE = 10_000
-_POOR_SHARE = 0.5  # of the error, left by a table
+_POOR_SHARE = 0.5  # a table that leaves this share of the error is called poor
 _SETPOINT_STEPS = 2  # each leaves a hundredth of the rest before
 _RESAMPLED_POINTS = 8192  # played by a controller that has its own points
 

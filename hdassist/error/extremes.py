@@ -55,7 +55,7 @@ _RADIUS = 0.5  # radius in which a climb looks for its next state, in steps of t
 _DRAWN_RINGS = (8,)
 _FINE_RINGS = (8, 4)
 _BEFORE_CREST = 0.15  # distance before a crest at which a climb begins, in steps of the grid
-_MAX_STEPS = 10  # of a climb
+_MAX_STEPS = 10  # largest number of steps of a climb
 # approximate number of states of a drive at one torque, without those of climbs
 DRAWN_STATES = 70
 FINE_STATES = 700

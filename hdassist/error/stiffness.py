@@ -27,13 +27,14 @@ from hdassist.solve.formulation import Formulation, formulate
 from hdassist.solve.loadcase import CrossCheck, LoadCase, solve_again, solvers_depend_on
 from hdassist.solve.walk import digits_depend_on
 
-LOST_MOTION_SHARE = 0.04  # of the rated torque, to each side: the catalogues' measure
-NEAR_ZERO = 1e-5  # of the rated torque: closes the play; its own elastic twist is some thousandths of an arcsec
+LOST_MOTION_SHARE = 0.04  # share of the rated torque, to each side, at which catalogues measure lost motion
+# Share of the rated torque that closes the play; its own elastic twist is some thousandths of an arcsec.
+NEAR_ZERO = 1e-5
 # Catalogues' ends of the first and second segment [N*m] at a pitch diameter of 147.32 mm (size 58, 2.54 mm a size);
 # size 65 has 235 and 843, which is the same to 1 % with the cube of the diameter.
 _T_58 = (168.0, 598.0)
 _D_58 = 147.32
-_CURVE_BEYOND = 1.5  # of T_2: how far the curve goes by default
+_CURVE_BEYOND = 1.5  # end of the curve by default, as a multiple of T_2
 _CURVE_POINTS = 40  # torques to each side by default
 
 

@@ -414,7 +414,7 @@ class _SolvedTorques:
 WAVE_POINTS = 40  # around each wheel
 _HIGHEST = 18  # times around a wheel: waves that are kept
 Complex = NDArray[np.complex128]
-POINTS_A_TURN = 180  # of the cam, at which curves are computed
+POINTS_A_TURN = 180  # points of curves in an input revolution
 
 
 def _wave_numbers() -> tuple[NDArray[np.int64], NDArray[np.int64]]:

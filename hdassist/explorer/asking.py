@@ -34,7 +34,7 @@ from hdassist.report import Report
 from hdassist.terminal.streams import PLAIN_CHARACTERS
 from hdassist.terminal.words import again
 
-_BAR_COLUMNS = 16  # of the bar of work that is done
+_BAR_COLUMNS = 16  # width of the progress bar
 REST = 0.7  # s without a key before the cam turn and the steps of levers are asked for
 _THEMES = ("textual-light", "textual-dark")
 # of one column each

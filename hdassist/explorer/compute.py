@@ -36,12 +36,12 @@ from hdassist.variants import differing_fields
 _TOLD_EVERY = 0.3  # s between two shares of the work done
 _MOST_TOLD = 0.99  # largest share of the work done, which is estimated
 _FEWEST_SEEN = 8  # effective samples: the range of fewer is none
-_SEED = 0  # of samples and of states solved again, as the commands have it
+_SEED = 0  # seed of the samples and of states solved again, that of the commands
 _SHARES_SHOWN = (0.05, 0.5, 0.95)  # percentiles
 SURE_REFINED = "REFINED"  # searched
 SURE_PROVEN = "PROVEN"  # every state
 SURE_RANGE = "90 % RANGE"  # percentiles
-_STEP = 0.34  # of the probability of a field that is not known exactly: from its median, about one standard deviation
+_STEP = 0.34  # probability between the median of an uncertain field and its step: about one standard deviation
 
 
 @dataclass(frozen=True)

@@ -55,7 +55,7 @@ _LETTER_KINDS = {"N": "now", "B": "best", "W": "worst", "?": "next"}
 _SEAT_WORDS = {"N": "now", "B": "best", "W": "worst", "?": "measure next", "x": "not allowed", "o": "looked at"}
 _LEAST_BAR = 14  # columns of a bar that has ranges beside it
 _LEAST_PANE = 10  # columns of a pane with text
-_LEGEND_COLUMNS = 60  # of a pane that has room for a legend beside the seat
+_LEGEND_COLUMNS = 60  # width of a pane that has room for a legend beside the seat
 # directions in the middle of the seat
 _TICKS = tuple(
     SeatMark(kind="cam", angle_deg=float(angle_deg), letter=f"{angle_deg}", words="") for angle_deg in (0, 90, 180, 270)

@@ -29,18 +29,20 @@ from hdassist.readers.table import NumberTable
 from hdassist.readers.trace import LARGEST_ERROR, WHOLE_TURN_DEG, AngleError, TraceForm, sweeps
 from hdassist.readers.words import TURN_ARCSEC, is_numbered_run, run_side_in
 
-_LOOP_SHARE = 0.04  # of the rated torque, to each side: between them lies the lost motion
+_LOOP_SHARE = 0.04  # share of the rated torque, to each side, between which lost motion is measured
 _AROUND = 5  # readings, at least, through which a parabola is laid
 TINY = 1e-30  # N*m
 _LOOP_HINT = "load from -T_0 to T_0 and back, with T_0 the rated torque"
 _SHRINK = 2.0  # times the variance by scatter, taken off the variance of mean deviations
-_SPREAD_FACTOR = 1.15  # of a range whose bias was removed: the correction repeats the scatter of the estimate
+# Factor on the spread of a range whose bias was removed: the correction repeats the scatter of the estimate.
+_SPREAD_FACTOR = 1.15
 _LEAST_CHANCE = 0.975  # that a range is at least its lower confidence limit
 _PLAN = re.compile(  # as hdassist plan names it, also in earlier versions (turns, both ways)
     r"(?P<drive>.*), (?P<count>[0-9]{1,9}) positions"
     r"(?: over (?P<turns>[0-9.e+-]+) output (?:revolutions|turns))?(?P<both> both ways| from both sides)?"
 )
-_PLANNED_NEAR = 0.05  # of the step between positions: how far an approached position may lie off a planned one
+# Largest distance of an approached position from a planned one, as a share of the step between positions.
+_PLANNED_NEAR = 0.05
 _ANGLE_ROLES = ("twist", "actual", "angle", "output")  # contents of a column of angles of the output
 _SAME_TARGET = 0.5  # arcsec: targets nearer than that are one
 

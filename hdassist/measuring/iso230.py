@@ -25,7 +25,7 @@ from hdassist.model.geometry import Array
 
 _FORWARD = 1.0
 _BACKWARD = -1.0
-FEWEST_APPROACHES = 5  # of each position from each side, by the standard
+FEWEST_APPROACHES = 5  # approaches of each position from each side that the standard requires
 _SIDES = 2
 _FEWEST_FOR_SCATTER = 2  # approaches, of which a sample standard deviation is defined
 

@@ -67,7 +67,7 @@ from hdassist.run.kept import ClosedRecord
 
 _DRIFTS = {"none": 0, "linear": 1, "quadratic": 2}
 _SHORTEST_TURNS = 1.0  # cam turns
-_STEPS_PER_PERIOD = 2.5  # of the angle, in a period of the highest order, at least
+_STEPS_PER_PERIOD = 2.5  # smallest number of angle steps in a period of the highest order
 DRIFT_LEFT = "a linear drift of {:.3g}″ over the recording is not removed (--drift linear), as it may be a slow order"
 _DRIFT_OFF = (
     "the cycle does not close: a linear drift of {:.3g}″ is removed; with it the curve spans {:.1f}″; check the ratio"
@@ -83,11 +83,11 @@ _STRAIGHT = (
     "F'_ior at {:g} N·m is interpolated linearly from {:.3g} to {:.3g} N·m: the recording does not show a curvature"
 )
 _CYCLES_OF_RATIO = 1.2  # full cycles, from which on a record shows whether its beats are those of the ratio
-_BENT = 1 / 4  # of a drift: how far it may depart from a line to either side
-_COARSE_STEP = 1 / 4  # of F'_ior: greatest step in time with the turns that the error is resolved from
+_BENT = 1 / 4  # largest departure of a drift from a straight line to either side, as a share of it
+_COARSE_STEP = 1 / 4  # largest step in time with the revolutions with which the error is resolved, as a share of F'_ior
 _BOTH_WAYS = 2  # directions
 _LAG_CLEAR = 3.0  # standard uncertainties of a lag that moves the angles
-_UNMODELLED = 1 / 5  # of F'_ior: least error beyond the orders that is reported
+_UNMODELLED = 1 / 5  # smallest error beyond the orders that is reported, as a share of F'_ior
 
 
 @dataclass(frozen=True)

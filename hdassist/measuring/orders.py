@@ -33,7 +33,7 @@ from hdassist.model.geometry import Array, Kinematics
 from hdassist.preset.fields import Drive
 from hdassist.readers.trace import MeasuredTrace
 
-_FULL_CYCLE_DEG = 720.0  # of the output, at most
+_FULL_CYCLE_DEG = 720.0  # output angle of the longest full mesh cycle
 _LEAST_RATIO = 10.0
 _GREATEST_RATIO = 1000.0
 _RATIO_ROUNDING = 1e-9
@@ -46,15 +46,15 @@ _SLOW_ORDERS = 12  # periods of slow terms in an output revolution, at most
 _SLOW_PER_CAM_TURN = 0.2  # periods of slow terms in an input revolution, at most
 USUAL_RATIO = 100.0  # assumed for the width of the beats where none is known
 _DRIFTING = 4.0  # cam turns: from here on one order to either side stands for beats that change the error slowly
-_SIZE_ITERATIONS = 8  # of the size of beats that a record leaves open
+_SIZE_ITERATIONS = 8  # iterations for the size of sidebands that a recording leaves open
 _UNSEEN_FACTOR = 2.5  # ovals of both wheels cancel more often than beats that are drawn: found with solved cycles
-_RESOLVED_SHARE = 0.5  # of an amplitude: with a wider 95 % interval the recording does not determine it
-WHOLE_TURN = 0.97  # of an output turn: a record that has its beats
-_TRAVEL_GAP = 0.6  # of the resolution, between orders of a travel
-_TRAVEL_RIDGE = 1e-7  # of the normal equations: in the travel, the curve moves by less than its noise
+_RESOLVED_SHARE = 0.5  # a recording determines an amplitude if its 95 % interval is narrower than this share of it
+WHOLE_TURN = 0.97  # share of an output revolution from which a recording resolves its sidebands
+_TRAVEL_GAP = 0.6  # distance of the orders of a travel, as a share of the resolution
+_TRAVEL_RIDGE = 1e-7  # ridge of the normal equations of a travel: it moves the curve by less than its noise
 _LINE_CAUSE = "no order of the drive, or not resolved from an order: ball pass, cage, test rig"
 _BEAT_CAUSE = "sidebands of an order, or a line: a part of an output revolution does not resolve them"
-LINE_WIDTH = 1.5  # of the resolution, to either side: a wave's own peak
+LINE_WIDTH = 1.5  # half width of a wave's own peak, in units of the resolution
 _RIG_CAUSES = {  # parts of the rig that repeat so often in a turn of the output
     1.0: "once per output revolution: drive, encoder, coupling, gravity",
     2.0: "twice per output revolution: drive, encoder, coupling",
@@ -73,19 +73,19 @@ WIND_UP = "wind-up"
 SCATTER = ("noise", "bias correction", "between readings", "beyond the orders")
 _POINTS_PER_PERIOD = 16  # points in a period of the highest order
 GAP_PERIODS = 0.5  # periods of the highest declared order: between readings as near as that the curve is followed
-_BRIDGED_TURNS = 1 / 8  # of the cam: angles between readings further apart were not visited
+_BRIDGED_TURNS = 1 / 8  # widest gap between readings that counts as visited, in input revolutions
 _BRIDGED_IN_CYCLE = 1 / 2  # the same of whole output turns, whose other turns of the cam show these angles too
 _BRIDGED_SPREAD = 2.0  # times the usual spread of the curve by noise: between readings it is as well known
 _SPREAD_PLACES = 200  # readings, whose spread is the usual one
 _SPREAD_FACTOR = 1.15
 BIAS_SHARE = 1 / 3
-_TURN_PARTS = 24  # of a turn, in steps of which single turns begin
+_TURN_PARTS = 24  # parts of an input revolution at which single revolutions may begin
 _SLOPE_ENDS = 1.0  # turns of the cam, at the ends of a travel, whose slope noise hides
-_SLOPE_DRAWS = 60  # of the bootstrap, for a slope
+_SLOPE_DRAWS = 60  # draws of the bootstrap for a slope
 _SHRINK = 2.0  # times the power of noise, taken off the power of each order
 _HIGHEST_IMAGE = 30.0  # per cam turn: of orders that may be the image of another; ball passes lie below
-_SAME_BEAT = 0.2  # of the resolution: distances of beats from their orders that are the same
-_CLEAR_BEAT = 0.05  # of the greatest amplitude: least beat that shows a ratio
+_SAME_BEAT = 0.2  # distances of sidebands from their orders are equal within this share of the resolution
+_CLEAR_BEAT = 0.05  # smallest sideband that shows a ratio, as a share of the largest amplitude
 _FEWEST_BEATS = 3  # beats at the same distance that show a ratio
 _CORRELATED = 1e3  # condition of the normal equations: beyond, orders cannot be shrunk one by one
 

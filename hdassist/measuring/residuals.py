@@ -30,31 +30,32 @@ from hdassist.model.geometry import Array
 from hdassist.readers.table import shortened
 from hdassist.readers.trace import MeasuredTrace
 
-_LINE_FALSE_ALARM = 0.01  # of a record without lines
+_LINE_FALSE_ALARM = 0.01  # probability that a recording without lines shows one
 _PROBES_PER_PLACE = 2.5  # places probed, for each resolved place, so that peaks between these are found
 _NEIGHBOURHOOD = 32  # resolved places on each side that stand for the noise
-_FEWEST_NEIGHBOURS = 2  # of them
-_CLOSEST_ORDERS = 0.4  # of the resolution: no order is fitted nearer to another
+_FEWEST_NEIGHBOURS = 2  # smallest number of such places
+_CLOSEST_ORDERS = 0.4  # smallest distance of fitted orders, as a share of the resolution
 _FEWEST_PERIODS = 3.0  # periods in the record: below, it drifts
 _HIGHEST_LINE = 4.0  # times the highest order: beyond, averages over bins make lines smaller
-_TORQUE_LINE = 0.5  # of a slope over the torque, that a line which goes with it leaves
-_SMALLEST_LINE = 0.01  # of the greatest amplitude: a smaller line is left in the noise
+_TORQUE_LINE = 0.5  # a line that leaves less than this share of the slope over the torque is part of the wind-up
+_SMALLEST_LINE = 0.01  # smallest line, as a share of the largest amplitude: smaller ones stay in the noise
 _MAX_LINES = 8  # lines
-_ORDER_ITERATIONS = 2  # of Gauss and Newton for the order of a line
+_ORDER_ITERATIONS = 2  # Gauss-Newton iterations for the order of a line
 _SPIKE_SIGMAS = 6.0  # robust standard deviations of the readings around the fit
-_SPIKE_RANGE_SHARE = 0.1  # of the fitted curve: a smaller spike has no effect
+_SPIKE_RANGE_SHARE = 0.1  # smallest spike, as a share of the range of the fitted curve: a smaller one has no effect
 _SPIKE_SPARSE_SHARE = 0.5  # the same, where a reading beside it is further off than half a period of the highest order
 _LONGEST_SPIKE = 2  # readings: a longer one may be the drive
 _BESIDE_SPIKE = 7  # readings around one, of whose departures the median is taken
 _TO_SIGMA = 1.4826  # standard deviation of normal readings over their median departure
-_MAX_SPIKE_SHARE = 1 / 20  # of the readings: with more of them the rig is at fault
+_MAX_SPIKE_SHARE = 1 / 20  # largest share of spikes among the readings: with more of them the test rig is at fault
 _NAMED_LINES = 3  # lines in a message
-_STEP_TURNS = 0.5  # of the cam, to each side of a step
+_STEP_TURNS = 0.5  # input revolutions to each side of a step that are compared
 _FEWEST_BESIDE_STEP = 8  # readings there
-_SHARP = 0.7  # of a step: what a quarter of the readings beside it show, at least
+_SHARP = 0.7  # share of a step that a quarter of the readings beside it have to show
 _STEP_SIGMAS = 8.0  # robust standard deviations of such differences
-_STEP_RANGE_SHARE = 0.1  # of the fitted curve: a smaller step is left to the noise
-_MOST_BREAKS = 3  # of more the rig is at fault, or the drive
+# Smallest step, as a share of the range of the fitted curve: a smaller one is left to the noise.
+_STEP_RANGE_SHARE = 0.1
+_MOST_BREAKS = 3  # largest number of steps that are removed: with more of them the test rig or the drive is at fault
 
 
 @dataclass(frozen=True)

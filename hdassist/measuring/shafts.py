@@ -25,8 +25,8 @@ from hdassist.readers.words import TIMES
 
 _FEWEST_PERIODS = 3.0  # revolutions of a shaft in a recording: below, it looks like drift
 _READINGS_PER_PERIOD = 2.5  # at least
-_UNEVEN_REVOLUTION = 0.1  # of a shaft: how far its angle may be off that at a constant speed
-_SAME_LINE = 1e-6  # of an order: rounding
+_UNEVEN_REVOLUTION = 0.1  # largest departure of a shaft's angle from constant speed, as a share of its revolution
+_SAME_LINE = 1e-6  # relative rounding of an order
 _LARGEST = 1e6  # revolutions of a shaft in one of the input or output, seconds of a revolution
 _SHAFT_HINT = (
     "give a period, or revolutions per revolution of the input or output: belt=288s, motor=12/input, pulley=5/output"

@@ -31,18 +31,20 @@ from hdassist.preset.fields import Drive
 from hdassist.readers.trace import MeasuredTrace
 from hdassist.readers.words import TURN_ARCSEC
 
-_LEAST_SPEED_APART = 0.2  # of the greatest speed: between sweeps, from which on a lag is fitted to their levels
-_LEAST_SPEED_CHANGE = 0.02  # of the speed: within sweeps, from which on a lag is fitted
-_LEAST_CHANGE = 0.01  # of the greatest torque: smaller ones wind up too little to see
-_LOAD_APART = 0.1  # of a torque's changes: least part that does not go with orders and slow terms
-_SAME_TORQUE = 0.02  # of a torque: a column that differs by so little is at it
+# A lag is fitted to the levels if the speeds of sweeps differ by this share of the largest one.
+_LEAST_SPEED_APART = 0.2
+_LEAST_SPEED_CHANGE = 0.02  # a lag is fitted within sweeps if their speed changes by this share
+# Smallest change of torque that matters, as a share of the largest torque: less winds up too little.
+_LEAST_CHANGE = 0.01
+_LOAD_APART = 0.1  # smallest part of a torque's changes that follows neither orders nor slow terms
+_SAME_TORQUE = 0.02  # relative difference up to which a recorded torque counts as the requested one
 _SAME_OF_RATED = 0.01  # the same, of the rated torque
-_WIDEST_LOAD_GAP = 0.25  # of the torques of a sweep: a torque within a wider gap was not recorded
+_WIDEST_LOAD_GAP = 0.25  # a torque within a wider gap than this share of the sweep's torques was not recorded
 _TORQUE_CLEAR = 2.0  # times the noise of its readings: spread of a torque that changes
 _SPEED_ROWS = 15  # rows that the speed of a row is averaged over
 _SLOPE_CLEAR = 3.0  # standard uncertainties: a slope over the torque that is no chance
 _CHANGE_TOLD = 3.0  # times the noise of a curve without changes: that at each torque, at most, where a record has them
-_CATALOGUE_SHARE = 0.1  # of a wind-up: standard uncertainty of a drive's stiffness by its catalogue; a guess
+_CATALOGUE_SHARE = 0.1  # relative standard uncertainty of a wind-up by catalogue stiffnesses (engineering estimate)
 _CLEAR_SENSE = 0.5  # correlation of error and wind-up
 _ARCSEC_PER_RAD = 648000 / np.pi
 _ValueAndSpread = tuple[float, float]

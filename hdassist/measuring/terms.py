@@ -23,7 +23,7 @@ from hdassist.readers.trace import MeasuredTrace
 _PER_PERIOD = 40  # bins in a period of the highest order: its amplitude falls by 0.1 %
 _HEAVIEST = 4.0  # times the median weight: a shaft that stands still does not outweigh the rest
 DESIGN_CHUNK = 8192  # rows of the design that stand in memory at once
-_WORST_CONDITION = 1e8  # of the normal equations
+_WORST_CONDITION = 1e8  # largest condition number of the normal equations
 _JOINED_CELLS = 24  # in a turn of the cam, by which sweeps are joined on the output revolution
 _MOST_JOINED = 4  # sweeps: levels of more of them take too much of the slow terms
 BINS_PER_COLUMN = 1.5

@@ -22,8 +22,10 @@ from hdassist.preset.fields import Drive, field_table, sections
 
 _LEAST_SUPPORT = 1.0  # N/mm: a part of one kilogram hangs on it by a centimetre, so it holds none in place
 _FARTHEST_MEASURED = 100.0  # times the greatest torque, of a measured F'_ior: beyond, the number is mistyped
-_LEAST_END = 1e-4  # of the rated torque, of a segment of the stiffness curve: below, there is only play
-_MAX_THICKNESS = 0.2  # of its radius: beyond that the theory of thin rings does not hold
+# Smallest end of a segment of the stiffness curve, as a share of the rated torque: below it there is only play.
+_LEAST_END = 1e-4
+# Largest thickness of a ring, as a share of its radius: beyond it the theory of thin rings does not hold.
+_MAX_THICKNESS = 0.2
 MAX_OVERLAP = 0.1  # modules that nominal teeth may overlap: the rings give way by some of it
 
 _PROFILES = ("gears.m", "gears.z_g", "gears.z_b", "gears.x_g", "gears.x_b", "gears.h_a")

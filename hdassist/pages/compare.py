@@ -41,7 +41,7 @@ from hdassist.terminal.words import again, named, not_known, on_what
 from hdassist.variants import DriveChanges, DrivesComparison, DriveSheet, ErrorChange
 
 _PLOTTED_ROWS = 4
-_PLOTTED_TURNS = 1.0  # of the cam, to either side of the largest difference
+_PLOTTED_TURNS = 1.0  # input revolutions plotted to either side of the largest difference
 _TABLED_ORDERS = 12  # the greatest
 _SHORT_PAGE = 5  # numbers on a short page
 _VERDICT_WORDS = {
@@ -305,7 +305,7 @@ def _values(result: Comparison) -> Json:
 
 _NAMED_PATHS = 6  # in a line
 _NO_ERROR = 1e-9  # arcsec
-_LARGEST_SHARE = 100.0  # of F'_ior of A: above it, A has almost no error
+_LARGEST_SHARE = 100.0  # largest difference as a multiple of F'_ior of A; above it, A has almost no error
 _DRIVE_HEADS = ("", "torque", "as assembled", "best hole", "change from A", "P(better)")
 
 

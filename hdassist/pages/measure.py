@@ -58,7 +58,7 @@ from hdassist.report import (
 from hdassist.run.system import command_line
 from hdassist.terminal.words import again
 
-_NAMED_SLOW = 0.1  # of F'_ior: least slow terms in a line
+_NAMED_SLOW = 0.1  # slow terms are named from this share of F'_ior
 _LISTED_ORDERS = 12  # largest orders, in the table
 _NAMED_ORDERS = 3  # largest orders, in a line
 _DIRECTION_NAMES = {1: "increasing", -1: "decreasing"}

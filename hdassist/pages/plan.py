@@ -27,8 +27,8 @@ from hdassist.report import (
 from hdassist.run.system import command_line
 from hdassist.terminal.words import again, more_draws, preset_argument
 
-_LARGE_LINE = 0.1  # of the variance
-_DRAWN_GROUPS = 36  # of numbers of positions: more of them are drawn over each other
+_LARGE_LINE = 0.1  # smallest share of the variance of a component that is named
+_DRAWN_GROUPS = 36  # groups of numbers of positions in a plot: more would lie over each other
 _ENOUGH_WORDS = {Verdict.PASS: "yes", Verdict.FAIL: "no", Verdict.INCONCLUSIVE: "open"}
 
 

@@ -194,8 +194,8 @@ def _provenance(
     return Facts(rows)
 
 
-_CARD_COLUMNS = 78  # of the card as plain text
-_LINES_BESIDE = 45  # of the card as text: drawing, checks and empty lines, which stand side by side on paper
+_CARD_COLUMNS = 78  # columns of the card as plain text
+_LINES_BESIDE = 45  # lines of the card as text that stand beside the drawing on paper
 _CYRILLIC = range(0x400, 0x500)
 _UNICODE = Style(
     ascii=False,
@@ -331,7 +331,7 @@ def _html_safe(value: Any) -> Any:
 CENTRE = (210.0, 146.0)  # of the seat
 HOLE_CIRCLE = 112.0  # radius of the circle of holes
 _CHART_BOX = (50.0, 34.0, 466.0, 214.0)  # of the axes: left, top, right, bottom
-ENVELOPE_COLUMNS = 400  # of a curve of many points, drawn from least to greatest
+ENVELOPE_COLUMNS = 400  # columns of a curve of many points, drawn from smallest to largest value
 
 
 def at(angle_deg: float, distance: float) -> tuple[float, float]:

@@ -29,7 +29,7 @@ TORQUE_DENSITY = (1.7e-4, 4.0e-4)
 # of K3 by the cube law: K1 of catalogue sizes is half of their K3; a stiffness beyond these is another unit
 _STIFFNESS_SHARES = (0.05, 5.0)
 _CATALOGUE_UNIT = 1e4  # N*m/rad, in which catalogues print stiffnesses
-_BOUND_ROUNDING = 1e-9  # of a bound
+_BOUND_ROUNDING = 1e-9  # relative rounding of a bound
 # Greatest deviations where a preset does not give them. F'_i: F_p of this class of ISO 1328-1:2013, the coarsest teeth
 # that a drive is taken to have; those of the paper are there
 COARSEST_CLASS = 9

@@ -40,9 +40,9 @@ _GUIDING_SWITCH = "MountGuidingEnabled"
 _SAME_RATE = 0.25  # difference from the log's by which a stated guide rate is named as another one
 _SAME_DECLINATION_DEG = 1.0  # the same of a declination
 _LEAST_RATE_UNCERTAINTY = 0.05  # relative standard uncertainty of a calibrated guide rate, assumed
-_ONE_RATE_UNCERTAINTY = 0.10  # of a rate without a second one beside it, assumed
+_ONE_RATE_UNCERTAINTY = 0.10  # relative standard uncertainty of a guide rate without a second figure, assumed
 _LONG_S = 1800.0  # an unguided section of this length is preferred to any guided one
-_PREFERRED_SHARE = 0.5  # of the longest guided section, from which on a shorter unguided one is preferred
+_PREFERRED_SHARE = 0.5  # an unguided section of this share of the longest guided one is preferred to it
 
 
 @dataclass(frozen=True)

@@ -55,8 +55,8 @@ from hdassist.readers.words import (
 
 _LEAST_RANGE = 0.5  # um, of the deviations of a wheel
 _LARGEST_RANGE = 1000.0  # um, of the deviations of a wheel
-_CLOSING = 0.2  # of the range: greatest sum of the single deviations
-_NOISE = 1e-9  # of the summed deviations: a closing error that is rounding of the sum
+_CLOSING = 0.2  # largest sum of the single deviations, as a share of their range
+_NOISE = 1e-9  # closing error that is rounding of the sum, as a share of the summed magnitudes
 _CODE_PAGE = re.compile("[\x80-\xff]{3}")  # in Latin-1: letters of another code page
 _SENSES = {"clockwise": "cw", "counterclockwise": "ccw", "anticlockwise": "ccw"}
 _PitchForm = Literal["cumulative", "single"]

@@ -37,7 +37,7 @@ WHOLE_TURN_DEG = 360.0
 _COUNTER_BITS = (16, 24, 32)  # of counters that begin again if they are full
 _WRAP_STEPS = 20.0  # median steps that a step over a wrap may go, at most
 _LEAST_WRAP_REST = 1.0  # deg that a step over a wrap may go in any case
-_LEAP = 0.4  # of the wrap: the direction of a longer step is ambiguous
+_LEAP = 0.4  # share of the wrap beyond which the direction of a step is ambiguous
 _JITTER = 0.5  # deg: moves back that are noise of a shaft that stands or creeps
 _TURNING_STEPS = 4.0  # median steps: moves back that are noise of coarse readings
 _WIDEST_TURNING = 5.0  # deg: upper limit of such moves back
@@ -53,18 +53,18 @@ MAX_TRACE_BYTES = 100_000_000
 _ARCSEC_PER_DEG = 3600.0
 LARGEST_ERROR = 7200.0  # arcsec, range of an error
 _RESTART_HINT = "check whether an encoder was restarted; use only the rows above or below this line"
-_LEAP_REST = 0.5  # of a leap: range of the rest, at most, where an encoder was restarted
-_SLIP = 0.02  # of the ratio: greatest disagreement of the two encoders with it
+_LEAP_REST = 0.5  # largest range of the other values where an encoder was restarted, as a share of the leap
+_SLIP = 0.02  # largest relative disagreement of two encoders with the ratio
 # A ramp of the error over the angle is a wrong ratio if it exceeds the rest of the recording by this factor, and the
 # ratio by this share: 1300 arcsec per output revolution at ratio 100, more than any drive, test rig or drift
 _RAMP_OVER_REST = 5.0
 _RAMP_OF_RATIO = 1e-3
-_NEAR_ONE = 0.05  # of a ratio: how near to 1 its difference is that has the other wheel fixed
+_NEAR_ONE = 0.05  # two ratios differ by 1, within this tolerance, if the other wheel is fixed
 _LEAST_WRAP = 1e-3  # deg, of encoders that restart
 _ENCODERS = 2
 _FEWEST_ROWS = 20  # rows
 _TURNING_ROWS = 200  # rows for each of the greatest and least steps that are no rounding
-_ROUNDED_STEP = 0.01  # of a step: rounding by printed digits
+_ROUNDED_STEP = 0.01  # rounding by printed digits, as a share of a step
 _COUNTS_APART = 2  # counts of the cam by which steps at one speed differ, at most
 _Shaft = Literal["cam", "output"]
 

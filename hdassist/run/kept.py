@@ -40,7 +40,7 @@ from hdassist.run.system import PrivateFolder, UnsafeFolderError, private_folder
 _KEPT_SCHEMA: Literal["hdassist.kept/1"] = "hdassist.kept/1"
 _LONGEST_LINE = 1 << 26  # bytes of a line
 LOCK_PATIENCE = 1.0  # s: processes that a killed run has begun hold its lock until they have ended too
-_DIGITS = 16  # of a checksum
+_DIGITS = 16  # digits of a checksum
 
 Number = Annotated[float, Field(strict=True)]
 Magnitude = Annotated[float, Field(strict=True, ge=0)]
@@ -544,7 +544,7 @@ NO_CACHE = "HDASSIST_NO_CACHE"
 OWN_FOLDER = "answers"  # in the folder of the cache
 _LARGEST_FILE = 1 << 24  # bytes of a file
 MOST = 1 << 26  # bytes of all files: above it the oldest go
-_OLDEST_LEFT = 0.75  # of MOST, that is left then
+_OLDEST_LEFT = 0.75  # share of MOST that remains after the oldest results were removed
 _OWN_FILE = re.compile(r"\.?[a-z]+-[0-9a-f]{16}(\.[0-9a-f]{8}\.part)?")  # a kept one, or one that is being written
 _UNUSABLE = (OSError, ValueError)  # a path with a NUL
 

@@ -108,7 +108,7 @@ UNCHECKED = Run(cross_check=None)  # in this process, no state solved again
 
 # --- dask: workers of another package, on one machine or many
 
-_RETRIES = 3  # of a task whose worker was lost
+_RETRIES = 3  # attempts for a task whose worker was lost
 TIMEOUT = 10.0  # s for a scheduler to answer
 _Installation = Callable[[], object]  # all that the digits of an answer depend on, if it is called
 
@@ -270,7 +270,7 @@ def _dask_client(
 
 # --- very many items
 
-_SECONDS = 2.0  # of work in a chunk, about
+_SECONDS = 2.0  # approximate duration of a chunk of work
 _MANY = 100  # workers, from which on chunks grow with their number: one process takes all their answers
 MOST_ITEMS = 10_000  # items in a chunk
 AHEAD = 3  # chunks under way or done for each process

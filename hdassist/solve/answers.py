@@ -22,7 +22,7 @@ from hdassist.run.kept import ClosedRecord, Count
 from hdassist.run.run import Progress
 from hdassist.solve.formulation import Formulation, Springs
 
-TOLERANCE = 1e-8  # of each residual, as a share of its scale
+TOLERANCE = 1e-8  # largest residual of a verified state, as a share of its scale
 Residual = Annotated[float, Field(strict=True, ge=0, le=TOLERANCE)]  # of a proven answer, in a file
 
 

@@ -32,7 +32,7 @@ _StateAt = Callable[[Array], tuple[float, Array]]  # rotation [rad] and slopes [
 _DIRECTIONS = np.array([(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)])  # of a ring, in order
 _RING_ROUNDS = 3  # most rounds with each ring around the highest state
 _MAX_RADIUS = 24  # largest radius in which a climb looks for its next state, in steps along each wheel
-_MOST_STATES = 256  # of one climb; two dozen are usual
+_MOST_STATES = 256  # states of one climb at most; two dozen are usual
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,10 +16,10 @@ from hdassist.terminal.streams import Style
 _PlotValues = NDArray[np.float64]
 _Dots = NDArray[np.bool_]
 
-_FLAT = 1e-9  # a curve that moves less than this share of its values is a flat one
-_FAR = 0.5  # of a figure's height: a limit or a zero further off than that is said, and not drawn
+_FLAT = 1e-9  # a curve that moves less than this share of its values counts as flat
+_FAR = 0.5  # a limit or zero further off than this share of the figure's height is named and not drawn
 _TALL = 40  # lines of a terminal that has room for taller plots
-_TALL_ROWS = 12  # of a plot on a tall terminal
+_TALL_ROWS = 12  # rows of a plot on a tall terminal
 _FINEST_PARTS = 5  # rows between two numbers of the vertical axis, at most
 _DASH = 8  # columns of dots, of which the second of two lines has every other half
 _DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])  # braille: 4 rows, 2 columns
@@ -33,8 +33,8 @@ MARK_SIGNS = {
     "measured": "◆",
     "enough": "E",
 }  # as the seat has them
-SEAT_WIDTH = 41  # of the drawing, in characters
-_SEAT_HEIGHT = 15  # of the drawing, in characters
+SEAT_WIDTH = 41  # width of the drawing, in characters
+_SEAT_HEIGHT = 15  # height of the drawing, in characters
 _NUMBERED_IN_TEXT = 24  # holes that have room for their number
 _LETTER_RADIUS = {"now": 0.5, "after": 0.5, "cam": 0.28}  # how far out the letters of directions stand
 

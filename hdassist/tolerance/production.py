@@ -42,8 +42,8 @@ RAYLEIGH_TAIL = (
     3.0  # the tolerance in standard deviations of each part of a Rayleigh-distributed size: 1 in 90 lies beyond
 )
 _PRODUCTION_FREE_STEP = 30.0  # deg between positions where the seat has no holes
-TIGHTER_STEP = 0.8  # of a tolerance: one step tighter
-_MOST_WEIGHT = 1e9  # of a design, far beyond the weights from reference data
+TIGHTER_STEP = 0.8  # factor of a tolerance that is one step tighter
+_MOST_WEIGHT = 1e9  # largest weight of a design, far beyond the weights by reference data
 _DRAWS_PER_DESIGN = 64  # maximum draws for each design that agrees with the reference data
 _MapsOf = Callable[[Drive], list[ErrorMap]]  # of a drive, one a torque
 

@@ -32,12 +32,12 @@ _ENDS = (0.05, 0.95)  # of the resampled values: the interval of a gain
 _Records = Callable[[Production, int], list[RandomDrive]]
 _LOOSER = 2.0  # times the preset's tolerance, at most
 _TIGHTER = 0.1  # times it at least, where the preset gives no least value that can be made
-_SLOPE_STEP = 0.1  # of the logarithms of tolerances, over which slopes are taken: drives that come and go are smoothed
-_AIM = 0.98  # of the limit: a margin for the error of the linear model
+_SLOPE_STEP = 0.1  # step of ln(tolerance) over which slopes are taken: it smooths drives that come and go
+_AIM = 0.98  # share of the limit that the search aims at: a margin for the error of the linear model
 _STRICTER = 0.93  # factor of the aim if the drives did not verify the tolerances found with it
-_LIMIT_AGREES = 0.06  # of the limit: margin that may remain
+_LIMIT_AGREES = 0.06  # margin to the limit that may remain, as a share of it
 _UNSOLVED_RATIO = 1e6  # F'_ior over its room of a drive without an answer: beyond any limit
-_LEAST_SHARE_LEFT = 1e-2  # of F'_ior of a drive, that is left of it whatever its sizes are scaled by
+_LEAST_SHARE_LEFT = 1e-2  # share of F'_ior of a drive that remains whatever its sizes are scaled by
 
 
 @dataclass(frozen=True)

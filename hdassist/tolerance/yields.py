@@ -27,7 +27,7 @@ _CONCENTRATIONS = np.geomspace(0.1, 200, 12)  # from "all or none" to nearly one
 _POSSIBLE = 1e-4  # posterior weight of a point of the grid, below which it is left out
 _YIELDS = np.sin(np.pi / 2 * np.linspace(0, 1, 301)) ** 2  # at which their distribution is computed
 _INTERVAL_ERRORS = 1.645  # standard errors of the ends of an interval: 5 % beyond each
-YIELD_TAIL = 0.05  # of the yields of designs beyond each end of their range
+YIELD_TAIL = 0.05  # share of the designs beyond each end of the range of yields
 
 
 @dataclass(frozen=True, eq=False)
