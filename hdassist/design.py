@@ -277,10 +277,13 @@ def check(
     Raises UsageError for an unknown solver; UntrustedError if a result cannot be trusted, or if the preset's
     catalogue contradicts its other values.
     """
+    # measured wheels replace harmonics and turn the rest of their angle into the cam's
     shown_drive, teeth = measured.in_drive(drive) if measured else (drive, None)
+    # an unknown solver is refused before the work
     require_solver(run.cross_check or CROSS_SOLVER)
     assumed_drive, prior = beside_measured_teeth(drive, measured)
     require_programme(drive, run)
+    # self errors and limits first: they leave the room for F'_ior
     points = _unsolved_points(
         drive,
         is_open=bool(prior.fields),
@@ -294,6 +297,7 @@ def check(
         unknown=unknowns(assumed_drive),
         prior=prior,
     )
+    # rolling balls and measured wheels have no samples
     is_sampled = searchable(drive) and not measured and bool(prior.fields)
     if is_sampled and draws and not samples:
         rooms = [point.left_arcsec for point in points]
@@ -314,6 +318,7 @@ def check(
                 run=run,
             ),
         )
+    # percentiles, probabilities and contributions
     if samples:
         checked = checked.with_samples(samples)
     return _with_solved_errors(checked, shown_drive, teeth, solver, run)
@@ -337,6 +342,7 @@ def _with_solved_errors(
         solver: as in `check`.
         run: processes, progress and seed.
     """
+    # in the order of the preset, which all pages follow
     torques = checked.drive.operation.M_g
     samples = checked.samples
     drives = [_middle(shown_drive, samples, number) if samples else shown_drive for number in range(len(torques))]
@@ -345,6 +351,7 @@ def _with_solved_errors(
     solved = [(drive, teeth, error.sampled(seed=run.seed)) for drive, error in zip(drives, errors, strict=True)]
     checks = run.beside(cross_checks_of, solved, run.of_task)
     checked = checked.with_errors(errors).with_steps(run)
+    # waits for the other solver
     pairs = zip(errors, checks.result(), strict=True)
     return checked.with_errors([replace(error, cross_check=cross_check) for error, cross_check in pairs])
 

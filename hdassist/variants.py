@@ -331,6 +331,7 @@ def _paired(
     assert one.samples and other.samples
     count = len(rows)
     shares = _paired_shares(one, other, rows, run)
+    # the same shares on both drives: only what differs between them counts
     samples = other.samples
     certificate = EMPTY
     if one.evidence or other.evidence or not np.array_equal(shares[:, :-1], samples.shares):
@@ -338,9 +339,11 @@ def _paired(
         certificate = samples.certificate
     solved = np.flatnonzero([draw.F_ior_arcsec is not None for draw in samples.made])
     gains = _likelihood_gains(one, other, rows[solved], samples)
+    # importance weights from the reference data of the first drive to those of the second
     weights = np.exp(np.array(gains) - max(gains))
     if effective_number(weights) < _LEAST_EFFECTIVE * count:
         raise UntrustedError("too few pairs of samples agree with the reference data of both drives")
+    # as many pairs as samples, by their weight
     even = even_rows(weights, count)
     second_drives = map(other.drive.with_values, samples.values(even))
     return DrivePairs(
@@ -642,6 +645,7 @@ def drive_changes(
 
     Raises UntrustedError if one of the drives has no result that can be trusted.
     """
+    # fields that differ by their values; others may differ by what is drawn
     differing = differing_fields((first.drive, second.drive))
     is_same = not differing and _has_same_conditions(first.drive, second.drive)
     sampled_pairs = drawn_pairs(
@@ -656,6 +660,7 @@ def drive_changes(
     open_paths = [field.path for field in prior_of(second.drive).fields]
     moved = [path for path in open_paths if single_changes.is_moved(path)]
     paths = dict.fromkeys((*differing, *moved))
+    # few pairs for many fields, then all pairs for the largest
     screened = [change.field for change in single_changes.largest_first(paths, _SCREENED_PAIRS)]
     single = single_changes.largest_first(screened[:_REPORTED_FIELDS], len(single_changes.drives))
     is_unknown = _is_undrawn(first, second) and not is_same

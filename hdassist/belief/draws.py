@@ -383,9 +383,11 @@ class Sampling:
 
         shares: of the probability of all fields.
         """
+        # the shift is stated, or follows from nothing
         if not self.prior.meshing:
             return drive, {}, EMPTY
         place, beyond = self.prior.meshing
+        # teeth of a drive at rest just mesh; the drawn share says how far beyond they are
         shift, proof = meshing_shift(drive)
         follows = {beyond.path: shift + float(beyond.value(np.array(shares[place])))}
         return drive.with_values(follows), follows, proof
@@ -395,6 +397,7 @@ class Sampling:
 
         proof: of the states of the system so far, which the first draw carries for all.
         """
+        # without a measured F'_ior deviations come from the prior
         proposals = [ProposedDeviations(shares={}, density=1.0)]
         if self.near:
             proposals, proof_of_tables = self.near.drawn(system.maps, system.number)
@@ -402,6 +405,7 @@ class Sampling:
         draws = []
         for place, deviations in enumerate(proposals):
             draw = self._draw_of(system, deviations, place)
+            # the states of the tables are counted once, with the first draw
             draws.append(replace(draw, proof=proof + draw.proof))
             proof = EMPTY
         return draws
@@ -413,12 +417,14 @@ class Sampling:
         place: int,
     ) -> Draw:
         """Return the draw of a contact system that has some deviations; place: that of it among those of the system."""
+        # the contact system of a draw is shared, its deviations are its own
         shares = self._shares_with(deviations, system.shares)
         drive = system.drive.with_values(self.prior.values(np.array([shares]))[0])
         errors = self._errors_of(system, drive, place)
         further_figures, proof_of_figures = self.figures_of(drive) if self.figures_of else ({}, EMPTY)
         figures = {**system.figures, **further_figures, **errors.by_figure}
         likelihood = float(np.exp(log_likelihood(self.evidence, figures)))
+        # further deviations on one contact system cost no factorisation
         sets = self._further_sets(system, drive, shares)
         return Draw(
             figures=figures,
@@ -442,6 +448,7 @@ class Sampling:
         """Return F'_ior of a drive on a contact system; place: that of the draw among those of the system."""
         F_ior, tested, proof = errors_now(system.maps, drive, self.torques, list(system.tests.values()))
         turned, turned_proof = errors_by_turn(system.maps, drive, self.torques, F_ior.tolist(), self.rotations_deg)
+        # the drive is not the model: what was measured on it shifts all its other errors
         if self.measured:
             seed = [self.seed, system.number * self.alike + place]
             F_ior, turned = self._shown(tested[: len(self.measured)], F_ior, turned, seed)
@@ -475,6 +482,7 @@ class Sampling:
     @cached_property
     def _set_places(self) -> list[int]:
         """Places of the deviations that differ from set to set: those that are open, and not fitted with others."""
+        # values of one drive fix its deviations
         if self.measured or self.sets < 2:
             return []
         fields = open_deviations(self.prior)
@@ -509,6 +517,7 @@ class Sampling:
             tested_arcsec=tuple(None for _ in range(1, self.sets)),
             proof=sum((extremes.certificate for extremes in as_mounted), EMPTY),
         )
+        # only an accuracy weights sets by their own error
         if not any(datum.figure == ACCURACY for datum in self.evidence):
             return sets
         map_of_test = map_of_torque[ACCURACY_LOAD * drive.rated_torque]
@@ -524,6 +533,7 @@ class Sampling:
 
         number of the draw; shares of the fields of the draw, which all else keeps.
         """
+        # a stream of its own, so that the number of sets moves no other number
         rng = np.random.default_rng([self.seed, number, _SETS])
         random = np.tile(shares, (self.sets - 1, 1))
         random[:, self._set_places] = rng.random((self.sets - 1, len(self._set_places)))
@@ -564,6 +574,7 @@ class Sampling:
         rng = np.random.default_rng(seed)
         kinds = error_kinds(len(y), {1.0: 0.0})
         log_likelihood_of_kinds = log_likelihoods(kinds, predicted, y, stated, correlation, mean)[:, 0]
+        # one kind of error by its posterior probability
         kind = kinds[rng.choice(len(kinds), p=softmax(log_likelihood_of_kinds))]
         scale_normals = rng.standard_normal(1)
         noise_normals = rng.standard_normal((1, len(y)))
@@ -580,12 +591,14 @@ class Sampling:
             kernel(turns.tolist(), turns.tolist()) * is_same_torque,
             (scale_normals, _misfit_normals(loads, turns, seed), noise_normals),
         )
+        # so that kept and computed draws agree
         shown = np.round(shown, _SHOWN_DIGITS).reshape(len(self.torques), -1)
         return shown[:, 0], shown[:, 1:]
 
     def _points_shown(self) -> tuple[Array, Array]:
         """Return torque [N*m] and turn [deg] of each F'_ior: those asked for, by torque, then those of the values."""
         points = [(M_g, turn) for M_g in self.torques for turn in (0.0, *self.rotations_deg)]
+        # the measured points too: errors at them are known
         points += [(datum.M_g, datum.rotation_deg) for datum in self.measured]
         loads, turns = np.array(points).T
         return loads, turns
@@ -683,8 +696,10 @@ def turn_of_test_deg(drive: Drive, seed: Sequence[int]) -> float:
     drive: the drive; if no hole is better than another, the turn is 0.
     seed: seed and number of the draw.
     """
+    # any turn gives the same F'_ior
     if no_hole_better(drive):
         return 0.0
+    # a manufacturer tests a drive as it happens to be assembled
     share = float(np.random.default_rng([*seed, _TESTED_TURN]).random())
     holes = drive.mounting.holes
     return 360 * int(share * holes) / holes if holes else 360 * share
@@ -767,6 +782,7 @@ def _at_turns(
     """
     F_ior = np.full(len(turns_deg), now)
     turned_places = np.flatnonzero(np.array(turns_deg) % 360)
+    # the present position is solved already
     if not len(turned_places):
         return F_ior, EMPTY
     batch = Batch.turned(drive, np.array(turns_deg)[turned_places])
@@ -794,9 +810,11 @@ def meshing_shift(drive: Drive) -> tuple[float, Certificate]:
     opened_mm = _OPENED * gears.m
     at_rest = drive.with_values({"operation.dT": 0.0})
     # on the cam's own shape the flanks touch here; the elastic drive meshes nearby
+    # nominal gap of the tightest flank, clearance included
     least_gap_mm = float(flank_candidates(Geometry.of(at_rest)).gap.min()) + 1e-3 * gears.j_n
     first_shift = drive.number(RIGID_SHIFT) - least_gap_mm / mm_per_shift
     opened_drive = at_rest.with_values({RIGID_SHIFT: first_shift, "gears.j_n": gears.j_n + 1e3 * opened_mm})
+    # closes the play to either side
     least_torque = NEAR_ZERO * drive.rated_torque
     contact, tube, proof = Twist(opened_drive).at(np.array([-least_torque, least_torque]))
     backlash_rad = float(np.diff(contact + tube)[0]) / ARCSEC

@@ -55,9 +55,11 @@ class CheckCommand(o.PlotOptions, o.SamplingOptions, o.PitchOptions, o.LimitedDr
 
     def report(self, out: Output, preset: str) -> Report:
         """Return the design check of a drive."""
+        # before any preset is read: measured wheels are those of one drive
         files = self.wheels_of_one(self.presets)
         drive = self.load(preset)
         measured = self.teeth(files, drive)
+        # the title stands beside the progress bar
         torques = ", ".join(f"{M_g:g}" for M_g in drive.operation.M_g)
         title = f"{drive.name}, {drive.gears.z_g}/{drive.gears.z_b}, {torques} N·m"
         with out.progress(title):  # numpy is imported below
@@ -106,6 +108,7 @@ class TraceCommand(o.PlotOptions, o.PitchOptions, o.OneTorqueOptions):
         from hdassist.pages.curves import trace_report
 
         files = self.wheels_of_one([preset])
+        # a wrong option is refused before the preset is loaded
         gravity = Gravity.of(self.gravity) if self.gravity is not None else None
         drive = self.load(preset)
         measured = self.teeth(files, drive)
@@ -203,17 +206,21 @@ class SweepCommand(o.RowsOptions, o.LoadedDriveOptions):
         from hdassist.pages.curves import sweep_report
         from hdassist.run.kept import KeptOwner, open_kept
 
+        # without a file the rows are computed, printed and not kept
         file = None if self.output == "-" else self.output
         streamed = self._takes_stdout()
         text, path = read_preset(preset)
         drive = load_text(text, path, self.changes)
+        # the text of the preset is kept, since each row is loaded from it with other values
         sweep = Sweep.of(text, path, drive, read_axes(self.vary, drive.origin.overrides))
+        # one JSON object has all rows in memory
         if self.json and sweep.rows > _JSON_ROWS:
             raise UsageError(
                 f"--json cannot print {sweep.rows} rows: the maximum is {_JSON_ROWS}",
                 "use -o FILE.jsonl for any number of rows",
             )
         options = {"vary": self.vary, "set": list(drive.origin.overrides)}
+        # all inputs that decide the rows: another preset or grid is refused for the same file
         owner = KeptOwner(
             command="sweep",
             preset=drive.name,
@@ -221,20 +228,25 @@ class SweepCommand(o.RowsOptions, o.LoadedDriveOptions):
             options=options,
         )
         if file is not None:
+            # an existing file of this run may be continued
             claim_output(file, is_kept=True)
         with open_kept(file, owner, sweep.kind, force=self.force) as results:
             rows = _rows(sweep, drive.name, results, self, out)
             kept = f"are stored in {file}; the same command resumes" if file else "are done but not stored"
+            # shown if the command is stopped
             with at_stop(lambda: f"{results.done} of {sweep.rows} rows {kept}"):
+                # rows pass by: only the figures of the page are collected
                 swept = collect(sweep, drive, _printed(rows, sweep) if streamed else rows)
             self._write_tables(sweep, results, owner, out)
             if file is not None:
+                # the file may have been moved meanwhile
                 results.require_there()
                 as_lines = " as JSON Lines; for CSV use --csv" if file.endswith(".csv") else ""
                 say(f"wrote {file}{as_lines}")
             report = sweep_report(swept, results.records() if self.json else ())
             if report.exit_code:
                 say(f"error: no row has a result: {swept.reason}")
+            # the rows are on standard output, so the page has no heading there
             return replace(report, head="") if streamed else report
 
     def _write_tables(
@@ -257,6 +269,7 @@ class SweepCommand(o.RowsOptions, o.LoadedDriveOptions):
         """Return whether rows go to standard output as CSV."""
         import sys
 
+        # in a pipe the rows themselves are wanted
         no_page = not (self.json or self.quiet or sys.stdout.isatty())
         return self.csv == "-" or (no_page and self.csv is None and self.output == "-")
 
@@ -271,6 +284,7 @@ def _rows(
     """Yield the records of all rows: those that are kept, then the others as they are computed and kept."""
     from hdassist.run.run import stream
 
+    # kept rows come first, as if they were computed now
     yield from results.records()
     with (
         out.progress(name, sweep.rows - results.done) as progress,
@@ -286,6 +300,7 @@ def _rows(
         ) as chunks,
     ):
         for records in chunks:
+            # written before they are passed on, so that a stop loses nothing
             results.append(records)
             progress(len(records))
             yield from records
@@ -355,6 +370,7 @@ class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOpt
             )
         o.stdin_once(*self.files, self.preset)
         out = self.open()
+        # wrong angles are refused before any file is read
         start = o.degrees_or_fit("--phi-g0", self.start)
         given_zero = o.degrees_or_fit("--cam-zero", self.zero or "0")
         with out.progress(self.preset):  # words before numpy is imported
@@ -374,6 +390,7 @@ class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOpt
                     together=True,
                     M_g=M_g,
                 )
+                # without an option the kind of recording decides whether the zero is known
                 zero = given_zero if self.zero else zero_of(measurement.trace, drive, start)
                 fitted = (start is None, zero is None)
                 alignment = replace(
@@ -415,9 +432,11 @@ class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOpt
 
     def _require_presets_only(self) -> None:
         """Raise UsageError for recordings among the presets, for options of recordings, and for CSV."""
+        # both kinds of comparison share a command
         if traces := [name for name in self.files if not is_preset(name)]:
             message = f"cannot compare {traces[0]}, a recording, with {next(filter(is_preset, self.files))}, a preset"
             raise UsageError(message, "name presets only (names of the library, .yaml files), or recordings only")
+        # options at their defaults were not given
         plain = all(getattr(self, name) == getattr(type(self), name) for name in _OF_TRACES)
         if not plain or self.only(o.TraceOptions) != o.TraceOptions(budget=[]):
             raise UsageError(
@@ -494,11 +513,13 @@ class ReportCommand(o.AnswerOptions, o.SamplingOptions, o.LimitedDriveOptions):
     def run(self) -> int:
         """Make the report; returns the exit code."""
         is_document = Path(self.output).suffix.lower() in _REPORT_SUFFIXES
+        # a report is a document; its JSON and its line are those of other commands
         if self.json or (self.quiet and not is_document):  # a line in place of the Markdown; a document stays one
             return super().run()
         kind = self._kind()
         out = self.open()
         [report] = run_each("report", [self.preset], partial(self.report, out), out)
+        # warnings and errors go to stderr as usual
         code = give("report", [replace(report, head="")], out)  # its warnings: the page is a document
         from hdassist.pages.report import report_html, report_markdown
 
@@ -556,6 +577,7 @@ class DrawOptions(o.LimitedDriveOptions):
             chosen=chosen,
             known=self.known,
         )
+        # without a varying size all drives are equal
         if not any(field.path == field.group and field.path in DEVIATION_FIELDS for field in law.own):
             raise UsageError("no field varies: all tolerances are 0", "set tolerances.e_hb or other tolerances above 0")
         return law
@@ -581,6 +603,7 @@ class DrawOptions(o.LimitedDriveOptions):
         from hdassist.run.run import stream
 
         drives: list[RandomDrive] = []
+        # one bar for several productions
         bar = nullcontext(progress) if progress else out.progress(production.drive.name, count)
         with bar as progress, out.engine(self) as engine:
             for records in stream(production.records, count, jobs=self.jobs, executor=engine):
@@ -594,6 +617,7 @@ def _require_limits(drive: Drive) -> list[float]:
     limits = []
     for M_g in drive.operation.M_g:
         limit = drive.limit(M_g)
+        # each torque counts, so a missing limit cannot be left out silently
         if limit is None:
             hint = f"use --limit 30 or --limit F_ior@{M_g:g}=30, or select the torques with a limit by --torque"
             raise UsageError(f"no limit of F'_ior at {M_g:g} N*m", hint)
@@ -655,7 +679,9 @@ class ToleranceCommand(o.RowsOptions, DrawOptions):
 
         samples = None
         with open_kept(self.results, owner, production.kind, force=self.force) as kept:
+            # drives of an earlier run count
             summary.add(islice(kept.records(), self.count))
+            # designs are sampled only if a drive remains to be solved
             if kept.done < self.count:
                 production, samples = self.with_designs(out, production, self.count)
             self._solve_drives(out, production, kept, summary, progress_words)
@@ -664,6 +690,7 @@ class ToleranceCommand(o.RowsOptions, DrawOptions):
                 kinds, rows = drive_table(production, islice(kept.records(), self.count))
                 write_parquet(self.parquet, kinds, rows, asdict(owner), self.force)
         if not summary.count:
+            # without a single drive there is nothing to show
             if interrupted:
                 raise KeyboardInterrupt
             raise UntrustedError(f"no random drive has a result: {summary.reason}", "reduce the tolerances and ranges")

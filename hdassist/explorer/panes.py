@@ -95,9 +95,11 @@ class KeyedTable(DataTable[Text]):
 
     def fill(self, heads: Sequence[str], rows: Mapping[str, Sequence[Text]]) -> None:
         """Show rows; the cursor stays on its key while somebody uses it."""
+        # as wide as the widest cell
         columns = {head: max(map(len, (head, *cells))) for head, *cells in zip(heads, *rows.values(), strict=True)}
         with self.prevent(DataTable.RowHighlighted):
             shown = {str(column.label): column.width for column in self.columns.values()}
+            # the same rows: only cells that changed are drawn, and the cursor stays
             if shown == columns and [key.value for key in self.rows] == list(rows):
                 for key, cells in rows.items():
                     for column, cell in zip(self.columns, cells, strict=True):
@@ -105,6 +107,7 @@ class KeyedTable(DataTable[Text]):
                             self.update_cell(key, column, cell)
                 return
             before = self.key
+            # other rows or widths: the table is built anew
             self.clear(columns=True)
             for head, width in columns.items():
                 self.add_column(Text(head), width=width)
@@ -139,10 +142,12 @@ class Holes(KeyedTable):
         """
         readings = measured_errors(session.drive)
         limits = [limit for M_g in session.drive.operation.M_g if (limit := session.drive.limit(M_g))]
+        # one scale for all bars
         top = _top_of_bars(found, [reading.value for reading in readings], limits)
         places = sorted({*session.positions, *letters, *(reading.rotation_deg for reading in readings)})
         heads = [f" {M_g:g} N·m" for M_g in session.drive.operation.M_g] if found else []
         blank = [Text() for _ in heads]
+        # a range at each torque, or empty cells before the result
         numbers = {place: values_of(found, place) or blank for place in places}
         is_narrow = self._room(numbers, heads) < _LEAST_BAR
         if is_narrow:  # medians leave room for bars
@@ -150,7 +155,9 @@ class Holes(KeyedTable):
         width = max(self._room(numbers, heads), 1)
         rows = {}
         for place in places:
+            # measured values of this position
             measured = [reading.value for reading in readings if abs(reading.rotation_deg - place) < 1e-6]
+            # the pinned drive lies behind the present one
             marks = [*_range_marks(found, behind, place, [limit for limit in limits if limit <= top])]
             marks += [(value, value, "◆", _INK[2]) for value in measured]
             name = _place_name(session, place, letters.get(place, "") + ("◆" if measured else ""))
@@ -161,7 +168,9 @@ class Holes(KeyedTable):
         if found and SURE_RANGE in found.sure:
             self.border_title += ": median" if is_narrow else ": 5 to 95 %"
         present_row = f"{session.turn_deg}"
+        # the cursor follows keys that turn the wheel
         if present_row in rows and self.key != present_row:
+            # the move must not count as a key of the user
             with self.prevent(DataTable.RowHighlighted):
                 self.move_cursor(row=self.get_row_index(present_row))
 
@@ -350,9 +359,11 @@ class Levers(KeyedTable):
         Without words those that are no part of the drive are left out. Arguments: session; effects of steps at a
         torque, by its place; wanted words.
         """
+        # uncertain fields, then those that were changed
         marks = {field.path: "?" for field in prior_of(session.drive).fields}
         marks |= {path: "*" for path, _ in session.changes}
         steps = effects.steps
+        # every word has to occur somewhere
         search_words = wanted.lower().split()
         shown_rows = {
             row.path: row
@@ -360,11 +371,13 @@ class Levers(KeyedTable):
             if all(word in f"{row.path} {row.meaning}".lower() for word in search_words)
             and (search_words or row.path in steps or row.path.split(".")[0] not in SETTING_SECTIONS)
         }
+        # rows keep the order of the last sorting
         order = [] if is_grouped else [path for path in self.order if path in shown_rows]
         cells = {
             path: _lever_cells(shown_rows[path], marks, effects, torque)
             for path in dict.fromkeys([*order, *shown_rows])
         }
+        # what is left for the meaning of a field
         room = self.size.width - sum(max((len(row[k]) for row in cells.values()), default=0) for k in (0, 2, 3, 4)) - 2
         rows = {}
         for path, (name, meaning, *ranges) in cells.items():

@@ -211,6 +211,7 @@ def _column_of_basis(
 
     is_predicted: whether the values are medians over samples.
     """
+    # over samples a predicted value is the median
     if is_predicted and quantity.key == "value":
         return replace(quantity, label="median")
     if basis == "measured" and quantity.key == "range":
@@ -350,6 +351,7 @@ def lot_report(lot: Lot, answers: Sequence[AcceptAnswer]) -> Report:
     """Return counts, yield, and each drive with the check that decides, as a report."""
     summary = lot_summary(answers)
     counts = [f"{count} {verdict}" for verdict in LOT_VERDICTS if (count := summary["verdicts"][verdict])]
+    # equal errors of many rows are explained once
     same: dict[str, AcceptAnswer] = {}  # the first answer with a fault, by the words of that
     drives = tuple(
         (title(answer), answer.status, _deciding(answer, same.setdefault(fault_words(answer), answer)))
@@ -361,6 +363,7 @@ def lot_report(lot: Lot, answers: Sequence[AcceptAnswer]) -> Report:
         drive=None,
         head=f"{lot.file}, {_drives(len(answers))}",
         verdict=", ".join(counts),
+        # the yield counts drives with a decision only
         why=(_yield_words(summary),),
         blocks=(
             Table("", ("drive", "verdict", "decided by"), drives, named=True),
@@ -637,6 +640,7 @@ class _Suite:
         identity = {"serial": answer.serial, "preset": answer.preset.name, "status": answer.status}
         properties = {**identity, **provenance(answer), "lot_sha256": lot_sha256}
         for key, value in properties.items():
+            # a property without a value says nothing
             if value is not None and value != "":
                 SubElement(
                     place,
@@ -689,6 +693,7 @@ class _Suite:
         """Append a check; every verdict but PASS is a failure, with the action that resolves it."""
         sentence = f"{check.verdict}: {_sentence(check)}"
         because = f"because: {check.reason}" if check.reason else ""
+        # the details of a pass are output, not a failure
         if check.verdict == "PASS":
             self.add_case(
                 check.label,
@@ -696,6 +701,7 @@ class _Suite:
                 lines=(sentence, because),
             )
             return
+        # an open check needs a measurement, a failed one an explanation
         action = f"measure it, {check.option}" if _is_open(check) else f"hdassist explain {check.code}"
         lines = (sentence, because, f"what to do: {action}")
         self.add_case(

@@ -113,7 +113,9 @@ _ON_PAGE = quantity_table(
 def check_report(check: DesignCheck, seed: int) -> Report:
     """Return a design check as a report; seed: that of its mesh positions that were solved again."""
     governing = check.points[check.governing]
+    # samples: their distribution; one drive: its error curve
     first = _spread_curve(check, check.samples) if check.samples and check.prior else _error_curve(check, governing)
+    # the governing torque is on the short page already
     other_points = [point for point in check.points if check.samples or point is not governing]
     k = Kinematics.of(check.drive)
     fixed = wheel(check.drive)
@@ -148,11 +150,13 @@ def influence_at(check: DesignCheck) -> str:
 
 def F_ior_table(check: DesignCheck) -> Table:
     """Return F'_ior by torque, with its range over the uncertain inputs and its limit if the drive has them."""
+    # nominal values, so the table has no percentiles
     if not (check.samples and check.prior):
         zeros = ", unknown inputs set to 0" if check.unknown else ""
         return Table.by_row(f"F'_ior (peak-to-peak kinematic error){zeros}, ″", _ON_PAGE, check.points)
     fitted = f" ({len(check.prior.fitted)} others at fitted values)" if check.prior.fitted else ""
     title = f"F'_ior (peak-to-peak kinematic error) over {len(check.prior.fields)} uncertain inputs{fitted}, ″"
+    # with samples the value of the table is a median
     columns = [replace(column, label="median") if column.key == "F_ior_arcsec" else column for column in _ON_PAGE]
     return Table.by_row(title, columns, check.points)
 
@@ -164,8 +168,10 @@ def _verdict_reasons(check: DesignCheck) -> Iterator[str]:
     """
     is_first = True
     for point in check.points:
+        # only torques that decide the verdict are named
         if point.verdict is not check.verdict or not (probability := point.probability):
             continue
+        # the needed probability once, in the first line
         is_stated = is_first and check.verdict is Verdict.INCONCLUSIVE
         chance = probability.text(point.sure if is_stated else None)
         is_first = False
@@ -174,6 +180,7 @@ def _verdict_reasons(check: DesignCheck) -> Iterator[str]:
 
 def _undrawn(check: DesignCheck) -> Iterator[str]:
     """Yield the reason why a verdict without samples is INCONCLUSIVE, and the remedy."""
+    # an INCONCLUSIVE without samples needs a remedy
     if check.verdict is Verdict.INCONCLUSIVE and check.prior and not check.samples:
         count = len(check.prior.fields)
         yield (
@@ -188,6 +195,7 @@ def _facts(check: DesignCheck) -> Iterator[Fact]:
         yield "measure", again("accept", check.drive, "--measured", f"{check.points[check.governing].M_g:g}=FILE")
     yield from steps_facts(check, _lines_for_steps(check))
     yield "unknown", "" if check.samples or not check.unknown else f"taken as 0: {unknown_names(check.unknown)}"
+    # a drive that passes is ready for production
     step = "tolerance" if check.verdict is Verdict.PASS else "mount"
     yield "next", again(step, check.drive)
 
@@ -217,10 +225,13 @@ def uncertain_inputs_words(prior: DrivePrior) -> str:
 
 def _unstated_accuracy(drive: Drive, samples: Samples) -> str:
     """Return the range at the smallest torque if the drive has the usual accuracy; empty if the accuracy is given."""
+    # only catalogue drives have a usual accuracy
     if drive.catalogue.accuracy is not None or drive.catalogue.play is None:
         return ""
     accuracy = USUAL_ACCURACY if drive.gears.pitch_diameter > SIZE_20 else SMALL_ACCURACY
+    # accuracy is tested at a small torque
     k = min(range(len(samples.torques)), key=lambda k: abs(samples.torques[k]))
+    # the same samples, weighted as if the accuracy were stated
     low, high = (samples.of_ranges.keeping(accuracy, k).percentile(share, k) for share in (0.05, 0.95))
     return (
         f"catalogue.accuracy is not given. If the drive meets the usual {accuracy:g}″, F'_ior at "
@@ -271,6 +282,7 @@ def _spread_curve(check: DesignCheck, samples: Samples) -> Curve:
 def error_tables(check: DesignCheck) -> Iterator[Table]:
     """Yield all figures of the error by torque."""
     torque, *other_quantities = (q for q in POINT_QUANTITIES if q.key not in _OVER_BELIEF)
+    # the angle of the fixed wheel is 0 throughout
     still = "phi_b" if Kinematics.of(check.drive).fixed == "rigid" else "phi_g"
     shown = [q for q in other_quantities if still not in q.key]
     title = "over the full mesh cycle"
@@ -333,6 +345,7 @@ def steps_tables(check: DesignCheck) -> Iterator[Table]:
     if not check.steps:
         return
     point, purpose, value, outcome = _before_steps(check)
+    # actions and open questions are not in one list
     options = [step for step in check.steps if not step.is_question]
     questions = [step for step in check.steps if step.is_question]
     if options:
@@ -368,6 +381,7 @@ def steps_facts(check: DesignCheck, most_lines: int = _SCREEN_LINES) -> Iterator
     lines = [f"{_step_words(step, check.drive)}: {_outcome_words(step, point)}" for step in options[:_SHOWN_OPTIONS]]
     question_lines = [f"{_step_words(step, check.drive)} {_outcome_words(step, point)}" for step in questions[:1]]
     head = [f"{purpose} ({value}):"] if lines else []
+    # from most to fewest lines: the first that fits on the screen
     contents = [(lines, question_lines), (lines[:2], question_lines), (lines, []), (lines[:2], []), (lines[:1], [])]
     fitting = [content for content in contents if _wrapped_lines([*head, *content[0], *content[1]]) <= most_lines]
     lines, question_lines = fitting[0] if fitting else contents[-1]
@@ -394,10 +408,12 @@ def _before_steps(check: DesignCheck) -> tuple[OperatingPoint, str, str, str]:
     point = check.points[check.governing]
     torque = f"{point.M_g:g} N·m"
     limit = point.limit_arcsec
+    # without a limit options reduce F'_ior itself
     if limit is None:
         statistic = "median now" if point.belief else "now"
         return point, f"to reduce F'_ior at {torque}", f"{statistic} {median_words(point, 1)}″", "F'_ior"
     purpose = f"to meet {limit:g}″ at {torque}"
+    # with samples options raise the probability to meet the limit
     if point.probability:
         probability = f"probability now {100 * point.probability.value:.0f} %"
         return point, purpose, probability, f"P(F'_ior + self error ≤ {limit:g}″)"
@@ -417,6 +433,7 @@ def _step_words(step: Step, drive: Drive) -> str:
         place = f"hole {step.of}" if holes else f"{step.of}°"
         return f"put the {wheel(drive)} in {place}"
     if step.kind == "trials":
+        # a free seat has no holes
         places = "holes" if holes else "directions"  # which ones, mount says
         count = _COUNTS[len(step.of.split(","))]
         return f"measure F'_ior in {count} {places} and use the best"
@@ -433,6 +450,7 @@ def _carried_out(step: Step, check: DesignCheck) -> str:
     drive = check.drive
     if step.kind == "correction":
         return f"{again('plan', drive)}, then {again('compensate', drive)} RECORDING"
+    # mount computes the hole itself
     if step.kind in ("hole", "trials"):
         return again("mount", drive)
     return command_line([word for text in step.edit for word in ("--set", text)])
@@ -454,9 +472,11 @@ def _percentiles_after(found: Outcome, point: OperatingPoint) -> str:
 
     Their standard errors are taken as the same share of them as the largest one without the step.
     """
+    # all inputs are known: one value
     if found.p5 >= found.p95 or not point.belief:
         return f"{found.p50:.1f}″"
     before = {5: point.belief.p5, 50: point.belief.p50, 95: point.belief.p95}
+    # an option has the relative Monte Carlo error of the present state
     error_share = max((percentile_error(percent, point) or 0.0) / value for percent, value in before.items())
     low, middle, high = (
         to_error_digit(value, error_share * found.p50, 1) for value in (found.p5, found.p50, found.p95)
@@ -468,6 +488,7 @@ def _value(found: Outcome, point: OperatingPoint) -> str:
     """Return F'_ior after a step; with a limit the probability that it is met, or the value compared with it."""
     if found.probability is None:
         return _percentiles_after(found, point)
+    # one value against the limit
     if found.p5 == found.p95:
         return f"{found.p50 + point.self_error.range_arcsec:.1f}″, {'met' if found.probability else 'not met'}"
     interval = f" ({100 * (found.probability_low or 0):.0f} to {100 * (found.probability_high or 0):.0f})"

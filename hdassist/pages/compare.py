@@ -68,6 +68,7 @@ def _plus_minus(
     digits: int = 1,
 ) -> str:
     """Return a value with its standard uncertainty (k = 1), as far as they are known."""
+    # a value may be known without an uncertainty
     spread = "" if uncertainty is None else f" ± {uncertainty:.{digits}f}"
     return NO_VALUE if value is None else f"{value:z.{digits}f}{spread}"
 
@@ -134,9 +135,12 @@ def _conventions(alignment: Alignment) -> Json:
 def _options(result: Comparison) -> list[str]:
     """Return the options that follow from the conclusion: another reading of the file, or new values of deviations."""
     best = result.conclusion.best
+    # a file read the wrong way round: the options that read it right
     if result.mirror:
+        # only what differs from the present options
         changed = _conventions(result.mirror.asked).items() - _conventions(result.asked).items()
         return [word for key, value in sorted(changed) for word in (f"--{key.replace('_', '-')}", value)]
+    # values that do not explain the recording are not offered
     sets = best.overrides if best and result.conclusion.kind != "unexplained" else ()
     return [word for text in sets for word in ("--set", text)]
 
@@ -147,6 +151,7 @@ def _angles(result: Comparison) -> Iterator[tuple[str, float, float | None]]:
     start = "phi_g0" if Kinematics.of(result.drive).fixed == "rigid" else "phi_b0"
     angles = alignment.start_deg, alignment.zero_deg
     for name, angle, u in zip((start, "cam_zero"), angles, result.uncertainties_deg, strict=True):
+        # angles near 0 on either side stay near 0
         yield name, (angle + 180) % 360 - 180, u
 
 
@@ -154,6 +159,7 @@ def _why(result: Comparison) -> str:
     """Return the reason for the conclusion in a sentence."""
     best = result.conclusion.best
     kind = result.conclusion.kind
+    # rough teeth are among the causes only if they are unknown
     if kind == "agrees":
         rough = any(field.path in ("harmonics.xi_g6", "harmonics.xi_b6") for field in unknowns(result.drive))
         single_teeth = ", single teeth" if rough else ""
@@ -169,6 +175,7 @@ def _why(result: Comparison) -> str:
         deviations = f"{len(best.deviations)} deviations together, and no single one,"
         return f"{deviations} explain {share}. The residual is consistent with noise."
     fitted = named(best.deviations[0])
+    # a deviation that is not determined has a name only
     if best.changes:
         size, direction = _size_and_direction(best.changes[0])
         fitted += f", {size} um"

@@ -101,6 +101,7 @@ _YIELD_COLUMNS = quantity_table("tolerance.yield", **{"yield": _yield_words})
 
 def _verdict_of_drives(summary: Summary) -> str:
     """Return the verdict on a wanted yield, or the yield itself if only limits are given."""
+    # limits without a wanted yield: the yield is the result
     if summary.has_limit and summary.wanted is None:
         return _yields(summary)
     return str(summary.verdict)
@@ -125,6 +126,7 @@ def _head_of_drives(law: ProductionLaw, summary: Summary) -> str:
 
 def _least_yield_torque(summary: Summary) -> int:
     """Return the index of the torque with the smallest yield of drives in their best holes."""
+    # in their best holes, as drives are mounted
     shares = [summary.yield_of(True, point).share for point in summary.points]
     return shares.index(min(shares))
 
@@ -136,6 +138,7 @@ def _plots_by_torque(summary: Summary, drives: Sequence[_MountedDrives]) -> list
 
 def _mounted_drives(summary: Summary) -> list[_MountedDrives]:
     """Return the drives at each torque as assembled, and in their best holes if the fixed wheel has several."""
+    # a single position is as assembled and best at once
     ways = (False, True) if summary.positions > 1 else (False,)
     return [_MountedDrives(summary, point, best) for point in summary.points for best in ways]
 
@@ -153,15 +156,18 @@ def tolerance_report(
     points = summary.points
     drives = _mounted_drives(summary)
     worst = _least_yield_torque(summary)
+    # designs that differ can be measured
     gains = to_measure(law, samples, worst) if samples else ()
     table = _drives_table(law, summary, drives)
     plots = _plots_by_torque(summary, drives)
+    # the torque with the smallest yield on the short page, the others in the details
     worst_plot = plots.pop(worst)
     facts = [
         ("best hole", _best_of(summary, drives)),
         ("measure", _measure_words(summary, gains, points[worst].M_g)),
         ("next", again("sensitivity", drive)),
     ]
+    # the assumptions behind all numbers of the page
     distributions = Facts((("distributions", _drawn(law, seed)),))
     return Report(
         command="tolerance",
@@ -419,7 +425,9 @@ def sensitivity_report(found: Sensitivities) -> Report:
     effects = [_effects(found, t) for t in range(len(torques))]
     verdict, reason, measured = _answer(found)
     drawn = f"{len(samples.weights)} random drives, each of its own design, seed {samples.seed}"
+    # a contribution beyond any tolerance has to be measured first
     next_command = again("sensitivity", law.drive, *_as_measured(measured)) if measured else _allocate_command(found)
+    # more drives decide which tolerance comes first
     if verdict == _UNDECIDED:
         next_command = again("sensitivity", law.drive, "-n", f"{_MORE_TIMES * len(samples.weights)}")
     facts = [("measure", measure_words(found.to_measure, torques[found.worst])), ("next", next_command)]
@@ -567,6 +575,7 @@ def _remaining_facts(
 
     to_measure: measurements of the design, at the torque M_g [N*m].
     """
+    # tolerances were found: nothing keeps them from it
     if verdict is Verdict.PASS:
         return []
     facts = [("self error", _self_error_words(torque_limits))]
@@ -589,6 +598,7 @@ def allocate_report(
     self_errors: self error at each torque [arcsec].
     to_measure: measurements of the design, at the torque M_g [N*m].
     """
+    # the drive and the distributions of its deviations
     law = found.production.law
     drive = law.drive
     verdict = _best_verdict(ways)

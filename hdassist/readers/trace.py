@@ -112,8 +112,10 @@ def _guessed_wrap(angle: _Angles, count: float) -> float | None:
     span = float(np.ptp(angle))
     longest = float(steps.max(initial=0.0))
     wraps = (WHOLE_TURN_DEG, *(2**bits * count for bits in _COUNTER_BITS))
+    # a revolution first, then counters from the smallest
     for wrap in wraps:
         if span <= wrap < 2 * longest:
+            # how far the shaft went over the wrap itself
             over = np.abs(wrap - steps[2 * steps > wrap])  # steps over the wrap
             usual = float(np.median(steps[2 * steps <= wrap])) if (2 * steps <= wrap).any() else wrap
             return wrap if float(np.median(over)) <= max(_WRAP_STEPS * usual, _LEAST_WRAP_REST) else None
@@ -130,12 +132,14 @@ def _unwrapped(
     other: the same angle by another encoder, without jumps and in either sense, which says how far a long step went.
     Raises AngleError: a step that may have gone either way round.
     """
+    # the second encoder may count either way
     expected = [np.zeros(len(angle))] if other is None else [other, -other]
     way, off = min(
         ((expected_angle, np.unwrap(angle - expected_angle, period=wrap)) for expected_angle in expected),
         key=lambda pair: float(np.abs(np.diff(pair[1])).sum()),
     )
     joined = way + off
+    # nearly half of the wrap: forwards and backwards are equally likely
     far = np.flatnonzero(np.abs(np.diff(off)) > _LEAP * wrap)
     if len(far):
         step = abs(np.diff(joined)[far[0]])
@@ -170,9 +174,11 @@ def sweeps(angle: _Angles) -> list[_AngleSweep]:
     steps = steps[steps > 0]
     if not len(steps):
         raise AngleError(0, "the angle does not change", "check the column of the angle")
+    # of the rows in which the shaft moved
     step = float(np.median(steps, overwrite_input=True))
     moves = _moves(angle, max(_JITTER, min(_TURNING_STEPS * step, _WIDEST_TURNING)))
     for before, back, after in zip(moves, moves[1:], moves[2:], strict=False):
+        # a real move back, or a few rows before the first move
         if len(back) >= _FEW_ROWS or (before is moves[0] and len(before) < _FEW_ROWS):
             continue
         row = back.start
@@ -195,6 +201,7 @@ def _without_turning(
     Where a shaft has turned back between two rows the last of one move may be the first of the other, on whose side of
     the play it lies.
     """
+    # lists, since both ends are moved inwards below
     ends = [[move.start, move.stop] for move in moves]
     for before, after in pairwise(range(len(moves))):
         if min(len(moves[before]), len(moves[after])) >= _FEW_ROWS:
@@ -206,6 +213,7 @@ def _without_turning(
 
 def _moves(angle: _Angles, least: float) -> list[_AngleSweep]:
     """Return the moves between turning points that lie at least so far apart [deg]."""
+    # small numbers: a long recording has millions of rows
     signs = np.sign(np.diff(angle)).astype(np.int8)
     moving = np.flatnonzero(signs)
     # only the last rows before the direction changes can be turning points
@@ -216,8 +224,10 @@ def _moves(angle: _Angles, least: float) -> list[_AngleSweep]:
     direction = 0
     for row in ends:
         gap = float(angle[row] - angle[extreme])
+        # further in the same direction
         if direction and direction * gap >= 0:
             extreme = row
+        # far enough back to be a turn of the shaft
         elif abs(gap) >= least:
             if direction:
                 moves.append(_AngleSweep(start, extreme + 1, direction))
@@ -254,6 +264,7 @@ class TraceForm:
     def require_sound(self) -> None:
         """Raise UsageError for an unknown unit, a wrap that is none, both error and second, or speed and period."""
         angles = self.angle_units
+        # two columns for one role
         if self.error is not None and self.second is not None:
             raise UsageError("invalid --error with --second: expected the error or a second encoder, not both")
         if self.speed is not None and self.period is not None:
@@ -263,10 +274,12 @@ class TraceForm:
             )
         if len(angles) > _ENCODERS:
             raise UsageError(f"invalid --angle-unit {self.angle_unit}: expected one unit for each encoder")
+        # a unit of time asks for a speed or a period
         times = [unit for unit in angles if plain_unit(unit) in TIMES]
         if times and len(angles) > 1:
             raise UsageError(f"invalid --angle-unit {self.angle_unit}: a time is not an angle of an encoder")
         units = [*(("--angle-unit", unit) for unit in angles if not times), ("--error-unit", self.error_unit)]
+        # units that do not exist are refused without a file
         for option, unit in units:
             try:
                 angle_size("deg" if unit is None else unit)
@@ -282,6 +295,7 @@ class TraceForm:
 
     def output_speed(self, ratio: float) -> float | None:
         """Return the speed of the output [arcsec/s] that it states for a ratio of the drive, None for none."""
+        # the speed is that of the output; a period is that of the input
         if self.period is None:
             return self.speed
         return WHOLE_TURN_DEG * _ARCSEC_PER_DEG / (self.period * ratio)
@@ -412,6 +426,7 @@ def read_record(source: Readable, form: TraceForm) -> NumberTable:
     try:
         table.require_sound()
     except PresetError as error:
+        # --robust helps only if enough rows remain
         if not form.robust and len(table.lines) >= _FEWEST_ROWS and any(finding.path for finding in table.findings):
             error.hint = "use --robust to leave out rows that are not readings"
         raise
@@ -474,6 +489,7 @@ def trace_of(
     """
     first, second = _columns(table, form)
     _require_rows_and_ratio(table, first, second, ratio)
+    # signs of the ratio are found from the encoders themselves
     per_turn = abs(ratio or 1)
     readings = _readings_of(table, form, first, second, per_turn)
     # rows at which the second column jumps and returns
@@ -628,9 +644,11 @@ def _readings_of(
     ]
     if unused:
         table.notes.append(f"not used: {', '.join(unused)}")
+    # the copies are enough
     table.values = np.empty((0, 0))
     output_deg = None
     expected_deg = None  # of the input, by the second encoder
+    # a second encoder helps to join the angles of the first
     if second.shaft:
         output_deg = _angle(table, second, second_values, form.wrap)
         expected_deg = output_deg * per_turn
@@ -656,6 +674,7 @@ def _without_leaps(
         if rows.any():
             lines = shortened(table.lines[rows].tolist())
             table.notes.append(f'left out, "{table.name(column)}" jumps and returns: lines {lines}')
+    # a row is left out if either column leaps in it
     is_kept = ~np.logical_or.reduce([*leaps.values()])
     table.lines = table.lines[is_kept]
     return readings.of_rows(is_kept)
@@ -675,6 +694,7 @@ def _resolution(
     if not step_arcsec:
         step_arcsec = _step_in_time(readings.cam_deg, readings.output_deg, per_turn)
         in_time = step_arcsec > 0
+    # angles with decimals have no other resolution
     if not (first.in_counts or second.in_counts):
         return _Resolution(step_arcsec=step_arcsec, in_time=in_time)
     cam_step_arcsec = abs(first.size) / per_turn if first.in_counts else 0.0
@@ -707,6 +727,7 @@ def _require_small_error(
         has_far_readings: whether single readings lie far off the others.
     """
     reach = max((float(np.ptp(error[move.rows])) for move in moves), default=0.0)
+    # two degrees: larger values are no errors of a drive
     if reach <= LARGEST_ERROR:
         return
     spans = f"the error spans {reach / _ARCSEC_PER_DEG:.3g} deg"
@@ -731,10 +752,12 @@ def _angle(
     angle = readings * (column.size / _ARCSEC_PER_DEG)
     if not np.ptp(angle):
         raise table.fault("the column is constant", "check the column of the angle", 0, column.index)
+    # the wrap is guessed unless an option states it
     guess = _guessed_wrap(angle, abs(column.size) / _ARCSEC_PER_DEG) if wrap is None else None
     try:
         joined = angle if (wrap or guess) is None else _unwrapped(angle, wrap or guess or WHOLE_TURN_DEG, other)
     except AngleError as wrong:
+        # a guess that fails is withdrawn
         if guess and guess != WHOLE_TURN_DEG:  # no counter that begins again: the rows are out of order
             return angle
         raise table.fault(wrong.message, wrong.hint, wrong.row, column.index) from None
@@ -752,6 +775,7 @@ def _beside(
     if table.roles.count(role) != 1:
         return None
     values = table.in_unit(table.roles.index(role), role, default)
+    # a clock does not stand still
     if role == "time" and not (np.diff(values) > 0).all():
         table.notes[-1] += " does not increase in every row, so it does not contain time stamps"
         return None
@@ -767,7 +791,9 @@ def _second(
 ) -> tuple[Array, int]:
     """Return the error [arcsec] out of the angles [deg] of two encoders, and the sense in which they count."""
     centred = cam - cam.mean()
+    # output over input: the ratio as the encoders show it
     slope = float(centred @ output / (centred @ centred))
+    # below an input revolution the error itself may be the difference
     if np.ptp(cam) >= 360 and abs(abs(slope) * ratio - 1) > _SLIP:
         for way in (1, -1):
             difference = output - way * cam / ratio
@@ -803,6 +829,7 @@ def _require_ratio(
     slope = float(centred @ error / (centred @ centred))  # arcsec per degree of the cam
     ramp = abs(slope) * float(np.ptp(cam))
     residual_range = float(np.ptp(error - slope * centred))
+    # an error of unknown sign grows either way
     signs = (sense,) if sense else (1, -1)
     speeds = [1 / ratio + sign * slope / _ARCSEC_PER_DEG for sign in signs]  # of the output, over that of the cam
     if ramp < _RAMP_OVER_REST * residual_range or abs(speeds[0] * ratio - 1) < _RAMP_OF_RATIO:
@@ -835,6 +862,7 @@ def _cause_of_ratio(fitting: Sequence[float], ratio: float) -> str:
 def _leap_in(values: Array) -> int | None:
     """Return the row at which values leap by most of their range and stay there; None without one, and with several."""
     steps = np.diff(values)
+    # the largest step; a leap without it leaves a small range
     row = int(np.abs(steps).argmax())
     without_step = np.concatenate([values[: row + 1], values[row + 1 :] - steps[row]])
     return row + 1 if np.ptp(without_step) < _LEAP_REST * abs(steps[row]) else None
@@ -843,6 +871,7 @@ def _leap_in(values: Array) -> int | None:
 def _even_step(levels: Array, least: float) -> float:
     """Step of rising levels that lie on even steps, but for ends closer than the least; 0 without such a step."""
     spacing = np.diff(levels)
+    # differences by printed digits are none
     spacing = spacing[spacing > least]
     step = float(spacing.min(initial=np.inf))
     return step if len(spacing) and np.abs(spacing / step - np.rint(spacing / step)).max() < _ROUNDED_STEP else 0.0
@@ -850,6 +879,7 @@ def _even_step(levels: Array, least: float) -> float:
 
 def _step(readings: Array) -> float:
     """Return the resolution of readings that repeat themselves and lie on even steps; 0 without such a step."""
+    # a resolution shows only if most values occur again
     levels = np.unique(readings)
     rounding = 1e-9 * float(np.abs(readings).max() + np.ptp(readings))
     return _even_step(levels, rounding) if 2 * len(levels) <= len(readings) else 0.0
@@ -866,6 +896,7 @@ def _step_in_time(
     out.
     """
     turned = np.abs(np.diff(cam))
+    # steps over missing rows are longer
     usual = np.abs(turned - np.median(turned)) < np.median(turned) / 2
     steps = np.sort(np.abs(np.diff(output))[usual]) * _ARCSEC_PER_DEG
     steps = steps[len(steps) // _TURNING_ROWS : len(steps) - len(steps) // _TURNING_ROWS]  # play, where the shaft turns
