@@ -84,15 +84,18 @@ class Inputs:
         """
         drive = self.drive
         limits = limits_of(drive)
+        # an order that the full cycle does not have can be neither measured nor predicted
         for order in filter(None, (limit.per_cam_rev for limit in limits)):
             try:
                 order_place(Kinematics.of(drive), order)
             except UsageError as error:
+                # a fault of the command line is wrong usage, one of the preset wrong data
                 if is_overridden("acceptance.order_amplitude", drive.origin.overrides):
                     raise
                 raise DataError(f"{drive.name}: acceptance.order_amplitude: {error.message}", error.hint) from None
         by_trace = [limit for limit in limits if limit.check.of_trace and limit.M_g_Nm in self.measurements]
         without_limit = set(self.measurements) - {limit.M_g_Nm for limit in by_trace}
+        # a recording without a limit is most likely one at another torque
         if without_limit:
             M_g = min(without_limit)
             message = f"{drive.name}: measured at {M_g:g} N*m, for which there is no limit"
@@ -141,6 +144,7 @@ class Request(ClosedRecord):
 
     def files(self) -> list[str]:
         """Return the paths of all files read for the request; the preset, the first one, may be one of the library."""
+        # measured wheels serve predictions only
         wheels = [] if self.measured_only else self.wheels.files.values()
         return [self.preset, *(torque_and_file(text)[1] for text in self.measured), *wheels]
 
@@ -155,6 +159,7 @@ class Request(ClosedRecord):
     def require_sound(self) -> None:
         """Raise UsageError for parts that every drive of a lot would be refused for, or the fault of their preset."""
         self.reading.require_sound()
+        # in a lot the preset may be a column
         if self.preset:
             self.load()
 
@@ -167,10 +172,12 @@ class Request(ClosedRecord):
         for text in self.measured:
             torque, file = torque_and_file(text)
             limited_torques = dict.fromkeys(limit.M_g_Nm for limit in limits_of(drive) if limit.M_g_Nm is not None)
+            # without a torque the only one that has a limit
             torques = [float(torque)] if torque else list(limited_torques or drive.operation.M_g[:1])
             if len(torques) > 1:
                 named = ", ".join(f"{M_g:g}={text}" for M_g in torques)
                 raise UsageError(f"--measured {text}: the torque is missing", f"write one of {named}")
+            # a second recording would replace the first one
             if torques[0] in files:
                 message = f"two recordings at {torques[0]:g} N*m"
                 raise UsageError(message, "give one recording for each torque; join repeated runs in one file")
@@ -189,6 +196,7 @@ class Request(ClosedRecord):
         measurements: dict[float, Measurement] = {}
         positions: dict[float, tuple[NumberTable, SeenRange]] = {}
         recorded: dict[Limit, AcceptedValue] = {}
+        # what a file contains is known only once it is read
         for M_g, file in files.items():
             record = self.reading.measured_or_bench(
                 file, drive, M_g=M_g, seed=self.seed, travel_deg=drive.acceptance.travel
@@ -206,6 +214,7 @@ class Request(ClosedRecord):
                 hint = "compute its figures with hdassist measure; pass them to accept with --value NAME=VALUE±U"
                 raise DataError(message, hint)
         for limit in stated:
+            # nobody could tell which of the two counts
             if limit in recorded and recorded[limit].value is not None:
                 raise UsageError(f"both a value and a recording for {limit.label}", "leave out one of the two")
         return Inputs(
@@ -233,6 +242,7 @@ class Request(ClosedRecord):
         drive: the drive.
         Raises DataError for positions of a plan at another torque, or if there is no limit for them.
         """
+        # the sheet states the torque it was planned for
         if error_range.M_g is not None and not isclose(error_range.M_g, M_g, rel_tol=_PRINTED):
             message = f"{table.file}: planned for {error_range.M_g:.9g} N*m, not for {M_g:.9g} N*m"
             raise DataError(message, f"--measured {error_range.M_g:.9g}={table.file}")
@@ -241,6 +251,7 @@ class Request(ClosedRecord):
         values = {}
         for limit in limits_of(drive):
             quantity = by_name.get(limit.check.field)
+            # positions capture a part of F'_ior; their other figures are complete
             if limit.check is F_IOR and limit.M_g_Nm == M_g:
                 values[limit] = AcceptedValue.at_positions(error_range, sources)
             elif quantity is not None:
@@ -268,6 +279,7 @@ class Request(ClosedRecord):
 
         Raises UntrustedError if a result cannot be trusted.
         """
+        # some checks can only be measured
         limits = tuple(limit for limit in limits if limit.check.needs)
         if self.measured_only or self.strict or not limits:
             return None
@@ -295,6 +307,7 @@ def _recorded_values(
 
     A recording between torques gives no value for its own torque.
     """
+    # no value at the torque, so it contradicts no stated one
     if measurement.trace.is_between_torques:
         return {}
     direction = measurement.directions[0]
@@ -311,6 +324,7 @@ def _range_of_positions(
 
     Raises DataError if the positions were planned for another drive, or if there is only one.
     """
+    # a sheet of another drive
     if record.plan and record.plan.drive != drive.name:
         message = f"{record.table.file}: the positions were planned for {record.plan.drive}, not for {drive.name}"
         raise DataError(message, f"plan the test of {drive.name} with hdassist plan {drive.name} --approach FILE")
@@ -323,6 +337,7 @@ def _range_of_positions(
 
 def _accepted_quantity(quantity: StatedQuantity, *, is_cut: bool) -> AcceptedValue:
     """Return a figure of approached positions as a value; is_cut: whether they see a part of the travel only."""
+    # missing positions may be the worst ones
     extent: Extent = "at least" if is_cut else "whole"
     if quantity.uncertainty_arcsec is None:
         extent = "scatter not known"
@@ -337,6 +352,7 @@ def _accepted_quantity(quantity: StatedQuantity, *, is_cut: bool) -> AcceptedVal
 def torque_and_file(text: str) -> tuple[str, str]:
     """Return the torque as it is written, empty for none, and file of [TORQUE=]FILE."""
     torque, _, file = text.partition("=")
+    # a path may contain "="
     return ("", text) if isnan(number_of(torque)) else (torque, file)
 
 
@@ -370,6 +386,7 @@ class LotRow:
 
     def message(self, error: HdassistError) -> str:
         """Return the message of an error, naming cells of the row in place of options."""
+        # not of a lot, or worded for the row already
         if self.place is None or error is self.fault:
             return error.message
         message = named_overrides(error.message, [f"--set {text}" for text in self.request.overrides])
@@ -378,6 +395,7 @@ class LotRow:
 
     def _in_cell(self, line: str) -> str:
         """Return a line of a message with the cell in place of the option that it names."""
+        # the longest match: --limit F_ior@80 contains --limit F_ior@8
         option = max((option for option in self.cells if option in line), key=len, default="")
         if not option:
             return line
@@ -406,6 +424,7 @@ class Lot:
         rows = []
         for row, hashes in zip(self.rows, recordings, strict=True):
             sharing = dict.fromkeys(serial for sha256 in hashes for serial in serials[sha256])
+            # repeated rows of one drive share its recording rightly
             sharing.pop(row.request.serial, None)
             if sharing:
                 row = replace(row, request=replace(row.request, shared=tuple(sharing)))
@@ -419,6 +438,7 @@ def _recordings(request: Request) -> list[str]:
     for text in request.measured:
         path = torque_and_file(text)[1]
         with suppress(OSError, ValueError):
+            # a pipe cannot be read twice
             if is_file(path) and os.path.getsize(path) <= MAX_TRACE_BYTES:  # noqa: PTH202 (a path may have a NUL)
                 with open(path, "rb") as stream:  # noqa: PTH123
                     hashes.append(hashlib.file_digest(stream, "sha256").hexdigest())
@@ -445,6 +465,7 @@ def read_lot(path: str, base: Request) -> Lot:
     lines: dict[str, list[int]] = {}  # in which each serial stands
     for line, cells in table.rows:
         for cell, column in zip(cells, columns, strict=False):
+            # a serial that occurs twice is a fault of both rows
             if column == ("serial", ""):
                 lines.setdefault(cell.text, []).append(line)
     rows = [_row(table, columns, place, base, lines) for place in range(len(table.rows))]
@@ -466,6 +487,7 @@ def _columns(table: CellTable) -> list[_Column | None]:
     for name in table.names:
         try:
             column = _column(name.text) if name.text and not _UNUSED.match(name.text) else None
+            # two columns for one field
             if column and column in columns:
                 raise InvalidValueError(f"column {columns.index(column) + 1} has the same name")
         except InvalidValueError as fault:
@@ -481,6 +503,7 @@ def _columns(table: CellTable) -> list[_Column | None]:
                 )
             )
         columns.append(column)
+    # no column fits: the table is of another kind
     if len(findings) == len(table.names) > 1:
         remedy = f"for a recording use hdassist measure {table.file}, or accept PRESET --measured TORQUE={table.file}"
         raise DataError(f"{table.file}: none of the column names is that of a lot", remedy, Fault.FILE_INVALID)
@@ -505,6 +528,7 @@ def _column(name: str) -> _Column:
     if ".".join(map(str, path_of(name)[:2])) in field_table():
         return "overrides", f"{name}="
     typed = name.partition("@")[2].replace(",", ".")
+    # the hint uses the torque that was typed
     torque = typed if is_number(typed) else "80"
     examples = [f"{column}@{torque}" for column in ("F_ior", "limit F_ior", "measured")]
     possible_names = [*_PLAIN_COLUMNS, "measured", *field_table(), *examples]
