@@ -1,1 +1,1 @@
-"""Answers from a measured trace: F'_ior, orders, coverage, uncertainty."""
+"""Results from a measured recording: F'_ior, orders, coverage and uncertainty."""

@@ -1,7 +1,8 @@
-"""An archive of measured drives: one file that only grows and that every version of hdassist reads.
+"""An archive of measured drives: an append-only file that every version of hdassist can read.
 
-Each line is one direction of a record: the drive, how it was measured, and F'_ior with its uncertainty. It is kept work
-(run/kept.py) of an owner without a version: each entry has its own beside a schema, and may have fields of a later one.
+Each line is the result for one direction of a recording: the drive, the conditions, and F'_ior with its uncertainty.
+The file is written through run/kept.py with an owner that has no version. Each entry states its own version and schema,
+and may contain fields that a later schema added.
 """
 
 from __future__ import annotations
@@ -28,8 +29,8 @@ from hdassist.run.kept import KeptOwner, RecordKind, open_kept, own_schema, read
 _ARCHIVE_SCHEMA = "hdassist.archive/1"
 ARCHIVE_FILE = "archive.jsonl"
 _MAX_ARCHIVE_BYTES = 1_000_000_000
-_WRITERS_WAIT = 30.0  # s, for each other
-_CHANGED = 0.05  # probability: a spread of less, over all comparisons of a drive together, is a change
+_WRITERS_WAIT = 30.0  # s: longest wait for another process that writes to the archive
+_CHANGED = 0.05  # probability, over all comparisons of a drive, below which a spread counts as a change
 _Arcsec = Annotated[float, Field(strict=True, ge=0, le=1e7)]
 _CONDITIONS = {
     "hole": "hole",
@@ -42,10 +43,14 @@ _CONDITIONS = {
 
 @dataclass(frozen=True, kw_only=True)
 class ArchiveEntry:
-    """F'_ior by one direction of a record of a drive, with its uncertainty and the ends of its 95 % interval.
+    """F'_ior from one direction of a recording of a drive, with its uncertainty and 95 % interval.
 
-    file, sha256: of the record; F_ior_is_lower_bound: of a part of the cycle; unstated: sources that the uncertainty
-    does not have; hole of the seat, torque [N*m], temperature [deg C], encoders, as far as they were stated.
+    file, sha256: name and checksum of the recording.
+    low_arcsec, high_arcsec: ends of the 95 % interval.
+    F_ior_is_lower_bound: whether the recording covers only a part of the cycle.
+    unstated: sources of uncertainty that have no value.
+    hole, M_g_Nm, temperature_C, encoders: stated conditions, None if not stated: hole of the housing seat, torque
+    [N*m], temperature [deg C] and encoders.
     """
 
     __pydantic_config__ = ConfigDict(extra="ignore", allow_inf_nan=False)
@@ -67,7 +72,7 @@ class ArchiveEntry:
     F_ior_is_lower_bound: bool
     travel_deg: float | None = None
     unstated: tuple[str, ...]
-    is_by_model: bool = False  # else F'_ior is the range of the fitted orders, as in entries of earlier versions
+    is_by_model: bool = False  # if false, F'_ior is the range of the fitted orders, as in entries of earlier versions
 
 
 _ENTRY = TypeAdapter(ArchiveEntry)
@@ -81,9 +86,10 @@ OWNER = KeptOwner(
 
 @dataclass(frozen=True)
 class DriveHistory:
-    """Results of a drive in one hole, at one torque [N*m], the cam turning one way, over whole cycles; by date.
+    """Results of a drive in one hole, at one torque and in one input direction, over full cycles, sorted by date.
 
-    chi_square of no change, and its probability.
+    chi_square: statistic of the hypothesis that the drive did not change.
+    probability: probability of a chi-square at least as large if the drive did not change.
     """
 
     entries: tuple[ArchiveEntry, ...]
@@ -93,9 +99,9 @@ class DriveHistory:
 
 
 def read_conditions(serial: str, texts: Sequence[str]) -> Json:
-    """Return fields of an entry from a serial number and texts like "torque=80,hole=h4".
+    """Return the fields of an entry from a serial number and texts such as "torque=80,hole=h4".
 
-    Raises UsageError for any other text.
+    Raises UsageError if a text does not have this form.
     """
     conditions = {"serial": serial}
     for text in ",".join(texts).split(",") if texts else ():
@@ -127,14 +133,16 @@ def add_to_archive(
     conditions: Json,
     measurement: Measurement,
 ) -> bool:
-    """Add a recording to the archive of a folder; return whether some of its directions are new.
+    """Add a recording to the archive of a folder, and return whether any of its directions are new.
 
-    An entry of this drive, recording and direction is added once more if its conditions are stated otherwise, or if
-    F'_ior comes from the model and did not before: the last one counts.
+    An existing entry for the same drive, recording and direction is superseded by a new line if its conditions were
+    stated differently, or if F'_ior now comes from the model and did not before. The last line of an identity counts.
 
-    conditions: of the recording, as `read_conditions` returns them.
-    Raises UsageError for conditions that cannot be, or another file; DataError for an archive that cannot be written,
-    or is damaged.
+    folder: path of the folder, which is created if it does not exist.
+    conditions: conditions of the recording, as `read_conditions` returns them.
+    measurement: result for the recording.
+    Raises UsageError for invalid conditions or a file that is not an archive.
+    Raises DataError if the archive is damaged or cannot be written.
     """
     common = {
         "date": datetime.now(UTC).date().isoformat(),
@@ -147,7 +155,7 @@ def add_to_archive(
         entries = [_ENTRY.validate_python({**common, **_fields_of(sweep)}) for sweep in measurement.directions]
     except ValidationError as error:
         raise UsageError(f"invalid --serial or --conditions: {why_invalid(error)}") from None
-    with suppress(OSError):  # the file's fault is reported
+    with suppress(OSError):  # opening the archive reports the error
         Path(folder).mkdir()
     with open_kept(str(Path(folder) / ARCHIVE_FILE), OWNER, _ENTRIES, patience=_WRITERS_WAIT) as kept:
         archived = {_identity(entry): entry for entry in kept.records()}
@@ -163,19 +171,19 @@ def add_to_archive(
 
 
 def _identity(entry: ArchiveEntry) -> tuple[str, str, int]:
-    """Return what entries of one direction of one recording of a drive have in common."""
+    """Return the key shared by all entries of one direction of one recording of a drive."""
     return entry.serial, entry.sha256, entry.direction
 
 
 def is_cut_off(folder: str) -> bool:
-    """Return whether the last line of the archive of a folder was not written to its end: that result is lost."""
+    """Return whether the last line of the archive is incomplete, in which case that result is lost."""
     return not (Path(folder) / ARCHIVE_FILE).read_bytes().endswith(b"\n")
 
 
 def read_archive(folder: str, serial: str) -> list[ArchiveEntry]:
-    """Return the entries of a drive in the archive of a folder, by date.
+    """Return the entries of a drive in the archive of a folder, sorted by date.
 
-    Raises DataError: no archive, an entry that does not hold, or none of the drive.
+    Raises DataError if there is no archive, an entry is invalid, or the drive has no entry.
     """
     data, name = read_bytes(Path(folder) / ARCHIVE_FILE, _MAX_ARCHIVE_BYTES + 1)
     if len(data) > _MAX_ARCHIVE_BYTES:
@@ -189,9 +197,9 @@ def read_archive(folder: str, serial: str) -> list[ArchiveEntry]:
 
 
 def histories(entries: Iterable[ArchiveEntry]) -> tuple[DriveHistory, ...]:
-    """Return the changes of a drive by hole, torque and direction, if it was measured over the cycle twice or more.
+    """Return the history of a drive for each hole, torque and direction with at least two full-cycle results.
 
-    F'_ior by the model of the recording is not compared with the range of the fitted orders, which is smaller.
+    F'_ior from the model of the recording is not compared with the range of the fitted orders, which is smaller.
     """
     groups: dict[tuple[str | float | None, ...], list[ArchiveEntry]] = {}
     for entry in entries:
@@ -203,9 +211,9 @@ def histories(entries: Iterable[ArchiveEntry]) -> tuple[DriveHistory, ...]:
 
 
 def _history(entries: Sequence[ArchiveEntry], comparisons: int) -> DriveHistory:
-    """Return whether results under equal conditions differ by more than their uncertainty.
+    """Return the history of results under equal conditions, and whether they differ by more than their uncertainty.
 
-    comparisons: number of such groups; each has its share of the probability that chance looks like a change.
+    comparisons: number of groups that are tested; each gets an equal share of the probability of a false alarm.
     """
     y, u = np.array([(entry.F_ior_arcsec, entry.standard_uncertainty_arcsec) for entry in entries]).T
     mean = np.average(y, weights=u**-2)

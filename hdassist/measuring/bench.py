@@ -1,13 +1,14 @@
-"""Figures that makers and buyers state of a drive beside F'_ior: from approached positions, and from torque loops.
+"""Quantities that manufacturers and buyers state besides F'_ior, from approached positions and from torque loops.
 
-A file of either is known by the names of its columns. Positions: a target angle of the output, the angle or the
-deviation that was measured there, and the side from which it was approached, 1 or -1; or a target and a column of
-deviations for each run, with its side in the name ("run 1 fwd"). A loop: torque at the output and
-its twist, the cam held; a number of the place in a third column.
+The names of its columns identify the kind of file. A file of positions has the target angle of the output, the measured
+angle or deviation, and the side from which the position was approached (1 or -1). Alternatively it has the target and a
+column of deviations for each run, whose name states the side ("run 1 fwd"). A file of loops has the torque at the
+output, the twist with the input locked, and optionally the number of the place in a third column.
 
-Positions: every deviation is that of its position and side, and scatter of the approach, alike everywhere. Statistics
-of drawn approaches say how uncertain those of the measured ones are, and by how much scatter widens a range.
-Loops: the twist at a torque is that of a parabola through the readings around it, on each branch.
+Positions: each deviation is that of its position and side plus the scatter of the approach, which is equal everywhere.
+Statistics of simulated approaches give the uncertainty of the measured statistics, and the amount by which scatter
+widens a range.
+Loops: the twist at a torque is that of a parabola through the nearby readings, on each branch.
 """
 
 from __future__ import annotations
@@ -30,24 +31,24 @@ from hdassist.readers.trace import LARGEST_ERROR, WHOLE_TURN_DEG, AngleError, Tr
 from hdassist.readers.words import TURN_ARCSEC, is_numbered_run, run_side_in
 
 _LOOP_SHARE = 0.04  # share of the rated torque, to each side, between which lost motion is measured
-_AROUND = 5  # readings, at least, through which a parabola is laid
+_AROUND = 5  # fewest readings for the fit of a parabola
 TINY = 1e-30  # N*m
 _LOOP_HINT = "load from -T_0 to T_0 and back, with T_0 the rated torque"
-_SHRINK = 2.0  # times the variance by scatter, taken off the variance of mean deviations
+_SHRINK = 2.0  # multiple of the variance due to scatter that is subtracted from the variance of mean deviations
 # Factor on the spread of a range whose bias was removed: the correction repeats the scatter of the estimate.
 _SPREAD_FACTOR = 1.15
-_LEAST_CHANCE = 0.975  # that a range is at least its lower confidence limit
-_PLAN = re.compile(  # as hdassist plan names it, also in earlier versions (turns, both ways)
+_LEAST_CHANCE = 0.975  # probability that a range is at least its lower confidence limit
+_PLAN = re.compile(  # as hdassist plan writes it, also in earlier versions (turns, both ways)
     r"(?P<drive>.*), (?P<count>[0-9]{1,9}) positions"
     r"(?: over (?P<turns>[0-9.e+-]+) output (?:revolutions|turns))?(?P<both> both ways| from both sides)?"
 )
 # Largest distance of an approached position from a planned one, as a share of the step between positions.
 _PLANNED_NEAR = 0.05
-_ANGLE_ROLES = ("twist", "actual", "angle", "output")  # contents of a column of angles of the output
-_SAME_TARGET = 0.5  # arcsec: targets nearer than that are one
+_ANGLE_ROLES = ("twist", "actual", "angle", "output")  # roles of columns that can contain output angles
+_SAME_TARGET = 0.5  # arcsec: targets closer together than this are the same position
 
 
-_REMARKS = {  # of a sheet: least and largest number, and the numbers in words
+_REMARKS = {  # remarks of a sheet: smallest and largest number, and a description of the numbers
     "torque": (-1e7, 1e7, "a torque in N*m up to 1e+07"),
     "sees": (1e-9, 1.0, "three rising shares"),
     "uncertainty": (0.0, LARGEST_UNCERTAINTY, f"a standard uncertainty in arcsec from 0 to {LARGEST_UNCERTAINTY:g}"),
@@ -55,13 +56,19 @@ _REMARKS = {  # of a sheet: least and largest number, and the numbers in words
 
 
 def _are_shares(numbers: Sequence[float]) -> bool:
-    """Return whether numbers are three rising shares, or there are none."""
+    """Return whether numbers are three increasing shares or empty."""
     return not numbers or (len(numbers) == 3 and list(numbers) == sorted(numbers))
 
 
 @dataclass(frozen=True)
 class _SheetPlan:
-    """The plan of a filled-in sheet: its drive by name, positions, output revolutions, and whether from both sides."""
+    """The plan of a filled-in sheet.
+
+    drive: name of the drive.
+    positions: number of positions.
+    turns: output revolutions over which the positions are distributed.
+    has_both_sides: whether each position is to be approached from both sides.
+    """
 
     drive: str
     positions: int
@@ -71,7 +78,12 @@ class _SheetPlan:
 
 @dataclass(frozen=True, eq=False)
 class PositionRecord:
-    """Approaches of positions, each of shape (rows,): target [arcsec], deviation [arcsec], side 1 or -1."""
+    """Approaches of positions, in arrays of shape (rows,).
+
+    target_arcsec: target angle of each approach.
+    deviation_arcsec: deviation from the target.
+    side: 1 or -1.
+    """
 
     table: NumberTable
     target_arcsec: Array
@@ -79,19 +91,19 @@ class PositionRecord:
     side: Array
 
     def position_numbers(self) -> NDArray[np.int64]:
-        """Return the number of the position of each approach, from 0 by rising target, shape (rows,)."""
-        # targets written with other digits are one position
+        """Return the position number of each approach, counted from 0 by increasing target, shape (rows,)."""
+        # targets written with different numbers of digits are the same position
         return np.unique(np.rint(self.target_arcsec / _SAME_TARGET), return_inverse=True)[1]
 
     def _remark_text(self, key: str) -> str:
-        """Return the text of a remark "key: text" of the file; empty without one."""
+        """Return the text of the remark "key: text" of the file, or an empty string if there is none."""
         entries = (line.entry for line in self.table.remarks)
         return next((entry[1] for entry in entries if entry and entry[0] == key), "")
 
     @property
     def plan(self) -> _SheetPlan | None:
-        """The plan in the remarks of the file; None without one, or if it is not as a plan writes it."""
-        # the plan writes its name into a remark of the sheet
+        """The plan in the remarks of the file, or None if there is none or it is malformed."""
+        # hdassist plan writes its name into a remark of the sheet
         written = _PLAN.fullmatch(self._remark_text("plan"))
         if written is None:
             return None
@@ -104,7 +116,7 @@ class PositionRecord:
         )
 
     def is_carried_out(self, plan: _SheetPlan) -> bool:
-        """Return whether every position of a plan was approached from every planned side."""
+        """Return whether every planned position was approached from every planned side."""
         step = TURN_ARCSEC * plan.turns / plan.positions
         planned = step * np.arange(plan.positions)
         tolerance = _PLANNED_NEAR * step
@@ -119,19 +131,19 @@ class PositionRecord:
         return True
 
     def remark(self, key: str) -> tuple[float, ...]:
-        """Return the numbers of a remark "key: number ..." of the file, as a plan writes them; empty without one.
+        """Return the numbers of the remark "key: number ..." that hdassist plan writes, or () without the remark.
 
-        Raises PresetError with the line of the remark for other text and for numbers that a plan cannot have.
+        Raises PresetError, with the line of the remark, for other text and for numbers that a plan cannot contain.
         """
         numbers = tuple(map(number_of, self._remark_text(key).split()))
         low, high, expected = _REMARKS[key]
-        # NaN fails both comparisons
+        # the comparison is false for NaN
         if not all(low <= number <= high for number in numbers) or (key == "sees" and not _are_shares(numbers)):
             raise self._remark_fault(key, f"expected {expected}")
         return numbers
 
     def _remark_fault(self, key: str, message: str) -> PresetError:
-        """Return the fault of a remark, with its line."""
+        """Return the error for an invalid remark, with its line."""
         entries = ((line.number, line.entry) for line in self.table.remarks)
         number, (_, text, column) = next((line, entry) for line, entry in entries if entry and entry[0] == key)
         self.table.add(number, column, key, message, text, "keep the comment as hdassist plan wrote it")
@@ -140,7 +152,12 @@ class PositionRecord:
 
 @dataclass(frozen=True, eq=False)
 class LoopRecord:
-    """Torque loops, each of shape (rows,): torque [N*m], twist [arcsec], number of the place."""
+    """Torque loops, in arrays of shape (rows,).
+
+    torque_Nm: torque at the output.
+    twist_arcsec: twist of the output.
+    place: number of the place at which the loop was recorded.
+    """
 
     table: NumberTable
     torque_Nm: Array
@@ -150,10 +167,14 @@ class LoopRecord:
 
 @dataclass(frozen=True)
 class StatedQuantity:
-    """A quantity that makers state: name of its limit in acceptance, value and standard uncertainty [arcsec].
+    """A quantity that manufacturers state, measured.
 
-    uncertainty_arcsec: None without repetition. of: the readings that it is of, in words. noise_arcsec: most by which
-    the scatter of the approaches makes a range larger than that of the true deviations, but once in 40 records.
+    name: name of its acceptance limit.
+    arcsec: value.
+    uncertainty_arcsec: standard uncertainty, None without repeated approaches.
+    of: description of the readings from which it was computed.
+    noise_arcsec: amount, exceeded in one recording out of 40, by which scatter of the approaches makes a range larger
+    than that of the true deviations.
     """
 
     name: str
@@ -165,12 +186,15 @@ class StatedQuantity:
 
 @dataclass(frozen=True)
 class SeenRange:
-    """What positions tell of F'_ior [arcsec]: the range that they see, and more by their plan.
+    """The range of deviations at approached positions, and the estimates of F'_ior that follow from the plan.
 
-    uncertainty_arcsec: standard, with that of a plan, None without repetition; expanded_arcsec: how far the lower
-    confidence limit of the range lies below it, without repetition by the plan alone; seen: share of F'_ior that they
-    see, at 5, 50 and 95 % of drives and starts, empty without a plan that was carried out; M_g: torque of the plan
-    [N*m]; is_cut: whether planned positions or sides are missing.
+    arcsec: range at the positions.
+    uncertainty_arcsec: standard uncertainty including that stated by the plan, None without repeated approaches.
+    expanded_arcsec: distance of the lower confidence limit below the range; without repetition from the plan only.
+    seen: shares of F'_ior that the positions capture, 5, 50 and 95 % quantiles over drives and starting angles; empty
+    unless a plan was carried out.
+    M_g: torque of the plan [N*m].
+    is_cut: whether planned positions or sides are missing.
     """
 
     arcsec: float
@@ -182,18 +206,21 @@ class SeenRange:
 
     @property
     def at_least_arcsec(self) -> float:
-        """The lower confidence limit of the range that they see, which is one of F'_ior too."""
+        """The lower confidence limit of the range at the positions, which is also a lower limit of F'_ior."""
         return max(0.0, self.arcsec - self.expanded_arcsec)
 
     @property
     def estimates_arcsec(self) -> tuple[float, ...]:
-        """F'_ior where they see most, the median share, and least; empty without a plan."""
+        """F'_ior if the positions capture the largest, the median and the smallest share; empty without a plan."""
         return tuple(self.arcsec / share for share in reversed(self.seen))
 
 
 @dataclass(frozen=True)
 class PlaceLoop:
-    """Loops at one place: its number, hysteresis loss and lost motion [arcsec], each with its standard uncertainty."""
+    """Hysteresis loss and lost motion at one place [arcsec], each with its standard uncertainty.
+
+    place: number of the place.
+    """
 
     place: float
     hysteresis: tuple[float, float]
@@ -201,21 +228,22 @@ class PlaceLoop:
 
 
 def bench_record(table: NumberTable, form: TraceForm | None = None) -> PositionRecord | LoopRecord | None:
-    """Return positions or loops of a table by the names of its columns; None for any other, such as a trace.
+    """Return the positions or loops of a table, identified by its column names, or None for another table.
 
-    Arguments: table of numbers with the names of its columns.
-    form: units that options state, None for none. One that names columns of a trace makes the table a trace.
-    Raises UsageError if a stated unit is that of no column; PresetError if a name has a unit that is not understood.
+    table: table of numbers with column names.
+    form: units stated in options, or None. If it names columns of a recording, the table is a recording.
+    Raises UsageError if no column has a stated unit.
+    Raises PresetError if a column name has an unknown unit.
     """
     form = form or TraceForm()
     columns = {role: table.roles.index(role) for role in table.roles}
     angle = next((role for role in _ANGLE_ROLES if role in columns), "")
-    # who names columns of a recording has one
+    # the user names columns only for a recording
     is_trace = not (form.angle is form.angle_of is form.error is form.second is None)
-    # an input angle makes it a recording, whatever else it has
+    # an input angle makes it a recording, regardless of the other columns
     if "cam" in columns or is_trace:
         return None
-    # a column of targets: approached positions
+    # a column of targets belongs to approached positions
     if "target" in columns:
         runs = _run_sides(table)
         if runs:
@@ -232,7 +260,7 @@ def _numbers_of(
     columns: dict[str, int],
     role: str,
 ) -> Array:
-    """Return the numbers of the column of a role, shape (rows,); ones without it."""
+    """Return the numbers in the column of a role, or ones if there is no such column, shape (rows,)."""
     return table.values[:, columns[role]] if role in columns else np.ones(len(table.lines))
 
 
@@ -242,25 +270,26 @@ def _positions_of_rows(
     angle: str,
     form: TraceForm,
 ) -> PositionRecord:
-    """Return the approaches of a table that has a row for each.
+    """Return the approaches of a table with one row for each approach.
 
-    table: table of numbers with the names of its columns.
-    columns: numbers of the columns by their roles.
-    angle: role of the column of angles that were reached, empty if there is none.
-    form: units that options state.
-    Raises UsageError for a unit of a column that the table does not have; PresetError for a name with a unit that is
-    not understood; DataError for readings that are no deviations.
+    table: table of numbers with column names.
+    columns: column numbers by role.
+    angle: role of the column of reached angles, empty if there is none.
+    form: units stated in options.
+    Raises UsageError if a unit is stated for a column that the table does not have.
+    Raises PresetError if a column name has an unknown unit.
+    Raises DataError if the readings are too large to be deviations.
     """
     units = form.angle_units
     has_deviations = "error" in columns
     _require_columns(form, has_angles=not has_deviations)
     target = table.in_unit(columns["target"], "target", "deg", units[0] if units else None, "--angle-unit")
-    # deviations as the sheet asks for them, or angles as reached
+    # the column contains deviations, as the sheet requires, or reached angles
     if has_deviations:
         deviation = table.in_unit(columns["error"], "error", "arcsec", form.error_unit, "--error-unit")
     else:
         reached = table.in_unit(columns[angle], angle, "deg", units[-1] if units else None, "--angle-unit")
-        # the output encoder may have any zero
+        # the zero of the output encoder is arbitrary
         deviation = _from_any_zero(reached - target)
     _require_deviations(table, deviation)
     return PositionRecord(
@@ -272,9 +301,10 @@ def _positions_of_rows(
 
 
 def _require_columns(form: TraceForm, *, has_angles: bool) -> None:
-    """Raise UsageError for a stated unit of a column that approached positions do not have.
+    """Raise UsageError if a unit is stated for a column that approached positions do not have.
 
-    form: units that options state; has_angles: whether the table has the angles that were reached, not deviations.
+    form: units stated in options.
+    has_angles: whether the table contains reached angles instead of deviations.
     """
     if len(form.angle_units) > 1 and not has_angles:
         message = f"--angle-unit {form.angle_unit}: a file of positions with deviations has only one column of angles"
@@ -290,7 +320,7 @@ def _loop(
     angle: str,
     form: TraceForm,
 ) -> LoopRecord:
-    """Return the torque loops of a table; the arguments are those of `_positions_of_rows`."""
+    """Return the torque loops of a table. The arguments are those of `_positions_of_rows`."""
     units = list(form.angle_units)
     if form.error_unit is not None:
         units.append(form.error_unit)
@@ -306,22 +336,23 @@ def _loop(
 
 
 def _run_sides(table: NumberTable) -> dict[int, int]:
-    """Return the sides of the columns that have one run each, by their numbers; empty for another form of table.
+    """Return the side of each column that contains one run, by column number, or an empty dict for another table form.
 
-    Numbered runs without a side are forward if no column has a side. Raises PresetError if some columns have one.
+    Numbered runs without a side count as forward if no column states a side.
+    Raises PresetError if only some of the columns state a side.
     """
     roles = table.roles
-    # a column of sides belongs to the form with a row for each approach
+    # a column of sides belongs to the form with one row for each approach
     if roles.count("target") != 1 or "side" in roles:
         return {}
     names = {column: name for column, name in enumerate(table.names) if roles[column] != "target"}
-    # fwd, bwd and the like in the names of the columns
+    # fwd, bwd and similar words in the column names
     sides = {column: side for column, name in names.items() if (side := run_side_in(name))}
     without_side = [column for column, name in names.items() if column not in sides and is_numbered_run(name)]
     if sides and without_side:
         message = f'the column "{names[without_side[0]]}" states no side, but other runs do'
         raise table.fault(message, "write fwd or bwd into the name of each run, for example run 1 bwd [arcsec]")
-    # runs without a side are all from below
+    # if no run states a side, all are forward
     return sides or dict.fromkeys(without_side, 1)
 
 
@@ -331,16 +362,17 @@ def _positions_of_runs(
     runs: dict[int, int],
     form: TraceForm,
 ) -> PositionRecord:
-    """Return the approaches of a table that has a row for each position and a column for each run.
+    """Return the approaches of a table with one row for each position and one column for each run.
 
-    The runs have deviations, or the angles that were reached if their names say so, as "run 1 measured fwd".
+    The runs contain deviations, or reached angles if their names say so, as in "run 1 measured fwd".
 
-    table: table of numbers with the names of its columns.
+    table: table of numbers with column names.
     target_column: number of the column of targets.
-    runs: sides of the columns that have one run each, by their numbers.
-    form: units that options state.
-    Raises UsageError for a unit of a column that the table does not have; PresetError for a name with a unit that is
-    not understood, and for runs of both kinds; DataError for readings that are no deviations.
+    runs: side of each column that contains one run, by column number.
+    form: units stated in options.
+    Raises UsageError if a unit is stated for a column that the table does not have.
+    Raises PresetError if a column name has an unknown unit, or if the runs are of both kinds.
+    Raises DataError if the readings are too large to be deviations.
     """
     units = form.angle_units
     are_angles = [table.roles[column] in _ANGLE_ROLES for column in runs]
@@ -373,20 +405,26 @@ def _positions_of_runs(
 
 
 def _note_unused(table: NumberTable, used: set[int]) -> None:
-    """Add the names of columns that are not used to the notes of a table; used: numbers of the other columns."""
+    """Add the names of unused columns to the notes of a table.
+
+    used: numbers of the used columns.
+    """
     unused = [name for column, name in enumerate(table.names) if column not in used]
     if unused:
         table.notes.append(f"not used: {', '.join(unused)}")
 
 
 def _from_any_zero(off_arcsec: Array) -> Array:
-    """Return angles minus their targets [arcsec], shape (rows,), whatever zeros both have: 0 in the first row."""
-    # wrapped into half a revolution to either side
+    """Return angles minus targets, relative to the first row and wrapped to ±half a revolution, shape (rows,)."""
+    # the zeros of both encoders are arbitrary, so the range is half a revolution to either side of the first row
     return np.asarray(np.mod(off_arcsec - off_arcsec[0] + TURN_ARCSEC / 2, TURN_ARCSEC) - TURN_ARCSEC / 2)
 
 
 def _require_deviations(table: NumberTable, deviation_arcsec: Array) -> None:
-    """Raise DataError for readings that are too far apart to be deviations [arcsec], shape (rows,)."""
+    """Raise DataError if readings differ by too much to be deviations.
+
+    deviation_arcsec: readings minus their targets, shape (rows,).
+    """
     if (extent := float(np.ptp(deviation_arcsec))) > LARGEST_ERROR:
         hint = "write output angles in deg in this column, and deviations in a column deviation_arcsec"
         raise DataError(f"{table.file}: readings differ from their targets by up to {extent:.3g}″", hint)
@@ -409,9 +447,9 @@ class _Approaches:
 
     @classmethod
     def of(cls, record: PositionRecord) -> _Approaches:
-        """Sort the approaches of a record; targets that differ by less than _SAME_TARGET are one."""
+        """Sort the approaches of a recording. Targets that differ by less than _SAME_TARGET count as one position."""
         target = np.rint(record.target_arcsec / _SAME_TARGET)
-        # the last key sorts first: by target, then by side
+        # the last key is the primary one: by target, then by side
         order = np.lexsort([record.side, target])
         target = target[order]
         side = record.side[order]
@@ -425,17 +463,19 @@ class _Approaches:
         )
 
     def figures(self, deviations: Array) -> dict[str, Array]:
-        """Return quantities of sets of deviations [arcsec], shape (sets, rows), each of shape (sets,).
+        """Return each quantity for several sets of deviations [arcsec], shape (sets,).
 
-        Quantities that need more approaches are left out.
+        Quantities that need more approaches are omitted.
+
+        deviations: deviations of the approaches in each set [arcsec], shape (sets, rows).
         """
-        positioning = []  # of each side
+        positioning = []  # one value for each side
         for way in np.unique(self.side):
-            # of repeated approaches, since F'_ior is a matter of the drive and not of scatter
+            # mean of repeated approaches, since F'_ior is a property of the drive, without scatter
             means = [deviations[:, rows].mean(axis=1) for rows in self.groups if self.side[rows[0]] == way]
             if len(means) > 1:
                 positioning.append(np.ptp(means, axis=0))
-        # positions that were approached from either side
+        # positions that were approached from both sides
         both_sides = [rows for rows in self.positions if np.ptp(self.side[rows])]
         ranges = {
             "positioning": positioning,
@@ -447,11 +487,11 @@ class _Approaches:
 
 @dataclass(frozen=True, eq=False)
 class _DrawnFigures:
-    """Quantities of drawn approaches by their names [arcsec].
+    """Quantities of simulated approaches by name [arcsec].
 
-    of_mean: of the mean deviations without what scatter adds to their spread, shape (1,).
-    drawn: of these with drawn scatter, shape (draws,).
-    by_scatter: of the drawn scatter alone, shape (draws,).
+    of_mean: quantities of the mean deviations, without the spread that scatter adds to them, shape (1,).
+    drawn: quantities of these deviations plus simulated scatter, shape (draws,).
+    by_scatter: quantities of the simulated scatter only, shape (draws,).
     """
 
     of_mean: dict[str, Array]
@@ -465,19 +505,22 @@ class _DrawnFigures:
         seed: int,
         draws: int,
     ) -> _DrawnFigures | None:
-        """Draw approaches with the scatter of measured ones, whose size is uncertain; None without repetition."""
+        """Return quantities of approaches with the scatter of the measured ones, or None without repeated approaches.
+
+        The size of the scatter is uncertain, so each draw has its own.
+        """
         deviation = approaches.deviation_arcsec
-        # repetitions: each group takes one degree of freedom for its mean
+        # the mean of each group uses up one degree of freedom
         freedom = len(deviation) - len(approaches.groups)
         if not freedom:
             return None
         means = np.concatenate([np.full(len(rows), deviation[rows].mean()) for rows in approaches.groups])
         square_sum = float(np.sum((deviation - means) ** 2))
         rng = np.random.default_rng(seed)
-        # its size is known from few repetitions, so it is drawn too
+        # few repetitions leave the size of the scatter uncertain, so it is sampled as well
         scatter = np.sqrt(square_sum / rng.chisquare(freedom, (draws, 1)))
         errors = scatter * rng.standard_normal((draws, len(deviation)))
-        # draws go around means without the part of their spread that scatter made
+        # draws are centred on means without the spread that scatter added to them
         best = _without_scatter(deviation, approaches.side, approaches.groups, square_sum / freedom)
         return cls(
             of_mean=approaches.figures(best[None]),
@@ -486,23 +529,24 @@ class _DrawnFigures:
         )
 
     def bias(self, name: str) -> float:
-        """Return by how much scatter widens a quantity [arcsec]; that of positioning is corrected alone."""
-        # the other figures state scatter itself
+        """Return the amount by which scatter widens a quantity [arcsec], 0 except for the positioning error."""
+        # the other quantities describe the scatter itself
         if name != "positioning":
             return 0.0
         return max(0.0, float(self.drawn[name].mean() - self.of_mean[name][0]))
 
     def standard_uncertainty(self, name: str) -> float:
-        """Return the standard uncertainty of a quantity without its bias [arcsec]."""
+        """Return the standard uncertainty of a quantity after correction of its bias [arcsec]."""
         factor = _SPREAD_FACTOR if name == "positioning" else 1.0
         return hypot(factor * float(self.drawn[name].std()), BIAS_SHARE * self.bias(name))
 
     def noise(self, name: str) -> float:
-        """Return the most by which scatter widens a range beyond its bias [arcsec], but once in 40 records.
+        """Return the amount by which scatter may widen a range beyond its bias [arcsec].
 
-        A range is at most that of the true deviations plus that of the scatter.
+        One recording in 40 exceeds this amount. A range is at most the range of the true deviations plus that of the
+        scatter.
         """
-        # positions without any deviation of their own still show a range by scatter
+        # even positions without true deviations have a range, which is due to scatter
         return max(0.0, float(np.quantile(self.by_scatter[name], _LEAST_CHANCE)) - self.bias(name))
 
 
@@ -512,13 +556,14 @@ def position_quantities(
     seed: int = 0,
     draws: int = 2000,
 ) -> tuple[StatedQuantity, ...]:
-    """Return positioning one way, repeatability, and repeatability from both sides, as far as they were measured.
+    """Return the measured positioning error, repeatability and bidirectional repeatability.
 
-    One position has no positioning.
+    The positioning error is unidirectional. A single position has no positioning error.
 
-    record: of approached positions.
-    seed, draws: of the drawn approaches, by which the uncertainty is estimated.
-    Raises DataError for a single approach.
+    record: approached positions.
+    seed: seed of the simulated approaches.
+    draws: number of simulated sets of approaches, from which the uncertainty is estimated.
+    Raises DataError if there is only one approach.
     """
     count = len(record.target_arcsec)
     if count < 2:
@@ -546,23 +591,24 @@ def _without_scatter(
     groups: Sequence[NDArray[np.int64]],
     variance: float,
 ) -> Array:
-    """Return the mean deviation of each approach's position and side, less what scatter adds to their spread.
+    """Return the mean deviation for the position and side of each approach, without the spread that scatter adds.
 
-    Means over few approaches scatter too, so their range is larger than that of the true deviations. The means of a
-    side are drawn towards their common mean by the share of scatter in their variance.
+    Means of few approaches scatter too, so their range is larger than that of the true deviations. The means of a side
+    are shrunk towards their common mean by the share of scatter in their variance.
 
-    deviation, side: of each approach, shape (rows,).
+    deviation: deviation of each approach [arcsec], shape (rows,).
+    side: side of each approach, shape (rows,).
     groups: rows of each position and side.
-    variance: of single approaches [arcsec^2].
+    variance: variance of single approaches [arcsec^2].
     """
     best = np.empty(len(deviation))
     for way in np.unique(side):
         of_side = [rows for rows in groups if side[rows[0]] == way]
         means = np.array([deviation[rows].mean() for rows in of_side])
         spread = float(np.var(means, ddof=1)) if len(means) > 1 else 0.0
-        # variance of a mean of n readings
+        # mean variance of the means, each of n readings
         by_scatter = variance * float(np.mean([1 / len(rows) for rows in of_side]))
-        # as for orders: twice the noise is taken off the power
+        # as for orders: twice the noise is subtracted from the power
         kept = max(0.0, 1 - _SHRINK * by_scatter / spread) if spread else 1.0
         shrunk = means.mean() + np.sqrt(kept) * (means - means.mean())
         for rows, mean in zip(of_side, shrunk, strict=True):
@@ -571,32 +617,32 @@ def _without_scatter(
 
 
 def _counted(number: int, noun: str) -> str:
-    """Return a number with its noun, in the plural for more than one."""
+    """Return a number followed by its noun, in the plural unless the number is 1."""
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
 def seen_range(record: PositionRecord, quantities: Sequence[StatedQuantity]) -> SeenRange | None:
-    """Return what a record of positions shows of F'_ior; None for one position.
+    """Return the range at approached positions and what it implies for F'_ior, or None for a single position.
 
-    The shares that a plan sees count only if all of its positions were approached from its sides.
+    The shares stated by a plan count only if all planned positions were approached from all planned sides.
 
-    record: of approached positions.
-    quantities: of the record.
-    Raises PresetError for remarks that no plan has.
+    record: approached positions.
+    quantities: quantities of the recording.
+    Raises PresetError if a remark does not have the form that hdassist plan writes.
     """
     positioning = next((quantity for quantity in quantities if quantity.name == "positioning"), None)
     if positioning is None:
         return None
     planned_uncertainty = record.remark("uncertainty")
-    by_scatter = positioning.uncertainty_arcsec  # known by repetition alone
+    by_scatter = positioning.uncertainty_arcsec  # known only from repeated approaches
     shares = record.remark("sees")
     torque = record.remark("torque")
     plan = record.plan
-    # the plan's shares hold only for the positions of the plan
+    # the shares hold only for the planned positions
     is_cut = bool(shares) and (plan is None or not record.is_carried_out(plan))
-    # what encoder, coupling and temperature add, by the sheet
+    # contribution of encoder, coupling and temperature, according to the sheet
     by_plan = COVERAGE_FACTOR * hypot(*planned_uncertainty)
-    if by_scatter is None:  # the scatter of the readings is known only from the plan
+    if by_scatter is None:  # without repetition only the plan states the scatter of the readings
         uncertainty = None
         expanded = by_plan
     else:
@@ -613,13 +659,13 @@ def seen_range(record: PositionRecord, quantities: Sequence[StatedQuantity]) -> 
 
 
 def place_loops(record: LoopRecord, rated: float) -> tuple[PlaceLoop, ...]:
-    """Return hysteresis loss and lost motion of the loops at each place.
+    """Return the hysteresis loss and the lost motion of the loops at each place.
 
-    record: of torque loops.
-    rated: torque of the drive [N*m].
-    Raises DataError for a loop without a rising and a falling branch between the torques of the lost motion.
+    record: torque loops.
+    rated: rated torque of the drive [N*m].
+    Raises DataError if a loop lacks an increasing or a decreasing branch between the torques of the lost motion.
     """
-    # lost motion lies between the outer two, hysteresis at 0
+    # the lost motion is measured between the outer torques, the hysteresis at 0
     torques = _LOOP_SHARE * rated * np.array([-1.0, 0.0, 1.0])
     loops = []
     for place in np.unique(record.place):
@@ -635,20 +681,25 @@ def place_loops(record: LoopRecord, rated: float) -> tuple[PlaceLoop, ...]:
 
 @dataclass(frozen=True, eq=False)
 class _LoopBranches:
-    """Torque loops at one place: file and place in words, and torque and twist of each reading, shape (rows,)."""
+    """Torque loops at one place.
+
+    label: file and place, for messages.
+    torque_Nm: torque of each reading, shape (rows,).
+    twist_arcsec: twist of each reading, shape (rows,).
+    """
 
     label: str
     torque_Nm: Array
     twist_arcsec: Array
 
     def figures(self, place: float, torques: Array) -> PlaceLoop:
-        """Return hysteresis loss and lost motion.
+        """Return the hysteresis loss and the lost motion.
 
-        place: its number.
-        torques: the negative one of the lost motion, 0, and the positive one [N*m], shape (3,).
+        place: number of the place.
+        torques: negative torque of the lost motion, 0, and positive torque of the lost motion [N*m], shape (3,).
         """
         try:
-            # the torque as an angle of one revolution: the same search for turning points
+            # torque scaled to an angle of one revolution, so that the search for turning points of angles applies
             branches = sweeps(self.torque_Nm * WHOLE_TURN_DEG / max(np.ptp(self.torque_Nm), TINY))
         except AngleError:
             raise DataError(
@@ -657,10 +708,10 @@ class _LoopBranches:
             ) from None
         rising = self._twists([branch.rows for branch in branches if branch.direction == 1], "rising", torques)
         falling = self._twists([branch.rows for branch in branches if branch.direction == -1], "falling", torques)
-        # at torque 0 its size is the hysteresis loss
+        # its absolute value at torque 0 is the hysteresis loss
         difference = rising.arcsec - falling.arcsec
         variance = rising.variance + falling.variance
-        # twist from one outer torque to the other, on each branch
+        # change of twist between the outer torques, on each branch
         widths = np.array([twists.arcsec[2] - twists.arcsec[0] for twists in (rising, falling)])
         return PlaceLoop(
             place=place,
@@ -674,7 +725,13 @@ class _LoopBranches:
         way: str,
         torques: Array,
     ) -> _BranchTwists:
-        """Return the twists at torques [N*m] by all branches of one way that reach over them; way: in words."""
+        """Return the twists at torques [N*m], from all branches in one direction that cover these torques.
+
+        branches: rows of each branch.
+        way: name of the direction, for messages.
+        torques: torques in increasing order [N*m], shape (3,).
+        Raises DataError if no branch covers the torques.
+        """
         complete = []
         for rows in branches:
             torque = self.torque_Nm[rows]
@@ -683,7 +740,7 @@ class _LoopBranches:
         if not complete:
             span = f"from {torques[0]:.3g} to {torques[2]:.3g} N*m"
             raise DataError(f"{self.label}: no {way} branch {span}", _LOOP_HINT)
-        # all complete branches of one way together
+        # all complete branches in one direction are fitted together
         torque = np.concatenate([self.torque_Nm[rows] for rows in complete])
         twist = np.concatenate([self.twist_arcsec[rows] for rows in complete])
         values = [_twist_at(torque, twist, wanted, torques[2]) for wanted in torques]
@@ -692,14 +749,14 @@ class _LoopBranches:
 
 @dataclass(frozen=True, eq=False)
 class _BranchTwists:
-    """Twists at some torques [arcsec] and their variances [arcsec^2], each of shape (torques,)."""
+    """Twists at several torques [arcsec] and their variances [arcsec^2], each of shape (torques,)."""
 
     arcsec: Array
     variance: Array
 
 
 def loop_quantities(loops: tuple[PlaceLoop, ...]) -> tuple[StatedQuantity, ...]:
-    """Return the largest hysteresis loss and the largest lost motion over places."""
+    """Return the largest hysteresis loss and the largest lost motion over all places."""
     places = f"the largest of {len(loops)} places" if len(loops) > 1 else "one place"
     hysteresis = max(loop.hysteresis for loop in loops)
     lost_motion = max(loop.lost_motion for loop in loops)
@@ -715,17 +772,18 @@ def _twist_at(
     wanted: float,
     reach: float,
 ) -> tuple[float, float]:
-    """Return the twist at a torque by a parabola through the readings around it [arcsec], and its variance.
+    """Return the twist at a torque [arcsec] from a parabola through the nearby readings, and its variance [arcsec^2].
 
-    torque, twist: of the readings [N*m], [arcsec], shape (rows,).
-    wanted: the torque [N*m].
-    reach: distance of readings that are used [N*m]; more if there are too few.
+    torque: torques of the readings [N*m], shape (rows,).
+    twist: twists of the readings [arcsec], shape (rows,).
+    wanted: torque at which the twist is computed [N*m].
+    reach: largest torque difference of the readings used [N*m], increased if it includes too few readings.
     """
     offset = torque - wanted
-    # far enough for _AROUND readings, even if they are sparse
+    # a distance that includes _AROUND readings even if they are sparse
     nearest = float(np.partition(np.abs(offset), _AROUND - 1)[_AROUND - 1])
     is_near = np.abs(offset) <= max(reach, nearest)
-    # about the wanted torque, so the constant is the twist there
+    # the parabola is centred on the wanted torque, so its constant is the twist there
     columns = np.vander(offset[is_near], 3, increasing=True)
     inverse = np.linalg.pinv(columns)
     solution = inverse @ twist[is_near]

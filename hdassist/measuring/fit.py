@@ -1,9 +1,9 @@
-"""Least-squares fit of a recording at given orders, on the recorded angles, with its uncertainty.
+"""Least-squares fit of orders to a recording at its recorded angles, with its uncertainty.
 
-The uncertainty of the coefficients is that of independent residuals, widened by the noise floor of the residuals at
-each order. In recordings too short for a noise floor it is widened by the number of correlated neighbours, from the
-integrated autocorrelation. The part of the residuals that is correlated from one bin to the next is not reading
-noise. It is error outside the given orders, or slow; its size is `unmodelled`.
+The uncertainty of the coefficients is that for independent residuals, increased by the noise floor of the residuals at
+each order. In recordings too short for a noise floor, it is increased by the number of correlated neighbours, from the
+integrated autocorrelation. The part of the residuals that is correlated between neighbouring bins is not reading noise.
+It is error outside the given orders or slow error; its size is `unmodelled`.
 """
 
 from __future__ import annotations
@@ -23,25 +23,25 @@ from hdassist.model.geometry import Array
 COVERAGE_FACTOR = 2.0
 OrderIndices = NDArray[np.int64]
 _LAGS = 2000
-_POWER_CLEAR = 4.0  # standard deviations of the power of noise
-_FLOOR_SHORTEST = 2.0  # cam turns: below, there is no room for noise between the orders
-_FLOOR_APART = 0.75  # distance from fitted orders at which noise is read, as a share of the resolution
-_FLOOR_AROUND = 0.5  # orders to either side
-_FLOOR_FEWEST = 8  # places, nearest to the order
-_FLOOR_WAVES = 32  # number of such places from which the noise that the fit has taken there is estimated
+_POWER_CLEAR = 4.0  # standard deviations by which power must exceed that of noise
+_FLOOR_SHORTEST = 2.0  # input revolutions: in a shorter recording there is no room for noise between the orders
+_FLOOR_APART = 0.75  # smallest distance from fitted orders at which noise is read, as a share of the resolution
+_FLOOR_AROUND = 0.5  # orders to either side over which the noise is averaged
+_FLOOR_FEWEST = 8  # fewest frequencies, nearest to the order, over which the noise is averaged
+_FLOOR_WAVES = 32  # most frequencies at which the noise absorbed by the fit is estimated
 _STUDENT_SHARE = 0.97725  # share of a normal distribution below two standard deviations
 _DRIFTED = 0.05  # smallest remaining drift that is reported, as a share of F'_ior
-_DRIFT_CLEAR = 4.0  # standard uncertainties of a drift
+_DRIFT_CLEAR = 4.0  # standard uncertainties by which a drift must exceed 0
 RESOLVED_GAP = 0.75  # smallest distance at which a line and an order are resolved, as a share of the resolution
-EVEN = 0.9  # how even readings are that show an order and its image alike
-_MOMENTS = 3  # moments of the places of readings within their cells that are kept
-SLOWEST_ORDER = 0.5  # per cam turn: lower ones are of the output, or drift
-_NEIGHBOURS = 10.0  # bins: readings closer than that show the correlation of neighbours
+EVEN = 0.9  # evenness of the readings above which they do not distinguish an order from its image
+_MOMENTS = 3  # powers of the position of a reading within its cell
+SLOWEST_ORDER = 0.5  # per input revolution: lower orders are those of the output, or drift
+_NEIGHBOURS = 10.0  # bins: readings closer together than this show the correlation of neighbours
 
 
 @dataclass(frozen=True)
 class Wave:
-    """A wave of one order or of a group: amplitude cos(per_cam_rev angle + phase), with its standard uncertainty."""
+    """The wave of an order or group of orders: amplitude cos(per_cam_rev angle + phase), with standard uncertainty."""
 
     per_cam_rev: float
     amplitude_arcsec: float
@@ -51,27 +51,28 @@ class Wave:
 
 @dataclass(frozen=True, eq=False)
 class _FitBlock:
-    """Coefficients of some unknowns of a fit, shape (unknowns,), and their rows of the root of the design."""
+    """The coefficients of a block of unknowns, shape (unknowns,), and the rows of the design's root for the block."""
 
     coefficients: Array
     root: Array
 
 
 class TraceFit:
-    """Least squares of values at the bins of a design [arcsec], shape (bins,).
+    """Least-squares fit of values at the bins of a design [arcsec], shape (bins,).
 
-    orders: per input revolution, rising, shape (orders,).
-    lines: those that were found in the residuals, rising.
-    coefficients: of the cosines, then of the sines, at the mean torque, shape (2 orders,).
-    order_root: their rows of the root of the design, shape (2 orders, columns).
-    level: of the error, shape (levels,).
+    orders: orders per input revolution, in increasing order, shape (orders,).
+    lines: orders of the lines found in the residuals, in increasing order.
+    coefficients: coefficients of the cosines, then of the sines, at the mean torque, shape (2 orders,).
+    order_root: rows of the design's root for the coefficients, shape (2 orders, columns).
+    level: levels of the error, shape (levels,).
     drift: coefficients of the slow terms, shape (degree,).
-    slopes: over columns of the bins by name, each with its standard uncertainty: over speed [arcsec s/turn] and load.
-    blocks: of the orders, and of their changes with the torque.
-    residual: of the values [arcsec], shape (bins,).
-    variance: of the residuals at weight 1 [arcsec^2].
-    correlated: number of bins that err together.
-    unmodelled: size of the residuals beyond noise of reading [arcsec].
+    slopes: slope over each column of the bins, by name, with its standard uncertainty: over speed [arcsec s/revolution]
+    and load.
+    blocks: blocks of the orders, and of their changes with the torque.
+    residual: residuals of the values [arcsec], shape (bins,).
+    variance: variance of the residuals at weight 1 [arcsec^2].
+    correlated: number of bins whose errors are correlated.
+    unmodelled: size of the residuals beyond reading noise [arcsec].
     """
 
     def __init__(
@@ -95,7 +96,7 @@ class TraceFit:
         self.order_root = orders.root
         self.level = levels.coefficients
         self.drift = drift.coefficients
-        # neighbours that err together are fewer independent readings
+        # correlated neighbours count as fewer independent readings
         uncertainty = np.linalg.norm(slopes.root, axis=1) * np.sqrt(self.variance * max(self.correlated, 1.0))
         slope_pairs = zip(
             slopes.coefficients.tolist(),
@@ -111,55 +112,62 @@ class TraceFit:
         )
 
     def combined(self, *shares: float) -> TraceFit:
-        """Return the same fit with the curve that is a sum of such shares of its blocks."""
+        """Return a copy of the fit whose curve is the weighted sum of its blocks.
+
+        shares: weight of each block.
+        """
         combined_fit = copy(self)
         pairs = list(zip(shares, self.blocks, strict=False))
         combined_fit.coefficients = np.asarray(sum(share * block.coefficients for share, block in pairs))
         combined_fit.order_root = np.asarray(sum(share * block.root for share, block in pairs))
-        combined_fit.__dict__.pop("factor", None)  # cached, of the former root
+        combined_fit.__dict__.pop("factor", None)  # cached for the previous root
         return combined_fit
 
     def at_torque(self, torque: float) -> TraceFit:
-        """Return the same fit with the curve at a torque between the smallest and the largest [N*m]."""
+        """Return a copy of the fit with the curve at a torque between the smallest and the largest [N*m]."""
         away = float(self.bins.away(torque))
         return self.combined(1.0, away, abs(away))
 
     @cached_property
     def noise(self) -> tuple[Array, Array]:
-        """Power of the noise at each order over that of independent residuals; factor of an interval of the order."""
-        # noise is read beside the orders if there is room, else taken from the memory of the residuals
+        """The noise power at each order relative to independent residuals, and the factor for a confidence interval."""
+        # the noise floor is estimated next to the orders if there is room; otherwise from the autocorrelation of the
+        # residuals
         ones = np.ones(len(self.orders))
         power, student = noise_floor(self.design, self.residual, self.variance) or (self.correlated * ones, ones)
-        if self.design.slow.ridge:  # large errors of unresolved orders cancel
-            # sidebands around one order share their noise
+        if self.design.slow.ridge:  # with a ridge, large errors of unresolved orders cancel
+            # the sidebands of one order get the same noise
             _, cluster = np.unique(np.rint(self.orders), return_inverse=True)
             power = (np.bincount(cluster, power) / np.bincount(cluster))[cluster]
         return power, student
 
     @cached_property
     def factor(self) -> Array:
-        """Shape (2 orders, columns): its product with unit noise is an error of the coefficients."""
+        """The root of the coefficients' covariance, whose product with unit noise is an error, (2 orders, columns)."""
         power, _ = self.noise
-        # a root of the covariance: draws and norms need no factorisation
+        # with a root of the covariance, draws and norms need no factorisation
         return self.order_root * np.sqrt(self.variance * np.tile(power, 2))[:, None]
 
     @property
     def level_covariance(self) -> Array:
-        """Covariance of the levels by noise [arcsec^2], shape (levels, levels)."""
+        """The covariance of the levels due to noise [arcsec^2], shape (levels, levels)."""
         rows = self.design.root[2 * len(self.orders) :][: len(self.level)]
         return np.asarray(rows @ rows.T * self.variance * max(self.correlated, 1.0))
 
     @property
     def is_line(self) -> NDArray[np.bool_]:
-        """Whether an order is a line, shape (orders,)."""
+        """Whether each order is that of a line, shape (orders,)."""
         return np.isin(self.orders, self.lines)
 
     def pair(self, indices: OrderIndices) -> OrderIndices:
-        """Return the places of the cosines, then of the sines of some orders among the coefficients."""
+        """Return the indices of the cosines, then of the sines, of orders among the coefficients."""
         return np.concatenate([indices, indices + len(self.orders)])
 
     def covariance(self, pair: OrderIndices | slice = slice(None)) -> Array:
-        """Return the covariance of coefficients by noise [arcsec^2], of all by default."""
+        """Return the covariance of coefficients due to noise [arcsec^2].
+
+        pair: indices of the coefficients, all by default.
+        """
         return np.asarray(self.factor[pair] @ self.factor[pair].T)
 
     @property
@@ -168,13 +176,13 @@ class TraceFit:
         return self.curve(self.bins.turns) + self.residual
 
     def beside(self, curves: Array) -> tuple[Array, Array]:
-        """Return further columns of the design without the part that its own columns fit, and their coefficients.
+        """Return the part of further columns that the design does not fit, and the coefficients of the columns.
 
-        curves: shape (bins, columns). Columns are left as by a fit of them to the others, so that the coefficients are
-        those of a joint fit.
+        The coefficients are those of a joint fit of the design and the columns.
+
+        curves: values of the columns, shape (bins, columns).
         """
-        # Frisch and Waugh: the part of a column that the fit does not explain has the coefficient of a joint
-        # fit
+        # Frisch and Waugh: the part of a column that the fit does not explain has the coefficient of a joint fit
         remainder = self.design.fitted(curves)[1]
         weighted = remainder * self.bins.weight[:, None]
         normal = weighted.T @ remainder
@@ -182,35 +190,35 @@ class TraceFit:
 
     @property
     def amplitude(self) -> Array:
-        """Amplitude of each order [arcsec]."""
+        """The amplitude of each order [arcsec], shape (orders,)."""
         cosine, sine = self.coefficients.reshape(2, -1)
         return np.hypot(cosine, sine)
 
     @property
     def groups(self) -> list[OrderIndices]:
-        """Places of the orders in groups: those that the recording does not resolve from a line are together."""
+        """The indices of the orders in groups; orders that are not resolved from a line share its group."""
         is_line = self.is_line
-        # a line and an order this near trade amplitude with each other
+        # a line and an order this close together exchange amplitude
         is_close = np.diff(self.orders) < RESOLVED_GAP / self.bins.span
         is_joined = is_close & (is_line[1:] | is_line[:-1])
         return np.split(np.arange(len(self.orders)), np.flatnonzero(~is_joined) + 1)
 
     @property
     def unresolved(self) -> NDArray[np.bool_]:
-        """Whether an order is in a group with others, shape (orders,)."""
+        """Whether each order shares its group with others, shape (orders,)."""
         return np.concatenate([np.full(len(group), len(group) > 1) for group in self.groups])
 
     @property
     def is_slow(self) -> NDArray[np.bool_]:
-        """Whether an order is of the output revolution, not of the input, shape (orders,)."""
+        """Whether each order is one of the output revolution rather than the input revolution, shape (orders,)."""
         return self.orders < SLOWEST_ORDER
 
     def mean_square(self, indices: OrderIndices) -> Array:
-        """Return twice the mean products of cosines and sines of orders over the recording, shape (2 n, 2 n).
+        """Return twice the mean products of the cosines and sines of orders over the recording, shape (2 n, 2 n).
 
-        Over whole revolutions it is the identity.
+        Over whole revolutions this is the identity matrix.
         """
-        # over whole periods cosine and sine have a mean square of one half
+        # over whole periods, cosine and sine have a mean square of one half
         if len(indices) == 1:
             return np.eye(2)
         pair = self.pair(indices)
@@ -219,11 +227,11 @@ class TraceFit:
     def wave(self, indices: OrderIndices, square: Array | None = None) -> Wave:
         """Return the wave of a group of orders, with its standard uncertainty.
 
-        The amplitude of several orders is that of a wave of the same mean square, and their order that of the same
-        mean square slope.
+        The amplitude of several orders is that of a wave with the same mean square. Its order is that of a wave with
+        the same mean square slope.
 
-        indices: of the orders of the group.
-        square: mean products as `mean_square` returns them; None for those over the recording.
+        indices: indices of the orders in the group.
+        square: mean products as returned by `mean_square`, None for those over the recording.
         """
         orders = self.orders[indices]
         pair = self.pair(indices)
@@ -234,12 +242,13 @@ class TraceFit:
         sines = coefficients[len(indices) :]
         order = float(orders[0])
         if len(indices) > 1:
-            # of the joint wave: rms of its derivative over its rms is its frequency
+            # frequency of the joint wave: rms of its derivative divided by its rms
             slope = np.concatenate([orders * sines, -orders * cosines])
             order = float(np.sqrt(slope @ square @ slope / max(coefficients @ square @ coefficients, 1e-300)))
         amplitude = float(np.sqrt(coefficients @ square @ coefficients))
-        # the amplitude's uncertainty to first order
-        gradient = square @ coefficients / max(amplitude, 1e-300)  # of the amplitude over the coefficients
+        # uncertainty of the amplitude to first order
+        # derivative of the amplitude with respect to the coefficients
+        gradient = square @ coefficients / max(amplitude, 1e-300)
         return Wave(
             per_cam_rev=order,
             amplitude_arcsec=amplitude,
@@ -248,34 +257,36 @@ class TraceFit:
         )
 
     def joint_wave(self, indices: OrderIndices) -> Wave:
-        """Return the wave of an order and its sidebands without the part that noise adds to its mean square.
+        """Return the wave of an order and its sidebands without the noise contribution to its mean square.
 
-        The mean is over whole output revolutions, or over the recording if it is a part of one.
+        The mean is taken over whole output revolutions, or over the recording if it covers only a part of one.
         """
         pair = self.pair(indices)
         slow = self.design.slow
-        # over a part of an output revolution sidebands are not orthogonal
+        # over a part of an output revolution, sidebands are not orthogonal
         square = self.mean_square(indices) if slow.by_angle or slow.ridge else np.eye(len(pair))
         wave = self.wave(indices, square)
-        # its trace is the mean square that noise adds
+        # the trace of this product is the mean square that noise adds
         noise = square @ self.covariance(pair)
         spread_by_order = 2 * wave.amplitude_arcsec * wave.uncertainty_arcsec
-        spread = float(np.hypot(spread_by_order, np.sqrt(2 * np.trace(noise @ noise))))  # of the mean square
+        # standard deviation of the mean square
+        spread = float(np.hypot(spread_by_order, np.sqrt(2 * np.trace(noise @ noise))))
         amplitude = float(np.sqrt(max(0.0, wave.amplitude_arcsec**2 - np.trace(noise))))
-        # to first order, but no more than the root of the spread, where the amplitude is as small as the noise
+        # to first order, but at most the root of that standard deviation, which applies if the amplitude is as small as
+        # the noise
         uncertainty = min(spread / max(2 * amplitude, 1e-300), float(np.sqrt(spread)))
         return replace(wave, amplitude_arcsec=amplitude, uncertainty_arcsec=uncertainty)
 
     @property
     def clear_of_noise(self) -> bool:
-        """Whether the orders together have more power than noise alone would leave in them, but once in thousands."""
-        # chi-square of all coefficients, with mean `freedom` and variance twice that
+        """Whether all orders together have more power than noise has, except in one of thousands of recordings."""
+        # chi-square of all coefficients, with mean `freedom` and variance 2 `freedom`
         power = float(self.coefficients @ np.linalg.solve(self.covariance(), self.coefficients))
         freedom = 2 * len(self.orders)
         return power > freedom + _POWER_CLEAR * float(np.sqrt(2 * freedom))
 
     def curve(self, turns: Array) -> Array:
-        """Return the curve [arcsec] at cam angles [turns], without levels and drift."""
+        """Return the curve [arcsec] at input angles [revolutions], without levels and drift."""
         return curve_of(self.coefficients, self.orders, turns)
 
 
@@ -285,16 +296,20 @@ def fit_orders(
     slow: SlowTerms = SlowTerms(),
     lines: ArrayLike = (),
 ) -> TraceFit:
-    """Fit the orders, lines beside them, a level of each sweep, and slow terms to a trace's bins.
+    """Fit the orders, the lines, a level of each sweep and slow terms to the bins of a recording.
 
-    Raises UntrustedError: too few bins, or angles that do not resolve the orders.
+    bins: averages of the recording.
+    orders: orders per input revolution.
+    slow: slow terms.
+    lines: orders of further lines.
+    Raises UntrustedError if there are too few bins, or the angles do not resolve the orders.
     """
     lines = np.sort(lines)
     return TraceFit(TraceDesign(bins, np.sort(np.concatenate([orders, lines])), slow), bins.error, lines)
 
 
 def _blocks_of(design: TraceDesign, solution: Array) -> list[_FitBlock]:
-    """Return the solution of a design in blocks: orders, levels, slow terms, slopes, and changes of the orders."""
+    """Return the solution in blocks: orders, levels, slow terms, slopes, and changes of the orders with torque."""
     coefficients = 2 * len(design.orders)
     slow = design.slow
     sizes = [coefficients, design.bins.levels, slow.degree, len(slow.over)]
@@ -309,23 +324,23 @@ def _blocks_of(design: TraceDesign, solution: Array) -> list[_FitBlock]:
 
 
 def drift_of(fit: TraceFit, extent: float) -> float:
-    """Return the linear drift [arcsec] over a recording, if the residuals of a fit without drift show it, else 0.
+    """Return the linear drift over a recording [arcsec] if the residuals of a fit without drift show it, otherwise 0.
 
-    It is fitted together with the orders: sidebands take most of it, but none of them closes with the cycle as a
-    drift does not.
+    The drift is fitted together with the orders. Sidebands absorb most of it, but they close over the cycle and a drift
+    does not.
 
-    fit: without a drift.
-    extent: range of its curve [arcsec]; a drift that is small beside it does not count.
+    fit: fit without a drift.
+    extent: range of its curve [arcsec]; a drift that is small in comparison is ignored.
     """
     design = fit.design
     bins = fit.bins
-    # from the fit without drift, so nothing is fitted again
+    # computed from the fit without drift, so that no new fit is needed
     column, (size,) = fit.beside(bins.travel[:, None] / design.reach)
     residual = fit.residual - size * column[:, 0]
     variance = float(bins.weight @ residual**2) / (len(bins) - design.columns)
     correlated, _ = _residual_memory(design, residual, variance)
     uncertainty = float(np.sqrt(variance * max(correlated, 1.0) / (bins.weight @ column**2)[0]))
-    # clear of its noise, and large enough to matter
+    # the drift must exceed its noise and be large enough to matter
     return float(size) if abs(size) > max(_DRIFT_CLEAR * uncertainty, _DRIFTED * extent) else 0.0
 
 
@@ -334,19 +349,20 @@ def _residual_memory(
     residual: Array,
     variance: float,
 ) -> tuple[float, float]:
-    """Return the number of bins that err together, and the size of the correlated part of the residuals [arcsec].
+    """Return the number of bins with correlated errors, and the size of the correlated part of the residuals [arcsec].
 
-    residual: [arcsec], shape (bins,); variance: at weight 1 [arcsec^2].
+    residual: residuals [arcsec], shape (bins,).
+    variance: variance of the residuals at weight 1 [arcsec^2].
     """
-    # a recording without noise, such as a computed one
+    # a recording without noise, for example a computed one
     if not variance:
         return 1.0, 0.0
     size = len(residual)
     products = _lagged_products(residual)
     removed = _removed_by_fit(design, size, len(products))
-    # a fit takes part of the noise away, which lowers all correlations
+    # a fit absorbs a part of the noise, which lowers all correlations
     rho = products / products[0] * (1 - design.columns / size) + removed  # autocorrelation
-    # the sum stops at the first lag within its error: later ones are chance
+    # the sum stops at the first lag that is not significant
     insignificant = np.flatnonzero(rho[1:] < 2 / np.sqrt(size))
     last = int(insignificant[0]) if len(insignificant) else len(rho) - 1
     correlated = 1 + 2 * float(rho[1 : last + 1].sum())
@@ -354,12 +370,9 @@ def _residual_memory(
 
 
 def _lagged_products(residual: Array) -> Array:
-    """Return the mean products of residuals with later ones, by their lag in bins, shape (lags,).
-
-    The transform is of twice the length, so that the last residuals do not meet the first ones.
-    """
+    """Return the mean products of residuals with later residuals, by lag in bins, shape (lags,)."""
     size = len(residual)
-    # padded with zeros, so that the end does not meet the beginning
+    # padded with zeros to twice the length, so that the last residuals are not multiplied with the first ones
     spectrum = np.fft.rfft(residual, 2 * size)
     return np.asarray(np.fft.irfft(np.abs(spectrum) ** 2)[: min(_LAGS, size // 4)] / size)
 
@@ -369,11 +382,14 @@ def _removed_by_fit(
     size: int,
     lags: int,
 ) -> Array:
-    """Return the part of the autocorrelation of white noise that a fit removes, by the lag, shape (lags,).
+    """Return the reduction of the autocorrelation of white noise by a fit, by lag, shape (lags,).
 
-    The fit removes white noise at its own orders only: what remains is correlated by as much less.
+    The fit removes white noise only at its own orders, which lowers the correlation of the remainder.
+
+    size: number of bins.
+    lags: number of lags.
     """
-    # each fitted wave takes its own frequency out of white noise
+    # each fitted wave removes its own frequency from white noise
     waves = 2 * len(design.orders) * (1 + design.slow.order_changes)
     step = float(np.median(np.abs(np.diff(design.bins.turns))))
     angles = 2 * np.pi * step * np.arange(lags)
@@ -387,16 +403,16 @@ def _correlated_size(
     variance: float,
     removed: float,
 ) -> float:
-    """Return the size of the part of residuals [arcsec] that is correlated from one bin to the next; 0 if unclear.
+    """Return the size of the part of the residuals that is correlated between neighbouring bins [arcsec], 0 if unclear.
 
-    removed: part of their correlation that the fit removed.
+    removed: amount by which the fit reduced the correlation of neighbours.
     """
-    # of one sweep, and close: a gap says nothing on neighbours
+    # neighbours are in the same sweep and close together; bins on either side of a gap are not neighbours
     are_neighbours = (np.diff(bins.turns) < _NEIGHBOURS / bins.per_turn) & (np.diff(bins.sweep) == 0)
     if are_neighbours.sum() < len(residual) / 5:
         return 0.0
     covariance = float((residual[1:] * residual[:-1])[are_neighbours].mean()) + variance * removed
-    # twice the standard error of a mean product of white noise
+    # twice the standard error of the mean product of white noise
     is_clear = covariance > 2 * variance / np.sqrt(are_neighbours.sum())
     return float(np.sqrt(covariance)) if is_clear else 0.0
 
@@ -406,13 +422,14 @@ def residual_power(
     residual: Array,
     variance: float,
 ) -> tuple[Array, Array]:
-    """Return orders per input revolution, and the power of residuals there over that of independent ones.
+    """Return orders per input revolution, and the power of the residuals there relative to independent residuals.
 
-    The orders rise, and are at least twice as dense as the recording resolves, shape (probes,). Readings lie somewhere
-    within the places of the transform: exp(i a x) of their distance x from the middle is a series in powers of x.
-    Without it even readings in uneven places would have images.
+    The orders increase and are at least twice as dense as the resolution of the recording, shape (probes,). Readings
+    lie anywhere within the cells of the transform, so exp(i a x) is expanded in powers of their distance x from the
+    cell's centre. Without the expansion, even unevenly spaced readings would produce images.
 
-    residual: [arcsec], shape (bins,); variance: of the independent ones at weight 1 [arcsec^2].
+    residual: residuals [arcsec], shape (bins,).
+    variance: variance of independent residuals at weight 1 [arcsec^2].
     """
     parts = list(
         zip(
@@ -422,16 +439,16 @@ def residual_power(
         )
     )
     longest = max(int(np.ptp(np.floor(turns))) for turns, _ in parts) + 1
-    # a power of two, with room for no wrap-around
+    # a power of two that is long enough to prevent wrap-around
     length = 1 << int(np.ceil(np.log2(2 * longest)))
     frequency = -2j * np.pi * np.arange(length // 2 + 1) / length
     power = np.zeros(length // 2 + 1)
     for turns, values in parts:
         cell = np.floor(turns)
-        offset = turns - cell - 0.5  # of a reading from the middle of its place
+        offset = turns - cell - 0.5  # distance of a reading from the centre of its cell
         places = (cell - cell[0]).astype(np.int64)
         transform = np.zeros(length // 2 + 1, complex)
-        # Taylor series of the phase within a place: readings need not lie on the grid
+        # Taylor series of the phase within a cell, because the readings need not lie on the grid
         for moment in range(_MOMENTS):
             line = np.zeros(longest)
             line[places] = values * offset**moment
@@ -442,9 +459,9 @@ def residual_power(
 
 
 def even_readings(bins: Bins) -> tuple[float, float, float]:
-    """Return the readings in an input revolution if they lie at even angles, one such angle [turns], and the evenness.
+    """Return the readings per input revolution, the angle of one reading [revolutions], and the evenness.
 
-    The evenness is 0 to 1, and 1 if all angles are even.
+    The evenness is between 0 and 1, and 1 if all angles are evenly spaced.
     """
     turns = max(bins.by_sweep(bins.turns), key=len)
     steps = np.diff(turns)
@@ -453,7 +470,10 @@ def even_readings(bins: Bins) -> tuple[float, float, float]:
 
 
 def distance(probes: Array, orders: Array) -> Array:
-    """Return how far probes lie from the nearest of some orders, which rise, shape (probes,)."""
+    """Return the distance of probes from the nearest of the orders, shape (probes,).
+
+    orders: orders in increasing order.
+    """
     after = np.clip(np.searchsorted(orders, probes), 1, max(len(orders) - 1, 1))
     return np.minimum(np.abs(probes - orders[after - 1]), np.abs(probes - orders[np.minimum(after, len(orders) - 1)]))
 
@@ -463,14 +483,15 @@ def noise_floor(
     residual: Array,
     variance: float,
 ) -> tuple[Array, Array] | None:
-    """Return the power of the noise at each order over that of independent residuals, and the Student factor.
+    """Return the noise power at each order relative to independent residuals, and the Student factor.
 
-    Residuals of a real recording are not white: low orders have more noise than high ones. Their power halfway between
-    fitted orders, and on both sides of a group of them, stands for the power of the noise at the orders.
-    Both have shape (orders,); the factor is that of an interval of k = 2 where the power is of few places. The result
-    is None if the recording is too short.
+    Both have shape (orders,). Residuals of a real recording are not white: low orders have more noise than high ones.
+    The noise power at an order is estimated by the power of the residuals halfway between fitted orders, and on both
+    sides of a group of orders. The Student factor widens the interval of k = 2 if the power is the mean of few
+    frequencies. The result is None if the recording is too short.
 
-    residual: [arcsec], shape (bins,); variance: of the residuals at weight 1 [arcsec^2].
+    residual: residuals [arcsec], shape (bins,).
+    variance: variance of the residuals at weight 1 [arcsec^2].
     """
     bins = design.bins
     if bins.span < _FLOOR_SHORTEST or not variance:
@@ -495,7 +516,7 @@ def noise_floor(
 def _share_left(design: TraceDesign, probes: Array) -> float:
     """Return the share of the noise between the orders that a fit leaves in the residuals.
 
-    If rows are lost, all columns of the design take some of it everywhere.
+    If rows are missing, all columns of the design absorb some noise at every frequency.
     """
     bins = design.bins
     waves = order_columns(bins.turns, probes[:: max(1, len(probes) // _FLOOR_WAVES)])
@@ -503,9 +524,10 @@ def _share_left(design: TraceDesign, probes: Array) -> float:
 
 
 def _floor_windows(probes: Array, orders: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the first probe around each order, and the one after the last, each of shape (orders,).
+    """Return the index of the first probe around each order and the index after the last, each of shape (orders,).
 
-    A window is _FLOOR_AROUND orders to each side, or the nearest _FLOOR_FEWEST probes if it has fewer.
+    A window extends _FLOOR_AROUND orders to each side. If that includes fewer than _FLOOR_FEWEST probes, the window
+    consists of the nearest _FLOOR_FEWEST probes.
     """
     first = np.searchsorted(probes, orders - _FLOOR_AROUND)
     last = np.searchsorted(probes, orders + _FLOOR_AROUND)

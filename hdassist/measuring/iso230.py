@@ -1,4 +1,4 @@
-"""Figures of approached positions as ISO 230-2 defines them: reversal value, repeatability and accuracy of positioning.
+"""Quantities of approached positions defined by ISO 230-2: reversal value, repeatability and accuracy of positioning.
 
 At position i the deviations of the approaches from side s have the mean x_is and the sample standard deviation s_is.
 Forward is the side 1 (+), backward the side -1 (-):
@@ -9,8 +9,8 @@ Forward is the side 1 (+), backward the side -1 (-):
     R_s = max over i of 4 s_is,   R = max over i of max(2 s_i+ + 2 s_i- + |B_i|, R_i+, R_i-)          (4)
     A_s = max over i of (x_is + 2 s_is) - min over i of (x_is - 2 s_is);   A: over i and s            (5)
 
-Source: ISO 230-2:2014, clause 2. The standard requires five approaches from each side, and adds no uncertainty of the
-measurement to these figures; the number of approaches is a result here.
+Source: ISO 230-2:2014, clause 2. The standard requires five approaches from each side, and adds no measurement
+uncertainty to these quantities. Here the number of approaches is part of the result.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ _FORWARD = 1.0
 _BACKWARD = -1.0
 FEWEST_APPROACHES = 5  # approaches of each position from each side that the standard requires
 _SIDES = 2
-_FEWEST_FOR_SCATTER = 2  # approaches, of which a sample standard deviation is defined
+_FEWEST_FOR_SCATTER = 2  # approaches from which a sample standard deviation is defined
 
 
 @dataclass(frozen=True)
 class _PositioningFigure:
-    """A figure of ISO 230-2: symbol, what it is in words, and value [arcsec]."""
+    """A quantity of ISO 230-2: symbol, name and value [arcsec]."""
 
     symbol: str
     words: str
@@ -41,10 +41,13 @@ class _PositioningFigure:
 
 @dataclass(frozen=True)
 class PositioningTest:
-    """Figures of approached positions by ISO 230-2.
+    """Quantities of approached positions according to ISO 230-2.
 
-    positions: number of them. approaches: fewest of a position from a side. reversal_uncertainty_arcsec: standard
-    uncertainty of the mean reversal value by the scatter of the approaches, None if it is not known.
+    figures: the quantities that the approaches determine.
+    positions: number of positions.
+    approaches: smallest number of approaches of a position from one side.
+    reversal_uncertainty_arcsec: standard uncertainty of the mean reversal value due to the scatter of the approaches,
+    None if the scatter is unknown.
     """
 
     figures: tuple[_PositioningFigure, ...]
@@ -58,15 +61,17 @@ class PositioningTest:
         return self.approaches >= FEWEST_APPROACHES
 
     def figure(self, symbol: str) -> _PositioningFigure | None:
-        """Return the figure of a symbol; None if the approaches do not determine it."""
+        """Return the quantity with a symbol, or None if the approaches do not determine it."""
         return next((figure for figure in self.figures if figure.symbol == symbol), None)
 
 
 @dataclass(frozen=True, eq=False)
 class _SideStatistics:
-    """Approaches from one side, each of shape (positions,): mean and standard deviation [arcsec], number of them.
+    """Statistics of the approaches from one side, in arrays of shape (positions,).
 
-    The standard deviation of one approach is NaN.
+    mean: mean deviation [arcsec].
+    deviation: sample standard deviation [arcsec], NaN for a single approach.
+    count: number of approaches.
     """
 
     mean: Array
@@ -80,25 +85,25 @@ class _SideStatistics:
 
     @property
     def low(self) -> Array:
-        """Mean less two standard deviations [arcsec], shape (positions,)."""
+        """The mean minus two standard deviations [arcsec], shape (positions,)."""
         return self.mean - 2 * self.deviation
 
     @property
     def high(self) -> Array:
-        """Mean plus two standard deviations [arcsec], shape (positions,)."""
+        """The mean plus two standard deviations [arcsec], shape (positions,)."""
         return self.mean + 2 * self.deviation
 
 
 def positioning_test(record: PositionRecord) -> PositioningTest | None:
-    """Return the figures of ISO 230-2 that approached positions determine; None if they determine none.
+    """Return the quantities of ISO 230-2 that approached positions determine, or None if they determine none.
 
-    Figures of both sides need each position approached from both. Figures with a standard deviation need every
-    position approached twice from each side that occurs.
+    Quantities of both sides require that each position was approached from both sides. Quantities with a standard
+    deviation require two approaches of every position from each side that occurs.
     """
     numbers = record.position_numbers()
     count = int(numbers.max()) + 1
     sides = {}
-    # forward: approached with growing angles
+    # forward means approached with increasing angles
     for side in (_FORWARD, _BACKWARD):
         statistics = _side_statistics(numbers, record.deviation_arcsec, record.side == side, count)
         if statistics is not None:
@@ -107,7 +112,7 @@ def positioning_test(record: PositionRecord) -> PositioningTest | None:
     for side, statistics in sides.items():
         figures += _one_sided(statistics, "+" if side == _FORWARD else "-")
     uncertainty = None
-    # figures of both sides need every position from both
+    # bidirectional quantities require every position from both sides
     if len(sides) == _SIDES:
         figures += _two_sided(sides[_FORWARD], sides[_BACKWARD])
         uncertainty = _reversal_uncertainty(sides[_FORWARD], sides[_BACKWARD])
@@ -125,11 +130,11 @@ def _side_statistics(
     is_side: Array,
     count: int,
 ) -> _SideStatistics | None:
-    """Return the statistics of the approaches from one side; None unless every position has one.
+    """Return the statistics of the approaches from one side, or None if a position has no approach from it.
 
-    Arguments: numbers of the positions from 0, shape (rows,).
-    deviation_arcsec: deviations [arcsec], shape (rows,).
-    is_side: whether an approach was from the side, shape (rows,).
+    numbers: position number of each approach, from 0, shape (rows,).
+    deviation_arcsec: deviations, shape (rows,).
+    is_side: whether each approach was from this side, shape (rows,).
     count: number of positions.
     """
     means = np.empty(count)
@@ -140,19 +145,19 @@ def _side_statistics(
         if not len(approaches):
             return None
         counts[number] = len(approaches)
-        # mean unidirectional deviation of a position, and its estimator of repeatability
+        # mean unidirectional deviation of a position, and the estimator of its repeatability
         means[number] = approaches.mean()
         deviations[number] = approaches.std(ddof=1) if len(approaches) > 1 else np.nan
     return _SideStatistics(means, deviations, counts)
 
 
 def _one_sided(side: _SideStatistics, sign: str) -> list[_PositioningFigure]:
-    """Return the figures of one side of several positions, by (3) to (5); of one position its repeatability only."""
+    """Return the unidirectional quantities by (3) to (5), or only the repeatability if there is one position."""
     way = "forward" if sign == "+" else "backward"
     figures = []
     if len(side.mean) > 1:
         figures.append(_PositioningFigure(f"E{sign}", f"systematic positioning error, {way}", float(np.ptp(side.mean))))
-    # one approach has no standard deviation
+    # a single approach has no standard deviation
     if side.has_scatter:
         # R = 4 s at the worst position
         repeatability = float(4 * side.deviation.max())
@@ -164,7 +169,7 @@ def _one_sided(side: _SideStatistics, sign: str) -> list[_PositioningFigure]:
 
 
 def _two_sided(forward: _SideStatistics, backward: _SideStatistics) -> list[_PositioningFigure]:
-    """Return the figures of both sides, by (1) to (5); of one position reversal value and repeatability only."""
+    """Return the bidirectional quantities by (1) to (5), or reversal value and repeatability of a single position."""
     # reversal value of each position
     reversal = forward.mean - backward.mean
     figures = [
@@ -193,7 +198,7 @@ def _two_sided(forward: _SideStatistics, backward: _SideStatistics) -> list[_Pos
 
 
 def _reversal_uncertainty(forward: _SideStatistics, backward: _SideStatistics) -> float | None:
-    """Return the standard uncertainty of the mean reversal value [arcsec] by pooled scatter; None without scatter."""
+    """Return the standard uncertainty of the mean reversal value from the pooled scatter [arcsec], or None."""
     counts = np.concatenate([forward.count, backward.count])
     freedom = float((counts - 1).sum())
     if not freedom:

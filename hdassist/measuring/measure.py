@@ -1,4 +1,4 @@
-"""F'_ior, orders and coverage of a measured trace, each direction by itself, and the options by which it is read."""
+"""F'_ior, orders and coverage of a measured recording for each direction, and the options for reading it."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ from hdassist.readers.trace import BY_ORDER, MeasuredTrace, TraceForm, read_reco
 from hdassist.run.kept import ClosedRecord
 
 _DRIFTS = {"none": 0, "linear": 1, "quadratic": 2}
-_SHORTEST_TURNS = 1.0  # cam turns
+_SHORTEST_TURNS = 1.0  # input revolutions
 _STEPS_PER_PERIOD = 2.5  # smallest number of angle steps in a period of the highest order
 DRIFT_LEFT = "a linear drift of {:.3g}″ over the recording is not removed (--drift linear), as it may be a slow order"
 _DRIFT_OFF = (
@@ -82,17 +82,17 @@ _CHANGES_LEFT = (
 _STRAIGHT = (
     "F'_ior at {:g} N·m is interpolated linearly from {:.3g} to {:.3g} N·m: the recording does not show a curvature"
 )
-_CYCLES_OF_RATIO = 1.2  # full cycles, from which on a record shows whether its beats are those of the ratio
+_CYCLES_OF_RATIO = 1.2  # full cycles from which a recording shows whether its sidebands are those of the ratio
 _BENT = 1 / 4  # largest departure of a drift from a straight line to either side, as a share of it
-_COARSE_STEP = 1 / 4  # largest step in time with the revolutions with which the error is resolved, as a share of F'_ior
-_BOTH_WAYS = 2  # directions
-_LAG_CLEAR = 3.0  # standard uncertainties of a lag that moves the angles
+_COARSE_STEP = 1 / 4  # largest step of readings at even angles, as a share of F'_ior
+_BOTH_WAYS = 2  # number of directions
+_LAG_CLEAR = 3.0  # standard uncertainties that a lag must exceed before the angles are corrected for it
 _UNMODELLED = 1 / 5  # smallest error beyond the orders that is reported, as a share of F'_ior
 
 
 @dataclass(frozen=True)
 class _TorqueRange:
-    """F'_ior at a torque of a record [N*m], with its standard uncertainty [arcsec]."""
+    """F'_ior at a torque of a recording [N*m], with its standard uncertainty [arcsec]."""
 
     M_g_Nm: float
     F_ior_arcsec: float
@@ -100,7 +100,11 @@ class _TorqueRange:
 
     @classmethod
     def of(cls, M_g: float, F_ior: Range) -> _TorqueRange:
-        """Return the range of the curve at a torque [N*m]."""
+        """Return F'_ior at a torque.
+
+        M_g: torque [N*m].
+        F_ior: range of the curve at this torque.
+        """
         return cls(
             M_g_Nm=M_g,
             F_ior_arcsec=F_ior.value,
@@ -110,26 +114,27 @@ class _TorqueRange:
 
 @dataclass(frozen=True, eq=False)
 class SweepResult:
-    """Results of one direction of a trace.
+    """Results for one direction of a recording.
 
-    direction: 1 for growing input angles, -1 for falling ones, 0 for both as one.
-    fit: of the orders, lines and slow terms.
-    grid_turns: visited input angles, shape (angles,).
-    range: of the curve over the visited angles.
-    revolution: the largest range within one input revolution.
-    cam: range of the orders of the cam, without slow terms of the output.
+    direction: 1 for increasing input angles, -1 for decreasing ones, 0 for both directions combined.
+    fit: fit of the orders, lines and slow terms.
+    grid_turns: covered input angles [revolutions], shape (angles,).
+    range: range of the curve over the covered angles.
+    revolution: largest range within one input revolution.
+    cam: range of the orders of the input, without slow terms of the output.
     slope: largest slope [arcsec per input revolution].
     slow_arcsec: range of the slow terms.
-    raw_range_arcsec: of the readings themselves, without the drift if its removal was requested.
-    orders, orders_of_cam: of the fit, and the declared ones with their sidebands.
+    raw_range_arcsec: range of the readings, without the drift if its removal was requested.
+    orders: orders of the fit.
+    orders_of_cam: declared orders with their sidebands.
     coverage: None if the ratio is unknown.
-    sources: of the uncertainty of F'_ior.
-    torques: the smallest, the mean and the largest, if the orders change with the torque.
-    torque_miss_arcsec: most that lines between these torques miss, None if it is unknown.
-    is_scale_bound: whether all errors may be larger by one factor.
+    sources: sources of the uncertainty of F'_ior.
+    torques: F'_ior at the smallest, mean and largest torque, if the orders change with the torque.
+    torque_miss_arcsec: largest error of linear interpolation between these torques, None if it is unknown.
+    is_scale_bound: whether all errors may be larger by one common factor.
     shafts: components of stated shafts.
-    full_cycle: F'_ior of the full cycle by the model of the recording, or why there is none (with_full_cycle); None
-        before. Its value and its interval are then those of F'_ior.
+    full_cycle: F'_ior of the full cycle from the model of the recording, or the reason why it is not available. It is
+    None before `with_full_cycle`. If it is available, its value and interval are those of F'_ior.
     """
 
     direction: int
@@ -153,22 +158,22 @@ class SweepResult:
 
     @property
     def bins(self) -> Bins:
-        """Averages of the readings, to which the fit was made."""
+        """The averages of the readings to which the fit was made."""
         return self.fit.bins
 
     @property
     def by_model(self) -> FullCycle | None:
-        """F'_ior by the model of the recording; None without."""
+        """F'_ior from the model of the recording, or None if it is not available."""
         return self.full_cycle if isinstance(self.full_cycle, FullCycle) else None
 
     @property
     def F_ior_arcsec(self) -> float:
-        """F'_ior; of a lower bound the range of the recorded part."""
+        """F'_ior, or the range of the recorded part if F'_ior is a lower bound."""
         return self.by_model.value_arcsec if self.by_model else self.range.value
 
     @property
     def budget(self) -> tuple[UncertaintySource, ...]:
-        """Sources of the uncertainty of F'_ior: that of the model takes the place of the scatter of fitted orders."""
+        """The sources of the uncertainty of F'_ior; that of the model replaces the scatter of fitted orders."""
         if self.by_model is None:
             return self.sources
         by_model = self.by_model.standard_uncertainty_arcsec
@@ -177,30 +182,30 @@ class SweepResult:
 
     @property
     def uncertainty_arcsec(self) -> float:
-        """Combined standard uncertainty of F'_ior."""
+        """The combined standard uncertainty of F'_ior."""
         return combined(self.budget)
 
     @property
     def interval_arcsec(self) -> tuple[float, float]:
-        """95 % interval of F'_ior of the full cycle.
+        """The 95 % interval of F'_ior of the full cycle.
 
-        Without the model: F'_ior less and plus its expanded uncertainty, k = 2, and above that the rise by lines in
-        another cycle; of a lower bound that of the recorded part.
+        Without the model it is F'_ior minus and plus its expanded uncertainty (k = 2). The upper end includes the rise
+        by lines in another cycle. If F'_ior is a lower bound, the interval is that of the recorded part.
         """
         return self.by_model.interval_arcsec if self.by_model else self.range.interval
 
     @property
     def is_part(self) -> bool:
-        """Whether the record is part of an output turn, whose slow terms were taken off as a whole."""
+        """Whether the recording is a part of an output revolution, whose slow terms were removed by polynomials."""
         return self.fit.design.slow.by_angle
 
     @property
     def lines(self) -> tuple[MeasuredOrder, ...]:
-        """Lines that are none of the declared orders."""
+        """The lines that are not declared orders."""
         return tuple(order for order in self.orders if order.is_line)
 
     def order_alone(self, per_cam_rev: float) -> MeasuredOrder | None:
-        """Return an order without its beats, the value that a limit of it is compared with; None if it has none."""
+        """Return an order without its sidebands, which is compared with a limit, or None if there is none."""
         candidates = [order for order in self.orders if abs(order.per_cam_rev - per_cam_rev) <= 0.5 / self.bins.span]
         return min(
             candidates,
@@ -210,10 +215,10 @@ class SweepResult:
 
     @property
     def is_bound(self) -> bool:
-        """Whether F'_ior of the full cycle may be greater, because the readings do not determine all of it.
+        """Whether F'_ior of the full cycle may be larger, because the readings do not determine all of it.
 
-        That is so if places were not visited, if slow terms were removed, if a travel was recorded in parts, whose
-        levels are not known, or if all errors may be larger by one factor.
+        This is the case if angles were not covered, slow terms were removed, a travel was recorded in parts with
+        unknown levels, or all errors may be larger by one common factor.
         """
         if self.coverage is None or self.coverage.share < FULL_SHARE or self.is_part or self.is_scale_bound:
             return True
@@ -222,17 +227,17 @@ class SweepResult:
 
 @dataclass(frozen=True, eq=False)
 class Measurement:
-    """Results of a measured trace.
+    """Results for a measured recording.
 
-    trace: as it was read.
-    gearing: None if the ratio is unknown.
-    directions: that of the largest F'_ior first.
-    reversal: difference of both directions, None without both.
-    lag: between the encoders, None if it is unknown.
-    notes, warnings: what was omitted or removed.
-    seed: of the bootstrap.
-    torque: None if it was not recorded.
-    alone: each direction by itself besides both as one; empty otherwise, or if they are too short.
+    trace: recording as read.
+    gearing: gearing of the drive, None if the ratio is unknown.
+    directions: results by direction, that with the largest F'_ior first.
+    reversal: difference between the directions, None unless both were recorded.
+    lag: lag between the encoders, None if it is unknown.
+    notes, warnings: statements on what was omitted or removed.
+    seed: seed of the bootstrap.
+    torque: recorded torque, None if it was not recorded.
+    alone: separate results by direction if both were combined; otherwise, or if the directions are too short, empty.
     """
 
     trace: MeasuredTrace
@@ -248,32 +253,32 @@ class Measurement:
 
     @property
     def greatest(self) -> SweepResult:
-        """The direction of the greatest F'_ior, of those measured by themselves."""
+        """The direction with the largest F'_ior among the separate directions."""
         return (self.alone or self.directions)[0]
 
     @property
     def is_of_travel(self) -> bool:
-        """Whether the error counts in less than the full cycle."""
+        """Whether F'_ior refers to less than the full cycle."""
         return bool(self.gearing and self.gearing.travel)
 
     @property
     def slope_arcsec_per_deg(self) -> tuple[float, float] | None:
-        """Greatest slope over the angle of the output, and its standard uncertainty; None without a ratio."""
+        """The largest slope over the output angle and its standard uncertainty, or None if the ratio is unknown."""
         if self.gearing is None:
             return None
         slopes = [sweep.slope for sweep in self.alone or self.directions]
         steepest = max(slopes, key=lambda slope: slope.value)
-        per_deg = self.gearing.ratio / 360  # cam turns
+        per_deg = self.gearing.ratio / 360  # input revolutions
         return steepest.value * per_deg, steepest.uncertainty * per_deg
 
     @property
     def F_ior_arcsec(self) -> float:
-        """F'_ior: the greater one of both directions."""
+        """The larger F'_ior of the two directions."""
         return self.greatest.F_ior_arcsec
 
 
 def _without_repeats(texts: Iterable[str]) -> tuple[str, ...]:
-    """Return texts, each once, in the order of their first appearance: both directions may say the same."""
+    """Return each text once, in order of first appearance, because both directions may produce the same text."""
     return tuple(dict.fromkeys(texts))
 
 
@@ -282,7 +287,7 @@ def _gearing_within(
     ratio: float | None,
     travel_deg: float | None,
 ) -> Gearing | None:
-    """Return the gearing of a drive or of a ratio, restricted to a travel of the output [deg] if one is stated."""
+    """Return the gearing of a drive or of a ratio, restricted to an output travel [deg] if one is stated."""
     gearing = gearing_of(drive, ratio)
     return gearing.within(travel_deg) if gearing else None
 
@@ -302,23 +307,23 @@ def measure(
     M_g: float | None = None,
     shafts: Sequence[Shaft] = (),
 ) -> Measurement:
-    """Return F'_ior, orders and coverage of a measured trace.
+    """Return F'_ior, orders and coverage of a measured recording.
 
-    trace: of one or both directions.
-    drive, ratio: one of both, for cycle, coverage and sidebands at the output frequency; None if it is unknown.
-    orders: per input revolution, rising, to which the error is limited; None for 1 to 12, or as far as the steps of the
-        angle resolve them.
-    drift: none, linear or quadratic, to remove.
+    trace: recording of one or both directions.
+    drive, ratio: at most one of them, for the cycle, the coverage and the sidebands; both None if the ratio is unknown.
+    orders: orders per input revolution, increasing, to which the error is limited; None for 1 to 12, or as many of
+    these as the steps of the angle resolve.
+    drift: drift to remove: none, linear or quadratic.
     stated: standard uncertainties [arcsec] by source.
-    seed: of the bootstrap.
-    together: whether both directions count as one, whose number is then 0.
-    may_be_noise: whether F'_ior need not be clear of its noise.
-    travel_deg: of the output: F'_ior is the range of the error there, and slow terms are part of it.
-    M_g: torque of which F'_ior is wanted [N*m], if the trace has a column of it.
-    shafts: beside the drive, whose components are wanted.
-    Raises UsageError for a wrong argument; DataError for less than one input revolution in one direction, or for
-    another torque; UntrustedError for orders that the recording does not resolve, or for an F'_ior that is not clear
-    of its noise.
+    seed: seed of the bootstrap.
+    together: whether both directions are combined, with direction number 0.
+    may_be_noise: whether an F'_ior that does not exceed its noise is allowed.
+    travel_deg: travel of the output. If given, F'_ior is the range of the error within it, including slow terms.
+    M_g: torque at which F'_ior is computed [N*m], if the recording has a column of torque.
+    shafts: shafts outside the drive whose components are determined.
+    Raises UsageError for an invalid argument.
+    Raises DataError for less than one input revolution in one direction, or if the torque was not recorded.
+    Raises UntrustedError if the recording does not resolve the orders, or F'_ior does not exceed its noise.
     """
     _require_drift(drift)
     gearing = _gearing_within(drive, ratio, travel_deg)
@@ -362,9 +367,9 @@ def _reversal_of(
     trace: MeasuredTrace,
     gearing: Gearing | None,
 ) -> tuple[Reversal | None, EncoderLag | None]:
-    """Return what is lost at the reversal, and the lag between the encoders, as far as both directions show them."""
+    """Return the lost motion at reversal and the lag between the encoders, as far as both directions determine them."""
     growing_first = sorted(directions, key=lambda sweep: -sweep.direction)
-    first_turns = np.rint(growing_first[0].grid_turns * 1e6)  # whole numbers, so that equal angles are equal
+    first_turns = np.rint(growing_first[0].grid_turns * 1e6)  # integers, so that equal angles compare as equal
     last_turns = np.rint(growing_first[-1].grid_turns * 1e6)
     drifts = [source for sweep in directions for source in sweep.sources if source.name == "drift"]
     return reversal_and_lag(
@@ -378,10 +383,11 @@ def _reversal_of(
 
 @dataclass(eq=False)
 class _RecordUnderway:
-    """A record on its way to results, direction by direction, with the arguments of `measure`.
+    """A recording that is being evaluated direction by direction, with the arguments of `measure`.
 
-    trace: without readings that were left out, with its steps, and less the wind-up by a catalogue; torque: None
-    without a column; notes and warnings so far.
+    trace: recording without omitted readings, with its steps, and without wind-up computed from a catalogue.
+    torque: recorded torque, None without a column of torque.
+    notes, warnings: statements collected so far.
     """
 
     trace: MeasuredTrace
@@ -397,25 +403,26 @@ class _RecordUnderway:
     shafts: Sequence[Shaft] = ()
 
     def __post_init__(self) -> None:
-        """Begin without anything left out."""
+        """Set the recorded torque and the initial notes."""
         load = self.trace.load
         self.torque = None if load is None else RecordedTorque(float(load.mean()), float(load.min()), float(load.max()))
         self.notes = list(self.trace.notes)
         self.warnings: list[str] = []
 
     def directions_alone(self) -> list[SweepResult]:
-        """Return the results of each direction by itself; empty if they are too short, or cannot be trusted."""
-        with suppress(HdassistError):  # both directions together may be sufficient
+        """Return the separate results of each direction, or an empty list if they are too short or not reliable."""
+        with suppress(HdassistError):  # both directions combined may be sufficient
             return replace(self, together=False, may_be_noise=True).directions()
         return []
 
     def read_in_time(self, alone: Sequence[SweepResult]) -> None:
-        """Remove the lag between the encoders from the input angles, if both directions agree better then.
+        """Remove the lag between the encoders from the input angles if this improves the agreement of the directions.
 
-        A lag moves the error along the angle, one way in each direction, and more at a higher speed. The level gives
-        its size; the better agreement gives its sense, and shows that it is no friction.
+        A lag shifts the error along the angle, in opposite senses for the two directions, and more at a higher speed.
+        The levels give its size. The better agreement gives its sign, and shows that the difference is not due to
+        friction.
 
-        alone: results of each direction by itself.
+        alone: separate results of each direction.
         """
         if self.trace.time_s is None or self.gearing is None or len(alone) != _BOTH_WAYS:
             return
@@ -433,7 +440,7 @@ class _RecordUnderway:
                 least_variance = variance
 
     def directions(self) -> list[SweepResult]:
-        """Return the results of each direction, that of the largest F'_ior first. Raises what `measure` does."""
+        """Return the results of each direction, that with the largest F'_ior first. Raises the errors of `measure`."""
         signs = (0,) if self.together else (1, -1)
         results = [self._result(sign) for sign in signs]
         directions = [result for result in results if result is not None]
@@ -443,7 +450,7 @@ class _RecordUnderway:
         return sorted(directions, key=lambda sweep: -sweep.range.value)
 
     def _result(self, sign: int) -> SweepResult | None:
-        """Return the results of a direction, 0 for both as one; None if it covers less than an input revolution."""
+        """Return the results of a direction (0 for both), or None if it covers less than an input revolution."""
         if self._is_too_short(sign):
             return None
         fit = self._fitted(sign)
@@ -464,9 +471,9 @@ class _RecordUnderway:
         return replace(result, shafts=shafts)
 
     def _is_too_short(self, sign: int) -> bool:
-        """Return whether a direction covers less than an input revolution, and note it."""
+        """Return whether a direction covers less than an input revolution, and add a note if it does."""
         trace = self.trace.one_way(sign)
-        longest = 0.0  # turns of a sweep, with the step after its last reading
+        longest = 0.0  # revolutions of the longest sweep, including the step after its last reading
         for angles in trace.by_sweep(trace.cam_deg):
             longest = max(longest, float(np.ptp(angles)) / 360 * len(angles) / (len(angles) - 1))
         if longest >= _SHORTEST_TURNS - 0.01:
@@ -477,9 +484,9 @@ class _RecordUnderway:
         return True
 
     def _with_order_changes(self, sign: int, fit: TraceFit) -> tuple[TraceFit, float | None]:
-        """Return a fit whose orders change with the torque if they do, and the most that lines miss [arcsec].
+        """Return a fit whose orders change with the torque if they do, and the largest interpolation error [arcsec].
 
-        A torque that changes within sweeps but follows the output angle changes the sidebands.
+        A torque that changes within sweeps but follows the output angle modifies the sidebands instead.
         """
         torque = self.torque
         if torque is None or not torque.is_change([fit.bins.load]):
@@ -493,10 +500,10 @@ class _RecordUnderway:
         return fit, torque_miss
 
     def _with_lines(self, fit: TraceFit) -> tuple[TraceFit, float]:
-        """Return a fit with its lines, and the linear drift [arcsec] that it has not removed.
+        """Return a fit with its lines, and the linear drift that it does not remove [arcsec].
 
-        A cycle that was recorded as a whole closes: a drift over it is removed. A comparison of both directions as one
-        looks for drift in the difference, and counts lines as noise.
+        A completely recorded cycle closes, so a drift over it is removed. If both directions are combined, drift
+        appears in their difference, and lines count as noise.
         """
         if self.together:
             return fit, 0.0
@@ -518,7 +525,7 @@ class _RecordUnderway:
         *,
         is_bend_known: bool,
     ) -> TraceFit:
-        """Return a fit with its curve at the requested torque [N*m], whose column may count the other way."""
+        """Return a fit with its curve at the requested torque [N*m], whose column may have the opposite sign."""
         low, _, high = fit.bins.torques
         nearest = min((M_g, -M_g), key=lambda load: max(low - load, load - high))
         if not is_bend_known:
@@ -526,7 +533,7 @@ class _RecordUnderway:
         return fit.at_torque(min(max(nearest, low), high))
 
     def _require_ratio(self, fit: TraceFit) -> None:
-        """Raise DataError if the sidebands of a recording show another ratio than that of the drive, or of --ratio."""
+        """Raise DataError if the sidebands of a recording show a ratio other than that of the drive or of --ratio."""
         gearing = self.gearing
         if gearing is None or fit.bins.span < _CYCLES_OF_RATIO * gearing.cycle:
             return
@@ -541,7 +548,7 @@ class _RecordUnderway:
         raise DataError(f"{self.trace.file}: the error repeats {period}", hint, Fault.FILE_INVALID)
 
     def _fitted(self, sign: int) -> TraceFit:
-        """Return the fit to a direction, without everything that earlier fits showed to be omitted or removed."""
+        """Return the fit to a direction after repeated removal of the readings and effects that the fits identify."""
         fitted_trace = self.trace
         fit = self._fitted_once(sign)
         while self.trace is not fitted_trace:
@@ -550,7 +557,7 @@ class _RecordUnderway:
         return fit
 
     def _fitted_once(self, sign: int) -> TraceFit:
-        """Return the fit to a direction; if it shows something to omit or to remove, another trace replaces it."""
+        """Return the fit to a direction, and replace the trace if the fit shows something to omit or remove."""
         trace = self.trace.one_way(sign)
         ratio = self.gearing.ratio if self.gearing else USUAL_RATIO
         declared = _declared(trace, self.orders, self.notes)
@@ -584,7 +591,7 @@ class _RecordUnderway:
         bins: Bins,
         ratio: float,
     ) -> SlowTerms:
-        """Return the slow terms of a direction, with a lag between the encoders if its speed changes."""
+        """Return the slow terms of a direction, including a lag between the encoders if its speed changes."""
         slow = SlowTerms(_DRIFTS[self.drift])
         is_travel = bool(self.gearing and self.gearing.travel)
         if is_travel or not self.together:
@@ -607,8 +614,8 @@ class _RecordUnderway:
     ) -> SweepResult:
         """Return the range of a fit with its uncertainty, its orders and its coverage.
 
-        drift_left: linear drift [arcsec] that the fit contains.
-        torque_miss: most that lines between torques miss [arcsec], None if it is unknown.
+        drift_left: linear drift that remains in the fit [arcsec].
+        torque_miss: largest error of linear interpolation between torques [arcsec], None if it is unknown.
         Raises UntrustedError for a range that steps of the readings or noise may explain.
         """
         trace = self.trace.one_way(sign)
@@ -619,7 +626,7 @@ class _RecordUnderway:
         other_uncertainties = _other_uncertainties(drifts, errors, fit.bins.span)
         fitted = self._ranges(fit, visited, other_uncertainties, sign)
         F_ior = fitted.visited
-        # both are without their own bias: a part is no more than the whole
+        # both ranges are bias-corrected, and the range of a part is at most that of the whole
         revolution_bias = max(fitted.revolution.bias, fitted.revolution.fitted - F_ior.value)
         revolution = replace(fitted.revolution, bias=revolution_bias)
         at_torques = [
@@ -660,11 +667,10 @@ class _RecordUnderway:
     ) -> CurveRanges:
         """Return the ranges of the curve of a fit.
 
-        Args:
-            fit: at one torque, or to all rows.
-            visited: input angles.
-            others: uncertainties besides those of the fit.
-            sign: direction; it gives each direction its own draws, which are the same at each torque.
+        fit: fit at one torque, or to all rows.
+        visited: covered input angles.
+        others: uncertainties other than that of the fit.
+        sign: direction. Each direction has its own draws, which are the same at each torque.
         """
         return ranges_of(
             fit,
@@ -675,8 +681,11 @@ class _RecordUnderway:
         )
 
     def _drift_sources(self, fit: TraceFit, drift_left: float) -> tuple[UncertaintySource, ...]:
-        """Return the sources that change the error slowly along a recording; drift_left: in the fit [arcsec]."""
-        # a drift that was left in may be none at all; one that was removed may be bent
+        """Return the sources that change the error slowly along a recording.
+
+        drift_left: linear drift that remains in the fit [arcsec].
+        """
+        # a remaining drift may not exist at all; a removed drift may be curved
         drift = abs(drift_left) / 2 if len(fit.drift) != 1 else _BENT * abs(float(fit.drift[0]))
         wind_up = self.torque.uncertainty_arcsec if self.torque and self.torque.by == "catalogue" else 0.0
         return (
@@ -691,10 +700,14 @@ class _RecordUnderway:
         turns: Array,
         torque_miss: float | None,
     ) -> tuple[UncertaintySource, ...]:
-        """Return the sources besides noise and drift; turns: visited angles, torque_miss: see `_sweep_result`."""
+        """Return the sources other than noise and drift.
+
+        turns: covered angles [revolutions].
+        torque_miss: largest error of linear interpolation between torques [arcsec], None if it is unknown.
+        """
         errors_range = float(np.ptp(trace.error_arcsec[trace.rows]))
         reading_scatter = float(np.sqrt(np.mean(fit.bins.rows * fit.residual**2)))
-        # both extremes of a range err independently: hence sqrt(2)
+        # sqrt(2) because both extremes of a range err independently
         images = image_change(fit, turns) / sqrt(2)
         unmodelled = sqrt(2) * fit.unmodelled
         sources = [
@@ -710,26 +723,26 @@ class _RecordUnderway:
 
 
 def _torques_of(fit: TraceFit) -> Sequence[float]:
-    """Return the torques at which a fit has a curve of its own [N*m], none if it has one curve."""
+    """Return the torques at which a fit has separate curves [N*m], or an empty sequence if it has one curve."""
     return fit.bins.torques if len(fit.blocks) > 1 else ()
 
 
 @dataclass(frozen=True, eq=False)
 class _Visited:
-    """Visited input angles [turns], rising, shape (angles,), and how much they cover; None without a ratio."""
+    """Covered input angles [revolutions], increasing, shape (angles,), and their coverage (None without a ratio)."""
 
     grid_turns: Array
     coverage: Coverage | None
 
 
 def _visited(fit: TraceFit, gearing: Gearing | None) -> _Visited:
-    """Return the input angles that a recording visits, each angle of the cycle once if the curve closes with it."""
+    """Return the input angles that a recording covers, each angle of the cycle once if the curve closes with it."""
     places, per_turn = visited_angles(fit)
     if gearing is None:
         return _Visited(places / per_turn, None)
     cycle = gearing.cycle * per_turn
     places_in_cycle = np.unique(np.mod(places, cycle))
-    # a place counts as visited if the next one is visited too
+    # a grid point counts as covered if the next one is covered too
     steps = int(np.isin(np.mod(places_in_cycle + 1, cycle), places_in_cycle).sum())
     cam_turns = steps / per_turn
     coverage = Coverage(
@@ -744,7 +757,7 @@ def _visited(fit: TraceFit, gearing: Gearing | None) -> _Visited:
 
 
 def _at_most_readings(result: SweepResult, trace: MeasuredTrace) -> SweepResult:
-    """Return a result whose ranges, if they are lower bounds, are no larger than that of the readings."""
+    """Return a result whose ranges, if they are lower bounds, are no larger than the range of the readings."""
     if not result.is_bound:
         return result
     largest = min(result.raw_range_arcsec, float(np.ptp(trace.error_arcsec[trace.rows])))
@@ -756,7 +769,7 @@ def _at_most_readings(result: SweepResult, trace: MeasuredTrace) -> SweepResult:
 
 
 def _noise_sources(F_ior: Range) -> tuple[UncertaintySource, ...]:
-    """Return the sources of the range of a curve by noise."""
+    """Return the sources of uncertainty of a range that are due to noise."""
     return (
         UncertaintySource("noise", F_ior.spread, "bootstrap of the residuals"),
         UncertaintySource("bias correction", F_ior.bias_uncertainty, "a third of the removed bias"),
@@ -768,7 +781,12 @@ def _other_uncertainties(
     errors: Sequence[UncertaintySource],
     span: float,
 ) -> OtherUncertainties:
-    """Return the uncertainties of the ranges by drifts over a span [turns], and by sources that do not grow with it."""
+    """Return the uncertainties of the ranges due to sources other than noise.
+
+    drifts: sources whose effect on a range grows with the span.
+    errors: sources whose effect does not grow with the span.
+    span: input revolutions of the recording.
+    """
     drift = combined(drifts)
     error = combined(errors)
     return OtherUncertainties(
@@ -787,14 +805,14 @@ def _slow_range(fit: TraceFit) -> float:
 
 
 def _range_without_drift(trace: MeasuredTrace, fit: TraceFit) -> float:
-    """Return the range of the readings of a trace without the drift of its fit [arcsec]."""
+    """Return the range of the readings of a recording without the fitted drift [arcsec]."""
     rows = trace.rows
     drift = fit.design.drift_at(fit.drift, trace.cam_deg[rows] / 360, travel_of(trace)[rows])
     return float(np.ptp(trace.error_arcsec[rows] - drift))
 
 
 def _require_fine_steps(trace: MeasuredTrace, F_ior: Range) -> None:
-    """Raise UntrustedError if the steps of the output's readings are so coarse that rounding looks like error."""
+    """Raise UntrustedError if the output readings have steps so coarse that rounding looks like error."""
     if trace.in_time and trace.step_arcsec > _COARSE_STEP * F_ior.value:
         size = f"{trace.step_arcsec:.2g}″"
         message = f"the output is read in steps of {size} at even angles: what they round looks like error"
@@ -810,7 +828,10 @@ def _require_clear(
     *,
     is_drifting: bool,
 ) -> None:
-    """Raise UntrustedError if F'_ior is not above its noise; is_drifting: whether a drift is left in the recording."""
+    """Raise UntrustedError if F'_ior does not exceed its noise.
+
+    is_drifting: whether a drift remains in the recording.
+    """
     by_recording = [source for source in sources if source.name not in {*STATED, WIND_UP}]
     uncertainty = combined(by_recording)
     if fit.clear_of_noise and F_ior.value > COVERAGE_FACTOR * uncertainty:
@@ -825,14 +846,14 @@ def _require_clear(
 
 
 def _require_drift(kind: str) -> None:
-    """Raise UsageError unless it is a kind of drift that can be taken off."""
+    """Raise UsageError unless the kind of drift is known."""
     if kind not in _DRIFTS:
         raise UsageError(f"invalid --drift {kind}: expected one of {', '.join(_DRIFTS)}")
 
 
 def _with_lines_or_drift(fit: TraceFit) -> tuple[TraceFit, float]:
-    """Return a fit with its lines, and the linear drift [arcsec] that it has not removed."""
-    # lines first: one that is missing would be taken for drift
+    """Return a fit with its lines, and the linear drift that it does not remove [arcsec]."""
+    # lines first, because a missing line would look like drift
     fit = with_lines(fit)
     extent = float(np.ptp(fit.bins.error - fit.residual))
     return fit, 0.0 if len(fit.drift) else drift_of(fit, extent)
@@ -843,20 +864,20 @@ def _declared(
     orders: Sequence[float] | None,
     notes: list[str],
 ) -> Sequence[float]:
-    """Return the declared orders, or the default ones that the steps of the angle resolve.
+    """Return the declared orders, or the default orders that the steps of the angle resolve.
 
-    notes: to which orders that are not resolved are added.
-    Raises UntrustedError for declared orders that are not resolved.
+    notes: list to which a note on unresolved orders is added.
+    Raises UntrustedError if declared orders are not resolved.
     """
     declared = orders or DEFAULT_ORDERS
-    # steps between sweeps are no steps of the angle
+    # the difference between two sweeps is not a step of the angle
     steps = np.concatenate(list(map(np.diff, trace.by_sweep(trace.cam_deg)))) / 360
-    # three quarters of the steps are shorter: a few gaps do not limit the orders
+    # quantile below which three quarters of the steps lie, so that a few gaps do not limit the orders
     highest = 1 / (_STEPS_PER_PERIOD * float(np.quantile(np.abs(steps[steps != 0]), 0.75)))
     if declared[-1] <= highest:
         return declared
     resolved = tuple(order for order in declared if order <= highest)
-    # declared orders are never dropped silently
+    # declared orders are never omitted silently
     if orders is not None or not resolved:
         step_deg = 360 / (_STEPS_PER_PERIOD * highest)
         message = f"{trace.file}: steps of {step_deg:.3g}° are too long for order {declared[-1]:g}"
@@ -874,19 +895,19 @@ def _fit(
     slow: SlowTerms,
     notes: list[str],
 ) -> TraceFit:
-    """Return a fit with as many sidebands as the recording resolves and has bins for, or with none.
+    """Return a fit with as many sidebands as the recording resolves and has bins for, possibly none.
 
-    notes: to which sidebands that are not fitted are added.
+    notes: list to which a note on missing sidebands is added.
     """
     turns = bins.span if slow.ridge else bins.span_on_output(ratio)
-    grids: dict[int, tuple[int, Array]] = {}  # fewest sidebands and orders, by the number of orders
-    # fewer sidebands need fewer unknowns; grids of equal length are the same grid
+    grids: dict[int, tuple[int, Array]] = {}  # number of sidebands and the orders, by the number of orders
+    # fewer sidebands need fewer unknowns; grids of equal length are identical
     for beats in range(BEATS, -1, -1):
         orders = order_grid(declared, turns, ratio, slow, beats=beats)
         grids[len(orders)] = (beats, orders)
     *with_sidebands, (_, without_sidebands) = grids.values()
     for number, (beats, orders) in enumerate(with_sidebands):
-        # twice as many bins as the fit needs at least: room for noise and lines
+        # twice the minimum number of bins, to leave room for noise and lines
         if len(bins) < BINS_PER_COLUMN * 2 * (2 * len(orders) + 4):
             continue
         # angles that do not resolve this many sidebands may resolve fewer
@@ -903,7 +924,13 @@ def _fit(
 
 @dataclass(frozen=True)
 class LoggedJoint:
-    """A joint of a log of several: its name, the columns of its angle and of its second encoder, and its ratio."""
+    """A joint in a recording of several joints.
+
+    name: name of the joint.
+    angle: column of the input angle.
+    second: column of the output encoder.
+    ratio: ratio of the drive.
+    """
 
     name: str
     angle: str
@@ -912,7 +939,10 @@ class LoggedJoint:
 
     @classmethod
     def of(cls, text: str) -> LoggedJoint:
-        """Read "J1=cam1,out1,100". Raises UsageError: no such text."""
+        """Return the joint described by a text such as "J1=cam1,out1,100".
+
+        Raises UsageError if the text does not have this form.
+        """
         # names of columns may contain commas, so the ratio and the second column are split off from the right
         name, _, columns = text.partition("=")
         parts = columns.rsplit(",", 2)
@@ -925,14 +955,14 @@ class LoggedJoint:
 
 @dataclass(frozen=True)
 class Reading(ClosedRecord, TraceForm):
-    """Form of the file, orders like "1-12", kind of drift and stated uncertainties like "encoder=0.3"."""
+    """Form of the file, orders such as "1-12", kind of drift, and stated uncertainties such as "encoder=0.3"."""
 
     orders: str | None = None
     drift: str = "none"
     budget: tuple[str, ...] = ()
 
     def require_sound(self) -> None:
-        """Raise UsageError for options that cannot be, whatever the file."""
+        """Raise UsageError for options that are invalid for any file."""
         super().require_sound()
         parse_stated(self.budget)
         parse_orders(self.orders or None)
@@ -947,10 +977,11 @@ class Reading(ClosedRecord, TraceForm):
     ) -> Measurement:
         """Return the results of a recording.
 
-        drive, ratio: one of both.
-        how: more arguments of `measure`.
-        Raises what `measure` and read_trace do; DataError for a torque between those that were recorded, and for a file
-        of another kind.
+        file: path of the recording.
+        drive, ratio: at most one of them.
+        how: further arguments of `measure`.
+        Raises DataError for a torque between the recorded ones, and for a file of another kind. Further errors are
+        those of `measure` and `read_trace`.
         """
         result = self.measured_or_bench(file, drive, ratio, **how)
         if not isinstance(result, Measurement):
@@ -970,14 +1001,14 @@ class Reading(ClosedRecord, TraceForm):
         ratio: float | None = None,
         **how: Any,
     ) -> Measurement | PositionRecord | LoopRecord:
-        """Return the results of a recording, or approached positions and torque loops as they were recorded.
+        """Return the results of a recording, or the data of a file of approached positions or torque loops.
 
         The arguments are those of `measured`.
         """
         table = read_record(file, self)
         gearing = gearing_of(drive, ratio)
         record = bench_record(table, self)
-        # approached positions and torque loops are told by the names of their columns
+        # the column names identify approached positions and torque loops
         if record:
             if self.has_pace or how.get("shafts"):
                 kind = "positions or torque loops, which have no components of shafts and no times"

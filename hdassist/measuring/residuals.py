@@ -1,16 +1,17 @@
 """Residuals of a fit outside its orders: spectral lines, outliers, and steps of the level.
 
-Lines are ball passes, cages, vibration of the test rig. A line that is left out makes the range too small, never too
-large. The residuals are therefore searched for lines, the strongest first, and each is included in the fit with its
-own order, until no line is significant. A line is significant if noise alone reaches its power over the mean of its
-neighbours only once in 1/LINE_FALSE_ALARM recordings. For a noise power that is even over the neighbourhood this
-ratio has an F distribution with 2 and 2 m degrees of freedom, m resolved places. Slow noise is not even but decreases
-with the order; the side of the neighbours that makes the line less significant counts.
+Lines are due to ball passes, cages and vibration of the test rig. Omitting a line makes the range too small, never too
+large. The residuals are therefore searched for lines, the strongest first, and each line is included in the fit with
+its own order, until no significant line remains. A line is significant if noise alone reaches its power relative to the
+mean of its neighbours only once in 1/LINE_FALSE_ALARM recordings. If the noise power is uniform over the neighbourhood,
+this ratio has an F distribution with 2 and 2 m degrees of freedom for m resolved frequencies. Slow noise is not uniform
+but decreases with the order, so the side on which the line is less significant decides.
 
-Outliers and steps are faults of the reading, not of the drive: a shaft does not jump and return between two readings.
-Such readings are refused. They are left out and named if that is requested, or where the shaft reverses; a large
-number of them is a fault of the test rig that a result must not hide. A step remains in the recording: a coupling has
-slipped, or an encoder has lost counts. After it the error has another level, which is fitted; the orders continue.
+Outliers and steps are errors of the readings, not of the drive: a shaft does not jump and return between two readings.
+A recording with outliers is rejected. They are omitted and listed instead if the user requests it, or if they occur
+where the shaft reverses. A large number of outliers is a fault of the test rig that a result must not hide. A step
+remains in the recording: a coupling has slipped, or an encoder has lost counts. After it the error has another level,
+which is fitted, and the orders continue.
 """
 
 from __future__ import annotations
@@ -31,28 +32,29 @@ from hdassist.readers.table import shortened
 from hdassist.readers.trace import MeasuredTrace
 
 _LINE_FALSE_ALARM = 0.01  # probability that a recording without lines shows one
-_PROBES_PER_PLACE = 2.5  # places probed, for each resolved place, so that peaks between these are found
-_NEIGHBOURHOOD = 32  # resolved places on each side that stand for the noise
-_FEWEST_NEIGHBOURS = 2  # smallest number of such places
+_PROBES_PER_PLACE = 2.5  # probed frequencies per resolved frequency, so that peaks between these are found
+_NEIGHBOURHOOD = 32  # resolved frequencies on each side that represent the noise
+_FEWEST_NEIGHBOURS = 2  # fewest resolved frequencies on a side
 _CLOSEST_ORDERS = 0.4  # smallest distance of fitted orders, as a share of the resolution
-_FEWEST_PERIODS = 3.0  # periods in the record: below, it drifts
-_HIGHEST_LINE = 4.0  # times the highest order: beyond, averages over bins make lines smaller
+_FEWEST_PERIODS = 3.0  # fewest periods of a line in the recording; with fewer it looks like drift
+# highest order of a line, as a multiple of the highest fitted order: averages over bins attenuate faster lines
+_HIGHEST_LINE = 4.0
 _TORQUE_LINE = 0.5  # a line that leaves less than this share of the slope over the torque is part of the wind-up
 _SMALLEST_LINE = 0.01  # smallest line, as a share of the largest amplitude: smaller ones stay in the noise
-_MAX_LINES = 8  # lines
+_MAX_LINES = 8  # most lines
 _ORDER_ITERATIONS = 2  # Gauss-Newton iterations for the order of a line
-_SPIKE_SIGMAS = 6.0  # robust standard deviations of the readings around the fit
+_SPIKE_SIGMAS = 6.0  # robust standard deviations of the readings around the fit that a spike exceeds
 _SPIKE_RANGE_SHARE = 0.1  # smallest spike, as a share of the range of the fitted curve: a smaller one has no effect
-_SPIKE_SPARSE_SHARE = 0.5  # the same, where a reading beside it is further off than half a period of the highest order
-_LONGEST_SPIKE = 2  # readings: a longer one may be the drive
-_BESIDE_SPIKE = 7  # readings around one, of whose departures the median is taken
-_TO_SIGMA = 1.4826  # standard deviation of normal readings over their median departure
+_SPIKE_SPARSE_SHARE = 0.5  # the same, if an adjacent reading is more than half a period of the highest order away
+_LONGEST_SPIKE = 2  # most readings in a spike; a longer departure may be due to the drive
+_BESIDE_SPIKE = 7  # number of adjacent readings for the median with which a reading is compared
+_TO_SIGMA = 1.4826  # standard deviation of normal readings divided by their median absolute deviation
 _MAX_SPIKE_SHARE = 1 / 20  # largest share of spikes among the readings: with more of them the test rig is at fault
-_NAMED_LINES = 3  # lines in a message
-_STEP_TURNS = 0.5  # input revolutions to each side of a step that are compared
-_FEWEST_BESIDE_STEP = 8  # readings there
+_NAMED_LINES = 3  # most lines named in a message
+_STEP_TURNS = 0.5  # input revolutions compared on each side of a step
+_FEWEST_BESIDE_STEP = 8  # fewest readings on each side
 _SHARP = 0.7  # share of a step that a quarter of the readings beside it have to show
-_STEP_SIGMAS = 8.0  # robust standard deviations of such differences
+_STEP_SIGMAS = 8.0  # robust standard deviations of such differences that a step exceeds
 # Smallest step, as a share of the range of the fitted curve: a smaller one is left to the noise.
 _STEP_RANGE_SHARE = 0.1
 _MOST_BREAKS = 3  # largest number of steps that are removed: with more of them the test rig or the drive is at fault
@@ -60,7 +62,12 @@ _MOST_BREAKS = 3  # largest number of steps that are removed: with more of them 
 
 @dataclass(frozen=True)
 class _Peak:
-    """A peak of the residuals: its order per input revolution, amplitude [arcsec], and how often noise has one."""
+    """A peak of the residuals.
+
+    order: order per input revolution.
+    amplitude: amplitude [arcsec].
+    chance: expected number of such peaks due to noise in a recording.
+    """
 
     order: float
     amplitude: float
@@ -69,46 +76,48 @@ class _Peak:
 
 @dataclass(frozen=True, eq=False)
 class _TraceChange:
-    """A trace without a fault of its readings, and the warning that names the fault."""
+    """A recording without an identified error of its readings, and the warning that describes the error."""
 
     trace: MeasuredTrace
     warning: str
 
 
 def with_lines(fit: TraceFit) -> TraceFit:
-    """Return a fit with the significant lines of its residuals, as far as the readings resolve them.
+    """Return a fit with the significant lines of its residuals that the readings resolve.
 
-    Even readings show only images of lower orders above half the readings per revolution. Uneven readings distinguish
-    them, except for sidebands that a part of an output revolution leaves in the residuals, whose images look like
-    lines.
+    Evenly spaced readings show only images of lower orders above half the readings per revolution. Unevenly spaced
+    readings distinguish them. The exception are sidebands that remain in the residuals of a part of an output
+    revolution: their images look like lines.
     """
     bins = fit.bins
     orders = fit.orders
     rate, _, evenness = even_readings(bins)
-    # beyond half the rate of even readings a line would be an image
+    # above half the rate of even readings, a line would be an image
     has_images = evenness > EVEN or fit.design.slow.by_angle
-    # averaging over bins dampens faster lines
+    # averaging over bins attenuates faster lines
     highest = min(_HIGHEST_LINE * float(orders[-1]), rate / 2 if has_images else np.inf)
-    # one line after the other, as each changes what the residuals show
+    # one line at a time, because each changes the residuals
     while len(fit.lines) < _MAX_LINES and len(bins) >= BINS_PER_COLUMN * (fit.design.columns + 2):
         peak = _highest_peak(fit, highest)
         if peak is None or peak.chance > _LINE_FALSE_ALARM or peak.amplitude < _SMALLEST_LINE * fit.amplitude.max():
             break
         try:
             trial = _settled(fit, orders, peak.order)
-        except UntrustedError:  # too near to a fitted order
+        except UntrustedError:  # too close to a fitted order
             break
-        # a line that only explains the wind-up differently is none
+        # reject a line that only represents the wind-up differently
         if "load" in fit.slopes and abs(trial.slopes["load"][0]) < _TORQUE_LINE * abs(fit.slopes["load"][0]):
-            break  # it goes with the torque, whose noise makes the slope too small: the rest of its wind-up
+            # the line follows the torque: noise of the torque makes the slope too small, and the line is the remaining
+            # wind-up
+            break
         fit = trial
     return fit
 
 
 def _highest_peak(fit: TraceFit, highest: float) -> _Peak | None:
-    """Return the peak of the residuals that stands out most from its neighbours; None if there is no room for one.
+    """Return the peak of the residuals that exceeds its neighbours most clearly, or None if no frequency is free.
 
-    highest: order up to which peaks are looked for.
+    highest: order up to which peaks are considered.
     """
     bins = fit.bins
     variance = float((bins.weight * fit.residual**2).mean())
@@ -116,25 +125,25 @@ def _highest_peak(fit: TraceFit, highest: float) -> _Peak | None:
         return None
     probes, power = residual_power(bins, fit.residual, variance)
     resolution = 1 / bins.span
-    # probes lie closer than the resolution: how many independent places one stands for
+    # probes are closer together than the resolution, so each counts as a part of a resolved frequency
     places_per_probe = bins.per_turn * bins.span / len(probes) / 2
     is_free = _is_free(fit, probes) & (probes <= highest)
-    # slower than a few periods a wave looks like drift
+    # a wave with fewer periods looks like drift
     if not (is_free & (probes >= _FEWEST_PERIODS * resolution)).any():
         return None
     free_probes = probes[is_free]
     free_power = power[is_free]
     index, log_chance = _least_likely(free_probes, free_power, free_power, resolution, places_per_probe)
-    # the first of two looks: against its neighbours as they are
+    # first test: the peak relative to its neighbours as they are
     order = float(free_probes[index])
-    # in a short recording side lobes of a line reach its neighbours: they are looked at without it as well
+    # in a short recording, side lobes of a line reach its neighbours, so the test is repeated without the line
     power_without = _power_without(fit, order, variance)[is_free]
     is_peak = np.abs(free_probes - order) < LINE_WIDTH * resolution
     peak_power = np.where(is_peak, free_power, 0.0)
     _, log_chance_alone = _least_likely(free_probes, peak_power, power_without, resolution, places_per_probe)
-    # the second look, without the peak's own side lobes, may make it clearer
+    # the second test, without the side lobes of the peak, may show it more clearly
     chance_in_place = float(np.exp(min(log_chance, log_chance_alone)))
-    # from relative power back to arcsec
+    # conversion of relative power to arcsec
     square = free_power[index] * variance * float((bins.weight**2).sum())
     return _Peak(
         order=order,
@@ -168,25 +177,25 @@ def _least_likely(
     resolution: float,
     places_per_probe: float,
 ) -> tuple[int, float]:
-    """Return the index of the probe whose power is least likely noise, and the logarithm of that probability.
+    """Return the index of the probe whose power is least likely to be noise, and the logarithm of that probability.
 
-    Power of noise in m places has a chi-square distribution of 2 m degrees of freedom. That a single place exceeds
-    their mean by a ratio r has the probability (1 + r / m)^-m.
+    The power of noise at m frequencies has a chi-square distribution with 2 m degrees of freedom. The probability that
+    the power at a single frequency exceeds the mean of m others by a ratio r is (1 + r / m)^-m.
 
-    probes: orders, rising, shape (probes,).
-    power: at the probes, shape (probes,).
-    neighbours: power that the neighbours of a probe have, shape (probes,).
-    resolution: of the recording [orders].
-    places_per_probe: number of resolved places of each probe.
+    probes: orders, increasing, shape (probes,).
+    power: power at the probes, shape (probes,).
+    neighbours: power of each probe when it is a neighbour of another probe, shape (probes,).
+    resolution: resolution of the recording [orders].
+    places_per_probe: number of resolved frequencies per probe.
     """
     count = len(probes)
-    # sums over windows as differences of a cumulative sum
+    # sums over windows are differences of a cumulative sum
     total = np.concatenate([[0.0], np.cumsum(neighbours)])
     reach = max(1, int(_NEIGHBOURHOOD / places_per_probe))
     index = np.arange(count)
     last_below = np.searchsorted(probes, probes - LINE_WIDTH * resolution)
     first_above = np.searchsorted(probes, probes + LINE_WIDTH * resolution)
-    # neighbours below and above, without the peak itself
+    # neighbours below and above, excluding the peak itself
     windows = (
         (np.maximum(index - reach, 0), last_below),
         (first_above, np.minimum(index + reach, count)),
@@ -196,10 +205,10 @@ def _least_likely(
         places = np.maximum(last - first, 0) * places_per_probe
         noise = (total[np.maximum(first, last)] - total[first]) * places_per_probe
         ratio = power / np.maximum(noise, 1e-300)
-        # exponential power over the mean of exponential neighbours: a ratio with this tail
+        # tail probability of the ratio of exponential power to the mean of exponential neighbours
         log_chances.append(np.where(places >= _FEWEST_NEIGHBOURS, -places * np.log1p(ratio), 0.0))
-    # above the last probe there is no neighbour, and no more noise than below
-    # both sides have to agree: the larger chance counts
+    # both sides must be significant, so the larger probability decides; above the last probe there are no neighbours,
+    # and the noise is no larger than below it
     log_chance = np.where(index + reach < count, np.max(log_chances, axis=0), log_chances[0])
     log_chance = np.where(probes >= _FEWEST_PERIODS * resolution, log_chance, np.inf)
     least = int(log_chance.argmin())
@@ -211,55 +220,56 @@ def _settled(
     orders: Array,
     order: float,
 ) -> TraceFit:
-    """Return a fit with one further line, with the orders of the lines moved to the best fit.
+    """Return a fit with one further line, after refining the orders of all lines.
 
-    If a line is so close to a fitted order that the recording does not resolve them, it is put between orders
-    instead.
+    If the recording does not resolve the line from a fitted order, the line is placed between orders instead.
 
-    fit: with the lines so far.
-    orders: that are no lines, rising, shape (orders,).
-    order: of the further line.
-    Raises UntrustedError if there is no room.
+    fit: fit with the lines found so far.
+    orders: orders that are not lines, increasing, shape (orders,).
+    order: order of the further line.
+    Raises UntrustedError if there is no room for the line.
     """
     slow = fit.design.slow
-    with suppress(UntrustedError):  # it came to where an order is
+    with suppress(UntrustedError):  # the line may have moved onto a fitted order
         trial = fit_orders(fit.bins, orders, slow, np.append(fit.lines, order))
-        # lines that trade amplitude with an order would run away from it
+        # a line that exchanges amplitude with an order would drift away from it
         fixed_lines = fit.lines[fit.unresolved[fit.is_line]]
         for _ in range(_ORDER_ITERATIONS):
             is_free = ~np.isin(trial.lines, fixed_lines)
             trial = fit_orders(fit.bins, orders, slow, trial.lines + is_free * _line_steps(trial))
-        # a line that moved onto an order has to be placed otherwise
+        # a line that moved onto an order is placed between orders instead
         if trial.unresolved.sum() <= fit.unresolved.sum():
             return trial
     return fit_orders(fit.bins, orders, slow, np.append(fit.lines, _place_between(fit, order)))
 
 
 def _line_steps(fit: TraceFit) -> Array:
-    """Return the steps of the orders of lines to a better fit, to first order, shape (lines,).
+    """Return the steps of the orders of lines towards a better fit, to first order, shape (lines,).
 
-    Derivative of a cos(p) + b sin(p) over the order f, p = 2 pi f x: 2 pi x (b cos(p) - a sin(p)). The angle x counts
-    from the middle of the recording, so that a step does not turn the phase there.
+    The derivative of a cos(p) + b sin(p) with respect to the order f, with p = 2 pi f x, is 2 pi x (b cos(p) - a
+    sin(p)). The angle x is measured from the middle of the recording, so that a step does not change the phase there.
     """
     bins = fit.bins
     resolution = 1 / bins.span
     a, b = fit.coefficients.reshape(2, -1)[:, fit.is_line]
     phase = (2 * np.pi) * bins.turns[:, None] * fit.lines
-    # derivative of the wave by its order, about the middle of the recording
+    # derivative of the wave with respect to its order, about the middle of the recording
     derivative = (2 * np.pi) * (bins.turns - bins.turns.mean())[:, None] * (b * np.cos(phase) - a * np.sin(phase))
     return np.clip(fit.beside(derivative)[1], -resolution / 2, resolution / 2)
 
 
 def _place_between(fit: TraceFit, order: float) -> float:
-    """Return the order of a line between fitted orders that the recording does not resolve from it.
+    """Return the best order for a line among fitted orders that the recording does not resolve from it.
 
-    It is halfway between two orders, or half the resolution from one, where the line reduces the residuals most:
-    together they fit the error there. Raises UntrustedError if there is no room.
+    Candidates are half-way between two orders, or half the resolution from one order. The result is the candidate that
+    reduces the residuals most, because the line and the orders together fit the error there.
+
+    Raises UntrustedError if there is no candidate.
     """
     bins = fit.bins
     orders = fit.orders
     resolution = 1 / bins.span
-    # between orders this close no place is resolved from both
+    # in gaps this narrow, no position is resolved from both orders
     has_narrow_gap = np.diff(orders) < 2 * RESOLVED_GAP * resolution
     middles = (orders[1:] + orders[:-1])[has_narrow_gap] / 2
     places = np.concatenate([middles, orders - resolution / 2, orders + resolution / 2])
@@ -271,7 +281,7 @@ def _place_between(fit: TraceFit, order: float) -> float:
     reductions = []
     for place in places:
         column, coefficients = fit.beside(order_columns(bins.turns, place[None]))
-        # what the place takes off the sum of squares
+        # reduction of the sum of squares by the candidate
         reductions.append(bins.weight @ (column @ coefficients) ** 2)
     return float(places[int(np.argmax(reductions))])
 
@@ -281,7 +291,7 @@ def _departures(
     bins: Bins,
     fitted: Array,
 ) -> list[Array]:
-    """Return the errors [arcsec] of the rows of each sweep of a trace minus a curve.
+    """Return the errors of the rows minus a curve [arcsec], by sweep.
 
     fitted: values of the curve at the bins [arcsec], shape (bins,).
     """
@@ -294,36 +304,37 @@ def _departures(
         strict=True,
     )
     for turns, error, bin_turns, curve in sweeps:
-        # the curve at the rows themselves, which are finer than the bins
+        # the curve is interpolated at the rows, which are finer than the bins
         departures.append(error - np.interp(turns, bin_turns, curve))
     return departures
 
 
 @dataclass(frozen=True, eq=False)
 class _StepSizes:
-    """Differences of mean errors behind and before rows [arcsec], and the numbers of these rows, each (rows,)."""
+    """Differences between mean errors after and before rows [arcsec], and the row indices, each of shape (rows,)."""
 
     size: Array
     row: NDArray[np.int64]
 
     @property
     def usual(self) -> float:
-        """Robust standard deviation of the differences [arcsec]."""
+        """The robust standard deviation of the differences [arcsec]."""
         if not self.size.any():
             return 0.0
         return _TO_SIGMA * float(np.median(np.abs(self.size[self.size != 0])))
 
 
 def with_step(trace: MeasuredTrace, fit: TraceFit) -> _TraceChange | None:
-    """Return a trace with a level of its own behind the largest step of the residuals; None without a step.
+    """Return a trace with a new level after the largest step of the residuals, or None if there is no step.
 
-    A step is the difference of the means over _STEP_TURNS before and behind a reading, far above that of all readings,
-    and about as large over a quarter of that, where a slope would be smaller.
+    A step is the difference between the means over _STEP_TURNS before and after a reading. It is far larger than such
+    differences at most readings, and about as large over a quarter of that distance, over which a slope would be
+    smaller.
     """
     if len(trace.breaks) == _MOST_BREAKS:
         return None
     fitted = fit.curve(fit.bins.turns)
-    # differences of means over half an input revolution to either side
+    # differences of means over half an input revolution on either side
     steps = _step_sizes(trace, _departures(trace, fit.bins, fitted))
     if steps is None:
         return None
@@ -331,7 +342,7 @@ def with_step(trace: MeasuredTrace, fit: TraceFit) -> _TraceChange | None:
     size = float(steps.size[index])
     row = int(steps.row[index])
     line = int(trace.line[row])
-    # clear of noise, and not small beside the curve
+    # the step must exceed the noise and be significant relative to the curve
     is_small = abs(size) < max(_STEP_SIGMAS * steps.usual, _STEP_RANGE_SHARE * float(np.ptp(fitted)))
     if is_small or line in trace.breaks:
         return None
@@ -344,11 +355,11 @@ def with_step(trace: MeasuredTrace, fit: TraceFit) -> _TraceChange | None:
 
 
 def _step_sizes(trace: MeasuredTrace, departures: Sequence[Array]) -> _StepSizes | None:
-    """Return the sharp differences of means behind and before the rows of a trace; None if sweeps are too short.
+    """Return the sharp differences of means after and before the rows of a trace, or None if all sweeps are too short.
 
-    Differences that a slope may explain are 0.
+    Differences that a slope can explain are set to 0.
 
-    departures: of the readings from a fit [arcsec], by sweep.
+    departures: readings minus the fit [arcsec], by sweep.
     """
     sizes = []
     rows = []
@@ -362,7 +373,7 @@ def _step_sizes(trace: MeasuredTrace, departures: Sequence[Array]) -> _StepSizes
         index = np.arange(reach, len(sweep) - reach)
         wide = _difference_of_means(total, index, reach)
         close = _difference_of_means(total, index, max(reach // 4, _FEWEST_BESIDE_STEP))
-        # a step has its full size close by too; a drift has a quarter of it there
+        # a step has its full size over a short distance too, whereas a drift has a quarter of it
         is_sharp = close / np.where(wide, wide, 1.0) > _SHARP
         sizes.append(np.where(is_sharp, wide, 0.0))
         rows.append(sweep.start + index)
@@ -376,7 +387,12 @@ def _difference_of_means(
     index: NDArray[np.int64],
     reach: int,
 ) -> Array:
-    """Return the mean over `reach` values behind minus that before some indices, from the cumulative sum of values."""
+    """Return the mean over `reach` values after indices minus that before them.
+
+    total: cumulative sum of the values.
+    index: indices.
+    reach: number of values on each side.
+    """
     return np.asarray((total[index + reach] - 2 * total[index] + total[index - reach]) / reach)
 
 
@@ -385,31 +401,31 @@ def _fitted_step(
     fit: TraceFit,
     row: int,
 ) -> float | None:
-    """Return the size of a step at a row by a joint fit [arcsec]; None if a drift explains more of the residuals.
+    """Return the size of a step at a row from a joint fit [arcsec], or None if a drift explains more of the residuals.
 
-    A cycle that does not close by a drift has a step at its end.
+    A cycle that does not close because of a drift has a step at its end.
     """
     bins = fit.bins
     turns = trace.cam_deg[row] / 360
     number = next(number for number, sweep in enumerate(trace.sweeps) if sweep.start <= row < sweep.stop)
     direction = trace.sweeps[number].direction
-    # in the order of time, which in a falling sweep is against the angle
+    # in order of time, which in a decreasing sweep is opposite to the angle
     is_behind = (bins.sweep == number) & ((bins.turns - turns) * direction >= 0)
     step_column, (step,) = fit.beside(is_behind.astype(float)[:, None])
     drift_column, (drift,) = fit.beside((bins.travel / fit.design.reach)[:, None])
-    # reduction of the sum of squares by either explanation
+    # reduction of the sum of squares by each explanation
     by_step = step**2 * (bins.weight @ step_column**2)[0]
     by_drift = drift**2 * (bins.weight @ drift_column**2)[0]
     return None if by_step < by_drift else float(step)
 
 
 def without_spikes(trace: MeasuredTrace, fit: TraceFit) -> _TraceChange | None:
-    """Return a trace without spikes, which are short departures from a fit to its sweeps; None without any.
+    """Return a trace without spikes, which are short departures of its sweeps from a fit, or None if there are none.
 
-    Raises UntrustedError for spikes of a trace that is not to be read without them, or for too many to omit.
+    Raises UntrustedError if spikes may not be omitted from the trace, or are too many to omit.
     """
     fitted = fit.bins.error - fit.residual
-    # rows, not bins: a bin would hide a single bad row
+    # rows instead of bins, because a bin would hide a single bad row
     departures = _departures(trace, fit.bins, fitted)
     size = np.abs(np.concatenate(departures))
     is_spike = _is_short_spike(departures, size, float(np.ptp(fitted)))
@@ -424,9 +440,9 @@ def without_spikes(trace: MeasuredTrace, fit: TraceFit) -> _TraceChange | None:
     if len(spikes) > _MAX_SPIKE_SHARE * len(trace.rows):
         hint = "check the encoders' cables and counters"
         raise UntrustedError(f"{trace.file}: {message}, too many rows to be omitted", hint, Fault.ORDERS_UNTOLD)
-    # at the end of a sweep play explains a departure; within one nothing does
+    # at the end of a sweep backlash can explain a departure; within a sweep nothing can
     is_within = _rows_to_end(departures)[spikes] >= _LONGEST_SPIKE
-    if not trace.robust and is_within.any():  # a shaft that turns back has play and a lag
+    if not trace.robust and is_within.any():  # backlash and a lag occur where the shaft reverses
         hint = "check the encoders' cables and counters, or omit these rows with --robust"
         raise UntrustedError(f"{trace.file}: {message}, a movement that no shaft makes", hint, Fault.ORDERS_UNTOLD)
     span = np.ptp(fit.curve(fit.bins.turns))
@@ -441,19 +457,21 @@ def _is_short_spike(
     size: Array,
     extent: float,
 ) -> NDArray[np.bool_]:
-    """Return whether a reading is far off the fit and its neighbours, in a group that is short, shape (rows,).
+    """Return whether a reading is far from the fit and its neighbours and in a short group, shape (rows,).
 
-    departures: of the readings from the fit [arcsec], by sweep.
-    size: of these, shape (rows,).
+    departures: readings minus the fit [arcsec], by sweep.
+    size: absolute values of the departures, shape (rows,).
     extent: range of the fitted curve [arcsec].
     """
-    from scipy.ndimage import binary_opening, median_filter  # 20 ms, which values in holes do without
+    # imported here because it takes 20 ms, which measured holes do not need
+    from scipy.ndimage import binary_opening, median_filter
 
     noise = _TO_SIGMA * float(np.median(size))
-    # a spike draws the fit to it, and so its neighbours off: only the farthest readings are looked at
+    # a spike distorts the fit at its neighbours as well, so only the largest departures are considered
     is_far = size > max(_SPIKE_SIGMAS * noise, _SPIKE_RANGE_SHARE * extent, float(size.max()) / 2)
     is_short = is_far & ~binary_opening(is_far, np.ones(_LONGEST_SPIKE + 1))
-    # the misfit, largest at the ends of a recording, is smooth if rows are many: neighbours depart by as much
+    # if there are many rows, the misfit, which is largest at the ends of a recording, is smooth: neighbours depart
+    # equally
     from_neighbours = np.concatenate(
         [np.abs(departure - median_filter(departure, _BESIDE_SPIKE, mode="mirror")) for departure in departures]
     )
@@ -468,7 +486,7 @@ def _least_spike(
 ) -> Array:
     """Return the smallest spike that counts at each reading [arcsec], shape (rows,).
 
-    It is larger beside a gap in which the curve is not followed.
+    It is larger next to a gap in which the curve is not followed.
 
     extent: range of the fitted curve [arcsec].
     """
@@ -484,12 +502,14 @@ def _largest_of_others(
     size: Array,
     is_spike: NDArray[np.bool_],
 ) -> Array:
-    """Return the largest departure of readings that are no spikes [arcsec], within a revolution, shape (rows,).
+    """Return the largest departure of other readings near each reading [arcsec], shape (rows,).
 
-    It is taken over the input revolution of a reading and its two neighbours.
+    The maximum is taken over readings that are not spikes, in the input revolution of the reading and the two adjacent
+    ones.
     """
     turns = trace.cam_deg[trace.rows] / 360
-    revolution = np.floor(turns - turns.min()).astype(np.int64) + 1  # from 1: there is none before the first
+    # counted from 1, so that the first revolution has an (empty) predecessor
+    revolution = np.floor(turns - turns.min()).astype(np.int64) + 1
     largest = np.zeros(revolution.max() + 2)
     np.maximum.at(largest, revolution, np.where(is_spike, 0.0, size))
     return np.asarray(np.max([largest[revolution - 1], largest[revolution], largest[revolution + 1]], axis=0))

@@ -1,9 +1,9 @@
-"""Components of a recording that repeat with stated shafts beside the drive: belts, pulleys, motors.
+"""Components of a recording that repeat with shafts outside the drive, such as belts, pulleys and motors.
 
-A shaft turns f times in an input revolution. Its component a cos(2 pi f x + phase) over the input angle x is fitted
-together with the orders of the drive, the slow terms and the lines of the recording, so that none of them takes its
-share. A shaft is left without a component if the recording does not distinguish it from an order of the drive, from
-another shaft, from slow terms, or if the readings are too far apart.
+A shaft makes f revolutions per input revolution. Its component a cos(2 pi f x + phase) over the input angle x is fitted
+together with the orders of the drive, the slow terms and the lines of the recording, so that none of these absorbs a
+part of it. A shaft gets no component if the recording does not distinguish it from an order of the drive, from another
+shaft or from slow terms, or if the readings are too far apart.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from hdassist.model.geometry import Array
 from hdassist.readers.trace import MeasuredTrace
 from hdassist.readers.words import TIMES
 
-_FEWEST_PERIODS = 3.0  # revolutions of a shaft in a recording: below, it looks like drift
-_READINGS_PER_PERIOD = 2.5  # at least
+_FEWEST_PERIODS = 3.0  # fewest revolutions of a shaft in a recording: with fewer, its component looks like drift
+_READINGS_PER_PERIOD = 2.5  # fewest readings per revolution of a shaft
 _UNEVEN_REVOLUTION = 0.1  # largest departure of a shaft's angle from constant speed, as a share of its revolution
 _SAME_LINE = 1e-6  # relative rounding of an order
-_LARGEST = 1e6  # revolutions of a shaft in one of the input or output, seconds of a revolution
+_LARGEST = 1e6  # largest number of shaft revolutions per input or output revolution, and largest period in seconds
 _SHAFT_HINT = (
     "give a period, or revolutions per revolution of the input or output: belt=288s, motor=12/input, pulley=5/output"
 )
@@ -35,13 +35,13 @@ _SHAFT_HINT = (
 
 @dataclass(frozen=True)
 class Shaft:
-    """A shaft beside the drive.
+    """A shaft outside the drive.
 
-    name: of the component.
-    text: its period or speed as it was stated.
-    period_s: time of a revolution, None if it was not stated.
+    name: name of the component.
+    text: period or speed as entered.
+    period_s: time of one revolution, None if it was not stated.
     per_rev: revolutions per revolution of the input or output, None if a period was stated.
-    is_of_output: whether they are per revolution of the output.
+    is_of_output: whether per_rev refers to the output.
     """
 
     name: str
@@ -55,12 +55,13 @@ class Shaft:
 class ShaftComponent:
     """Component of a shaft in one direction of a recording: amplitude cos(per_cam_rev angle + phase).
 
-    shaft, stated: its name and what was stated of it.
-    per_cam_rev: revolutions in an input revolution.
-    period_s: time of a revolution, None without times.
-    measured_per_cam_rev: the same as the recording shows it, None if it shows no line there.
-    amplitude_arcsec, uncertainty_arcsec, phase_deg: None if the recording does not determine them.
-    missing: why it does not; empty if it does.
+    shaft: name of the shaft.
+    stated: its period or speed as entered.
+    per_cam_rev: shaft revolutions per input revolution.
+    period_s: time of one revolution, None in a recording without times.
+    measured_per_cam_rev: per_cam_rev measured in the recording, None if no line is found there.
+    amplitude_arcsec, uncertainty_arcsec, phase_deg: None if the recording does not determine the component.
+    missing: reason why the recording does not determine the component, empty if it does.
     """
 
     shaft: str
@@ -74,20 +75,20 @@ class ShaftComponent:
     missing: str = ""
 
     def is_line(self, per_cam_rev: float) -> bool:
-        """Return whether a line of the recording at an order is that of the shaft."""
+        """Return whether the line of the recording at an order is that of the shaft."""
         line = self.measured_per_cam_rev
         return line is not None and abs(line - per_cam_rev) < _SAME_LINE * line
 
 
 def parse_shafts(text: str | None) -> tuple[Shaft, ...]:
-    """Return the shafts of a text such as "belt=288s,motor=12/input"; none without a text.
+    """Return the shafts in a text such as "belt=288s,motor=12/input", or an empty tuple without a text.
 
-    Raises UsageError for any other text, and for a name that is stated twice.
+    Raises UsageError if the text does not have this form, or if a name occurs twice.
     """
     shafts = list[Shaft]()
     for part in text.split(",") if text is not None else ():
         name, _, stated = part.strip().partition("=")
-        # a period with a unit of time, or a number of revolutions per revolution
+        # a period with a unit of time, or the number of shaft revolutions per input or output revolution
         match = re.fullmatch(r"\s*([^\s/a-zA-Z]+)\s*(?:/\s*(input|output)|([a-z]+))\s*", stated)
         amount = number_of(match[1]) if match else 0.0
         unit = match[3] if match else None
@@ -95,7 +96,7 @@ def parse_shafts(text: str | None) -> tuple[Shaft, ...]:
             raise UsageError(f"invalid --shafts {part}: expected NAME=PERIOD or NAME=N/input", _SHAFT_HINT)
         if any(shaft.name == name for shaft in shafts):
             raise UsageError(f"invalid --shafts {text}: {name} is stated twice", "state each shaft once")
-        # a period becomes an order only with the speed of the recording
+        # conversion of a period to an order requires the speed of the recording
         if unit:
             shafts.append(
                 Shaft(
@@ -118,11 +119,11 @@ def parse_shafts(text: str | None) -> tuple[Shaft, ...]:
 
 @dataclass(frozen=True)
 class _Place:
-    """Where a shaft is among the orders of a recording.
+    """The position of a shaft among the orders of a recording.
 
-    shaft: as it was stated.
-    order: its revolutions in an input revolution, as they follow from that.
-    line: order of the line that the recording shows there, None without one.
+    shaft: shaft as entered.
+    order: its revolutions per input revolution, computed from its stated period or speed.
+    line: order of the line that the recording shows there, None without a line.
     """
 
     shaft: Shaft
@@ -131,7 +132,7 @@ class _Place:
 
     @property
     def shown_order(self) -> float:
-        """The order of the line, or the stated one without a line."""
+        """The order of the line, or the stated order if there is no line."""
         return self.order if self.line is None else self.line
 
 
@@ -143,12 +144,12 @@ def shaft_components(
 ) -> tuple[ShaftComponent, ...]:
     """Return the component of each shaft in one direction of a recording.
 
-    trace: recording in this direction, as the fit was made to it.
-    fit: its fit, with the lines that were found.
-    shafts: as they were stated.
-    gearing: of the drive, None if it is unknown.
-    Raises DataError for a period in a recording without times or at a speed that varies; UsageError for revolutions
-    per revolution of the output without a ratio.
+    trace: recording in this direction, to which the fit was made.
+    fit: fit with the lines that were found.
+    shafts: shafts as entered.
+    gearing: gearing of the drive, None if it is unknown.
+    Raises DataError for a period if the recording has no times or its speed varies.
+    Raises UsageError for revolutions per output revolution if the ratio is unknown.
     """
     speed = _input_speed(trace)
     places = []
@@ -191,7 +192,7 @@ def _with_wave(
 
 
 def _input_speed(trace: MeasuredTrace) -> float | None:
-    """Return the mean speed of the input [turns/s], None for a recording without times."""
+    """Return the mean speed of the input [revolutions/s], or None for a recording without times."""
     if trace.turns_per_s:
         return trace.turns_per_s
     if trace.time_s is None:
@@ -211,7 +212,7 @@ def _order_of(
     gearing: Gearing | None,
     speed: float | None,
 ) -> float:
-    """Return the revolutions of a shaft in an input revolution."""
+    """Return the revolutions of a shaft per input revolution."""
     if shaft.per_rev is not None and not shaft.is_of_output:
         return shaft.per_rev
     if shaft.per_rev is not None:
@@ -228,11 +229,11 @@ def _order_of(
 
 
 def _require_even_speed(trace: MeasuredTrace, places: Sequence[_Place]) -> None:
-    """Raise DataError if the input speed varies by so much that a period in seconds is no number of revolutions."""
+    """Raise DataError if the input speed varies too much to convert a period into revolutions per input revolution."""
     if trace.turns_per_s or trace.time_s is None:
         return
     speed = _input_speed(trace) or 0.0
-    departure = 0.0  # of the input from a constant speed, the largest, turns
+    departure = 0.0  # largest departure of the input angle from that at constant speed, in revolutions
     for angle, time in zip(trace.by_sweep(trace.cam_deg), trace.by_sweep(trace.time_s), strict=True):
         off_turns = np.abs(angle - angle[0]) / 360 - speed * (time - time[0])
         departure = max(departure, float(np.ptp(off_turns)) / 2)
@@ -247,7 +248,7 @@ def _require_even_speed(trace: MeasuredTrace, places: Sequence[_Place]) -> None:
 
 
 def _line_near(fit: TraceFit, order: float) -> float | None:
-    """Return the order of the line of a fit that a recording does not resolve from an order, None without one."""
+    """Return the order of the fitted line that is not resolved from a given order, or None if there is none."""
     within = RESOLVED_GAP / fit.bins.span
     candidates = [line for line in np.asarray(fit.lines).tolist() if abs(line - order) <= within]
     return min(
@@ -263,7 +264,7 @@ def _missing(
     trace: MeasuredTrace,
     fit: TraceFit,
 ) -> str:
-    """Return why a recording does not determine the component of a shaft, empty if it does."""
+    """Return the reason why a recording does not determine the component of a shaft, empty if it does."""
     order = place.shown_order
     span = fit.bins.span
     recording = f"over {span:.4g} input revolutions"
@@ -290,7 +291,7 @@ def _fitted(
     fit: TraceFit,
     orders: Array,
 ) -> TraceFit:
-    """Return the fit to a recording with the orders of shafts in place of lines that it does not resolve from them."""
+    """Return the fit to a recording with the orders of shafts instead of the lines not resolved from them."""
     within = RESOLVED_GAP / fit.bins.span
     lines = np.asarray(fit.lines, dtype=float)
     if len(lines):

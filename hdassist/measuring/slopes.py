@@ -1,14 +1,16 @@
-"""Slopes beside the orders of a record: over the speed a lag between its encoders, over its torque a wind-up.
+"""Slopes in addition to the orders of a recording: the encoder lag over the speed, and the wind-up over the torque.
 
-A lag times the speed is an offset that changes sign with the direction and grows with the speed. At an even speed it is
-part of the level, and F'_ior has no part of it; friction and play change the level with the direction too. So what
-grows with the speed is known only where that changes, within a sweep or from one to another; the rest is lost at the
-reversal. Friction that grows with the speed looks like a lag: all of the fitted one may be that.
+A lag times the speed is an offset that changes sign with the direction and grows with the speed. At a constant speed it
+is part of the level and does not affect F'_ior. Friction and backlash also change the level with the direction. The
+part that grows with the speed is therefore known only if the speed changes, within a sweep or between sweeps. The
+remaining difference is the lost motion at reversal. Friction that grows with the speed looks like a lag, so all of the
+fitted lag may be due to friction.
 
-The wind-up by a torque that changes along a record is taken off, so that F'_ior is that of the mean torque: by the
-record itself, where the torque does not go with the orders, as gravity goes with the turn of the output; else by K_1 to
-K_3 of the drive's catalogue. There the orders change with the torque too, along straight lines between the least, the
-mean and the greatest; a torque that goes with the output's turn changes its beats, and F'_ior is of the curve along it.
+The wind-up by a torque that changes along a recording is removed, so that F'_ior is that at the mean torque. The
+recording itself gives the stiffness if the torque does not follow the orders, as gravity follows the output angle.
+Otherwise K_1 to K_3 of the drive's catalogue give it. In the first case the orders may change with the torque as well,
+linearly between the smallest, the mean and the largest torque. A torque that follows the output angle changes the
+sidebands, and F'_ior is that of the curve at this changing torque.
 """
 
 from __future__ import annotations
@@ -38,21 +40,22 @@ _LEAST_SPEED_CHANGE = 0.02  # a lag is fitted within sweeps if their speed chang
 _LEAST_CHANGE = 0.01
 _LOAD_APART = 0.1  # smallest part of a torque's changes that follows neither orders nor slow terms
 _SAME_TORQUE = 0.02  # relative difference up to which a recorded torque counts as the requested one
-_SAME_OF_RATED = 0.01  # the same, of the rated torque
+_SAME_OF_RATED = 0.01  # the same, as a share of the rated torque
 _WIDEST_LOAD_GAP = 0.25  # a torque within a wider gap than this share of the sweep's torques was not recorded
-_TORQUE_CLEAR = 2.0  # times the noise of its readings: spread of a torque that changes
-_SPEED_ROWS = 15  # rows that the speed of a row is averaged over
-_SLOPE_CLEAR = 3.0  # standard uncertainties: a slope over the torque that is no chance
-_CHANGE_TOLD = 3.0  # times the noise of a curve without changes: that at each torque, at most, where a record has them
+_TORQUE_CLEAR = 2.0  # spread of a changing torque, as a multiple of the noise of its readings
+_SPEED_ROWS = 15  # rows over which the speed is averaged
+_SLOPE_CLEAR = 3.0  # standard uncertainties that a slope over the torque exceeds unless it is due to chance
+# largest noise of the curve at each torque, as a multiple of that without changes, at which changes are determined
+_CHANGE_TOLD = 3.0
 _CATALOGUE_SHARE = 0.1  # relative standard uncertainty of a wind-up by catalogue stiffnesses (engineering estimate)
-_CLEAR_SENSE = 0.5  # correlation of error and wind-up
+_CLEAR_SENSE = 0.5  # smallest correlation of error and wind-up that determines the sign of the torque
 _ARCSEC_PER_RAD = 648000 / np.pi
 _ValueAndSpread = tuple[float, float]
 
 
 @dataclass(frozen=True)
 class EncoderLag:
-    """Lag [ms] of the output's reading behind the cam's, and its standard uncertainty."""
+    """The lag of the output reading behind the input reading [ms], and its standard uncertainty."""
 
     ms: float
     uncertainty_ms: float
@@ -60,12 +63,16 @@ class EncoderLag:
 
 @dataclass(frozen=True)
 class Reversal:
-    """Error in growing minus error in falling direction at the same angles [arcsec]: mean, and greatest departure.
+    """The error in the increasing direction minus that in the decreasing direction at the same angles [arcsec].
 
-    lost_motion_arcsec: size of the output's stay where the shaft turns back, by play, friction and hysteresis, without
-    the part that grows with the speed, where that is known; with its standard uncertainty. by: "speeds within sweeps",
-    "speeds of sweeps", or "one speed", where each ms of lag between the encoders is arcsec_per_ms of it (None without
-    time stamps, 0 otherwise).
+    mean_arcsec: mean difference.
+    greatest_departure_arcsec: largest departure from the mean.
+    lost_motion_arcsec: angle by which the output lags where the shaft reverses, due to backlash, friction and
+    hysteresis, without the part that grows with the speed if that is known.
+    lost_motion_standard_uncertainty_arcsec: its standard uncertainty.
+    arcsec_per_ms: lost motion that 1 ms of encoder lag explains if there is one speed (None without time stamps), else
+    0.
+    by: "speeds within sweeps", "speeds of sweeps" or "one speed".
     """
 
     mean_arcsec: float
@@ -77,10 +84,11 @@ class Reversal:
 
 
 def speed_changes(bins: Bins) -> bool:
-    """Return whether the speed within the sweeps changes by enough to determine a lag."""
-    # within sweeps, since between them the levels tell
+    """Return whether the speed within the sweeps changes enough to determine a lag."""
+    # within sweeps only, because changes between sweeps are evaluated from the levels
     departures = [speed - np.median(speed) for speed in bins.by_sweep(bins.speed)]
-    low, high = np.quantile(np.concatenate(departures), (0.05, 0.95))  # a turning point alone determines no lag
+    # quantiles, because a turning point alone determines no lag
+    low, high = np.quantile(np.concatenate(departures), (0.05, 0.95))
     return float(high - low) / 2 > _LEAST_SPEED_CHANGE * float(np.abs(bins.speed).mean())
 
 
@@ -91,28 +99,28 @@ def reversal_and_lag(
     trace: MeasuredTrace,
     ratio: float | None,
 ) -> tuple[Reversal | None, EncoderLag | None]:
-    """Return what is lost at the reversal, and the lag of the output's encoder; None for what is unknown.
+    """Return the lost motion at reversal and the lag of the output encoder, each None if unknown.
 
-    fits: of the directions, growing angles first.
-    shared: angles [turns] that all directions cover, shape (angles,).
-    drift_arcsec: standard uncertainty by drifts.
+    fits: one fit per direction, increasing angles first.
+    shared: angles that all directions cover [revolutions], shape (angles,).
+    drift_arcsec: standard uncertainty due to drift.
     trace: recording of both directions.
     ratio: input revolutions per output revolution, None if it is unknown.
     """
     is_timed = trace.time_s is not None
-    # a lag shifts the two directions apart by twice the lag times the speed
+    # a lag separates the two directions by twice the lag times the speed
     levels = _levels_over_speed(fits) if is_timed and len(fits) == 2 else None
     slopes = [fit.slopes["speed"] for fit in fits if "speed" in fit.slopes]
     if levels:
         slopes.append(levels.over_speed)
     lag = None
-    # the slope is of the output's error over the input speed: the ratio turns it into time
+    # the slope is that of the output error over the input speed, so the ratio converts it to time
     if ratio and slopes:
         lag = _mean_lag(slopes, 1e3 * ratio * (trace.sense or 1) / TURN_ARCSEC)
     reversal = None
     if len(fits) == 2 and len(shared):
         reversal = _reversal(fits, shared, drift_arcsec, levels)
-        # lost motion and lag cannot be separated then, so the page states their exchange rate
+        # at one speed, lost motion and lag cannot be separated, so the result includes their exchange rate
         if reversal.by == "one speed":
             per_ms = _lost_per_ms(fits, ratio) if ratio and is_timed else None
             reversal = replace(reversal, arcsec_per_ms=per_ms)
@@ -120,7 +128,7 @@ def reversal_and_lag(
 
 
 def _mean_lag(slopes: Sequence[_ValueAndSpread], ms_per_slope: float) -> EncoderLag:
-    """Return the weighted mean of lags by slopes over the speed [arcsec s/turn]."""
+    """Return the weighted mean of the lags from slopes over the speed [arcsec s/revolution]."""
     values, spreads = np.array(slopes).T * ms_per_slope
     weight = np.maximum(np.abs(spreads), 1e-15) ** -2
     return EncoderLag(float(np.average(values, weights=weight)), float(weight.sum() ** -0.5))
@@ -132,11 +140,13 @@ def _reversal(
     drift_arcsec: float,
     levels: _LevelsOverSpeed | None,
 ) -> Reversal:
-    """Return the difference of two directions at shared angles [turns], and the lost motion.
+    """Return the difference between two directions at shared angles [revolutions], and the lost motion.
 
-    The arguments are those of `reversal_and_lag`; levels: of the sweeps, None if they do not determine the lost motion.
+    The arguments are those of `reversal_and_lag`.
+
+    levels: parts of the levels of the sweeps, None if they do not determine the lost motion.
     """
-    # levels are part of what is lost at the reversal
+    # the levels are part of the lost motion at reversal
     growing, falling = (fit.curve(shared) + fit.level.mean() for fit in fits)
     difference = growing - falling
     mean = float(difference.mean())
@@ -159,27 +169,27 @@ def _reversal(
 
 
 def _lost_per_ms(fits: Sequence[TraceFit], ratio: float) -> float:
-    """Return the part of the lost motion that each ms of lag makes at one speed [arcsec/ms]."""
+    """Return the lost motion that each ms of lag causes at one speed [arcsec/ms]."""
     speed = float(np.mean([np.median(np.abs(fit.bins.speed)) for fit in fits]))
     return 2e-3 * speed * TURN_ARCSEC / ratio
 
 
 def without_lag(trace: MeasuredTrace, lag_s: float) -> MeasuredTrace:
-    """Return a trace with time stamps whose angles are those of the cam when the output was read.
+    """Return a recording with time stamps whose input angles are those at the times of the output readings.
 
-    lag_s: time by which the reading of the output is older than that of the cam [s].
+    lag_s: time by which the output reading is older than the input reading [s].
     """
     cam_deg = trace.cam_deg.copy()
     time_s = np.asarray(trace.time_s)
     for sweep in trace.sweeps:
-        # averaged below: single differences are mostly noise
+        # averaged below, because single differences are mostly noise
         speed = np.gradient(trace.cam_deg[sweep.rows], time_s[sweep.rows])
         window = np.ones(min(_SPEED_ROWS, len(speed)))
         rows_in_window = np.convolve(
             np.ones(len(speed)),
             window,
             mode="same",
-        )  # fewer at the ends of a sweep
+        )  # fewer rows at the ends of a sweep
         mean_speed = np.convolve(speed, window, mode="same") / rows_in_window
         cam_deg[sweep.rows] -= mean_speed * lag_s
     return replace(trace, cam_deg=cam_deg)
@@ -189,8 +199,8 @@ def without_lag(trace: MeasuredTrace, lag_s: float) -> MeasuredTrace:
 class _LevelsOverSpeed:
     """Parts of the levels of sweeps, each with its standard uncertainty.
 
-    lost_motion: lost at the reversal [arcsec].
-    over_speed: slope over the speed [arcsec s/turn].
+    lost_motion: lost motion at reversal [arcsec].
+    over_speed: slope over the speed [arcsec s/revolution].
     """
 
     lost_motion: _ValueAndSpread
@@ -203,18 +213,18 @@ def _levels_over_speed(fits: Sequence[TraceFit]) -> _LevelsOverSpeed | None:
     The result is None if the sweeps of both directions do not determine the parts, or if slopes over the speed are
     fitted within the sweeps.
     """
-    # a lag within the sweeps, or steps between levels, are already explained
+    # a lag within the sweeps, or steps between levels, explain the differences already
     if any("speed" in fit.slopes or fit.bins.levels != fit.bins.sweeps for fit in fits):
         return None
     level = np.concatenate([fit.level for fit in fits])
     speed = np.array([speeds.mean() for fit in fits for speeds in fit.bins.by_sweep(fit.bins.speed)])
-    # three unknowns need three levels and two speeds
+    # three unknowns require three levels and two speeds
     if len(level) < 3 or not np.ptp(np.abs(speed)) > _LEAST_SPEED_APART * np.abs(speed).max():
         return None
-    from scipy.linalg import block_diag  # 20 ms, which values in holes do without
+    from scipy.linalg import block_diag  # imported here because it takes 20 ms, which measured holes do not need
 
     precision = np.linalg.pinv(block_diag(*[fit.level_covariance for fit in fits]))
-    # half of the lost motion to either side of the mean
+    # half of the lost motion on either side of the mean
     columns = np.column_stack([np.ones(len(level)), np.sign(speed) / 2, speed])
     solution, spread = _weighted_fit(columns, level, precision)
     return _LevelsOverSpeed(
@@ -230,27 +240,30 @@ def _weighted_fit(
 ) -> tuple[Array, Array]:
     """Return the unknowns that fit values best, and their standard uncertainties, each of shape (unknowns,).
 
-    Values that differ from the fit by more than their noise widen the uncertainty; those that differ by less do not
-    narrow it.
+    The uncertainty is increased if the values differ from the fit by more than their noise, and never reduced.
 
-    columns: of the unknowns, shape (values, unknowns).
+    columns: columns of the unknowns, shape (values, unknowns).
+    values: values to be fitted, shape (values,).
     precision: inverse of the covariance of the values, shape (values, values).
     """
     covariance = np.linalg.pinv(columns.T @ precision @ columns)
     solution = covariance @ columns.T @ precision @ values
     residual = values - columns @ solution
     freedom = len(values) - columns.shape[1]
-    # Birge: levels that scatter by more than their noise widen the uncertainties
+    # Birge ratio: levels that scatter by more than their noise increase the uncertainties
     widening = max(1.0, float(residual @ precision @ residual) / max(freedom, 1))
     return solution, np.sqrt(np.diag(covariance) * widening)
 
 
 @dataclass(frozen=True)
 class RecordedTorque:
-    """Torque of a record [N*m]: its mean, least and greatest, and the wind-up that was taken off.
+    """The torque of a recording [N*m], and the wind-up that was removed.
 
-    by: "record", "catalogue", or empty where none was; wind_up_arcsec: its range; uncertainty_arcsec: standard
-    uncertainty of that; stiffness_Nm_rad: by the record, with its standard uncertainty.
+    mean_Nm, least_Nm, greatest_Nm: mean, smallest and largest torque.
+    by: source of the stiffness, "record" or "catalogue"; empty if no wind-up was removed.
+    wind_up_arcsec: range of the removed wind-up.
+    uncertainty_arcsec: standard uncertainty of this range.
+    stiffness_Nm_rad: stiffness determined from the recording, with its standard uncertainty.
     """
 
     mean_Nm: float
@@ -262,8 +275,11 @@ class RecordedTorque:
     stiffness_Nm_rad: tuple[float, float] | None = None
 
     def is_change(self, torques: Sequence[Array]) -> bool:
-        """Return whether it changes within some of its rows by enough to matter; torques of the rows [N*m]."""
-        # in shares of the largest torque of the recording
+        """Return whether the torque changes significantly within some sweeps.
+
+        torques: torques of the rows of each sweep [N*m].
+        """
+        # limits as shares of the largest torque of the recording
         smallest = max(_LEAST_CHANGE * abs(self.least_Nm), _LEAST_CHANGE * abs(self.greatest_Nm))
         largest_change = float(max(map(np.ptp, torques)))
         is_large = largest_change > max(smallest, _LOAD_APART * (self.greatest_Nm - self.least_Nm))
@@ -275,13 +291,13 @@ class RecordedTorque:
         wound: TraceFit,
         torques: Sequence[Array],
     ) -> RecordedTorque | None:
-        """Return the torque with the slope over it that a fit has removed; None if the slope may be chance.
+        """Return the torque with the slope that a fit has removed, or None if the slope may be due to chance.
 
-        fit: without that slope.
-        wound: with that slope.
-        torques: of the rows [N*m].
+        fit: fit without the slope over the torque.
+        wound: fit with this slope.
+        torques: torques of the rows of each sweep [N*m].
         """
-        # by the fit with the wind-up still in the errors
+        # from the fit in which the slope represents the wind-up
         slope, uncertainty = wound.slopes["load"]
         if abs(slope) <= _SLOPE_CLEAR * uncertainty:
             return None
@@ -291,7 +307,7 @@ class RecordedTorque:
         uncertainty = hypot(uncertainty, slope * noise_variance / load_variance)
         size = max(abs(slope), 1e-300)
         span = self.greatest_Nm - self.least_Nm
-        # N*m over arcsec becomes N*m/rad
+        # conversion from N*m per arcsec to N*m/rad
         stiffness = _ARCSEC_PER_RAD / size
         return replace(
             self,
@@ -302,20 +318,20 @@ class RecordedTorque:
         )
 
     def by_catalogue(self, trace: MeasuredTrace, drive: Drive | None) -> tuple[MeasuredTrace, RecordedTorque] | None:
-        """Return a trace less the twist by K_1 to K_3 of a drive, towards growing angles where its sense is not clear.
+        """Return a trace minus the twist computed from K_1 to K_3 of a drive, or None without all three.
 
-        None without all three.
+        The twist is assumed to follow increasing angles if its sign is unclear.
         """
         stiffness = [drive.catalogue.K_1, drive.catalogue.K_2, drive.catalogue.K_3] if drive else []
         if trace.load is None or drive is None or not all(stiffness):
             return None
         size = np.abs(trace.load)
         T_1, T_2 = catalogue_torques(drive)
-        # the catalogue's curve: three straight parts
+        # the catalogue's curve consists of three straight lines
         knees = np.array([0.0, T_1, T_2, T_2 + float(size.max())])
         twist = np.cumsum([0.0, *(np.diff(knees) / np.array(stiffness, float))]) * _ARCSEC_PER_RAD
         load = np.sign(trace.load) * np.interp(size, knees, twist)
-        # the sense in which a rig counts torque is not stated in its file
+        # the file does not state the sign of the torque
         correlation = float(np.corrcoef(load, trace.error_arcsec)[0, 1])
         sense = -1.0 if correlation < -_CLEAR_SENSE else 1.0
         span = float(np.ptp(load))
@@ -329,8 +345,8 @@ class RecordedTorque:
 
 
 def _noise_of(torque: Array) -> float:
-    """Return the standard deviation of the noise of torque readings [N*m], by the differences of successive ones."""
-    # slow changes drop out of differences
+    """Return the standard deviation of the noise of torque readings [N*m], from differences of successive readings."""
+    # slow changes cancel in differences
     return float(np.std(np.diff(torque))) / sqrt(2)
 
 
@@ -339,13 +355,13 @@ def at_torque(
     M_g: float,
     rated: float = 0.0,
 ) -> MeasuredTrace:
-    """Return the sweeps of a trace at a torque, or all around it if it has none there.
+    """Return the sweeps of a recording at a torque, or all sweeps around it if there is none at that torque.
 
-    The column of torque may count the other way. A trace without the column stays as it is.
+    The column of torque may have the opposite sign. A recording without this column is returned unchanged.
 
     M_g: torque [N*m].
-    rated: torque of the drive [N*m], 0 if it is unknown.
-    Raises DataError: the column excludes the torque.
+    rated: rated torque of the drive [N*m], 0 if it is unknown.
+    Raises DataError if the column excludes the torque.
     """
     if trace.load is None:
         return trace
@@ -371,7 +387,7 @@ def at_torque(
 
 @dataclass(frozen=True, eq=False)
 class _TorqueCoverage:
-    """Which sweeps were recorded at a torque, and which lie around it, each of shape (sweeps,)."""
+    """The sweeps that were recorded at a torque, and those that lie around it, as masks of shape (sweeps,)."""
 
     is_at: NDArray[np.bool_]
     is_around: NDArray[np.bool_]
@@ -383,17 +399,19 @@ def _torque_coverage(
     M_g: float,
     rated: float,
 ) -> _TorqueCoverage:
-    """Return which sweeps of a trace cover a torque M_g [N*m], each direction by itself.
+    """Return which sweeps of a recording cover a torque, for each direction separately.
 
-    loads: torque of the readings of each sweep [N*m]; rated: torque of the drive [N*m].
+    loads: torque of the readings of each sweep [N*m].
+    M_g: torque [N*m].
+    rated: rated torque of the drive [N*m].
     """
     tolerance = max(_SAME_TORQUE * abs(M_g), _SAME_OF_RATED * rated)
-    # 5 and 95 %: single readings beyond do not make a torque recorded
+    # quantiles, because single readings beyond them do not mean that a torque was recorded
     low, high = np.array([np.quantile(load, (0.05, 0.95)) for load in loads]).T
     direction = np.array([sweep.direction for sweep in trace.sweeps])
     is_at = np.zeros(len(loads), dtype=bool)
     is_around = np.zeros(len(loads), dtype=bool)
-    # each direction needs the torque by itself
+    # each direction must cover the torque on its own
     for is_way in (direction > 0, direction < 0):
         smallest = np.min(
             low,
@@ -405,7 +423,7 @@ def _torque_coverage(
             where=is_way,
             initial=-np.inf,
         )
-        # some rigs count the torque against the motion, which changes its sign with the direction
+        # some test rigs measure the torque against the motion, so its sign changes with the direction
         for torque in (M_g, -M_g):
             has_torque = is_way & np.array([_has_torque(load, torque, tolerance) for load in loads])
             if has_torque.any() or smallest <= torque <= largest:
@@ -420,22 +438,24 @@ def _has_torque(
     torque: float,
     room: float,
 ) -> bool:
-    """Return whether a sweep was recorded at a torque: its readings lie on both sides of it, without a wide gap there.
+    """Return whether a sweep was recorded at a torque, with readings on both sides of it and no wide gap around it.
 
-    load: torque of the readings [N*m], shape (rows,); torque [N*m]; room: difference that does not matter [N*m].
+    load: torque of the readings [N*m], shape (rows,).
+    torque: torque [N*m].
+    room: negligible difference of torque [N*m].
     """
     low, high = np.quantile(load, (0.05, 0.95))
     if not low - room <= torque <= high + room:
         return False
     if float(np.abs(load - torque).min()) <= room:
         return True
-    # between these two readings the torque was not held
+    # the torque was not recorded between these two readings
     gap = float(load[load > torque].min() - load[load < torque].max())
     return gap <= _WIDEST_LOAD_GAP * float(high - low)
 
 
 def require_recorded(trace: MeasuredTrace, M_g: float | None) -> None:
-    """Raise DataError if a torque M_g [N*m] that is asked of a trace lies between those that were recorded."""
+    """Raise DataError if a requested torque M_g [N*m] lies between the recorded ones."""
     if trace.is_between_torques and M_g is not None:
         message = f"{trace.file}: no recording at {M_g:g} N·m, only below and above it"
         hint = f"record a sweep at {M_g:g} N·m; between torques the error may not be linear"
@@ -443,7 +463,7 @@ def require_recorded(trace: MeasuredTrace, M_g: float | None) -> None:
 
 
 def _torque_text(load: Array) -> str:
-    """Return the torque of a sweep [N*m] as text, or its smallest and largest if it changes."""
+    """Return the torque of a sweep [N*m] as text, or its smallest and largest value if it changes."""
     low, high = np.quantile(load, (0.05, 0.95))
     is_changing = np.std(load) > _TORQUE_CLEAR * _noise_of(load) and high - low > _SAME_TORQUE * abs(load.mean())
     return f"{low:.3g} to {high:.3g}" if is_changing else f"{load.mean():.3g}"
@@ -451,21 +471,21 @@ def _torque_text(load: Array) -> str:
 
 def tells_compliance(fit: TraceFit) -> bool:
     """Return whether the load of a fit's bins has a part that follows neither its orders nor its slow terms."""
-    # a torque that follows the output angle, such as a weight, looks like orders
+    # a torque that follows the output angle, such as that of a weight, looks like orders
     load = fit.bins.load
     _, remainder = fit.design.fitted(load)
     return float(np.std(remainder)) > _LOAD_APART * float(np.std(load))
 
 
 def with_order_changes(fit: TraceFit, seed: int) -> tuple[TraceFit, float | None]:
-    """Return a fit whose orders change with the torque, if its bins show a change, and the most that lines miss.
+    """Return a fit whose orders change with the torque if its bins show this, and the interpolation error [arcsec].
 
-    That is the bend of the curve [arcsec] at the mean torque, by which a straight line misses it there, or a quarter of
-    the bend if there is a line to either side. It is None if the orders do not change, or if the recording does not
-    determine a bend.
+    The interpolation error is the largest one: the bend of the curve at the mean torque, by which a straight line
+    deviates there, or a quarter of the bend if there is a line on either side. It is None if the orders do not change,
+    or if the recording does not determine a bend.
 
-    fit: with orders that do not change.
-    seed: of the bootstrap.
+    fit: fit whose orders do not change.
+    seed: seed of the bootstrap.
     """
     miss_arcsec = None
     for changes in (2, 1):
@@ -485,5 +505,5 @@ def with_order_changes(fit: TraceFit, seed: int) -> tuple[TraceFit, float | None
 
 
 def _noise_at_torques(fit: TraceFit) -> float:
-    """Return the largest noise of the curve at the torques of a recording, over that of a reading."""
+    """Return the largest noise of the curve at the torques of a recording, relative to the noise of a reading."""
     return max(float(np.linalg.norm(fit.at_torque(torque).order_root)) for torque in fit.bins.torques)

@@ -1,9 +1,9 @@
-"""What a trace is fitted by: averages over small steps of its angle, waves of its orders, and terms that are slow.
+"""The model fitted to a recording: averages over small steps of the angle, waves at its orders, and slow terms.
 
-error = level of the sweep + slow terms + lag * speed + compliance * load + sum of a cos(2 pi f x) + b sin(2 pi f x).
-Where the orders change with the torque, a and b are a_0 + a_1 t + a_2 |t|, t 0 at the mean torque and 1 or -1 at the
-farthest: straight lines to either side of the mean.
-The trace is averaged over small steps of the angle first, so that the effort does not grow with its rows.
+error = level of the sweep + slow terms + lag * speed + compliance * load + sum of a cos(2 pi f x) + b sin(2 pi f x). If
+the orders change with the torque, a and b are a_0 + a_1 t + a_2 |t|, where t is 0 at the mean torque and 1 or -1 at the
+torque farthest from it. The coefficients are therefore linear on either side of the mean. The recording is first
+averaged over small steps of the angle, so that the effort does not grow with its rows.
 """
 
 from __future__ import annotations
@@ -20,23 +20,30 @@ from hdassist.errors import Fault, UntrustedError
 from hdassist.model.geometry import Array
 from hdassist.readers.trace import MeasuredTrace
 
-_PER_PERIOD = 40  # bins in a period of the highest order: its amplitude falls by 0.1 %
-_HEAVIEST = 4.0  # times the median weight: a shaft that stands still does not outweigh the rest
-DESIGN_CHUNK = 8192  # rows of the design that stand in memory at once
+_PER_PERIOD = 40  # bins per period of the highest order, whose amplitude averaging reduces by 0.1 %
+# multiple of the median weight that limits all weights, so that a stationary shaft does not dominate the fit
+_HEAVIEST = 4.0
+DESIGN_CHUNK = 8192  # rows of the design that are in memory at a time
 _WORST_CONDITION = 1e8  # largest condition number of the normal equations
-_JOINED_CELLS = 24  # in a turn of the cam, by which sweeps are joined on the output revolution
-_MOST_JOINED = 4  # sweeps: levels of more of them take too much of the slow terms
+_JOINED_CELLS = 24  # cells per input revolution that are used to join sweeps on the output revolution
+_MOST_JOINED = 4  # most sweeps that are joined: the levels of more sweeps would absorb too much of the slow terms
 BINS_PER_COLUMN = 1.5
 
 
 @dataclass(frozen=True, eq=False)
 class Bins:
-    """Averages, shape (bins,), by sweep and along the angle.
+    """Averages over steps of the angle within each sweep, in arrays of shape (bins,).
 
-    turns: cam angle; error: arcsec; rows: in each; weight: with a mean of 1; sweep: index from 0; level: index of the
-    level of the error, from 0: a sweep has one, and one more behind each of its steps; travel: of the cam
-    since the first row, turns; speed: of the cam, turns/s, 0 without time stamps; load: that of the trace, 0
-    without; per_turn: bins in a turn of the cam.
+    turns: input angle [revolutions].
+    error: error [arcsec].
+    rows: number of rows in each bin.
+    weight: weight, with a mean of 1.
+    sweep: index of the sweep, from 0.
+    level: index of the level of the error, from 0. A sweep has one level, and one more after each step of the error.
+    travel: travel of the input since the first row [revolutions].
+    speed: speed of the input [revolutions/s], 0 without time stamps.
+    load: load of the recording, 0 without a load.
+    per_turn: number of bins per input revolution.
     """
 
     turns: Array
@@ -65,56 +72,56 @@ class Bins:
 
     @cached_property
     def torques(self) -> tuple[float, float, float]:
-        """Least, mean and greatest load, without the noise of its readings: 5 and 95 % lie below."""
-        # the extremes themselves are noise
+        """The 5 % quantile, the mean and the 95 % quantile of the load; quantiles exclude noise of the readings."""
+        # the extreme readings are noise
         low, high = np.quantile(self.load, (0.05, 0.95)).tolist()
         return low, float(np.average(self.load, weights=self.rows)), high
 
     def away(self, load: Array | float) -> Array | float:
-        """Return how far loads are from the mean, 1 or -1 at the farther of the least and the greatest."""
+        """Return loads relative to their mean, scaled to 1 or -1 at the extreme that is farther from the mean."""
         low, mean, high = self.torques
         # 1e-300 avoids 0/0 at a constant torque
         return (load - mean) / max(mean - low, high - mean, 1e-300)
 
     @property
     def span(self) -> float:
-        """Turns of the cam from least to greatest angle of the longest sweep."""
+        """The largest range of input angles in one sweep [revolutions]."""
         return max(float(np.ptp(turns)) for turns in self.by_sweep(self.turns))
 
     def span_on_output(self, ratio: float) -> float:
-        """Return the turns of the cam that the sweeps cover on the output revolution, by their positions there.
+        """Return the input revolutions that the sweeps cover of one output revolution.
 
-        These are the turns of the longest sweep. A few sweeps that cover more together count as one, in any order:
-        each has its own level, so they need not follow each other.
+        The result is that of the longest sweep. Up to _MOST_JOINED sweeps that together cover more count as one. Their
+        sequence does not matter, because each sweep has its own level.
 
-        ratio: turns of the cam in an output revolution.
+        ratio: input revolutions per output revolution.
         """
-        # one sweep that covers the revolution needs no joining
+        # a single sweep that covers the output revolution needs no joining
         if self.span >= ratio or not 1 < self.sweeps <= _MOST_JOINED:
             return self.span
-        # of the output revolution
+        # cells of the output revolution
         cells = round(ratio * _JOINED_CELLS)
         is_covered = np.zeros(cells, dtype=bool)
         for turns in self.by_sweep(self.turns):
-            # only whole cells count
+            # only cells that are completely covered count
             first = np.ceil(turns.min() * _JOINED_CELLS)
             last = np.floor(turns.max() * _JOINED_CELLS)
             is_covered[np.arange(first, last).astype(np.int64) % cells] = True
         return max(self.span, float(np.count_nonzero(is_covered)) / cells * ratio)
 
     def by_sweep(self, values: Array) -> list[Array]:
-        """Return the values of all bins, shape (bins,), parted into those of each sweep."""
+        """Return the values of all bins, shape (bins,), split by sweep."""
         return np.split(values, np.flatnonzero(np.diff(self.sweep)) + 1)
 
 
 def travel_of(trace: MeasuredTrace) -> Array:
-    """Return the travel of the input since the first row, in either direction, shape (rows,) [turns]."""
+    """Return the travel of the input since the first row in either direction [revolutions], shape (rows,)."""
     return np.concatenate([[0.0], np.cumsum(np.abs(np.diff(trace.cam_deg)))]) / 360
 
 
 @dataclass(frozen=True, eq=False)
 class _SweepBins:
-    """Averages of the rows of one sweep, shape (bins,); the names are those of `Bins`, levels from 0 in the sweep."""
+    """Averages of the rows of one sweep, shape (bins,), with the fields of `Bins`; levels count from 0 per sweep."""
 
     turns: Array
     error: Array
@@ -126,22 +133,22 @@ class _SweepBins:
 
 
 def bins_of(trace: MeasuredTrace, highest: float) -> Bins:
-    """Return averages of the rows of a trace over bins of 1/(_PER_PERIOD highest) of an input revolution.
+    """Return averages of the rows of a recording over steps of 1/(_PER_PERIOD highest) of an input revolution.
 
-    trace: with its sweeps.
-    highest: order per input revolution.
+    trace: recording with its sweeps.
+    highest: highest order per input revolution.
     """
     travel = travel_of(trace)
     per_turn = _PER_PERIOD * highest
     sweeps = [_bins_of_sweep(trace, slice(sweep.start, sweep.stop), travel, per_turn) for sweep in trace.sweeps]
     numbers = [np.full(len(sweep.turns), number, dtype=np.int64) for number, sweep in enumerate(sweeps)]
     levels = []
-    first_level = 0  # of a sweep: levels of all sweeps are counted together
+    first_level = 0  # first level of a sweep: the levels of all sweeps are numbered consecutively
     for sweep in sweeps:
         levels.append(sweep.level + first_level)
         first_level = int(levels[-1].max()) + 1
     rows = np.concatenate([sweep.rows for sweep in sweeps])
-    # a bin in which the shaft stood still has many rows with one error
+    # a bin in which the shaft stood still has many rows with the same error
     weight = np.minimum(rows, _HEAVIEST * np.median(rows))
     return Bins(
         turns=np.concatenate([sweep.turns for sweep in sweeps]),
@@ -163,19 +170,21 @@ def _bins_of_sweep(
     travel: Array,
     per_turn: float,
 ) -> _SweepBins:
-    """Return averages of the rows of a sweep, by their input angle and by the steps of the error before them.
+    """Return averages of the rows of a sweep over steps of the input angle, with separate bins for separate levels.
 
-    travel: of all rows [turns], shape (rows,); per_turn: bins in an input revolution.
+    rows: rows of the sweep.
+    travel: travel of the input at all rows [revolutions], shape (rows,).
+    per_turn: number of bins per input revolution.
     """
     turns = trace.cam_deg[rows] / 360
-    # levels are numbered by the steps of the error before them
+    # a level is identified by the number of error steps before it
     steps_before = np.searchsorted(
         trace.breaks,
         trace.line[rows],
         side="right",
     )
     _, level = np.unique(steps_before, return_inverse=True)  # from 0
-    # levels part a bin: each has a place of its own behind that of the level before
+    # a level change divides a bin: the part of each level gets its own index, in the order of the levels
     _, place = np.unique(np.floor(turns * per_turn) + level / len(turns), return_inverse=True)
     count = np.bincount(place).astype(float)
 
@@ -195,11 +204,11 @@ def _bins_of_sweep(
 
 
 def order_columns(turns: Array, orders: Array) -> Array:
-    """Return cosines, then sines, of orders at angles [turns], shape (angles, 2 orders).
+    """Return the cosines, then the sines, of orders at angles [revolutions], shape (angles, 2 orders).
 
-    The wave of an order n + k/ratio is the product of those of n and of k/ratio, of which there are few.
+    The wave of order n + k/ratio is the product of the waves of order n and k/ratio, which are few.
     """
-    # sidebands of different orders share their fractions: few exponentials make all columns
+    # sidebands of different orders have the same fractions, so few exponentials generate all columns
     whole_orders, part_orders = np.divmod(orders, 1)
     part_orders = part_orders.round(12)
     waves = {order: np.exp(2j * np.pi * order * turns) for order in {*whole_orders.tolist(), *part_orders.tolist()}}
@@ -221,26 +230,26 @@ def curve_of(
     orders: Array,
     turns: Array,
 ) -> Array:
-    """Return curves [arcsec] at input angles [turns], shape (angles, ...).
+    """Return curves [arcsec] at input angles [revolutions], shape (angles, ...).
 
-    coefficients: of cosines and sines of the orders [arcsec], shape (2 orders, ...).
+    coefficients: coefficients of the cosines, then of the sines, of the orders [arcsec], shape (2 orders, ...).
     """
-    # columns of all angles at once would take gigabytes
+    # the columns of all angles at once would need gigabytes
     chunks = [turns[start : start + DESIGN_CHUNK] for start in range(0, len(turns), DESIGN_CHUNK)]
     return np.concatenate([order_columns(chunk, orders) @ coefficients for chunk in chunks])
 
 
 @dataclass(frozen=True)
 class SlowTerms:
-    """Terms besides the orders: a drift, powers of the travel up to a degree, and slopes over columns of the bins.
+    """Terms other than the orders: a drift and slopes over columns of the bins.
 
-    by_angle: whether Legendre polynomials of the input angle are used instead, for slow terms in a part of an output
+    degree: highest power of the travel in the drift.
+    by_angle: whether Legendre polynomials of the input angle replace the powers, for slow terms in a part of an output
     revolution.
     over: names of the columns: speed for a lag between the encoders, load for the wind-up.
-    ridge: added to the normal equations of unit diagonal, so that orders that the recording does not resolve stay
-    small, although their sum does not.
-    order_changes: change of the orders with the torque: 0 none, 1 along a straight line, 2 with a bend at the mean
-    torque.
+    ridge: value added to the diagonal of the normal equations after scaling to a unit diagonal. It keeps orders that
+    the recording does not resolve small, but not their sum.
+    order_changes: change of the orders with the torque: 0 none, 1 linear, 2 linear with a bend at the mean torque.
     """
 
     degree: int = 0
@@ -251,20 +260,25 @@ class SlowTerms:
 
     @property
     def periods(self) -> float:
-        """Periods in the record of the fastest wave that they take off: no noise is left below.
+        """The periods per recording of the fastest wave that the slow terms absorb; no noise remains below it.
 
-        Legendre polynomials resolve a wave where there are pi of them for each of its periods.
+        Legendre polynomials resolve a wave if there are at least pi polynomials per period.
         """
         return self.degree / np.pi if self.by_angle else 0.0
 
 
 class TraceDesign:
-    """Normal equations of orders, levels of the sweeps and slow terms on the bins of a trace, factored once.
+    """Normal equations of orders, sweep levels and slow terms on the bins of a recording, factored once.
 
-    columns: unknowns, cosines and sines of the orders first, their changes with the torque last; reach: travel [turns]
-    at the end of the drift; gram: normal equations, shape (columns, columns); root: times its transpose the inverse of
-    these, same shape; condition: of these.
-    Raises UntrustedError: too few bins, or angles that do not resolve the orders.
+    bins: averages of the recording.
+    orders: orders per input revolution, shape (orders,).
+    slow: slow terms.
+    columns: number of unknowns. Cosines and sines of the orders come first, their changes with the torque last.
+    reach: travel at the end of the drift [revolutions].
+    gram: normal equations, shape (columns, columns).
+    root: symmetric root of the inverse of gram: root @ root.T is the inverse, shape (columns, columns).
+    condition: condition number of gram scaled to a unit diagonal.
+    Raises UntrustedError if there are too few bins, or the angles do not resolve the orders.
     """
 
     def __init__(
@@ -286,9 +300,10 @@ class TraceDesign:
         starts = range(0, len(bins), DESIGN_CHUNK)
         self._parts = [slice(start, min(start + DESIGN_CHUNK, len(bins))) for start in starts]
         self.gram = self._normal_equations()
-        scale = 1 / np.sqrt(np.diag(self.gram))  # to a unit diagonal, so that the condition is that of the angles
+        # scaling to a unit diagonal, so that the condition number describes the angles
+        scale = 1 / np.sqrt(np.diag(self.gram))
         values, vectors = np.linalg.eigh(self.gram * scale * scale[:, None])
-        # unresolved directions are held, resolved ones change by a share of 1e-7
+        # the ridge limits unresolved combinations and changes resolved ones by a relative 1e-7
         values += slow.ridge
         self.condition = float(values[-1] / values[0]) if values[0] > 0 else float("inf")
         if self.condition > _WORST_CONDITION:
@@ -302,12 +317,15 @@ class TraceDesign:
         gram = np.zeros((self.columns, self.columns))
         for rows in self._parts:
             matrix = self._rows(rows.start) * np.sqrt(self.bins.weight[rows, None])
-            gram += matrix.T @ matrix  # of one array with itself: half the work
+            gram += matrix.T @ matrix  # a product of one array with its own transpose takes half the work
         return gram
 
     @lru_cache(maxsize=4)  # noqa: B019 - of four parts in all: most records have fewer, of which fits ask several times
     def _rows(self, start: int) -> Array:
-        """Return the rows of the design from a bin on, shape (DESIGN_CHUNK at most, columns)."""
+        """Return up to DESIGN_CHUNK rows of the design, shape (rows, columns).
+
+        start: index of the first bin.
+        """
         bins = self.bins
         rows = slice(start, start + DESIGN_CHUNK)
         levels = np.eye(bins.levels)[bins.level[rows]]
@@ -319,23 +337,29 @@ class TraceDesign:
         return np.concatenate([waves, levels, slow, *over, *changes], axis=1)
 
     def _slow(self, turns: Array, travel: Array) -> Array:
-        """Return the drift, or polynomials of the angle, at angles and travels [turns], shape (angles, degree)."""
-        # over travel a drift goes on while the shaft turns back; over the angle it repeats
+        """Return the drift or the polynomials of the angle at angles and travels [revolutions], (angles, degree)."""
+        # a drift over travel continues while the shaft reverses; a polynomial of the angle repeats
         if not self.slow.by_angle:
             return (travel[:, None] / self.reach) ** np.arange(1, self.slow.degree + 1)
         least = self.bins.turns.min()
         greatest = self.bins.turns.max()
-        # orthogonal on the interval; the constant is left to the levels
+        # polynomials orthogonal on the interval; the levels represent the constant
         return legvander((2 * turns - least - greatest) / (greatest - least), self.slow.degree)[:, 1:]
 
     def fitted(self, curves: Array) -> tuple[Array, Array]:
-        """Return the unknowns that fit curves best, shape (columns, ...), and the residuals, shape (bins, ...)."""
+        """Return the least-squares unknowns for curves, shape (columns, ...), and the residuals, shape (bins, ...).
+
+        curves: values at the bins, shape (bins, ...).
+        """
         solution = self.project(lambda rows: curves[rows])
         return solution, curves - np.concatenate([self._rows(rows.start) @ solution for rows in self._parts])
 
     def project(self, curves: Callable[[slice], Array]) -> Array:
-        """Return the unknowns that fit curves best, shape (columns, ...), from their values at a slice of the bins."""
-        # part by part, as the whole design need not fit into memory
+        """Return the least-squares unknowns for curves, shape (columns, ...).
+
+        curves: function that returns the values at a slice of the bins.
+        """
+        # computed in parts, because the whole design may not fit into memory
         moments = [(self._rows(rows.start) * self.bins.weight[rows, None]).T @ curves(rows) for rows in self._parts]
         return self.root @ (self.root.T @ sum(moments))
 
@@ -345,5 +369,8 @@ class TraceDesign:
         turns: Array,
         travel: Array,
     ) -> Array:
-        """Return a drift [arcsec] at cam angles and after so much travel [turns]."""
+        """Return a drift [arcsec] at input angles and travels [revolutions], shape (angles,).
+
+        drift: coefficients of the slow terms, shape (degree,).
+        """
         return self._slow(turns, travel) @ drift
