@@ -339,9 +339,9 @@ def test_curves_of_two_phasors_gain_nothing_near_the_values(monkeypatch) -> None
     tried = [Trial(0.0, 20.0), Trial(120.0, 26.0), Trial(60.0, 25.0)]
     near = posterior_of(drives.with_free_curves(tried), tried, [90.0, 180.0])
     rng = np.random.default_rng(0)
-    constant = np.exp(2 * rng.standard_normal(400_000))
-    radius = np.sqrt(rng.random(400_000))  # even over the circle
-    direction = rng.uniform(0, 2 * np.pi, 400_000)
+    constant = np.exp(2 * rng.standard_normal(100_000))
+    radius = np.sqrt(rng.random(100_000))  # even over the circle
+    direction = rng.uniform(0, 2 * np.pi, 100_000)
     curves = 20 * np.sqrt(constant * (1 + radius * np.cos(turn[:, None] - direction))).T
     weight = np.vstack([np.full((64, HOLES), 1 / (64 * HOLES)), np.zeros(curves.shape)])
     weight[64:, 0] = 1 / len(curves)
