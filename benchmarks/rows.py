@@ -87,10 +87,9 @@ def rows(measured: dict[str, Any]) -> Iterator[Row]:
             ("first", FIRST_NUMBER, case["first_s"]),
             ("verified", PROVEN_NUMBER, case["proven_s"]),
         ):
-            share = f"{took / case['check_s']:.1%} of a check"
-            yield Row(
-                "explorer", f"from a key to the {words} number, `explore {case['name']}` ({share})", most, took, "s"
-            )
+            share = f"{100 * took / case['check_s']:.1f} % of the time of `check`"
+            label = f"processor time from a key press to the {words} number, `explore {case['name']}` ({share})"
+            yield Row("explorer", label, most, took, "s")
 
 
 def engine_of(torque: dict[str, Any]) -> str:

@@ -220,6 +220,8 @@ def controller_file(
     The description states kind, controller and drive in 7-bit lines; source: the preset or the recording.
     """
     way = "counter-clockwise" if axis.sense == 1 else "clockwise"
+    reads_input = controller.played is not None and controller.played(table, axis).is_of_cam
+    shaft = "wave generator" if reads_input else "output"
     steps = axis.steps_per_degree
     worm = [f"{table.period_deg / abs(table.u) * steps:.2f} motor steps in its revolution"] if steps else []
     for_torque = f"for {table.M_g:g} N*m"
@@ -238,7 +240,8 @@ def controller_file(
         *worm,
         *travel,
         f"zero: the axis reads {axis.zero_deg:.6g} deg when input and output are at zero (phi_h = 0)",
-        f"counts up {way}, seen from the wave generator side; subtract the error (actual minus ideal output angle)",
+        f"the axis reading increases as the {shaft} rotates {way}, seen from the wave generator side",
+        "subtract the error (actual minus ideal output angle)",
         *(
             f"at {residual.M_g:g} N*m{'' if residual.case == 'in place' else ', ' + residual.case}: expected range "
             f"{residual.p50:.2f} arcsec ({residual.p5:.2f} to {residual.p95:.2f}), without correction "

@@ -70,7 +70,7 @@ pinned drive; the best hole is shown with its F'_ior. Bars of the first torque l
 After a change the previous result remains visible, marked old. Next to it is F'_ior of a typical drive before and \
 after the change.
 
-Holes: F'_ior with the fixed wheel in each hole. Holes count counter-clockwise from hole 0, seen from the wave \
+Holes: F'_ior with the fixed wheel in each hole. Holes are numbered counter-clockwise from hole 0, seen from the wave \
 generator side. Bars extend from the 5th to the 95th percentile, on one scale for all torques.
 N now, B best, W worst, ? measure next, ◆ measured, x not allowed, o looked at, │ limit.
 

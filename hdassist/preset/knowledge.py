@@ -662,8 +662,8 @@ def _require_steel_cup(flexspline: str | None) -> None:
         return
     if reason := _NOT_MODELLED.get(flexspline):
         raise UsageError(
-            f"--flexspline {flexspline} is not in the model: {reason}",
-            "use hdassist for drives with a cup of steel only",
+            f"--flexspline {flexspline}: the model does not cover this kind of flexspline: {reason}",
+            "use hdassist only for drives with a steel flexspline of the cup type",
         )
     kinds = ("cup", *_NOT_MODELLED)
     message = f"invalid --flexspline {shown(flexspline)}: expected one of {', '.join(kinds)}"

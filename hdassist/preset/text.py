@@ -605,7 +605,8 @@ def _no_number(
     if _NOT_FINITE.fullmatch(text.split(" ")[0]):
         return UnitError("must be a finite number")
     if sign == "," or re.fullmatch(r"[-+]?[0-9]+,[0-9]+.*", text):
-        return UnitError("must be a number", "write a decimal point, no comma, and no separator between thousands")
+        hint = "use a point, not a comma, as the decimal separator, and no thousands separator"
+        return UnitError("must be a number", hint)
     if sign == "_":
         return UnitError("must be a number", "write it without underscores")
     if text.startswith("\u2212"):

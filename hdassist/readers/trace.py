@@ -762,7 +762,7 @@ def _angle(
             return angle
         raise table.fault(wrong.message, wrong.hint, wrong.row, column.index) from None
     if guess:
-        table.notes.append(f'"{table.name(column.index)}" restarts after {guess:g} deg; joined')
+        table.notes.append(f'"{table.name(column.index)}" restarts after {guess:g} deg and was unwrapped')
     return joined
 
 

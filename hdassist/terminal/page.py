@@ -43,7 +43,7 @@ DRAWINGS: dict[type, Callable[[Style, Any], str]] = {
     Curve: curve,
     Seat: lambda style, seat: style.text(f"{seat_in_characters(seat)}\n\n{seat.legend}"),
 }
-_RESIDUALS = {  # of a certificate, each a share of its scale
+_RESIDUALS = {  # of a certificate, each relative to its scale
     "negative_force": "negative force",
     "negative_gap": "negative gap",
     "complementarity": "force on an open gap",
@@ -285,7 +285,7 @@ def _certificate_facts(found: ReportProof | None, cross_checks: Iterable[CrossCh
             ("mesh positions solved", f"{found.states}"),
             ("mesh positions that needed a fallback", f"{found.fallbacks}"),
         ]
-        bound = f", share of its scale, at most {TOLERANCE:.0e}"
+        bound = f", relative residual, at most {TOLERANCE:.0e}"
         rows += [(f"{label}{bound}", f"{getattr(found, name):.1e}") for name, label in _RESIDUALS.items()]
         if cross := certificate_object(found, cross_checks)["cross_check"]:
             label = f"{cross['states']} solved again with {cross['solver']}: difference, at most {CROSS_TOLERANCE:g}″"

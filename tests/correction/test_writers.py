@@ -204,7 +204,7 @@ def test_a_file_says_what_it_is_for(kind):
         "axis A1", "preset d\\nr\\u0436, sha256 5ha", "for 80 N*m",
         f"table of the form {turn}, 100 points",
         "the axis reads 12.5 deg when input and output are at zero",
-        "counts up clockwise, seen from the wave generator side",
+        f"the axis reading increases as the {'wave generator' if kind == 'moteus' else 'output'} rotates clockwise",
         "subtract the error (actual minus ideal output angle)",
         "at 80 N*m: expected range 2.20 arcsec (1.10 to 3.30)",
         "at -80 N*m, turn lost: expected range 6.00 arcsec (5.00 to 7.00), without correction 28.00",

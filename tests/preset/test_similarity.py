@@ -173,7 +173,8 @@ def test_a_known_quality_is_as_before() -> None:
 
 @pytest.mark.parametrize("kind", ["ring", "plastic"])
 def test_flexspline_outside_the_model_is_refused_with_the_reason(kind: str) -> None:
-    with pytest.raises(UsageError, match=f"--flexspline {kind} is not in the model: .{{20}}"):
+    refused = f"--flexspline {kind}: the model does not cover this kind of flexspline: .{{20}}"
+    with pytest.raises(UsageError, match=refused):
         read_requirements(LIKE, flexspline=kind)
     assert read_requirements(LIKE, flexspline="cup") == read_requirements(LIKE)
 

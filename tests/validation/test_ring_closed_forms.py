@@ -50,7 +50,7 @@ CASES = [
     ),
     Case(
         "torsional stiffness of the shell, divided by that of a thick tube", "", "G pi (r_o⁴ - r_i⁴)/(2 l)",
-        **about(1, 1e-3), why="The theory of the thin tube neglects terms of the size (h/2r)²",
+        **about(1, 1e-3), why="The theory of the thin tube neglects terms in (h/2r)²",
         kind=Kind.CLOSED_FORM, value=tube, digits=".5f",
     ),
 ]  # fmt: skip
