@@ -1,6 +1,7 @@
 """Pages of docs/ whose commands run as they stand: each command ends as the page has it, and prints the output shown.
 
-A block `sh` runs, a block `text` is output of them, a block `none` is only shown.
+A block `sh` runs, a block `text` is output of them, a block `none` is only shown. Numbers in ″ and in % that sentences
+of a page state are in its output too, except for those of other runs.
 """
 
 import json
@@ -18,6 +19,18 @@ from tests.helpers.process import CLEAN, run
 
 DOCS = Path(__file__).parents[1] / "docs"
 NAME, COMMAND = r"\w+=\S+", r"hdassist [^|&;<>\n]+( > [\w.-]+)?"  # lines that need no shell
+NUMBER = r"\d+(?:\.\d+)?"
+OF_OTHER_RUNS = {  # numbers of benchmarks, of longer runs and of other settings, by page
+    "start.md": {"23.4", "81"},
+    "mount.md": {"17.3"},
+    "measure.md": {"2.3", "9", "28.7"},
+    "correct.md": {"0.10", "0.16", "0.23", "0.5", "0.57", "15", "30", "31.2", "90", "95", "98"},
+    "tolerance.md": {"11.1", "14.7", "15.4", "38"},
+    "plan.md": {"38", "55", "92"},
+    "design.md": {"13", "106", "120", "145", "268"},
+    "accept.md": {"5.4", "90"},
+    "explore.md": {"3", "45", "63", "68", "95"},  # tests/explorer/test_path.py compares these
+}
 PLAIN = rf"(({NAME}|{COMMAND})\n)+"
 SHELL = f'set -euo pipefail\nhdassist() {{ "{sys.executable}" -m hdassist "$@"; }}\n'
 
@@ -35,7 +48,19 @@ def output_of(page: str, folder: Path) -> str:
         shown = block.split()
         starts = range(len(words) - len(shown) + 1)
         assert any(all(map(alike, shown, words[start:])) for start in starts), f"{block}is not in {' '.join(words)}"
-    return " ".join(words)
+    output = " ".join(words)
+    printed = [float(number) for number in re.findall(NUMBER, output)]
+    for number in restated_numbers(page) - OF_OTHER_RUNS.get(page, set()):
+        assert any(isclose(float(number), value, rel_tol=0.01) for value in printed), f"{page}: {number} is not printed"
+    return output
+
+
+def restated_numbers(page: str) -> set[str]:
+    """Numbers in ″ and in % of the sentences of a page, both ends of a range."""
+    prose = re.sub(r"```.*?```", "", (DOCS / page).read_text(encoding="utf-8"), flags=re.DOTALL)
+    prose = re.sub(r"`[^`\n]*`|\]\([^)]*\)", "", prose)
+    ranges = re.findall(rf"({NUMBER})(?:(?: to | and |-)({NUMBER}))? ?[″%]", prose)
+    return {number for ends in ranges for number in ends if number}
 
 
 def output_of_block(block: str, folder: Path) -> str:

@@ -208,8 +208,8 @@ def _facts(result: Correction, is_written: bool) -> Iterator[Fact]:
     yield "parts, ″", parts
     refused = "; ".join(form_words(residual.form.name) for residual in result.forms if residual.is_refused)
     yield "table", _enough(result) + (f"; refused, as they may increase the error: {refused}" if refused else "")
-    residuals = ", ".join(f"{n} terms: {amplitude_arcsec:.2g}″" for n, amplitude_arcsec in result.phasors.items())
-    yield "terms", f"residual with {residuals}"
+    residuals = ", ".join(f"{n}: {amplitude_arcsec:.2g}″" for n, amplitude_arcsec in result.phasors.items())
+    yield "terms", f"residual with {residuals.replace(':', ' terms:', 1)}"
     yield from _record_facts(result)
     missing = [f"{M_g:g}" for M_g in result.errors if M_g not in result.corrections]
     if result.chosen.form.each_load and missing:

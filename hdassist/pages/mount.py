@@ -500,9 +500,10 @@ def _positions_table(advice: Advice, places: Sequence[int], title: str = "") -> 
     if is_sampled:
         better = f"lower than in {start_of_count(advice.drive)} by > {100 * decision.cost:g} %"
         notes.append(f"P(better): {better}; P(within 5 %): of the best hole; in %")
-    mean = "mean " if is_sampled else ""
-    governing = "at governing torque " if len(advice.torques) > 1 else ""
-    notes.append(f"excess: {mean}{governing}over the best hole; {counted} count counter-clockwise")
+    mean = " mean" if is_sampled else ""
+    governing = " at governing torque" if len(advice.torques) > 1 else ""
+    of_what = f":{mean}{governing}" if mean or governing else ""
+    notes.append(f"excess over best hole{of_what}; {counted} count counter-clockwise")
     title_start = f"{title}: " if title else ""
     return Table(
         f"{title_start}{residual}, ″{spread}",

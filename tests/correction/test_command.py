@@ -36,7 +36,7 @@ def test_fewer_correction_terms_are_optional_and_residuals_are_listed():
     assert found["forms"][0]["residuals"][0]["p50"] == pytest.approx(left["80"])
     assert sorted(left.values(), reverse=True) == [*left.values()]
     words = in_a_line(run("compensate", TINY, "--no-plot").stdout)
-    assert "residual with 20 terms: 9″, 80 terms: 2.7″, " in words
+    assert "residual with 20 terms: 9″, 80: 2.7″, " in words
 
 
 def test_table_of_many_torques_fits_the_screen_width():
