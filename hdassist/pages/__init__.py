@@ -1,1 +1,1 @@
-"""The forms of an answer: on a terminal, as JSON, CSV, HTML and Markdown."""
+"""Results of the commands as reports, and their output as terminal pages, JSON, CSV, HTML and Markdown."""

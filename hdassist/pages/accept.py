@@ -1,4 +1,4 @@
-"""Acceptance of a drive or of a lot, and its replay, as a report; each check in words, in CSV and in JUnit XML."""
+"""Reports of the acceptance of a drive or a lot and of its replay, and the checks in words, CSV and JUnit XML."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _RULE_WORDS = {
     "guard": f"guard band of {GUARD:g} u on each side of the limit",
     "simple": "simple acceptance up to the limit",
 }
-_CHECK_FIGURES: Quantities[DecidedCheck | None] = tuple(  # of CSV
+_CHECK_FIGURES: Quantities[DecidedCheck | None] = tuple(  # columns of the CSV file
     Quantity(name)
     for name in (
         *(field.name for field in fields(DecidedCheck) if field.name not in ("unstated", "belief", "full_cycle")),
@@ -48,19 +48,22 @@ _CHECK_FIGURES: Quantities[DecidedCheck | None] = tuple(  # of CSV
     )
 )
 FIGURES_HEAD = ",".join(("serial", "preset", *(figure.key for figure in _CHECK_FIGURES), "exit_code", "error", ""))
-_BASIS_WORDS = {"stated": "reported value"}  # of a basis whose own word is too short
-_NAMED_CHECKS = 2  # reasons below the verdict
+_BASIS_WORDS = {"stated": "reported value"}  # names of bases on pages, if they differ from the key
+_NAMED_CHECKS = 2  # number of checks or drives that a text names
 
 
 def number(value: float, limit: Limit) -> str:
-    """Return a value as its table shows it: three digits of a small limit, at least two decimals in arcsec."""
+    """Return a value as the table of checks shows it.
+
+    A value in arcsec has at least two decimals, and more if three significant digits of its limit need them.
+    """
     if limit.check.unit != "arcsec":
         return four_digits(value)
     return f"{value:.{max(2, 2 - floor(log10(limit.limit)))}f}"
 
 
 def _value(check: DecidedCheck) -> str | None:
-    """Return the value; for a lower bound the lower end of its interval, as `hdassist measure` shows it."""
+    """Return the value of a check; for a lower bound, the lower end of its interval, as `hdassist measure` shows it."""
     if check.value is None or check.extent != "at least":
         return None if check.value is None else number(check.value, check)
     interval = _interval(check)
@@ -69,34 +72,37 @@ def _value(check: DecidedCheck) -> str | None:
 
 
 def _interval(check: DecidedCheck) -> tuple[float, float] | None:
-    """Return the 95 % interval by the model of a recording; None without."""
+    """Return the 95 % interval that a model fitted to the recording gives for the full cycle; None if there is none."""
     return check.full_cycle.interval if check.full_cycle else None
 
 
 def _of_value(name: str) -> Callable[[DecidedCheck], str | None]:
-    """Return the cell of a number that a lower bound does not have."""
+    """Return the function that gives the cell of a number, which is empty for a lower bound."""
     return lambda d: None if (value := getattr(d, name)) is None or d.extent == "at least" else number(value, d)
 
 
 def _without_interval(name: str) -> Callable[[DecidedCheck], str | None]:
-    """Return the cell of a number that a lower bound does not have, nor a value whose interval is shown."""
+    """Return the function that gives the cell of a number, empty for a lower bound and for a value with an interval."""
     cell_of = _of_value(name)
     return lambda d: None if _interval(d) else cell_of(d)
 
 
 def _range(check: DecidedCheck) -> str | None:
-    """Return the ends of a prediction, 5 to 95 %, or those of the 95 % interval of a recording; None without."""
+    """Return the 5th and 95th percentile of a prediction, or the ends of the 95 % interval of a recording, as text."""
     ends = (check.belief.p5, check.belief.p95) if check.belief else _interval(check)
     return ends and f"{number(ends[0], check)} to {number(ends[1], check)}"
 
 
 def _bound(limit: Limit) -> str:
-    """Return a limit with its sign."""
+    """Return a limit with its relation sign, ≤ or ≥."""
     return f"{'≤' if limit.check.upper else '≥'} {limit.limit:.6g}"
 
 
 def _shown_label(check: DecidedCheck) -> str:
-    """Return the label of a check; the self error is added to a predicted F'_ior, a measured one contains it."""
+    """Return the label of a check.
+
+    It names the self error if F'_ior is predicted, because the self error is added; a measured F'_ior contains it.
+    """
     adds = check.check is F_IOR and check.basis == "predicted"
     return check.label.replace("F'_ior", "F'_ior + self error") if adds else check.label
 
@@ -119,7 +125,7 @@ def accept_report(
     predictions: Predictions | None,
     drive: Drive,
 ) -> Report:
-    """Return the acceptance of a drive as a report; predictions: those of the model, None without any."""
+    """Return the acceptance of a drive as a report; predictions: predictions of the model, None if there are none."""
     checks = _by_severity(_shown_checks(answer))
     worst = [check for check in checks if check.verdict == checks[0].verdict]
     reasons = [_reason(check, answer) for check in worst[:_NAMED_CHECKS]]
@@ -145,7 +151,7 @@ def accept_report(
 
 
 def _reason(check: DecidedCheck, answer: AcceptAnswer) -> str:
-    """Return the reason for the verdict on a check in words, for a prediction its probability."""
+    """Return the reason for the verdict on a check in words; for an undecided prediction, its probability."""
     if check.belief and check.verdict == "INCONCLUSIVE" and answer.rule:
         probability = check.belief.kept.text(answer.rule.sure)
         return f"probability that {_shown_label(check)} is {_bound(check)}{_unit(check)}: {probability}"
@@ -153,14 +159,14 @@ def _reason(check: DecidedCheck, answer: AcceptAnswer) -> str:
 
 
 def _further_checks(count: int) -> str:
-    """Return the end of a list that names a number of further checks; empty without any."""
+    """Return the end of a list, which gives the number of further checks; empty if there are none."""
     if count <= 0:
         return ""
     return f"; {count} further checks" if count > 1 else "; 1 further check"
 
 
 def _more_facts(answer: AcceptAnswer, predictions: Predictions | None) -> Iterator[Fact]:
-    """Yield contributions, samples, reasons of all checks, notes and files, a label and a text each."""
+    """Yield contributions, samples, reasons of all checks, notes and files, each as a label and a text."""
     if predictions:
         yield "contributions", influence_at(predictions)
         yield "samples", samples_words(predictions.samples) if predictions.samples else ""
@@ -178,7 +184,7 @@ def _more_facts(answer: AcceptAnswer, predictions: Predictions | None) -> Iterat
 
 
 def _shown_checks(answer: AcceptAnswer) -> list[DecidedCheck]:
-    """Return the checks of an answer, stiffnesses and torques in the unit of their limit on the command line."""
+    """Return the checks of a result, with stiffnesses and torques in the unit of their limit on the command line."""
     limit_texts = [LimitText.parse(text, "--limit") for text in (answer.request.limits if answer.request else ())]
     units = {limit.field: limit.text.lstrip("+-.0123456789 eE") for limit in limit_texts}
     return [_in_unit(check, units.get(check.check.field, "")) for check in answer.checks]
@@ -197,7 +203,7 @@ def _in_unit(check: DecidedCheck, unit: str) -> DecidedCheck:
 
 
 def _by_severity(checks: Iterable[DecidedCheck]) -> list[DecidedCheck]:
-    """Return checks with the worst verdict first, and those of a verdict with the smallest margin first."""
+    """Return the checks with the worst verdict first; checks of equal verdict have the smallest margin first."""
     return sorted(checks, key=lambda each: (SEVERITY.index(each.verdict), (each.margin or 0.0) / each.limit))
 
 
@@ -207,11 +213,11 @@ def _column_of_basis(
     *,
     is_predicted: bool,
 ) -> Quantity[DecidedCheck]:
-    """Return a column of decisions with the label that its numbers have by the basis of the values.
+    """Return a column of the table of checks with the label that suits the basis of its values.
 
     is_predicted: whether the values are medians over samples.
     """
-    # over samples a predicted value is the median
+    # a value predicted over samples is a median
     if is_predicted and quantity.key == "value":
         return replace(quantity, label="median")
     if basis == "measured" and quantity.key == "range":
@@ -231,7 +237,7 @@ def _tables(answer: AcceptAnswer) -> Iterator[Table]:
     }
     for basis, title in titles.items():
         checks = [check for check in _shown_checks(answer) if (check.basis or "measured") == basis]
-        # the probability of meeting the limit takes the place of the margin
+        # the probability of meeting the limit replaces the margin
         left_out = {"margin"} if any(check.belief for check in checks) else set()
         is_predicted = basis == "predicted" and all(check.belief for check in checks)
         columns = [
@@ -247,7 +253,7 @@ def _facts(
     predictions: Predictions | None,
     drive: Drive,
 ) -> Iterator[Fact]:
-    """Yield options, questions, notes and the next command, a label and a text each."""
+    """Yield options, questions, notes and the next command, each as a label and a text."""
     if predictions:
         yield from steps_facts(predictions)
     codes = [*dict.fromkeys(note.code for note in answer.remarks)]
@@ -282,10 +288,13 @@ def _with_measured(
     answer: AcceptAnswer,
     drive: Drive,
 ) -> str:
-    """Return the same command with the value of a check still to be measured instead of a recording at its torque."""
+    """Return the accept command with a value that is still to be measured.
+
+    The value replaces any recording at the torque of the check.
+    """
     if not (answer.request and check.option.startswith("--measured")):
         return f"{again('accept', drive)} {check.option}"
-    torques = {text: torque_and_file(text)[0] for text in answer.request.measured}  # empty: that of the only limit
+    torques = {text: torque_and_file(text)[0] for text in answer.request.measured}  # empty: torque of the only limit
     other_texts = [text for text, torque in torques.items() if torque and number_of(torque) != check.M_g_Nm]
     command = again(
         "accept", drive, *(word for text in other_texts for word in ("--measured", text)), *check.option.split()
@@ -295,7 +304,7 @@ def _with_measured(
 
 
 def _with_budget(unstated: Sequence[str]) -> str:
-    """Return the option that states the sources of uncertainty not yet stated; empty without any."""
+    """Return the option that states the sources of uncertainty not yet stated; empty if all are stated."""
     return f" --budget {','.join(f'{name}=U' for name in unstated)}" if unstated else ""
 
 
@@ -325,7 +334,7 @@ def _is_open(check: DecidedCheck) -> bool:
 
 
 def _to_explain(checks: Iterable[DecidedCheck]) -> str:
-    """Return the command that explains checks that fail, or measured ones without a decision; empty without any."""
+    """Return the command that explains failed checks and undecided measured checks; empty if there are none."""
     codes = [check.code for check in checks if check.verdict in ("FAIL", "INCONCLUSIVE") and not _is_open(check)]
     return f"hdassist explain {' '.join(dict.fromkeys(codes))}" if codes else ""
 
@@ -340,7 +349,7 @@ def _yield_words(summary: Mapping[str, Any]) -> str:
 
 
 def _comment_warnings(lot: Lot) -> list[str]:
-    """Return a warning on the lines of a lot that were read as comments: a drive may be among them."""
+    """Return a warning about lines of a lot that were read as comments, because a drive may be among them."""
     if not lot.remarks:
         return []
     label = "lines" if len(lot.remarks) > 1 else "line"
@@ -348,11 +357,11 @@ def _comment_warnings(lot: Lot) -> list[str]:
 
 
 def lot_report(lot: Lot, answers: Sequence[AcceptAnswer]) -> Report:
-    """Return counts, yield, and each drive with the check that decides, as a report."""
+    """Return the report of a lot: counts of verdicts, yield, and each drive with its deciding check."""
     summary = lot_summary(answers)
     counts = [f"{count} {verdict}" for verdict in LOT_VERDICTS if (count := summary["verdicts"][verdict])]
     # equal errors of many rows are explained once
-    same: dict[str, AcceptAnswer] = {}  # the first answer with a fault, by the words of that
+    same: dict[str, AcceptAnswer] = {}  # first result with an error, by the words of the error
     drives = tuple(
         (title(answer), answer.status, _deciding(answer, same.setdefault(fault_words(answer), answer)))
         for answer in answers
@@ -363,7 +372,7 @@ def lot_report(lot: Lot, answers: Sequence[AcceptAnswer]) -> Report:
         drive=None,
         head=f"{lot.file}, {_drives(len(answers))}",
         verdict=", ".join(counts),
-        # the yield counts drives with a decision only
+        # the yield counts only drives with PASS or FAIL
         why=(_yield_words(summary),),
         blocks=(
             Table("", ("drive", "verdict", "decided by"), drives, named=True),
@@ -383,8 +392,8 @@ def lot_report(lot: Lot, answers: Sequence[AcceptAnswer]) -> Report:
 
 
 def _shared_records(answers: Sequence[AcceptAnswer]) -> Iterator[str]:
-    """Yield a warning for each recording of several drives: probably a copy, or named in a wrong row."""
-    drives: dict[str, dict[str, str]] = {}  # names of drives with the files that they name, by SHA-256
+    """Yield a warning for each recording that several drives share: it may be a copy, or named in a wrong row."""
+    drives: dict[str, dict[str, str]] = {}  # file of a recording by name of the drive, by SHA-256
     for answer in answers:
         for trace in answer.measured:
             drives.setdefault(trace.sha256, {})[title(answer)] = trace.file
@@ -394,7 +403,10 @@ def _shared_records(answers: Sequence[AcceptAnswer]) -> Iterator[str]:
 
 
 def _deciding(answer: AcceptAnswer, first_alike: AcceptAnswer) -> str:
-    """Return the check that decides, the worst one with the smallest margin, and its reason; or its error, once."""
+    """Return the deciding check of a drive with its reason, or its error.
+
+    first_alike: first result of the lot with the same error, which is referred to instead of repeating the error.
+    """
     if not answer.error:
         worst = _by_severity(_shown_checks(answer))[0]
         return "; ".join(filter(None, (_sentence(worst), worst.reason)))
@@ -405,14 +417,14 @@ def _deciding(answer: AcceptAnswer, first_alike: AcceptAnswer) -> str:
 
 
 def fault_words(answer: AcceptAnswer) -> str:
-    """Return the error of a row without its place, which is equal for rows with the same error; empty without one."""
+    """Return the error message of a row without its line number, to compare rows; empty if there is no error."""
     return re.sub(rf"^{re.escape(answer.place or '')}(:\d+)?: ", "", answer.error.message) if answer.error else ""
 
 
 def _lot_facts(answers: Sequence[AcceptAnswer]) -> Iterator[Fact]:
-    """Yield notes, the next measurement and the next command, a label and a text each."""
+    """Yield notes, the next measurement and the next command, each as a label and a text."""
     notes = Counter(code for answer in answers for code in {note.code for note in answer.remarks})
-    del notes["NOT_TESTED"]  # the next line names the drives
+    del notes["NOT_TESTED"]  # the fact "not tested" names the drives
     yield "notes", "; ".join(f"{code}: {_drives(notes[code])}" for code in sorted(notes))
     yield "not tested", "\n".join(_untested_limits(answers))
     checks = sorted((check for answer in answers for check in answer.checks), key=lambda check: check.code)
@@ -436,7 +448,13 @@ def _untested_limits(answers: Sequence[AcceptAnswer]) -> Iterator[str]:
 
 @dataclass(frozen=True)
 class _FailedDrive:
-    """A drive that fails by F'_ior: its request, the failed check with the largest value, and that over its limit."""
+    """Drive that fails by F'_ior.
+
+    name: name of the drive.
+    request: its request.
+    check: failed check with the largest ratio of the value to the limit.
+    times_limit: this ratio.
+    """
 
     name: str
     request: Request
@@ -445,13 +463,13 @@ class _FailedDrive:
 
 
 def _failed_by_F_ior(answers: Sequence[AcceptAnswer]) -> list[_FailedDrive]:
-    """Return the drives that fail by F'_ior, first the one that needs the smallest reduction."""
+    """Return the drives that fail by F'_ior, sorted by the required reduction, the smallest first."""
     failed = []
     for answer in answers:
         checks = [check for check in answer.checks if check.check is F_IOR and check.verdict == "FAIL"]
         ratios = [(check.value or 0.0) / check.limit for check in checks]
         if checks and answer.request is not None:
-            worst = max(range(len(checks)), key=lambda k: (ratios[k], k))  # the last one of equal ones
+            worst = max(range(len(checks)), key=lambda k: (ratios[k], k))  # the last check if ratios are equal
             failed.append(
                 _FailedDrive(
                     name=title(answer),
@@ -464,7 +482,7 @@ def _failed_by_F_ior(answers: Sequence[AcceptAnswer]) -> list[_FailedDrive]:
 
 
 def _failed_words(failed: Sequence[_FailedDrive]) -> str:
-    """Return what another hole may do for the drives that fail by F'_ior: the first ones, and the number of others."""
+    """Return the sentence that another hole may reduce F'_ior of the failed drives, naming the first of them."""
     named = [f"{drive.name} (F'_ior is {drive.times_limit:.3g} times the limit)" for drive in failed]
     unnamed = len(named) - _NAMED_CHECKS
     text = f"may reduce F'_ior of {'; '.join(named[:_NAMED_CHECKS])}"
@@ -476,9 +494,9 @@ def _failed_words(failed: Sequence[_FailedDrive]) -> str:
 
 
 def _turning_command(failed: _FailedDrive) -> str:
-    """Return the command that finds another hole for a drive, by the value of its present hole if one was measured.
+    """Return the command that finds another hole for a drive, with the value measured in its present hole, if any.
 
-    The lower bound by a part of the cycle is no value of that hole.
+    A lower bound from a part of the cycle is not used as a value of that hole.
     """
     check = failed.check
     arguments = ["hdassist", "mount", failed.request.preset]
@@ -501,11 +519,11 @@ def replay_report(
     now: AcceptAnswer | None,
     fault: DataError | None,
 ) -> Report:
-    """Return the replay of an answer as a report.
+    """Return the replay of a recorded result as a report.
 
-    recorded: the answer of the file.
-    now: the answer today, None if its row was invalid.
-    fault: the fault that prevents a replay, None without one.
+    recorded: result read from the file.
+    now: result computed now, None if its row was invalid.
+    fault: error that prevents the replay, None if there is none.
     """
     differences = answer_differences(recorded, now) if now else []
     outcome, code = ("differs", 3) if differences else ("agrees", 0) if now else ("left out", 0)
@@ -534,7 +552,7 @@ def replay_report(
 
 
 def title(answer: AcceptAnswer) -> str:
-    """Return the name of a drive on a line: its serial, else its preset, with control characters escaped."""
+    """Return the serial number of a drive, or else the name of its preset, with control characters escaped."""
     name = answer.serial or answer.preset.name
     return shown(name, len(name))
 
@@ -542,7 +560,7 @@ def title(answer: AcceptAnswer) -> str:
 def csv(answers: Sequence[AcceptAnswer]) -> str:
     """Return one row per drive and limit as CSV.
 
-    A limit that the verdict omits has the verdict NOT_TESTED; a drive without an answer has a row with its error.
+    A limit that the verdict omits has the verdict NOT_TESTED; a drive without a result has a row with its error.
     """
     rows = []
     for answer in answers:
@@ -559,7 +577,7 @@ def _csv_row(
     verdict: str | None,
     reason: str | None,
 ) -> dict[str, object]:
-    """Return a row of CSV: the figures of a check, and the grounds of the answer that it belongs to."""
+    """Return a CSV row: the figures of a check, and the provenance of the result that it belongs to."""
     return {
         "serial": answer.serial,
         "preset": answer.preset.name,
@@ -582,13 +600,16 @@ def junit(
     answers: Sequence[AcceptAnswer],
     lot_sha256: str = "",
 ) -> str:
-    """Return the JUnit XML, which build servers show: a suite for each drive, a test case for each of its checks.
+    """Return the results as JUnit XML, which build servers show: a suite for each drive, a test case for each check.
 
-    A case's class is its drive, its name the limit; remarks on a drive stand once, in the output of its suite. FAIL and
-    INCONCLUSIVE are failures of that type: neither may look green. A drive without an answer is an error, a limit
-    that was left out is skipped. The grounds of an answer are properties of the suite, where every reader looks for
-    them. There are no durations and no machine names; the time of an answer is a property.
-    Arguments: name of the whole; answers; lot_sha256, of the table of a lot.
+    The class of a case is the drive, and its name is the limit. Remarks on a drive appear once, in the output of its
+    suite. FAIL and INCONCLUSIVE are failures of that type, because neither may be shown in green. A drive without a
+    result is an error, and an untested limit is skipped. The provenance of a result, including its time, is in the
+    properties of the suite, where every reader looks for it. Durations and machine names are omitted.
+
+    name: name of the whole file.
+    answers: results, one per drive.
+    lot_sha256: SHA-256 of the table of a lot, empty if there is none.
     """
     root = Element("testsuites", name=visible(name))
     for answer in answers:
@@ -621,10 +642,10 @@ def _suite(
 
 @dataclass(frozen=True)
 class _Suite:
-    """A test suite under construction; visible() replaces characters that XML does not allow."""
+    """JUnit test suite under construction; visible() replaces characters that XML does not allow."""
 
     element: Element
-    name: str  # of the drive: its serial number, or its preset without one
+    name: str  # serial number of the drive, or else name of its preset
 
     @classmethod
     def begun(
@@ -633,14 +654,14 @@ class _Suite:
         answer: AcceptAnswer,
         lot_sha256: str,
     ) -> _Suite:
-        """Append a suite with its properties, and without test cases."""
+        """Append a suite with its properties to root, and return it; it has no test cases yet."""
         name = answer.serial or answer.preset.name
         element = SubElement(root, "testsuite", name=visible(name))
         place = SubElement(element, "properties")
         identity = {"serial": answer.serial, "preset": answer.preset.name, "status": answer.status}
         properties = {**identity, **provenance(answer), "lot_sha256": lot_sha256}
         for key, value in properties.items():
-            # a property without a value says nothing
+            # a property without a value is omitted
             if value is not None and value != "":
                 SubElement(
                     place,
@@ -663,10 +684,10 @@ class _Suite:
 
         Args:
             label: name of the check.
-            outcome: element of JUnit that says how it ended.
-            message: of the outcome, in a line.
+            outcome: name of the JUnit element that states the outcome.
+            message: outcome in one line.
             kind: type of a failure.
-            lines: text of the outcome; empty lines are left out.
+            lines: text of the outcome; empty lines are omitted.
         """
         case = SubElement(
             self.element,
@@ -678,7 +699,7 @@ class _Suite:
         SubElement(case, outcome, attributes).text = visible("\n".join(filter(None, lines))) or None
 
     def add_error(self, status: str, error: ErrorRecord) -> None:
-        """Append the error that left a drive without an answer."""
+        """Append the test case of an error that prevented a result."""
         hint = f"hint: {error.hint}" if error.hint else ""
         explanation = f"what it means: hdassist explain {error.code}" if error.code else ""
         self.add_case(
@@ -690,10 +711,10 @@ class _Suite:
         )
 
     def add_check(self, check: DecidedCheck) -> None:
-        """Append a check; every verdict but PASS is a failure, with the action that resolves it."""
+        """Append the test case of a check; every verdict except PASS is a failure, with the action that resolves it."""
         sentence = f"{check.verdict}: {_sentence(check)}"
         because = f"because: {check.reason}" if check.reason else ""
-        # the details of a pass are output, not a failure
+        # the details of a pass are output of the case
         if check.verdict == "PASS":
             self.add_case(
                 check.label,
@@ -701,7 +722,7 @@ class _Suite:
                 lines=(sentence, because),
             )
             return
-        # an open check needs a measurement, a failed one an explanation
+        # an undecided check needs a measurement, and a failed check needs an explanation
         action = f"measure it, {check.option}" if _is_open(check) else f"hdassist explain {check.code}"
         lines = (sentence, because, f"what to do: {action}")
         self.add_case(

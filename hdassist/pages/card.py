@@ -1,4 +1,4 @@
-"""The assembly card: an advice for the assembler at the bench, in the language of the reader, and its seat."""
+"""The assembly card: the instruction for the assembler in the reader's language, with a drawing of the seat."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
@@ -18,16 +18,16 @@ from hdassist.report import Block, Facts, Hole, Lines, Paragraph, Seat, SeatMark
 from hdassist.terminal.words import HOME, Texts, texts
 
 ENGLISH = texts()
-TRADE = {"rigid": "circular spline", "flexspline": "flexspline"}  # the fixed wheel, in the trade's words
+TRADE = {"rigid": "circular spline", "flexspline": "flexspline"}  # names of the fixed wheel in the trade
 
 
 def wheel(drive: Drive, say: Texts = ENGLISH) -> str:
-    """The wheel that is fixed, in words."""
+    """Return the name of the fixed wheel."""
     return say(f"wheel.{drive.mounting.fixed}")
 
 
 def turn(position: Position, say: Texts = ENGLISH) -> str:
-    """The turn to a position by the shorter way: holes, degrees and direction."""
+    """Return the turn to a position by the shorter way in words: holes, degrees and direction."""
     way = position.short_way_deg
     direction = say("turn.counter_clockwise" if way > 0 else "turn.clockwise")
     angle = say.angle(abs(way))
@@ -38,23 +38,23 @@ def turn(position: Position, say: Texts = ENGLISH) -> str:
 
 
 def hole_place(position: Position, say: Texts = ENGLISH) -> str:
-    """A position in words: its hole, or the angle of the turn where the seat has none."""
+    """Return a position in words: its hole, or the angle from the start if the seat has no holes."""
     return place_at(position.rotation_deg, position.hole, say)
 
 
 def place_at(rotation_deg: float, hole: int | None, say: Texts = ENGLISH) -> str:
-    """The same of a turn [deg] and its hole."""
+    """Return the position at a rotation [deg] in words; hole: its number, None if the seat has no holes."""
     return say.angle(rotation_deg) if hole is None else say("place.hole", hole=hole)
 
 
 def instruction(advice: Advice, say: Texts = ENGLISH, *, gains: bool = True) -> str:
-    """Return where to put the fixed wheel: the destination first, then the turn to it from hole 0.
+    """Return the instruction for the fixed wheel: the destination first, then the turn to it from hole 0.
 
-    After trials nobody knows in which hole the wheel is: all turns count from hole 0.
+    All turns count from hole 0, because after trials it is unknown in which hole the wheel is.
 
-    advice: the choice.
+    advice: choice of a hole.
     say: texts of the reader's language.
-    gains: whether F'_ior before and after follows.
+    gains: whether the instruction ends with F'_ior before and after the turn.
     """
     say = say.variant("trials") if advice.trials else say
     fixed = wheel(advice.drive, say)
@@ -75,13 +75,13 @@ def instruction(advice: Advice, say: Texts = ENGLISH, *, gains: bool = True) -> 
 
 
 def _median_texts(advice: Advice, position: Position) -> list[str]:
-    """Return F'_ior [arcsec] in a hole at each torque, medians over samples to the first digit of their errors."""
+    """Return F'_ior [arcsec] in a position at each torque, rounded to the first digit of its standard error."""
     errors = advice.decision.standard_errors(0.5, advice.decision.place(position.rotation_deg))
     return [to_error_digit(value, error) for value, error in zip(position.F_ior_arcsec, errors, strict=True)]
 
 
 def _any_hole(advice: Advice, say: Texts) -> str:
-    """Return that the wheel may be put in any hole, or in any of those that are allowed."""
+    """Return the instruction that the wheel may be put in any hole, or in any allowed hole."""
     mounting = advice.drive.mounting
     fixed = wheel(advice.drive, say)
     if not mounting.holes:
@@ -92,12 +92,12 @@ def _any_hole(advice: Advice, say: Texts) -> str:
 
 
 def start_of_count(drive: Drive, say: Texts = ENGLISH) -> str:
-    """Return the position that turns count from, as in "clockwise from hole 0"."""
+    """Return the position from which turns count, as in "clockwise from hole 0"."""
     return say("place.start_hole") if drive.mounting.holes else say.angle(0.0)
 
 
 def measured_value(trial: Trial, say: Texts = ENGLISH) -> str:
-    """Return a measured value [arcsec] as given, that of a recording to the first digit of its standard error."""
+    """Return a measured value [arcsec] as entered; a value of a recording is rounded by its standard error."""
     if not (trial.file and trial.noise_arcsec):
         return say.number(trial.F_ior_arcsec)
     decimals = max(0, -floor(log10(trial.noise_arcsec)))
@@ -105,7 +105,7 @@ def measured_value(trial: Trial, say: Texts = ENGLISH) -> str:
 
 
 def seat_holes(drive: Drive) -> tuple[Hole, ...]:
-    """The holes of a drive's seat, none where the angle is free."""
+    """Return the holes of a drive's seat; none if the angle is free."""
     mounting = drive.mounting
     holes = []
     for number in range(mounting.holes):
@@ -115,12 +115,12 @@ def seat_holes(drive: Drive) -> tuple[Hole, ...]:
 
 
 def seat_of(advice: Advice, say: Texts, goal: Position | None, pointers: Sequence[SeatMark] = ()) -> Seat:
-    """Return the seat of a drive with the position now, and, unless all are equal, the worst and the best one.
+    """Return the seat of a drive with the present position and, unless all are equal, the worst and the best position.
 
-    advice: the choice.
+    advice: choice of a hole.
     say: texts of the reader's language.
-    goal: where the wheel is to be, the present position if it stays.
-    pointers: directions of the mark and the eccentricity.
+    goal: destination of the wheel, the present position if it stays.
+    pointers: directions of the mark and of the eccentricity.
     """
     if not advice.names_hole:
         goal = None
@@ -130,7 +130,7 @@ def seat_of(advice: Advice, say: Texts, goal: Position | None, pointers: Sequenc
         positions["worst"] = advice.ranked[-1]
     first_deg = advice.drive.mounting.first_hole
     marks = [_position_mark(kind, position, first_deg, say) for kind, position in positions.items()]
-    # drawn in this order: the best one is on top
+    # marks are drawn in this order, so the best position is on top
     order = ("worst", "now", "best")
     return Seat(
         title=say("seat.title"),
@@ -156,7 +156,7 @@ def _position_mark(kind: str, position: Position, first_deg: float, say: Texts) 
 
 
 def _seat_legend(holes: Sequence[Hole], marks: Sequence[SeatMark], goal: Position | None, say: Texts) -> str:
-    """Return the legend of a seat with some marks; goal: where the wheel is to be, if a hole is named."""
+    """Return the legend of a seat with the given marks; goal: destination of the wheel, None if no hole is named."""
     entries = [f"{mark.letter} {mark.words}" for mark in marks]
     if goal and holes:
         entries.append(say("seat.goal", hole=goal.hole))
@@ -166,19 +166,20 @@ def _seat_legend(holes: Sequence[Hole], marks: Sequence[SeatMark], goal: Positio
     return legend
 
 
-_WARNINGS = 4  # that a card has room for
-_LETTERS_OF_WARNINGS = 240  # of one of them
+_WARNINGS = 4  # number of warnings that a card has room for
+_LETTERS_OF_WARNINGS = 240  # largest number of characters of a warning
 WHEELS = {"b": "rigid", "g": "flexspline"}
-_DIGITS = 12  # of a SHA-256
-_CARD_TRIALS = 8  # that a card has room for
+_DIGITS = 12  # shown digits of a SHA-256
+_CARD_TRIALS = 8  # number of measured values that a card has room for
 
 
 @dataclass(frozen=True)
 class Card:
-    """One page for the bench.
+    """Assembly card of one page.
 
-    condition: what has to be done before bolting, without text if there is nothing; torques: before and after, the last
-    column empty for measured values; sign: lines to write on.
+    condition: action required before bolting, without text if there is none.
+    torques: F'_ior before and after, with an empty last column for measured values.
+    sign: lines for the date and the name.
     """
 
     language: str
@@ -197,16 +198,19 @@ class Card:
 
     @property
     def blocks(self) -> tuple[Block, ...]:
-        """All of it below the title, one after the other."""
+        """The parts of the card below the title, in order."""
         blocks = tuple(getattr(self, field.name) for field in fields(self)[2:])
         return blocks if self.condition.text else tuple(block for block in blocks if block is not self.condition)
 
 
 def card_of(advice: Advice, say: Texts, warnings: Sequence[str] = (), *, serial: str = "", made: date) -> Card:
-    """The card of an advice that is complete.
+    """Return the card of a complete advice.
 
-    Arguments: advice, after trials with the wheel in the last of them, and turns that count from before the first; say,
-    the texts of a language; warnings in it; serial, number of the drive; made, date of making.
+    advice: choice of a hole; turns count from hole 0, even after trials.
+    say: texts of the reader's language.
+    warnings: warnings in this language.
+    serial: serial number of the drive.
+    made: date of the card.
     """
     if advice.trials:
         say = say.variant("trials")
@@ -231,7 +235,7 @@ def card_of(advice: Advice, say: Texts, warnings: Sequence[str] = (), *, serial:
 
 
 def _condition(advice: Advice, say: Texts) -> str:
-    """Return that a value has to be measured again before anything is bolted; empty if no value is doubted."""
+    """Return the instruction to repeat a doubtful value before bolting; empty if no value is doubtful."""
     doubted = advice.to_repeat
     if not doubted:
         return ""
@@ -265,7 +269,7 @@ def _subject(advice: Advice, say: Texts, serial: str) -> Facts:
 
 
 def _pointers(advice: Advice, say: Texts) -> Iterator[SeatMark]:
-    """Directions of the mark now and afterwards (one if they are the same), and of the eccentricity if it has one."""
+    """Yield the directions of the mark now and afterwards, and the direction of the eccentricity if it is known."""
     yield from _mark_pointers(advice, say)
     drive = advice.drive
     size_path, direction_path = standing_offset(drive)
@@ -280,7 +284,7 @@ def _pointers(advice: Advice, say: Texts) -> Iterator[SeatMark]:
 
 
 def _mark_pointers(advice: Advice, say: Texts) -> Iterator[SeatMark]:
-    """Yield the directions of the mark now and afterwards, one if they are the same, none if it is unknown."""
+    """Yield the directions of the mark now and afterwards: one if they are equal, none if they are unknown."""
     drive = advice.drive
     measured = advice.measured and advice.measured.fixed(drive)
     if measured:
@@ -301,12 +305,12 @@ def _mark_pointers(advice: Advice, say: Texts) -> Iterator[SeatMark]:
 
 
 def _pointer(kind: str, angle_deg: float, words: str, say: Texts) -> SeatMark:
-    """Return a direction on the seat; kind: now, after or cam; words: of the legend."""
+    """Return the mark of a direction on the seat; kind: now, after or cam; words: words of the legend."""
     return SeatMark(kind=kind, angle_deg=angle_deg, letter=say(f"pointer.letter_{kind}"), words=words)
 
 
 def _torques(advice: Advice, say: Texts) -> Table:
-    """A row a torque: F'_ior now and, if the wheel is turned, afterwards; the last column is left to write in."""
+    """Return the table of F'_ior by torque: now and, if the wheel is turned, afterwards; the last column is empty."""
     is_moved = advice.turn and advice.names_hole
     places = {"place": hole_place(advice.chosen, say), "zero": _zero(advice, say)}
     names = ("torque", "now", *(("after", "change") if is_moved else ()), "measured")
@@ -324,12 +328,12 @@ def _torques(advice: Advice, say: Texts) -> Table:
 
 
 def _zero(advice: Advice, say: Texts) -> str:
-    """Return the position at the start in words."""
+    """Return the start position, hole 0 or 0 deg, in words."""
     return place_at(0.0, 0 if advice.drive.mounting.holes else None, say)
 
 
 def _chances(advice: Advice, say: Texts) -> Iterator[str]:
-    """The probability of the choice, what to do if it comes out wrong, and what it rests on."""
+    """Yield the probability of the choice, what to do if it proves wrong, and the number of inputs behind it."""
     yield _chance(advice, say)
     to_try = [advice.next] if advice.trials else advice.to_try
     measured = {trial.rotation_deg for trial in advice.trials}
@@ -345,7 +349,7 @@ def _chances(advice: Advice, say: Texts) -> Iterator[str]:
 
 
 def _outcome_words(advice: Advice, say: Texts) -> dict[str, str]:
-    """Return the words for F'_ior to be measured after bolting, by their names in the texts of a card."""
+    """Return the words for the expected F'_ior after bolting, by their names in the texts of a card."""
     predicted = advice.predicted_outcome
     if predicted:
         low = predicted.low_arcsec
@@ -364,13 +368,13 @@ def _outcome_words(advice: Advice, say: Texts) -> dict[str, str]:
 
 
 def outcome_name(advice: Advice) -> str:
-    """Return the chosen position as --verify takes it, with its torque unless that is the one of the values."""
+    """Return the chosen position in the form of --verify, with its torque if it differs from that of the values."""
     name = named_position(advice.chosen.rotation_deg, advice.drive.mounting.holes)
     return name if advice.outcome_torque == advice.setup.M_g else f"{name}@{advice.outcome_torque:g}"
 
 
 def _chance(advice: Advice, say: Texts) -> str:
-    """Return the probability that the choice is right."""
+    """Return the probability that the choice is right, in words."""
     decision = advice.decision
     if not advice.names_hole:
         return say("chance.any")
@@ -378,13 +382,13 @@ def _chance(advice: Advice, say: Texts) -> str:
         return say("chance.given")
     probability = decision.probability
     sure = say.percent(probability.value)
-    if probability.low < probability.high:  # the ends are rounded outwards, as on pages
+    if probability.low < probability.high:  # its ends are rounded outwards, as on pages
         low = say.number(floor(round(100 * probability.low, 6)))
         high = say.number(ceil(round(100 * probability.high, 6)))
         sure = say("chance.interval", value=sure, low=low, high=high)
     place = hole_place(advice.chosen, say)
     zero = _zero(advice, say)
-    if decision.stay is None:  # the wheel has to leave its hole: the best allowed one is what a hole is compared with
+    if decision.stay is None:  # the wheel has to move, so the choice is compared with the best allowed hole
         return say("chance.good", place=place, cost=say.percent(GOOD), sure=sure)
     if advice.turn:
         return say("chance.turn", place=place, zero=zero, cost=say.percent(decision.cost), sure=sure)
@@ -408,7 +412,7 @@ def _checks(advice: Advice, say: Texts) -> list[str]:
 
 
 def warnings_of(drive: Drive, say: Texts) -> tuple[str, ...]:
-    """Warnings of a preset, as they are; in another language than theirs how many there are."""
+    """Return the warnings of a preset in English; in another language, only their number."""
     origin = drive.origin
     if say.language == HOME:
         return origin.warnings
@@ -450,5 +454,5 @@ def _foot(advice: Advice, say: Texts, made: date) -> Iterator[str]:
 
 
 def _cut(text: str) -> str:
-    """As much of a text as a card has room for."""
+    """Return a text, shortened to the number of characters that a card has room for."""
     return text if len(text) <= _LETTERS_OF_WARNINGS else f"{text[:_LETTERS_OF_WARNINGS].rstrip()}..."

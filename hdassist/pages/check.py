@@ -82,13 +82,13 @@ POINT_QUANTITIES = quantity_table(
 )
 BELIEF = quantity_table("check.belief")
 _MONTE_CARLO = quantity_table("check.monte_carlo", **{f"error_{p}": partial(percentile_error, p) for p in (5, 50, 95)})
-_OVER_BELIEF = {"F_ior_arcsec", "F_ior_upper_arcsec", "verdict"}  # of the unknown inputs too
+_OVER_BELIEF = {"F_ior_arcsec", "F_ior_upper_arcsec", "verdict"}  # quantities that depend on unknown inputs
 
 
 def median_words(point: OperatingPoint, most: int = 2) -> str:
-    """Return F'_ior [arcsec] at a torque, a median over samples to the first digit of its standard error.
+    """Return F'_ior [arcsec] at a torque; a median over samples is rounded to the first digit of its standard error.
 
-    most: number of decimals at most.
+    most: largest number of decimals.
     """
     return to_error_digit(point.F_ior_or_error, percentile_error(50, point), most)
 
@@ -111,11 +111,11 @@ _ON_PAGE = quantity_table(
 
 
 def check_report(check: DesignCheck, seed: int) -> Report:
-    """Return a design check as a report; seed: that of its mesh positions that were solved again."""
+    """Return a design check as a report; seed: seed for choosing the mesh positions that are solved again."""
     governing = check.points[check.governing]
-    # samples: their distribution; one drive: its error curve
+    # samples are plotted as a distribution, one drive as its error curve
     first = _spread_curve(check, check.samples) if check.samples and check.prior else _error_curve(check, governing)
-    # the governing torque is on the short page already
+    # without samples, the short page shows the curve at the governing torque
     other_points = [point for point in check.points if check.samples or point is not governing]
     k = Kinematics.of(check.drive)
     fixed = wheel(check.drive)
@@ -143,35 +143,35 @@ def check_report(check: DesignCheck, seed: int) -> Report:
 
 
 def influence_at(check: DesignCheck) -> str:
-    """Return the largest contributions at the governing torque in words; empty without any."""
+    """Return the largest contributions at the governing torque in words; empty if there are none."""
     result = f"F'_ior at {check.points[check.governing].M_g:g} N·m" if check.influences else ""
     return influence_words(check.influences, result)
 
 
 def F_ior_table(check: DesignCheck) -> Table:
-    """Return F'_ior by torque, with its range over the uncertain inputs and its limit if the drive has them."""
-    # nominal values, so the table has no percentiles
+    """Return the table of F'_ior by torque, with its range over the uncertain inputs and its limit, if any."""
+    # nominal values have no percentiles
     if not (check.samples and check.prior):
         zeros = ", unknown inputs set to 0" if check.unknown else ""
         return Table.by_row(f"F'_ior (peak-to-peak kinematic error){zeros}, ″", _ON_PAGE, check.points)
     fitted = f" ({len(check.prior.fitted)} others at fitted values)" if check.prior.fitted else ""
     title = f"F'_ior (peak-to-peak kinematic error) over {len(check.prior.fields)} uncertain inputs{fitted}, ″"
-    # with samples the value of the table is a median
+    # with samples, F'_ior is a median
     columns = [replace(column, label="median") if column.key == "F_ior_arcsec" else column for column in _ON_PAGE]
     return Table.by_row(title, columns, check.points)
 
 
 def _verdict_reasons(check: DesignCheck) -> Iterator[str]:
-    """Yield the reasons for the verdict of the check: those of the torques that have this verdict.
+    """Yield the reasons for the verdict of a check, from the torques that have this verdict.
 
-    If it is INCONCLUSIVE, the first one states the probability that PASS needs.
+    If the verdict is INCONCLUSIVE, the first reason states the probability that PASS needs.
     """
     is_first = True
     for point in check.points:
         # only torques that decide the verdict are named
         if point.verdict is not check.verdict or not (probability := point.probability):
             continue
-        # the needed probability once, in the first line
+        # only the first line states the required probability
         is_stated = is_first and check.verdict is Verdict.INCONCLUSIVE
         chance = probability.text(point.sure if is_stated else None)
         is_first = False
@@ -180,7 +180,7 @@ def _verdict_reasons(check: DesignCheck) -> Iterator[str]:
 
 def _undrawn(check: DesignCheck) -> Iterator[str]:
     """Yield the reason why a verdict without samples is INCONCLUSIVE, and the remedy."""
-    # an INCONCLUSIVE without samples needs a remedy
+    # without samples, INCONCLUSIVE needs a remedy
     if check.verdict is Verdict.INCONCLUSIVE and check.prior and not check.samples:
         count = len(check.prior.fields)
         yield (
@@ -190,7 +190,7 @@ def _undrawn(check: DesignCheck) -> Iterator[str]:
 
 
 def _facts(check: DesignCheck) -> Iterator[Fact]:
-    """Yield options, questions, inputs taken as 0 and the next command, a label and a text each."""
+    """Yield options, questions, inputs set to 0 and the next command, each as a label and a text."""
     if tuple(_undrawn(check)):
         yield "measure", again("accept", check.drive, "--measured", f"{check.points[check.governing].M_g:g}=FILE")
     yield from steps_facts(check, _lines_for_steps(check))
@@ -201,7 +201,7 @@ def _facts(check: DesignCheck) -> Iterator[Fact]:
 
 
 def check_facts(check: DesignCheck) -> Iterator[Fact]:
-    """Yield further facts about the numbers, a label and a text each."""
+    """Yield further facts about the results, each as a label and a text."""
     k = Kinematics.of(check.drive)
     revolutions = f"{k.cycle_cam_revolutions} input revolutions"
     yield "cycle", f"ratio {k.u:g}; full mesh cycle: {revolutions}, {thousands(k.cycle_states)} mesh positions"
@@ -217,21 +217,24 @@ def check_facts(check: DesignCheck) -> Iterator[Fact]:
 
 
 def uncertain_inputs_words(prior: DrivePrior) -> str:
-    """Return the number of uncertain inputs, and of each kind of them, in words."""
+    """Return the number of uncertain inputs, in total and of each kind, in words."""
     origin_words = {"assumed": "assumed with a range", "default": "default with a range"}
     kinds = ", ".join(f"{count} {origin_words.get(kind, kind)}" for kind, count in prior.counts().items() if count)
     return f"{len(prior.fields)} uncertain: {kinds}"
 
 
 def _unstated_accuracy(drive: Drive, samples: Samples) -> str:
-    """Return the range at the smallest torque if the drive has the usual accuracy; empty if the accuracy is given."""
+    """Return the range of F'_ior at the smallest torque if the drive has the usual accuracy.
+
+    The text is empty if the preset states the accuracy or has no backlash of the catalogue.
+    """
     # only catalogue drives have a usual accuracy
     if drive.catalogue.accuracy is not None or drive.catalogue.play is None:
         return ""
     accuracy = USUAL_ACCURACY if drive.gears.pitch_diameter > SIZE_20 else SMALL_ACCURACY
     # accuracy is tested at a small torque
     k = min(range(len(samples.torques)), key=lambda k: abs(samples.torques[k]))
-    # the same samples, weighted as if the accuracy were stated
+    # the samples are weighted as if the accuracy were stated
     low, high = (samples.of_ranges.keeping(accuracy, k).percentile(share, k) for share in (0.05, 0.95))
     return (
         f"catalogue.accuracy is not given. If the drive meets the usual {accuracy:g}″, F'_ior at "
@@ -240,20 +243,20 @@ def _unstated_accuracy(drive: Drive, samples: Samples) -> str:
 
 
 def _evidence_words(drive: Drive) -> str:
-    """Return the reference data that weigh samples, and how to omit a value; empty without any."""
+    """Return the reference data by which samples are weighted, and how to omit a value; empty if there are none."""
     paths = [item.path for item in evidence_of(drive)]
     return f"{', '.join(paths)}; --set {paths[-1]}= omits the last one" if paths else ""
 
 
 def fitted_words(prior: DrivePrior) -> str:
-    """Return the identified fields that all samples have at their fitted values, in words."""
+    """Return the identified fields, which have their fitted values in all samples, in words."""
     paths = prior.fitted
     unnamed = f" and {len(paths) - 3} more" if len(paths) > 3 else ""
     return f"at fitted values: {', '.join(paths[:3])}{unnamed}" if paths else ""
 
 
 def _error_curve(check: DesignCheck, point: OperatingPoint) -> Curve:
-    """Return the error over the full cycle at a torque: of the drive, or of a sampled drive near the median."""
+    """Return the curve of the error over the full cycle at a torque, for the drive or a sample near the median."""
     assert point.error
     zero = ", unknown inputs set to 0" if check.unknown and not check.samples else ""
     sample_words = f" of a sampled drive with F'_ior {point.error.F_ior_arcsec:.1f}″" if check.samples else zero
@@ -280,7 +283,7 @@ def _spread_curve(check: DesignCheck, samples: Samples) -> Curve:
 
 
 def error_tables(check: DesignCheck) -> Iterator[Table]:
-    """Yield all figures of the error by torque."""
+    """Yield the tables of all figures of the error by torque."""
     torque, *other_quantities = (q for q in POINT_QUANTITIES if q.key not in _OVER_BELIEF)
     # the angle of the fixed wheel is 0 throughout
     still = "phi_b" if Kinematics.of(check.drive).fixed == "rigid" else "phi_g"
@@ -318,7 +321,7 @@ def _values(check: DesignCheck, seed: int) -> Json:
 
 
 def _line(check: DesignCheck) -> str:
-    """Return torque, F'_ior, verdict."""
+    """Return torque, F'_ior and verdict, one line for each torque."""
     return "\n".join(
         f"{p.M_g:g} N*m: F'_ior "
         + (f"{p.belief.p5:.2f} to {p.belief.p95:.2f}" if p.belief else _ON_PAGE[1].text(p))
@@ -327,11 +330,11 @@ def _line(check: DesignCheck) -> str:
     )
 
 
-_SHOWN_OPTIONS = 3  # on a short page, which also shows one question if the screen has room for it
+_SHOWN_OPTIONS = 3  # number of options on a short page, which also shows one question if the screen has room
 _SCREEN_LINES = 24
 _SCREEN_COLUMNS = 80
 _LABEL_COLUMNS = len("to clarify  ")
-_LINES_OF_OTHERS = 15  # head, table without its rows, next command, plot, verification, and the empty lines between
+_LINES_OF_OTHERS = 15  # head, table without its rows, next command, plot, verification, empty lines
 _DERIVED = "with a tolerance, the deviations derived from it are reduced too"
 _NOT_LISTED = (
     "not listed, because F'_ior of this drive was measured: another hole, for which mount computes F'_ior, and a "
@@ -341,11 +344,11 @@ _COUPLING_ANSWERS = {"oldham": "Oldham coupling", "solid": "solid hub"}
 
 
 def steps_tables(check: DesignCheck) -> Iterator[Table]:
-    """Yield the options at the governing torque, and the questions to clarify, with their outcomes."""
+    """Yield the table of options at the governing torque and the table of questions to clarify, with their outcomes."""
     if not check.steps:
         return
     point, purpose, value, outcome = _before_steps(check)
-    # actions and open questions are not in one list
+    # options and questions have separate tables, because a question is not an action
     options = [step for step in check.steps if not step.is_question]
     questions = [step for step in check.steps if step.is_question]
     if options:
@@ -368,10 +371,12 @@ def steps_tables(check: DesignCheck) -> Iterator[Table]:
 
 
 def steps_facts(check: DesignCheck, most_lines: int = _SCREEN_LINES) -> Iterator[Fact]:
-    """Yield the best options in lines under a label, and the first question under another.
+    """Yield the fact with the best options, and the fact with the first question.
 
-    most_lines: lines of a page of 80 columns that they may take. The third option is omitted before the question, the
-    question before the second option, and one option is shown in any case.
+    The third option is omitted before the question, and the question before the second option. One option is always
+    shown.
+
+    most_lines: largest number of lines that both facts may take on a page of 80 columns.
     """
     if not check.steps:
         return
@@ -381,7 +386,7 @@ def steps_facts(check: DesignCheck, most_lines: int = _SCREEN_LINES) -> Iterator
     lines = [f"{_step_words(step, check.drive)}: {_outcome_words(step, point)}" for step in options[:_SHOWN_OPTIONS]]
     question_lines = [f"{_step_words(step, check.drive)} {_outcome_words(step, point)}" for step in questions[:1]]
     head = [f"{purpose} ({value}):"] if lines else []
-    # from most to fewest lines: the first that fits on the screen
+    # contents are sorted from most to fewest lines; the first one that fits on the screen is shown
     contents = [(lines, question_lines), (lines[:2], question_lines), (lines, []), (lines[:2], []), (lines[:1], [])]
     fitting = [content for content in contents if _wrapped_lines([*head, *content[0], *content[1]]) <= most_lines]
     lines, question_lines = fitting[0] if fitting else contents[-1]
@@ -392,35 +397,35 @@ def steps_facts(check: DesignCheck, most_lines: int = _SCREEN_LINES) -> Iterator
 
 
 def _wrapped_lines(texts: Sequence[str], columns: int = _SCREEN_COLUMNS - _LABEL_COLUMNS) -> int:
-    """Return the number of lines that texts take beside a label."""
+    """Return the number of lines that the texts need next to a label; columns: width of a line."""
     return sum(len(wrap(text, columns)) for text in texts)
 
 
 def _lines_for_steps(check: DesignCheck) -> int:
-    """Return the number of lines that a page of a screen has for options and questions."""
+    """Return the number of lines that one screen leaves for options and questions."""
     reasons = _wrapped_lines([*_verdict_reasons(check)], _SCREEN_COLUMNS)
     taken = _LINES_OF_OTHERS + len(check.points) + reasons
     return _SCREEN_LINES - taken
 
 
 def _before_steps(check: DesignCheck) -> tuple[OperatingPoint, str, str, str]:
-    """Return the governing torque, the purpose of steps, the value before any, and the head of their outcomes."""
+    """Return the governing torque, the purpose of the steps, the value before them, and the head of their outcomes."""
     point = check.points[check.governing]
     torque = f"{point.M_g:g} N·m"
     limit = point.limit_arcsec
-    # without a limit options reduce F'_ior itself
+    # without a limit, options reduce F'_ior itself
     if limit is None:
         statistic = "median now" if point.belief else "now"
         return point, f"to reduce F'_ior at {torque}", f"{statistic} {median_words(point, 1)}″", "F'_ior"
     purpose = f"to meet {limit:g}″ at {torque}"
-    # with samples options raise the probability to meet the limit
+    # with samples, options raise the probability of meeting the limit
     if point.probability:
         probability = f"probability now {100 * point.probability.value:.0f} %"
         return point, purpose, probability, f"P(F'_ior + self error ≤ {limit:g}″)"
     return point, purpose, f"F'_ior + self error now {point.F_ior_upper_arcsec:.1f}″", "F'_ior + self error"
 
 
-_COUNTS = {2: "two", 3: "three", 4: "four"}  # holes that a step tries
+_COUNTS = {2: "two", 3: "three", 4: "four"}  # number words for the holes in which a step measures
 
 
 def _step_words(step: Step, drive: Drive) -> str:
@@ -433,8 +438,8 @@ def _step_words(step: Step, drive: Drive) -> str:
         place = f"hole {step.of}" if holes else f"{step.of}°"
         return f"put the {wheel(drive)} in {place}"
     if step.kind == "trials":
-        # a free seat has no holes
-        places = "holes" if holes else "directions"  # which ones, mount says
+        # a seat with free angle has no holes
+        places = "holes" if holes else "directions"  # mount names them
         count = _COUNTS[len(step.of.split(","))]
         return f"measure F'_ior in {count} {places} and use the best"
     return {
@@ -446,18 +451,18 @@ def _step_words(step: Step, drive: Drive) -> str:
 
 
 def _carried_out(step: Step, check: DesignCheck) -> str:
-    """Return the command or the edit that carries a step out now."""
+    """Return the command or the change of the preset that carries out a step."""
     drive = check.drive
     if step.kind == "correction":
         return f"{again('plan', drive)}, then {again('compensate', drive)} RECORDING"
-    # mount computes the hole itself
+    # mount finds the hole, so the command does not name it
     if step.kind in ("hole", "trials"):
         return again("mount", drive)
     return command_line([word for text in step.edit for word in ("--set", text)])
 
 
 def _outcome_words(step: Step, point: OperatingPoint) -> str:
-    """Return the outcome of a step at a torque, or with each answer to a question."""
+    """Return the outcome of a step at a torque; for a question, the outcome of each reply."""
     if step.kind != "question":
         return _value(step.outcomes[0], point)
     unit = "" if step.of == "cam.coupling" else f" {field_unit(step.of)}"
@@ -468,15 +473,15 @@ def _outcome_words(step: Step, point: OperatingPoint) -> str:
 
 
 def _percentiles_after(found: Outcome, point: OperatingPoint) -> str:
-    """Return the median of F'_ior after a step, with 5th and 95th percentile.
+    """Return the median of F'_ior after a step with its 5th and 95th percentile, as text.
 
-    Their standard errors are taken as the same share of them as the largest one without the step.
+    Their relative standard error is assumed to be the largest one of these percentiles before the step.
     """
-    # all inputs are known: one value
+    # all inputs are known, so there is one value
     if found.p5 >= found.p95 or not point.belief:
         return f"{found.p50:.1f}″"
     before = {5: point.belief.p5, 50: point.belief.p50, 95: point.belief.p95}
-    # an option has the relative Monte Carlo error of the present state
+    # the relative Monte Carlo error of an option is assumed to be that without the option
     error_share = max((percentile_error(percent, point) or 0.0) / value for percent, value in before.items())
     low, middle, high = (
         to_error_digit(value, error_share * found.p50, 1) for value in (found.p5, found.p50, found.p95)
@@ -485,10 +490,10 @@ def _percentiles_after(found: Outcome, point: OperatingPoint) -> str:
 
 
 def _value(found: Outcome, point: OperatingPoint) -> str:
-    """Return F'_ior after a step; with a limit the probability that it is met, or the value compared with it."""
+    """Return F'_ior after a step; with a limit, the probability of meeting it, or the value compared with the limit."""
     if found.probability is None:
         return _percentiles_after(found, point)
-    # one value against the limit
+    # one value meets the limit or exceeds it
     if found.p5 == found.p95:
         return f"{found.p50 + point.self_error.range_arcsec:.1f}″, {'met' if found.probability else 'not met'}"
     interval = f" ({100 * (found.probability_low or 0):.0f} to {100 * (found.probability_high or 0):.0f})"

@@ -1,4 +1,4 @@
-"""A measured trace over the predicted one, and drives side by side, as reports."""
+"""Reports of the comparison of a recording with its prediction, and of drives with each other."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ from hdassist.variants import DriveChanges, DrivesComparison, DriveSheet, ErrorC
 
 _PLOTTED_ROWS = 4
 _PLOTTED_TURNS = 1.0  # input revolutions plotted to either side of the largest difference
-_TABLED_ORDERS = 12  # the greatest
-_SHORT_PAGE = 5  # numbers on a short page
+_TABLED_ORDERS = 12  # number of orders in the table, the largest ones
+_SHORT_PAGE = 5  # number of quantities on a short page
 _VERDICT_WORDS = {
     "agrees": "agrees, no change of the preset is needed",
     "mirrored": "mirrored, the file agrees clearly better with the opposite sign or sense",
@@ -67,7 +67,7 @@ def _plus_minus(
     uncertainty: float | None,
     digits: int = 1,
 ) -> str:
-    """Return a value with its standard uncertainty (k = 1), as far as they are known."""
+    """Return a value with its standard uncertainty (k = 1); an unknown value or uncertainty is not shown."""
     # a value may be known without an uncertainty
     spread = "" if uncertainty is None else f" ± {uncertainty:.{digits}f}"
     return NO_VALUE if value is None else f"{value:z.{digits}f}{spread}"
@@ -98,7 +98,7 @@ def comparison_report(result: Comparison) -> Report:
     """Return the comparison of a recording with its prediction as a report."""
     trace = result.measurement.trace
     measured, *other_numbers = _COMPARED_NUMBERS[:_SHORT_PAGE]
-    uncertainty, *numbers = [replace(quantity, unit="") for quantity in other_numbers]  # that of the first is theirs
+    uncertainty, *numbers = [replace(quantity, unit="") for quantity in other_numbers]  # all have the first one's unit
     return Report(
         command="compare",
         drive=result.drive,
@@ -128,16 +128,16 @@ def comparison_report(result: Comparison) -> Report:
 
 
 def _conventions(alignment: Alignment) -> Json:
-    """Return the sign of the error and the sense of the input angle of a file, by the names of the options."""
+    """Return the sign of the error and the sense of the input angle of a file, by option name."""
     return {"error_is": ERROR_SIGNS[alignment.sign], "cam_sense": SENSES[alignment.sense]}
 
 
 def _options(result: Comparison) -> list[str]:
     """Return the options that follow from the conclusion: another reading of the file, or new values of deviations."""
     best = result.conclusion.best
-    # a file read the wrong way round: the options that read it right
+    # if the file was read with a wrong sign or sense, the options correct it
     if result.mirror:
-        # only what differs from the present options
+        # only options that differ from the present ones are named
         changed = _conventions(result.mirror.asked).items() - _conventions(result.asked).items()
         return [word for key, value in sorted(changed) for word in (f"--{key.replace('_', '-')}", value)]
     # values that do not explain the recording are not offered
@@ -146,12 +146,15 @@ def _options(result: Comparison) -> list[str]:
 
 
 def _angles(result: Comparison) -> Iterator[tuple[str, float, float | None]]:
-    """Yield start and zero of a recording: name, angle from -180 to 180 deg, standard uncertainty [deg] if fitted."""
+    """Yield the start and the zero of a recording.
+
+    Each is a name, an angle from -180 to 180 deg, and the standard uncertainty [deg], None if the angle is given.
+    """
     alignment = result.unchanged.alignment
     start = "phi_g0" if Kinematics.of(result.drive).fixed == "rigid" else "phi_b0"
     angles = alignment.start_deg, alignment.zero_deg
     for name, angle, u in zip((start, "cam_zero"), angles, result.uncertainties_deg, strict=True):
-        # angles near 0 on either side stay near 0
+        # the range from -180 to 180 deg keeps angles slightly below 0 near 0
         yield name, (angle + 180) % 360 - 180, u
 
 
@@ -159,7 +162,7 @@ def _why(result: Comparison) -> str:
     """Return the reason for the conclusion in a sentence."""
     best = result.conclusion.best
     kind = result.conclusion.kind
-    # rough teeth are among the causes only if they are unknown
+    # rough teeth are a possible cause only if they are unknown
     if kind == "agrees":
         rough = any(field.path in ("harmonics.xi_g6", "harmonics.xi_b6") for field in unknowns(result.drive))
         single_teeth = ", single teeth" if rough else ""
@@ -175,7 +178,7 @@ def _why(result: Comparison) -> str:
         deviations = f"{len(best.deviations)} deviations together, and no single one,"
         return f"{deviations} explain {share}. The residual is consistent with noise."
     fitted = named(best.deviations[0])
-    # a deviation that is not determined has a name only
+    # an undetermined deviation is named without size and direction
     if best.changes:
         size, direction = _size_and_direction(best.changes[0])
         fitted += f", {size} um"
@@ -187,7 +190,7 @@ def _why(result: Comparison) -> str:
 
 
 def _facts(result: Comparison) -> Iterator[Fact]:
-    """Yield start of the recording, other explanations, residual and the next command, a label and a text each."""
+    """Yield the angles, other explanations, residual and the next command, each as a label and a text."""
     best = result.conclusion.best
     joint = result.joint
     yield from (row for row in _starts(result) if not row[1].endswith("given"))
@@ -216,7 +219,7 @@ def _facts(result: Comparison) -> Iterator[Fact]:
 
 
 def _starts(result: Comparison) -> Iterator[Fact]:
-    """Yield the angles at the start of the recording, a name and a text each."""
+    """Yield the start and the zero of the recording, each as a name and a text."""
     for name, angle, u in _angles(result):
         origin = "given" if u is None else f"fitted, u = {u:.1f}°"
         is_known = u is None or u < UNIDENTIFIABLE_ANGLE
@@ -224,7 +227,7 @@ def _starts(result: Comparison) -> Iterator[Fact]:
 
 
 def _curves(result: Comparison) -> Curve:
-    """Return both curves around the largest difference."""
+    """Return the measured and the predicted curve around their largest difference."""
     bins = result.sweep.bins
     worst = result.largest[1]
     sweep = bins.sweep == bins.sweep[abs(bins.turns - worst).argmin()]
@@ -242,7 +245,7 @@ def _curves(result: Comparison) -> Curve:
 
 
 def _tables(result: Comparison) -> Iterator[Table]:
-    """Yield the largest orders, and all fits."""
+    """Yield the table of the largest orders and the table of all fits."""
     by_size = sorted(result.orders, key=lambda p: -max(p.measured.amplitude_arcsec, p.predicted.amplitude_arcsec))
     shown = sorted(by_size[:_TABLED_ORDERS], key=lambda pair: pair.per_cam_rev)
     title = f"amplitude·cos(order·angle + phase), ″ and deg: the {_TABLED_ORDERS} largest of {len(result.orders)}"
@@ -262,7 +265,7 @@ def _tables(result: Comparison) -> Iterator[Table]:
 
 
 def _size_and_direction(change: VectorChange | None) -> tuple[str, str]:
-    """Return the cells of size [um] and direction [deg]; dashes without a change."""
+    """Return the cells for size [um] and direction [deg]; dashes if there is no change."""
     if change is None:
         return NO_VALUE, NO_VALUE
     size = _plus_minus(change.size_um, change.size_uncertainty_um)
@@ -270,7 +273,7 @@ def _size_and_direction(change: VectorChange | None) -> tuple[str, str]:
 
 
 def _rows(found: Explanation) -> Iterator[tuple[str, ...]]:
-    """Yield the rows of a fit: one for the whole unless it has one deviation, and one for each deviation."""
+    """Yield the rows of a fit: one for each deviation, after a row for the whole fit if it has not exactly one."""
     chi_square = f"{found.chi_square / found.degrees_of_freedom:.2f}"
     F_ior = _plus_minus(found.F_ior_arcsec, None, 2)
     share = NO_VALUE if found.explained_share is None else f"{100 * max(found.explained_share, 0):.1f} %"
@@ -310,14 +313,14 @@ def _values(result: Comparison) -> Json:
     }
 
 
-_NAMED_PATHS = 6  # in a line
-_NO_ERROR = 1e-9  # arcsec
+_NAMED_PATHS = 6  # number of fields that a line names
+_NO_ERROR = 1e-9  # arcsec; a smaller F'_ior of A is replaced by this value in a ratio
 _LARGEST_SHARE = 100.0  # largest difference as a multiple of F'_ior of A; above it, A has almost no error
 _DRIVE_HEADS = ("", "torque", "as assembled", "best hole", "change from A", "P(better)")
 
 
 def drives_report(result: DrivesComparison, seed: int) -> Report:
-    """Return drives in comparison as a report; the first is the reference. seed: that of the samples."""
+    """Return the comparison of drives as a report; the first drive is the reference. seed: seed of the samples."""
     names = ", ".join(f"{letter} {sheet.drive.origin.file}" for letter, sheet in _lettered(result).items())
     verdict = _verdict(result)
     probability = _probability_words(result)
@@ -367,7 +370,7 @@ def _lettered(result: DrivesComparison) -> dict[str, DriveSheet]:
 
 
 def _drive_rows(result: DrivesComparison) -> Iterator[tuple[str, ...]]:
-    """Yield the cells of a row for each drive and torque, one for each of DRIVE_HEADS."""
+    """Yield the row of each drive at each torque, with cells in the order of the column heads."""
     for k in range(len(result.torques)):
         for (letter, sheet), changes in zip(_lettered(result).items(), (None, *result.changes), strict=True):
             odds = changes.probability_better[k] if changes else None
@@ -385,14 +388,17 @@ def _drive_rows(result: DrivesComparison) -> Iterator[tuple[str, ...]]:
 
 
 def _limit_heads(result: DrivesComparison) -> tuple[str, ...]:
-    """Return the heads of the columns of probabilities to meet a limit, if there is a limit."""
+    """Return the column heads for the probabilities of meeting a limit; empty if no drive has a limit."""
     places = range(len(result.torques))
     has_limit = any(sheet.probabilities_met(place) is not None for sheet in result.sheets for place in places)
     return ("P(met)", "P(met), best hole") if has_limit else ()
 
 
 def _met_cells(sheet: DriveSheet, torque: int) -> tuple[str, str]:
-    """Return the probabilities to meet the limit at a torque, as assembled and in the best hole, in words."""
+    """Return the cells for the probability of meeting the limit, as assembled and in the best hole.
+
+    torque: index of the torque.
+    """
     probabilities = sheet.probabilities_met(torque)
     if probabilities is None:
         return NO_VALUE, NO_VALUE
@@ -401,7 +407,10 @@ def _met_cells(sheet: DriveSheet, torque: int) -> tuple[str, str]:
 
 
 def _most_by(result: DrivesComparison, changes: DriveChanges) -> str:
-    """Return the field that alone changes F'_ior most, at each torque; empty if no field can be changed alone."""
+    """Return the field whose difference alone changes F'_ior most at each torque, in words.
+
+    The text is empty if no field can be changed alone.
+    """
     differing = {row[0].path for row in result.differing}
     single = [change for change in changes.single if change.field in differing]
     greatest = (max(single, key=lambda c: abs(c.change_arcsec[k])) for k in range(len(result.torques)))
@@ -415,7 +424,7 @@ def _change(
     changes: DriveChanges,
     k: int,
 ) -> str:
-    """Return the change from A in per cent, of the medians of F'_ior, or a word for it."""
+    """Return the change of the median of F'_ior from A in per cent, or a word for it; k: index of the torque."""
     sense = changes.F_ior_is[k]
     before = result.sheets[0].check.points[k].F_ior_or_error
     share = sheet.check.points[k].F_ior_or_error / max(before, _NO_ERROR) - 1
@@ -447,7 +456,7 @@ def _verdict(result: DrivesComparison) -> str:
 
 
 def _probability_words(result: DrivesComparison) -> str:
-    """Return the probability that the best drive is better than the first, or the first than all others, in words."""
+    """Return the probability that the best drive is better than A, or that A is better than all others, in words."""
     odds = result.probability_best
     is_sampled = any(sheet.check.samples for sheet in result.sheets)
     if odds is None or not is_sampled or result.all_alike:
@@ -459,8 +468,8 @@ def _probability_words(result: DrivesComparison) -> str:
 
 
 def _changes(result: DrivesComparison) -> Iterator[Table]:
-    """Yield the change of F'_ior by each differing field alone, a table for each drive."""
-    torques = [f"{M_g:g} N·m" for M_g in result.torques]  # of A
+    """Yield a table for each drive except A with the change of F'_ior by each differing field alone."""
+    torques = [f"{M_g:g} N·m" for M_g in result.torques]  # torques of drive A
     for letter, changes in zip([*_lettered(result)][1:], result.changes, strict=True):
         title = f"each field alone from A to {letter}, change of F'_ior, ″"
         rows = [
@@ -481,19 +490,19 @@ def _changes(result: DrivesComparison) -> Iterator[Table]:
 
 
 def _cell(field: ResolvedField) -> str:
-    """Return a value with its origin and its range."""
+    """Return the text of a field: its value with its origin and, if it is assumed, its range."""
     bounds = f" {' to '.join(map(value_text, field.range))}" if field.range and field.kind == "assumed" else ""
     return NOT_KNOWN if field.kind == NOT_KNOWN else f"{value_text(field.value)} ({field.kind}{bounds})"
 
 
 def _change_cells(change: ErrorChange) -> Iterator[str]:
-    """Yield the change at each torque: its median, with 5th and 95th percentile over sampled pairs."""
+    """Yield the change at each torque: its median, with the 5th and 95th percentile over sampled pairs of drives."""
     for median, low, high in zip(change.change_arcsec, change.p5_arcsec, change.p95_arcsec, strict=True):
         yield f"{median:+.2f}" + (f" ({low:+.2f} to {high:+.2f})" if low < high else "")
 
 
 def _drives_facts(result: DrivesComparison) -> Iterator[Fact]:
-    """Yield unknown inputs, contributions, differences and the next command, a label and a text each."""
+    """Yield unknown inputs, contributions, differences and the next command, each as a label and a text."""
     for letter, sheet in _lettered(result).items():
         yield f"{letter} unknown", unknown_names(sheet.check.unknown)
         yield f"{letter} contributions", influence_at(sheet.check)
@@ -522,7 +531,7 @@ def _drives_facts(result: DrivesComparison) -> Iterator[Fact]:
 
 
 def _some(paths: Sequence[str]) -> str:
-    """Return the first of some paths, and the number of further ones."""
+    """Return the first paths of a list, and the number of further paths, in words."""
     unnamed = f" and {len(paths) - _NAMED_PATHS} more" if len(paths) > _NAMED_PATHS else ""
     return ", ".join(dict.fromkeys(paths[:_NAMED_PATHS])) + unnamed
 
@@ -556,7 +565,7 @@ def _drives_values(result: DrivesComparison, seed: int) -> Json:
 
 
 def _drive_object(sheet: DriveSheet, seed: int) -> Json:
-    """Return the JSON of `check` and `mount` on a drive, as far as it is compared."""
+    """Return the compared part of the JSON results of `check` and `mount` on a drive."""
     check = report_object(check_report(sheet.check, seed))
     best = sheet.advice.chosen
     is_one = sheet.advice.names_hole

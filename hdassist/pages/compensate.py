@@ -1,4 +1,4 @@
-"""Corrections of the kinematic error by a controller as a report."""
+"""Reports of corrections of the kinematic error that a controller stores."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from hdassist.report import Curve, Fact, Facts, Json, Report, Table, csv_columns
 from hdassist.terminal.words import ENVELOPE, again
 
 UNPROVEN = "No correction by hdassist was tested on a real drive: record the error with it on."
-_TOLD_NOISE_CYCLES = 1.5  # full cycles in a recording that shows its noise
+_TOLD_NOISE_CYCLES = 1.5  # smallest number of full cycles in a recording from which its noise can be determined
 _PART_WORDS = {  # parts of the error, by their names in JSON
     "with the cam": "repeats every input revolution",
     "beats": "sidebands",
@@ -34,8 +34,8 @@ _PART_WORDS = {  # parts of the error, by their names in JSON
     "with load": "changes with load",
     "with direction": "changes with direction",
 }
-_OTHER_DIRECTION = "other_direction_arcsec"  # whose torque has rows of its own
-_SHORT_FORM = "output turn, 256 points"  # that many controllers keep
+_OTHER_DIRECTION = "other_direction_arcsec"  # column for the torque of the other direction, which has its own rows
+_SHORT_FORM = "output turn, 256 points"  # form of correction that many controllers can store
 
 
 def compensate_report(
@@ -44,11 +44,11 @@ def compensate_report(
     is_written: bool = False,
     warnings: Sequence[str] = (),
 ) -> Report:
-    """Return the residual error with a stored correction, by its form, as a report.
+    """Return the residual error with a stored correction, for each form of correction, as a report.
 
-    result: the correction.
-    is_written: whether a file contains it.
-    warnings: those of a recording alone.
+    result: correction.
+    is_written: whether the correction was written to a file.
+    warnings: warnings of a recording without a preset.
     """
     drive = result.drive
     chosen = result.chosen
@@ -83,7 +83,7 @@ def compensate_report(
 
 
 def _notes_of_drive(result: Correction) -> tuple[str, ...]:
-    """Return the warnings on the drive of a correction and on its samples; none without a drive."""
+    """Return the warnings about the drive of a correction and about its samples; none without a drive."""
     drive = result.drive
     if drive is None:
         return ()
@@ -94,7 +94,7 @@ def _notes_of_drive(result: Correction) -> tuple[str, ...]:
 
 
 def _correction_object(result: Correction) -> Json:
-    """Return a correction as JSON; a refused one is left out."""
+    """Return the result as JSON; a refused correction is omitted."""
     is_refused = result.chosen.is_refused
     return {
         "M_g_Nm": result.M_g,
@@ -112,7 +112,7 @@ def _correction_object(result: Correction) -> Json:
 
 
 def verified_report(result: Correction, found: VerifiedCorrection) -> Report:
-    """Return the comparison of a recording with the correction on with the predicted residual, as a report."""
+    """Return the report that compares a recording, made with the correction on, with the predicted residual."""
     promised = found.promised
     low, high = found.interval_arcsec
     measured = f"at least {low:.1f}" if high is None else f"{low:.1f}-{high:.1f}"
@@ -122,7 +122,7 @@ def verified_report(result: Correction, found: VerifiedCorrection) -> Report:
         found.promised_parts,
         found.parts,
         strict=False,
-    )  # loads and directions are not compared
+    )  # the recording has no parts by load and direction
     rows += [(_part_words(before), *map(_range, (before, *further_parts))) for before, *further_parts in parts]
     why = [
         f"Measured residual F'_ior: {found.F_ior_arcsec:.1f}″ ({measured}); predicted: at most {promised.p95:.1f}″ "
@@ -153,7 +153,7 @@ def verified_report(result: Correction, found: VerifiedCorrection) -> Report:
 
 
 def _columns(result: Correction) -> dict[str, Array]:
-    """Return the columns of the correction; with one for each load, the rows of one torque after the other."""
+    """Return the columns of the correction, by name; a correction for each load has the rows of all torques."""
     if not result.chosen.form.each_load:
         return correction_columns(result.correction)
     tables = [correction_columns(correction) for correction in result.corrections.values()]
@@ -251,7 +251,7 @@ def _record_facts(result: Correction) -> Iterator[Fact]:
 
 
 def _is_of_part(result: Correction) -> bool:
-    """Return whether the correction is that of a recording of a part of the cycle, or of a travel, without a preset."""
+    """Return whether the correction has no preset and comes from a recording of a part of the cycle or of a travel."""
     return result.drive is None and any(record.is_part for record in result.records.values())
 
 
@@ -267,13 +267,13 @@ def _percent(each: FormResiduals) -> str:
 
 
 def _range(each: ErrorPart | ExpectedResidual, separator: str = "-") -> str:
-    """Return the 5th and the 95th percentile [arcsec], or their only value."""
+    """Return the 5th and 95th percentile [arcsec] as text, or one number if they are equal."""
     return separator.join(dict.fromkeys(f"{end:.1f}" for end in (each.p5, each.p95)))
 
 
 def _residual_table(forms: Sequence[FormResiduals], *, short: bool = False) -> Table:
     cases = list(range(len(forms[0].residuals)))
-    if short:  # two torques, the zero off by more, and the turn lost
+    if short:  # two torques, the larger zero error, and the lost revolution
         cases = sorted({*cases[:2], *cases[-2:]} - {cases[-3]})
     heads = [forms[0].residuals[k] for k in cases]
     cases_in_words = tuple(_case_words(residual) for residual in heads)
@@ -284,14 +284,14 @@ def _residual_table(forms: Sequence[FormResiduals], *, short: bool = False) -> T
 
 
 def _case_words(residual: ExpectedResidual) -> str:
-    """Return the head of the column of a residual: its torque, or the fault of the correction."""
+    """Return the column head of a residual: its torque, or the fault in applying the correction."""
     if residual.case == IN_PLACE:
         return f"{residual.M_g:g} N·m"
     return "rev. lost" if residual.case == TURN_LOST else residual.case.replace(" deg", "°")
 
 
 def _lines_table(result: Correction) -> Table:
-    """Return the strong lines of the drive nearest to the median, before and after the correction."""
+    """Return the table of the strongest lines of the drive nearest to the median, before and after the correction."""
     lines = result.errors[result.M_g].lines
     before, after = (2 / len(curve) * np.abs(np.fft.rfft(curve)[lines.per_cycle]) for curve in _curves(result))
     often = line_orders(lines)[0]
@@ -302,7 +302,7 @@ def _lines_table(result: Correction) -> Table:
 
 
 def _curves(result: Correction) -> tuple[Any, Any]:
-    """Return the error [arcsec] of the drive nearest to the median over the cycle, before and after."""
+    """Return the error [arcsec] over the cycle of the drive nearest to the median, before and after correction."""
     error = result.errors[result.M_g]
     before = error.actual[np.argsort(error.ranges)[len(error.ranges) // 2]]
     return before, before - correction_curve(result.correction, error.lines.kinematics).reshape(-1)

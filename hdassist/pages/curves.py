@@ -1,4 +1,4 @@
-"""Curves as reports: the error over input revolutions, the twist over torque, F'_ior over a varied field."""
+"""Reports of curves: the error over input revolutions, the twist over torque, F'_ior over a varied field."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from math import pi
@@ -39,10 +39,10 @@ from hdassist.report import (
 )
 from hdassist.terminal.words import ENVELOPE, again, heading, not_known, on_what
 
-_LISTED_ORDERS = 12  # largest orders, with --details
-_NAMED_ORDERS = 2  # largest orders, on a short page
-_LEAST_SHOWN = 0.005  # arcsec: a smaller amplitude is shown as 0.00
-_MANY_TURNS = 8  # cam turns from which on a curve is a block, and its envelope is drawn
+_LISTED_ORDERS = 12  # number of orders in the table of --details, the largest ones
+_NAMED_ORDERS = 2  # number of orders on a short page, the largest ones
+_LEAST_SHOWN = 0.005  # arcsec; a smaller amplitude would be shown as 0.00
+_MANY_TURNS = 8  # input revolutions beyond which a curve would fill an area, so its envelope is drawn
 
 _END_WORDS = {"least": "smallest", "greatest": "largest"}  # ends of a sweep, by their keys in JSON
 _UNKNOWN_AS_ZERO = "Unknown inputs are taken as 0; hdassist check gives F'_ior with its range over them."
@@ -68,20 +68,20 @@ def slope_words(
 
 
 def _largest_orders(trace: Trace) -> list[TraceOrder]:
-    """Return the orders of a trace that are large enough to be shown, the largest first."""
+    """Return the orders of an error curve that are large enough to be shown, the largest first."""
     shown = [order for order in trace.orders if order.amplitude_arcsec >= _LEAST_SHOWN]
     return sorted(shown, key=lambda order: -order.amplitude_arcsec)
 
 
 def _orders_table(largest: Sequence[TraceOrder]) -> Table:
-    """Return the table of the largest orders, sorted by their number."""
+    """Return the table of the largest orders, sorted by order."""
     title = f"orders: amplitude·cos(order·phi_h + phase), the {_LISTED_ORDERS} largest"
     by_number = sorted(largest[:_LISTED_ORDERS], key=lambda order: order.per_cam_rev)
     return Table.by_row(title, ORDER_QUANTITIES, by_number)
 
 
 def _start_words(trace: Trace, moving: str) -> str:
-    """Return the torque of a trace, its length and its first position; moving: angle of the wheel that turns."""
+    """Return the torque, length and start of an error curve in words; moving: name of the angle of the moving wheel."""
     revolutions = "revolution" if trace.revolutions == 1 else "revolutions"
     return f"{trace.error.M_g:g} N·m, {trace.revolutions} input {revolutions} from {moving} = {trace.start_deg:g}°"
 
@@ -92,7 +92,10 @@ def _trace_facts(
     *,
     is_part: bool,
 ) -> list[Fact]:
-    """Return what a trace rests on, and the next command; is_part: whether it is shorter than the full mesh cycle."""
+    """Return the facts on the assumptions behind an error curve, and the next command.
+
+    is_part: whether the curve is shorter than the full mesh cycle.
+    """
     return [
         ("gravity", _along_words(trace.along)),
         ("assumed", on_what(drive)),
@@ -109,10 +112,10 @@ def trace_report(
 ) -> Report:
     """Return the error of a drive over input revolutions as a report.
 
-    drive: the drive.
-    trace: its error.
-    seed: that of the mesh positions solved again.
-    speed: that of the output [arcsec/s], for the slope.
+    drive: drive.
+    trace: its error curve.
+    seed: seed for choosing the mesh positions that are solved again.
+    speed: output speed [arcsec/s], by which the slope gives a rate; None if it is not given.
     """
     error = trace.error
     is_part = trace.revolutions < error.kinematics.cycle_cam_revolutions
@@ -152,7 +155,10 @@ def _trace_object(
     seed: int,
     speed: float | None,
 ) -> Json:
-    """Return a trace as JSON; moving: name of the angle at which it starts; the others as those of trace_report."""
+    """Return an error curve as JSON.
+
+    moving: name of the angle that states its start; the other arguments are those of trace_report.
+    """
     error = trace.error
     return {
         "unknown": unknown_objects(unknowns(drive)),
@@ -183,7 +189,7 @@ def _limits_of_trace(
     *,
     is_part: bool,
 ) -> Iterator[str]:
-    """Yield what a trace leaves out; is_part: whether it is shorter than the full mesh cycle."""
+    """Yield sentences on what an error curve omits; is_part: whether it is shorter than the full mesh cycle."""
     if drive.measured != Measured.of_defaults():
         yield "Values of the preset: measurements of the drive are not taken into account."
     if is_part:
@@ -200,7 +206,10 @@ def _next(
     *,
     is_part: bool,
 ) -> str:
-    """Return the next command: the trace of the full mesh cycle after one of a part."""
+    """Return the next command, which after a part of the cycle computes the full mesh cycle.
+
+    is_part: whether the error curve is shorter than the full mesh cycle.
+    """
     if not is_part:
         return again("mount", drive)
     cycle = trace.error.kinematics.cycle_cam_revolutions
@@ -208,7 +217,7 @@ def _next(
 
 
 def _along_words(along: ErrorAlong | None) -> str:
-    """Return the torque along a trace, the error of the interpolation, and ranges; empty for a constant torque."""
+    """Return the varying torque of an error curve, the interpolation error, and ranges; empty for a constant torque."""
     if along is None:
         return ""
     ends = f"{along.least_Nm:.4g} to {along.greatest_Nm:.4g} N·m"
@@ -223,7 +232,7 @@ def curve_of_turns(
     error: Series,
     words: str,
 ) -> Curve:
-    """Return the error over input revolutions as a curve; words: those for the error, with its unit."""
+    """Return the error over input revolutions as a curve; words: label of the error axis, with its unit."""
     over = float(np.ptp(turns) > _MANY_TURNS)
     around = f": {ENVELOPE}" if over else ""
     return Curve(
@@ -244,7 +253,7 @@ def _scaled(stiffness: float) -> str:
 
 
 def _percent_off(percent: float) -> str:
-    """Return the difference of a value from another one, in per cent of that."""
+    """Return a relative difference [%] as text with its sign."""
     return f"{percent:+z.0f} %"
 
 
@@ -299,7 +308,7 @@ def stiffness_warnings(drive: Drive, result: Stiffness) -> tuple[str, ...]:
 
 
 def _facts(drive: Drive, found: Stiffness) -> Iterator[Fact]:
-    """Yield facts about the segments, a label and a text each."""
+    """Yield segments, lost motion, assumptions and the next command, each as a label and a text."""
     segments = ""
     if ends_elsewhere(drive.catalogue, found.positive):
         segments = "the segments end at torques other than those in the catalogue, so K is not compared"
@@ -327,12 +336,12 @@ _ROW_COLUMNS = ("M_g_Nm", "F_ior_arcsec", "max_residual", "reason")
 
 
 def columns(sweep: Sweep) -> list[str]:
-    """Return the names of the columns of the rows: a field in its own unit, then the result."""
+    """Return the column names of the rows of a sweep: the varied fields in their own units, then the results."""
     return [*(axis.path for axis in sweep.varied), *_ROW_COLUMNS]
 
 
 def cells(record: SweepRow) -> list[Any]:
-    """Return a record as a row of those columns."""
+    """Return a row of a sweep as cells in the order of columns()."""
     return [*record.values.values(), *attributes(record, *_ROW_COLUMNS).values()]
 
 
@@ -348,7 +357,7 @@ def _spans(sweep: Sweep) -> str:
 
 
 def _sweep_object(swept: Swept, records: Iterable[SweepRow]) -> Json:
-    """Return a sweep by the keys of the JSON result; records: those of its rows, if they are wanted."""
+    """Return a sweep by the keys of the JSON result; records: its rows, empty if the result omits them."""
     ends = {end: {"row": row, "F_ior_arcsec": F_ior} for end, (row, F_ior) in swept.ends.items()}
     return {
         "unknown": unknown_objects(unknowns(swept.largest)),
@@ -362,7 +371,7 @@ def _sweep_object(swept: Swept, records: Iterable[SweepRow]) -> Json:
 
 
 def sweep_report(swept: Swept, records: Iterable[SweepRow]) -> Report:
-    """Return a sweep as a report; records: those of its rows, if they are wanted."""
+    """Return a sweep as a report; records: its rows for the JSON result, empty if the result omits them."""
     sweep = swept.sweep
     drive = swept.drive
     ends = swept.ends
@@ -385,7 +394,7 @@ def sweep_report(swept: Swept, records: Iterable[SweepRow]) -> Report:
 
 
 def _sweep_facts(swept: Swept) -> Iterator[Fact]:
-    """Yield smallest and largest F'_ior, rows without a result, and the next command."""
+    """Yield the smallest and largest F'_ior, rows without a result and the next command, each as a label and a text."""
     sweep = swept.sweep
     ends = swept.ends
     for end, (row, F_ior) in ends.items():
@@ -407,12 +416,15 @@ def _of(
     values: str,
     sign: str,
 ) -> str:
-    """Return values along an axis, in its unit."""
+    """Return the text of a varied field: its name, a sign, and its values with their unit."""
     return f"{axis.path}{sign}{values} {axis.unit.replace('*', '·')}".rstrip()
 
 
 def _figures(swept: Swept) -> Iterator[Curve]:
-    """Yield F'_ior over one field at each torque; nothing for several fields, or fewer than two rows with a result."""
+    """Yield the curve of F'_ior over one varied field at each torque.
+
+    Several varied fields give no curve; neither does a torque with fewer than two results.
+    """
     axis, *other_axes = swept.sweep.varied
     torques = [f" at {M_g:g} N·m" for axis in swept.sweep.further for M_g in axis.values] or [""]
     order = np.argsort(axis.values)

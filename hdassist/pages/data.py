@@ -1,4 +1,4 @@
-"""Data about a drive and about the tool as reports: a calibration, and the names that can be explained."""
+"""Reports of a calibration and of the names that the tool explains."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from hdassist.terminal.words import again
 if TYPE_CHECKING:
     from hdassist.calibration import Calibration, CalibrationTarget, Fit, Targets
 
-_UNDETERMINED = 0.1  # a value whose interval the targets have narrowed by less is the bounds' alone
+_UNDETERMINED = 0.1  # relative narrowing of an interval below which the targets do not determine the value
 _FOUND_VALUES = quantity_table(
     "calibrate.values",
     number=short,
@@ -38,7 +38,7 @@ _NOTE = "agreement with fitted targets does not validate the model; agreement wi
 
 
 def calibrate_report(result: Calibration, written: str | None = None) -> Report:
-    """Return a calibration as a report; written: the file of the preset with its values, None without one."""
+    """Return a calibration as a report; written: file of the preset with the fitted values, None if none is written."""
     wanted = result.targets
     sets = [_set_object(wanted, fit) for fit in result.fits]
     met = sets[0]["targets_met"]
@@ -62,7 +62,7 @@ def calibrate_report(result: Calibration, written: str | None = None) -> Report:
             "alternatives": sets[1:],
             **attributes(result, "indistinct", "evaluations", "seed"),
         },
-        # in the form of --set
+        # each line has the form of an argument of --set
         line="\n".join(f"{value.path}={value.found!r}" for value in result.values),
         warnings=tuple(_warnings(result)),
         exit_code=0 if all(met) else Verdict.FAIL.exit_code,
@@ -70,7 +70,7 @@ def calibrate_report(result: Calibration, written: str | None = None) -> Report:
 
 
 def _after_calibration(result: Calibration, written: str | None) -> str:
-    """Return the next command, or what to do before it; written: the file of the preset, None without one."""
+    """Return the next command, or the action required before it; written: file of the preset, None if none exists."""
     if result.shortfall:
         return "check the measured values; if they are right, widen bounds or add unknowns"
     if written:
@@ -81,7 +81,7 @@ def _after_calibration(result: Calibration, written: str | None) -> str:
 
 
 def _targets_table(wanted: Targets, fitted: Json) -> Table:
-    """Return the targets beside the values of a fit; fitted: that fit as JSON."""
+    """Return the table of the targets and the values of a fit; fitted: the fit as JSON."""
     rows = []
     columns = zip(
         wanted.targets,
@@ -97,14 +97,14 @@ def _targets_table(wanted: Targets, fitted: Json) -> Table:
 
 
 def _sets_table(result: Calibration) -> Table:
-    """Return all sets of values that meet the targets."""
+    """Return the table of all sets of values that meet the targets."""
     heads = ("field", "best", *(f"other {k}" for k in range(1, len(result.fits))))
     rows = tuple((value.path, *(f"{fit.values[k]:g}" for fit in result.fits)) for k, value in enumerate(result.values))
     return Table("sets of values that meet the targets", heads, rows)
 
 
 def _target_object(target: CalibrationTarget) -> Json:
-    """Return a target as JSON; a bound that it does not have is null."""
+    """Return a target as JSON; a missing bound is null."""
     return {
         **attributes(target, "quantity", "unit", "asked", "value", "tolerance"),
         "low": target.low if isfinite(target.low) else None,
@@ -114,10 +114,10 @@ def _target_object(target: CalibrationTarget) -> Json:
 
 def _warnings(result: Calibration) -> Iterator[str]:
     """Yield the warnings of a calibration."""
-    from hdassist.model.deviations import unknown_notes  # with scipy, which explaining does without
+    from hdassist.model.deviations import unknown_notes  # loads scipy, which `explain` does not need
 
     yield from result.drive.origin.warnings
-    if any(target.quantity.startswith("F_ior") for target in result.targets.targets):  # deviations move it
+    if any(target.quantity.startswith("F_ior") for target in result.targets.targets):  # deviations affect F'_ior
         yield from unknown_notes(result.drive)
     if result.shortfall:
         yield f"targets are missed: {result.shortfall}; the values are the nearest ones, and --write writes no preset"
@@ -147,7 +147,7 @@ _KIND_TITLES = {
 
 
 def explain_report(found: Sequence[Entry]) -> Report:
-    """Return the meaning of names as a report; without a name, all names by kind."""
+    """Return the meaning of names as a report; if there are none, the report lists all names by kind."""
     first, *further_entries = found or [
         Entry("section", ("hdassist explain NAME",), "any of these, English or Russian")
     ]
@@ -171,7 +171,7 @@ def _entry_facts(entry: Entry) -> Facts:
 
 
 def _all_names() -> Iterator[ReportSection]:
-    """Yield all names, by kind."""
+    """Yield a section for each kind of names, with all names of that kind."""
     yield ReportSection("checks and notes", (Facts.of((item.code, item.words) for item in CODES.values()),))
     for kind, title in _KIND_TITLES.items():
         names = ", ".join(dict.fromkeys(entry.names[0] for entry in entries() if entry.kind == kind))

@@ -1,4 +1,4 @@
-"""A recording, approached positions or torque loops, and the history of a drive, as reports."""
+"""Reports of a recording, of approached positions or torque loops, and of the history of a drive."""
 
 from __future__ import annotations
 
@@ -59,8 +59,8 @@ from hdassist.run.system import command_line
 from hdassist.terminal.words import again
 
 _NAMED_SLOW = 0.1  # slow terms are named from this share of F'_ior
-_LISTED_ORDERS = 12  # largest orders, in the table
-_NAMED_ORDERS = 3  # largest orders, in a line
+_LISTED_ORDERS = 12  # number of orders in the table, the largest ones
+_NAMED_ORDERS = 3  # number of orders that a line names, the largest ones
 _DIRECTION_NAMES = {1: "increasing", -1: "decreasing"}
 
 
@@ -69,7 +69,7 @@ def _ends_text(interval: Sequence[float]) -> str:
     return "{:.2f} to {:.2f}".format(*interval)
 
 
-FORMATS: dict[str, Any] = {"direction_name": _DIRECTION_NAMES.__getitem__, "ends": _ends_text}  # of quantities
+FORMATS: dict[str, Any] = {"direction_name": _DIRECTION_NAMES.__getitem__, "ends": _ends_text}  # formats by name
 _ORDER_COLUMNS = quantity_table("measure.orders", cause_or_none=lambda order: order.cause or None)
 _CYCLE = quantity_table("measure.cycle")
 _BUDGET = quantity_table("measure.budget")
@@ -87,8 +87,8 @@ _ON_PAGE = quantity_table("measure.page", percent_sign=lambda share: f"{100 * sh
 
 
 def _columns(found: SweepResult) -> Sequence[Quantity[SweepResult]]:
-    """Return the columns of the short table; of a lower bound the range is that of the recorded part, not F'_ior."""
-    # of a whole cycle the range is F'_ior
+    """Return the columns of the short table; for a lower bound, F'_ior is labelled as a range."""
+    # only the range over a whole cycle is F'_ior
     if not found.is_bound:
         return _ON_PAGE
     label = "range"
@@ -96,7 +96,7 @@ def _columns(found: SweepResult) -> Sequence[Quantity[SweepResult]]:
 
 
 def _verdict(sweep: SweepResult, gearing: Gearing | None) -> str:
-    """Return F'_ior of a direction, or its lower bound if the recording has no more."""
+    """Return F'_ior of a direction in words, or its lower bound if the recording does not determine F'_ior."""
     if sweep.is_bound:
         return f"F'_ior at least {sweep.interval_arcsec[0]:.2f}″ (lower bound)"
     travel = f" over {gearing.travel_deg:.4g}° of travel" if gearing and gearing.travel else ""
@@ -104,7 +104,7 @@ def _verdict(sweep: SweepResult, gearing: Gearing | None) -> str:
 
 
 def _slope_facts(result: Measurement) -> list[Fact]:
-    """Return the steepest slope of the error in a fact; none without a slope."""
+    """Return the fact with the steepest slope of the error; empty if no slope is known."""
     slope = result.slope_arcsec_per_deg
     if not slope:
         return []
@@ -117,12 +117,12 @@ def measure_report(
     options: Sequence[str] = (),
     speed: float | None = None,
 ) -> Report:
-    """Return F'_ior of a recording with its uncertainty, by direction, as a report.
+    """Return F'_ior of a recording with its uncertainty, for each direction, as a report.
 
-    result: the measurement.
-    drive: None if it is unknown.
-    options: those by which the file was read, for the next command.
-    speed: that of the output [arcsec/s], for the slope.
+    result: measurement.
+    drive: drive of the recording, None if it is unknown.
+    options: options by which the file was read, for the next command.
+    speed: output speed [arcsec/s], by which the slope gives a rate; None if it is not given.
     """
     first_sweep, *further_sweeps = result.directions
     trace = result.trace
@@ -155,7 +155,7 @@ def measure_report(
 
 
 def _measurement_object(result: Measurement, speed: float | None) -> Json:
-    """Return a measurement as JSON; speed: that of the output [arcsec/s], for the slope."""
+    """Return a measurement as JSON; speed: output speed [arcsec/s], by which the slope gives a rate."""
     trace = result.trace
     return {
         "file": {"name": trace.file, "sha256": trace.sha256, "rows": len(trace.line)},
@@ -173,7 +173,7 @@ def _measurement_object(result: Measurement, speed: float | None) -> Json:
 
 def _lower_bound(result: Measurement, found: SweepResult) -> Iterator[str]:
     """Yield the reasons why F'_ior is a lower bound; nothing for the full mesh cycle."""
-    # without a ratio nobody knows how long the cycle is
+    # without a ratio, the length of the cycle is unknown
     if found.coverage is None or result.gearing is None:
         yield (
             f"The recording covers {found.bins.span:.2f} input revolutions; without --drive or --ratio the full mesh "
@@ -185,7 +185,7 @@ def _lower_bound(result: Measurement, found: SweepResult) -> Iterator[str]:
         yield "The declination is unknown: state it (--declination DEG)."
     elif found.is_bound and result.gearing.travel:
         yield f"{covered} of the travel of {result.gearing.travel_deg:.4g}°."
-        # covered, but not in one sweep: slow terms cannot be told from its level
+        # separate sweeps do not distinguish slow terms from differences of their levels
         if found.coverage.share >= FULL_SHARE:
             yield "The travel was recorded in several sweeps: record it in one."
     elif found.is_bound:
@@ -195,16 +195,16 @@ def _lower_bound(result: Measurement, found: SweepResult) -> Iterator[str]:
         yield f"{covered} of the full mesh cycle of {cycle} input revolutions{outputs}."
         if found.coverage.share >= FULL_SHARE:
             yield "Slow terms were removed: only readings of a whole output revolution determine them."
-        # long enough, so rows are missing within
+        # the recording is long enough, so rows are missing within it
         elif found.bins.span >= FULL_SHARE * cycle:
             gap = 360 * GAP_PERIODS / float(found.fit.orders[-1])
             yield f"Rows are missing: gaps of more than {gap:.3g}° between readings are not covered."
 
 
 def _full_cycle_words(result: Measurement, direction: SweepResult) -> Iterator[str]:
-    """Yield F'_ior of the full mesh cycle and the part to record next, for a part of the cycle with a model."""
+    """Yield F'_ior over the full mesh cycle and the part to record next, if a model extends a part of the cycle."""
     cycle = direction.by_model
-    # of a whole cycle the table has the interval
+    # for a whole cycle, the table shows the interval
     if cycle is None or result.gearing is None or not direction.is_bound:
         return
     low, high = cycle.interval_arcsec
@@ -220,7 +220,7 @@ def _facts(
     options: Sequence[str],
     speed: float | None,
 ) -> Iterator[Fact]:
-    """Yield the largest orders, reading of the file and the next command, a label and a text each."""
+    """Yield the largest orders, further results, notes on the file and the next command, each as a label and a text."""
     first_sweep = result.directions[0]
     file = result.trace.file
     yield "orders", _orders_words(first_sweep)
@@ -245,7 +245,7 @@ def _facts(
     missing = [source.name for source in first_sweep.sources if source.arcsec is None]
     yield "not in u", f"{', '.join(missing)} (--budget NAME=U)" if missing else ""
     yield "read as", "; ".join(result.notes)
-    # a command cannot read the same standard input again
+    # no further command can read the same standard input
     if file != STDIN:
         yield "next", _next_command(result, drive, options)
 
@@ -253,8 +253,8 @@ def _facts(
 def _orders_words(found: SweepResult) -> str:
     """Return the largest orders of a direction in words, with the amplitude without sidebands if it is known."""
     largest = sorted(found.orders_of_cam, key=lambda order: -order.amplitude_arcsec)[:_NAMED_ORDERS]
-    # the note at the end serves all of them then
-    of_recording = all(order.is_of_record for order in largest)  # over whole output revolutions it may be much more
+    # amplitudes over whole output revolutions may be much larger; if none is known, one note at the end says so
+    of_recording = all(order.is_of_record for order in largest)
     named = []
     for order in largest:
         spread = f" ± {COVERAGE_FACTOR * order.uncertainty_arcsec:.2f}" if not order.is_of_record else ""
@@ -270,7 +270,7 @@ def _orders_words(found: SweepResult) -> str:
 
 
 def _line_facts(found: SweepResult) -> Iterator[Fact]:
-    """Yield lines between the orders, and stated shafts without a component, a label and a text each."""
+    """Yield the lines between the orders, and the stated shafts without a component, each as a label and a text."""
     if found.lines:
         lines = ", ".join(_line_words(line, found) for line in found.lines)
         rise = f". In another cycle they may add {found.range.rise:.2f}″ to F'_ior" if found.range.rise else ""
@@ -279,19 +279,19 @@ def _line_facts(found: SweepResult) -> Iterator[Fact]:
 
 
 def _line_words(line: MeasuredOrder, found: SweepResult) -> str:
-    """Return order and amplitude of a line, with the name of the stated shaft that it comes from."""
+    """Return the order and amplitude of a spectral line in words, with the name of the stated shaft that causes it."""
     shafts = [component.shaft for component in found.shafts if component.is_line(line.per_cam_rev)]
     return f"{line.per_cam_rev:.3f} ({', '.join([f'{line.amplitude_arcsec:.2f}″', *shafts])})"
 
 
 def _shaft_table(found: SweepResult) -> Table:
-    """Return the components of the stated shafts, without the reasons of those that are missing."""
+    """Return the table of the components of the stated shafts, without the reasons for missing components."""
     title = "components of stated shafts: amplitude·cos(order·angle + phase)"
     return Table.by_row(title, [column for column in _SHAFTS if column.key != "missing"], found.shafts)
 
 
 def _shaft_words(found: SweepResult) -> str:
-    """Return which components of shafts the recording does not determine, and why; empty for none."""
+    """Return the shafts whose component the recording does not determine, with the reasons; empty if there are none."""
     missing = [component for component in found.shafts if component.missing]
     return "; ".join(f"{component.shaft}: {component.missing}" for component in missing)
 
@@ -303,8 +303,8 @@ def _next_command(
 ) -> str:
     """Return the command that follows a recording.
 
-    For a part of the cycle it compares with the prediction; for the full cycle of a drive it is the hole of its fixed
-    wheel; for a joint, or without a preset, it is a correction.
+    After a part of the cycle, it compares the recording with the prediction; after the full cycle of a drive, it finds
+    the hole of the fixed wheel; for a joint, or without a preset, it computes a correction.
     """
     file = result.trace.file
     gearing = result.gearing
@@ -312,8 +312,8 @@ def _next_command(
     if not gearing or result.directions[0].is_bound:
         return again("compare", drive, file, *options)
     travel = ["--travel", f"{gearing.travel_deg:.6g}"] if gearing.travel else []
-    # measured errors are values in hole 0 for mount
-    if drive or result.trace.angle_of == "output":  # of which a record alone has no correction
+    # mount takes a measured error as the value of hole 0
+    if drive or result.trace.angle_of == "output":  # a recording of the output angle needs a preset for a correction
         command, record = ("compensate", [file, *travel]) if travel else ("mount", [f"h0={file}"])
         return again(command, drive, *record, *options)
     ratio = ["--ratio", f"{gearing.ratio:.10g}"]
@@ -321,13 +321,13 @@ def _next_command(
 
 
 def _reversal_words(reversal: Reversal) -> str:
-    """Return the lost motion of a recording in both directions in words, and the part of it that may be lag."""
+    """Return the lost motion of a recording in both directions in words, with a note on any lag that it includes."""
     reach = COVERAGE_FACTOR * reversal.lost_motion_standard_uncertainty_arcsec
     text = (
         f"lost motion {reversal.lost_motion_arcsec:.2f} ± {reach:.2f}″ (k = {COVERAGE_FACTOR:g}) at reversal "
         "(backlash, friction, hysteresis)"
     )
-    # friction and lag look the same at one speed
+    # one speed does not distinguish friction from lag
     if reversal.by == "one speed":
         size = f" of {reversal.arcsec_per_ms:.3g}″ per ms" if reversal.arcsec_per_ms else ""
         text += f", encoder lag{size} included (record two speeds to remove it)"
@@ -347,7 +347,7 @@ def _slope_object(result: Measurement, speed: float | None) -> Json:
 
 
 def _torque(torque: RecordedTorque) -> str:
-    """Return the torque of a recording in words, the removed wind-up, and the stiffness it follows from."""
+    """Return the torque of a recording in words, with the removed wind-up and the stiffness used for it."""
     text = f"mean {torque.mean_Nm:.4g} N·m, {torque.least_Nm:.4g} to {torque.greatest_Nm:.4g} N·m"
     if not torque.by:
         return text
@@ -360,7 +360,7 @@ def _torque(torque: RecordedTorque) -> str:
 
 
 def _at_torques(found: SweepResult) -> str:
-    """Return F'_ior at each torque of a recording that shows how the orders change with it; empty for other ones."""
+    """Return F'_ior at each torque in words; empty if the recording does not show how the orders change with torque."""
     if not found.torques:
         return ""
     texts = (
@@ -373,13 +373,13 @@ def _at_torques(found: SweepResult) -> str:
 
 
 def _slow(found: SweepResult) -> str:
-    """Return the slow terms of the output in words: size, possible cause, F'_ior without them; empty for small ones."""
-    # small terms are in the details
+    """Return the slow terms of the output in words: size, possible cause, F'_ior without them; empty if small."""
+    # the details show small terms
     if found.slow_arcsec < _NAMED_SLOW * found.range.value:
         return ""
     slow = [order for order in found.orders if order.per_cam_rev < SLOWEST_ORDER]
     size = f"{found.slow_arcsec:.2f}″"
-    # in a part they were removed, and belong to nobody for certain
+    # a part of an output revolution does not determine their cause, so they were removed
     if found.is_part:
         return f"slow terms of {size} removed. Part of an output revolution does not separate test rig, drift and drive"
     largest = max(slow, key=lambda order: order.amplitude_arcsec)
@@ -390,7 +390,7 @@ def _slow(found: SweepResult) -> str:
 
 
 def _curve(found: SweepResult) -> Curve:
-    """Return the error in the first sweep of a direction, without the removed parts, as a curve."""
+    """Return the curve of the error in the first sweep of a direction, without the removed terms."""
     first = found.bins.sweep == 0
     title = f"kinematic error, ″, {_DIRECTION_NAMES[found.direction]} input angle"
     turns = found.bins.turns[first]
@@ -398,7 +398,7 @@ def _curve(found: SweepResult) -> Curve:
 
 
 def _details(found: SweepResult) -> Iterator[ReportSection]:
-    """Yield the orders and budget of uncertainty of a direction."""
+    """Yield the section of a direction, with its orders and its uncertainty budget."""
     shown = _ORDER_COLUMNS[:5] if any(order.cause for order in found.orders) else _ORDER_COLUMNS[:4]
     greatest = sorted(found.orders, key=lambda o: -o.amplitude_arcsec)[:_LISTED_ORDERS]
     title = f"orders: amplitude·cos(order·angle + phase), the {len(greatest)} largest of {len(found.orders)}"
@@ -430,11 +430,11 @@ def _sweep(found: SweepResult) -> Json:
 
 
 def _line(found: SweepResult) -> str:
-    """Return F'_ior with the reach of its 95 % interval; for a lower bound the lower end of this."""
+    """Return F'_ior with its 95 % interval in one line; for a lower bound, the lower end of the interval."""
     if found.is_bound:
         return f">= {found.interval_arcsec[0]:.2f}″"
     low, high = found.interval_arcsec
-    # compared as printed
+    # both half-widths are compared as printed
     upper_reach = f"{high - found.F_ior_arcsec:.2f}"
     lower_reach = f"{found.F_ior_arcsec - low:.2f}"
     spread = f"± {lower_reach}" if upper_reach == lower_reach else f"+{upper_reach} -{lower_reach}"
@@ -442,9 +442,11 @@ def _line(found: SweepResult) -> str:
 
 
 def _csv(result: Measurement) -> CsvTable:
-    """Return one row per step of the angle and direction: error minus its level and drift, and the fitted curve."""
+    """Return the table with one row per angle step and direction.
+
+    Each row has the error without its level and drift, and the fitted curve.
+    """
     rows: list[list[Any]] = []
-    # one table for both directions
     for of_direction in result.directions:
         error = of_direction.fit.error
         columns = np.column_stack(
@@ -455,9 +457,8 @@ def _csv(result: Measurement) -> CsvTable:
 
 
 def repeats(results: Sequence[Measurement]) -> tuple[Json, list[str]]:
-    """Return F'_ior over files, as of repeat runs, for JSON and in a line; both are empty for one file."""
+    """Return the mean and spread of F'_ior over repeat runs, for JSON and in a line; both are empty for one file."""
     values = [result.F_ior_arcsec for result in results]
-    # a single value has no spread
     if len(values) < 2:
         return {}, []
     mean = float(np.mean(values))
@@ -468,7 +469,7 @@ def repeats(results: Sequence[Measurement]) -> tuple[Json, list[str]]:
 
 
 def joint_lines(reports: Sequence[Report], results: Sequence[Measurement]) -> list[str]:
-    """Return F'_ior of the joints of a log in one table."""
+    """Return the lines of a table with F'_ior of each joint of a log."""
     measured = iter(results)
     rows = [("joint", "F'_ior, ″", "95 % interval, ″", "covered, %")]
     for report in reports:
@@ -491,7 +492,7 @@ def _interval(found: StatedQuantity) -> list[float] | None:
     if found.uncertainty_arcsec is None:
         return None
     reach = _expanded(found)
-    # Scatter alone makes a range; the lower end is the lower confidence limit that "at least" states too.
+    # Scatter alone makes a range above 0, so the lower end is the lower confidence limit that "at least" states.
     lower_reach = max(reach, found.noise_arcsec)
     return [max(0.0, found.arcsec - lower_reach), found.arcsec + reach]
 
@@ -512,12 +513,12 @@ _SEEN_RANGE = quantity_table(
 
 @dataclass(frozen=True)
 class _BenchResults:
-    """Quantities of approached positions or of torque loops; positions and iso230 are of positions alone."""
+    """Quantities of approached positions or of torque loops."""
 
     quantities: Sequence[StatedQuantity]
-    places: tuple[PlaceLoop, ...] = ()  # torque loops by the output angle at which they were run
-    positions: SeenRange | None = None
-    iso230: PositioningTest | None = None
+    places: tuple[PlaceLoop, ...] = ()  # torque loops, by output angle
+    positions: SeenRange | None = None  # range of F'_ior; None for loops, or if approached positions do not give one
+    iso230: PositioningTest | None = None  # figures of ISO 230-2; None for loops, or if positions do not give them
 
     @classmethod
     def of(
@@ -526,7 +527,7 @@ class _BenchResults:
         drive: Drive | None,
         seed: int,
     ) -> _BenchResults:
-        """Return the quantities of a record; seed: of the drawn approaches."""
+        """Return the results of a record; drive: gives the rated torque, None if unknown; seed: seed of resampling."""
         if isinstance(record, PositionRecord):
             quantities = position_quantities(record, seed=seed)
             positions = seen_range(record, quantities)
@@ -545,12 +546,12 @@ class _BenchResults:
 
     @property
     def has_reversal_verdict(self) -> bool:
-        """Whether the reversal of ISO 230-2 is the result: both directions, and no range of F'_ior."""
+        """Whether the main result is the reversal value of ISO 230-2, as F'_ior has no range and both sides exist."""
         return self.positions is None and self.iso230 is not None and bool(self.iso230.figure("B"))
 
     @property
     def verdict(self) -> str:
-        """The quantity at the head of the page."""
+        """The main result, at the head of the page."""
         if self.has_reversal_verdict and self.iso230:
             return _reversal_verdict(self.iso230)
         first = self.quantities[0]
@@ -558,7 +559,7 @@ class _BenchResults:
 
     @property
     def line(self) -> str:
-        """The quantities in a line, each with its expanded uncertainty if that is known."""
+        """The quantities in one line, each with its expanded uncertainty if it is known."""
         lines = [self.verdict] if self.has_reversal_verdict else []
         for quantity in self.quantities:
             is_known = quantity.uncertainty_arcsec is not None
@@ -591,13 +592,13 @@ def bench_report(
     seed: int,
     options: Sequence[str] = (),
 ) -> Report:
-    """Return the quantities of approached positions, or of torque loops.
+    """Return the quantities of approached positions, or of torque loops, as a report.
 
     Args:
-        record: the approaches, or the loops.
-        drive: for its rated torque, None if it is unknown.
-        seed: of the drawn approaches.
-        options: those by which the file was read, for the next command.
+        record: approaches or loops.
+        drive: drive that was tested, whose rated torque applies; None if it is unknown.
+        seed: seed of resampling.
+        options: options by which the file was read, for the next command.
     """
     table = record.table
     results = _BenchResults.of(record, drive, seed)
@@ -632,7 +633,7 @@ def bench_report(
 
 
 def _rated_torque(record: LoopRecord, drive: Drive | None) -> float:
-    """Return the rated torque [N*m] for torque loops, with a note: that of the drive, or the largest of the loops."""
+    """Return the rated torque [N*m] of the drive, or the largest torque of the loops, and note it in the record."""
     rated = drive.operation.rated if drive else None
     basis = "the preset"
     # a loop is usually run up to the rated torque
@@ -651,17 +652,17 @@ def _accept_command(
     positions: SeenRange | None,
     options: Sequence[str],
 ) -> str:
-    """Return the command that accepts a drive by some quantities; empty without any, or for standard input.
+    """Return the command that accepts a drive by measured quantities; empty if there are none, or for standard input.
 
     Args:
-        file: of the record.
-        drive: the drive, None if it is unknown.
-        quantities: those with an uncertainty.
-        positions: what approached positions tell of F'_ior.
-        options: those by which the file was read.
+        file: file of the record.
+        drive: drive that was tested, None if it is unknown.
+        quantities: quantities with a known uncertainty.
+        positions: range of F'_ior from approached positions, None without one.
+        options: options by which the file was read.
     """
-    # the file itself is the measurement
-    if positions and positions.M_g and file != STDIN:  # all of it by one option
+    # the file itself is the measurement, and one option gives all its quantities
+    if positions and positions.M_g and file != STDIN:
         budget = ["--budget", "encoder=U,coupling=U,reseating=U,temperature=U"]
         arguments = ["--measured", f"{positions.M_g:.15g}={file}", "--measured-only", *options, *budget]
     else:
@@ -676,7 +677,7 @@ def _accept_command(
 
 
 def _reversal_verdict(test: PositioningTest) -> str:
-    """Return the mean reversal value in words, with its expanded uncertainty where the scatter is known."""
+    """Return the mean reversal value in words, with its expanded uncertainty if the scatter is known."""
     reversal = test.figure("B_mean")
     value = reversal.arcsec if reversal else 0.0
     if test.reversal_uncertainty_arcsec is None:
@@ -686,7 +687,7 @@ def _reversal_verdict(test: PositioningTest) -> str:
 
 
 def _iso230_table(test: PositioningTest) -> Table:
-    """Return the figures by the definitions of ISO 230-2 as a table; its title says how many approaches they are of."""
+    """Return the table of figures as defined in ISO 230-2; its title states the number of approaches."""
     required = "" if test.is_complete else f" (the standard requires {FEWEST_APPROACHES})"
     noun = "approach" if test.approaches == 1 else "approaches"
     number = f"{test.approaches} {noun} from each side{required}"
@@ -694,7 +695,7 @@ def _iso230_table(test: PositioningTest) -> Table:
 
 
 def _iso230_object(test: PositioningTest) -> Json:
-    """Return the figures by the definitions of ISO 230-2 as JSON."""
+    """Return the figures as defined in ISO 230-2, as JSON."""
     return {
         "positions": test.positions,
         "approaches": test.approaches,
@@ -707,7 +708,7 @@ def _seen_words(found: SeenRange) -> str:
     least = f"at least {found.at_least_arcsec:.2f}″ by these positions"
     if found.uncertainty_arcsec is None and not found.expanded_arcsec:
         return f"unknown: scatter may be part of the {found.arcsec:.2f}″; approach the positions twice or more"
-    # shares hold for the planned positions
+    # the captured shares are valid for the planned positions only
     if found.is_cut:
         return f"{least}; planned positions or sides are missing, so the shares of the plan do not apply"
     if not found.seen:
@@ -734,7 +735,12 @@ def history_report(
     archive: str,
     entries: Sequence[ArchiveEntry],
 ) -> Report:
-    """Return the change of F'_ior of a drive by its entries in an archive, compared with its uncertainty."""
+    """Return the report of the change of F'_ior of a drive, compared with its uncertainty.
+
+    serial: serial number of the drive.
+    archive: name of the archive.
+    entries: entries of the drive in the archive.
+    """
     histories_of_drives = histories(entries)
     verdict = "no change beyond its uncertainty" if histories_of_drives else "nothing to compare"
     verdict = (
@@ -783,7 +789,7 @@ def _sentence(found: DriveHistory) -> str:
 
 
 def _history_facts(entries: Sequence[ArchiveEntry]) -> Iterator[Fact]:
-    """Yield the entries omitted from the comparison and from the uncertainty, a label and a text each."""
+    """Yield the number of omitted entries, and the sources missing in the uncertainty, each as a label and a text."""
     parts = sum(entry.F_ior_is_lower_bound for entry in entries)
     yield "left out", f"lower bounds from a part of the cycle: {parts}" if parts else ""
     missing = dict.fromkeys(name for entry in entries for name in entry.unstated)
@@ -791,7 +797,7 @@ def _history_facts(entries: Sequence[ArchiveEntry]) -> Iterator[Fact]:
 
 
 def _history_curve(found: DriveHistory) -> Curve:
-    """Return F'_ior over the days since the first measurement, with intervals, as a curve."""
+    """Return the curve of F'_ior over the days since the first measurement, with its intervals."""
     first, *_ = dates = [date.fromisoformat(entry.date) for entry in found.entries]
     days = np.array([(day - first).days for day in dates], dtype=float)
     ends = [(day, entry.low_arcsec, entry.high_arcsec) for day, entry in zip(days, found.entries, strict=True)]

@@ -1,4 +1,4 @@
-"""In which hole to install the fixed wheel, as a report: the hole, its probability, and the benefit of measuring."""
+"""Reports of the best hole for the fixed wheel: the hole, its probability, and the benefit of measuring."""
 
 from __future__ import annotations
 
@@ -54,13 +54,13 @@ from hdassist.terminal.words import Texts, again, heading, influence_words, samp
 
 WORDS = {"TURN": "TURN", "LEAVE": "LEAVE", "BEST_BET": "BEST BET", "ANY_HOLE": "ANY HOLE"}
 _VERIFICATION_WORDS = {"KEEP": "KEEP", "GO_BACK": "GO BACK", "MEASURE_AGAIN": "MEASURE AGAIN"}
-_ANY_LINE = "any"  # in place of a hole on the page of a script
+_ANY_LINE = "any"  # output of -q in place of a hole
 _NO_HOLE_BETTER = {
     "floating": "the wave generator aligns itself (stiffness of its support: 0), so its eccentricity has no effect",
     "standing": "no part that is fixed to the housing seat has a deviation",
     "turning": "the fixed wheel has no deviation, so its hole has no effect",
 }
-_ROWS = 3  # holes on the first screen, and also the present and the worst one
+_ROWS = 3  # number of holes on the first screen, in addition to the present and the worst hole
 _APART = 3.0  # standard deviations by which values of one hole may differ without a warning
 
 
@@ -71,12 +71,12 @@ def mount_report(
     carded: bool = False,
     sure: float | None = None,
 ) -> Report:
-    """Return the advice on a drive as a report.
+    """Return the choice of a hole for a drive as a report.
 
-    advice: the choice of a hole.
-    seed: that of its samples.
-    carded: whether a card is written too.
-    sure: probability that the user requires; a choice with a smaller one ends with exit code 6.
+    advice: choice of a hole.
+    seed: seed of its samples.
+    carded: whether a card is written.
+    sure: required probability, None if none is required; a choice with a smaller probability has exit code 6.
     """
     drive = advice.drive
     figures = list[Figure](_position_curves(advice))
@@ -86,14 +86,14 @@ def mount_report(
     where = f"{TRADE[drive.mounting.fixed]}{heading(advice.measured)}"
     if count:
         torques = " and ".join(f"{M_g:g}" for M_g in advice.torques_of_values)
-        # the uncertainty of values without one of their own: that of --noise or its default
+        # values without a stated uncertainty have that of --noise or its default
         is_each_known = all(trial.noise_arcsec for trial in advice.trials)
         spread = "" if is_each_known else f" (± {2 * advice.setup.noise_arcsec:g}″, k = 2)"
         where = f"{count} measured value{'s' if count > 1 else ''}{spread} at {torques} N·m"
     decision = advice.decision
     stay = () if decision.stay is None else (decision.stay,)
     rows = dict.fromkeys((decision.best, *decision.ranked[:_ROWS], *stay, decision.ranked[-1]))
-    if decision.all_alike:  # what the others differ by is chance
+    if decision.all_alike:  # differences between holes are due to chance
         rows = {decision.best: None}
     return Report(
         command="mount",
@@ -118,7 +118,7 @@ def mount_report(
 
 
 def _verdict(advice: Advice) -> str:
-    """Return the choice in a word, and the hole unless all are equal."""
+    """Return the word for the choice, and the hole unless all holes are equal."""
     if not advice.names_hole:
         return WORDS[advice.word]
     word = _VERIFICATION_WORDS[advice.verification.verdict] if advice.verification else WORDS[advice.word]
@@ -126,7 +126,7 @@ def _verdict(advice: Advice) -> str:
 
 
 def _exit_code(advice: Advice, sure: float | None) -> int:
-    """Return the exit code of an advice; sure: required probability, None without one."""
+    """Return the exit code of a choice; sure: required probability, None if none is required."""
     if advice.verification and advice.verification.verdict == "GO_BACK":
         return Verdict.FAIL.exit_code
     if advice.verification and advice.verification.verdict == "MEASURE_AGAIN":
@@ -135,7 +135,7 @@ def _exit_code(advice: Advice, sure: float | None) -> int:
 
 
 def mount_warnings(advice: Advice, say: Texts = ENGLISH) -> tuple[str, ...]:
-    """Return the warnings about an advice in the language of the texts."""
+    """Return the warnings about a choice in the language of the texts."""
     texts_of_warnings = list(warnings_of(advice.drive, say))
     if advice.open_ and not advice.decision.is_sampled:
         texts_of_warnings.append(say("warning.not_drawn", count=len(advice.open_)))
@@ -161,7 +161,7 @@ def _warnings_of_values(advice: Advice, say: Texts) -> Iterator[str]:
             "assumed ranges"
         )
     elif after.effective < FEWEST_SURE:
-        # the number that agrees grows in proportion to the number asked for
+        # the effective sample size grows in proportion to the number of samples
         draws = ceil(after.samples.draws * FEWEST_SURE / after.effective)
         yield say("warning.effective", count=f"{after.effective:.0f}", wanted=FEWEST_SURE, number=draws)
     if M_g := advice.likelier_torque:
@@ -199,7 +199,7 @@ def _out_of_range_warnings(advice: Advice, after: HolePosterior, say: Texts) -> 
 
 
 def _repeat_warnings(advice: Advice, after: HolePosterior, say: Texts) -> Iterator[str]:
-    """Yield a warning about each two values of a place that differ by more than their noise explains."""
+    """Yield a warning about each pair of values in one position that differ by more than noise explains."""
     for k, later in enumerate(advice.trials):
         for earlier in advice.trials[:k]:
             if advice.setup.point(later) != advice.setup.point(earlier):
@@ -222,7 +222,7 @@ def _where(advice: Advice, rotation_deg: float, say: Texts = ENGLISH) -> str:
 
 
 def _measured(advice: Advice, trial: Trial, say: Texts = ENGLISH) -> str:
-    """Return a value with its position and, if values have several torques, its torque."""
+    """Return a measured value with its position and, if values were measured at several torques, its torque."""
     parts = [_where(advice, trial.rotation_deg, say)]
     if len(advice.torques_of_values) > 1:
         parts.append(say.torque(advice.torque_of(trial)))
@@ -230,15 +230,15 @@ def _measured(advice: Advice, trial: Trial, say: Texts = ENGLISH) -> str:
 
 
 def instruction_of(advice: Advice) -> str:
-    """Return the instruction for the fixed wheel in a sentence or two; if no hole is better, after the reason."""
+    """Return the instruction for the fixed wheel; if no hole is better than another, the reason comes first."""
     return " ".join(filter(None, reversed(order_and_reason(advice))))
 
 
 def order_and_reason(advice: Advice) -> tuple[str, str]:
-    """Return the instruction for the fixed wheel, and the reason why no hole is better; empty if one is."""
+    """Return the instruction for the fixed wheel, and the reason why no hole is better; empty if a hole is better."""
     if advice.verification:
         return _verification_words(advice, advice.verification), ""
-    if advice.to_repeat:  # what F'_ior is there hangs on the value
+    if advice.to_repeat:  # F'_ior in the chosen hole depends on the doubtful value
         return f"{_repeat_words(advice)} Until then, the best choice is: {instruction(advice, gains=False)}", ""
     order = instruction(advice)
     if advice.correction:
@@ -258,7 +258,7 @@ def order_and_reason(advice: Advice) -> tuple[str, str]:
 
 
 def _verification_words(advice: Advice, checked: Verification) -> str:
-    """Return whether the wheel stays after a measured outcome, with the prediction."""
+    """Return the instruction that follows from a value measured after bolting, with the predicted interval."""
     fixed = wheel(advice.drive)
     predicted = f"predicted {checked.mean_arcsec:.1f}″ ({checked.low_arcsec:.1f} to {checked.high_arcsec:.1f}″, 95 %)"
     compared = f"Measured {_measured(advice, checked.trial)}; {predicted}."
@@ -282,7 +282,7 @@ def _verification_words(advice: Advice, checked: Verification) -> str:
 
 
 def _repeat_words(advice: Advice) -> str:
-    """Return the instruction to measure a value again before anything else."""
+    """Return the instruction to repeat a doubtful value first; empty if no value is doubtful."""
     doubted = advice.to_repeat
     if not (doubted and advice.after):
         return ""
@@ -328,7 +328,7 @@ def _probability_words(advice: Advice) -> str:
 
 
 def next_value_words(advice: Advice) -> str:
-    """Return the next measurement and its expected benefit, or to stop measuring; empty if the benefit is unknown."""
+    """Return the next measurement and its expected benefit, or the advice to stop; empty if the benefit is unknown."""
     value = advice.value
     worths = advice.worths
     if not value:
@@ -358,7 +358,7 @@ def next_value_words(advice: Advice) -> str:
 
 
 def _reason_before_stop(advice: Advice) -> str:
-    """Return why a value is measured although its gain is small; empty if its gain or the number of values decides."""
+    """Return the reason to measure a value whose gain is small; empty if the gain or the number of values decides."""
     if advice.values < FEWEST_VALUES or not advice.value or advice.value.is_worth(advice.worth):
         return ""
     if advice.doubtful:
@@ -372,7 +372,13 @@ def _reason_before_stop(advice: Advice) -> str:
 
 
 def _reduction(advice: Advice, F_ior: float, only: str = "") -> str:
-    """Return the reduction of F'_ior by further values: that of all torques in %, or the mean before and after it."""
+    """Return the reduction of F'_ior by further values in words.
+
+    For several torques it is the mean reduction in %, for one torque the mean F'_ior before and after it.
+
+    F_ior: mean F'_ior expected after the values.
+    only: word before the reduction.
+    """
     F_ior_now = advice.worths[0][1]
     if len(advice.torques) > 1:
         return f"F'_ior {only}by {100 * max(1 - F_ior / F_ior_now, 0.0):.1f} % on average"
@@ -380,7 +386,7 @@ def _reduction(advice: Advice, F_ior: float, only: str = "") -> str:
 
 
 def _expected(advice: Advice, *gains: tuple[float, str]) -> str:
-    """Return F'_ior expected after further values, a pair of it and a number of values in words each."""
+    """Return F'_ior expected after further values in words; gains: pairs of F'_ior and a number of values in words."""
     F_ior_now = advice.worths[0][1]
     if len(advice.torques) > 1:
         shares = ", ".join(f"{100 * max(1 - F_ior / F_ior_now, 0.0):.1f} % after {count}" for F_ior, count in gains)
@@ -390,13 +396,13 @@ def _expected(advice: Advice, *gains: tuple[float, str]) -> str:
 
 
 def _elsewhere(advice: Advice) -> str:
-    """Return the only torque of the choice in words; empty if the values were measured at it."""
+    """Return the deciding torque in words; empty if all values were measured at this torque."""
     deciding = advice.torques[0]
     return "" if {deciding} == {*advice.torques_of_values} else f" at {deciding:g} N·m"
 
 
 def _facts(advice: Advice, *, carded: bool) -> Iterator[Fact]:
-    """Yield the best hole for each torque, limits, and the next command, a label and a text each."""
+    """Yield the best hole for each torque, limits and the next command, each as a label and a text."""
     decision = advice.decision
     best_deg = [position.rotation_deg for position in advice.by_torque]
     if advice.names_hole and not advice.verification and any(angle_deg != best_deg[0] for angle_deg in best_deg):
@@ -424,9 +430,9 @@ def _facts(advice: Advice, *, carded: bool) -> Iterator[Fact]:
 
 
 def _limit_words(advice: Advice, probability_met: Array) -> str:
-    """Return the probability of meeting the limits in the chosen hole, and in hole 0 if the wheel is to leave it.
+    """Return the probability of meeting the limits in the chosen hole, and in hole 0 if the wheel leaves it, in words.
 
-    probability_met: of the limits, by hole, shape (holes,).
+    probability_met: probability of meeting the limits, by hole, shape (holes,).
     """
     drive = advice.drive
     decision = advice.decision
@@ -440,7 +446,7 @@ def _limit_words(advice: Advice, probability_met: Array) -> str:
 
 
 def _next_names(advice: Advice) -> list[str]:
-    """Return the positions to measure next, as the command line takes them."""
+    """Return the names of the positions to measure next, in the form of the command line."""
     if not advice.trials or not advice.next:
         return [_name(advice, position.rotation_deg) for position in advice.to_try]
     name = _name(advice, advice.next.rotation_deg)
@@ -450,12 +456,12 @@ def _next_names(advice: Advice) -> list[str]:
 
 
 def _name(advice: Advice, rotation_deg: float) -> str:
-    """Return the name of a position, as the command line takes it before a value."""
+    """Return the name of a position, in the form that the command line takes before a value."""
     return named_position(rotation_deg, advice.drive.mounting.holes)
 
 
 def _more_facts(advice: Advice) -> Iterator[Fact]:
-    """Yield gain, contributions, samples, repeatability and eccentricity, a label and a text each."""
+    """Yield gain, contributions, samples, repeatability and eccentricity, each as a label and a text."""
     if advice.turn and advice.decision.is_sampled and not advice.correction:
         low, middle, high = (-100 * gain for gain in advice.gain_range)
         places = f"F'_ior in {hole_place(advice.chosen)} relative to {start_of_count(advice.drive)}"
@@ -480,10 +486,10 @@ def _more_facts(advice: Advice) -> Iterator[Fact]:
 
 
 def _positions_table(advice: Advice, places: Sequence[int], title: str = "") -> Table:
-    """Return a table of some holes, by their places: F'_ior, median and range, and the probabilities of the hole."""
+    """Return a table of holes with F'_ior (median and range) and their probabilities; places: indices of the holes."""
     decision = advice.decision
     is_sampled = decision.is_sampled
-    stands_for_all = decision.all_alike and not title  # one row stands for all holes
+    stands_for_all = decision.all_alike and not title  # one row represents all holes
     names = _names_of_places(advice)
     rows = []
     for place in places:
@@ -514,11 +520,11 @@ def _positions_table(advice: Advice, places: Sequence[int], title: str = "") -> 
 
 
 def _names_of_places(advice: Advice) -> dict[int | None, str]:
-    """Return the names of the present, the worst and the best hole, by their places."""
+    """Return the names of the present, the worst and the best hole, by index of the hole."""
     decision = advice.decision
     names = {decision.stay: _standing(advice)}
     if advice.names_hole:
-        # the best hole has its name even if it is the present one
+        # the best hole is named "best" even if it is the present one
         names = {decision.ranked[-1]: "worst", **names, decision.best: "best"}
     if advice.verification:
         names[decision.best] = _VERIFICATION_WORDS[advice.verification.verdict].lower()
@@ -526,7 +532,12 @@ def _names_of_places(advice: Advice) -> dict[int | None, str]:
 
 
 def _position_row(advice: Advice, place: int, label: str, *, stands_for_all: bool) -> tuple[str, ...]:
-    """Return the row of a hole: label, hole, F'_ior at each torque, probabilities and excess."""
+    """Return the row of a hole: label, hole, F'_ior at each torque, probabilities and excess.
+
+    place: index of the hole.
+    label: text of the first cell.
+    stands_for_all: whether the row represents all holes.
+    """
     action = advice.decision.action(place)
     cells = [label, _ANY_LINE if stands_for_all else bare(action.rotation_deg, advice.drive.mounting.holes)]
     errors = {name: advice.decision.standard_errors(share, place) for name, share in LEVELS.items()}
@@ -540,7 +551,7 @@ def _position_row(advice: Advice, place: int, label: str, *, stands_for_all: boo
 
 
 def _standing(advice: Advice) -> str:
-    """Return the word for hole 0: the present hole of the wheel, after trials its hole before the first of them."""
+    """Return the word for hole 0, which is the present hole of the wheel, or after trials its first hole."""
     return "first" if advice.trials else "now"
 
 
@@ -552,7 +563,7 @@ def _position_curves(advice: Advice) -> Iterator[Curve]:
     has_curve = curve is not None and len(curve.rotation_deg) > 1
     if (len(places) < 2 and not has_curve) or advice.no_hole_better == "standing":
         return
-    # percentiles by place and torque, shape (places, torques) each
+    # percentiles, each of shape (places, torques)
     low, middle, high = (np.array([decision.quantile(level, place) for place in places]) for level in LEVELS.values())
     holes = advice.drive.mounting.holes
     turns = np.array(decision.rotations_deg) / _turn_unit(advice)
@@ -582,13 +593,13 @@ def _position_curves(advice: Advice) -> Iterator[Curve]:
 
 
 def _turn_unit(advice: Advice) -> float:
-    """Return the angle [deg] of a step on the axis of positions: the pitch of the holes, or 1."""
+    """Return the angle [deg] of one unit on the axis of positions: the pitch of the holes, or 1 for a free angle."""
     holes = advice.drive.mounting.holes
     return 360 / holes if holes else 1.0
 
 
 def _curve_notes(advice: Advice, M_g: float, limit: float | None) -> Iterator[str]:
-    """Yield notes on the curve at a torque; limit: drawn as a line [arcsec]."""
+    """Yield notes on the curve at a torque; limit: limit minus self error [arcsec], which is drawn as a line."""
     if advice.decision.is_sampled:
         yield "median, 5 to 95 %"
     elif advice.unknown:
@@ -598,12 +609,12 @@ def _curve_notes(advice: Advice, M_g: float, limit: float | None) -> Iterator[st
 
 
 def _curve_marks(advice: Advice, torque: int, middle_arcsec: Array) -> Iterator[CurveMark]:
-    """Yield the marks of the curve at a torque: measured values, the present and the best hole, and the next one.
+    """Yield the marks of the curve at a torque: measured values, and the present, the best and the next hole.
 
     Args:
-        advice: the choice.
+        advice: choice of a hole.
         torque: index of the torque.
-        middle_arcsec: median of F'_ior in each place [arcsec], shape (places,).
+        middle_arcsec: median of F'_ior in each hole [arcsec], shape (holes,).
     """
     per_step = _turn_unit(advice)
     M_g = advice.torques[torque]
@@ -630,7 +641,7 @@ def _curve_marks(advice: Advice, torque: int, middle_arcsec: Array) -> Iterator[
 
 
 def _values(advice: Advice, seed: int) -> Json:
-    """Return the values of an advice, with the same keys whatever was given."""
+    """Return a choice as JSON, which has the same keys for any inputs."""
     curve = advice.curve
     after = advice.after
     return {
@@ -651,10 +662,10 @@ def _values(advice: Advice, seed: int) -> Json:
 
 
 def _choice_values(advice: Advice) -> Json:
-    """Return the choice and every position."""
+    """Return the chosen position and all positions, as JSON."""
     decision = advice.decision
     goal = _goal(advice)
-    # of the largest F'_ior over the smallest, at each torque
+    # ratio of the largest to the smallest F'_ior at each torque: 5th and 95th percentile
     ratio_ranges = [decision.range_of(F_ior.max(axis=1) / F_ior.min(axis=1))[::2] for F_ior in decision.F_ior_arcsec]
     return {
         **attributes(advice, "word", M_g_Nm="torques", probability_needed="sure"),
@@ -680,7 +691,7 @@ def _choice_values(advice: Advice) -> Json:
 
 
 def _gain_values(advice: Advice) -> Json:
-    """Return what further values and a turn are expected to bring, and on what that depends."""
+    """Return the expected gain from further values and from a turn, and the contributions to it, as JSON."""
     return {
         "next": _next(advice),
         "worth": [{"values": count, "F_ior_arcsec": F_ior} for count, F_ior in advice.worths],
@@ -693,7 +704,7 @@ def _gain_values(advice: Advice) -> Json:
 
 
 def _present_ranges(advice: Advice) -> list[Json] | None:
-    """Return the range of F'_ior as the wheel stands, at each torque; None without samples."""
+    """Return the percentiles of F'_ior in the present hole at each torque, as JSON; None without samples."""
     decision = advice.decision
     if not decision.is_sampled:
         return None
@@ -704,7 +715,7 @@ def _present_ranges(advice: Advice) -> list[Json] | None:
 
 
 def _trials(advice: Advice) -> Json:
-    """Return the measured values, and how they agree with the samples."""
+    """Return the measured values and their agreement with the samples, as JSON."""
     after = advice.after
     setup = advice.setup
     probabilities = after.misread if after else ()
@@ -720,8 +731,8 @@ def _trials(advice: Advice) -> Json:
 
 
 def _offset(after: HolePosterior | None) -> Json:
-    """Return the eccentricity of the wave generator after measured values, mean and standard deviation."""
-    size_um = after.offset[0] if after else np.zeros(0)  # of each sample
+    """Return mean and standard deviation of the wave generator's eccentricity, given the measured values, as JSON."""
+    size_um = after.offset[0] if after else np.zeros(0)  # shape (draws,)
     direction_deg, direction_sd_deg = after.facing if after else (None, None)
     return {
         "size_um": float(size_um.mean()) if len(size_um) else None,
@@ -732,7 +743,7 @@ def _offset(after: HolePosterior | None) -> Json:
 
 
 def _verification(advice: Advice) -> Json | None:
-    """Return the verification of the choice; None without one."""
+    """Return the verification of the choice as JSON; None without one."""
     verification = advice.verification
     if not verification:
         return None
@@ -745,7 +756,7 @@ def _verification(advice: Advice) -> Json | None:
 
 
 def _goal(advice: Advice) -> Json:
-    """Return the position that is chosen; if any hole will do it has no hole and no angle."""
+    """Return the chosen position as JSON, without hole and angle if all holes are equal."""
     names = ("rotation_deg", "phase_deg", "hole", "F_ior_arcsec")
     goal = attributes(advice.chosen, *names)
     if advice.names_hole:
@@ -754,7 +765,7 @@ def _goal(advice: Advice) -> Json:
 
 
 def _destination(advice: Advice) -> Json | None:
-    """Return where the wheel goes, and the turn to it from hole 0 by the shorter way; None if any hole will do."""
+    """Return the destination of the wheel and the shorter turn to it from hole 0, as JSON; None if all are equal."""
     if not advice.names_hole:
         return None
     chosen = advice.chosen
@@ -775,7 +786,7 @@ def _destination(advice: Advice) -> Json | None:
 
 
 def _next(advice: Advice) -> Json | None:
-    """Return the hole to measure next, its gain unless a value is only repeated; None if measuring ends."""
+    """Return the hole to measure next, as JSON; None if measuring ends. The gain of a repeated value is null."""
     value = advice.value
     if not advice.next or not (value or advice.to_repeat):
         return None
@@ -787,7 +798,7 @@ def _next(advice: Advice) -> Json | None:
 
 
 def _curve(curve: MountingCurve, torque: int) -> Json:
-    """F'_ior over the positions of the wheel at one of the torques, by its place."""
+    """Return F'_ior over the positions of the wheel at a torque, as JSON; torque: index of the torque."""
     F_ior = curve.F_ior_arcsec[torque]
     every_state = curve.every_state[torque]
     angles = attributes(curve, "rotation_deg", "phase_deg")
@@ -795,7 +806,7 @@ def _curve(curve: MountingCurve, torque: int) -> Json:
 
 
 def _compensated(advice: Advice) -> Json | None:
-    """The error that a stored correction leaves in each position; None without one."""
+    """Return the residual error with a stored correction in each position, as JSON; None without a correction."""
     if not advice.compensated:
         return None
     form, compensated = advice.compensated
@@ -812,7 +823,7 @@ def _trial(advice: Advice, trial: Trial) -> Json:
 
 
 def _csv(advice: Advice) -> CsvTable:
-    """Header and rows of a table, one row per torque and position."""
+    """Return the CSV table with one row per torque and position."""
     decision = advice.decision
     curve = advice.curve
     count = len(advice.torques)

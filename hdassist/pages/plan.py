@@ -1,4 +1,4 @@
-"""Plans of a test of F'_ior as a report."""
+"""Reports of plans for a test of F'_ior, and the sheet for the test rig."""
 
 from collections.abc import Iterator, Sequence
 
@@ -28,7 +28,7 @@ from hdassist.run.system import command_line
 from hdassist.terminal.words import again, more_draws, preset_argument
 
 _LARGE_LINE = 0.1  # smallest share of the variance of a component that is named
-_DRAWN_GROUPS = 36  # groups of numbers of positions in a plot: more would lie over each other
+_DRAWN_GROUPS = 36  # largest number of points in a plot; more points would overlap
 _ENOUGH_WORDS = {Verdict.PASS: "yes", Verdict.FAIL: "no", Verdict.INCONCLUSIVE: "open"}
 
 
@@ -37,7 +37,7 @@ def _percent(share: float) -> str:
 
 
 def _test_words(name: str) -> str:
-    """Return the name of a test for pages, from its name in JSON ("record of 10 cam turns")."""
+    """Return the name of a test on pages, translated from its name in JSON ("record of 10 cam turns")."""
     words_of_json = {
         "record of": "recording of",
         "cam turn": "input revolution",
@@ -58,13 +58,13 @@ _PLAN_QUANTITIES = quantity_table(
 )
 _LINE_QUANTITIES = quantity_table("plan.lines", percent_seen=_percent)
 _TEST_QUANTITIES = quantity_table("plan.run")
-_LISTED_READINGS = 96  # on a sheet: of more the file has the list
+_LISTED_READINGS = 96  # largest number of readings on a sheet; a longer list is in the file only
 
 
 def _plan_object(choice: PlanChoice, F_ior: Sequence[float]) -> Json:
     """Return the judged plans by the keys of the JSON result.
 
-    F_ior: 5 %, 50 % and 95 % quantiles of F'_ior [arcsec] over the drives.
+    F_ior: 5th percentile, median and 95th percentile of F'_ior [arcsec] over the drives.
     """
     drives = choice.drives
     return {
@@ -90,7 +90,11 @@ def _plan_object(choice: PlanChoice, F_ior: Sequence[float]) -> Json:
 
 
 def plan_report(choice: PlanChoice, record: str) -> Report:
-    """Return the sufficient tests of F'_ior of a drive, and the share that the first of the plans captures."""
+    """Return the report of the sufficient tests of F'_ior, with the share of F'_ior that the first plan captures.
+
+    choice: judged plans.
+    record: file that the next command measures.
+    """
     drive = choice.drive
     limit = drive.limit(choice.M_g)
     F_ior = _F_ior_range(choice)
@@ -127,24 +131,24 @@ def plan_report(choice: PlanChoice, record: str) -> Report:
 
 def _F_ior_range(choice: PlanChoice) -> tuple[float, float, float]:
     """Return the 5th percentile, median and 95th percentile of F'_ior [arcsec] over the drives of a choice."""
-    if choice.samples and not choice.drives.travel:  # the range that every page has
+    if choice.samples and not choice.drives.travel:  # the same range as on other pages
         belief = ErrorBelief.of(choice.samples, choice.drive.operation.M_g.index(choice.M_g))
         return belief.p5, belief.p50, belief.p95
     return choice.drives.percentiles(choice.drives.F_ior_arcsec)
 
 
 def _sufficient_tests(choice: PlanChoice) -> str:
-    """Return the tests that are sufficient, in words; empty without one."""
+    """Return the sufficient tests in words; empty if there are none."""
     return " or ".join(_test_words(judged.plan.name) for judged in choice.enough)
 
 
 def _unsure_tests(choice: PlanChoice) -> list[str]:
-    """Return the tests of which the samples do not decide whether they are sufficient, in words."""
+    """Return the names of the tests for which the samples do not decide whether they are sufficient."""
     return [_test_words(judged.plan.name) for judged in choice.judged if judged.verdict is Verdict.INCONCLUSIVE]
 
 
 def _answer(choice: PlanChoice) -> str:
-    """Return whether the planned test is sufficient, or which tests are."""
+    """Return in words whether the planned test is sufficient, or the names of the sufficient tests."""
     if not choice.asked and choice.verdict is Verdict.FAIL:
         return "none of these tests is sufficient"
     word = {Verdict.PASS: "sufficient", Verdict.FAIL: "not sufficient"}.get(choice.verdict, "possibly sufficient")
@@ -156,7 +160,7 @@ def _answer(choice: PlanChoice) -> str:
 
 
 def _facts(choice: PlanChoice, record: str) -> Iterator[Fact]:
-    """Yield facts about the test, a label and a text each; record: file of the next command."""
+    """Yield facts about the test, each as a label and a text; record: file that the next command measures."""
     lines = [line for line in choice.lines if not line.seen_as and line.variance_share >= _LARGE_LINE]
     often = ", ".join(f"{line.per_output_turn:g} ({_percent(line.variance_share)} %)" for line in lines)
     blind = f"to components that repeat {often} times per output revolution (share of the mean square of the error)"
@@ -193,9 +197,9 @@ def _why(choice: PlanChoice, F_ior_arcsec: tuple[float, float, float]) -> Iterat
 
 
 def seen_curve(choice: PlanChoice) -> Curve:
-    """Return the share of F'_ior captured in 95 of 100 cases over the number of positions as a curve.
+    """Return the curve of the share of F'_ior captured in 95 of 100 cases over the number of positions.
 
-    A point is the lowest share of some adjacent numbers.
+    A point of the curve is the lowest share in a group of adjacent numbers of positions.
     """
     points = {judgement.plan.readings: 100 * judgement.seen[0] for judgement in choice.over_positions}
     groups = np.array_split([*points], min(_DRAWN_GROUPS, len(points)))
@@ -212,7 +216,7 @@ def seen_curve(choice: PlanChoice) -> Curve:
 
 
 def _duration(test: PlannedTest) -> str:
-    """Return readings and duration of a test in words, and its standard uncertainty."""
+    """Return the readings, the duration and the standard uncertainty of a test in words."""
     unsure = f", u = {test.uncertainty_arcsec:.2g}″" if test.uncertainty_arcsec else ""
     return (
         f"{_test_words(test.judged.plan.name)}: {test.readings} readings, {test.minutes:.0f} min with warm-up{unsure}"
@@ -220,7 +224,7 @@ def _duration(test: PlannedTest) -> str:
 
 
 def _verdicts(test: PlannedTest) -> str:
-    """Return the verdicts of accept on a test at its limit in words; empty without a limit."""
+    """Return the shares of verdicts that accept gives on a test, in words; empty without a limit."""
     if test.passing is None or test.failing is None:
         return ""
     passing = test.passing.value
@@ -232,7 +236,7 @@ def _verdicts(test: PlannedTest) -> str:
 
 
 def approach_csv(choice: PlanChoice) -> str:
-    """Return the file of a test to fill in: a row for each reading; the shares that the test captures as comments."""
+    """Return the file to fill in during a test: a row for each reading, after comments with the captured shares."""
     test = choice.test
     shares = " ".join(f"{share:.3f}" for share in test.judged.seen)
     rows = [f"{minute:.1f},{target:.6g},{side:g}," for minute, target, side in zip(*test.approaches, strict=True)]
@@ -258,7 +262,12 @@ def sheet_report(
     serial: str = "",
     file: str = "",
 ) -> Report:
-    """Return the sheet of a test for the test rig; serial: of the drive; file: with its positions, if written."""
+    """Return the sheet of a test for the test rig.
+
+    choice: judged plans.
+    serial: serial number of the drive.
+    file: file with the positions, empty if it is not written.
+    """
     drive = choice.drive
     return Report(
         command="plan",
@@ -277,10 +286,10 @@ def sheet_report(
 
 
 def _procedure(choice: PlanChoice) -> tuple[str, ...]:
-    """Return the steps of a test, to be ticked off."""
+    """Return the steps of a test, which the operator ticks off."""
     test = choice.test
     run = test.run
-    lead_deg = f"{360 * run.lead_turns / test.ratio:.3g}°"  # of the output: the drive's play is taken up over it
+    lead_deg = f"{360 * run.lead_turns / test.ratio:.3g}°"  # output angle over which the backlash is taken up
     sides = "from below"
     if test.judged.plan.both:
         sides = "from below in increasing order, then from above in decreasing order"
@@ -296,7 +305,7 @@ def _procedure(choice: PlanChoice) -> tuple[str, ...]:
 
 
 def _evaluation(choice: PlanChoice, file: str) -> tuple[str, ...]:
-    """Return how the readings of a test are evaluated; file: with its positions, empty if it is not written."""
+    """Return the rules to evaluate the readings of a test; file: file with the positions, empty if not written."""
     low, middle, high = map(_percent, choice.test.judged.seen)
     rules = [
         "The result is the range from one side: the largest minus the smallest deviation. Average repeated readings.",
@@ -311,7 +320,7 @@ def _evaluation(choice: PlanChoice, file: str) -> tuple[str, ...]:
 
 
 def _readings(test: PlannedTest, file: str) -> Table | Facts:
-    """Return the table to fill in, or the name of the file with the positions if they are too many for a table."""
+    """Return the table to fill in, or the file with the positions if there are too many for a table."""
     minutes, targets_deg, sides = test.approaches
     if len(targets_deg) > _LISTED_READINGS:
         return Facts((("readings", f"the list is in {file or 'the file of --approach'}"),))

@@ -1,4 +1,4 @@
-"""Everything about a drive as one report, and reports and cards as files: HTML, Markdown, text."""
+"""The complete report of a drive, and the output of reports and cards as HTML, Markdown and text."""
 
 from __future__ import annotations
 
@@ -62,16 +62,16 @@ _VERDICT_WORDS = {
 
 
 def _error_section(sheet: DriveSheet, check: Report) -> ReportSection:
-    """Return the section of the kinematic error: its curves, its tables and its facts, from the page of the check."""
+    """Return the section of the kinematic error with the curves, tables and facts of the check."""
     curves = [block for block in (*check.blocks, *check.details) if isinstance(block, Curve)]
-    # of the tables of orders, one for each torque, the paper shows the first
+    # the report shows only the first table, the error over the full mesh cycle
     first_orders = next(error_tables(sheet.check))
     tables = [F_ior_table(sheet.check), *steps_tables(sheet.check), first_orders]
     return ReportSection("Kinematic error", (*curves, *tables, Facts.of(check_facts(sheet.check))))
 
 
 def _mounting_section(sheet: DriveSheet, mount: Report) -> ReportSection:
-    """Return the section of the fixed wheel: its seat, its table of holes, and facts that the check does not have."""
+    """Return the section of the fixed wheel: its figures, the table of holes, and facts not in the check."""
     blocks = (*mount.blocks, *mount.details)
     figures = [block for block in blocks if isinstance(block, Figure)]
     *_, holes_table = (block for block in mount.details if isinstance(block, Table))
@@ -82,7 +82,7 @@ def _mounting_section(sheet: DriveSheet, mount: Report) -> ReportSection:
 
 
 def _reasons(check: Report) -> list[str]:
-    """Return the facts of the check that explain its verdict: all but those on what to do next."""
+    """Return the facts that explain the verdict of the check: all except options, questions and the next command."""
     facts = next(block for block in check.blocks if isinstance(block, Facts))
     return [f"{label}: {text}" for label, text in facts.rows if label not in ("options", "to clarify", "next")]
 
@@ -93,7 +93,12 @@ def drive_report(
     draws: int,
     seed: int,
 ) -> Report:
-    """Return the report of a drive, two pages of paper; draws, seed: those of the uncertain inputs."""
+    """Return the report of a drive, which has two printed pages.
+
+    sheet: results for the drive.
+    draws: required effective sample size.
+    seed: seed of the samples.
+    """
     drive = sheet.drive
     verdict = sheet.check.verdict
     check = check_report(sheet.check, seed)
@@ -130,7 +135,7 @@ def drive_report(
 
 
 def _without_next(blocks: Iterable[Block]) -> Iterator[Block]:
-    """Yield blocks without the next command."""
+    """Yield the blocks of a page without the next command."""
     for block in blocks:
         yield Facts(tuple(row for row in block.rows if row[0] != "next")) if isinstance(block, Facts) else block
 
@@ -152,13 +157,14 @@ def _tiles(sheet: DriveSheet, values: Mapping[str, int]) -> Iterator[tuple[str, 
 
 
 def _basis(sheet: DriveSheet, values: Mapping[str, int]) -> Iterator[Block]:
-    """Yield the inputs with the largest contributions, their range and source, and a summary of all values."""
+    """Yield the table of the inputs with the largest contributions, and a summary of the origins of all values."""
     drive = sheet.drive
     check = sheet.check
     resolved = {row.path: row for row in resolved_fields(drive)}
     drawn = check.prior.fields if check.prior else ()
     ranges = {field.path: f"{four_digits(field.low)} to {four_digits(field.high)}" for field in drawn}
-    groups = {field.group: field.path for field in reversed(drawn)}  # a size, or the direction of one that is known
+    # the first field of a group is its size, or its direction if the size is known
+    groups = {field.group: field.path for field in reversed(drawn)}
     rows = tuple(
         (named(row.path), f"{100 * share:.0f}", value_text(row.value), ranges[row.path], row.unit, row.ref)
         for row, share in ((resolved[groups[influence.group]], influence.share) for influence in check.influences)
@@ -194,8 +200,8 @@ def _provenance(
     return Facts(rows)
 
 
-_CARD_COLUMNS = 78  # columns of the card as plain text
-_LINES_BESIDE = 45  # lines of the card as text that stand beside the drawing on paper
+_CARD_COLUMNS = 78  # width of the card as plain text
+_LINES_BESIDE = 45  # lines of the card as text (drawing, checks, empty lines) that take no height of their own on paper
 _CYRILLIC = range(0x400, 0x500)
 _UNICODE = Style(
     ascii=False,
@@ -214,10 +220,10 @@ def report_html(report: Report) -> str:
 
 
 def report_markdown(report: Report, style: Style) -> str:
-    """Return a report as GitHub Markdown, with figures in characters; style: of its texts."""
+    """Return a report as GitHub Markdown, with figures in characters; style: style of its texts."""
 
     def safe(value: Any) -> Any:
-        """Return the text with what Markdown or HTML would take for a sign of their own behind a backslash."""
+        """Return a value as text, with a backslash before each character that is markup in Markdown or HTML."""
         if isinstance(value, Markup):
             return value
         return re.sub(r"([\\`*_\[\]<>|~&#])", r"\\\1", style.text(str(value)).replace("\n", "\\n"))
@@ -242,7 +248,10 @@ def blocks_text(
     *,
     ascii: bool = False,
 ) -> str:
-    """Return a title and blocks below it as text of the width of a card; ascii: as of card_text."""
+    """Return a title with blocks below it as text of the width of a card.
+
+    ascii: whether to use 7-bit characters only, except Cyrillic letters.
+    """
     style = Style(
         ascii,
         codes=False,
@@ -254,9 +263,9 @@ def blocks_text(
 
 
 def lines_on_paper(card: Card) -> int:
-    """Return the approximate number of lines of a card beside its drawing; rows to write in count by their height.
+    """Return the approximate number of lines of a card next to its drawing; table rows are higher and count twice.
 
-    The style sheet chooses the size of the letters by this number, so that the card is one page.
+    The style sheet chooses the font size by this number to fit the card on one page.
     """
     return len(card_text(card).splitlines()) - _LINES_BESIDE + len(card.torques.rows)
 
@@ -274,7 +283,11 @@ def _environment(
 ) -> Environment:
     """Return the environment of the templates: their folder, the escaping of texts, and their functions.
 
-    Lines of a tag alone leave none.
+    Lines that contain only a tag produce no line of output.
+
+    finalize: function applied to each inserted value.
+    style: style of the figures.
+    autoescape: whether jinja2 escapes inserted values for HTML.
     """
     environment = Environment(
         loader=PackageLoader("hdassist.pages"),
@@ -288,7 +301,7 @@ def _environment(
     plain = replace(style, codes=False, width=_UNICODE.width)
 
     def drawn(figure: Figure) -> str:
-        """Return a figure in characters; in a fenced block of Markdown only the fence is a sign."""
+        """Return a figure in characters; in a fenced block of Markdown, only the fence has to be replaced."""
         text = visible(in_characters(figure, plain))
         return text if autoescape else Markup(text.replace("```", "'''"))
 
@@ -313,7 +326,7 @@ def _environment(
 
 
 def _unbroken(text: str) -> str:
-    """Return a text for HTML: an arrow as its sign, and no line ends within a range or before a unit."""
+    """Return a text for HTML, with arrows as one character and without line breaks in a range or before a unit."""
     return re.sub(
         r"\([-+.\d]+-[-+.\d]+\)|[-+.\d]+ to [-+.\d]+|\d (?:N·m|\u041d·\u043c|µm|mm|%)",
         lambda found: found[0].replace("-", "\N{NON-BREAKING HYPHEN}").replace(" ", "\N{NO-BREAK SPACE}"),
@@ -322,26 +335,35 @@ def _unbroken(text: str) -> str:
 
 
 def _html_safe(value: Any) -> Any:
-    """Return text with hidden characters escaped (jinja2 does the rest); numbers of the drawing need no more digits."""
+    """Return a text with hidden characters escaped, or a number of a drawing rounded; jinja2 escapes the rest."""
     if isinstance(value, float):
         return round(value, 2)
     return _UNICODE.text(value) if isinstance(value, str) and not isinstance(value, Markup) else value
 
 
-CENTRE = (210.0, 146.0)  # of the seat
-HOLE_CIRCLE = 112.0  # radius of the circle of holes
-_CHART_BOX = (50.0, 34.0, 466.0, 214.0)  # of the axes: left, top, right, bottom
-ENVELOPE_COLUMNS = 400  # columns of a curve of many points, drawn from smallest to largest value
+CENTRE = (210.0, 146.0)  # centre of the seat in its drawing
+HOLE_CIRCLE = 112.0  # radius of the circle of holes in the drawing of a seat
+_CHART_BOX = (50.0, 34.0, 466.0, 214.0)  # left, top, right and bottom of the axes in a chart
+ENVELOPE_COLUMNS = 400  # number of columns of an envelope, which replaces a curve of many points
 
 
 def at(angle_deg: float, distance: float) -> tuple[float, float]:
-    """Return the place of a direction on the drawing of a seat: counter-clockwise from the right, y downwards."""
+    """Return the point in the drawing of a seat at an angle and a distance from its centre.
+
+    angle_deg: angle counter-clockwise from the right; y points downwards in the drawing.
+    distance: distance in units of the drawing.
+    """
     return CENTRE[0] + distance * cos(radians(angle_deg)), CENTRE[1] - distance * sin(radians(angle_deg))
 
 
 @dataclass(frozen=True)
 class _ChartAxes:
-    """Axes of a chart: numbers at them, the first and the last of y being its ends, and the two ends of x."""
+    """Axes of a chart.
+
+    columns: numbers on the x axis.
+    rows: numbers on the y axis; the first and the last are its ends.
+    ends: ends of the x axis.
+    """
 
     columns: list[float]
     rows: list[float]
@@ -349,22 +371,28 @@ class _ChartAxes:
 
     @classmethod
     def around(cls, figure: Curve) -> _ChartAxes:
-        """Return the axes that hold a figure of more than one point, its limit and its whiskers."""
+        """Return the axes for a figure of more than one point, including its limit and its whiskers."""
         ends = float(figure.x[0]), float(figure.x[-1])
         columns = [tick for tick in ticks(*ends, 8) if ends[0] <= tick <= ends[1]]
         return cls(columns, ticks(*figure.ends, 5), ends)
 
     def right(self, x: float) -> float:
-        """Return the place of x in the drawing."""
+        """Return the horizontal coordinate of x in the drawing."""
         return _CHART_BOX[0] + (x - self.ends[0]) / (self.ends[1] - self.ends[0]) * (_CHART_BOX[2] - _CHART_BOX[0])
 
     def down(self, y: float) -> float:
-        """Return the place of y in the drawing."""
+        """Return the vertical coordinate of y in the drawing."""
         return _CHART_BOX[3] - (y - self.rows[0]) / (self.rows[-1] - self.rows[0]) * (_CHART_BOX[3] - _CHART_BOX[1])
 
 
 def outline(figure: Curve, y: Array) -> list[tuple[float, float]]:
-    """Points of a line; of many points corners around them, along the greatest values and back along the least."""
+    """Return the points of a line; for a line of many points, the corners of its envelope.
+
+    The corners follow the largest values and return along the smallest values.
+
+    figure: curve with the x values.
+    y: values of the line, shape (points,).
+    """
     if len(figure.x) <= 2 * ENVELOPE_COLUMNS:
         return list(
             zip(

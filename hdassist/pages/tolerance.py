@@ -1,4 +1,4 @@
-"""Random drives as reports: yield and F'_ior, the tolerance to tighten first, the cheapest tolerances for a yield."""
+"""Reports of random drives: yield and F'_ior, the tolerance to tighten first, the cheapest tolerances for a yield."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -34,16 +34,21 @@ from hdassist.tolerance.production import TIGHTER_STEP, Production, ProductionLa
 from hdassist.tolerance.tightening import Allocation, Allocator, Sensitivities, Tightened, to_measure
 from hdassist.tolerance.yields import YIELD_TAIL, AtTorque, Percentile, Summary, YieldBelief
 
-_PLOTTED_SHARES = np.linspace(0, 100, 201)  # of drives, %
+_PLOTTED_SHARES = np.linspace(0, 100, 201)  # shares of the drives in a plot, %
 _PLOTTED_ROWS = 5
-_AS_ASSEMBLED = "as assembled"  # on pages; CSV has "as built"
+_AS_ASSEMBLED = "as assembled"  # words on pages for the CSV value "as built"
 _MORE_DRIVES = "more drives (-n) may decide it"
-_FEW_DESIGNS = 8  # fewer hardly bound the yield of the type
+_FEW_DESIGNS = 8  # smallest number of designs that bounds the yield of the type well enough
 
 
 @dataclass(frozen=True)
 class _MountedDrives:
-    """Random drives at a torque, as assembled or (best) each with its wheel in its best hole."""
+    """Random drives at a torque, as assembled or in their best holes.
+
+    summary: results of all drives.
+    point: results at the torque.
+    best: whether the fixed wheel of each drive is in its best hole.
+    """
 
     summary: Summary
     point: AtTorque
@@ -51,7 +56,7 @@ class _MountedDrives:
 
     @property
     def F_ior(self) -> Sequence[float]:
-        """F'_ior [arcsec], one a drive."""
+        """F'_ior of each drive [arcsec]."""
         return self.point.best if self.best else self.point.as_built
 
     def percentile(self, share: float) -> Percentile:
@@ -60,19 +65,19 @@ class _MountedDrives:
 
     @property
     def yield_belief(self) -> YieldBelief | None:
-        """Their yield at this torque; None without a limit."""
+        """The yield of the drives at this torque; None without a limit."""
         return None if self.point.limit is None else self.summary.yield_of(self.best, self.point)
 
 
 def _yield_words(found: YieldBelief, digits: str = ".0f") -> str:
-    """Return the median of a yield over the designs, or that of the only one, with its interval."""
+    """Return the median of a yield over the designs, or the yield of the only design, with its interval in words."""
     middle = found.share if len(found.weights) == 1 else found.percentile(0.5)
     low, high = (format(100 * end, digits) for end in found.range)
     return f"{100 * middle:{digits}} % ({low} to {high})"
 
 
 def _percentile_words(share: float, drives: _MountedDrives) -> str:
-    """Return a percentile of F'_ior [arcsec] to the first digit of its standard error."""
+    """Return a percentile of F'_ior [arcsec] as text, rounded to the first digit of its standard error."""
     percentile = drives.percentile(share)
     return to_error_digit(percentile.value, percentile.standard_error)
 
@@ -100,8 +105,8 @@ _YIELD_COLUMNS = quantity_table("tolerance.yield", **{"yield": _yield_words})
 
 
 def _verdict_of_drives(summary: Summary) -> str:
-    """Return the verdict on a wanted yield, or the yield itself if only limits are given."""
-    # limits without a wanted yield: the yield is the result
+    """Return the verdict on the required yield, or the yield itself if no yield is required."""
+    # with limits but without a required yield, the yield is the result
     if summary.has_limit and summary.wanted is None:
         return _yields(summary)
     return str(summary.verdict)
@@ -112,33 +117,33 @@ def _measure_words(
     gains: Sequence[MeasurementGain],
     M_g: float,
 ) -> str:
-    """Return what to measure for a verdict, more drives if no measurement helps; empty if there is a verdict."""
+    """Return the measurements that may give a verdict, or the hint to use more drives; empty if there is a verdict."""
     if summary.verdict is not Verdict.INCONCLUSIVE:
         return ""
     return measure_words(gains, M_g) or _MORE_DRIVES
 
 
 def _head_of_drives(law: ProductionLaw, summary: Summary) -> str:
-    """Return the subject of the page: the drive, the number of random drives, and that of their designs."""
+    """Return the subject of the page: the drive, the number of random drives, and the number of their designs."""
     designs = f" of {summary.design_count} sampled designs" if law.shared else ""
     return f"{law.drive.name}, {summary.count} random drives{designs}"
 
 
 def _least_yield_torque(summary: Summary) -> int:
     """Return the index of the torque with the smallest yield of drives in their best holes."""
-    # in their best holes, as drives are mounted
+    # drives are mounted in their best holes
     shares = [summary.yield_of(True, point).share for point in summary.points]
     return shares.index(min(shares))
 
 
 def _plots_by_torque(summary: Summary, drives: Sequence[_MountedDrives]) -> list[Curve]:
-    """Return the distribution of F'_ior at each torque, of all ways to mount the drives in one plot."""
+    """Return a plot for each torque with the distributions of F'_ior as assembled and in the best holes."""
     return [_share_below([of_way for of_way in drives if of_way.point is point]) for point in summary.points]
 
 
 def _mounted_drives(summary: Summary) -> list[_MountedDrives]:
     """Return the drives at each torque as assembled, and in their best holes if the fixed wheel has several."""
-    # a single position is as assembled and best at once
+    # with a single position, the wheel as assembled is in its best hole
     ways = (False, True) if summary.positions > 1 else (False,)
     return [_MountedDrives(summary, point, best) for point in summary.points for best in ways]
 
@@ -151,16 +156,23 @@ def tolerance_report(
     *,
     interrupted: bool = False,
 ) -> Report:
-    """Return random drives as a report; samples: those of their designs, None for one design or kept drives."""
+    """Return random drives as a report.
+
+    law: distributions of the random drives.
+    seed: seed of the random drives.
+    summary: results of the drives.
+    samples: samples of their designs, None if there is one design or if the drives were stored before.
+    interrupted: whether the user stopped the computation.
+    """
     drive = law.drive
     points = summary.points
     drives = _mounted_drives(summary)
     worst = _least_yield_torque(summary)
-    # designs that differ can be measured
+    # only if designs differ does a measurement reduce the range of the yield
     gains = to_measure(law, samples, worst) if samples else ()
     table = _drives_table(law, summary, drives)
     plots = _plots_by_torque(summary, drives)
-    # the torque with the smallest yield on the short page, the others in the details
+    # the short page plots the torque with the smallest yield, the details plot the other torques
     worst_plot = plots.pop(worst)
     facts = [
         ("best hole", _best_of(summary, drives)),
@@ -191,7 +203,7 @@ def _drives_table(
     summary: Summary,
     drives: Sequence[_MountedDrives],
 ) -> Table:
-    """Return the percentiles of F'_ior of random drives, with their yield if there is a limit."""
+    """Return the table of the percentiles of F'_ior of random drives, with their yield if there is a limit."""
     title = "F'_ior of drives of this type, ″ (percentiles)"
     if summary.has_limit and law.shared:
         title += f"; yield: median ({100 * YIELD_TAIL:.0f} to {100 - 100 * YIELD_TAIL:.0f} %) over designs"
@@ -202,7 +214,10 @@ def _drives_table(
 
 
 def _tolerance_line(summary: Summary, table: Table) -> str:
-    """Return the result in a line: the yield if there is a limit, else the 95th percentile of each row of the table."""
+    """Return the result in short: the yield if there is a limit, or else the 95th percentile in each row of the table.
+
+    table: table of the page.
+    """
     if not summary.has_limit:
         return "\n".join(f"{row[0]} N*m, {row[1]}: 95 % of drives below {row[4]}″" for row in table.rows)
     verdict = "" if summary.wanted is None else f": {summary.verdict}"
@@ -212,7 +227,10 @@ def _tolerance_line(summary: Summary, table: Table) -> str:
 def drive_table(
     production: Production, records: Iterable[RandomDrive]
 ) -> tuple[dict[str, type], Iterator[tuple[Any, ...]]]:
-    """Return random drives as a table: the type of each column by its name, and a row a drive, None without a value."""
+    """Return random drives as a table: the type of each column by name, and one row per drive.
+
+    A missing value is None.
+    """
     torques = [repr(M_g).removesuffix(".0") for M_g in production.torques]
     F_ior = [f"{which}F_ior_arcsec@{M_g}" for which in ("", "best_") for M_g in torques]
     drawn = [field.path for field in production.law.joint.fields]
@@ -240,7 +258,7 @@ def _drawn(law: ProductionLaw, seed: int) -> str:
 
 
 def _few(law: ProductionLaw, summary: Summary) -> Iterator[str]:
-    """Yield warnings of too few designs to bound a yield, and of drives without a result."""
+    """Yield a warning if there are too few designs to bound a yield, and a warning about drives without a result."""
     if law.shared and summary.design_count < _FEW_DESIGNS:
         designs = f"only {summary.design_count} designs were sampled"
         yield f"{designs}; a yield range needs at least {_FEW_DESIGNS}. Use more drives (-n)"
@@ -249,7 +267,7 @@ def _few(law: ProductionLaw, summary: Summary) -> Iterator[str]:
 
 
 def _best_of(summary: Summary, drives: Sequence[_MountedDrives]) -> str:
-    """Return why drives in their best holes may be worse than as assembled at one torque; empty if none is."""
+    """Return the reason why the best hole may be worse than the hole as assembled at a torque; empty if it is not."""
     built, best = (
         np.array(
             [[_percentile(share, curves) for *_, share in _PERCENTILES] for curves in drives if curves.best is way]
@@ -294,7 +312,10 @@ def _reasons(summary: Summary) -> Iterator[str]:
 
 
 def _share_below(drives: Sequence[_MountedDrives]) -> Curve:
-    """Return F'_ior that a share of the drives is below at a torque, as assembled and in the best holes."""
+    """Return the curve of F'_ior over the share of drives below it, as assembled and in the best holes.
+
+    drives: drives at one torque, as assembled first.
+    """
     point = drives[0].point
     weights = np.array(drives[0].summary.weights)
     limit = None if point.limit is None or point.limit <= point.self_error else point.limit - point.self_error
@@ -352,7 +373,7 @@ def _values(
 
 
 def _F_ior_object(drives: _MountedDrives) -> Json:
-    """Return F'_ior of random drives, and the Monte Carlo intervals of its percentiles."""
+    """Return the percentiles of F'_ior of random drives and their Monte Carlo intervals, as JSON."""
     percentiles = {name: drives.percentile(share) for name, _, share in _PERCENTILES}
     intervals = {
         f"{name}_interval_arcsec": (percentile.low, percentile.high) for name, percentile in percentiles.items()
@@ -361,7 +382,10 @@ def _F_ior_object(drives: _MountedDrives) -> Json:
 
 
 def _yield_object(summary: Summary, best: bool) -> Json:
-    """Return a yield with its range over the designs, and the probability of the required yield, if any."""
+    """Return a yield with its range over the designs and the probability of the required yield, as JSON.
+
+    best: whether the fixed wheel of each drive is in its best hole.
+    """
     yield_ = summary.yield_of(best)
     wanted = summary.wanted
     return {
@@ -373,12 +397,12 @@ def _yield_object(summary: Summary, best: bool) -> Json:
 
 
 def _yield_range(found: YieldBelief) -> Json:
-    """Return a yield with 5 and 95 % of its range over the designs."""
+    """Return a yield with the 5th and 95th percentile over the designs, as JSON."""
     low, high = found.range
     return {"share": found.share, "low": low, "high": high}
 
 
-_LISTED = (5, 3)  # on the first screen: fields with a tolerance, and others
+_LISTED = (5, 3)  # number of fields on the first screen: fields with a tolerance, and other fields
 _NO_SHARE = "-: contribution too small to distinguish from chance with this number of drives (-n)"
 _UNDECIDED = "no tolerance, more drives are needed"
 _MORE_TIMES = 4
@@ -387,7 +411,13 @@ _STEP_WORDS = f"{100 * (1 - TIGHTER_STEP):.0f} % tighter"
 
 @dataclass(frozen=True)
 class _FieldEffect:
-    """A field at a torque: its contribution to F'_ior, and the effect of its tolerance; None without any."""
+    """Effect of a field at a torque.
+
+    M_g: torque [N*m].
+    path: path of the field.
+    share: contribution to the variance of F'_ior; None if it is unknown.
+    tightened: effect of a tighter tolerance; None for a field without a tolerance.
+    """
 
     M_g: float
     path: str
@@ -406,12 +436,12 @@ _EFFECT_COLUMNS = quantity_table(
 
 
 def _reduction_words(way: Tightened, unit: str = "") -> str:
-    """Return the reduction of the 95th percentile by a tighter tolerance with its interval, in per cent."""
+    """Return the reduction of the 95th percentile by a tighter tolerance with its interval in per cent, as text."""
     return f"{100 * way.reduction:z.0f}{unit} ({100 * way.reduction_low:z.0f} to {100 * way.reduction_high:z.0f})"
 
 
 def _allocate_command(sensitivities: Sensitivities) -> str:
-    """Return the command that chooses tolerances; it needs a limit at each torque."""
+    """Return the command that chooses tolerances, with a placeholder for the limit if a torque has none."""
     drive = sensitivities.law.drive
     has_limits = all(drive.limit(M_g) is not None for M_g in sensitivities.samples.torques)
     return again("allocate", drive) if has_limits else again("allocate", drive, "--limit", "LIMIT")
@@ -425,7 +455,7 @@ def sensitivity_report(found: Sensitivities) -> Report:
     effects = [_effects(found, t) for t in range(len(torques))]
     verdict, reason, measured = _answer(found)
     drawn = f"{len(samples.weights)} random drives, each of its own design, seed {samples.seed}"
-    # a contribution beyond any tolerance has to be measured first
+    # an input without a tolerance contributes most, so it has to be measured first
     next_command = again("sensitivity", law.drive, *_as_measured(measured)) if measured else _allocate_command(found)
     # more drives decide which tolerance comes first
     if verdict == _UNDECIDED:
@@ -473,7 +503,10 @@ def _sensitivities_object(found: Sensitivities) -> Json:
 
 
 def _answer(found: Sensitivities) -> tuple[str, str, str]:
-    """Return the tolerance to tighten first and the gain, or the reason for none, and the field to measure instead."""
+    """Return the tolerance to tighten first, the reason, and the path of the field to measure instead.
+
+    If no tolerance is worth tightening, the first text says so. The path is empty if no measurement helps.
+    """
     first = found.first
     largest = found.largest
     percentile = f"the 95th percentile of F'_ior ({first.now:.1f}″)"
@@ -489,12 +522,12 @@ def _answer(found: Sensitivities) -> tuple[str, str, str]:
 
 
 def _as_measured(path: str) -> tuple[str, str]:
-    """Return the option that gives a command the value of a measurement, by its path, with VALUE as placeholder."""
+    """Return the option that sets a measured value, with VALUE as placeholder; path: path of the measured field."""
     return "--set", f"{path.replace('stiffness.', 'measured.')}=VALUE"
 
 
 def _effects(found: Sensitivities, torque: int) -> list[_FieldEffect]:
-    """Return all fields with an effect at a torque, the largest contributions first."""
+    """Return all fields with an effect at a torque, the largest contributions first; torque: index of the torque."""
     shares = {influence.group: influence.share for influence in found.influences[torque]}
     ways = {way.path: way for way in found.tightened[torque]}
     M_g = found.samples.torques[torque]
@@ -509,7 +542,7 @@ def _table(
     tolerances: int,
     others: int,
 ) -> Table:
-    """Return a table of some fields with a tolerance, the largest gain first, and of some others."""
+    """Return a table of fields with a tolerance, the largest gain first, and of other fields."""
     tight = sorted((e for e in effects if e.tightened), key=lambda e: -e.tightened.gain if e.tightened else 0.0)
     not_tightened = [e for e in effects if not e.tightened]
     shown = [*tight[:tolerances], *not_tightened[:others]]
@@ -524,14 +557,19 @@ def _table(
 
 @dataclass(frozen=True)
 class _TorqueLimit:
-    """The limit of F'_ior at a torque [N*m], and the self error there [arcsec]."""
+    """Limit of F'_ior and self error at a torque.
+
+    M_g: torque [N*m].
+    limit: limit [arcsec], None if there is none.
+    self_error: self error [arcsec].
+    """
 
     M_g: float
     limit: float | None
     self_error: float
 
     def as_object(self) -> Mapping[str, float | None]:
-        """Return it by the keys of the JSON result."""
+        """Return the limit by the keys of the JSON result."""
         return {"M_g_Nm": self.M_g, "limit_arcsec": self.limit, "self_error_arcsec": self.self_error}
 
 
@@ -545,13 +583,13 @@ def _torque_limits(allocator: Allocator, self_errors: Sequence[float]) -> list[_
 
 
 def _self_error_words(torque_limits: Sequence[_TorqueLimit]) -> str:
-    """Return the part of each limit that the self error takes."""
+    """Return the part of each limit that the self error uses up, in words."""
     parts = [f"{row.self_error:.1f} of {row.limit:g}″ at {row.M_g:g} N·m" for row in torque_limits]
     return f"{', '.join(parts)}, which no tolerance reduces"
 
 
 def _assumed_costs(allocator: Allocator) -> list[str]:
-    """Return a note on the fields whose cost the preset does not state, none if it states all of them."""
+    """Return a note on the fields whose cost the preset does not state; no note if it states all costs."""
     assumed = [choice.path for choice in allocator.choices if choice.assumed_law]
     if not assumed:
         return []
@@ -559,7 +597,7 @@ def _assumed_costs(allocator: Allocator) -> list[str]:
 
 
 def _best_verdict(ways: Sequence[Allocation]) -> Verdict:
-    """Return the verdict of the best way to build a drive: one way that passes is enough."""
+    """Return the best verdict among the ways to build a drive, because one way that passes is sufficient."""
     verdicts = {way.verdict for way in ways}
     best_first = (Verdict.PASS, Verdict.INCONCLUSIVE, Verdict.FAIL)
     return next(verdict for verdict in best_first if verdict in verdicts)
@@ -571,11 +609,12 @@ def _remaining_facts(
     to_measure: Sequence[MeasurementGain],
     M_g: float,
 ) -> list[Fact]:
-    """Return what keeps the tolerances from a PASS: the self error, and inputs that measuring would settle.
+    """Return the facts that prevent a PASS: the self error, and the inputs to measure.
 
-    to_measure: measurements of the design, at the torque M_g [N*m].
+    to_measure: useful measurements of the design.
+    M_g: torque [N*m] at which they are evaluated.
     """
-    # tolerances were found: nothing keeps them from it
+    # nothing prevents a PASS
     if verdict is Verdict.PASS:
         return []
     facts = [("self error", _self_error_words(torque_limits))]
@@ -593,10 +632,11 @@ def allocate_report(
 ) -> Report:
     """Return the cheapest tolerances of a drive as a report.
 
-    found: the search.
-    ways: ways to build the drive with the tolerances found for them.
+    found: finished search for the tolerances.
+    ways: ways to build the drive, with their tolerances.
     self_errors: self error at each torque [arcsec].
-    to_measure: measurements of the design, at the torque M_g [N*m].
+    to_measure: useful measurements of the design.
+    M_g: torque [N*m] at which they are evaluated.
     """
     # the drive and the distributions of its deviations
     law = found.production.law
@@ -632,7 +672,7 @@ def allocate_report(
 
 
 def _allocations_csv(found: Allocator, ways: Sequence[Allocation]) -> tuple[list[str], list[list[Any]]]:
-    """Return the tolerances found for each way to build the drive: names of the columns, and rows."""
+    """Return the tolerances for each way to build the drive as CSV: names of the columns, and rows."""
     name = found.production.law.drive.name
     rows = [
         [name, _column(way), way.fits, choice.path, choice.now, way.values[choice.path], way.cost]
@@ -643,7 +683,7 @@ def _allocations_csv(found: Allocator, ways: Sequence[Allocation]) -> tuple[list
 
 
 def _law_objects(found: Allocator) -> list[Json]:
-    """Return the tolerances that may be chosen, with their cost laws, as JSON."""
+    """Return the tolerances that the search varies, with their cost laws, as JSON."""
     return [
         {
             **attributes(choice, "now", "least", "most", field="path", assumed="assumed_law"),
@@ -655,7 +695,7 @@ def _law_objects(found: Allocator) -> list[Json]:
 
 
 def _allocation_object(way: Allocation) -> Json:
-    """Return a way to build the drive, with the tolerances found for it, as JSON."""
+    """Return a way to build the drive with its tolerances, as JSON."""
     return {
         **attributes(way, "turned", "fits", "cost", "probability", "verdict", tolerances="values"),
         "yield": _yield_range(way.tried),
@@ -664,7 +704,7 @@ def _allocation_object(way: Allocation) -> Json:
 
 
 def _words(way: Allocation, found: Allocator) -> str:
-    """Return in words whether a way to build reaches the yield, its cost, and its probability."""
+    """Return in words the cost of a way to build the drive, whether it achieves the yield, and the probability."""
     how = "In the best holes" if way.turned else "As assembled"
     none = (
         "no tolerances achieve the required yield" if way.verdict is Verdict.FAIL else "no tolerances are recommended"
@@ -683,7 +723,11 @@ def _next(
     verdict: Verdict,
     to_measure: Sequence[MeasurementGain],
 ) -> str:
-    """Return the next command: with the tolerances, the measured value or more drives, or for other options."""
+    """Return the next command.
+
+    After PASS it applies the tolerances, after FAIL it shows other options, and otherwise it repeats the search with a
+    measured value or with more drives.
+    """
     drive = found.production.drive
     if verdict is Verdict.PASS:
         cheapest = min((way for way in ways if way.fits), key=lambda way: way.cost)
@@ -699,7 +743,7 @@ def _next(
 
 
 def _tolerances_table(found: Allocator, ways: Sequence[Allocation]) -> Table:
-    """Return the present tolerances and those of each way to build the drive, with their costs."""
+    """Return the table of the present tolerances and those of each way to build the drive, with their costs."""
     rows = [
         (
             f"{choice.path}, {field_unit(choice.path)}",
@@ -715,5 +759,5 @@ def _tolerances_table(found: Allocator, ways: Sequence[Allocation]) -> Table:
 
 
 def _column(way: Allocation) -> str:
-    """Return how the drive is built, as CSV names it."""
+    """Return the name in CSV of a way to build the drive."""
     return "best hole" if way.turned else "as built"
