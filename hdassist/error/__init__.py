@@ -1,1 +1,1 @@
-"""The kinematic error: the full cycle, the search for its extremes, its causes."""
+"""The kinematic error: the full cycle, the search for its extremes, and its causes."""

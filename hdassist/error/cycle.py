@@ -1,7 +1,7 @@
 """The kinematic error of a drive under constant torque, F_kpp, and its largest range F'_ior.
 
-Source: Lyuminarsky et al. 2019, doi 10.18698/0536-1044-2019-11-3-8. Beside it the self error, which a drive without
-deviations has: rotation over tooth phase and ball phase.
+Source: Lyuminarsky et al. 2019, doi 10.18698/0536-1044-2019-11-3-8. The module also computes the self error, which is
+    the error of a drive without deviations: its rotation over tooth phase and ball phase.
 """
 
 from __future__ import annotations
@@ -36,10 +36,10 @@ from hdassist.solve.loadcase import CrossCheck, LoadCase, require_compiled_as_st
 from hdassist.solve.walk import digits_depend_on
 
 _ONE_WAVE = 0.01  # share of the torque on one mesh zone below which the meshing counts as single-zone
-# sections of a preset without effect on the error: texts, limits, uncertainties
+# sections of a preset that do not affect the error, such as texts, limits and uncertainties
 WITHOUT_EFFECT = {"name", "description", "acceptance", "cost", "source", "uncertainty", "fit"}
-_CHECKED = 3  # random states that another solver solves again, besides the extremes
-_CYCLE_BLOCK = 4 * STATES_AT_A_TIME  # states whose gaps are in memory at once
+_CHECKED = 3  # random states that the cross-check solves again, in addition to the extremes
+_CYCLE_BLOCK = 4 * STATES_AT_A_TIME  # states whose gaps are in memory at the same time
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,8 @@ class KinematicError:
     states: States
     rotation_arcsec: Array  # of the flexspline against the rigid wheel: wind-up and error, shape (states,)
     zone_share: Array  # share of the torque on each mesh zone, shape (states, 2)
-    tooth_force_N: Array  # largest force on a flank, shape (states,)
+    # rotation of the flexspline relative to the circular spline (wind-up plus error), shape (states,)
+    tooth_force_N: Array
     certificate: Certificate
     cross_check: CrossCheck | None
 
@@ -68,25 +69,32 @@ class KinematicError:
 
     @property
     def F_ior_arcsec(self) -> float:
-        """F'_ior [arcsec]. Raises UsageError if the states are not the full cycle."""
+        """F'_ior [arcsec].
+
+        Raises UsageError if the states are not the full cycle.
+        """
         if len(self.states) < self.kinematics.cycle_states:
             raise UsageError("F'_ior needs every state of the full mesh cycle")
         return self.range_arcsec
 
     @property
     def at_max(self) -> int:
-        """Row of the state with the largest error."""
+        """Index of the state with the largest error."""
         return int(np.argmax(self.error_arcsec))
 
     @property
     def at_min(self) -> int:
-        """Row of the state with the smallest error."""
+        """Index of the state with the smallest error."""
         return int(np.argmin(self.error_arcsec))
 
     def sampled(self, count: int = _CHECKED, seed: int = 0) -> KinematicError:
-        """Return the error at its extremes and at a number of random states."""
-        # the extremes make F'_ior, so another solver sees them in any case; random states guard the rest of the
-        # curve
+        """Return the error at its two extremes and at some random states.
+
+        count: number of random states.
+        seed: seed of their selection.
+        """
+        # F'_ior depends on the extremes alone, so the other solver always checks them; random states check the rest of
+        # the curve
         states = len(self.states)
         random_rows = np.random.default_rng(seed).choice(
             states,
@@ -109,7 +117,7 @@ class KinematicError:
 
     @property
     def wind_up_arcsec(self) -> float:
-        """Mean twist of the flexspline against the rigid wheel over the states [arcsec]."""
+        """Mean twist of the flexspline relative to the circular spline over all states [arcsec]."""
         return float(self.rotation_arcsec.mean())
 
     @property
@@ -129,17 +137,17 @@ def kinematic_error(
 ) -> KinematicError:
     """Return the kinematic error of a drive at one torque.
 
-    Deviations that are not known count as 0 here; the package `belief` has their ranges.
+    Unknown deviations count as 0 here; the package `belief` samples their ranges.
 
     Args:
         drive: the drive.
         M_g: torque on the flexspline [N*m].
-        states: positions of the drive; the full cycle by default.
-        teeth: measured deviations of teeth, in place of the drive's harmonics.
-        solver: a name that cvxpy knows; every state is then sent through cvxpy to this solver.
+        states: states to solve; the full cycle by default.
+        teeth: measured tooth deviations that replace the drive's harmonics.
+        solver: name of a cvxpy solver that solves every state in place of the built-in one.
         run: processes, progress and the solver of the cross-check.
 
-    Raises UsageError for an unknown solver, UntrustedError if an answer cannot be trusted.
+    Raises UsageError for an unknown solver, UntrustedError if a result cannot be trusted.
     """
     for name in (solver, run.cross_check):
         if name:
@@ -165,9 +173,12 @@ def kinematic_error(
 
 @dataclass(frozen=True, eq=False)
 class _SolvedStates:
-    """Rotation [arcsec], share of the torque on both zones, and largest tooth force [N] of states, with their proof.
+    """Solved states with their certificate.
 
-    The shapes are (states,), (states, 2) and (states,).
+    rotation_arcsec: rotation [arcsec], shape (states,).
+    zone_share: share of the torque on each mesh zone, shape (states, 2).
+    tooth_force_N: largest tooth force [N], shape (states,).
+    certificate: certificate of all states.
     """
 
     rotation_arcsec: Array
@@ -184,16 +195,19 @@ def _solved_states(
     solver: str | None,
     run: Run,
 ) -> _SolvedStates:
-    """Solve states of a drive, those with similar contacts one after the other. The arguments are as in the caller."""
+    """Solve states of a drive in an order in which consecutive states have similar contacts.
+
+    The arguments are those of `kinematic_error`.
+    """
     kinematics = Kinematics.of(drive)
     rotation = np.empty(len(states))
     zone_share = np.empty((len(states), 2))
     tooth_force = np.empty(len(states))
     certificate = EMPTY
-    # one pass with locked balls, one for each ball phase with rolling ones
+    # one pass with locked balls, one pass per ball phase with rolling balls
     for rows, formulation in _formulations(drive, states):
         case = LoadCase(formulation, M_g, solver=solver)
-        # consecutive states have similar contact sets, which is what makes the walk fast
+        # consecutive states with similar contact sets make the walk fast
         ordered_rows = rows[neighbours_together(kinematics, states.take(rows))]
         for block in np.split(ordered_rows, range(_CYCLE_BLOCK, len(rows), _CYCLE_BLOCK)):
             block_states = states.take(block)
@@ -216,12 +230,12 @@ def whole_error(
     solver: str | None = None,
     run: Run = Run(),
 ) -> KinematicError:
-    """Return the kinematic error over the full cycle without a cross-check, from the user's cache if it is there.
+    """Return the kinematic error over the full cycle without a cross-check, from the user's cache if available.
 
-    It is kept there if the preset alone decides it: without measured teeth and without a solver. Arguments and errors
-    are those of `kinematic_error`.
+    The cache stores only results that the preset alone determines: those without measured teeth and without another
+    solver. The arguments and errors are those of `kinematic_error`.
     """
-    # the cross-check is left to the caller, who may run it beside other work
+    # the caller may run the cross-check in parallel with other work
     compute = partial(
         kinematic_error,
         drive,
@@ -230,7 +244,7 @@ def whole_error(
         solver=solver,
         run=replace(run, cross_check=None),
     )
-    # measured teeth are not part of the preset that names a kept result, and another solver has other digits
+    # the cache key contains neither the measured teeth nor the solver, whose results differ in the last digits
     if teeth or solver:
         return compute()
 
@@ -239,10 +253,10 @@ def whole_error(
         return np.vstack([error.rotation_arcsec, error.zone_share.T, error.tooth_force_N]), error.certificate
 
     kinematics = Kinematics.of(drive)
-    # texts and limits do not change the error, so a preset with another limit finds the kept result
+    # texts and limits do not change the error, so presets that differ only in them share one cached result
     sections = drive.model_dump(mode="json", exclude=WITHOUT_EFFECT)
     depends = {"drive": sections, "M_g": M_g, "program": digits_depend_on()}
-    shape = (4, kinematics.cycle_states)  # rotation, share of each zone, force on a flank
+    shape = (4, kinematics.cycle_states)  # rows: rotation, share of each zone, tooth force
     array, certificate = kept_array("cycle", depends, shape, Certificate, columns)
     rotation, share_0, share_1, tooth_force = array
     return KinematicError(
@@ -258,7 +272,7 @@ def whole_error(
 
 
 def _formulations(drive: Drive, states: States) -> Iterator[tuple[NDArray[np.int64], Formulation]]:
-    """Yield the rows of states that share a contact system, and its programme, for each position of the balls."""
+    """Yield the indices of the states that share a contact system, with its programme, for each ball phase."""
     if drive.bearing.ball_motion == "locked":
         yield np.arange(len(states)), formulate(contact_system(drive))
         return
@@ -278,17 +292,17 @@ def _cross_check_of(
     run: Run,
     stated: dict[bytes, Formulation],
 ) -> CrossCheck:
-    """Solve all states of an error again by the run's other solver.
+    """Solve all states of an error again with the other solver of the run.
 
     Args:
         drive: the drive.
         error: the states and their rotation.
-        teeth: measured deviations of teeth.
-        run: the solver; CROSS_SOLVER by default.
-        stated: the last programme by its digest, replaced by that of this error. It is reused, since cvxpy takes as
-            long to compile a programme as to solve two of its states.
+        teeth: measured tooth deviations.
+        run: names the solver; CROSS_SOLVER by default.
+        stated: the last programme by its digest, replaced by that of this error. Programmes are reused, because cvxpy
+            takes as long to compile one as to solve two states.
 
-    Raises UntrustedError if two solvers disagree.
+    Raises UntrustedError if the two solvers disagree.
     """
     checks = []
     for rows, formulation in _formulations(drive, error.states):
@@ -297,7 +311,8 @@ def _cross_check_of(
         delta_p = formulation.system.delta_p_of(state_gaps(drive, formulation.system, states, teeth))
         where = partial(state_place, states, error.M_g)
         solver = run.cross_check or CROSS_SOLVER
-        # torques of one drive share their programme, which is compiled once; only one is kept, as it needs much memory
+        # all torques of a drive share one programme, which is compiled once; only one is stored, because it needs much
+        # memory
         if formulation.digest not in stated:
             stated.clear()
             stated[formulation.digest] = formulation
@@ -312,9 +327,9 @@ def _cross_check_of(
 
 
 def require_programme(drive: Drive, run: Run) -> None:
-    """Make sure that cvxpy compiles a drive's programme as stated, in the process for other solvers if there is one.
+    """Check that cvxpy compiles a drive's programme unchanged, in the process for other solvers if there is one.
 
-    Raises UntrustedError if it compiles to other data, or no teeth overlap.
+    Raises UntrustedError if the compiled data differ, or if no teeth overlap.
     """
     require_compiled_as_stated(formulate(contact_system(drive)), run)
 
@@ -323,9 +338,9 @@ _Solved = tuple[Drive, ToothDeviations | None, KinematicError]  # a drive, its m
 
 
 def cross_checks_of(solved: Sequence[_Solved], run: Run) -> list[CrossCheck]:
-    """Return the cross-check of each error by the run's other solver.
+    """Return the cross-check of each error with the other solver of the run.
 
-    Raises UntrustedError if two solvers disagree.
+    Raises UntrustedError if the two solvers disagree.
     """
     stated: dict[bytes, Formulation] = {}
     return [_cross_check_of(drive, error, teeth, run, stated) for drive, teeth, error in solved]
@@ -336,11 +351,11 @@ def state_place(
     M_g: float,
     k: int,
 ) -> str:
-    """Return the words that say where state k is, at a torque M_g [N*m]."""
+    """Return the description of state k at a torque M_g [N*m] for messages."""
     phi_h = float(np.degrees(states.phi_h[k]))
     phi_g = float(np.degrees(states.phi_g[k]))
     phi_b = float(np.degrees(states.phi_b[k]))
-    # rounded first: 359.97 deg is a whole turn and 0.0 deg, not 360.0 deg
+    # round before dividing: 359.97 deg is one turn and 0.0 deg, not 360.0 deg
     turns, angle = divmod(round(phi_h, 1), 360.0)
     unit = "turn" if turns == 1 else "turns"
     cam = f"{turns:.0f} {unit} + {angle:.1f}°"
@@ -355,7 +370,7 @@ class SelfError:
     """Self error of a drive at one torque."""
 
     M_g: float  # [N*m]
-    # twist of the flexspline at tau = i/n and beta = k/n, shape (tooth phases, ball phases)
+    # twist of the flexspline at tooth phase tau = i/n and ball phase beta = k/n, shape (tooth phases, ball phases)
     rotation_arcsec: Array
     certificate: Certificate
 
@@ -386,12 +401,12 @@ def self_error(
 ) -> list[SelfError]:
     """Return the self error of a drive at torques M_g [N*m], over numerics.n_phase tooth and ball phases.
 
-    It is kept in the user's cache. Raises UntrustedError if an answer cannot be trusted.
+    The user's cache stores the result. Raises UntrustedError if a result cannot be trusted.
     """
     sections = drive.model_dump(mode="json", exclude=WITHOUT_EFFECT)
     depends = {"drive": sections, "torques": list(torques), "program": digits_depend_on()}
     rotations = kept_answer("self", depends, _SELF_ERRORS, partial(_self_errors, drive, torques))
-    # kept or computed, they are behind the result and count
+    # progress counts the states of cached results as well
     run.solved(sum(certificate.states for _, certificate in rotations))
     return [
         SelfError(M_g, np.array(rotation), certificate)
@@ -402,11 +417,11 @@ def self_error(
 def _self_errors(drive: Drive, torques: Sequence[float]) -> list[tuple[list[list[float]], Certificate]]:
     """Return the rotation [arcsec] over both phases at each torque, with its certificate."""
     systems = ContactSystems(drive)
-    # tau and beta both have period 1, so the grid leaves out their ends
+    # tau and beta both have period 1, so the grid omits the value 1
     grid = drive.numerics.n_phase
     rotation = np.empty((len(torques), grid, grid))
     certificates = [EMPTY for _ in torques]
-    # By torque: contact sets of neighbouring phases are similar, those of different torques are not.
+    # one case per torque: contact sets of neighbouring phases are similar, those of different torques are not
     cases: dict[float, LoadCase] = {}
     for i, k in np.ndindex(grid, grid):
         formulation = formulate(systems.at(i / grid, k / grid))
@@ -431,10 +446,10 @@ def _self_errors(drive: Drive, torques: Sequence[float]) -> list[tuple[list[list
 
 @dataclass(frozen=True)
 class LimitRooms:
-    """Room that limits leave F'_ior beside the self error."""
+    """Difference between the limits of F'_ior and the self error."""
 
-    arcsec: list[float | None]  # at each torque, None without a limit
-    certificate: Certificate  # of the self error, empty without any limit
+    arcsec: list[float | None]  # at each torque; None without a limit
+    certificate: Certificate  # certificate of the self error; empty if there is no limit
 
 
 def limits_left(
@@ -442,15 +457,15 @@ def limits_left(
     torques: Sequence[float],
     run: Run = Run(),
 ) -> LimitRooms:
-    """Return the room that limits of a drive leave F'_ior beside the self error at torques [N*m].
+    """Return the limits of F'_ior minus the self error at torques [N*m].
 
     Raises UntrustedError if a self error cannot be trusted.
     """
     limits = [drive.limit(M_g) for M_g in torques]
-    # without a limit nobody asks for the self error here
+    # the self error is needed only if there is a limit
     self_errors = self_error(drive, torques, run=run) if any(limits) else []
     certificate = sum((error.certificate for error in self_errors), EMPTY)
-    # a limit is set for the measured range, which contains the self error: F'_ior may have the rest
+    # a limit applies to the measured range, which contains the self error; the difference is left for F'_ior
     rooms = [None if limit is None else limit - error.range_arcsec for limit, error in zip_longest(limits, self_errors)]
     return LimitRooms(rooms, certificate)
 

@@ -1,10 +1,10 @@
-"""The error as a rig records it, against the cam angle, with its orders; and as waves around both wheels.
+"""The error as a test rig records it, against the input angle, with its orders; and as waves around both wheels.
 
-Orders have an amplitude, a phase and a cause each. A state's error depends on alpha_g and alpha_b, the wheels' angles
-in the cam's frame, alone: it is a function on a torus. Solved on an even grid there it is known at any angle of any
-record, wherever that begins: the waves only turn. The rest (waves beyond HIGHEST around a wheel) is some hundredths of
-an arcsec of 28 within orders up to 12. Over the output's angle each wave is a line, which comes so often in the full
-cycle.
+Each order has an amplitude, a phase and a cause. The error of a state depends only on alpha_g and alpha_b, the angles
+of the wheels in the frame of the wave generator, so it is a function on a torus. Once solved on an even grid, it is
+known at every angle of any recording, whatever the start angle, which only shifts the phases of the waves. The omitted
+waves (beyond _HIGHEST around a wheel) amount to some hundredths of an arcsec out of 28 within orders up to 12. Over the
+output angle each wave is a line with a whole number of periods in the full cycle.
 """
 
 from __future__ import annotations
@@ -29,21 +29,21 @@ from hdassist.preset.fields import DEVIATIONS, Drive
 from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.answers import EMPTY, Certificate
 
-_DEGREE = 4  # products of at most so many deviations are named
-_UNEXPLAINED_ORDERS = 12  # orders without a known cause that are listed as well
+_DEGREE = 4  # largest degree of the products of deviations that are listed as causes
+_UNEXPLAINED_ORDERS = 12  # number of orders without a known cause that are also listed
 NO_CAUSE = "no single cause known"
-_FLOOR = 1e-9  # arcsec; smaller values are rounding
-# target for the error of interpolation between torques: share of the range, and arcsec
+_FLOOR = 1e-9  # arcsec; smaller values are rounding errors
+# targets for the interpolation error between torques, as a share of the range and in arcsec
 _INTERPOLATION_SHARE = 0.02
 _MIN_INTERPOLATION = 0.02
-_MOST_TORQUES = 33  # torques that are solved
-_PROVEN_STATES = 24  # states that are solved at their own torque
-_MIN_SPACING = 1e-6  # smallest distance of two solved torques, as a share of the largest one
+_MOST_TORQUES = 33  # largest number of solved torques
+_PROVEN_STATES = 24  # number of states solved at their own torque as a check
+_MIN_SPACING = 1e-6  # smallest distance between two solved torques, as a share of the largest torque
 
 
 @dataclass(frozen=True)
 class TraceOrder:
-    """One order of the error: amplitude cos(per_cam_rev phi_h + phase), and its cause in words."""
+    """One order of the error: amplitude cos(per_cam_rev phi_h + phase), with a description of its cause."""
 
     per_cam_rev: float
     amplitude_arcsec: float
@@ -64,27 +64,27 @@ def order_legend(drive: Drive) -> str:
 def known_causes(drive: Drive) -> dict[tuple[int, int], tuple[float, str]]:
     """Return the order per input revolution and the cause of each product of a drive's deviations up to _DEGREE.
 
-    The keys (k_g, k_b) are the powers of deviations that turn with the flexspline and with the rigid wheel, as seen
-    from the cam. If half a revolution maps teeth and balls onto each other, the error is even in all deviations
-    together, and an odd product needs the offset that turns with the cam, e_hh, as well.
+    The keys (k_g, k_b) are the powers of the deviations that turn with the flexspline and with the circular spline, in
+    the frame of the wave generator. If half a revolution maps teeth and balls onto each other, the error is even in all
+    deviations together, and an odd product also needs the rotating eccentricity e_hh.
     """
     is_symmetric = is_half_turn_symmetric(drive)
     kinematics = Kinematics.of(drive)
-    # how often a wheel passes the cam's frame in an input revolution
+    # revolutions of each wheel in the frame of the wave generator per input revolution
     rate_g = kinematics.teeth_fixed / kinematics.z_g
     rate_b = kinematics.teeth_fixed / kinematics.z_b
-    # a part without deviation makes no wave
+    # a part without deviation causes no wave
     parts = {deviation.part for deviation in DEVIATIONS if drive.number(deviation.size)}
     max_g = _DEGREE if "g" in parts else 0
     max_b = _DEGREE if "b" in parts else 0
     causes = {}
-    # k_g >= 0 suffices, since a real wave and its mirror image are the same
+    # k_g >= 0 suffices, because a real wave and its mirror image are the same
     for k_g, k_b in product(range(max_g + 1), range(-max_b, max_b + 1)):
         degree = k_g + abs(k_b)
-        # products of an odd number of wheel waves cancel over half a revolution, unless the cam's offset adds
+        # products of an odd number of wheel waves cancel over half a revolution, unless the rotating eccentricity adds
         # one more
         needs_cam = is_symmetric and degree % 2 == 1
-        is_own_image = k_g == 0 and k_b <= 0  # listed with the opposite sign
+        is_own_image = k_g == 0 and k_b <= 0  # its mirror image is listed with the opposite sign
         if 0 < degree <= _DEGREE and not is_own_image and ("h" in parts or not needs_cam):
             causes[k_g, k_b] = (abs(k_g * rate_g + k_b * rate_b), _words(k_g, k_b, needs_cam))
     return causes
@@ -106,27 +106,27 @@ def orders(
     error_arcsec: Array,
     revolutions: int,
 ) -> list[TraceOrder]:
-    """Return the orders of an error over whole input revolutions, by rising order.
+    """Return the orders of an error over whole input revolutions, in ascending order.
 
-    Known orders are always listed, others if they are among the largest. If several causes lie within the resolution
-    (1/revolutions), the simplest ones are listed together.
+    Known orders are always listed, other orders only if they are among the largest. If several causes lie within the
+    resolution (1/revolutions), the simplest ones are listed together.
 
     Args:
-        drive: its deviations name the causes.
-        error_arcsec: at even steps, shape (states,).
+        drive: drive whose deviations name the causes.
+        error_arcsec: error at even steps [arcsec], shape (states,).
         revolutions: number of input revolutions.
     """
     count = len(error_arcsec)
     spectrum = np.fft.rfft(error_arcsec - np.mean(error_arcsec))
     amplitude = 2 * np.abs(spectrum) / count
-    # rfft of an even number of values
+    # rfft of an even number of values ends with the Nyquist bin
     if count % 2 == 0:
-        amplitude[-1] /= 2  # the last bin has no mirror image
+        amplitude[-1] /= 2  # the Nyquist bin has no mirror image
     phase = np.degrees(np.angle(spectrum))
     cause_by_bin = _causes_by_bin(drive, revolutions, len(amplitude))
     largest = np.argsort(amplitude)[::-1][:_UNEXPLAINED_ORDERS].tolist()
     listed = []
-    # known orders are listed even if they are 0: their absence says something
+    # known orders are listed even if they are 0, because their absence is informative
     for k in sorted({*cause_by_bin, *largest} - {0}):
         if k in cause_by_bin or amplitude[k] > _FLOOR:
             order = TraceOrder(
@@ -147,14 +147,14 @@ def _causes_by_bin(
     """Return the simplest causes in each bin of the spectrum over whole input revolutions."""
     causes: dict[int, list[tuple[int, str]]] = {}  # degree and cause
     for (k_g, k_b), (order, cause) in known_causes(drive).items():
-        # the bin in which an order of this rate falls; several may share one
+        # bin of the order; several orders may share one
         k = round(order * revolutions)
         if 0 < k < bins:
             causes.setdefault(k, []).append((abs(k_g) + abs(k_b), cause))
     simplest = {}
     for k, causes_of_bin in causes.items():
         lowest_degree = min(degree for degree, _ in causes_of_bin)
-        # products of more deviations are smaller, so the lowest degree is the likely cause
+        # products of more deviations are smaller, so the product of the lowest degree is the likely cause
         simplest[k] = "; ".join(cause for degree, cause in causes_of_bin if degree == lowest_degree)
     return simplest
 
@@ -164,14 +164,21 @@ def _causes_by_bin(
 
 @dataclass(frozen=True)
 class Gravity:
-    """Torque of a weight: amplitude [N*m] times the cosine of the moving wheel's angle less a direction [deg]."""
+    """Torque of a weight: amplitude times the cosine of the output angle minus a direction.
+
+    amplitude_Nm: amplitude [N*m].
+    direction_deg: output angle of the maximum [deg].
+    """
 
     amplitude_Nm: float
     direction_deg: float = 0.0
 
     @classmethod
     def of(cls, text: str) -> Gravity:
-        """Read "60,90". Raises UsageError: no such text."""
+        """Parse a text such as "60,90".
+
+        Raises UsageError if the text is invalid.
+        """
         numbers = [number_of(part) for part in text.split(",")]
         if len(numbers) > 2 or not np.isfinite(numbers).all() or not 0 < abs(numbers[0]) <= 1e7:
             hint = "write the amplitude in N·m and the output angle in deg of its maximum, for example 60,90"
@@ -181,10 +188,14 @@ class Gravity:
 
 @dataclass(frozen=True)
 class ErrorAlong:
-    """An error along which the torque changes [N*m]: least, greatest, and those solved with their ranges [arcsec].
+    """Error over a varying torque.
 
-    wind_up_arcsec: range of the mean twist, which the error is without; bound_arcsec: of what the straight line from
-    one torque to the next leaves of the error, by torques halfway and by states solved at their own.
+    least_Nm, greatest_Nm: smallest and largest torque [N*m].
+    torques_Nm: solved torques [N*m].
+    ranges_arcsec: range of the error at each solved torque [arcsec].
+    wind_up_arcsec: range of the mean twist, which is excluded from the error.
+    bound_arcsec: largest error of linear interpolation between the torques, from torques in the middle of the intervals
+        and from states solved at their own torque.
     """
 
     gravity: Gravity
@@ -198,10 +209,11 @@ class ErrorAlong:
 
 @dataclass(frozen=True)
 class Trace:
-    """Error over whole cam revolutions from phi_h = 0.
+    """Error over whole input revolutions from phi_h = 0.
 
-    start_deg: the moving wheel's angle there; measured: wheels in place of first harmonics; along: where the torque
-    changes along it, of which the mean is the error's; then the error is without the mean wind-up.
+    start_deg: angle of the moving wheel at phi_h = 0 [deg].
+    measured: measured wheels that replace the first harmonics.
+    along: torques of a varying load; the error is then given for the mean torque, without the mean wind-up.
     """
 
     error: KinematicError
@@ -213,7 +225,7 @@ class Trace:
 
     @property
     def slope_arcsec_per_deg(self) -> float:
-        """Greatest slope of the error over the angle of the output, from state to state."""
+        """Largest slope of the error over the output angle from state to state [arcsec/deg]."""
         output_deg = np.degrees(self.error.states.phi_h) / abs(self.error.kinematics.u)
         return float(np.abs(np.diff(self.error.error_arcsec) / np.diff(output_deg)).max())
 
@@ -229,13 +241,17 @@ def trace(
     solver: str | None = None,
     run: Run = Run(),
 ) -> Trace:
-    """Return the error of a drive at a torque M_g [N*m] over whole cam revolutions, and its orders.
+    """Return the error of a drive at a torque M_g [N*m] over whole input revolutions, and its orders.
 
-    Arguments: gravity, on top of M_g; measured, wheels in place of first harmonics; start_deg, angle of the moving
-    wheel at phi_h = 0 (phi_g0 with the rigid wheel fixed) [deg], measured ones to the nearest of their teeth;
-    solver, a name that cvxpy knows, to send each state through cvxpy instead of the engine.
-    Raises UsageError for less than one revolution, more than a cycle, a start angle that is no number or an unknown
-    solver, UntrustedError where an answer cannot be trusted.
+    measured: measured wheels that replace the first harmonics.
+    start_deg: angle of the moving wheel at phi_h = 0 [deg] (phi_g0 if the circular spline is fixed); rounded to a whole
+        tooth for measured wheels.
+    revolutions: number of input revolutions.
+    gravity: torque of a weight in addition to M_g.
+    solver: name of a cvxpy solver that solves every state in place of the built-in one.
+
+    Raises UsageError for less than one revolution, more than a cycle, a start angle that is not a number or an unknown
+    solver, UntrustedError if a result cannot be trusted.
     """
     kinematics = Kinematics.of(drive)
     if not 1 <= revolutions <= kinematics.cycle_cam_revolutions:
@@ -245,7 +261,7 @@ def trace(
         )
     if not np.isfinite(start_deg):
         raise UsageError(f"invalid start angle {start_deg}: expected a number")
-    # from the start angle of the moving wheel on, one state for each pitch of the fixed one
+    # one state per pitch of the fixed wheel, from the start angle of the moving wheel
     states = pitch_locked_states(
         kinematics, np.arange(revolutions * kinematics.teeth_fixed), float(np.radians(start_deg))
     )
@@ -283,22 +299,22 @@ def _error_along(
     gravity: Gravity,
     solve: Callable[..., KinematicError],
 ) -> tuple[KinematicError, ErrorAlong]:
-    """Return the error with gravity on top of a mean torque, interpolated between solved torques.
+    """Return the error under gravity in addition to a mean torque, interpolated between solved torques.
 
     Args:
         mean: error at the mean torque.
         gravity: torque of the weight.
-        solve: returns the error at a torque [N*m] in some states.
+        solve: function that returns the error at a torque [N*m] in given states.
     """
     states = mean.states
-    # the weight hangs on the output
+    # the weight is attached to the output
     moving_angle = states.phi_g if mean.kinematics.fixed == "rigid" else states.phi_b
     torque = mean.M_g + gravity.amplitude_Nm * np.cos(moving_angle - np.radians(gravity.direction_deg))
-    # a few torques are solved for all states, and the error of each state is interpolated to its own torque
+    # a few torques are solved in all states, and the error of each state is interpolated to its own torque
     torques = _SolvedTorques(mean, torque, solve)
     torques.refine()
     rotation = torques.interpolated()
-    # two independent figures: the middle of intervals, and states solved at their own torque
+    # two independent checks: the middle of intervals, and states solved at their own torque
     bound = max(torques.largest_miss, torques.proven_miss(rotation))
     along = ErrorAlong(
         gravity=gravity,
@@ -326,8 +342,8 @@ class _SolvedTorques:
 
         Args:
             mean: error at the mean torque.
-            torque: in each state [N*m], shape (states,).
-            solve: returns the error at a torque [N*m] in some states.
+            torque: torque in each state [N*m], shape (states,).
+            solve: function that returns the error at a torque [N*m] in given states.
         """
         self._mean = mean
         self._states = mean.states
@@ -335,46 +351,46 @@ class _SolvedTorques:
         self._solve = solve
         low = float(torque.min())
         high = float(torque.max())
-        # at least three nodes: both ends and the mean
+        # at least three nodes: both ends and the mean torque
         self.errors = {M_g: solve(M_g, states=self._states) for M_g in (low, high)}
         self.errors[mean.M_g] = mean
         self._min_spacing = _MIN_SPACING * max(abs(low), abs(high))
-        self._misses: dict[tuple[float, float], float] = {}  # by interval of torques [arcsec]
+        self._misses: dict[tuple[float, float], float] = {}  # interpolation error by interval of torques [arcsec]
 
     @property
     def nodes(self) -> Array:
-        """Solved torques in rising order [N*m]."""
+        """Solved torques in ascending order [N*m]."""
         return np.array(sorted(self.errors))
 
     @property
     def largest_miss(self) -> float:
-        """Largest miss of the interpolation in the middle of an interval [arcsec]."""
+        """Largest interpolation error in the middle of an interval [arcsec]."""
         return max(self._misses.values())
 
     def refine(self) -> None:
-        """Halve the worst interval until the interpolation is close enough, or enough torques are solved."""
-        # a share of the range, or what no rig resolves
+        """Halve the worst interval until the interpolation is accurate enough or there are _MOST_TORQUES torques."""
+        # a share of the range, but not below the resolution of a test rig
         target = max(_INTERPOLATION_SHARE * self._mean.range_arcsec, _MIN_INTERPOLATION)
         for low, high in pairwise(sorted(self.errors)):
             self._measure_miss(low, high)
         while self.largest_miss > target and len(self.errors) < _MOST_TORQUES:
             # the worst interval is halved first
             low, high = max(self._misses, key=self._misses.__getitem__)
-            # solved when its miss was measured
+            # its middle was solved when its interpolation error was measured
             middle = next(M_g for M_g in self.errors if low < M_g < high)
             self._measure_miss(low, middle)
             self._measure_miss(middle, high)
             del self._misses[low, high]
 
     def _measure_miss(self, low: float, high: float) -> None:
-        """Solve the middle of an interval, and note the miss of the interpolation in the states of the interval."""
-        share = 0.5 if low + high else 0.4  # at a torque of 0 there is no error
+        """Solve the middle of an interval, and store the interpolation error in the states within the interval."""
+        share = 0.5 if low + high else 0.4  # the middle must not be 0 N*m, where the error is undefined
         middle = low + share * (high - low)
         is_inside = (self._torque >= low) & (self._torque <= high)
         self._misses[low, high] = 0.0
         if is_inside.any() and high - low > self._min_spacing:
             self.errors[middle] = self._solve(middle, states=self._states)
-            # without the wind-up, which bends strongly near a torque of 0
+            # exclude the wind-up, which is strongly nonlinear near 0 N*m
             line = (1 - share) * self._without_wind_up(low) + share * self._without_wind_up(high)
             miss = np.abs(self._without_wind_up(middle) - line)[is_inside].max()
             self._misses[low, high] = float(miss)
@@ -384,9 +400,9 @@ class _SolvedTorques:
         return self.errors[M_g].rotation_arcsec - self.errors[M_g].wind_up_arcsec
 
     def interpolated(self) -> Array:
-        """Return the rotation of each state at its own torque, without wind-up [arcsec], shape (states,)."""
+        """Return the rotation of each state at its own torque without wind-up [arcsec], shape (states,)."""
         nodes = self.nodes
-        # rows of the interval's lower node; the last node belongs to the last interval
+        # index of the lower node of the interval; the last node belongs to the last interval
         interval = np.clip(np.searchsorted(nodes, self._torque) - 1, 0, len(nodes) - 2)
         share = (self._torque - nodes[interval]) / np.diff(nodes)[interval]
         rotations = np.array([self._without_wind_up(M_g) for M_g in nodes.tolist()])
@@ -399,9 +415,12 @@ class _SolvedTorques:
         return np.asarray(np.interp(torque, nodes, [self.errors[M_g].wind_up_arcsec for M_g in nodes.tolist()]))
 
     def proven_miss(self, rotation: Array) -> float:
-        """Return the largest miss of an interpolated rotation [arcsec], in states that are solved at their torque."""
+        """Return the largest error of an interpolated rotation [arcsec], from states solved at their own torque.
+
+        rotation: interpolated rotation [arcsec], shape (states,).
+        """
         largest = 0.0
-        # evenly over the states, so torques of all sizes are among them
+        # evenly spaced over the states, so that torques of all sizes occur
         for k in np.linspace(0, len(self._states) - 1, _PROVEN_STATES).astype(np.int64).tolist():
             M_g = float(self._torque[k])
             solved = self._solve(M_g, states=self._states.take(np.array([k]))).rotation_arcsec[0]
@@ -411,28 +430,31 @@ class _SolvedTorques:
 
 # --- over both wheels' angles
 
-WAVE_POINTS = 40  # around each wheel
-_HIGHEST = 18  # times around a wheel: waves that are kept
+WAVE_POINTS = 40  # grid points around each wheel
+_HIGHEST = 18  # largest number of periods of a wave around a wheel
 Complex = NDArray[np.complex128]
-POINTS_A_TURN = 180  # points of curves in an input revolution
+POINTS_A_TURN = 180  # points per input revolution of a curve
 
 
 def _wave_numbers() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return how often each wave goes around the flexspline's and the rigid wheel's angle, shape (waves,) each."""
+    """Return the periods of each wave around the flexspline and around the circular spline, shape (waves,) each."""
     k_g, k_b = np.meshgrid(
         np.arange(_HIGHEST + 1),
         np.arange(-_HIGHEST, _HIGHEST + 1),
         indexing="ij",
     )
-    half = (k_g > 0) | (k_b > 0)  # the others are their mirror images
+    half = (k_g > 0) | (k_b > 0)  # the remaining waves are mirror images
     return k_g[half], k_b[half]
 
 
 class ErrorWaves:
-    """Errors of a drive at a torque M_g [N*m], and of drives that differ from it in their deviations alone.
+    """Errors of a drive at a torque M_g [N*m], and of drives that differ from it only in their deviations.
 
-    k_g, k_b: wave_numbers; certificate: of all states that were solved so far. Argument: error_map of the drive at that
-    torque, if there is one. Raises UsageError for a drive with rolling balls.
+    k_g, k_b: periods of each wave around the flexspline and the circular spline, shape (waves,).
+    certificate: certificate of all states solved so far.
+    error_map: map of the drive at that torque, if it already exists.
+
+    Raises UsageError for a drive with rolling balls.
     """
 
     def __init__(
@@ -449,10 +471,13 @@ class ErrorWaves:
         self.k_g, self.k_b = _wave_numbers()
 
     def waves(self, drives: Sequence[Drive], points: int = WAVE_POINTS) -> Complex:
-        """Return the waves [arcsec] of the error F_kpp of drives, shape (drives, waves).
+        """Return the waves of the error F_kpp of drives [arcsec], shape (drives, waves).
 
-        The error is the real part of sum z exp(i (k_g alpha_g + k_b alpha_b)), up to a constant. Waves that a grid of
-        so many points does not hold are 0. Raises UntrustedError if a state cannot be trusted.
+        The error is the real part of sum z exp(i (k_g alpha_g + k_b alpha_b)), up to a constant.
+
+        points: grid points around each wheel; waves that the grid does not resolve are 0.
+
+        Raises UntrustedError if a state cannot be trusted.
         """
         # the walk solves neighbouring points one after the other
         path = there_and_back((points, points))
@@ -462,16 +487,16 @@ class ErrorWaves:
             g, b = (float(np.degrees(angle[k])) for angle in (alpha_g, alpha_b))
             return f"alpha_g = {g:.2f}°, alpha_b = {b:.2f}°, M_g = {self._map.M_g:g} N*m"
 
-        # beyond half the points a wave would be the image of another one
+        # beyond half the number of points, a wave would be the alias of another one
         is_resolved = np.maximum(np.abs(self.k_g), np.abs(self.k_b)) < points / 2
         error = np.empty(points**2)
         waves = []
         for drive in drives:
             answers = self._case.solve(StateGaps(deviation_scalars(drive, alpha_g, alpha_b)), where, self._run.solved)
             self.certificate += answers.certificate
-            # back from the order of the walk to that of the grid
+            # convert the order of the walk to that of the grid
             error[path] = self._map.sign * answers.rotation_arcsec
-            # a real function: the waves of half the plane have twice the amplitude
+            # the error is real, so the waves of half the plane have twice the amplitude
             spectrum = np.fft.fft2(error.reshape(points, points)) / points**2
             waves.append(np.where(is_resolved, 2 * spectrum[self.k_g % points, self.k_b % points], 0))
         return np.array(waves)
@@ -479,10 +504,11 @@ class ErrorWaves:
 
 @dataclass(frozen=True)
 class EstimatedCycle:
-    """Error F_kpp [arcsec] of a drive in each state of its full cycle, up to a constant, shape (states,).
+    """Error F_kpp of a drive [arcsec] in each state of its full cycle, up to a constant, shape (states,).
 
-    turn_range_arcsec: the greatest range within one cam turn, from every state of the turn in which the estimate ranges
-    most; certificate: of all states that were solved.
+    turn_range_arcsec: largest range within one input revolution, from every state of the revolution with the largest
+        estimated range.
+    certificate: certificate of all solved states.
     """
 
     error_arcsec: Array
@@ -496,24 +522,24 @@ def estimated_cycle(
     *,
     short_cycle: int = SHORT_CYCLE,
 ) -> KinematicError | EstimatedCycle:
-    """Return the error of a drive at a torque M_g [N*m] over its full cycle, from its waves.
+    """Return the error of a drive at a torque M_g [N*m] over its full cycle, estimated from its waves.
 
-    In a short cycle every state is solved.
+    short_cycle: number of states below which every state of the cycle is solved instead.
 
-    Argument: short_cycle, states of a cycle below which all are solved. Raises UsageError for rolling balls,
-    UntrustedError where a state cannot be trusted.
+    Raises UsageError for rolling balls, UntrustedError if a state cannot be trusted.
     """
     kinematics = Kinematics.of(drive)
     states = kinematics.cycle_states
     if states < short_cycle:
         return kinematic_error(drive, M_g, run=UNCHECKED)
     torus = ErrorWaves(drive, M_g, UNCHECKED)
-    # L/z_g and L/z_b periods of the wheels in a cycle of L states
-    periods = torus.k_g * (states // kinematics.z_g) + torus.k_b * (states // kinematics.z_b)  # of each wave in a cycle
+    # a cycle of L states contains L/z_g and L/z_b revolutions of the wheels
+    # periods of each wave in a cycle
+    periods = torus.k_g * (states // kinematics.z_g) + torus.k_b * (states // kinematics.z_b)
     spectrum = np.zeros(states, dtype=complex)
     np.add.at(spectrum, periods % states, torus.waves([drive])[0])
-    error = np.fft.fft(spectrum).real  # both wheels turn backwards in the cam's frame
-    # waves leave out the finest details, so the worst revolution is solved state by state
+    error = np.fft.fft(spectrum).real  # both wheels turn backwards in the frame of the wave generator
+    # waves omit the finest details, so every state of the worst revolution is solved
     first = _turn_ranges(error, kinematics).argmax() - kinematics.teeth_fixed // 2
     turn = pitch_locked_states(kinematics, (first + np.arange(kinematics.teeth_fixed)) % states)
     worst = kinematic_error(drive, M_g, states=turn, run=UNCHECKED)
@@ -521,18 +547,19 @@ def estimated_cycle(
 
 
 def turn_range_arcsec(error: KinematicError | EstimatedCycle) -> float:
-    """Return the greatest range [arcsec] of an error over the full cycle within one cam turn."""
+    """Return the largest range of the error within any one input revolution of the full cycle [arcsec]."""
     if isinstance(error, EstimatedCycle):
         return error.turn_range_arcsec
     return float(_turn_ranges(error.error_arcsec, error.kinematics).max())
 
 
 def _turn_ranges(error_arcsec: Array, kinematics: Kinematics) -> Array:
-    """Return the range of an error within the input revolution around each state [arcsec], shape (states,)."""
-    from scipy.ndimage import maximum_filter1d, minimum_filter1d  # 20 ms, which draws do without
+    """Return the range of the error within the input revolution around each state [arcsec], shape (states,)."""
+    # importing scipy takes 20 ms, and sampling does not need it
+    from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
     turn = kinematics.teeth_fixed
-    # the cycle closes, so windows wrap around
+    # the cycle is periodic, so windows wrap around
     extent = maximum_filter1d(error_arcsec, turn, mode="wrap") - minimum_filter1d(error_arcsec, turn, mode="wrap")
     return np.asarray(extent)
 
@@ -541,8 +568,9 @@ def _turn_ranges(error_arcsec: Array, kinematics: Kinematics) -> Array:
 class ErrorLines:
     """Lines of the error of drives with the same teeth at one torque: the sum of amplitude exp(i per_cycle angle).
 
-    per_cycle: how often each line comes in the full cycle, shape (lines,); amplitude [arcsec], with its phase, shape
-    (drives, lines); certificate of the states behind them.
+    per_cycle: number of periods of each line in the full cycle, shape (lines,).
+    amplitude: complex amplitude of each line [arcsec], shape (drives, lines).
+    certificate: certificate of the solved states.
     """
 
     kinematics: Kinematics
@@ -552,16 +580,19 @@ class ErrorLines:
 
     @property
     def curves(self) -> Array:
-        """Errors [arcsec] over the full cycle from its state 0, POINTS_A_TURN a cam turn, shape (drives, points)."""
+        """Errors over the full cycle from its state 0 [arcsec], shape (drives, points).
+
+        There are POINTS_A_TURN points per input revolution.
+        """
         points = POINTS_A_TURN * self.kinematics.cycle_cam_revolutions
         spectrum = np.zeros((len(self.amplitude), points // 2 + 1), dtype=complex)
-        # a sum of cosines as one inverse transform
+        # one inverse transform computes the sum of cosines
         spectrum[:, self.per_cycle] = self.amplitude
         return np.asarray(np.fft.irfft(spectrum, points) * points / 2)
 
     @property
     def mean(self) -> ErrorLines:
-        """Mean of the drives, as lines of one."""
+        """Mean of the drives, as the lines of a single drive."""
         return replace(self, amplitude=self.amplitude.mean(axis=0)[None])
 
 
@@ -571,15 +602,18 @@ def error_lines(
     changes: Sequence[Mapping[str, float]],
     run: Run = Run(),
 ) -> ErrorLines:
-    """Return the lines of a drive at a torque M_g [N*m] with the values of each of some changes, by path.
+    """Return the lines of the error of a drive at a torque M_g [N*m] with changed values.
 
-    A wave that goes k_g times around the flexspline and k_b times around the rigid wheel comes k_g L/z_g + k_b L/z_b
-    times in the cycle of L = lcm(z_g, z_b) states. Raises UsageError for rolling balls, UntrustedError where a state
-    cannot be trusted.
+    A wave with k_g periods around the flexspline and k_b periods around the circular spline has k_g L/z_g + k_b L/z_b
+    periods in the cycle of L = lcm(z_g, z_b) states.
+
+    changes: changed values by path, one mapping per drive.
+
+    Raises UsageError for rolling balls, UntrustedError if a state cannot be trusted.
     """
     waves = []
     certificate = EMPTY
-    # one process for each sample; waves of all are shape (drives, waves)
+    # one task per drive; the waves of all drives have shape (drives, waves)
     for drive_waves, proof in run.map(partial(_waves_of, drive, M_g), changes):
         waves.append(drive_waves)
         certificate += proof
@@ -587,9 +621,10 @@ def error_lines(
     kinematics = Kinematics.of(drive)
     k_g, k_b = _wave_numbers()
     often = k_g * (kinematics.cycle_states // drive.gears.z_g) + k_b * (kinematics.cycle_states // drive.gears.z_b)
-    # waves of both directions with the same frequency make one line
+    # waves of opposite direction with the same frequency form one line
     per_cycle = np.unique(np.abs(often[often != 0]))
-    turning = np.where(often > 0, np.conj(waves), waves)  # both wheels turn backwards in the cam's frame
+    # both wheels turn backwards in the frame of the wave generator
+    turning = np.where(often > 0, np.conj(waves), waves)
     amplitude = turning @ (np.abs(often)[:, None] == per_cycle)
     return ErrorLines(
         kinematics=kinematics,
