@@ -1,1 +1,1 @@
-"""The cvxpy formulation, the engines that run it, and the proof of an answer."""
+"""The cvxpy formulation, the engines that solve it, and the verification of results."""

@@ -1,7 +1,7 @@
-"""What an answer is, and its proof: residuals of system (1) from D, G, C and the gaps; sums over the contacts.
+"""Results of solved states and their verification: residuals of system (1), and sums over the contacts.
 
-Sums are all that analyses ask for but the forces themselves. States are solved chunk by chunk, and each chunk is proven
-before the next one is asked for.
+The residuals are computed from D, G, C and the gaps. Analyses need only the sums, apart from the forces themselves.
+States are solved chunk by chunk, and each chunk is verified before the next one is solved.
 """
 
 from __future__ import annotations
@@ -22,16 +22,17 @@ from hdassist.run.kept import ClosedRecord, Count
 from hdassist.run.run import Progress
 from hdassist.solve.formulation import Formulation, Springs
 
-TOLERANCE = 1e-8  # largest residual of a verified state, as a share of its scale
-Residual = Annotated[float, Field(strict=True, ge=0, le=TOLERANCE)]  # of a proven answer, in a file
+TOLERANCE = 1e-8  # largest allowed residual, as a share of its scale
+# residual of a verified result, as stored in a file
+Residual = Annotated[float, Field(strict=True, ge=0, le=TOLERANCE)]
 
 
 @dataclass(frozen=True)
 class Residuals:
-    """Residuals of system (1) of states, as shares of their scales.
+    """Residuals of system (1) in states, as shares of their scales.
 
-    Columns: negative force, of the largest force; negative gap, of the largest gap without force; complementarity, of
-    the product of both; equilibrium, of the sum of the absolute forces (and moments).
+    The columns and their scales are: negative force, largest force; negative gap, largest gap without force;
+    complementarity, product of both scales; equilibrium, sum of the absolute forces or moments.
     """
 
     shares: Array  # shape (states, 4)
@@ -51,11 +52,12 @@ def displacements(
     """Return the displacements a [mm, rad], shape (states, 9).
 
     Args:
-        system: its supports.
-        forces: [N], shape (states, M); they give the displacements of supported freedoms.
+        system: contact system with the supports.
+        forces: forces [N], shape (states, M), which give the displacements of the supported freedoms.
         free: displacements of the freedoms without support [mm, rad], shape (states, free).
     """
-    # a_s = C_s^-1 G_s' F for freedoms with a support, first line of (1); the others are unknowns of their own
+    # a_s = C_s^-1 G_s' F for freedoms with a support, first line of (1); the displacements of the others are unknowns
+    # of the programme
     a = np.empty((len(forces), len(system.C)))
     supported = system.supported
     a[:, supported] = forces @ system.G[:, supported] / system.C[supported]
@@ -70,20 +72,20 @@ def residuals(
     forces: Array,
     free: Array,
 ) -> Residuals:
-    """Return the residuals of answers to system (1).
+    """Return the residuals of solutions of system (1).
 
     Args:
         system: the contact system.
         delta_p: gaps without force [mm], shape (states, M).
-        torque: [N*mm], of all states or of each.
-        forces: [N], shape (states, M).
+        torque: torque [N*mm], one for all states or one per state.
+        forces: forces [N], shape (states, M).
         free: displacements of the freedoms without support [mm, rad], shape (states, free).
     """
     a = displacements(system, forces, free)
-    # both products by places: candidates at one place have equal rows
+    # both products are computed per place, because candidates at one place have equal rows
     place_gaps = system.at_places(forces) @ system.compliance + a @ system.G[system.first].T
     gaps = delta_p + forces * system.local + place_gaps[:, system.place]  # delta = delta_p + D F + G a
-    # shares of the state's own largest force and gap; tiny avoids 0/0 in a state without force
+    # shares of the largest force and gap of the state; the tiny number avoids 0/0 in a state without force
     force_scale = np.maximum(np.abs(forces).max(axis=1), np.finfo(float).tiny)
     gap_scale = np.maximum(np.abs(delta_p).max(axis=1), np.finfo(float).tiny)
     negative_force = np.maximum(-forces.min(axis=1), 0)
@@ -108,19 +110,20 @@ def _unbalanced_share(
 
     Args:
         system: the contact system.
-        torque: [N*mm], of all states or of each.
-        forces: [N], shape (states, M).
+        torque: torque [N*mm], one for all states or one per state.
+        forces: forces [N], shape (states, M).
         a: displacements [mm, rad], shape (states, 9).
     """
-    # G' F - C a + b, shape (states, 9); supported freedoms are 0 by construction of a
+    # G' F - C a + b, shape (states, 9); a makes the rows of supported freedoms 0
     balance = forces @ system.G - a * system.C
     balance[:, ROTATION] += torque
-    # the sum of absolute forces: equal and opposite forces must not hide an imbalance
+    # the scale is the sum of absolute forces, because equal and opposite forces must not hide an imbalance
     scale = np.abs(forces) @ np.abs(system.G)
     scale[:, ROTATION] += np.abs(torque)
     rounding = np.finfo(float).eps * np.abs(forces).sum(axis=1)[:, None] * np.abs(system.G).max(axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):
-        # A freedom without force is in balance within rounding: a ball on one axis pushes along the other by rounding.
+        # a freedom without force is balanced within rounding: a ball on one axis pushes along the other only by
+        # rounding
         share = np.where(np.abs(balance) <= rounding, 0.0, np.abs(balance) / scale)
     return np.asarray(share.max(axis=1))
 
@@ -132,14 +135,14 @@ def _unbalanced_share(
 class StateSums:
     """Sums over the contacts of states, NaN in a state that was given up."""
 
-    rotation: Array  # of the flexspline [rad], shape (states,)
-    moment: Array  # of each mesh zone [N*mm], shape (states, 2)
-    tooth_force: Array  # largest on a flank [N], shape (states,)
+    rotation: Array  # rotation of the flexspline [rad], shape (states,)
+    moment: Array  # moment of each mesh zone [N*mm], shape (states, 2)
+    tooth_force: Array  # largest force on a flank [N], shape (states,)
     residuals: Residuals
-    # of the rotation by the deviation scalars at constant contacts [rad/mm], shape (states, scalars), None if not
-    # wanted
+    # slope of the rotation by the deviation scalars at constant contacts [rad/mm], shape (states, scalars); None if not
+    # requested
     slope: Array | None
-    given_up: int  # states that the first method gave up
+    given_up: int  # number of states that the first method gave up
 
     @classmethod
     def of(
@@ -158,8 +161,8 @@ class StateSums:
         Args:
             system: the contact system.
             delta_p: gaps without force [mm], shape (states, M).
-            torque: [N*mm], of all states or of each.
-            forces: [N], shape (states, M).
+            torque: torque [N*mm], one for all states or one per state.
+            forces: forces [N], shape (states, M).
             free: displacements of the freedoms without support [mm, rad], shape (states, free).
             given_up: number of states that the first method gave up.
             slope: slopes of the rotation by the deviation scalars [rad/mm], shape (states, scalars).
@@ -175,7 +178,11 @@ class StateSums:
         )
 
     def put(self, rows: NDArray[np.int64], sums: StateSums) -> None:
-        """Replace the sums in some rows by those of other states."""
+        """Replace the sums of some states.
+
+        rows: indices of the states.
+        sums: sums that replace them.
+        """
         self.rotation[rows] = sums.rotation
         self.moment[rows] = sums.moment
         self.tooth_force[rows] = sums.tooth_force
@@ -195,8 +202,8 @@ def rotation_slopes(
 
     Args:
         formulation: the programme.
-        forces: [N]; candidates with a force are in contact, shape (states, M).
-        scalars: number of deviation scalars, the first ones.
+        forces: forces [N], shape (states, M); candidates with a positive force are in contact.
+        scalars: number of deviation scalars, counted from the first.
     """
     system = formulation.system
     units = formulation.units
@@ -206,25 +213,25 @@ def rotation_slopes(
     slopes = np.full((len(forces), scalars), np.nan)
     # each state has its own contact set, so each has its own matrix
     for k, contact in enumerate(forces > 0):
-        # only the compliance is wanted, not the gaps
+        # only the compliances of the springs are needed, so the gaps are 0
         springs = Springs.of(formulation, np.zeros(len(contact)), contact)
         inside = np.append(np.flatnonzero(springs.series), np.arange(m, len(formulation.structure)))
         series = np.append(springs.series, np.zeros(len(units.load)))[inside]
         matrix = formulation.structure[np.ix_(inside, inside)] + np.diag(series)
-        # at a contact set that does not hold the parts there is no slope: NaN remains
+        # a contact set that does not hold the parts has no slope, so NaN remains
         with suppress(np.linalg.LinAlgError):
-            # adjoint method: one solution gives the derivative by all deviations, equation (9a)
+            # adjoint method: one solution gives the derivatives by all deviations, equation (9a)
             adjoint = np.linalg.solve(matrix, (inside == rotation).astype(float))
             slopes[k] = -adjoint[inside < m] @ change[inside[inside < m]]
     return np.asarray(slopes / units.load[system.free_rotation])
 
 
-# --- proven answers
+# --- verified results
 
 
 STATES_AT_A_TIME = 1024  # states between two reports of progress
-ARCSEC = float(np.degrees(3600))  # arcsec in a radian
-N_MM = 1e3  # N*mm in a N*m
+ARCSEC = float(np.degrees(3600))  # arcsec per radian
+N_MM = 1e3  # N*mm per N*m
 
 
 @dataclass(frozen=True)
@@ -236,7 +243,7 @@ class Certificate(ClosedRecord):
     negative_gap: Residual
     complementarity: Residual
     equilibrium: Residual
-    fallbacks: Count  # states that the first method gave up and another one solved
+    fallbacks: Count  # number of states that the first method gave up and another one solved
 
     @property
     def max_residual(self) -> float:
@@ -268,10 +275,11 @@ EMPTY = Certificate(
 class Answers:
     """Results of solved states with their certificate."""
 
-    rotation_arcsec: Array  # of the flexspline against the rigid wheel, shape (states,)
+    rotation_arcsec: Array  # rotation of the flexspline relative to the circular spline, shape (states,)
     zone_share: Array  # share of the torque on each mesh zone, shape (states, 2)
     tooth_force_N: Array  # largest force on a flank, shape (states,)
-    # of the rotation by the deviation scalars at constant contacts, shape (states, scalars), None if not wanted
+    # slope of the rotation by the deviation scalars at constant contacts, shape (states, scalars); None if not
+    # requested
     slope_arcsec_per_mm: Array | None
     certificate: Certificate
 
@@ -283,21 +291,21 @@ def proven_answers(
     place: Callable[[int], str],
     progress: Progress | None = None,
 ) -> Answers:
-    """Return the answers of states that are solved chunk by chunk; each chunk is proven before the next one is solved.
+    """Return the results of states that are solved and verified chunk by chunk.
 
     Args:
         system: the contact system.
-        torque: [N*mm], of all states or of each.
+        torque: torque [N*mm], one for all states or one per state.
         chunks: sums of the states.
-        place: returns the words that say where state k is, for errors.
-        progress: called with the number of states of each chunk.
+        place: function that returns a description of state k for errors.
+        progress: function called with the number of states of each chunk.
 
-    Raises UntrustedError if a state is not solved, its residuals are above TOLERANCE, or the rotation is outside the
+    Raises UntrustedError if a state is not solved, if its residuals exceed TOLERANCE, or if the rotation exceeds the
     limits of the linear model.
     """
     parts: list[StateSums] = []
     certificate = EMPTY
-    # a chunk that fails stops the work at once: later chunks would be computed for nothing
+    # a failing chunk stops the work at once, because later chunks would be computed in vain
     for sums in chunks:
         _require_proof(sums.residuals, place, certificate.states)
         _require_linear(system, sums.rotation, place, certificate.states)
@@ -335,8 +343,8 @@ def _require_proof(
     first: int,
 ) -> None:
     worst = proof.worst
-    # NaN compares as not solved
-    k = int(np.argmin(worst <= TOLERANCE))  # the first one that is not solved, if any
+    # the comparison treats NaN as not solved
+    k = int(np.argmin(worst <= TOLERANCE))  # first state that is not solved, if any
     if not worst[k] <= TOLERANCE:
         reason = "no method converges"
         if np.isfinite(worst[k]):
@@ -354,7 +362,7 @@ def _require_linear(
     place: Callable[[int], str],
     first: int,
 ) -> None:
-    # the gaps are linear in the rotation for small angles only; beyond a quarter of a pitch other flanks would meet
+    # the gaps are linear in the rotation for small angles only; beyond a quarter of a pitch other flanks would touch
     quarter_pitch = np.pi / 2 / system.geometry.flexspline.z
     k = int(np.argmax(np.abs(rotation)))
     if abs(rotation[k]) > quarter_pitch:

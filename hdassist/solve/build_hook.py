@@ -1,4 +1,4 @@
-"""Build hook of hatchling: the compiled walk goes into the wheel, and beside an editable install."""
+"""Build hook of hatchling that adds the compiled walk to the wheel or to an editable install."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
-# the package can't be imported while it is built
+# the package cannot be imported while it is built
 _BUILD = runpy.run_path(str(Path(__file__).parent / "build.py"))
 
 
 class _WalkHook(BuildHookInterface[Any]):
-    """Compiles the walk where there is a compiler."""
+    """Build hook that compiles the walk if there is a compiler."""
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
-        """Compile into a folder of its own, and name the libraries as files of the wheel."""
+        """Compile the walk for the wheel or for an editable install."""
         if version == "editable":
             _BUILD["compile_walk"](_BUILD["development_folder"]())
             return
@@ -31,6 +31,6 @@ class _WalkHook(BuildHookInterface[Any]):
             build_data["tag"] = f"py3-none-{_BUILD['wheel_platform']()}"
 
     def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:  # noqa: ARG002
-        """Leave no file behind."""
+        """Remove the temporary folder."""
         if version != "editable":
             shutil.rmtree(self._folder, ignore_errors=True)

@@ -1,12 +1,13 @@
-"""A drive's contact system under a torque: how its states are solved, each answer proven, by engines and cvxpy.
+"""A drive's contact system under a torque: solution of its states by engines and cvxpy, with verified results.
 
-Many states are solved by the walk, few, and those that it gives up, one after another: near the contact set of the one
-before, by DAQP, by an interior-point method, whatever first has an answer.
+The walk solves many states. A few states, and those that the walk gives up, are solved one after another, by the first
+method that succeeds: near the contact set of the previous state, by DAQP, or by an interior-point method.
 
-cvxpy hands a solver H, local, A, gaps and load as they were stated, whatever their numbers. So it is compiled and
-compared once for each version of cvxpy, of the statement, and of the set of free freedoms; that it held is kept in the
-user's cache. The tests compile every preset, `hdassist doctor` compiles anew. States sent to another solver are a check
-of the engine. cvxpy, which takes a second to import, is imported where there is a programme.
+cvxpy passes H, local, A, gaps and load to a solver as stated, whatever their numbers. The programme is therefore
+compiled and compared once for each version of cvxpy, for each version of the statement and for each set of free
+freedoms. The user's cache stores the successful check. The tests compile every preset, and `hdassist doctor` compiles
+the programme again. Another solver only checks the results of the engine. cvxpy takes a second to import, so it is
+imported only when a programme is stated.
 """
 
 from __future__ import annotations
@@ -50,28 +51,28 @@ from hdassist.solve.pivoting import Pivoting, solve_near
 from hdassist.solve.walk import Points, Rules, Starts, Torus, Walk, climbed, walk_library, walk_near_state
 
 _COMPILED_TEMPLATE = "compiled"
-_proven: set[tuple[bool, ...]] = set()  # freedoms that were free in the proven programmes, in this process
+_proven: set[tuple[bool, ...]] = set()  # freedoms without support in the programmes verified in this process
 
 
 def require_compiled_as_stated(formulation: Formulation, run: Run = Run()) -> None:
-    """Make sure that cvxpy compiles a formulation to the data that the engines run.
+    """Check that cvxpy compiles a formulation to the data that the engines use.
 
     Args:
         formulation: the programme.
-        run: its process for other solvers, if there is one, compiles in place of this one, which then need not import
-            cvxpy.
+        run: run whose process for other solvers, if there is one, compiles in place of this process, which then need
+            not import cvxpy.
 
-    Raises UntrustedError if cvxpy compiles it to other data.
+    Raises UntrustedError if cvxpy compiles the programme to other data.
     """
-    # the compiled data depend on the numbers through the stated matrices; only the set of free freedoms changes
-    # their structure
+    # the compiled data depend on the numbers only through the stated matrices; their structure depends only on the set
+    # of free freedoms
     supported = tuple(formulation.system.supported.tolist())
     if supported in _proven:
         return
     key = _key(formulation)
-    # the check of one version of cvxpy is kept in the user's cache, since it takes a second
+    # the check takes a second, so the user's cache stores it for each version of cvxpy
     is_kept = cached(_COMPILED_TEMPLATE, key) is not None
-    # cvxpy is imported in the other process, which needs it anyway for its solver
+    # the other process imports cvxpy in any case for its solver
     if run.executor and not is_kept:
         run.beside(require_compiled_as_stated, formulation).result()
     elif not is_kept:
@@ -86,21 +87,21 @@ def require_compiled_as_stated(formulation: Formulation, run: Run = Run()) -> No
 
 
 def template_differences(formulation: Formulation) -> Iterator[str]:
-    """Yield the names of parts that cvxpy compiles to other data than stated, at two torques and gaps."""
+    """Yield the names of the parts whose compiled data differ from the stated data, at two torques and gaps."""
     stated = formulation.statement
     M = len(formulation.local)
     m = len(formulation.H)
     P, A = _stated_matrices(formulation)
     lower_bounds = np.repeat([0.0, -np.inf], [M, m])
-    # two points determine an affine map: data that agree at both agree everywhere
+    # two points determine an affine map, so data that agree at both agree everywhere
     for torque, gap in ((0.0, 0.0), (1e3, 1.0)):
-        # every gap has another value, so that permuted rows are noticed
+        # all gaps have different values, so that a permutation of rows is noticed
         gaps = gap * np.arange(1.0, M + 1)
         load = formulation.load(torque)
         stated.gaps.value = gaps
         stated.load.value = load
         data, _, _ = stated.problem.get_problem_data("DAQP")
-        # bounds have to arrive as bounds, not as rows of inequalities
+        # bounds must be compiled to bounds, not to rows of inequalities
         if data["F"].shape[0]:
             yield "further rows"
         expected: dict[str, Any] = {
@@ -120,27 +121,27 @@ def template_differences(formulation: Formulation) -> Iterator[str]:
 
 
 def _stated_matrices(formulation: Formulation) -> tuple[Array, Array]:
-    """Return P and A of the programme over forces and their sums at the places, M + m variables.
+    """Return P and A of the programme over the M forces and their m sums at the places.
 
-    The rows of A are the equilibrium of the free freedoms, then the sums of the forces at the places.
+    The rows of A are the equilibrium of the free freedoms, followed by the sums of the forces at the places.
     """
     M = len(formulation.local)
     m = len(formulation.H)
     free = len(formulation.A)
-    # first the forces of candidates, then their sums at the places
+    # the forces of candidates come first, followed by their sums at the places
     P = np.zeros((M + m, M + m))
     P[:M, :M] = np.diag(formulation.local)
     P[M:, M:] = formulation.H
     A = np.zeros((free + m, M + m))
     A[:free, M:] = formulation.A
-    # sums of forces minus the variable of the place are 0
+    # the sum of the forces minus the variable of the place is 0
     A[free + formulation.system.place, np.arange(M)] = 1
     A[free + np.arange(m), M + np.arange(m)] = -1
     return P, A
 
 
 def _key(formulation: Formulation) -> str:
-    # a change in how the programme is stated makes the kept check void
+    # a change of the statement invalidates the stored check
     source = Path(statement.__file__).read_bytes()
     free = np.flatnonzero(~formulation.system.supported).tolist()
     return hashlib.sha256(f"{version('cvxpy')} {free} ".encode() + source).hexdigest()
@@ -149,9 +150,9 @@ def _key(formulation: Formulation) -> str:
 # --- other solvers, called through cvxpy
 
 
-CROSS_TOLERANCE = 0.01  # largest difference between the engine and another solver [arcsec]
+CROSS_TOLERANCE = 0.01  # largest allowed difference between the engine and another solver [arcsec]
 
-# Solvers that take a quadratic programme, among those that cvxpy knows.
+# solvers for quadratic programmes among those that cvxpy supports
 _QUADRATIC = {
     "CLARABEL",
     "COPT",
@@ -167,17 +168,18 @@ _QUADRATIC = {
     "XPRESS",
 }
 
-# CROSS_SOLVER is the fastest of the solvers that come with cvxpy: 20 ms a state with five stations, CLARABEL takes 70.
-# Its answers are within 2e-4 arcsec of the engine over all presets. If it has no answer, or another one (stiff contacts
-# under a small torque: 0.013 arcsec), CLARABEL decides.
+# CROSS_SOLVER is the fastest of the solvers that come with cvxpy: 20 ms per state with five stations, compared with 70
+# ms for CLARABEL. Its results are within 2e-4 arcsec of the engine for all presets. If it finds no solution, or a
+# different one (stiff contacts under a small torque: 0.013 arcsec), CLARABEL decides.
 SECOND_SOLVER = "CLARABEL"
 _SHIPPED = {CROSS_SOLVER: "highspy", SECOND_SOLVER: "clarabel"}  # packages of the solvers that come with cvxpy
 _SOLVED_AGAIN = "again"
 
-_LONGEST_SOLVE = 120.0  # s for one state; solvers take milliseconds, or seconds for the largest drives
+# s; time limit for one state, which usually takes milliseconds, or seconds for the largest drives
+_LONGEST_SOLVE = 120.0
 
-# Tolerances with which the answers of each solver earn their certificate, and its limits. A solver that is not listed
-# runs with its defaults, which limit its iterations.
+# Tolerances with which the results of each solver pass verification, and limits of its work. Other solvers run with
+# their defaults, which limit their iterations.
 SOLVER_SETTINGS: dict[str, dict[str, Any]] = {
     "CLARABEL": {
         "tol_gap_abs": 1e-11,
@@ -199,7 +201,7 @@ SOLVER_SETTINGS: dict[str, dict[str, Any]] = {
 def require_solver(name: str) -> str:
     """Return the name of a solver as cvxpy writes it.
 
-    Raises UsageError if it is not installed or solves no quadratic programme.
+    Raises UsageError if it is not installed or does not solve quadratic programmes.
     """
     if name.upper() not in (CROSS_SOLVER, SECOND_SOLVER) and name.upper() not in _able():
         raise UsageError(f"no solver {name!r} for the contact problem", f"choose one of {', '.join(_able()).lower()}")
@@ -215,12 +217,12 @@ def _able() -> list[str]:
 
 @contextmanager
 def muted_output() -> Iterator[None]:
-    """Discard the output of compiled code in the block: HiGHS 1.16 prints a banner for each solver."""
+    """Discard the output of compiled code in the block, because HiGHS 1.16 prints a banner for each solver."""
     try:
-        # the banner is written by compiled code, past sys.stdout
+        # compiled code writes the banner directly to the file descriptor, not to sys.stdout
         kept = os.dup(1)
     # a process without standard output has nothing to mute
-    except OSError:  # it is closed
+    except OSError:  # standard output is closed
         yield
         return
     try:
@@ -238,26 +240,26 @@ def solve_through_cvxpy(
     torque: float,
     solver: str,
 ) -> tuple[Array, Array]:
-    """Return forces [N], shape (M,), and free displacements [mm, rad] of one state, by a solver called through cvxpy.
+    """Return the forces [N], shape (M,), and free displacements [mm, rad] of one state from a solver called by cvxpy.
 
     Args:
         formulation: the programme.
         delta_p: gaps without force [mm], shape (M,).
-        torque: [N*mm].
-        solver: a name that cvxpy knows.
+        torque: torque [N*mm].
+        solver: name of a cvxpy solver.
 
-    Raises UsageError for an unknown solver, UntrustedError if it has no answer.
+    Raises UsageError for an unknown solver, UntrustedError if it finds no solution.
     """
     import cvxpy as cp
 
     name = require_solver(solver)
     stated = formulation.statement
-    # parameters, so that cvxpy compiles the programme once for all states
+    # gaps and load are parameters, so cvxpy compiles the programme once for all states
     stated.gaps.value = formulation.gaps(delta_p)
     stated.load.value = formulation.load(torque)
     try:
         with warnings.catch_warnings(), muted_output():
-            # "solution may be inaccurate": residuals and the other solver decide that, not a status
+            # ignore "solution may be inaccurate", because the residuals and the other solver decide that, not a status
             warnings.simplefilter("ignore", UserWarning)
             stated.problem.solve(solver=name, **SOLVER_SETTINGS.get(name, {}))
         forces = stated.forces.value
@@ -286,9 +288,10 @@ _CROSS_CHECK = TypeAdapter(CrossCheck)
 
 
 def solvers_depend_on(solver: str | None) -> tuple[str, ...] | None:
-    """Return all that a cross-check by a solver depends on except its states; None if that is not known.
+    """Return all dependencies of a cross-check except its states, or None if they are not known.
 
-    It is known for the solvers that come with cvxpy, and without a cross-check (None). Other results are not kept.
+    They are known for the solvers that come with cvxpy and without a cross-check (solver None). Results with other
+    solvers are not stored.
     """
     if solver is None:
         return ()
@@ -316,25 +319,25 @@ def solve_again(
     solver: str,
     place: Callable[[int], str],
 ) -> CrossCheck:
-    """Solve states of one system by another solver, called through cvxpy, and compare the rotations.
+    """Solve states of one system again with another solver, called through cvxpy, and compare the rotations.
 
-    A result of the solvers that come with cvxpy is kept in the user's cache, for the same states and rotations to the
-    last digit.
+    The user's cache stores results of the solvers that come with cvxpy. They are reused if states and rotations agree
+    to the last digit.
 
     Args:
         formulation: the programme.
-        torques: M_g [N*m], shape (states,).
+        torques: torques M_g [N*m], shape (states,).
         delta_p: gaps without force [mm], shape (states, M).
-        rotation_arcsec: rotations by the engine, shape (states,).
-        solver: its name; SECOND_SOLVER decides if it has no answer or another one.
-        place: returns the words that say where state k is, for errors.
+        rotation_arcsec: rotations from the engine [arcsec], shape (states,).
+        solver: name of the solver; SECOND_SOLVER decides if it finds no solution or a different one.
+        place: function that returns a description of state k for errors.
 
     Raises UntrustedError if two rotations differ by more than CROSS_TOLERANCE.
     """
-    # a name in any case of letters
+    # the name may be in upper or lower case
     name = require_solver(solver)
     depends_on = solvers_depend_on(solver)
-    # of a solver that is not shipped the version is unknown, so nothing is kept
+    # the version of a solver that does not come with cvxpy is unknown, so its result is not stored
     keeps_result = keeps_answers() and depends_on is not None
     key = _cross_check_key(formulation, (delta_p, torques, rotation_arcsec), f"{depends_on} {operating_system()}")
     kept = _kept_cross_check(key, len(torques)) if keeps_result else None
@@ -348,7 +351,7 @@ def solve_again(
             difference = _difference(formulation, torque, delta_p[k], rotation_arcsec[k], solver)
         except UntrustedError:
             difference = np.inf
-        # written so that NaN counts as a disagreement
+        # the comparison treats NaN as a disagreement
         if not difference <= CROSS_TOLERANCE:
             used_solvers.append(SECOND_SOLVER)
             difference = _difference(formulation, torque, delta_p[k], rotation_arcsec[k], SECOND_SOLVER)
@@ -370,12 +373,16 @@ def solve_again(
 
 
 def _kept_cross_check(key: str, states: int) -> CrossCheck | None:
-    """Return a cross-check from the user's cache, None if there is none or it is not one of so many states."""
+    """Return a cross-check from the user's cache, None if there is none or if it does not fit.
+
+    key: hash of the cross-check.
+    states: expected number of states.
+    """
     try:
         kept = _CROSS_CHECK.validate_json(cached(_SOLVED_AGAIN, key) or b"")
     except ValueError:
         return None
-    # a file from elsewhere must not pass for a check of these states
+    # a file from another source must not pass for a check of these states
     is_valid = kept.states == states and set(kept.solver.split(", ")) <= set(_SHIPPED)
     return kept if is_valid else None
 
@@ -387,27 +394,28 @@ def _difference(
     expected: float,
     solver: str,
 ) -> float:
-    """Return the difference between a solver's rotation of one state and the expected one [arcsec]."""
+    """Return the absolute difference between a solver's rotation of one state and the expected rotation [arcsec]."""
     _, free = solve_through_cvxpy(formulation, delta_p, torque, solver)
     return float(np.abs(free[formulation.system.free_rotation] * ARCSEC - expected))
 
 
 # --- single states
 
-SOLVED = 1  # exit flag of daqp
-ALWAYS_ACTIVE = 5  # sense of an equality row
-_ACTIVE_LOWER = 3  # sense of a bound expected to hold: no force
-# In the programme's own units forces are of order 0.1 to 100 and gaps of order 1 to 1000.
+SOLVED = 1  # exit flag of daqp for a solved programme
+ALWAYS_ACTIVE = 5  # sense of an equality row in daqp
+_ACTIVE_LOWER = 3  # sense of a bound that is expected to be active, which means no force
+# in units of the programme, forces are of order 0.1 to 100 and gaps of order 1 to 1000
 DAQP_SETTINGS = {"primal_tol": 1e-10, "dual_tol": 1e-12}
-_LOAD_STEPS = (1e4, 1e2, 1.0)  # multiples of the load, from which a state is approached
-ITERATIONS = 10  # most iterations of daqp for each row; states that it solves take one or two
+_LOAD_STEPS = (1e4, 1e2, 1.0)  # multiples of the load from which a state is approached
+ITERATIONS = 10  # largest number of daqp iterations per row; solved states take one or two
 
 _Solution = tuple[Array, Array]  # forces [N] and free displacements [mm, rad] of one state
-_Method = Callable[[Array, float], _Solution | None]  # of gaps delta_p [mm] and torque [N*mm]
+# solves one state from its gaps delta_p [mm] and its torque [N*mm]
+_Method = Callable[[Array, float], _Solution | None]
 
 
 class OneByOne:
-    """Solves single states of a contact system: near a contact set, else by DAQP, else by an interior-point method."""
+    """Solver of single states: near a contact set, otherwise by DAQP, otherwise by an interior-point method."""
 
     def __init__(
         self,
@@ -422,8 +430,8 @@ class OneByOne:
         Args:
             formulation: the programme.
             contact: candidates expected to carry force, shape (M,); all by default.
-            compiled: the method near a contact set may run in C, and does if it is compiled.
-            solver: a name that cvxpy knows; every state is then sent through cvxpy to this solver.
+            compiled: whether the method near a contact set may run in C if it is compiled.
+            solver: name of a cvxpy solver that solves every state instead.
         """
         self._formulation = formulation
         self._solver = solver
@@ -431,15 +439,15 @@ class OneByOne:
         self.contact = np.ones(len(formulation.local), dtype=bool) if contact is None else contact
 
     def solve(self, delta_p: Array, torque: float | Array) -> tuple[Array, Array, int]:
-        """Return forces [N], shape (states, M), free displacements [mm, rad], and the number of states given up first.
+        """Return forces [N], shape (states, M), free displacements [mm, rad], and the number of fallbacks.
 
-        That is the number of states that the first method gave up. A state that no method solves has an answer without
-        proof, or NaN. The reason applies to its neighbours as well, and each costs all methods, so no state behind the
-        first hopeless one is tried.
+        The number of fallbacks is the number of states that the first method gave up. A state that no method solves has
+        an unverified result or NaN. The reason usually applies to its neighbours as well, and each failure takes the
+        time of all methods, so no state after the first failure is tried.
 
         Args:
             delta_p: gaps without force [mm], shape (states, M).
-            torque: on the flexspline [N*mm], of all states or of each.
+            torque: torque on the flexspline [N*mm], one for all states or one per state.
 
         Raises UntrustedError if the requested solver fails.
         """
@@ -469,18 +477,18 @@ class OneByOne:
         return forces, free, given_up
 
     def _near(self, delta_p: Array, torque: float) -> _Solution | None:
-        """Solve a state from the last contact set, from none, and from that of a heavier load."""
+        """Solve a state from the last contact set, from no contact, or from the contact set of a heavier load."""
         gaps = self._formulation.gaps(delta_p)
         right = -self._formulation.load(torque)
         no_contact = np.zeros_like(self.contact)
-        # a start without contact takes half the steps of one with all contacts, and some of the latter never end
+        # a start without contact takes half the steps of a start with all contacts, which sometimes does not converge
         starts = [no_contact] if self.contact.all() else [self.contact, no_contact]
         for contact in starts:
             solution = self._solve_near(self._formulation, gaps, right, contact)
             if solution:
                 return self._formulation.answer(*solution)
-        # Teeth that hardly hold the parts come into contact and leave it again. A heavier load presses them together,
-        # and leads to their contact set.
+        # Teeth that hardly hold the parts open and close alternately. A heavier load presses them together and leads to
+        # their contact set.
         solution = self._solve_near(self._formulation, gaps, _LOAD_STEPS[0] * right, no_contact)
         for factor in _LOAD_STEPS[1:]:
             if not solution:
@@ -490,24 +498,24 @@ class OneByOne:
         return self._formulation.answer(*solution) if solution else None
 
     def _by_daqp(self, delta_p: Array, torque: float) -> _Solution | None:
-        """Solve a state by DAQP, from the last contact set and from all contacts."""
+        """Solve a state by DAQP, from the last contact set or from all contacts."""
         formulation = self._formulation
         right = -self._formulation.load(torque)
         n = len(delta_p)
-        # rows: the bounds F >= 0, then the equilibrium, which is an equality
+        # rows: the bounds F >= 0, followed by the equilibrium, which is an equality
         upper = np.append(np.full(n, np.inf), right)
         lower = np.append(np.zeros(n), right)
         A = np.ascontiguousarray(formulation.A[:, formulation.system.place])
-        # DAQP solves the dual problem from a guess of the active bounds; all contacts always hold the parts
+        # DAQP solves the dual problem from a guess of the active bounds; all contacts together always hold the parts
         for contact in (self.contact, np.ones(n, dtype=bool)):
             senses = np.where(contact, 0, _ACTIVE_LOWER)
             sense = np.append(senses, np.full(len(right), ALWAYS_ACTIVE)).astype(np.int32)
             model = daqp.Model()
             model.settings = DAQP_SETTINGS | {"iter_limit": ITERATIONS * len(sense)}
             flag, _ = model.setup(formulation.P, formulation.gaps(delta_p), A, upper, lower, sense)
-            if flag < 0:  # the coefficients are too far apart to be factored
+            if flag < 0:  # coefficients too different in size for a factorisation
                 continue
-            # duals of the equality rows are the displacements of the free freedoms
+            # the duals of the equality rows are the displacements of the free freedoms
             x, _, flag, info = model.solve()
             if flag == SOLVED:
                 return formulation.answer(x, info["lam"][n:])
@@ -515,7 +523,7 @@ class OneByOne:
 
     def _through_cvxpy(self, delta_p: Array, torque: float) -> _Solution | None:
         """Solve a state through cvxpy; only a requested solver raises UntrustedError."""
-        # as the last of three methods it may fail: the state stays NaN, and its proof fails then
+        # the last of three methods may fail, in which case the state remains NaN and fails its verification
         with nullcontext() if self._solver else suppress(UntrustedError):
             return solve_through_cvxpy(self._formulation, delta_p, torque, self._solver or SECOND_SOLVER)
         return None
@@ -524,13 +532,16 @@ class OneByOne:
 # --- a torque on the contact system
 
 
-_POOR_PROOF = 1e-9  # a state of the walk with a larger residual is solved once more, alone
+_POOR_PROOF = 1e-9  # residual of a state of the walk above which it is solved again on its own
 MANY_STATES = 64  # number of states from which a reference pays off
-_CARRIES = 1e-9  # a candidate is in contact if its force is a larger share of the largest one
+_CARRIES = 1e-9  # smallest force of a candidate in contact, as a share of the largest force
 
 
 class LoadCase:
-    """A contact system under a torque. The walk solves many states; few, and those it gives up, are solved singly."""
+    """A contact system under a torque, with the methods that solve its states.
+
+    The walk solves many states. A few states, and those that the walk gives up, are solved one by one.
+    """
 
     def __init__(
         self,
@@ -547,16 +558,16 @@ class LoadCase:
         Args:
             formulation: the programme.
             M_g: torque on the flexspline [N*m].
-            like: load case of the same or a similar system, whose contact set this one takes over.
-            many: many states will follow, in batches however small.
-            compiled: the walk in C may run, and does if it is compiled.
-            solver: a name that cvxpy knows; every state is then sent through cvxpy to this solver.
+            like: load case of the same or a similar system whose contact set is the start.
+            many: whether many states will follow, in batches of any size.
+            compiled: whether the walk may run in C if it is compiled.
+            solver: name of a cvxpy solver that solves every state instead.
 
         Raises UntrustedError if cvxpy compiles the formulation to other data.
         """
         if not solver:
             require_compiled_as_stated(formulation)
-        # a contact set of a similar load case saves most steps of the first state; numbers of candidates differ
+        # the contact set of a similar load case saves most steps of the first state; the number of candidates differs
         # between phases
         contact = None
         if like and len(like.formulation.local) == len(formulation.local):
@@ -571,14 +582,14 @@ class LoadCase:
             solver=solver,
         )
         self._walk: Walk | Pivoting | None = None
-        # the reference costs as much as some dozens of states solved alone
+        # a reference takes as long as some dozens of states solved singly
         self._walk_pays_from: float = 0 if many else MANY_STATES  # number of states
         if solver:
             self._walk_pays_from = np.inf
         self.load(M_g)
 
     def load(self, M_g: float) -> None:
-        """Set another torque M_g [N*m]; factors remain valid."""
+        """Set another torque M_g [N*m] for further states."""
         self._torque = M_g * N_MM
 
     def solve(
@@ -589,17 +600,17 @@ class LoadCase:
         *,
         slope: bool = False,
     ) -> Answers:
-        """Solve states and prove each answer.
+        """Solve states and verify each result.
 
         Args:
-            gaps: of the states.
-            place: returns the words that say where state k is, for errors.
-            progress: called with the number of states solved since the last call.
-            slope: also compute the slope of the rotation by the scalars.
+            gaps: gap changes of the states.
+            place: function that returns a description of state k for errors.
+            progress: function called with the number of states solved since the last call.
+            slope: whether to compute the slope of the rotation by the scalars.
 
-        Raises UntrustedError if a state is not solved, or its answer is outside the limits of the linear model.
+        Raises UntrustedError if a state is not solved, or if its result exceeds the limits of the linear model.
         """
-        # a generator: a chunk is solved when the one before it is proven
+        # a generator, so that a chunk is solved only after the previous one is verified
         firsts = range(0, len(gaps), STATES_AT_A_TIME)
         chunks = (self.sums(gaps[first : first + STATES_AT_A_TIME], slope=slope) for first in firsts)
         return proven_answers(self.system, self._torque, chunks, place, progress)
@@ -612,7 +623,7 @@ class LoadCase:
     ) -> Answers:
         """Solve the state without deviations at torques M_g [N*m], each from the contacts of the previous one.
 
-        The other arguments and the errors are those of solve.
+        The other arguments and the errors are those of `solve`.
         """
         loads = torques * N_MM
         delta_p = np.repeat(
@@ -625,17 +636,17 @@ class LoadCase:
         return proven_answers(self.system, loads, [sums], place, progress)
 
     def sums(self, gaps: StateGaps, *, slope: bool = False) -> StateSums:
-        """Return the sums of states without their proof.
+        """Return the sums of states without verification.
 
-        A state that no method solves has sums without proof, or NaN. States behind it are not tried and have NaN.
+        A state that no method solves has unverified sums or NaN. The states after it are not tried and have NaN.
 
         Args:
-            gaps: of the states.
-            slope: also compute the slope of the rotation by the scalars.
+            gaps: gap changes of the states.
+            slope: whether to compute the slope of the rotation by the scalars.
 
-        Raises UntrustedError if a requested solver has no answer.
+        Raises UntrustedError if a requested solver finds no solution.
         """
-        # begun late, as many load cases solve single states only
+        # created on first use, because many load cases solve single states only
         if self._walk is None and len(gaps) >= self._walk_pays_from:
             reference = self._reference()
             if reference:
@@ -647,8 +658,8 @@ class LoadCase:
             self._torque,
             slope=slope,
         )
-        # a residual that grew over many pivots is cured by a solution from scratch
-        given_up = np.flatnonzero(~(sums.residuals.worst <= _POOR_PROOF))  # or NaN
+        # a residual that grew over many pivots disappears in a solution from scratch
+        given_up = np.flatnonzero(~(sums.residuals.worst <= _POOR_PROOF))  # includes NaN
         if len(given_up):
             sums.put(given_up, self._alone(gaps[given_up], slope))
         return replace(sums, given_up=len(given_up))
@@ -659,7 +670,7 @@ class LoadCase:
         hills: Starts,
         rules: Rules,
     ) -> Points:
-        """Return the highest states around hills, as `climbed` does, shape (groups, 2). They are not proven."""
+        """Return the highest states around hills without verification, as `climbed` does, shape (groups, 2)."""
         if isinstance(self._walk, Walk):
             return self._walk.climb(torus, self._torque, hills, rules)
 
@@ -671,7 +682,7 @@ class LoadCase:
         return climbed(torus, hills, rules, state_at)
 
     def forces(self, delta_p: Array) -> tuple[Array, Array, int]:
-        """Return what OneByOne.solve returns: each state is solved alone.
+        """Return the results of OneByOne.solve at the torque of this case.
 
         Args:
             delta_p: gaps without force [mm], shape (states, M).
@@ -679,9 +690,9 @@ class LoadCase:
         return self._one_by_one.solve(delta_p, self._torque)
 
     def _reference(self) -> Reference | None:
-        """Return the reference at the contacts of the drive without deviations, None if that set does not serve.
+        """Return the reference at the contacts of the drive without deviations, None if they do not hold the parts.
 
-        It does not depend on the states to be solved.
+        The reference does not depend on the states to be solved.
         """
         references = self.formulation.references
         if self._torque not in references:
@@ -689,7 +700,7 @@ class LoadCase:
             start = other_contacts[0] if other_contacts else None  # contacts at another torque
             nominal = OneByOne(self.formulation, start, compiled=self._compiled)
             forces, _, _ = nominal.solve(self.system.delta_p[None], self._torque)
-            # kept as None too, so that a contact set that does not serve is tried once only
+            # None is stored first, so that an unusable contact set is tried only once
             references[self._torque] = None
             with suppress(ValueError):
                 references[self._torque] = Reference(self.formulation, forces[0] > _CARRIES * forces[0].max())

@@ -1,9 +1,10 @@
-"""The compiled walk (walk.c), which solves, sums and certifies states in C; and climbs to the highest states.
+"""The compiled walk (walk.c), which solves, sums and verifies states in C, and climbs to the highest states.
 
-Climbs go from hills of the rotation by slopes, in numpy where no walk was compiled, and as its oracle. States are
-places of both wheels on a torus. The tangent of a state, straight in the scalars, is exact while contacts stay as they
-are, and bounds the others from above until one of them is higher. The next state is the one that all bounds, and the
-tangent of the highest state, let be the highest.
+A climb starts from a hill of the rotation and follows its slopes. It runs in numpy if the walk is not compiled, which
+also serves as the reference for tests. States are positions of both wheels on a torus. The tangent of a state is linear
+in the scalars and exact as long as the contacts do not change. It bounds the other states from above until one of them
+is found to be higher. The next state is the one with the highest bound, by all valid bounds and the tangent of the
+highest state.
 """
 
 from __future__ import annotations
@@ -27,22 +28,24 @@ from hdassist.solve.formulation import Formulation, Reference
 from hdassist.solve.pivoting import NEAR_STEPS, SOFT
 
 Points = NDArray[np.int64]
-_StateAt = Callable[[Array], tuple[float, Array]]  # rotation [rad] and slopes [rad/mm] of a state by its scalars [mm]
+# returns rotation [rad] and slopes [rad/mm] of a state from its scalars [mm]
+_StateAt = Callable[[Array], tuple[float, Array]]
 
-_DIRECTIONS = np.array([(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)])  # of a ring, in order
-_RING_ROUNDS = 3  # most rounds with each ring around the highest state
-_MAX_RADIUS = 24  # largest radius in which a climb looks for its next state, in steps along each wheel
-_MOST_STATES = 256  # states of one climb at most; two dozen are usual
+# directions of the points of a ring, in order
+_DIRECTIONS = np.array([(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)])
+_RING_ROUNDS = 3  # largest number of rounds with each ring around the highest state
+_MAX_RADIUS = 24  # largest radius in which a climb searches for its next state, in steps along each wheel
+_MOST_STATES = 256  # largest number of states of one climb, which usually needs two dozen
 
 
 @dataclass(frozen=True, eq=False)
 class Torus:
-    """Deviation scalars of the states of drives, as sums of parts that the positions of both wheels give.
+    """Deviation scalars of the states of drives, as sums of one part per wheel position.
 
-    States lie on a torus, the positions of the two wheels.
+    States are points of a torus, whose coordinates are the positions of the two wheels.
     """
 
-    by_b: Array  # part of the rigid wheel [mm], shape (drives, z_b, scalars)
+    by_b: Array  # part of the circular spline [mm], shape (drives, z_b, scalars)
     by_g: Array  # part of the flexspline [mm], shape (drives, z_g, scalars)
     finest: int  # steps along each wheel from one state to the next
 
@@ -50,18 +53,18 @@ class Torus:
         """Return the scalars of states [mm], shape (states, scalars).
 
         Args:
-            row: of the drive of each state.
-            point: of each state, shape (states, 2).
+            row: index of the drive, for each state.
+            point: points of the states, shape (states, 2).
         """
         k, l = point.T % np.array([[self.by_b.shape[1]], [self.by_g.shape[1]]])
         return np.asarray(self.by_b[row, k] + self.by_g[row, l])
 
     def changes(self, row: Points, point: Points) -> list[Array]:
-        """Return the changes of the scalars by a step along each wheel [mm], both of shape (states, scalars).
+        """Return the changes of the scalars per step along each wheel [mm], both of shape (states, scalars).
 
         Args:
-            row: of the drive of each state.
-            point: of each state, shape (states, 2).
+            row: index of the drive, for each state.
+            point: points of the states, shape (states, 2).
         """
         return [_central_difference(self.by_b, row, point[:, 0]), _central_difference(self.by_g, row, point[:, 1])]
 
@@ -77,23 +80,24 @@ def _central_difference(
 
 @dataclass(frozen=True, eq=False)
 class Starts:
-    """States on hills, at which climbs begin, in groups of one drive and one sign."""
+    """States on hills at which climbs begin, in groups of one drive and one sign."""
 
-    first: Points  # number of the first hill of each group
-    row: Points  # of the drive of each group
-    sign: Points  # of each group; -1 climbs the rotation upside down
-    point: Points  # of each state, shape (hills, 2)
-    rotation: Array  # of each state [rad]
-    slope: Array  # of the rotation by the scalars [rad/mm], shape (hills, scalars)
+    first: Points  # index of the first hill of each group
+    row: Points  # index of the drive of each group
+    sign: Points  # sign of each group; -1 climbs the negative rotation
+    point: Points  # point of each state, shape (hills, 2)
+    rotation: Array  # rotation of each state [rad]
+    slope: Array  # slope of the rotation by the scalars [rad/mm], shape (hills, scalars)
 
 
 @dataclass(frozen=True)
 class Rules:
     """Limits of a climb."""
 
-    steps: int  # most steps
-    gain: float  # smallest gain that the next state has to promise [rad]
-    radius: tuple[int, ...]  # in which a climb looks for its next state, then the radii of rings around its top
+    steps: int  # largest number of steps
+    gain: float  # smallest predicted gain for which another state is solved [rad]
+    # radius in which a climb searches for its next state, then the radii of the rings around its top
+    radius: tuple[int, ...]
 
 
 def climbed(
@@ -108,7 +112,7 @@ def climbed(
         torus: scalars of all states.
         hills: states at which climbs begin.
         rules: limits of the climbs.
-        state_at: solves a state.
+        state_at: function that solves a state.
     """
     radius, *rings = rules.radius
     tops = []
@@ -135,7 +139,7 @@ def climbed(
 
 
 class _Climb:
-    """States of one climb, with the bounds that they set."""
+    """States of one climb, with the bounds that they imply."""
 
     def __init__(
         self,
@@ -168,7 +172,7 @@ class _Climb:
         return self.points[int(np.argmax(self._heights))]
 
     def visit(self, point: Points) -> bool:
-        """Solve the state at a point; return whether it has an answer and there was room for it."""
+        """Solve the state at a point and return whether it was solved and could be stored."""
         if len(self.points) == _MOST_STATES:
             return False
         rotation, slope = self._state_at(self._torus.scalars(np.array([self._row]), point[None])[0])
@@ -186,8 +190,8 @@ class _Climb:
 
         Args:
             point: positions of both wheels.
-            rotation: [rad].
-            slope: of the rotation by the scalars [rad/mm].
+            rotation: rotation [rad].
+            slope: slope of the rotation by the scalars [rad/mm].
         """
         scalars = self._torus.scalars(np.array([self._row]), point[None])[0]
         height = self._sign * rotation
@@ -206,11 +210,11 @@ class _Climb:
         self._is_bound.append(is_bound)
 
     def go_up(self, radius: float, target: float) -> None:
-        """Visit the state with the highest bound near the top, again and again, until no bound promises a gain.
+        """Visit the state with the highest bound near the top repeatedly, until no bound promises a gain.
 
         Args:
-            radius: in which the next state is looked for, in steps along each wheel.
-            target: height that a state has to promise to exceed [rad].
+            radius: radius in which the next state is searched, in steps along each wheel.
+            target: height that the bound of a state must exceed [rad].
         """
         for _ in range(self._rules.steps):
             reach = min(int(radius + 0.5), _MAX_RADIUS)
@@ -224,13 +228,13 @@ class _Climb:
                 radius = radius / 2
 
     def look_around(self, ring: int, height: float) -> float:
-        """Visit states on a ring around the top and climb from them, until that no longer raises the top.
+        """Visit states on a ring around the top and climb from them, until this no longer raises the top.
 
         Args:
-            ring: radius, in steps along each wheel.
-            height: that a round has to exceed by the gain [rad].
+            ring: radius of the ring, in steps along each wheel.
+            height: height that a round must exceed by the gain [rad].
 
-        Returns the height that the next ring has to exceed.
+        Returns the height that the next ring must exceed.
         """
         for _ in range(_RING_ROUNDS):
             known_points = np.array(self.points)
@@ -248,8 +252,8 @@ class _Climb:
     def _upper_bounds(self, top: Points, reach: int) -> Array:
         """Return upper bounds of the heights near the top [rad], shape (2 reach + 1, 2 reach + 1).
 
-        They are the lowest of the tangents that lie above all known states. Points that are no states, and states that
-        were visited, have -inf.
+        Each bound is the lowest of the tangents that lie above all known states. It is -inf at points without a state
+        and at visited states.
         """
         torus = self._torus
         is_top = np.arange(len(self.points)) == np.argmax(self._heights)
@@ -273,7 +277,10 @@ INSTRUCTIONS = {4: "AVX-512", 3: "AVX2", 1: "any machine"}
 
 @cache
 def walk_library() -> tuple[Any, str]:
-    """Return the compiled walk for this machine, None if there is none, and which one it is or why there is none."""
+    """Return the compiled walk for this machine, None if there is none, and a text.
+
+    The text names the walk or the reason for its absence.
+    """
     for folder in (Path(__file__).parent, development_folder()):
         if not (folder / library_name(1)).exists():
             continue
@@ -290,23 +297,23 @@ def walk_library() -> tuple[Any, str]:
 
 
 def installation() -> tuple[str, ...]:
-    """Return all that an answer depends on in this process except the machine: source, versions, engine."""
+    """Return everything except the machine that results depend on in this process: source, versions and engine."""
     return (*program("cvxpy", "daqp"), "compiled" if walk_library()[0] else "numpy")
 
 
 def digits_depend_on() -> tuple[str, ...]:
-    """Return all that the last digits of an answer depend on except the question."""
+    """Return everything except the input that the last digits of a result depend on."""
     return (*program("daqp", "pydantic"), walk_library()[1], operating_system())
 
 
 def _opened(path: Path) -> Any:
-    """Load a library of any source: one of another source may lack functions, but names its source."""
+    """Load a library of any source version, which may lack functions but always names its source."""
     library: Any = ctypes.CDLL(str(path))
     library.walk_source.restype = ctypes.c_char_p
     return library
 
 
-# Result and arguments of each function: p pointer, i int, l long, d double, - nothing.
+# result and arguments of each function: p pointer, i int, l long, d double, - nothing
 _FUNCTIONS = {
     "walk_new": "ppp",
     "walk_free": "-p",
@@ -318,7 +325,7 @@ _FUNCTIONS = {
 
 
 def _load(path: Path) -> Any:
-    """Load a library of the present source, with the types of its functions."""
+    """Load a library of the present source version, with the types of its functions."""
     library = _opened(path)
     kinds = {"p": ctypes.c_void_p, "i": ctypes.c_int, "l": ctypes.c_long, "d": ctypes.c_double, "-": None}
     for name, letters in _FUNCTIONS.items():
@@ -332,7 +339,7 @@ def _load(path: Path) -> Any:
 class Walk:
     """The compiled walk of one contact system."""
 
-    climbed = 0  # number of states that all climbs have solved without proof, for studies
+    climbed = 0  # number of states that all climbs have solved without verification, for studies
 
     def __init__(self, reference: Reference) -> None:
         self._library, _ = walk_library()
@@ -355,12 +362,12 @@ class Walk:
         *,
         slope: bool = False,
     ) -> StateSums:
-        """Return sums and residuals of states, NaN for a state that was given up.
+        """Return the sums and residuals of states, NaN for a state that was given up.
 
         Args:
-            gaps: of the states.
-            torque: on the flexspline [N*mm].
-            slope: also compute the slope of the rotation by the scalars.
+            gaps: gap changes of the states.
+            torque: torque on the flexspline [N*mm].
+            slope: whether to compute the slope of the rotation by the scalars.
         """
         scalars = np.ascontiguousarray(gaps.scalars, dtype=float)
         count, p = scalars.shape
@@ -370,7 +377,7 @@ class Walk:
         residual = np.empty((count, 4))
         slopes = np.empty((count, p)) if slope else None
         place_gaps, teeth_coordinates = self._reference.of_teeth(gaps)
-        # a variable holds the arrays until the call has ended: addresses alone would not
+        # this variable keeps the arrays alive until the call has ended, which addresses would not
         arrays = (scalars, place_gaps, teeth_coordinates, rotation, moment, tooth_force, residual, slopes)
         given_up = self._library.walk_solve(self._walk, count, torque, p, *map(_address, arrays))
         return StateSums(
@@ -389,18 +396,18 @@ class Walk:
         hills: Starts,
         rules: Rules,
     ) -> Points:
-        """Return what `climbed` returns, compiled; a state that is given up counts as none.
+        """Return the result of `climbed`, computed in C; a state that is given up does not count.
 
         Args:
             torus: scalars of all states.
-            torque: on the flexspline [N*mm].
+            torque: torque on the flexspline [N*mm].
             hills: states at which climbs begin.
             rules: limits of the climbs.
         """
         _, z_b, scalars = torus.by_b.shape
         _, z_g, _ = torus.by_g.shape
         groups = len(hills.row)
-        # variables hold the arrays until the call has ended: addresses alone would not
+        # these variables keep the arrays alive until the call has ended, which addresses would not
         sizes = _int32([z_b, z_g, torus.finest, rules.steps, len(rules.radius) - 1])
         radius = _int32(rules.radius)
         by_b = np.ascontiguousarray(torus.by_b)
@@ -434,7 +441,7 @@ def walk_near_state(
     right: Array,
     contact: NDArray[np.bool_],
 ) -> tuple[Array, Array] | None:
-    """Return what `pivoting.solve_near` returns for the same arguments, compiled."""
+    """Return the result of `pivoting.solve_near` for the same arguments, computed in C."""
     system = formulation.system
     place_ends = np.append(system.first, len(gaps)).astype(np.int32)
     contiguous_gaps = np.ascontiguousarray(gaps)
@@ -465,12 +472,12 @@ def read_table(
     places: Array,
     factors: Array,
 ) -> Array:
-    """Return values of a table of four axes, interpolated linearly, NaN beyond its ends, shape (points,).
+    """Return the values of a table over four axes, interpolated linearly, NaN outside it, shape (points,).
 
     Args:
-        table: a value and its slopes by factors at each point, shape (*axes, 1 + factors).
-        places: of the points along the axes, shape (points, 4).
-        factors: of the slopes, shape (points, factors).
+        table: value and slopes by the factors at each point, shape (*axes, 1 + factors).
+        places: positions of the points along the axes, shape (points, 4).
+        factors: factors of the slopes, shape (points, factors).
     """
     table = np.ascontiguousarray(table)
     places = np.ascontiguousarray(places)
@@ -482,7 +489,7 @@ def read_table(
         arrays = (shape, table, places, factors, values)
         library.walk_read(len(places), table.shape[-1], *map(_address, arrays))
         return values
-    from scipy.ndimage import map_coordinates  # its import takes as much time as a check
+    from scipy.ndimage import map_coordinates  # importing scipy.ndimage takes as long as a whole check
 
     value, *slopes = (map_coordinates(part, places.T, order=1, cval=np.nan) for part in np.moveaxis(table, -1, 0))
     return np.asarray(value + (np.transpose(slopes) * factors).sum(axis=1))
