@@ -164,7 +164,7 @@ def table() -> str:
     """K1, K2, K3 of each size beside its catalogue's, as the preset stands and with a bearing without clearance."""
     lines = [
         "| preset | catalogue K1, K2, K3 | hdassist | ratio | lost motion "
-        "| without clearance of the bearing, ratio | lost motion | source of the catalogue's |",
+        "| ratio without clearance of the bearing | lost motion | source of the catalogue values |",
         "| --- | --- | --- | --- | --- | --- | --- | --- |",
     ]
     for each in SIZES:
@@ -178,7 +178,9 @@ def table() -> str:
                 ", ".join(f"{k / c:.2f}" for k, c in zip(K, each.K, strict=True)),
                 f'{curve.lost_motion_arcsec:.0f}"',
             ]
-        lines.append(f"| `{each.name}` | {' | '.join(cells)} | {each.source} |")
+        source = each.source.replace("read second-hand", "quoted by another source")
+        source = source.replace("not re-read", "not verified")
+        lines.append(f"| `{each.name}` | {' | '.join(cells)} | {source} |")
         sys.stderr.write(f"{lines[-1]}\n")
     return "\n".join(lines) + "\n"
 
