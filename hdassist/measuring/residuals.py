@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from hdassist.errors import Fault, UntrustedError
 from hdassist.measuring.fit import EVEN, RESOLVED_GAP, TraceFit, distance, even_readings, fit_orders, residual_power
 from hdassist.measuring.orders import LINE_WIDTH
-from hdassist.measuring.terms import BINS_PER_COLUMN, Bins, order_columns
+from hdassist.measuring.terms import BINS_PER_COLUMN, Bins, TraceDesign, order_columns
 from hdassist.model.geometry import Array
 from hdassist.readers.table import shortened
 from hdassist.readers.trace import MeasuredTrace
@@ -90,19 +90,19 @@ def with_lines(fit: TraceFit) -> TraceFit:
     revolution: their images look like lines.
     """
     bins = fit.bins
-    orders = fit.orders
+    base = fit.design
     rate, _, evenness = even_readings(bins)
     # above half the rate of even readings, a line would be an image
     has_images = evenness > EVEN or fit.design.slow.by_angle
     # averaging over bins attenuates faster lines
-    highest = min(_HIGHEST_LINE * float(orders[-1]), rate / 2 if has_images else np.inf)
+    highest = min(_HIGHEST_LINE * float(base.orders[-1]), rate / 2 if has_images else np.inf)
     # one line at a time, because each changes the residuals
     while len(fit.lines) < _MAX_LINES and len(bins) >= BINS_PER_COLUMN * (fit.design.columns + 2):
         peak = _highest_peak(fit, highest)
         if peak is None or peak.chance > _LINE_FALSE_ALARM or peak.amplitude < _SMALLEST_LINE * fit.amplitude.max():
             break
         try:
-            trial = _settled(fit, orders, peak.order)
+            trial = _settled(fit, base, peak.order)
         except UntrustedError:  # too close to a fitted order
             break
         # reject a line that only represents the wind-up differently
@@ -217,7 +217,7 @@ def _least_likely(
 
 def _settled(
     fit: TraceFit,
-    orders: Array,
+    base: TraceDesign,
     order: float,
 ) -> TraceFit:
     """Return a fit with one further line, after refining the orders of all lines.
@@ -225,22 +225,26 @@ def _settled(
     If the recording does not resolve the line from a fitted order, the line is placed between orders instead.
 
     fit: fit with the lines found so far.
-    orders: orders that are not lines, increasing, shape (orders,).
+    base: design of the orders that are not lines.
     order: order of the further line.
     Raises UntrustedError if there is no room for the line.
     """
-    slow = fit.design.slow
+
+    def with_these(lines: Array) -> TraceFit:
+        """Return the fit with some lines."""
+        return fit_orders(fit.bins, base.orders, base.slow, lines=lines, base=base)
+
     with suppress(UntrustedError):  # the line may have moved onto a fitted order
-        trial = fit_orders(fit.bins, orders, slow, np.append(fit.lines, order))
+        trial = with_these(np.append(fit.lines, order))
         # a line that exchanges amplitude with an order would drift away from it
         fixed_lines = fit.lines[fit.unresolved[fit.is_line]]
         for _ in range(_ORDER_ITERATIONS):
             is_free = ~np.isin(trial.lines, fixed_lines)
-            trial = fit_orders(fit.bins, orders, slow, trial.lines + is_free * _line_steps(trial))
+            trial = with_these(trial.lines + is_free * _line_steps(trial))
         # a line that moved onto an order is placed between orders instead
         if trial.unresolved.sum() <= fit.unresolved.sum():
             return trial
-    return fit_orders(fit.bins, orders, slow, np.append(fit.lines, _place_between(fit, order)))
+    return with_these(np.append(fit.lines, _place_between(fit, order)))
 
 
 def _line_steps(fit: TraceFit) -> Array:

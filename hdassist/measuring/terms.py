@@ -282,11 +282,15 @@ class TraceDesign:
     """
 
     def __init__(
-        self,
-        bins: Bins,
-        orders: Array,
-        slow: SlowTerms = SlowTerms(),
+        self, bins: Bins, orders: Array, slow: SlowTerms = SlowTerms(), base: TraceDesign | None = None
     ) -> None:
+        """Form the normal equations, and factor them.
+
+        orders: per input revolution, rising, shape (orders,).
+        slow: terms besides the orders.
+        base: design of the same bins with fewer orders, whose rows and products are used again if it has the same slow
+            terms and its orders are among these.
+        """
         self.bins = bins
         self.orders = orders
         self.slow = slow
@@ -299,12 +303,18 @@ class TraceDesign:
             raise UntrustedError(message, hint, Fault.ORDERS_UNTOLD)
         starts = range(0, len(bins), DESIGN_CHUNK)
         self._parts = [slice(start, min(start + DESIGN_CHUNK, len(bins))) for start in starts]
+        self._base = base if base is not None and self._contains(base) else self
+        self._set_added_columns()
         self.gram = self._normal_equations()
+        self._factor()
+
+    def _factor(self) -> None:
+        """Set the condition of the normal equations, and the root of their inverse."""
         # scaling to a unit diagonal, so that the condition number describes the angles
         scale = 1 / np.sqrt(np.diag(self.gram))
         values, vectors = np.linalg.eigh(self.gram * scale * scale[:, None])
         # the ridge limits unresolved combinations and changes resolved ones by a relative 1e-7
-        values += slow.ridge
+        values += self.slow.ridge
         self.condition = float(values[-1] / values[0]) if values[0] > 0 else float("inf")
         if self.condition > _WORST_CONDITION:
             hint = "record at least one input revolution at even steps, or declare fewer orders: --orders 1,2,4"
@@ -312,12 +322,39 @@ class TraceDesign:
         # the symmetric root: vectors of values that are nearly equal are a matter of rounding, and draws with them
         self.root: Array = scale[:, None] * ((vectors / np.sqrt(values)) @ vectors.T)
 
+    def _contains(self, other: TraceDesign) -> bool:
+        """Return whether all columns of another design are columns of this one, whose slow terms come last."""
+        is_alike = self.slow == other.slow and not self.slow.order_changes
+        return is_alike and bool(np.isin(other.orders, self.orders).all())
+
+    def _set_added_columns(self) -> None:
+        """Find the columns of the base in this design, and those of the added orders."""
+        is_added = np.zeros(len(self.orders), bool)
+        if self._base is not self:
+            is_added = ~np.isin(self.orders, self._base.orders)
+        self._added_orders = self.orders[is_added]
+        is_added_column = np.zeros(self.columns, bool)
+        is_added_column[: 2 * len(self.orders)] = np.tile(is_added, 2)
+        self._added = np.flatnonzero(is_added_column)
+        self._kept = np.flatnonzero(~is_added_column)
+
     def _normal_equations(self) -> Array:
         """Return the weighted products of the columns, shape (columns, columns)."""
+        if self._base is not self:
+            return self._bordered_equations()
         gram = np.zeros((self.columns, self.columns))
         for rows in self._parts:
             matrix = self._rows(rows.start) * np.sqrt(self.bins.weight[rows, None])
             gram += matrix.T @ matrix  # a product of one array with its own transpose takes half the work
+        return gram
+
+    def _bordered_equations(self) -> Array:
+        """Return the same products, formed with added columns only: the others are those of the base."""
+        gram = np.empty((self.columns, self.columns))
+        gram[np.ix_(self._kept, self._kept)] = self._base.gram
+        products = self._moments(lambda rows: order_columns(self.bins.turns[rows], self._added_orders))
+        gram[:, self._added] = products
+        gram[self._added] = products.T
         return gram
 
     @lru_cache(maxsize=4)  # noqa: B019 - of four parts in all: most records have fewer, of which fits ask several times
@@ -352,16 +389,35 @@ class TraceDesign:
         curves: values at the bins, shape (bins, ...).
         """
         solution = self.project(lambda rows: curves[rows])
-        return solution, curves - np.concatenate([self._rows(rows.start) @ solution for rows in self._parts])
+        return solution, curves - np.concatenate([self._sum(rows, solution) for rows in self._parts])
 
     def project(self, curves: Callable[[slice], Array]) -> Array:
         """Return the least-squares unknowns for curves, shape (columns, ...).
 
         curves: function that returns the values at a slice of the bins.
         """
+        return self.root @ (self.root.T @ self._moments(curves))
+
+    def _sum(self, rows: slice, unknowns: Array) -> Array:
+        """Return the sum of all columns times unknowns at a part of the bins, shape (rows, ...)."""
+        values = self._base._rows(rows.start) @ unknowns[self._kept]
+        if len(self._added):
+            values += order_columns(self.bins.turns[rows], self._added_orders) @ unknowns[self._added]
+        return np.asarray(values)
+
+    def _moments(self, curves: Callable[[slice], Array]) -> Array:
+        """Return the weighted products of all columns with curves, shape (columns, ...)."""
         # computed in parts, because the whole design may not fit into memory
-        moments = [(self._rows(rows.start) * self.bins.weight[rows, None]).T @ curves(rows) for rows in self._parts]
-        return self.root @ (self.root.T @ sum(moments))
+        parts = []
+        for rows in self._parts:
+            values = curves(rows)
+            weighted = (self.bins.weight[rows] * values.T).T
+            part = np.empty((self.columns, *values.shape[1:]))
+            part[self._kept] = self._base._rows(rows.start).T @ weighted
+            if len(self._added):
+                part[self._added] = order_columns(self.bins.turns[rows], self._added_orders).T @ weighted
+            parts.append(part)
+        return np.asarray(sum(parts))
 
     def drift_at(
         self,

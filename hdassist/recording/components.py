@@ -31,13 +31,13 @@ _Indices = NDArray[np.int64]
 _CHANCE = 1e-3  # of a component in noise, for each recording
 _NEIGHBOURS = 64  # places around a peak, on both sides together, that show the level of the noise
 _PEAK_PLACES = 4  # on each side of a peak that belong to it, of a spectrum that is twice as fine as the resolution
-_MOST_COMPONENTS = 8
+MOST_COMPONENTS = 8
 _FEWEST_PERIODS = 3.0  # in the longest run: slower components are drift or waves of the output
 _WIDEST_SIDEBAND, _WIDEST_OF_RATIO = 14, 0.25  # of a component that is a wave of the torus; over the ratio
 _ON_WAVE = 0.2  # of the resolution: how far a component may lie off a wave of the torus
 _WHOLE = 0.97  # of the cycle, in one run, from which its sidebands are resolved
 _CELLS_PER_STEP = 4  # of even angles, on which residuals are set: a wave loses 3 % of its power at most
-_SAME_PLACE = 0.25  # of the resolution: a component so near to a line that was removed is what the removal left of it
+SAME_PLACE = 0.25  # of the resolution: a component so near to a line that was removed is what the removal left of it
 _REMOVAL_STEPS = 5  # places between two of the spectrum, at which a peak is sought
 
 
@@ -52,11 +52,17 @@ class Components:
     pairs: tuple[tuple[int, int], ...] = ()
     lines: tuple[float, ...] = ()
 
+    def joined(self, others: Components) -> Components:
+        """Return these components and others."""
+        return Components(pairs=tuple({*self.pairs, *others.pairs}), lines=self.lines + others.lines)
+
 
 NO_COMPONENTS = Components()
 
 
-def clear_components(residual: Array, path_rev: Array, run: _Indices, cycle: Fraction) -> Components:
+def clear_components(
+    residual: Array, path_rev: Array, run: _Indices, cycle: Fraction, most: int = MOST_COMPONENTS
+) -> Components:
     """Return the components of the residuals that clearly exceed the noise.
 
     residual: of each block [arcsec], shape (blocks,).
@@ -70,9 +76,9 @@ def clear_components(residual: Array, path_rev: Array, run: _Indices, cycle: Fra
     pairs: list[tuple[int, int]] = []
     lines: list[float] = []
     rest = residual.copy()
-    for _ in range(_MOST_COMPONENTS):
+    for _ in range(most):
         place = _clearest_place(rest, path_rev, run, longest)
-        if place is None or any(abs(place - taken) < _SAME_PLACE / longest for taken in lines):
+        if place is None or any(abs(place - taken) < SAME_PLACE / longest for taken in lines):
             break
         rest = rest - _wave_at(rest, path_rev, run, place)
         pair = _pair_at(place, cycle, longest)

@@ -42,7 +42,7 @@ from hdassist.errors import SURE, UsageError, Verdict
 from hdassist.model.geometry import Array
 from hdassist.recording.posterior import ENOUGH_SAMPLES, AmplitudePosterior, effective_samples
 from hdassist.recording.sizes import FINE_ORDER, rest_profile
-from hdassist.recording.waves import CURVE_POINTS_PER_REV, cycle_curves, visited_places
+from hdassist.recording.waves import CURVE_POINTS_PER_REV, cycle_curves, parabola_peak, visited_places
 
 _CHUNK = 50  # curves computed at once, for the memory
 _CELLS = 36  # of the cycle, one or several of which are the part to record next
@@ -140,11 +140,10 @@ def part_to_record(posterior: AmplitudePosterior) -> tuple[float, float] | None:
     cell_of_point = np.arange(len(seen)) * _CELLS // len(seen)
     is_open = np.bincount(cell_of_point, ~seen, minlength=_CELLS) > 0.5 * len(seen) / _CELLS
     weights = np.zeros(_CELLS)
-    for first in range(0, len(posterior.amplitudes), _CHUNK):
-        curves = cycle_curves(posterior.amplitudes[first : first + _CHUNK], posterior.pairs, posterior.cycle)
-        gained = np.ptp(curves, axis=1) - np.ptp(curves[:, seen], axis=1)
-        for extremes in (curves.argmax(axis=1), curves.argmin(axis=1)):
-            np.add.at(weights, cell_of_point[extremes], np.where(seen[extremes], 0.0, gained))
+    extremes = posterior.extremes
+    gained = extremes.range_arcsec - extremes.visited_range_arcsec
+    for places in (extremes.highest, extremes.lowest):
+        np.add.at(weights, cell_of_point[places], np.where(seen[places], 0.0, gained))
     weights[~is_open] = 0.0
     if not weights.any():
         return None
@@ -176,15 +175,13 @@ def range_figure(
     at_blocks = _BlockPoints(posterior, in_travel)
     block_curves = posterior.block_curves[:, at_blocks.inside]
     block_range = at_blocks.range(block_curves)
-    draws = len(posterior.amplitudes)
-    whole_range = np.empty(draws)
-    seen_range = np.zeros(draws)
-    for first in range(0, draws, _CHUNK):
-        chosen = slice(first, first + _CHUNK)
-        curves = cycle_curves(posterior.amplitudes[chosen], posterior.pairs, posterior.cycle)
-        whole_range[chosen] = peak_range(curves) if is_cycle else np.ptp(curves[:, in_travel], axis=1)
-        if seen.any():
-            seen_range[chosen] = np.minimum(np.ptp(curves[:, seen], axis=1), block_range[chosen])
+    if is_cycle:
+        whole_range = posterior.extremes.peak_range_arcsec
+        seen_range = posterior.extremes.visited_range_arcsec
+    else:
+        whole_range, seen_range = _ranges_of_travel(posterior, in_travel, seen)
+    if seen.any():
+        seen_range = np.minimum(seen_range, block_range)
     whole_effective, seen_effective = effective_samples(whole_range), effective_samples(seen_range)
     rest = _rest(posterior, seed)
     lines = 2 * posterior.line_amplitudes.sum(axis=1)
@@ -205,6 +202,22 @@ def range_figure(
         whole_effective=whole_effective,
         seen_effective=seen_effective,
     )
+
+
+def _ranges_of_travel(
+    posterior: AmplitudePosterior, in_travel: NDArray[np.bool_], seen: NDArray[np.bool_]
+) -> tuple[Array, Array]:
+    """Return samples of the range over the places of a travel, and over those with readings, each of shape (draws,)."""
+    draws = len(posterior.amplitudes)
+    whole_range = np.empty(draws)
+    seen_range = np.zeros(draws)
+    for first in range(0, draws, _CHUNK):
+        chosen = slice(first, first + _CHUNK)
+        curves = cycle_curves(posterior.amplitudes[chosen], posterior.pairs, posterior.cycle)
+        whole_range[chosen] = np.ptp(curves[:, in_travel], axis=1)
+        if seen.any():
+            seen_range[chosen] = np.ptp(curves[:, seen], axis=1)
+    return whole_range, seen_range
 
 
 def _share_below(values: Array, limit: float, uncertainty: float) -> float:
@@ -247,7 +260,7 @@ class _BlockPoints:
         highest = values.argmax(axis=1)
         before = values[rows, np.where(self._is_first[highest], highest, highest - 1)]
         behind = values[rows, np.where(self._is_last[highest], highest, highest + 1)]
-        return _parabola_peak(before, values[rows, highest], behind)
+        return parabola_peak(before, values[rows, highest], behind)
 
 
 def _flank(posterior: AmplitudePosterior, at_blocks: _BlockPoints) -> float:
@@ -262,31 +275,6 @@ def _flank(posterior: AmplitudePosterior, at_blocks: _BlockPoints) -> float:
     overshoot = float(highest.mean() - lowest.mean())
     standard_error = float(np.std(posterior.block_residual) * np.sqrt(1 / len(highest) + 1 / len(lowest)))
     return overshoot if overshoot < -_FLANK_SIGMAS * standard_error else 0.0
-
-
-def peak_range(curves: Array) -> Array:
-    """Return the range of periodic curves, peaks between points by parabolas, shape (curves,).
-
-    curves: even points of one period, shape (curves, points).
-    """
-    return _peak(curves) + _peak(-curves)
-
-
-def _peak(curves: Array) -> Array:
-    """Return the maximum of periodic curves by a parabola through the highest point and its neighbours."""
-    points = curves.shape[1]
-    rows = np.arange(len(curves))
-    highest = curves.argmax(axis=1)
-    before = curves[rows, (highest - 1) % points]
-    here = curves[rows, highest]
-    behind = curves[rows, (highest + 1) % points]
-    return _parabola_peak(before, here, behind)
-
-
-def _parabola_peak(before: Array, here: Array, behind: Array) -> Array:
-    """Return the maximum of parabolas through three even points, of which the middle one is the highest."""
-    bend = np.minimum(before - 2 * here + behind, -1e-300)
-    return np.asarray(here - (before - behind) ** 2 / (8 * bend))
 
 
 def _places_of_travel(posterior: AmplitudePosterior, travel_rev: tuple[float, float] | None) -> NDArray[np.bool_]:

@@ -86,7 +86,7 @@ def whitened(values: Array, run: _Indices, memory: NoiseMemory) -> Array:
     """
     if memory == WHITE:
         return values
-    white = values.copy()
+    white = np.array(values, order="C")  # rows one after the other
     for block in np.flatnonzero(np.diff(run) == 0) + 1:  # scipy.signal has this filter, and takes a second to import
-        white[block] += -memory.rho * values[block - 1] - memory.theta * white[block - 1]
+        white[block] = values[block] - memory.rho * values[block - 1] - memory.theta * white[block - 1]
     return white

@@ -27,31 +27,51 @@ enough effective samples, or at a largest number of draws; the number of effecti
 components of the residuals clearly exceed the noise (R14), the width of the sidebands is increased from 6 to 10 and 14
 on each side while Akaike's criterion of white residuals improves, up to a quarter of the ratio: half of the spectrum is
 left to tell noise with a memory from waves. Then the components that are left are added.
+
+A part of the cycle hardly distinguishes neighbouring sidebands. If the model lacks a component, waves that nearly
+cancel one another at the readings replace it there, and are huge at other places. The power of the waves shows it:
+
+    sum over k > 0 of (a_kj^2 + b_kj^2) / 2 > 4 A^2,   which no sum of distinct waves can have.               (R16)
+
+Then the sidebands are widened too. If (R16) still holds, the components are found one after the other in the residuals
+of the mean (R9) at the sizes of the profile, at which the waves cannot become so large. The place f of a line moves by
+steps of Gauss and Newton, with the slope d of its curve over f and the residuals r:
+
+    f += d^T r / (d^T d - d^T X P^-1 X^T d / sigma^2).                                                         (R17)
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dpotrf, dtrtrs
-from scipy.sparse.csgraph import connected_components
 
 from hdassist.errors import Fault, UntrustedError
 from hdassist.model.geometry import Array
-from hdassist.recording.components import NO_COMPONENTS, Components, clear_components, line_columns
+from hdassist.recording.components import (
+    MOST_COMPONENTS,
+    NO_COMPONENTS,
+    SAME_PLACE,
+    Components,
+    clear_components,
+    line_columns,
+)
 from hdassist.recording.noise import WHITE, NoiseMemory, memory_of, whitened
 from hdassist.recording.positions import OrderedReadings, Recording, ordered_readings
 from hdassist.recording.sizes import SizeTree, inverse_gamma
 from hdassist.recording.waves import (
     USUAL_SIDEBANDS,
-    BlockDesign,
+    CurveExtremes,
     block_means,
     block_starts,
+    curve_extremes,
     cycle_curves,
     distinct_pairs,
+    fill_block_columns,
     visited_places,
     wave_pairs,
 )
@@ -60,8 +80,13 @@ _Indices = NDArray[np.int64]
 ENOUGH_SAMPLES = 100.0  # effective: the ends of a 95 % interval are then good to some 10 % of its width
 _MOST_DRAWS = 1200
 _BATCH = 40  # draws between two looks at the effective samples
+_LARGEST_POWER = 4.0  # of A^2, of the waves of the input together
+_LINE_STEPS = 4  # to the place of a line
+_NOISE_STEPS = 3  # to the variance of the noise at the usual sizes
+_KEPT_DRAWS = 200  # about so many are returned: neighbours in a longer chain say the same
+_SIZE_STEPS = 4  # draws of the sizes for each draw of the coefficients, which takes longer: the chain forgets sooner
 _BURN_SHARE = 0.2  # of the draws so far, dropped as not yet settled
-_FIRST_DRAWS, _FIRST_KEPT = 50, 12  # of the fit with white noise; draws averaged for its residuals
+_FIRST_DRAWS, _FIRST_KEPT = 30, 10  # of the fit with white noise; draws averaged for its residuals
 _MORE_SIDEBANDS = (4, 8)  # beyond the usual 6, tried in this order
 _WIDEST_OF_RATIO = 0.25  # sidebands over the ratio: wider ones fill the spectrum and take slow noise for waves
 _DRIFT_SIZE = 0.02  # of A: scale of the Cauchy distribution of each power of the drift over a run (assumed)
@@ -85,6 +110,7 @@ class AmplitudePosterior:
     drift: coefficients of the drift of each run and power [arcsec], shape (draws, runs * degree).
     lines: periods per input revolution of the lines off the orders, shape (lines,).
     line_amplitudes: largest amplitude of each line in a run [arcsec], shape (draws, lines).
+    extremes: of the curves over the cycle.
     block_curves: waves and lines at the blocks of readings [arcsec], shape (draws, blocks).
     block_place_rev: place of each block on the cycle [input rev], shape (blocks,).
     block_run: number of the run of each block, shape (blocks,).
@@ -102,6 +128,7 @@ class AmplitudePosterior:
     drift: Array
     lines: tuple[float, ...]
     line_amplitudes: Array
+    extremes: CurveExtremes
     block_curves: Array
     block_place_rev: Array
     block_run: _Indices
@@ -126,34 +153,56 @@ def posterior_of_recording(
     Raises DataError for sweeps in both directions.
     """
     readings = ordered_readings(recording)
-    columns = BlockDesign(readings, block_starts(readings))
-    model = _Model(readings, drift_degree=drift_degree, columns=columns)
+    model = _Model(readings, drift_degree=drift_degree)
     sampler = _Sampler(model, seed=seed)
     mean = sampler.first_mean()
-    components = model.components(mean)
+    components = model.clear_components(mean)
     for more_sidebands in _MORE_SIDEBANDS:
-        if components == NO_COMPONENTS or more_sidebands + USUAL_SIDEBANDS > _WIDEST_OF_RATIO * recording.ratio:
+        is_enough = components == NO_COMPONENTS and model.is_plausible(mean)
+        if is_enough or more_sidebands + USUAL_SIDEBANDS > _WIDEST_OF_RATIO * recording.ratio:
             break
-        wider = _Model(readings, drift_degree=drift_degree, more_sidebands=more_sidebands, columns=columns)
+        wider = _Model(readings, drift_degree=drift_degree, more_sidebands=more_sidebands, smaller=model)
         other = _Sampler(wider, seed=seed)
         other_mean = other.first_mean()
-        if wider.criterion(other_mean) > model.criterion(mean):
+        if wider.rank(other_mean) > model.rank(mean):
             break
         model, sampler, mean = wider, other, other_mean
-        components = model.components(mean)
+        components = model.clear_components(mean)
+    if not model.is_plausible(mean):
+        components = _plausible_components(readings, model, seed)
     if components != NO_COMPONENTS:
-        model = _Model(
-            readings,
-            drift_degree=drift_degree,
-            more_sidebands=model.more_sidebands,
-            components=components,
-            columns=columns,
-        )
+        model = model.with_components(readings, components)
         sampler = _Sampler(model, seed=seed)
         mean = sampler.first_mean()
     sampler.use_memory(model.memory(mean))
-    coefficients, sigma, effective = sampler.run(most_draws)
-    return _result(readings, model, model.memory(mean), coefficients, sigma, effective)
+    return _result(readings, model, model.memory(mean), sampler.run(most_draws))
+
+
+def _plausible_components(readings: OrderedReadings, model: _Model, seed: int) -> Components:
+    """Return components beside which the waves of a model are no larger than the readings.
+
+    They are searched one after the other in the residuals at the usual sizes, which large waves do not fit.
+
+    readings: readings in the order of their places.
+    model: without components.
+    """
+    components = NO_COMPONENTS
+    for _ in range(MOST_COMPONENTS):
+        larger = model.with_components(readings, components)
+        fit = _Sampler(larger, seed=seed).usual_fit()
+        added = larger.clear_components(fit.coefficients, most=1)
+        if added == NO_COMPONENTS or larger.has_line_near(added.lines):
+            return components
+        components = components.joined(added)
+        for _ in range(_LINE_STEPS if added.lines else 0):
+            larger = model.with_components(readings, components)
+            components = larger.shifted_lines(_Sampler(larger, seed=seed).usual_fit())
+        larger = model.with_components(readings, components)
+        mean = _Sampler(larger, seed=seed).first_mean()
+        if larger.is_plausible(mean):
+            smaller_ones = larger.clear_components(mean)
+            return components if larger.has_line_near(smaller_ones.lines) else components.joined(smaller_ones)
+    return components
 
 
 def effective_samples(values: Array) -> float:
@@ -182,15 +231,32 @@ def _coherent_groups(gram: Array) -> list[_Indices]:
     lengths = np.sqrt(np.diag(gram))
     lengths[lengths == 0] = 1.0
     coherence = np.abs(gram) / np.outer(lengths, lengths)
-    count, label = connected_components(coherence > _COHERENT, directed=False)
     merged: list[_Indices] = []
-    for number in range(count):
-        columns = np.flatnonzero(label == number)
+    for columns in _connected(coherence > _COHERENT):
         if merged and len(merged[-1]) + len(columns) <= _GROUP_COLUMNS:
             merged[-1] = np.concatenate([merged[-1], columns])
         else:
             merged.append(columns)
     return merged
+
+
+def _connected(is_joined: NDArray[np.bool_]) -> Iterator[_Indices]:
+    """Yield groups of columns that are joined directly or by others, each ascending.
+
+    is_joined: whether two columns are joined, symmetric, shape (columns, columns).
+    """
+    is_free = np.ones(len(is_joined), bool)  # scipy.sparse has this too, and takes a tenth of a second to import
+    for column in range(len(is_joined)):
+        if not is_free[column]:
+            continue
+        is_member = is_joined[column] & is_free
+        is_member[column] = True
+        newest = is_member
+        while newest.any():
+            is_free &= ~newest
+            newest = is_joined[newest].any(axis=0) & is_free
+            is_member = is_member | newest
+        yield np.flatnonzero(is_member)
 
 
 class _Model:
@@ -203,7 +269,7 @@ class _Model:
         drift_degree: int,
         more_sidebands: int = 0,
         components: Components = NO_COMPONENTS,
-        columns: BlockDesign | None = None,
+        smaller: _Model | None = None,
     ) -> None:
         """Set up the design of a recording.
 
@@ -211,53 +277,157 @@ class _Model:
         drift_degree: highest degree of the drift.
         more_sidebands: sidebands on each side beyond the usual ones.
         components: components of the residuals of a smaller model.
-        columns: those of the smaller models of the same readings, which are not computed again.
+        smaller: a model of the same readings, whose columns and products are used again.
         """
         starts = block_starts(readings)
         self.cycle = readings.cycle
         self.run = readings.run[starts]
         self.runs = int(self.run.max()) + 1
         self.more_sidebands = more_sidebands
+        self.components = components
         self.errors = block_means(readings.error_arcsec, starts)
         self.is_visited = visited_places(np.sort(readings.place_rev), readings.cycle)
         self.place_rev = block_means(readings.place_rev, starts)
         self.path_rev = block_means(readings.path_rev, starts)
-        steps = np.diff(self.place_rev)[np.diff(self.run) == 0]
-        positive = steps[steps > 0]
-        self.blocks_per_rev = 1 / float(np.median(positive)) if len(positive) else 1.0
+        self.blocks_per_rev = _blocks_per_rev(self.place_rev, self.run)
         pairs = wave_pairs(readings.cycle, self.blocks_per_rev, more_sidebands, components.pairs)
         self.pairs = distinct_pairs(pairs, self.place_rev, readings.cycle)
-        self.row_slow = _slow_columns(readings.run, readings.elapsed, drift_degree)
-        self.lines = components.lines
-        self.row_lines = line_columns(readings.path_rev, readings.run, components.lines)
-        beside = block_means(np.hstack([self.row_slow, self.row_lines]), starts)
         self.waves = 2 * len(self.pairs)
-        self.design = np.empty((len(starts), self.waves + beside.shape[1]))
-        (columns or BlockDesign(readings, starts)).fill(self.pairs, self.design[:, : self.waves])
-        self.design[:, self.waves :] = beside
         self.degree = drift_degree
         self.slow_end = self.waves + self.runs * (1 + drift_degree)
-        levels = beside[:, : self.runs]
+        self.row_slow = _slow_columns(readings.run, readings.elapsed, drift_degree)
+        row_lines = line_columns(readings.path_rev, readings.run, components.lines)
+        other_columns = block_means(np.hstack([self.row_slow, row_lines]), starts)
+        self._set_design(readings, starts, other_columns, smaller)
+        levels = other_columns[:, : self.runs]
         offsets = np.linalg.lstsq(levels, self.errors, rcond=None)[0]
         self.mean_square = float(np.var(self.errors - levels @ offsets)) or float(np.var(self.errors)) or 1e-12
+
+    def _set_design(
+        self, readings: OrderedReadings, starts: _Indices, other_columns: Array, smaller: _Model | None
+    ) -> None:
+        """Compute the columns that a smaller model does not have, and the products of all.
+
+        other_columns: all that are no waves, shape (blocks, other columns).
+        """
+        is_old = np.zeros(self.waves + other_columns.shape[1], bool)
+        old = np.zeros(0, np.int64)
+        if smaller is not None:
+            places = _places_of(self.pairs, smaller.pairs)
+            is_old[: self.waves] = np.tile(places >= 0, 2)
+            cosines = places[places >= 0]
+            old = np.concatenate([cosines, len(smaller.pairs) + cosines])
+        columns = np.empty((len(is_old), len(starts)))  # one in a row, so that each is copied at once
+        new = np.flatnonzero(~is_old[: self.waves])
+        fill_block_columns(readings, starts, self.pairs[new[: len(new) // 2]], [columns[place] for place in new])
+        columns[self.waves :] = other_columns.T
+        if smaller is not None:
+            for place, old_place in zip(np.flatnonzero(is_old), old, strict=True):
+                columns[place] = smaller.design[:, old_place]
+        self.design: Array = columns.T
+        self.gram: Array = self._products(smaller, old, is_old)
+
+    def _products(self, smaller: _Model | None, old: _Indices, is_old: NDArray[np.bool_]) -> Array:
+        """Return the products of all columns, shape (columns, columns), those of a smaller model copied."""
+        if smaller is None:
+            return self.design.T @ self.design
+        gram = np.empty((len(is_old), len(is_old)))
+        gram[np.ix_(is_old, is_old)] = smaller.gram[np.ix_(old, old)]
+        products = self.design.T @ self.design[:, ~is_old]
+        gram[:, ~is_old] = products
+        gram[~is_old] = products.T
+        return gram
 
     def residual(self, coefficients: Array) -> Array:
         """Return block means less the model's."""
         return self.errors - self.design @ coefficients
 
-    def components(self, coefficients: Array) -> Components:
-        """Return the components of the residuals that clearly exceed the noise."""
-        return clear_components(self.residual(coefficients), self.path_rev, self.run, self.cycle)
+    def clear_components(self, coefficients: Array, most: int = MOST_COMPONENTS) -> Components:
+        """Return the components of the residuals that clearly exceed the noise, the strongest first."""
+        return clear_components(self.residual(coefficients), self.path_rev, self.run, self.cycle, most=most)
 
     def memory(self, coefficients: Array) -> NoiseMemory:
         """Return the memory of the residuals."""
         return memory_of(self.residual(coefficients), self.run, self.blocks_per_rev)
+
+    def with_components(self, readings: OrderedReadings, components: Components) -> _Model:
+        """Return the model with components; this one has none."""
+        return _Model(
+            readings,
+            drift_degree=self.degree,
+            more_sidebands=self.more_sidebands,
+            components=components,
+            smaller=self,
+        )
+
+    def is_plausible(self, coefficients: Array) -> bool:
+        """Return whether the waves of the input are no larger than the readings allow.
+
+        Waves that are hardly distinct at the readings may nearly cancel one another there. Such sums fit what the model
+        lacks, and are huge at other places.
+        """
+        is_input = np.tile(self.pairs[:, 0] > 0, 2)
+        power = float(np.sum(coefficients[: self.waves][is_input] ** 2)) / 2
+        return power <= _LARGEST_POWER * self.mean_square
+
+    def rank(self, coefficients: Array) -> tuple[bool, float]:
+        """Return what is less for the better one of two models."""
+        return not self.is_plausible(coefficients), self.criterion(coefficients)
+
+    @property
+    def longest_run(self) -> float:
+        """Length of the longest run [input rev]."""
+        return max(float(np.ptp(self.path_rev[self.run == number])) for number in range(self.runs))
+
+    def has_line_near(self, lines: Sequence[float]) -> bool:
+        """Return whether one of some lines is not resolved from a line of the model."""
+        return any(abs(line - own) < SAME_PLACE / self.longest_run for line in lines for own in self.components.lines)
+
+    def shifted_lines(self, fit: _UsualFit) -> Components:
+        """Return the components with lines at places that fit the readings better, by a step of Gauss and Newton."""
+        residual = self.residual(fit.coefficients)
+        in_lines = fit.coefficients[self.slow_end :].reshape(len(self.components.lines), self.runs, 2)
+        largest_step = 0.5 / self.longest_run
+        lines: list[float] = []
+        for line, in_runs in zip(self.components.lines, in_lines, strict=True):
+            slope = self._slope_over_place(line, in_runs)
+            half = dtrtrs(fit.factor, slope @ self.design, lower=1)[0]
+            information = float(slope @ slope - half @ half / fit.sigma2)  # the other columns take a part of it
+            step = float(slope @ residual) / information if information > 0 else 0.0
+            lines.append(line + float(np.clip(step, -largest_step, largest_step)))
+        return Components(pairs=self.components.pairs, lines=tuple(lines))
+
+    def _slope_over_place(self, line: float, in_runs: Array) -> Array:
+        """Return the slope of a line over its place, with its phase in the middle of each run, shape (blocks,).
+
+        in_runs: coefficients of its cosine and sine in each run [arcsec], shape (runs, 2).
+        """
+        slope = np.zeros(len(self.errors))
+        for number, (cosine, sine) in enumerate(in_runs.tolist()):
+            in_run = self.run == number
+            path = self.path_rev[in_run]
+            phase = 2 * np.pi * line * path
+            slope[in_run] = 2 * np.pi * (path - path.mean()) * (sine * np.cos(phase) - cosine * np.sin(phase))
+        return slope
 
     def criterion(self, coefficients: Array) -> float:
         """Return -2 log likelihood of white residuals, plus 2 for each column (Akaike's criterion)."""
         blocks, columns = self.design.shape
         mean_square = float(np.mean(self.residual(coefficients) ** 2))
         return float(blocks * np.log(mean_square) + 2 * columns)
+
+
+def _blocks_per_rev(place_rev: Array, run: _Indices) -> float:
+    """Return the usual number of blocks in an input revolution, 1 if no two blocks of a run differ in their place."""
+    steps = np.diff(place_rev)[np.diff(run) == 0]
+    positive = steps[steps > 0]
+    return 1 / float(np.median(positive)) if len(positive) else 1.0
+
+
+def _places_of(pairs: _Indices, others: _Indices) -> _Indices:
+    """Return the place of each wave among other waves, -1 if it is not one of them, shape (waves,)."""
+    place_of = {pair: place for place, pair in enumerate(map(tuple, others.tolist()))}
+    return np.array([place_of.get(pair, -1) for pair in map(tuple, pairs.tolist())])
 
 
 def _slow_columns(run: _Indices, elapsed: Array, degree: int) -> Array:
@@ -273,6 +443,36 @@ def _slow_columns(run: _Indices, elapsed: Array, degree: int) -> Array:
         legendre = np.polynomial.legendre.legval(2 * elapsed, np.eye(degree + 1)[power]) / 2  # 1 from end to end
         powers.append(in_run * legendre[:, None])
     return np.hstack(powers)
+
+
+@dataclass(frozen=True, eq=False)
+class _UsualFit:
+    """Mean of the coefficients (R9) at the sizes of the profile.
+
+    coefficients: shape (columns,).
+    factor: Cholesky factor of P, shape (columns, columns).
+    sigma2: variance of the noise of a block [arcsec^2].
+    """
+
+    coefficients: Array
+    factor: Array
+    sigma2: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Chain:
+    """Draws of the sampler.
+
+    coefficients: of each column [arcsec], shape (draws, columns).
+    sigma_arcsec: white part of the noise of a block, shape (draws,).
+    extremes: of the curves over the cycle.
+    effective: number of effective samples.
+    """
+
+    coefficients: Array
+    sigma_arcsec: Array
+    extremes: CurveExtremes
+    effective: float
 
 
 class _Sampler:
@@ -295,7 +495,7 @@ class _Sampler:
     def _use(self, memory: NoiseMemory) -> None:
         design = whitened(self._model.design, self._model.run, memory)
         errors = whitened(self._model.errors, self._model.run, memory)
-        self._gram = design.T @ design
+        self._gram = self._model.gram if memory == WHITE else design.T @ design
         self._moment = design.T @ errors
         self._square = float(errors @ errors)
         self._blocks = len(errors)
@@ -308,10 +508,22 @@ class _Sampler:
         draws = [self._step() for _ in range(_FIRST_DRAWS)]
         return np.asarray(np.mean(draws[-_FIRST_KEPT:], axis=0))
 
-    def run(self, most_draws: int) -> tuple[Array, Array, float]:
-        """Return draws of the coefficients, of sigma, and the number of effective samples."""
+    def usual_fit(self) -> _UsualFit:
+        """Return the fit at the sizes of the profile; the chain must not have begun."""
+        sigma2 = self._sigma2
+        for _ in range(_NOISE_STEPS):
+            precision = self._gram / sigma2 + np.diag(self._prior_precision())
+            factor = dpotrf(precision, lower=1)[0]
+            half = dtrtrs(factor, self._moment / sigma2, lower=1)[0]
+            mean = dtrtrs(factor, half, lower=1, trans=1)[0]
+            used = sigma2
+            sigma2 = float(np.mean(self._model.residual(mean) ** 2))
+        return _UsualFit(coefficients=mean, factor=factor, sigma2=used)
+
+    def run(self, most_draws: int) -> _Chain:
+        """Return the draws of a chain that has enough effective samples, or that is as long as it may be."""
         model = self._model
-        ranges: list[Array] = []
+        extremes: list[CurveExtremes] = []
         draws: list[Array] = []
         sigmas: list[float] = []
         while True:
@@ -320,12 +532,21 @@ class _Sampler:
                 sigmas.append(float(np.sqrt(self._sigma2)))
             batch = np.array(draws[-_BATCH:])[:, : model.waves]
             curves = cycle_curves(batch, model.pairs, model.cycle)
-            ranges.append(np.stack([np.ptp(curves, axis=1), np.ptp(curves[:, model.is_visited], axis=1)]))
+            extremes.append(curve_extremes(curves, model.is_visited))
             burnt = int(_BURN_SHARE * len(draws))
-            whole, seen = np.concatenate(ranges, axis=1)[:, burnt:]
+            joined = CurveExtremes.joined(extremes)
+            whole = joined.range_arcsec[burnt:]
+            seen = joined.visited_range_arcsec[burnt:]
             effective = min(effective_samples(whole), effective_samples(seen))
             if effective >= ENOUGH_SAMPLES or len(draws) + _BATCH > most_draws:
-                return np.array(draws[burnt:]), np.array(sigmas[burnt:]), effective
+                break
+        kept = slice(burnt, None, max(1, (len(draws) - burnt) // _KEPT_DRAWS))
+        return _Chain(
+            coefficients=np.array(draws[kept]),
+            sigma_arcsec=np.array(sigmas[kept]),
+            extremes=joined.chosen(kept),
+            effective=effective,
+        )
 
     def _prior_precision(self) -> Array:
         """Return the precision V^-1 of every coefficient, shape (columns,)."""
@@ -356,7 +577,8 @@ class _Sampler:
             beta[group] = dtrtrs(factor, half + normal, lower=1, trans=1)[0]
 
         cosines, sines = np.split(beta[: model.waves], 2)
-        self._tree.draw(cosines**2 + sines**2, rng)
+        for _ in range(_SIZE_STEPS):
+            self._tree.draw(cosines**2 + sines**2, rng)
         misfit = float(self._square - 2 * beta @ self._moment + beta @ self._gram @ beta)
         drawn = float(inverse_gamma(self._blocks / 2, np.array(max(misfit, 0.0) / 2), rng))
         self._sigma2 = max(drawn, _LEAST_NOISE**2 * model.mean_square)
@@ -367,37 +589,34 @@ class _Sampler:
         return beta.copy()
 
 
-def _result(
-    readings: OrderedReadings,
-    model: _Model,
-    memory: NoiseMemory,
-    coefficients: Array,
-    sigma: Array,
-    effective: float,
-) -> AmplitudePosterior:
+def _result(readings: OrderedReadings, model: _Model, memory: NoiseMemory, chain: _Chain) -> AmplitudePosterior:
     """Return the posterior in the sense and sign of the recording as it was given."""
+    coefficients = chain.coefficients
     mean = coefficients.mean(axis=0)
     cosines, sines = np.split(coefficients[:, : model.waves], 2, axis=1)
     amplitudes = readings.flipped * np.hstack([cosines, readings.turned * sines])
     levelled = readings.error_arcsec - model.row_slow @ mean[model.waves : model.slow_end]
-    line_pairs = coefficients[:, model.slow_end :].reshape(len(coefficients), len(model.lines), model.runs, 2)
-    is_error = np.ones(len(mean), bool)
-    is_error[model.waves : model.slow_end] = False
-    block_curves = coefficients[:, is_error] @ model.design[:, is_error].T
+    lines = model.components.lines
+    line_pairs = coefficients[:, model.slow_end :].reshape(len(coefficients), len(lines), model.runs, 2)
+    block_curves = coefficients[:, : model.waves] @ model.design[:, : model.waves].T
+    block_curves += coefficients[:, model.slow_end :] @ model.design[:, model.slow_end :].T
     return AmplitudePosterior(
         pairs=model.pairs,
         cycle=readings.cycle,
         amplitudes=amplitudes,
-        sigma_arcsec=sigma,
+        sigma_arcsec=chain.sigma_arcsec,
         memory=memory,
         visited_rev=np.sort(readings.turned * readings.place_rev % float(readings.cycle.numerator)),
         readings_range=float(np.ptp(levelled)),
         drift=readings.flipped * coefficients[:, model.waves + model.runs : model.slow_end],
-        lines=model.lines,
+        lines=lines,
         line_amplitudes=np.hypot(line_pairs[..., 0], line_pairs[..., 1]).max(axis=2, initial=0.0),
+        extremes=chain.extremes.mirrored(
+            turned=readings.turned, flipped=readings.flipped, points=len(model.is_visited)
+        ),
         block_curves=readings.flipped * block_curves,
         block_place_rev=readings.turned * model.place_rev % float(readings.cycle.numerator),
         block_run=model.run,
         block_residual=readings.flipped * model.residual(mean),
-        effective=effective,
+        effective=chain.effective,
     )

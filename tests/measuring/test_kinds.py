@@ -10,7 +10,7 @@ import pytest
 from benchmarks.kinds import KINDS, Rig, counted
 from hdassist.measuring.fit import fit_orders
 from hdassist.measuring.orders import DEFAULT_ORDERS, order_grid
-from hdassist.measuring.terms import bins_of
+from hdassist.measuring.terms import SlowTerms, bins_of
 from tests.helpers.rigs import recorded
 
 
@@ -29,3 +29,17 @@ def test_white_noise_of_few_rows_is_no_unmodelled_error():
     fits = [fit_orders(bins_of(recorded(turns, each), 12), orders) for each in noise]
     assert sum(fit.unmodelled > 0 for fit in fits) <= 2
     assert max(fit.correlated for fit in fits) < 1.5
+
+
+def test_fit_with_lines_needs_only_their_own_products():
+    turns, orders = np.arange(1800) / 60, order_grid(DEFAULT_ORDERS, 30.0, 30.0)
+    error = np.cos(2 * np.pi * 5.31 * turns) + np.random.default_rng(0).standard_normal(1800)
+    bins = bins_of(recorded(turns, error), 12)
+    base = fit_orders(bins, orders).design
+    alone = fit_orders(bins, orders, lines=[5.3, 14.2])
+    by_base = fit_orders(bins, orders, lines=[5.3, 14.2], base=base)
+    assert np.allclose(by_base.design.gram, alone.design.gram, rtol=0, atol=1e-9)
+    assert np.allclose(by_base.coefficients, alone.coefficients, rtol=0, atol=1e-11)
+    assert np.allclose(by_base.residual, alone.residual, rtol=0, atol=1e-11)
+    with_other_terms = fit_orders(bins, orders, SlowTerms(degree=1), lines=[5.3, 14.2], base=base)
+    assert np.allclose(with_other_terms.drift, fit_orders(bins, orders, SlowTerms(degree=1), [5.3, 14.2]).drift)

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from hdassist.recording import posterior as module
 from hdassist.recording.components import Components, clear_components, line_columns
 from hdassist.recording.figures import range_figure
-from hdassist.recording.positions import recording_from_columns
+from hdassist.recording.positions import ordered_readings, recording_from_columns
 from hdassist.recording.posterior import posterior_of_recording
 from tests.recording.readings import RATIO, known_range, noisy_readings
 
@@ -72,3 +73,27 @@ def test_line_off_the_orders_widens_the_range_of_the_cycle():
     recorded = float(np.ptp(error + line))
     assert low < recorded < known_range() + 6.0 < high
     assert low > known_range()
+
+
+def test_component_of_a_part_is_no_sum_of_waves():
+    rng = np.random.default_rng(8)
+    turns = np.arange(0, 23, 1 / 34)
+    line = 6.6 * np.cos(2 * np.pi * (2 + 8 / 80) * turns)  # the model has sidebands up to 6
+    error = 9 * np.cos(14 * np.pi * turns) + 3 * np.cos(2 * np.pi * turns / 80) + line
+    recording = recording_from_columns(turns, error + 0.2 * rng.standard_normal(len(turns)), 80)
+    low, high = range_figure(posterior_of_recording(recording, most_draws=200)).interval_arcsec
+    assert low < np.ptp(error) < high < 1.5 * np.ptp(error)  # 440 times the range without this rule
+
+
+def test_place_of_a_line_moves_to_its_best_fit():
+    rng = np.random.default_rng(8)
+    turns = np.arange(0, 20, 1 / 40)
+    error = 9 * np.cos(4 * np.pi * turns) + 2 * np.cos(2 * np.pi * 5.37 * turns)
+    recording = recording_from_columns(turns, error + 0.2 * rng.standard_normal(len(turns)), RATIO)
+    readings = ordered_readings(recording)
+    model = module._Model(readings, drift_degree=2)
+    components = Components(lines=(5.36,))
+    for _ in range(4):
+        larger = model.with_components(readings, components)
+        components = larger.shifted_lines(module._Sampler(larger, seed=0).usual_fit())
+    assert components.lines[0] == pytest.approx(5.37, abs=0.001)

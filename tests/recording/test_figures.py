@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hdassist.errors import UsageError, Verdict
-from hdassist.recording.figures import RangeFigure, part_to_record, peak_range, range_figure
+from hdassist.recording.figures import RangeFigure, part_to_record, range_figure
 from hdassist.recording.positions import recording_from_columns
 from hdassist.recording.posterior import posterior_of_recording
 from tests.recording.readings import RATIO, known_error, known_range, noisy_readings
@@ -90,11 +90,6 @@ def test_few_effective_samples_decide_nothing():
     assert few.has_few_samples
     assert few.verdict(31.1) is Verdict.INCONCLUSIVE
     assert few.verdict(18.9) is Verdict.INCONCLUSIVE
-
-
-def test_peaks_lie_between_points():
-    turns = (np.arange(16) + 0.37) / 16
-    assert np.isclose(peak_range(np.cos(2 * np.pi * turns)[None])[0], 2.0, rtol=2e-3)
 
 
 def recorded(curve, readings, sigma, span=RATIO, seed=0):

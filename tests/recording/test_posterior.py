@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from hdassist.recording import posterior as module
+from hdassist.recording.components import Components
 from hdassist.recording.figures import range_figure
 from hdassist.recording.noise import WHITE
 from hdassist.recording.positions import ordered_readings, recording_from_columns
@@ -40,6 +41,24 @@ def test_coefficients_are_those_of_a_dense_normal_posterior():
     sigmas = np.sqrt(np.diag(curve_covariance))
     assert np.all(np.abs(curves.mean(axis=0) - model.design @ mean) < 5 * sigmas / np.sqrt(500))
     assert np.allclose(curves.std(axis=0), sigmas, rtol=0.2)
+
+
+def test_columns_of_a_smaller_model_are_those_computed_alone():
+    readings = ordered_readings(recording_from_columns(TURNS, ERROR, RATIO))
+    smaller = module._Model(readings, drift_degree=2)
+    components = Components(pairs=((3, 12),), lines=(4.56,))
+    arguments = {"drift_degree": 2, "more_sidebands": 4, "components": components}
+    shared = module._Model(readings, **arguments, smaller=smaller)
+    alone = module._Model(readings, **arguments)
+    assert np.allclose(shared.design, alone.design, rtol=0, atol=1e-12)
+    assert np.allclose(shared.gram, alone.gram, rtol=0, atol=1e-9)
+
+
+def test_columns_joined_by_others_are_one_group():
+    is_joined = np.eye(6, dtype=bool)
+    for one, other in ((0, 4), (4, 2), (1, 5)):
+        is_joined[one, other] = is_joined[other, one] = True
+    assert [group.tolist() for group in module._connected(is_joined)] == [[0, 2, 4], [1, 5], [3]]
 
 
 def test_known_amplitudes_are_recovered(reference):

@@ -8,14 +8,15 @@ from hdassist.recording.positions import ordered_readings, recording_from_column
 from hdassist.recording.waves import (
     BLOCKS_PER_REV,
     CURVE_POINTS_PER_REV,
-    BlockDesign,
     block_means,
     block_starts,
+    curve_extremes,
     cycle_curves,
     distinct_pairs,
+    fill_block_columns,
     visited_places,
-    wave_columns,
     wave_pairs,
+    wave_values,
 )
 from tests.recording.readings import RATIO, known_error
 
@@ -47,7 +48,7 @@ def test_columns_are_cosines_and_sines():
     phi, psi = RNG.random((2, 50))
     pairs = wave_pairs(Fraction(30), blocks_per_rev=30)
     angle = 2 * np.pi * (np.outer(phi, pairs[:, 0]) + np.outer(psi, pairs[:, 1]))
-    assert np.allclose(wave_columns(phi, psi, pairs), np.hstack([np.cos(angle), np.sin(angle)]))
+    assert np.allclose(wave_values(phi, psi, pairs), np.exp(1j * angle).T)
 
 
 def test_curves_of_the_cycle_are_those_of_the_columns():
@@ -55,7 +56,8 @@ def test_curves_of_the_cycle_are_those_of_the_columns():
         pairs = wave_pairs(cycle, blocks_per_rev=30)
         amplitudes = RNG.standard_normal((2, 2 * len(pairs)))
         turns = np.arange(CURVE_POINTS_PER_REV * cycle.numerator) / CURVE_POINTS_PER_REV
-        columns = wave_columns(turns % 1, turns / float(cycle) % 1, pairs)
+        values = wave_values(turns % 1, turns / float(cycle) % 1, pairs).T
+        columns = np.hstack([values.real, values.imag])
         assert np.allclose(cycle_curves(amplitudes, pairs, cycle), amplitudes @ columns.T)
 
 
@@ -66,24 +68,45 @@ def test_means_over_blocks_damp_no_wave():
     assert len(starts) <= 1.5 * BLOCKS_PER_REV * RATIO
     pairs = wave_pairs(readings.cycle, blocks_per_rev=100)
     design = np.empty((len(starts), 2 * len(pairs)))
-    BlockDesign(readings, starts).fill(pairs, design)
+    fill_block_columns(readings, starts, pairs, list(design.T))
     solution = np.linalg.lstsq(design, block_means(readings.error_arcsec, starts), rcond=None)[0]
     cosine = solution[pairs.tolist().index([2, 0])]
     sine = solution[len(pairs) + pairs.tolist().index([2, 0])]
     assert np.allclose(readings.flipped * np.array([cosine, sine]), [9 * np.cos(1.0), 9 * np.sin(1.0)])
 
 
-def test_columns_of_a_smaller_model_are_those_computed_alone():
-    turns = np.sort(RNG.random(9_000)) * RATIO
-    readings = ordered_readings(recording_from_columns(turns, known_error(turns), RATIO))
-    starts = block_starts(readings)
-    shared = BlockDesign(readings, starts)
-    for more_sidebands in (0, 4, 2):
-        pairs = wave_pairs(readings.cycle, 100, more_sidebands)
-        designs = np.empty((2, len(starts), 2 * len(pairs)))
-        shared.fill(pairs, designs[0])
-        BlockDesign(readings, starts).fill(pairs, designs[1])
-        assert np.allclose(designs[0], designs[1], rtol=0, atol=1e-12)
+def test_blocks_of_equal_and_of_different_sizes_have_their_means():
+    for rows in (9_000, 9_001):
+        turns = np.sort(RNG.random(rows)) * RATIO
+        readings = ordered_readings(recording_from_columns(turns, known_error(turns), RATIO))
+        starts = block_starts(readings)
+        pairs = wave_pairs(readings.cycle, 100)
+        columns = np.empty((2 * len(pairs), len(starts)))
+        fill_block_columns(readings, starts, pairs, list(columns))
+        values = wave_values(readings.input_rev, readings.output_rev, pairs).T
+        means = block_means(np.hstack([values.real, values.imag]), starts)
+        assert np.allclose(columns.T, means, rtol=0, atol=1e-12)
+
+
+def test_extremes_of_curves_are_those_of_their_points():
+    curves = RNG.standard_normal((3, 50)).cumsum(axis=1)
+    is_visited = np.arange(50) < 20
+    extremes = curve_extremes(curves, is_visited)
+    assert np.allclose(extremes.range_arcsec, np.ptp(curves, axis=1))
+    assert np.allclose(extremes.visited_range_arcsec, np.ptp(curves[:, :20], axis=1))
+    assert (extremes.highest == curves.argmax(axis=1)).all()
+    assert not curve_extremes(curves, np.zeros(50, bool)).visited_range_arcsec.any()
+    mirrored = extremes.mirrored(-1, -1, points=50)
+    backwards = curve_extremes(-np.roll(curves[:, ::-1], 1, axis=1), is_visited)
+    assert (mirrored.highest == backwards.highest).all()
+    assert (mirrored.lowest == backwards.lowest).all()
+
+
+def test_peaks_lie_between_points():
+    turns = (np.arange(16) + 0.37) / 16
+    extremes = curve_extremes(np.cos(2 * np.pi * turns)[None], np.ones(16, bool))
+    assert np.isclose(extremes.peak_range_arcsec[0], 2.0, rtol=2e-3)
+    assert extremes.range_arcsec[0] < 1.99
 
 
 def test_no_block_reaches_over_two_runs():
