@@ -1,1 +1,1 @@
-"""One module for each command of the command line: its options, and where its answer goes."""
+"""Commands of the command line, with their options, their computations and the output of their results."""

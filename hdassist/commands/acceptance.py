@@ -1,4 +1,4 @@
-"""Commands of acceptance: plan, and accept for drives, lots and answers done again."""
+"""Commands of acceptance: plan, and accept for drives, lots and replays of stored results."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from hdassist.run.kept import Kept
 
 
-_MOST_READINGS = 1_000_000  # of a list of positions: records of more rows are not read either
+_MOST_READINGS = 1_000_000  # largest number of readings of a test; a record with more rows could not be read
 
 
 class PlanCommand(o.PlotOptions, o.SamplingOptions, o.LimitedDriveOptions):
@@ -74,7 +74,10 @@ class PlanCommand(o.PlotOptions, o.SamplingOptions, o.LimitedDriveOptions):
     beside = ("csv", "approach", "sheet")
 
     def plan(self, drive: Drive) -> ReadingPlan | None:
-        """Return the test of a drive to judge, None without one. Raises UsageError for options without one."""
+        """Return the test to judge for a drive, None if no test is given.
+
+        Raises UsageError for options that need a test.
+        """
         from hdassist.planning import ReadingPlan
 
         if self.positions is not None:
@@ -85,7 +88,7 @@ class PlanCommand(o.PlotOptions, o.SamplingOptions, o.LimitedDriveOptions):
         return None
 
     def report(self, out: Output, preset: str) -> Report:
-        """Return the tests of the drive, judged."""
+        """Return the report of the judged tests of a drive."""
         from hdassist.design import check_states
         from hdassist.model.geometry import Kinematics
         from hdassist.pages.plan import plan_report
@@ -117,7 +120,7 @@ class PlanCommand(o.PlotOptions, o.SamplingOptions, o.LimitedDriveOptions):
         return plan_report(choice, record)
 
     def _require_sheet(self) -> None:
-        """Raise UsageError for the name of a test sheet that is none, or for more readings than a test has."""
+        """Raise UsageError for an invalid name of the test sheet, or for too many readings."""
         if self.sheet is not None and self.sheet != "-" and not self.sheet.endswith((".html", ".txt")):
             raise UsageError(f"invalid name of a test sheet: {self.sheet!r}", "use a name that ends in .html or .txt")
         readings = (self.positions or 0) * self.repeats * (1 + self.both)
@@ -126,7 +129,7 @@ class PlanCommand(o.PlotOptions, o.SamplingOptions, o.LimitedDriveOptions):
             raise UsageError(message, f"reduce --positions or --repeats to at most {_MOST_READINGS} readings")
 
     def _write_files(self, choice: PlanChoice) -> None:
-        """Write the approached positions and the test sheet that are asked for."""
+        """Write the file of positions and the test sheet, as far as they are requested."""
         from hdassist.pages.plan import approach_csv, sheet_report
         from hdassist.pages.report import blocks_text, report_html
 
@@ -146,7 +149,7 @@ class PlanCommand(o.PlotOptions, o.SamplingOptions, o.LimitedDriveOptions):
 
 
 class AcceptOptions(o.FigureOptions, o.SamplingOptions):
-    """How answers are worked out and given; jsonl and junit also have the drives without an answer."""
+    """Options for computing acceptance results and writing them; jsonl and junit include drives without a result."""
 
     details: bool = False
     jsonl: str | None = None
@@ -156,7 +159,10 @@ class AcceptOptions(o.FigureOptions, o.SamplingOptions):
     beside = ("csv", "junit")
 
     def replaces(self, path: str) -> bool:
-        """Whether an existing file may be replaced: a lot that goes on replaces figures and suites of its last run."""
+        """Return whether an existing file may be replaced.
+
+        A resumed lot replaces the CSV and JUnit files of its last run.
+        """
         if self.force or not self.resume:
             return self.force
         from hdassist.pages.accept import FIGURES_HEAD, SUITES_HEAD
@@ -164,7 +170,11 @@ class AcceptOptions(o.FigureOptions, o.SamplingOptions):
         return begins_with(path, (FIGURES_HEAD, SUITES_HEAD))
 
     def open(self) -> Output:
-        """Return the output. Raises UsageError and DataError unless each file has its own place and can be written."""
+        """Return the output.
+
+        Raises UsageError if two outputs share a destination or a file exists already, DataError if a file cannot be
+        written.
+        """
         if self.jsonl == "-" or (self.resume and self.jsonl is None):
             raise UsageError("the results of a lot need a file", "give a file: --jsonl FILE")
         if self.jsonl is not None:
@@ -172,7 +182,10 @@ class AcceptOptions(o.FigureOptions, o.SamplingOptions):
         return super().open()
 
     def _take_results(self, path: str) -> None:
-        """Take the file of the results of a lot. Raises UsageError and DataError; the hint does not lose results."""
+        """Reserve the file for the results of a lot.
+
+        Raises UsageError or DataError; the hint for an existing file offers to keep its results.
+        """
         try:
             take_output(path, self.force, is_kept=self.resume)
         except UsageError as error:
@@ -220,7 +233,7 @@ class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOption
     cross_check: str = "highs"
 
     def run(self) -> int:
-        """Accept the drives, the lot, or recorded answers again; returns the exit code."""
+        """Accept the drives or the lot, or replay stored results; return the exit code."""
         out = self.open()
         with out.progress(self.presets[0] if self.presets else self.replay or ""):  # words before numpy is imported
             from hdassist.acceptance.request import Request, is_lot
@@ -246,14 +259,14 @@ class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOption
         return accept_lot(lots[0], base, self, out) if lots else _accept_presets(self.presets, base, self, out)
 
     def _require_drives(self, lots: Sequence[str]) -> None:
-        """Raise UsageError unless there is a drive, or one lot alone; lots: those among the arguments."""
+        """Raise UsageError unless there are drives, a single lot or a replay; lots: lots among the arguments."""
         if not self.presets and self.replay is None:
             raise UsageError("no drive to accept", "name a preset or a lot.csv; see hdassist accept -h")
         if len(self.presets) > 1 and lots:
             raise UsageError(f"{lots[0]} is a lot, and cannot be combined with other drives or lots")
 
     def _require_inputs_of_drives(self, lots: Sequence[str], base: Request) -> None:
-        """Raise UsageError for inputs of one drive that are given for several, or options of a lot without one."""
+        """Raise UsageError for inputs of one drive if there are several, or for options of a lot if there is none."""
         of_one = self.measured or self.value or self.serial or base.wheels.files or base.wheels.marks
         if (len(self.presets) > 1 or lots) and of_one:
             raise UsageError("measured values belong to one drive", "name one PRESET, or use the columns of a LOT.csv")
@@ -261,7 +274,7 @@ class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOption
             raise UsageError("--preset, --jsonl and --resume apply to lots only", "use hdassist accept LOT.csv")
 
     def request(self) -> Request:
-        """Return the request that every drive gets. Raises UsageError for an invalid limit."""
+        """Return the request that is common to all drives. Raises UsageError for an invalid limit."""
         from hdassist.acceptance.request import Request
 
         return Request(
@@ -291,7 +304,7 @@ def _accept_presets(
 ) -> int:
     """Accept drives one after the other, and return the exit code.
 
-    Raises what is wrong with the only drive, and UsageError with any.
+    Raises the error of a drive if it is the only one, and UsageError for any drive.
     """
     from hdassist.acceptance.accept import failure_of
     from hdassist.acceptance.answer import answer_json
@@ -324,7 +337,7 @@ def _accept_preset(
     options: AcceptCommand,
     out: Output,
 ) -> tuple[AcceptAnswer, Report]:
-    """Return the result of one drive, and its page."""
+    """Return the result of one drive and its report."""
     from hdassist.acceptance.accept import accept
     from hdassist.design import check_states
     from hdassist.pages.accept import accept_report
@@ -350,12 +363,12 @@ def accept_lot(
 ) -> int:
     """Accept the drives of a lot, and return the exit code.
 
-    path: of a table.
-    base: the request that every drive gets.
-    options: of the command.
-    out: where results go.
-    Raises UsageError for options that do not go together, or for an existing file; DataError for a table or file that
-    cannot be read or written; PresetError for unusable names of columns.
+    path: file of the lot.
+    base: request that is common to all drives.
+    options: options of the command.
+    out: destination of the results.
+    Raises UsageError for options that cannot be combined or for an existing file, DataError for a file that cannot be
+    read or written, PresetError for unusable column names.
     """
     acceptance = _LotAcceptance(
         base=base,
@@ -375,10 +388,15 @@ def accept_lot(
 
 @dataclass(eq=False)
 class _LotAcceptance:
-    """The acceptance of a lot: results of its rows as they come, and how often each fault occurs among them.
+    """Acceptance of a lot.
 
-    name: of the lot, in reports.
-    sha256: of its file; empty before it is read.
+    base: request that is common to all drives.
+    options: options of the command.
+    out: destination of the results.
+    name: name of the lot in reports.
+    sha256: SHA-256 of its file, empty before the file is read.
+    answers: results of the rows so far, in order.
+    faults: number of rows with each error.
     """
 
     base: Request
@@ -390,7 +408,7 @@ class _LotAcceptance:
     faults: Counter[str] = field(default_factory=Counter)
 
     def report_of(self, path: str) -> Report:
-        """Return the page of the lot in a file, after all its rows. Raises what accept_lot raises."""
+        """Compute all rows of the lot in a file, and return its report. Raises the errors of accept_lot."""
         from hdassist.acceptance.answer import ANSWERS
         from hdassist.acceptance.request import read_lot
         from hdassist.pages.accept import lot_report
@@ -404,7 +422,7 @@ class _LotAcceptance:
             for file in row.request.files():
                 note_input(file)
         options = self.options
-        owner = KeptOwner(command="accept", inputs={})  # each result has the files that it comes from
+        owner = KeptOwner(command="accept", inputs={})  # each result states its own input files
         with open_kept(options.jsonl, owner, ANSWERS, force=not options.resume) as kept:
             stored: list[AcceptAnswer | None] = [None for _ in lot.rows]
             if options.resume:
@@ -414,7 +432,7 @@ class _LotAcceptance:
             if repeated:
                 say(f"note: the same for {repeated} further row{'s' if repeated > 1 else ''}")
             if options.resume:
-                kept.rewrite(self.answers)  # in the order of the rows, each once
+                kept.rewrite(self.answers)  # the file then has one result per row, in order
         if options.jsonl:
             say(f"wrote {options.jsonl}")
         return lot_report(lot, self.answers)
@@ -425,7 +443,12 @@ class _LotAcceptance:
         stored: Sequence[AcceptAnswer | None],
         kept: Kept[AcceptAnswer],
     ) -> None:
-        """Take the results of all rows in their order: stored ones, and new ones, which are kept at once."""
+        """Collect the results of all rows in order; new results are stored immediately.
+
+        lot: lot with its rows.
+        stored: usable result of an earlier run for each row, None if there is none.
+        kept: file of stored results.
+        """
         stored_count = sum(answer is not None for answer in stored)
         kept_before = kept.done
 
@@ -444,7 +467,7 @@ class _LotAcceptance:
                 self._take(answer)
 
     def _take(self, answer: AcceptAnswer) -> None:
-        """Take the result of a row; a fault is shown the first time that it occurs."""
+        """Add the result of a row; each error is shown only the first time that it occurs."""
         from hdassist.pages.accept import fault_words, title
 
         self.answers.append(answer)
@@ -465,7 +488,11 @@ def _give(
     out: Output,
     lot_sha256: str = "",
 ) -> int:
-    """Write reports, and their answers as CSV and as JUnit with a name of the whole; returns the exit code."""
+    """Write the reports, and their results as CSV and JUnit if requested; return the exit code.
+
+    name: name of the JUnit file as a whole.
+    lot_sha256: SHA-256 of the table of a lot, empty if there is none.
+    """
     from hdassist.pages.accept import csv, junit
 
     code = give("accept", reports, out)
@@ -480,9 +507,9 @@ def _known(
     kept: Kept[AcceptAnswer],
     options: AcceptOptions,
 ) -> list[AcceptAnswer | None]:
-    """Return the answers to the rows that are there from before and still stand, None for the others.
+    """Return the stored result of each row, None if there is none or if it is outdated.
 
-    Raises UsageError: answers are there, and none is of a drive of this lot.
+    Raises UsageError if there are stored results, but none belongs to a drive of this lot.
     """
     from hdassist.acceptance.answer import still_stands
 
@@ -508,7 +535,10 @@ def _replay_answers(
     options: AcceptOptions,
     out: Output,
 ) -> int:
-    """Do the answers of a file of --json or --jsonl again; returns the exit code. Raises DataError: no such file."""
+    """Replay the results stored in a file of --json or --jsonl; return the exit code.
+
+    Raises DataError if there is no such file.
+    """
     from hdassist.acceptance.answer import changed_file, read_answers
     from hdassist.acceptance.request import LotRow
     from hdassist.pages.accept import replay_report, title
@@ -538,7 +568,7 @@ def _answers(
     options: AcceptOptions,
     out: Output,
 ) -> Generator[AcceptAnswer, None, None]:
-    """Yield the answers to rows, in their order, as they come; words beside the bar."""
+    """Yield the results of rows in order, as soon as they are computed; words: text next to the progress bar."""
     from hdassist.acceptance.accept import answer_rows
     from hdassist.run.run import stream
 

@@ -1,4 +1,4 @@
-"""Commands of the bench: mount and its card, measure and its archive, compensate and the files of controllers."""
+"""Commands of the test rig: mount with the card, measure with the archive, compensate with controller files."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ class MountCommand(
     beside = ("csv", "card")
 
     def run(self) -> int:
-        """Find the hole; returns the exit code."""
+        """Find the hole, and return the exit code."""
         out = self.open()
         with out.progress(self.preset):  # words before numpy is imported
             card = self._card(out)
@@ -115,7 +115,7 @@ class MountCommand(
         return code
 
     def _card(self, out: Output) -> CardFile | None:
-        """Return the card that is asked for. Raises UsageError before anything is computed."""
+        """Return the requested card, None if there is none. Raises UsageError before any computation."""
         if (path := self.card) is None:
             if self.lang is not None or self.serial is not None:
                 raise UsageError("--lang and --serial apply to a card only", "add --card FILE")
@@ -135,11 +135,11 @@ class MountCommand(
         )
 
     def _advice(self, out: Output) -> Advice:
-        """Return the advice by the preset alone, or after measured values."""
+        """Return the choice of a hole, from the preset alone or with values measured in holes."""
         files = self.wheels_of_one([self.preset])
         drive = self.load(self.preset)
         reading = self.reading()
-        # before the imports below, which take longer than all of this
+        # the imports below are slow, so errors in options and files are reported before them
         from hdassist.mounting.posterior import TrialSetup, read_trial_or_record
 
         trial_M_g = self.torque_of(drive.operation.M_g)
@@ -169,7 +169,7 @@ class MountCommand(
             )
 
     def _decision_options(self) -> dict[str, Any]:
-        """Return the options of a choice, as advise and advise_after take them."""
+        """Return the keyword arguments that advise and advise_after have in common."""
         from hdassist.belief.holes import LEAST_GAIN
 
         cost = LEAST_GAIN if self.bolted is None else self.bolted / 100
@@ -183,7 +183,12 @@ class MountCommand(
         outcome: Trial | None,
         setup: TrialSetup,
     ) -> Advice:
-        """Return the advice after measured values; outcome: last value, measured after an advice from the others."""
+        """Return the choice after measured values.
+
+        trials: measured values.
+        outcome: value measured in the hole chosen by the trials, None if there is none.
+        setup: torque and noise of the values.
+        """
         from hdassist.mounting.advice import advice_states, advise_after
 
         # torques at which values without a torque may have been measured
@@ -214,7 +219,7 @@ class MountCommand(
         measured: MeasuredTeeth | None,
         setup: TrialSetup,
     ) -> Advice:
-        """Return the advice by the preset alone; measured: wheels in place of harmonics."""
+        """Return the choice from the preset alone; measured: measured teeth, which replace harmonics."""
         from hdassist.mounting.advice import advice_states, advise
 
         rotations = _rotations(drive, self.step)
@@ -252,7 +257,10 @@ class MountCommand(
 
 
 def _rotations(drive: Drive, step: float | None) -> list[float]:
-    """Turns of the wheel to try [deg]: those of the seat, and a step between. Raises UsageError: not a part of 360."""
+    """Return the rotations of the wheel to compute [deg]: the positions of its seat, and a grid of the given step.
+
+    Raises UsageError if the step does not divide 360 deg.
+    """
     from hdassist.mounting.positions import LEAST_STEP, seat_positions
 
     positions = seat_positions(drive)
@@ -269,14 +277,19 @@ def _rotations(drive: Drive, step: float | None) -> list[float]:
 
 
 CARD_SUFFIXES = (".txt", ".html")
-_SERIAL = 60  # letters that a serial number may have
+_SERIAL = 60  # largest number of characters of a serial number
 
 
 @dataclass(frozen=True)
 class CardFile:
-    """A card that was asked for: where it goes, its language and serial number, in 7-bit letters, over a file or not.
+    """Requested assembly card.
 
-    Raises UsageError for a name or serial number that no card has.
+    path: destination of the card; - is standard output.
+    say: texts of its language.
+    serial: serial number of the drive.
+    ascii: whether a card in plain text has 7-bit characters only.
+    force: whether an existing file is overwritten.
+    Raises UsageError for an invalid file name or serial number.
     """
 
     path: str
@@ -297,7 +310,7 @@ class CardFile:
         return ".txt" if self.path == "-" else Path(self.path).suffix.lower()
 
     def text(self, advice: Advice) -> str:
-        """Return the card of an advice as its file has it."""
+        """Return the card of a choice in the format of its file."""
         from hdassist.pages.card import card_of
         from hdassist.pages.mount import mount_warnings
         from hdassist.pages.report import card_html, card_text
@@ -314,7 +327,7 @@ class CardFile:
 
 
 class ArchiveOptions(o.OptionGroup):
-    """Where results are kept, of which drive and measured how; or the drive whose history is shown."""
+    """Options of the archive: folder, drive and conditions of results to store, or the drive whose history is shown."""
 
     archive: str | None = None
     serial: str = ""
@@ -322,7 +335,10 @@ class ArchiveOptions(o.OptionGroup):
     history: str | None = None
 
     def archiving(self, files: Sequence[str]) -> Callable[[Measurement], None]:
-        """Return the use of each result of files. Raises UsageError for options that do not go together."""
+        """Return the function that stores a result in the archive, if there is one.
+
+        Raises UsageError for options that cannot be combined.
+        """
         from hdassist.measuring.archive import add_to_archive, read_conditions
 
         stated_options = (bool(files), bool(self.archive), bool(self.serial), self.history is not None)
@@ -342,7 +358,7 @@ class ArchiveOptions(o.OptionGroup):
         return take
 
     def history_report(self, serial: str) -> Report:
-        """Return how a drive of the archive has changed."""
+        """Return the report on the changes of a drive in the archive."""
         from hdassist.measuring.archive import is_cut_off, read_archive
         from hdassist.pages.measure import history_report
 
@@ -398,7 +414,7 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
             drive = load_preset(self.preset) if self.preset is not None else None
             form = self.reading()
             form.require_sound()
-            gearing_of(drive, self.ratio)  # a wrong ratio is refused before any file is read
+            gearing_of(drive, self.ratio)  # refuses a wrong ratio before any file is read
             shafts = parse_shafts(self.shafts)
             joints = [LoggedJoint.of(text) for text in self.joint]
             if joints and (drive or self.ratio or self.archive):
@@ -421,13 +437,13 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
                 kind="file",
             )
             repeat_values, lines = repeats(session.measurements)
-            if joints:  # of one drive each, so they are no repeats
+            if joints:  # each joint has its own drive, so results are not repeat runs
                 repeat_values = {}
                 lines = joint_lines(reports, session.measurements)
         return give("measure", reports, out, more=repeat_values, below=lines)
 
     def require_recording(self, name: str) -> None:
-        """Raise UsageError if positions or torque loops, by the name of their file, are to be stored in an archive."""
+        """Raise UsageError if an archive is requested for positions or torque loops; name: name of their file."""
         if self.archive:
             raise UsageError(
                 f"{name}: positions and torque loops cannot be stored in an archive",
@@ -435,7 +451,7 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
             )
 
     def next_options(self, joint: LoggedJoint | None) -> list[str]:
-        """Return the options by which a recording, or a joint of it, was read, as a next command takes them."""
+        """Return the options by which a recording, or a joint in it, was read, for the next command."""
         options = self.words_of_reading()
         if self.seed:
             options.append(self.typed("seed", self.seed))
@@ -446,13 +462,15 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
 
 @dataclass(eq=False)
 class _MeasureSession:
-    """What the recordings of a call of `hdassist measure` share, and their results as they come.
+    """Inputs that the recordings of one call of `hdassist measure` share, and their results so far.
 
-    form: how recordings are read.
-    drive: of which they are; None if it is not known.
-    shafts: whose components are told apart.
-    take: called with each result.
-    joints: file and joint of each recording, by its name; empty without --joint.
+    options: options of the command.
+    form: options for reading recordings.
+    drive: drive of the recordings, None if it is unknown.
+    shafts: stated shafts, whose components are determined.
+    take: function that is called with each result.
+    joints: file and joint of each recording, by name; empty without --joint.
+    measurements: results so far.
     """
 
     options: MeasureCommand
@@ -464,7 +482,7 @@ class _MeasureSession:
     measurements: list[Measurement] = field(default_factory=list)
 
     def report_of(self, name: str) -> Report:
-        """Return the page on a recording, by its name: that of its file, and of the joint in it."""
+        """Return the report on a recording; name: its file, or its file and joint."""
         from hdassist.measuring.full_cycle import with_full_cycle
         from hdassist.measuring.measure import Measurement
         from hdassist.pages.measure import bench_report, measure_report
@@ -483,7 +501,7 @@ class _MeasureSession:
         return _of_joint(report, joint.name, name) if joint else report
 
     def _read(self, file: str, joint: LoggedJoint | None) -> Measurement | PositionRecord | LoopRecord:
-        """Return what a file, or the columns of a joint in it, shows of F'_ior or of its figures."""
+        """Return the evaluated recording of a file or of a joint in it, or the positions or torque loops of a file."""
         travel_deg = self.options.travel or (self.drive and self.drive.acceptance.travel)
         if joint is None:
             return self.form.measured_or_bench(
@@ -509,7 +527,11 @@ def _of_joint(
     joint: str,
     about: str,
 ) -> Report:
-    """Return the report on a recording as that of a joint, by its name; about: file and joint."""
+    """Return the report on a recording, labelled as the report on a joint.
+
+    joint: name of the joint.
+    about: file and joint.
+    """
     values = {"joint": joint, **report.values}
     return replace(
         report,
@@ -520,7 +542,7 @@ def _of_joint(
 
 
 class ControllerOptions(o.OptionGroup):
-    """The file of a controller, and how its axis counts."""
+    """Options for the file of a controller, and for the sense and zero of its axis."""
 
     write: str | None = None
     axis: str = "1"
@@ -530,9 +552,10 @@ class ControllerOptions(o.OptionGroup):
     steps_per_degree: float = 0.0
 
     def controller_target(self, form: CorrectionForm, *, force: bool) -> tuple[ControllerFormat, str] | None:
-        """Return the controller and file that are asked for, of a form.
+        """Return the requested controller and its file, None if there is none; form: form of the correction.
 
-        Raises UsageError: no such controller, or a form that it does not keep; as `take_output` for the file.
+        Raises UsageError for an unknown controller or a form that it cannot store, and the errors of `take_output` for
+        the file.
         """
         from hdassist.correction.backlash import BACKLASH_FORMATS, NO_COMPENSATION
         from hdassist.correction.writers import CONTROLLER_FORMATS
@@ -566,9 +589,10 @@ class ControllerOptions(o.OptionGroup):
         return controller, path
 
     def backlash_target(self, *, force: bool) -> tuple[BacklashFormat, str] | None:
-        """Return the controller of backlash only and the file that are asked for; None for any other.
+        """Return the requested controller and its file if it compensates backlash only; None otherwise.
 
-        Raises UsageError for options that its setting does not depend on; as `take_output` for the file.
+        Raises UsageError for options that a backlash setting does not need, and the errors of `take_output` for the
+        file.
         """
         from hdassist.correction.backlash import BACKLASH_FORMATS
 
@@ -588,7 +612,12 @@ class ControllerOptions(o.OptionGroup):
         *,
         force: bool,
     ) -> None:
-        """Write the controller's file of a correction, where one is asked for and the correction is not refused."""
+        """Write the controller file of a correction, if it is requested and the correction is not refused.
+
+        result: correction.
+        target: controller and file, None if no file is requested.
+        force: whether an existing file is overwritten.
+        """
         from hdassist.correction.writers import ControllerAxis, correction_file, poor_table
 
         if target and not result.chosen.is_refused:
@@ -654,7 +683,7 @@ class CompensateCommand(
     after: str | None = None
 
     def correction_form(self) -> CorrectionForm:
-        """Return the form that is asked for."""
+        """Return the requested form of correction."""
         from hdassist.correction.forms import CAM_POINTS, USUAL_POINTS, CorrectionForm
 
         if self.form == "phasors":
@@ -670,7 +699,13 @@ class CompensateCommand(
         *,
         may_be_noise: bool = False,
     ) -> RecordedError:
-        """Return the error of a recording of the drive at a torque M_g [N*m]; may_be_noise: as in `measure`."""
+        """Return the error of a recording.
+
+        file: file of the recording.
+        drive: drive that was recorded.
+        M_g: torque [N*m]; None for the first torque of the drive, without checks of counts and sense.
+        may_be_noise: whether a recording may contain noise only, as in `measure`.
+        """
         from hdassist.correction.records import recorded_error, require_fine_counts, require_sense
         from hdassist.model.geometry import Kinematics
 
@@ -689,7 +724,7 @@ class CompensateCommand(
         return recorded_error(measurement, Kinematics.of(drive), self.alignment())
 
     def records(self, drive: Drive) -> dict[float, RecordedError]:
-        """Return the errors of the records by torque [N*m]. Raises UsageError for more records than torques."""
+        """Return the errors of the recordings by torque [N*m]. Raises UsageError for more recordings than torques."""
         files = self.files or []
         torques = drive.operation.M_g
         if len(files) > len(torques):
@@ -699,7 +734,10 @@ class CompensateCommand(
         return {M_g: self.recorded(name, drive, M_g) for M_g, name in zip(torques, files, strict=False)}
 
     def of_record(self, file: str) -> Report:
-        """Return the correction of a record without a preset. Raises UsageError for options that need one."""
+        """Return the report of a correction from a recording without a preset.
+
+        Raises UsageError for options that need a preset.
+        """
         from hdassist.correction.correct import correction_alone
         from hdassist.correction.records import require_fine_counts
         from hdassist.pages.compensate import compensate_report
@@ -742,9 +780,9 @@ class CompensateCommand(
         """Write the setting of a controller that compensates backlash only.
 
         file: recording in both directions.
-        M_g: its torque [N*m].
+        M_g: torque of the recording [N*m].
         target: controller and file.
-        Raises DataError for a recording in one direction.
+        Raises DataError for a recording in one direction only.
         """
         from hdassist.correction.backlash import backlash_file, backlash_of
 
@@ -763,7 +801,7 @@ class CompensateCommand(
         write_text(path, text, self.force)
 
     def report(self, out: Output, preset: str) -> Report:
-        """Return the corrections of the drive, or of a record alone."""
+        """Return the report of the correction of a drive, or of a recording without a preset."""
         from hdassist.correction.correct import correct, verify
         from hdassist.design import check_states
         from hdassist.pages.compensate import compensate_report, verified_report

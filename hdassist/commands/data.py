@@ -1,4 +1,4 @@
-"""Commands about data: calibrate, presets, doctor, explain."""
+"""Commands for presets and for the tool itself: calibrate, presets, doctor, explain."""
 
 from __future__ import annotations
 
@@ -59,12 +59,12 @@ class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
     beside = ("write",)
 
     def _require_writable(self, preset: str) -> None:
-        """Raise UsageError if values are to be written and the preset is not the unchanged text of a file."""
+        """Raise UsageError if --write is given, but the preset is not a file or is changed by --set."""
         if self.write is not None and (preset == "-" or self.overrides):
             raise UsageError("--write needs a preset file, without --set and not from standard input")
 
     def report(self, out: Output, preset: str) -> Report:
-        """Return the values, found and written where that is asked for."""
+        """Return the report of a calibration, and write its values if this is requested."""
         from hdassist.calibration import calibrate, estimate_drives, read_targets
         from hdassist.files import READ_AT_MOST, read_preset
         from hdassist.loading import with_found_values
@@ -77,7 +77,7 @@ class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
         wanted = read_targets(read_bytes(self.targets, READ_AT_MOST)[0], str(self.targets), drive)
         preset_text = read_preset(preset)[0].decode("utf-8-sig") if self.write is not None else ""
         if self.write is not None:
-            # a text that cannot be changed is refused before the search, which takes minutes
+            # the search takes minutes, so a text that cannot be changed is refused before it
             lowest = {unknown.path: unknown.low for unknown in wanted.unknowns}
             with_found_values(preset_text, preset, lowest, "")
         with out.run(drive.name, estimate_drives(wanted, self.evaluations), self) as run:
@@ -96,7 +96,7 @@ class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
 
 
 _VALIDATE = "presets-validate"
-_PIPED_COLUMNS = 10_000  # whoever reads a pipe has the room that a table needs
+_PIPED_COLUMNS = 10_000  # width of a table in a pipe, which needs no line breaks
 
 
 class PresetsListCommand(o.PageOptions):
@@ -111,7 +111,7 @@ class PresetsListCommand(o.PageOptions):
     """
 
     def report(self, _out: Output, _preset: str) -> Report:
-        """Return the presets."""
+        """Return the report that lists the presets."""
         from hdassist.files import preset_names
         from hdassist.loading import load_preset
         from hdassist.model.geometry import Kinematics
@@ -161,12 +161,12 @@ class PresetsShowCommand(o.PageOptions, o.DriveOptions):
     resolved: bool = False
 
     def open(self) -> Output:
-        """Return the output of the command, with room for a table if it is a pipe."""
+        """Return the output of the command, wide enough for a table if it is a pipe."""
         out = super().open()
         return out if sys.stdout.isatty() else replace(out, style=replace(out.style, width=_PIPED_COLUMNS))
 
     def run(self) -> int:
-        """Show the preset; returns the exit code."""
+        """Show the preset, and return the exit code."""
         from hdassist.files import read_preset
 
         if self.resolved or self.json or self.overrides:
@@ -180,7 +180,7 @@ class PresetsShowCommand(o.PageOptions, o.DriveOptions):
         return 0
 
     def report(self, _out: Output, preset: str) -> Report:
-        """Return all values of the preset."""
+        """Return the report of all values of a preset."""
         from hdassist.preset.fields import resolved_fields, value_text
 
         drive = self.load(preset)
@@ -211,7 +211,7 @@ class PresetsValidateCommand(o.AnswerOptions, o.DriveOptions):
     presets: list[str]
 
     def run(self) -> int:
-        """Validate the presets; returns the exit code."""
+        """Validate the presets, and return the exit code."""
         out = self.open()
         reports = run_each(
             _VALIDATE,
@@ -224,7 +224,7 @@ class PresetsValidateCommand(o.AnswerOptions, o.DriveOptions):
         return give(_VALIDATE, reports, replace(out, quiet=True))
 
     def _report(self, name: str) -> Report:
-        """Return the verdict on a preset, which a bad --set has too. Raises all other errors of loading it."""
+        """Return the report on a preset; an invalid --set makes it invalid. Raises all other errors of loading it."""
         from hdassist.preset.fields import origin_counts
 
         try:
@@ -244,7 +244,7 @@ class PresetsValidateCommand(o.AnswerOptions, o.DriveOptions):
         if values["assumed"]:
             verdict += f", {values['assumed']} values are assumed"
         result = {"file": name, "valid": True, "values": values, "findings": []}
-        line = verdict if len(self.presets) > 1 else f"{name}: {verdict}"  # several are named anyway
+        line = verdict if len(self.presets) > 1 else f"{name}: {verdict}"  # several lines begin with the names anyway
         return Report(
             command=_VALIDATE,
             drive=drive,
@@ -258,13 +258,13 @@ class PresetsValidateCommand(o.AnswerOptions, o.DriveOptions):
 
 
 def _invalid(name: str, error: HdassistError) -> Json:
-    """Return the answer about a preset that is not valid."""
+    """Return the JSON result for an invalid preset."""
     findings = [asdict(finding) for finding in error.findings] if isinstance(error, PresetError) else []
     return failure(_VALIDATE, error, preset=name) | {"file": name, "valid": False, "findings": findings}
 
 
 class WishOptions(o.OptionGroup):
-    """Known data of a new drive."""
+    """Options for the known data of a new drive."""
 
     like: str = "vzp160"
     coupling: str | None = None
@@ -300,7 +300,7 @@ class PresetsSchemaCommand(o.OptionGroup):
     debug: bool = False
 
     def run(self) -> int:
-        """Write the schema; returns the exit code."""
+        """Write the schema, and return the exit code."""
         from hdassist.loading import preset_schema
 
         write_text(self.output, json_text(preset_schema()), self.force)
@@ -339,7 +339,7 @@ class PresetsNewCommand(WishOptions):
     name: str
 
     def run(self) -> int:
-        """Write the preset; returns the exit code."""
+        """Write the preset, and return the exit code."""
         from hdassist.loading import load_preset, similar_preset
         from hdassist.preset.knowledge import read_requirements
 
@@ -352,14 +352,19 @@ class PresetsNewCommand(WishOptions):
 
 PRESET = "vzp160"
 M_G = 800.0
-STORED_F_IOR = 7.706924145663  # arcsec, of every state
-AGREES = 1e-6  # arcsec: how near to the stored value
+STORED_F_IOR = 7.706924145663  # arcsec, over all mesh positions
+AGREES = 1e-6  # arcsec; largest difference from the stored value
 _CROSS = "HIGHS"
 
 
 @dataclass(frozen=True)
 class DoctorFinding:
-    """A part of the installation, its status, and the finding in words; broken: there are no trustworthy answers."""
+    """Finding about a part of the installation.
+
+    what: name of the part.
+    status: its status; broken means that results cannot be trusted.
+    found: finding in words.
+    """
 
     what: str
     status: Literal["ok", "note", "broken"]
@@ -382,7 +387,7 @@ class DoctorCommand(o.PageOptions):
     empty_cache: bool = False
 
     def report(self, out: Output, _preset: str) -> Report:
-        """Return the installation, examined."""
+        """Return the report on the checks of this installation."""
         from hdassist.run.kept import empty_cache
 
         if self.empty_cache:
@@ -410,7 +415,7 @@ class DoctorCommand(o.PageOptions):
 
 def _packages() -> Iterator[DoctorFinding]:
     """Yield the versions of hdassist, Python and each required package."""
-    from importlib.metadata import PackageNotFoundError, requires, version  # a fifth of imports of `hdassist --help`
+    from importlib.metadata import PackageNotFoundError, requires, version  # a fifth of the imports for `-h`
 
     yield DoctorFinding("hdassist", "ok", f"{__version__}, Python {platform.python_version()}, {platform.platform()}")
     for needed in requires("hdassist") or ():
@@ -424,7 +429,7 @@ def _packages() -> Iterator[DoctorFinding]:
 
 
 def engine() -> DoctorFinding:
-    """Return the engine that solves the states."""
+    """Return the finding about the engine that solves the mesh positions."""
     from hdassist.solve import walk
 
     compiled, description = walk.walk_library()
@@ -432,7 +437,7 @@ def engine() -> DoctorFinding:
 
 
 def cache() -> DoctorFinding:
-    """Return the folder of the cache, its size, and the command that empties it."""
+    """Return the finding about the cache: its folder, its size, and the option that empties it."""
     from hashlib import sha256
 
     from hdassist.run import kept
@@ -449,7 +454,10 @@ def cache() -> DoctorFinding:
 
 
 def surroundings(style: Style) -> DoctorFinding:
-    """Return the cores of this machine and the style of standard output, which a progress bar may have replaced."""
+    """Return the finding about the machine: its cores and the style of standard output.
+
+    style: style of standard output before a progress bar replaced it.
+    """
     cores = count(0)
     kind = "a terminal" if sys.stdout.isatty() else "no terminal"
     shown = f"{style.width} columns, {'7-bit' if style.ascii else 'all'} characters"
@@ -457,7 +465,10 @@ def surroundings(style: Style) -> DoctorFinding:
 
 
 def self_test() -> DoctorFinding:
-    """Return every state of a known drive against stored digits, and its extremes by another solver."""
+    """Return the finding of the self-test.
+
+    It compares F'_ior of a drive with the stored value, and solves the extremes again with another solver.
+    """
     from hdassist.error.cycle import kinematic_error
     from hdassist.error.error_map import ErrorMap
     from hdassist.loading import load_preset
@@ -499,7 +510,7 @@ class ExplainCommand(o.PageOptions):
     names: list[str]
 
     def report(self, out: Output, _preset: str) -> Report:
-        """Return the names, explained."""
+        """Return the report that explains the names."""
         from hdassist.explaining import explained
         from hdassist.pages.data import explain_report
 

@@ -1,4 +1,4 @@
-"""Commands of a design; tolerance, sensitivity and allocate are those of random drives of it."""
+"""Commands for the design of a drive, and for random drives of it: tolerance, sensitivity and allocate."""
 
 from __future__ import annotations
 
@@ -54,12 +54,12 @@ class CheckCommand(o.PlotOptions, o.SamplingOptions, o.PitchOptions, o.LimitedDr
     cross_check: str = "highs"
 
     def report(self, out: Output, preset: str) -> Report:
-        """Return the design check of a drive."""
-        # before any preset is read: measured wheels are those of one drive
+        """Return the report of the design check of a drive."""
+        # measured wheels belong to one drive, which is checked before any preset is read
         files = self.wheels_of_one(self.presets)
         drive = self.load(preset)
         measured = self.teeth(files, drive)
-        # the title stands beside the progress bar
+        # the title is shown next to the progress bar
         torques = ", ".join(f"{M_g:g}" for M_g in drive.operation.M_g)
         title = f"{drive.name}, {drive.gears.z_g}/{drive.gears.z_b}, {torques} N·m"
         with out.progress(title):  # numpy is imported below
@@ -102,7 +102,7 @@ class TraceCommand(o.PlotOptions, o.PitchOptions, o.OneTorqueOptions):
     seed: int = 0
 
     def report(self, out: Output, preset: str) -> Report:
-        """Return the trace of a drive."""
+        """Return the report of the error curve of a drive."""
         from hdassist.error.waves import Gravity, trace
         from hdassist.model.geometry import Kinematics
         from hdassist.pages.curves import trace_report
@@ -148,7 +148,7 @@ class StiffnessCommand(o.PlotOptions, o.DriveOptions):
     cross_check: str = "highs"
 
     def report(self, out: Output, preset: str) -> Report:
-        """Return the twist over torque."""
+        """Return the report of the twist over torque."""
         from hdassist.error.stiffness import stiffness, stiffness_states
         from hdassist.pages.curves import stiffness_report
 
@@ -166,7 +166,7 @@ class StiffnessCommand(o.PlotOptions, o.DriveOptions):
             )
 
 
-_JSON_ROWS = 100_000  # that --json holds in memory, at most
+_JSON_ROWS = 100_000  # largest number of rows with --json, which holds them in memory
 
 
 class SweepCommand(o.RowsOptions, o.LoadedDriveOptions):
@@ -195,32 +195,32 @@ class SweepCommand(o.RowsOptions, o.LoadedDriveOptions):
 
     @property
     def answer_file(self) -> str:
-        """Standard output: -o takes the rows."""
+        """The destination of the result, always standard output, because -o names the file for the rows."""
         return "-"
 
     def report(self, out: Output, preset: str) -> Report:
-        """Return the page of the rows, after they were computed and written."""
+        """Compute and write the rows, and return their report."""
         from hdassist.design import Sweep, collect, read_axes
         from hdassist.files import read_preset
         from hdassist.loading import load_text
         from hdassist.pages.curves import sweep_report
         from hdassist.run.kept import KeptOwner, open_kept
 
-        # without a file the rows are computed, printed and not kept
+        # without a file, rows are computed and printed, but not stored
         file = None if self.output == "-" else self.output
         streamed = self._takes_stdout()
         text, path = read_preset(preset)
         drive = load_text(text, path, self.changes)
-        # the text of the preset is kept, since each row is loaded from it with other values
+        # the sweep has the text of the preset, because each row loads it with other values
         sweep = Sweep.of(text, path, drive, read_axes(self.vary, drive.origin.overrides))
-        # one JSON object has all rows in memory
+        # a JSON object holds all rows in memory
         if self.json and sweep.rows > _JSON_ROWS:
             raise UsageError(
                 f"--json cannot print {sweep.rows} rows: the maximum is {_JSON_ROWS}",
                 "use -o FILE.jsonl for any number of rows",
             )
         options = {"vary": self.vary, "set": list(drive.origin.overrides)}
-        # all inputs that decide the rows: another preset or grid is refused for the same file
+        # the owner states all inputs of the rows, so the same file is refused for another preset or grid
         owner = KeptOwner(
             command="sweep",
             preset=drive.name,
@@ -228,18 +228,18 @@ class SweepCommand(o.RowsOptions, o.LoadedDriveOptions):
             options=options,
         )
         if file is not None:
-            # an existing file of this run may be continued
+            # the run may resume with an existing file
             claim_output(file, is_kept=True)
         with open_kept(file, owner, sweep.kind, force=self.force) as results:
             rows = _rows(sweep, drive.name, results, self, out)
             kept = f"are stored in {file}; the same command resumes" if file else "are done but not stored"
-            # shown if the command is stopped
+            # the message is shown if the command is stopped
             with at_stop(lambda: f"{results.done} of {sweep.rows} rows {kept}"):
-                # rows pass by: only the figures of the page are collected
+                # rows are not held in memory; only the figures of the page are collected
                 swept = collect(sweep, drive, _printed(rows, sweep) if streamed else rows)
             self._write_tables(sweep, results, owner, out)
             if file is not None:
-                # the file may have been moved meanwhile
+                # the file may have been moved during the computation
                 results.require_there()
                 as_lines = " as JSON Lines; for CSV use --csv" if file.endswith(".csv") else ""
                 say(f"wrote {file}{as_lines}")
@@ -256,7 +256,13 @@ class SweepCommand(o.RowsOptions, o.LoadedDriveOptions):
         owner: KeptOwner,
         out: Output,
     ) -> None:
-        """Write the rows as CSV and as Parquet, if these are asked for; owner: all that they depend on."""
+        """Write the rows as CSV and as Parquet, if this is requested.
+
+        sweep: sweep with the columns of the rows.
+        results: stored rows.
+        owner: inputs of the rows, stored in the Parquet file.
+        out: output of the command.
+        """
         from hdassist.pages.curves import cells, columns
 
         if out.csv is not None and out.csv != "-":
@@ -266,10 +272,10 @@ class SweepCommand(o.RowsOptions, o.LoadedDriveOptions):
             write_parquet(self.parquet, kinds, map(cells, results.records()), asdict(owner), self.force)
 
     def _takes_stdout(self) -> bool:
-        """Return whether rows go to standard output as CSV."""
+        """Return whether rows are written to standard output as CSV."""
         import sys
 
-        # in a pipe the rows themselves are wanted
+        # the reader of a pipe expects the rows
         no_page = not (self.json or self.quiet or sys.stdout.isatty())
         return self.csv == "-" or (no_page and self.csv is None and self.output == "-")
 
@@ -281,10 +287,10 @@ def _rows(
     options: SweepCommand,
     out: Output,
 ) -> Iterator[SweepRow]:
-    """Yield the records of all rows: those that are kept, then the others as they are computed and kept."""
+    """Yield all rows: first the stored rows, then new rows, each as soon as it is computed and stored."""
     from hdassist.run.run import stream
 
-    # kept rows come first, as if they were computed now
+    # stored rows are passed on like new rows
     yield from results.records()
     with (
         out.progress(name, sweep.rows - results.done) as progress,
@@ -300,14 +306,14 @@ def _rows(
         ) as chunks,
     ):
         for records in chunks:
-            # written before they are passed on, so that a stop loses nothing
+            # rows are stored before they are passed on, so an interruption loses none of them
             results.append(records)
             progress(len(records))
             yield from records
 
 
 def _printed(rows: Iterator[SweepRow], sweep: Sweep) -> Iterator[SweepRow]:
-    """Yield the same records, each written to standard output as CSV when it comes."""
+    """Write each row to standard output as CSV, and yield it."""
     from hdassist.pages.curves import cells, columns
 
     write_text(
@@ -325,7 +331,7 @@ def _printed(rows: Iterator[SweepRow], sweep: Sweep) -> Iterator[SweepRow]:
 
 
 _PRESET_SUFFIXES = (".yaml", ".yml")
-_OF_TRACES = ("start", "zero", "error_is", "cam_sense")  # options that presets do not have, beside TraceOptions
+_OF_TRACES = ("start", "zero", "error_is", "cam_sense")  # options of recordings only, in addition to TraceOptions
 
 
 class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOptions, o.OneTorqueOptions):
@@ -359,11 +365,11 @@ class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOpt
     zero: str | None = None
 
     def run(self) -> int:
-        """Compare; returns the exit code."""
+        """Compare recordings with the drive, or presets with each other; return the exit code."""
         return self._compare_presets() if any(map(is_preset, self.files)) else self._compare_traces()
 
     def _compare_traces(self) -> int:
-        """Compare measured traces with the drive; returns the exit code."""
+        """Compare recordings with the drive, and return the exit code."""
         if self.limit:
             raise UsageError(
                 "--limit does not apply to recordings", "use hdassist accept to compare a recording with a limit"
@@ -390,7 +396,7 @@ class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOpt
                     together=True,
                     M_g=M_g,
                 )
-                # without an option the kind of recording decides whether the zero is known
+                # without --cam-zero, the kind of recording decides whether the zero is known
                 zero = given_zero if self.zero else zero_of(measurement.trace, drive, start)
                 fitted = (start is None, zero is None)
                 alignment = replace(
@@ -419,7 +425,10 @@ class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOpt
         return give("compare", answers, out)
 
     def _limited(self, preset: str) -> Drive:
-        """Return the drive of a preset with the torque and the limits. Raises DataError, PresetError or UsageError."""
+        """Return the drive of a preset with the given torque and limits.
+
+        Raises DataError, PresetError or UsageError.
+        """
         from hdassist.loading import with_asked
 
         torques = [] if self.torque is None else [self.torque]
@@ -432,11 +441,11 @@ class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOpt
 
     def _require_presets_only(self) -> None:
         """Raise UsageError for recordings among the presets, for options of recordings, and for CSV."""
-        # both kinds of comparison share a command
+        # the command compares recordings or presets, never both
         if traces := [name for name in self.files if not is_preset(name)]:
             message = f"cannot compare {traces[0]}, a recording, with {next(filter(is_preset, self.files))}, a preset"
             raise UsageError(message, "name presets only (names of the library, .yaml files), or recordings only")
-        # options at their defaults were not given
+        # an option with its default value counts as not given
         plain = all(getattr(self, name) == getattr(type(self), name) for name in _OF_TRACES)
         if not plain or self.only(o.TraceOptions) != o.TraceOptions(budget=[]):
             raise UsageError(
@@ -483,7 +492,7 @@ class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOpt
 
 
 def is_preset(name: str) -> bool:
-    """Return whether an argument beside a preset is one too, and no trace: a name of the library, or a YAML file."""
+    """Return whether an argument names a preset (a name of the library or a YAML file) and not a recording."""
     from hdassist.files import preset_names
 
     return Path(name).suffix.lower() in _PRESET_SUFFIXES or name in preset_names()
@@ -511,16 +520,16 @@ class ReportCommand(o.AnswerOptions, o.SamplingOptions, o.LimitedDriveOptions):
     preset: str
 
     def run(self) -> int:
-        """Make the report; returns the exit code."""
+        """Write the report, and return the exit code."""
         is_document = Path(self.output).suffix.lower() in _REPORT_SUFFIXES
-        # a report is a document; its JSON and its line are those of other commands
-        if self.json or (self.quiet and not is_document):  # a line in place of the Markdown; a document stays one
+        # JSON and the single line of -q are written as by other commands; a file named by -o stays a document
+        if self.json or (self.quiet and not is_document):
             return super().run()
         kind = self._kind()
         out = self.open()
         [report] = run_each("report", [self.preset], partial(self.report, out), out)
-        # warnings and errors go to stderr as usual
-        code = give("report", [replace(report, head="")], out)  # its warnings: the page is a document
+        # only the warnings are written here, to stderr, because the page itself is a document
+        code = give("report", [replace(report, head="")], out)
         from hdassist.pages.report import report_html, report_markdown
 
         if kind == ".html":
@@ -531,7 +540,7 @@ class ReportCommand(o.AnswerOptions, o.SamplingOptions, o.LimitedDriveOptions):
         return code
 
     def report(self, out: Output, preset: str) -> Report:
-        """Return all about a drive."""
+        """Return the complete report of a drive."""
         from hdassist.pages.report import drive_report
         from hdassist.variants import sheet_of, sheet_states
 
@@ -544,7 +553,7 @@ class ReportCommand(o.AnswerOptions, o.SamplingOptions, o.LimitedDriveOptions):
             )
 
     def _kind(self) -> str:
-        """Return the suffix of the file that the report is written as. Raises UsageError for any other."""
+        """Return the suffix that decides the format of the report. Raises UsageError for an invalid file name."""
         if self.output == "-":
             return ".md"
         kind = Path(self.output).suffix.lower()
@@ -555,7 +564,7 @@ class ReportCommand(o.AnswerOptions, o.SamplingOptions, o.LimitedDriveOptions):
 
 
 class DrawOptions(o.LimitedDriveOptions):
-    """How random drives are drawn."""
+    """Options for sampling random drives."""
 
     distribution: Literal["rayleigh", "uniform", "fixed"] = "rayleigh"
     known: list[str]
@@ -564,8 +573,10 @@ class DrawOptions(o.LimitedDriveOptions):
     executor: str | None = None
 
     def law(self, drive: Drive, *, chosen: bool = False) -> ProductionLaw:
-        """Return the distributions of the random drives; chosen: whether assumed sizes are tolerances to choose too.
+        """Return the distributions of the random drives.
 
+        drive: drive whose tolerances apply.
+        chosen: whether assumed sizes count as tolerances to choose.
         Raises UsageError for invalid options.
         """
         from hdassist.preset.fields import DEVIATION_FIELDS
@@ -577,7 +588,7 @@ class DrawOptions(o.LimitedDriveOptions):
             chosen=chosen,
             known=self.known,
         )
-        # without a varying size all drives are equal
+        # without a varying size, all drives are equal
         if not any(field.path == field.group and field.path in DEVIATION_FIELDS for field in law.own):
             raise UsageError("no field varies: all tolerances are 0", "set tolerances.e_hb or other tolerances above 0")
         return law
@@ -588,7 +599,12 @@ class DrawOptions(o.LimitedDriveOptions):
         production: Production,
         count: int,
     ) -> tuple[Production, Samples | None]:
-        """Return a production with the designs of so many drives, and the samples that they are of, if they differ."""
+        """Return a production with the designs of its drives, and the samples of these designs.
+
+        The samples are None if all drives have the same design.
+
+        count: number of drives.
+        """
         with out.run("designs", production.design_states(count), self) as run:
             return production.with_designs(count, run=run)
 
@@ -599,11 +615,16 @@ class DrawOptions(o.LimitedDriveOptions):
         count: int,
         progress: ProgressBar | None = None,
     ) -> list[RandomDrive]:
-        """Return the records of so many drives of a production; progress: the bar of more work than these."""
+        """Return the results of random drives.
+
+        production: production of the drives.
+        count: number of drives.
+        progress: progress bar that includes further work, None for a new bar.
+        """
         from hdassist.run.run import stream
 
         drives: list[RandomDrive] = []
-        # one bar for several productions
+        # several productions share one bar
         bar = nullcontext(progress) if progress else out.progress(production.drive.name, count)
         with bar as progress, out.engine(self) as engine:
             for records in stream(production.records, count, jobs=self.jobs, executor=engine):
@@ -613,11 +634,11 @@ class DrawOptions(o.LimitedDriveOptions):
 
 
 def _require_limits(drive: Drive) -> list[float]:
-    """Limit of F'_ior [arcsec] at each torque. Raises UsageError if there is none at one of them."""
+    """Return the limit of F'_ior [arcsec] at each torque. Raises UsageError if a torque has no limit."""
     limits = []
     for M_g in drive.operation.M_g:
         limit = drive.limit(M_g)
-        # each torque counts, so a missing limit cannot be left out silently
+        # all torques count, so a torque without a limit must not be skipped silently
         if limit is None:
             hint = f"use --limit 30 or --limit F_ior@{M_g:g}=30, or select the torques with a limit by --torque"
             raise UsageError(f"no limit of F'_ior at {M_g:g} N*m", hint)
@@ -679,7 +700,7 @@ class ToleranceCommand(o.RowsOptions, DrawOptions):
 
         samples = None
         with open_kept(self.results, owner, production.kind, force=self.force) as kept:
-            # drives of an earlier run count
+            # drives of an earlier run are part of the result
             summary.add(islice(kept.records(), self.count))
             # designs are sampled only if a drive remains to be solved
             if kept.done < self.count:
@@ -690,7 +711,7 @@ class ToleranceCommand(o.RowsOptions, DrawOptions):
                 kinds, rows = drive_table(production, islice(kept.records(), self.count))
                 write_parquet(self.parquet, kinds, rows, asdict(owner), self.force)
         if not summary.count:
-            # without a single drive there is nothing to show
+            # without any result, there is no report
             if interrupted:
                 raise KeyboardInterrupt
             raise UntrustedError(f"no random drive has a result: {summary.reason}", "reduce the tolerances and ranges")
@@ -699,7 +720,7 @@ class ToleranceCommand(o.RowsOptions, DrawOptions):
         return tolerance_report(law, self.seed, summary, samples, interrupted=interrupted)
 
     def _begun(self, drive: Drive, law: ProductionLaw) -> tuple[Production, Summary]:
-        """Return the production of a drive, and the summary of its drives before the first of them.
+        """Return the production of a drive, and the empty summary of its drives.
 
         Raises UsageError for a yield without limits, UntrustedError if a self error cannot be trusted.
         """
@@ -737,9 +758,12 @@ class ToleranceCommand(o.RowsOptions, DrawOptions):
         summary: Summary,
         progress_words: Callable[[], str],
     ) -> None:
-        """Solve the drives that are not kept yet, keep them and add them to the summary, until an interruption.
+        """Solve the drives that are not stored yet, store them and add them to the summary, until an interruption.
 
-        progress_words: returns how far the work is, for a message if the process is stopped.
+        production: production of the drives.
+        kept: stored drives.
+        summary: summary of all drives.
+        progress_words: function that returns the state of the work, for a message if the process is stopped.
         """
         from hdassist.run.run import stream
 
@@ -783,7 +807,7 @@ class SensitivityCommand(o.FigureOptions, DrawOptions):
     details: bool = False
 
     def report(self, out: Output, preset: str) -> Report:
-        """Return the tolerances, ranked."""
+        """Return the report of the ranked tolerances."""
         from hdassist.pages.tolerance import sensitivity_report
         from hdassist.tolerance.production import Production
         from hdassist.tolerance.tightening import sensitivities
@@ -804,10 +828,10 @@ class SensitivityCommand(o.FigureOptions, DrawOptions):
         return sensitivity_report(replace(result, law=law))
 
 
-_MOST_ROUNDS = 5  # further rounds of drives that try tolerances, at most
-_DRIVES_PER_DESIGN = 5  # drives of each design: many designs with few drives each show more than the reverse
-_TIMED_DRIVES = 3  # that are solved first, to estimate the time of all
-_SHORT_TIME = 10.0  # s, of which nothing is said
+_MOST_ROUNDS = 5  # largest number of further rounds of drives that try tolerances
+_DRIVES_PER_DESIGN = 5  # drives per design; many designs with few drives each are more informative than the reverse
+_TIMED_DRIVES = 3  # number of drives solved first to estimate the total time
+_SHORT_TIME = 10.0  # s; a shorter estimate is not shown
 
 
 def _rooms_beside_self_error(
@@ -815,14 +839,14 @@ def _rooms_beside_self_error(
     self_errors: Sequence[float],
     torques: Sequence[float],
 ) -> list[float]:
-    """Return the room that limits leave F'_ior beside the self error [arcsec], shape (torques,).
+    """Return the limits of F'_ior minus the self error [arcsec], shape (torques,).
 
     Args:
-        limits: at each torque [arcsec].
-        self_errors: at each torque [arcsec].
-        torques: [N*m].
+        limits: limit at each torque [arcsec].
+        self_errors: self error at each torque [arcsec].
+        torques: torques [N*m].
 
-    Raises UsageError if the self error alone exceeds a limit: no tolerance changes it.
+    Raises UsageError if the self error, which no tolerance changes, exceeds a limit.
     """
     room = [limit - self_error_arcsec for limit, self_error_arcsec in zip(limits, self_errors, strict=True)]
     if min(room) <= 0:
@@ -857,7 +881,7 @@ class AllocateCommand(o.FigureOptions, DrawOptions):
     mounting: bool = True
 
     def report(self, out: Output, preset: str) -> Report:
-        """Return the cheapest tolerances."""
+        """Return the report of the cheapest tolerances."""
         from hdassist.error.cycle import self_error
         from hdassist.pages.tolerance import allocate_report
         from hdassist.tolerance.production import Production
@@ -896,9 +920,9 @@ class AllocateCommand(o.FigureOptions, DrawOptions):
         return allocate_report(allocator, ways, self_errors, gains, torques[torque])
 
     def _say_time(self, productions: Sequence[Production]) -> None:
-        """Write on stderr how long the search takes at most, from the time of a few drives of its productions.
+        """Write the longest time of the search to stderr, estimated from a few drives of each production.
 
-        Nothing is written of a short search, or of one whose drives are solved by an executor.
+        No time is written for a short search, or if an executor solves the drives.
         """
         from hdassist.run.run import count
 
