@@ -35,7 +35,7 @@ from hdassist.errors import (
 from hdassist.loading import OVERRIDE_PLACE, load_text
 from hdassist.model.deviations import MeasuredTeeth, ToothDeviations, Unknown, unknown_notes, unknowns
 from hdassist.model.geometry import Array, Kinematics
-from hdassist.preset.fields import Drive, PresetField, field_table, is_overridden, path_of
+from hdassist.preset.fields import Catalogue, Drive, PresetField, field_table, is_overridden, path_of
 from hdassist.preset.text import InvalidValueError, near_miss, read_count, read_number, scalar_value, shown
 from hdassist.report import attributes
 from hdassist.run.kept import ClosedRecord, Count, Magnitude, Number, RecordKind
@@ -233,14 +233,24 @@ class DesignCheck:
         return (*self.drive.origin.warnings, *remarks, *(self.samples.remarks if self.samples else ()))
 
 
-def accuracy_words(accuracy: float | None, points: Sequence[OperatingPoint]) -> str:
-    """Return F'_ior at the smallest torque beside the accuracy [arcsec], measured without load; empty without one."""
+# by catalogue.accuracy_test: what is known of the test
+_ACCURACY_TESTS = {
+    "unstated": "no load",
+    "full_revolution": "no load, tested over a full revolution",
+    "12_positions": "no load, tested at 12 positions",
+    "typical": "no load, typical value",
+}
+
+
+def accuracy_words(catalogue: Catalogue, points: Sequence[OperatingPoint]) -> str:
+    """Return F'_ior at the smallest torque beside the accuracy in the catalogue; empty without one."""
+    accuracy = catalogue.accuracy
     if accuracy is None:
         return ""
     point = min(points, key=lambda point: abs(point.M_g))
     compared = " to ".join(dict.fromkeys(f"{100 * end / accuracy:.0f}" for end in point.range_arcsec or ()))
     sentence = f"F'_ior at {point.M_g:g} N·m is {compared} % of the accuracy" if compared else "F'_ior is unknown"
-    return f"accuracy {accuracy:g}″ (no load); {sentence}"
+    return f"accuracy {accuracy:g}″ ({_ACCURACY_TESTS[catalogue.accuracy_test]}); {sentence}"
 
 
 def check_states(

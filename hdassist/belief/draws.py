@@ -43,6 +43,7 @@ from hdassist.belief.evidence import (
 )
 from hdassist.belief.prior import RIGID_SHIFT, DrivePrior
 from hdassist.belief.proposals import (
+    LEAST_DENSITY,
     PILOT_DRAWS,
     DeviationProposal,
     ProposedDeviations,
@@ -51,8 +52,9 @@ from hdassist.belief.proposals import (
     stiffness_log_likelihoods,
 )
 from hdassist.error.cycle import WITHOUT_EFFECT
-from hdassist.error.error_map import Batch, ErrorMap, Extremes, error_maps
+from hdassist.error.error_map import Batch, ErrorMap, error_maps
 from hdassist.error.extremes import DRAWN_GRIDS, many_extremes
+from hdassist.error.readings import ranges_as_tested
 from hdassist.error.stiffness import NEAR_ZERO, Twist
 from hdassist.errors import HdassistError
 from hdassist.model.contacts import contact_system
@@ -143,6 +145,11 @@ class Sampling:
     def measured(self) -> tuple[Evidence, ...]:
         """F'_ior as measured on the drive."""
         return tuple(datum for datum in self.evidence if datum.M_g)
+
+    @cached_property
+    def accuracy(self) -> Evidence | None:
+        """The accuracy in the catalogue; None without one."""
+        return next((datum for datum in self.evidence if datum.figure == ACCURACY), None)
 
     @cached_property
     def near(self) -> DeviationProposal | None:
@@ -314,16 +321,21 @@ class Sampling:
     def _tests_of(self, drive: Drive, number: int) -> dict[str, tuple[float, float]]:
         """Return torque [N*m] and turn [deg] at which F'_ior is evidence on a drive, by figure.
 
+        An accuracy that is read at a few positions is none of them: it is read by itself.
+
         number: that of the draw, which decides the turn of the accuracy.
         """
         tests = {datum.figure: (datum.M_g, datum.rotation_deg) for datum in self.measured}
-        if self.torques and any(datum.figure == ACCURACY for datum in self.evidence):
+        if self.torques and self.accuracy and not self.accuracy.positions:
             tests[ACCURACY] = (ACCURACY_LOAD * drive.rated_torque, turn_of_test_deg(drive, [self.seed, number]))
         return tests
 
     def _torques_with(self, tests: Mapping[str, tuple[float, float]]) -> tuple[float, ...]:
         """Return all torques [N*m] that a draw needs, each once: those that are asked for, then those of tests."""
-        return tuple(dict.fromkeys((*self.torques, *(M_g for M_g, _ in tests.values()))))
+        loads = [M_g for M_g, _ in tests.values()]
+        if self.torques and self.accuracy:
+            loads.append(ACCURACY_LOAD * self.prior.drive.rated_torque)
+        return tuple(dict.fromkeys((*self.torques, *loads)))
 
     def _solved(
         self,
@@ -399,24 +411,28 @@ class Sampling:
         """
         # without a measured F'_ior deviations come from the prior
         proposals = [ProposedDeviations(shares={}, density=1.0)]
+        chosen: _ChosenSets | None = None
         if self.near:
             proposals, proof_of_tables = self.near.drawn(system.maps, system.number)
             proof += proof_of_tables
+        elif self._is_selected:
+            chosen = self._chosen_sets(system)
+            proposals = [self._proposed(chosen)]
+            proof += chosen.proof
         draws = []
         for place, deviations in enumerate(proposals):
-            draw = self._draw_of(system, deviations, place)
+            draw = self._draw_of(system, deviations, place, chosen)
             # the states of the tables are counted once, with the first draw
             draws.append(replace(draw, proof=proof + draw.proof))
             proof = EMPTY
         return draws
 
-    def _draw_of(
-        self,
-        system: _System,
-        deviations: ProposedDeviations,
-        place: int,
-    ) -> Draw:
-        """Return the draw of a contact system that has some deviations; place: that of it among those of the system."""
+    def _draw_of(self, system: _System, deviations: ProposedDeviations, place: int, chosen: _ChosenSets | None) -> Draw:
+        """Return the draw of a contact system that has some deviations.
+
+        place: that of the draw among those of the system.
+        chosen: sets of deviations chosen by the manufacturer's test; None where none are.
+        """
         # the contact system of a draw is shared, its deviations are its own
         shares = self._shares_with(deviations, system.shares)
         drive = system.drive.with_values(self.prior.values(np.array([shares]))[0])
@@ -425,7 +441,7 @@ class Sampling:
         figures = {**system.figures, **further_figures, **errors.by_figure}
         likelihood = float(np.exp(log_likelihood(self.evidence, figures)))
         # further deviations on one contact system cost no factorisation
-        sets = self._further_sets(system, drive, shares)
+        sets = self._further_sets(system, drive, shares, chosen)
         return Draw(
             figures=figures,
             F_ior_arcsec=tuple(errors.F_ior_arcsec.tolist()),
@@ -436,7 +452,10 @@ class Sampling:
             follows=system.follows,
             turned_proof=errors.turned_proof,
             sets_arcsec=_as_rows(sets.F_ior_arcsec.T),
-            set_weights=tuple(self._set_weight(system, tested_arcsec) for tested_arcsec in sets.tested_arcsec),
+            set_weights=tuple(
+                self._set_weight(system, tested_arcsec) / density
+                for tested_arcsec, density in zip(sets.tested_arcsec, sets.densities, strict=True)
+            ),
         )
 
     def _errors_of(
@@ -452,16 +471,16 @@ class Sampling:
         if self.measured:
             seed = [self.seed, system.number * self.alike + place]
             F_ior, turned = self._shown(tested[: len(self.measured)], F_ior, turned, seed)
+        by_figure = dict(zip(system.tests, tested.tolist(), strict=True))
+        if self.torques and self.accuracy and self.accuracy.positions:
+            batch = Batch.of(drive)
+            reading, proof_of_reading = self._tested(system, drive, batch.columns, [[self.seed, system.number]])
+            by_figure[ACCURACY] = float(reading[0])
+            proof += proof_of_reading
         return _Errors(
             F_ior_arcsec=F_ior,
             turned_arcsec=turned,
-            by_figure=dict(
-                zip(
-                    system.tests,
-                    tested.tolist(),
-                    strict=True,
-                )
-            ),
+            by_figure=by_figure,
             proof=proof,
             turned_proof=turned_proof,
         )
@@ -479,12 +498,17 @@ class Sampling:
         likelihood = float(np.exp(log_likelihood(self.evidence, figures)))
         return likelihood / system.density / system.going_on
 
+    # Sets of deviations
+
     @cached_property
     def _set_places(self) -> list[int]:
-        """Places of the deviations that differ from set to set: those that are open, and not fitted with others."""
+        """Places of the deviations that differ from set to set; none if each draw has one set."""
         # values of one drive fix its deviations
-        if self.measured or self.sets < 2:
-            return []
+        return [] if self.measured or self.sets < 2 else self._drawn_places
+
+    @cached_property
+    def _drawn_places(self) -> list[int]:
+        """Places of the deviations that are open, and not fitted with others."""
         fields = open_deviations(self.prior)
         return [
             place
@@ -492,44 +516,77 @@ class Sampling:
             if field_prior in fields and not field_prior.draws
         ]
 
+    @property
+    def _is_selected(self) -> bool:
+        """Whether the manufacturer sells only drives that pass a test, and which of them do depends on deviations."""
+        return bool(self.torques and self.accuracy and self.accuracy.is_tight and self._drawn_places)
+
+    def _chosen_sets(self, system: _System) -> _ChosenSets:
+        """Return sets of deviations chosen among candidates by the manufacturer's test, the set of the draw first.
+
+        Importance sampling: few drives of a system pass a tight test, and each candidate costs no more than the test.
+        A candidate is chosen with a density over the prior's that its likelihood raises, nowhere less than
+        LEAST_DENSITY: an option may turn a drive that fails into one that passes. The weight is divided by the density.
+        """
+        assert self.accuracy
+        count = _READ_CANDIDATES if self.accuracy.positions else _SOLVED_CANDIDATES
+        rng = np.random.default_rng([self.seed, system.number, _CHOSEN])
+        candidates = np.tile(system.shares, (count, 1))
+        candidates[1:, self._drawn_places] = rng.random((count - 1, len(self._drawn_places)))
+        # all at one turn and first position, which are those of the draw
+        seeds = [[self.seed, system.number] for _ in range(count)]
+        tested, proof = self._tested(system, system.drive, self._columns_of(candidates), seeds)
+        likelihood = np.exp(self.accuracy.log_likelihood(tested))
+        density = LEAST_DENSITY + (1 - LEAST_DENSITY) * likelihood / likelihood.mean()
+        # even steps around the cumulative density from a random place: each chosen one has the density by itself
+        steps = (rng.random() + np.arange(self.sets) / self.sets) % 1
+        chosen = np.minimum(np.searchsorted(np.cumsum(density) / count, steps), count - 1)
+        return _ChosenSets(
+            shares=candidates[chosen],
+            tested_arcsec=tested[chosen],
+            densities=density[chosen],
+            proof=proof,
+        )
+
+    def _proposed(self, chosen: _ChosenSets) -> ProposedDeviations:
+        """Return the deviations of a draw, which are the first of its chosen sets."""
+        first_shares = chosen.shares[0].tolist()
+        shares = {self.prior.fields[place].path: first_shares[place] for place in self._drawn_places}
+        return ProposedDeviations(shares=shares, density=float(chosen.densities[0]))
+
     def _further_sets(
-        self,
-        system: _System,
-        drive: Drive,
-        shares: Sequence[float],
+        self, system: _System, drive: Drive, shares: Sequence[float], chosen: _ChosenSets | None
     ) -> _FurtherSets:
         """Return F'_ior of further sets of deviations on the contact system of a draw.
 
         drive: with the deviations of the draw.
         shares: of the fields of the draw.
+        chosen: sets chosen by the manufacturer's test; None where any set is as likely.
         """
         if not self._set_places:
-            return _FurtherSets(
-                F_ior_arcsec=np.empty((len(self.torques), 0)),
-                tested_arcsec=(),
-                proof=EMPTY,
-            )
-        columns = self._set_columns(system.number, shares)
+            no_F_ior = np.empty((len(self.torques), 0))
+            return _FurtherSets(F_ior_arcsec=no_F_ior, tested_arcsec=(), densities=(), proof=EMPTY)
+        columns = self._columns_of(chosen.shares[1:] if chosen else self._set_shares(system.number, shares))
         map_of_torque = {error_map.M_g: error_map for error_map in system.maps}
         as_mounted = [many_extremes(map_of_torque[M_g], Batch(drive, columns), DRAWN_GRIDS) for M_g in self.torques]
         sets = _FurtherSets(
             F_ior_arcsec=np.array([extremes.F_ior_arcsec for extremes in as_mounted]),
-            tested_arcsec=tuple(None for _ in range(1, self.sets)),
+            tested_arcsec=[None for _ in range(1, self.sets)],
+            densities=[1.0 for _ in range(1, self.sets)],
             proof=sum((extremes.certificate for extremes in as_mounted), EMPTY),
         )
+        if chosen:
+            return chosen.further(sets)
         # only an accuracy weights sets by their own error
-        if not any(datum.figure == ACCURACY for datum in self.evidence):
+        if not self.accuracy:
             return sets
-        map_of_test = map_of_torque[ACCURACY_LOAD * drive.rated_torque]
-        tested = self._tested_sets(map_of_test, drive, system.number, columns)
-        return replace(
-            sets,
-            tested_arcsec=tuple(tested.F_ior_arcsec.tolist()),
-            proof=sets.proof + tested.certificate,
-        )
+        # each at a turn and first position of its own
+        seeds = [[self.seed, system.number, place] for place in range(1, self.sets)]
+        tested, proof = self._tested(system, drive, columns, seeds)
+        return replace(sets, tested_arcsec=tuple(tested.tolist()), proof=sets.proof + proof)
 
-    def _set_columns(self, number: int, shares: Sequence[float]) -> dict[str, Array]:
-        """Return values of the deviations of further sets, by path, shape (sets,) each.
+    def _set_shares(self, number: int, shares: Sequence[float]) -> Array:
+        """Return random shares of further sets of deviations, shape (sets, fields).
 
         number of the draw; shares of the fields of the draw, which all else keeps.
         """
@@ -537,26 +594,32 @@ class Sampling:
         rng = np.random.default_rng([self.seed, number, _SETS])
         random = np.tile(shares, (self.sets - 1, 1))
         random[:, self._set_places] = rng.random((self.sets - 1, len(self._set_places)))
-        values = self.prior.values(random)
-        paths = [self.prior.fields[place].path for place in self._set_places]
+        return np.asarray(random)
+
+    def _columns_of(self, shares: Array) -> dict[str, Array]:
+        """Return values of the deviations of sets, by path, shape (sets,) each; shares, shape (sets, fields)."""
+        values = self.prior.values(shares)
+        paths = [self.prior.fields[place].path for place in self._drawn_places]
         return {path: np.array([of_set[path] for of_set in values]) for path in paths}
 
-    def _tested_sets(
-        self,
-        error_map: ErrorMap,
-        drive: Drive,
-        number: int,
-        columns: Mapping[str, Array],
-    ) -> Extremes:
-        """Return the extremes of further sets of deviations as the manufacturer tests them.
+    def _tested(
+        self, system: _System, drive: Drive, columns: Mapping[str, Array], seeds: Sequence[Sequence[int]]
+    ) -> tuple[Array, Certificate]:
+        """Return sets of deviations as the manufacturer tests them [arcsec], shape (sets,), and the proof.
 
-        error_map: at the load of the test.
-        number: of the draw.
+        system: their contact system.
+        drive: all that the sets have in common.
         columns: values of the sets by path, shape (sets,) each.
+        seeds: of the turn and of the first position of each test.
         """
-        turns_deg = [turn_of_test_deg(drive, [self.seed, number, place]) for place in range(1, self.sets)]
-        turned = {path: columns.get(path, drive.number(path)) + np.array(turns_deg) for path in carried(drive)}
-        return many_extremes(error_map, Batch(drive, {**columns, **turned}), DRAWN_GRIDS)
+        assert self.accuracy
+        load = ACCURACY_LOAD * drive.rated_torque
+        map_of_test = next(error_map for error_map in system.maps if error_map.M_g == load)
+        turns_deg = np.array([turn_of_test_deg(drive, seed) for seed in seeds])
+        turned = {path: columns.get(path, drive.number(path)) + turns_deg for path in carried(drive)}
+        starts = np.array([start_of_test(seed) for seed in seeds])
+        batch = Batch(drive, {**columns, **turned})
+        return ranges_as_tested(map_of_test, batch, self.accuracy.positions, starts, DRAWN_GRIDS)
 
     def _shown(self, tested: Array, F_ior: Array, turned: Array, seed: list[int]) -> tuple[Array, Array]:
         """Return F'_ior of the drive [arcsec], drawn around F'_ior of the model by the values measured on the drive.
@@ -652,18 +715,36 @@ class _FurtherSets:
 
     F_ior_arcsec: as mounted, shape (torques, sets).
     tested_arcsec: as the manufacturer tests it, of each set; None without an accuracy.
+    densities: with which each set was drawn, over the prior's.
     """
 
     F_ior_arcsec: Array
     tested_arcsec: Sequence[float | None]
+    densities: Sequence[float]
     proof: Certificate
 
 
-def _misfit_normals(
-    loads: Array,
-    turns_deg: Array,
-    seed: Sequence[int],
-) -> Array:
+@dataclass(frozen=True, eq=False)
+class _ChosenSets:
+    """Sets of deviations on a contact system that were chosen by the manufacturer's test, and the proof of the tests.
+
+    shares: of the probability of each field, shape (sets, fields).
+    tested_arcsec: what the manufacturer reads, shape (sets,).
+    densities: with which each set was chosen, over the prior's, shape (sets,).
+    """
+
+    shares: Array
+    tested_arcsec: Array
+    densities: Array
+    proof: Certificate
+
+    def further(self, sets: _FurtherSets) -> _FurtherSets:
+        """Return the sets behind the first with their readings and densities."""
+        tested_arcsec = tuple(self.tested_arcsec[1:].tolist())
+        return replace(sets, tested_arcsec=tested_arcsec, densities=tuple(self.densities[1:].tolist()))
+
+
+def _misfit_normals(loads: Array, turns_deg: Array, seed: Sequence[int]) -> Array:
     """Return misfits of variance 1 at points, independent between torques, shape (1, points).
 
     loads, turns_deg: torque [N*m] and turn [deg] of each point, shape (points,).
@@ -683,8 +764,12 @@ def _as_rows(values: Array) -> tuple[tuple[float, ...], ...]:
     return tuple(map(tuple, values.tolist()))
 
 
+_CHOSEN = 17  # number in the seeds of a draw for sets of deviations that are chosen by a test
+_SOLVED_CANDIDATES = 8  # sets of which some are chosen by F'_ior, which costs some 70 states each
+_READ_CANDIDATES = 32  # sets of which some are chosen by readings at a few positions
 _SETS = 11  # number in the seeds of a draw for its further sets of deviations
 _TESTED_TURN = 7  # number in the seeds of a draw for the turn in which its accuracy was tested
+_TESTED_START = 13  # number in the seeds of a draw for the first position at which its accuracy was read
 
 
 def turn_of_test_deg(drive: Drive, seed: Sequence[int]) -> float:
@@ -703,6 +788,14 @@ def turn_of_test_deg(drive: Drive, seed: Sequence[int]) -> float:
     share = float(np.random.default_rng([*seed, _TESTED_TURN]).random())
     holes = drive.mounting.holes
     return 360 * int(share * holes) / holes if holes else 360 * share
+
+
+def start_of_test(seed: Sequence[int]) -> float:
+    """Return where the manufacturer's test starts, as a share of the full mesh cycle: any angle is equally likely.
+
+    seed: seed and number of the draw.
+    """
+    return float(np.random.default_rng([*seed, _TESTED_START]).random())
 
 
 def errors_now(

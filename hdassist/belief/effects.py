@@ -17,15 +17,23 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
-from hdassist.belief.draws import turn_of_test_deg
+from hdassist.belief.draws import start_of_test, turn_of_test_deg
 from hdassist.belief.edits import COUPLING, Edit
-from hdassist.belief.evidence import ACCURACY, ACCURACY_LOAD, SOFT_EDGE, Evidence, evidence_of
+from hdassist.belief.evidence import (
+    ACCURACY,
+    ACCURACY_LOAD,
+    Evidence,
+    accuracy_evidence,
+    evidence_of,
+    tested_positions,
+)
 from hdassist.belief.prior import DrivePrior
 from hdassist.belief.samples import Samples
 from hdassist.belief.statistics import effective_number, even_rows
 from hdassist.error.cycle import WITHOUT_EFFECT
 from hdassist.error.error_map import Batch, ErrorMap, error_maps
 from hdassist.error.extremes import DRAWN_GRIDS, FINE_GRIDS, many_extremes
+from hdassist.error.readings import ranges_as_tested
 from hdassist.errors import HdassistError
 from hdassist.model.deviations import carried, no_hole_better
 from hdassist.model.geometry import Array
@@ -253,7 +261,8 @@ class _Task:
 
     values: of the sample, by path; edits: values that edits change, by name; systems: the same of edits with another
     contact system; tried_deg: turns of the wheel of which the best one counts; holes_deg: turns of all holes;
-    tested_deg: turn in which the accuracy is tested; tested: names of the edits that it counts for.
+    tested_deg: turn in which the accuracy is tested; tested: names of the edits that it counts for; test_start: first
+    position of that test, as a share of the full mesh cycle.
     """
 
     values: Mapping[str, float]
@@ -263,6 +272,7 @@ class _Task:
     holes_deg: tuple[float, ...] = ()
     tested_deg: float = 0.0
     tested: tuple[str, ...] = ()
+    test_start: float = 0.0
 
     def of_edits(self, names: Iterable[str]) -> _Task:
         """Return the task of some edits alone, without the holes."""
@@ -397,15 +407,16 @@ class EditQuestion:
                     systems[edit.name] = {SUPPORT_FIELD: edited.number(SUPPORT_FIELD), COUPLING: edited.cam.coupling}
                 else:
                     changed[edit.name] = _changed_sizes(drive.with_values(of_sample), edited)
-            number = samples.draw_numbers[rows[place]]
+            of_draw = [seed, samples.draw_numbers[rows[place]]]
             task = _Task(
                 values=of_sample,
                 edits=changed,
                 systems=systems,
                 tried_deg=self.tried_deg,
                 holes_deg=self.holes_deg,
-                tested_deg=turn_of_test_deg(drive, [seed, number]) if tested else 0.0,
+                tested_deg=turn_of_test_deg(drive, of_draw) if tested else 0.0,
                 tested=tested,
+                test_start=start_of_test(of_draw) if tested else 0.0,
             )
             tasks.append(task)
         return tasks
@@ -442,7 +453,7 @@ class EditQuestion:
 def _described(task: _Task) -> list[object]:
     """Return all that the answer to a task depends on."""
     turns = [task.tried_deg, task.holes_deg, task.tested_deg, task.tested]
-    return [dict(task.values), task.edits, task.systems, *turns]
+    return [dict(task.values), task.edits, task.systems, *turns, task.test_start]
 
 
 def _changed_sizes(drive: Drive, edited: Drive) -> dict[str, float]:
@@ -562,13 +573,7 @@ def _grade_likelihood(
     donors: solved samples of each sample, shape (rows, donors).
     evidence: the present accuracy, None without any.
     """
-    grade = Evidence(
-        path="catalogue.accuracy",
-        figure=ACCURACY,
-        value=grade_arcsec,
-        spread=SOFT_EDGE,
-        kind="limit",
-    )
+    grade = accuracy_evidence(grade_arcsec, samples.prior.drive.catalogue.accuracy_test)
     stated = samples.stated_arcsec
     assert stated is not None
     tested = samples.tested_arcsec
@@ -641,8 +646,8 @@ def _solve_one(
     for name, changed in task.systems.items():
         F_ior[name] = None
         with suppress(HdassistError):
-            test = (test_load, task.tested_deg) if name in task.tested else None
-            F_ior[name], tested[name], of_system = _solve_system(sample.with_values(changed), M_g, test, is_drawn)
+            edited = sample.with_values(changed)
+            F_ior[name], tested[name], of_system = _solve_system(edited, M_g, task, is_drawn, name in task.tested)
             proof += of_system
     in_holes, of_holes = _in_holes([maps[load] for load in torques if load in maps], sample, task.holes_deg, is_drawn)
     return _Solved(F_ior, tested, in_holes, proof=proof + of_test + of_holes)
@@ -687,27 +692,20 @@ def _tested(
         return {}, EMPTY
     direction = turned_directions(drive, task.tested_deg)
     changes = [direction | dict(task.edits.get(name, {})) for name in names]
-    F_ior, proof = searched(
-        maps[load],
-        drive,
-        changes,
-        is_drawn=is_drawn,
-    )
+    F_ior, proof = _as_tested(maps[load], drive, changes, task.test_start, is_drawn)
     return dict(zip(names, F_ior, strict=True)), proof
 
 
 def _solve_system(
-    drive: Drive,
-    M_g: float,
-    test: tuple[float, float] | None,
-    is_drawn: bool,
+    drive: Drive, M_g: float, task: _Task, is_drawn: bool, is_tested: bool
 ) -> tuple[float, float | None, Certificate]:
     """Return F'_ior [arcsec] of a drive with a contact system of its own, as mounted and as tested, and the proof.
 
-    test: load [N*m] and turn [deg] of the test of the accuracy, None without one.
+    task: turn and first position of the test of the accuracy.
+    is_tested: whether the accuracy counts for this drive.
     Raises UntrustedError if an answer cannot be trusted.
     """
-    if test is None:
+    if not is_tested:
         [error_map] = error_maps(drive, [M_g])
         F_ior, proof = searched(
             error_map,
@@ -716,22 +714,26 @@ def _solve_system(
             is_drawn=is_drawn,
         )
         return F_ior[0], None, proof
-    load, turn_deg = test
+    load = ACCURACY_LOAD * drive.rated_torque
     maps = {error_map.M_g: error_map for error_map in error_maps(drive, [*dict.fromkeys((M_g, load))])}
-    F_ior, proof = searched(
-        maps[M_g],
-        drive,
-        [{}],
-        is_drawn=is_drawn,
-    )
-    direction = turned_directions(drive, 0.0 if no_hole_better(drive) else turn_deg)
-    tested, of_test = searched(
-        maps[load],
-        drive,
-        [direction],
-        is_drawn=is_drawn,
-    )
+    F_ior, proof = searched(maps[M_g], drive, [{}], is_drawn=is_drawn)
+    direction = turned_directions(drive, 0.0 if no_hole_better(drive) else task.tested_deg)
+    tested, of_test = _as_tested(maps[load], drive, [direction], task.test_start, is_drawn)
     return F_ior[0], tested[0], proof + of_test
+
+
+def _as_tested(
+    error_map: ErrorMap, drive: Drive, changes: Sequence[Mapping[str, float]], start: float, is_drawn: bool
+) -> tuple[list[float], Certificate]:
+    """Return what the manufacturer reads [arcsec] of a drive with each of some changes, and the proof.
+
+    The same first position for all changes: they are compared with each other.
+    """
+    grids = DRAWN_GRIDS if is_drawn else FINE_GRIDS
+    positions = tested_positions(drive.catalogue.accuracy_test)
+    starts = np.full(len(changes), start)
+    readings, proof = ranges_as_tested(error_map, _changed(drive, changes), positions, starts, grids)
+    return readings.tolist(), proof
 
 
 def _in_holes(
@@ -761,7 +763,12 @@ def searched(
     is_drawn: bool,
 ) -> tuple[list[float], Certificate]:
     """Return F'_ior [arcsec] of a drive with each of some changes of its deviations, and the proof."""
+    extremes = many_extremes(error_map, _changed(drive, changes), DRAWN_GRIDS if is_drawn else FINE_GRIDS)
+    return extremes.F_ior_arcsec.tolist(), extremes.certificate
+
+
+def _changed(drive: Drive, changes: Sequence[Mapping[str, float]]) -> Batch:
+    """Return a drive with each of some changes of its deviations, by path."""
     paths = {path for change in changes for path in change} or {"tolerances.F_i1"}
     columns = {path: np.array([change.get(path, drive.number(path)) for change in changes]) for path in sorted(paths)}
-    extremes = many_extremes(error_map, Batch(drive, columns), DRAWN_GRIDS if is_drawn else FINE_GRIDS)
-    return extremes.F_ior_arcsec.tolist(), extremes.certificate
+    return Batch(drive, columns)

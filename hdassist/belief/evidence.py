@@ -32,12 +32,18 @@ _FREEDOM = 4.0  # degrees of freedom of Student's t
 _MEAN_OF_TYPE = 0.15  # of a catalogue's stiffness, in the logarithm: drives of a type, and the model's misfit
 _WHOLE_FLANKS = 0.30  # of K_1 with flanks that bear as a whole (numerics.stations 1)
 _MISFIT = 0.10  # of values measured on the drive: the model's alone
-SOFT_EDGE = 0.25  # of a limit that every sold drive keeps
+_SOFT_EDGE = 0.25  # of a limit that every sold drive keeps
+# of a limit by which each drive was selected: the model's error of what the manufacturer read, assumed
+_TESTED_EDGE = 0.05
+# of the typical value of a type, in the logarithm: drives of a type differ in their deviations, assumed
+_DRIVES_OF_TYPE = 0.30
 _NO_PLAY = 2.0  # arcsec: misfit of lost motion and play where there is hardly any
 
 SEGMENT_STIFFNESSES = ("K_1", "K_2", "K_3")  # N*m/rad
 STIFFNESS_FIGURES = (*SEGMENT_STIFFNESSES, "lost_motion", "play")  # the last two in arcsec
 ACCURACY = "accuracy"
+# by catalogue.accuracy_test: positions of a revolution that are read; 0 for the whole of F'_ior
+_TEST_POSITIONS = {"12_positions": 12}
 ACCURACY_LOAD = 0.02  # of the rated torque, under which makers test it, one way: they say none or next to none
 
 
@@ -47,7 +53,8 @@ class Evidence:
 
     figure: name of the prediction that it is held against; kind: how far off a prediction is, by its logarithm or its
     share beyond a limit, over a relative spread, or by the difference, over a spread in the unit of the value. M_g
-    [N*m] and rotation_deg of a measured F'_ior, 0 and 0 of all else.
+    [N*m] and rotation_deg of a measured F'_ior, 0 and 0 of all else. positions: of an accuracy, at how many positions
+    of an output revolution it is read; 0 if the whole of F'_ior counts.
     """
 
     path: str
@@ -57,6 +64,12 @@ class Evidence:
     kind: Literal["ratio", "limit", "difference"] = "ratio"
     M_g: float = 0.0
     rotation_deg: float = 0.0
+    positions: int = 0
+
+    @property
+    def is_tight(self) -> bool:
+        """Whether it is a limit by which each drive was selected, so that few samples agree with it."""
+        return self.kind == "limit" and self.spread < _SOFT_EDGE
 
     def log_likelihood(self, prediction: Array | float) -> Array:
         """Logarithm of the likelihood of predictions, 0 where they agree best, same shape."""
@@ -96,12 +109,45 @@ def evidence_of(drive: Drive, *, of_type: bool = False) -> tuple[Evidence, ...]:
             usual = _MEAN_OF_TYPE if of_catalogue or of_type else _MISFIT
             spread = np.hypot(whole.get(name, usual), uncertainty(path) / value)
             found.append(Evidence(path, name, value, float(spread)))
+        elif name == ACCURACY:
+            found.append(accuracy_evidence(value, drive.catalogue.accuracy_test))
         elif of_catalogue:
-            found.append(Evidence(path, name, value, SOFT_EDGE, "limit"))
+            found.append(Evidence(path, name, value, _SOFT_EDGE, "limit"))
         elif not of_type:
             spread = np.hypot(max(_MISFIT * value, _NO_PLAY), uncertainty(path))
             found.append(Evidence(path, name, value, float(spread), "difference"))
     return (*found, *(() if of_type else measured_errors(drive)))
+
+
+def accuracy_evidence(value_arcsec: float, test: str) -> Evidence:
+    """Return the evidence that the accuracy in a catalogue is.
+
+    A tested accuracy is a limit that few drives exceed, because the others are not sold. If the test is not stated, the
+    limit is soft: it may have been read at a few positions, which show a part of F'_ior. The figure is the reading of
+    the test in any case.
+
+    Args:
+        value_arcsec: the accuracy [arcsec].
+        test: as catalogue.accuracy_test states it.
+    """
+    is_typical = test == "typical"
+    edge = _SOFT_EDGE if test == "unstated" else _TESTED_EDGE
+    return Evidence(
+        path=f"catalogue.{ACCURACY}",
+        figure=ACCURACY,
+        value=value_arcsec,
+        spread=_DRIVES_OF_TYPE if is_typical else edge,
+        kind="ratio" if is_typical else "limit",
+        positions=tested_positions(test),
+    )
+
+
+def tested_positions(test: str) -> int:
+    """Return at how many positions an accuracy is read; 0 if the whole of F'_ior counts.
+
+    test: as catalogue.accuracy_test states it.
+    """
+    return _TEST_POSITIONS.get(test, 0)
 
 
 def measured_errors(drive: Drive) -> tuple[Evidence, ...]:

@@ -23,12 +23,14 @@ from hdassist.belief.evidence import (
     Evidence,
     log_likelihood,
     log_likelihood_of_errors,
+    tested_positions,
     values_of_errors,
 )
 from hdassist.belief.prior import DrivePrior, FieldPrior
 from hdassist.belief.statistics import log_error, sobol_points
 from hdassist.error.error_map import TABLE_SECTIONS, Batch, ErrorMap, ErrorTable, Mesh, Reach, error_table
 from hdassist.error.extremes import DRAWN_GRIDS, many_extremes
+from hdassist.error.readings import position_states
 from hdassist.model.deviations import carried, standing_offset
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive, deviation_sizes
@@ -182,12 +184,14 @@ class TableEffort:
 class TabledErrors:
     """F'_ior of draws of the deviations of a drive, with what stands turned in equal steps.
 
-    F_ior_arcsec, shape (torques, draws, directions); log_missed, logarithm of the exact F'_ior of some of them over
+    F_ior_arcsec, shape (torques, draws, directions); tested_arcsec, what a test of the accuracy reads at the first
+    torque, shape (draws, directions); log_missed, logarithm of the exact F'_ior of some of them over
     that, shape (torques, compared); values of the deviations by path, shape (draws, directions); shares of the
     probability of those that are open, shape (draws, fields).
     """
 
     F_ior_arcsec: Array
+    tested_arcsec: Array
     log_missed: Array
     values: Mapping[str, Array]
     shares: Array
@@ -238,8 +242,6 @@ def tabled_errors(
     other: a prior of which fewer draws stand behind these, each to be counted in the direction that it has.
     Raises UntrustedError if a state cannot be trusted.
     """
-    drive = maps[0].drive
-    # one table serves all draws of the deviations
     shares, columns = _draws(prior, effort.deviations, seed)
     # draws in one direction only, of the same sizes
     if other:
@@ -247,27 +249,41 @@ def tabled_errors(
         columns = {path: np.concatenate([values, directed[path]]) for path, values in columns.items()}
     tables = _tables(maps, columns, effort.mesh)
     log_missed = np.zeros(0)
-    proof_of_compared = EMPTY
-    # a few drives are searched exactly, to see by how much the table is too small
+    proof = sum((table.certificate for table in tables), EMPTY)
     if effort.compared:
         compared = _compared_columns(columns, effort.compared, seed[-1])
-        log_missed, proof_of_compared = _log_missed(maps, tables, drive, compared)
-    shape = columns[standing_offset(drive)[1]].shape
+        log_missed, of_compared = _log_missed(maps, tables, compared)
+        proof += of_compared
+    shape = columns[standing_offset(prior.drive)[1]].shape
     flat = {path: values.ravel() for path, values in columns.items()}
+    F_ior = [table.F_ior(flat) for table in tables]
     return TabledErrors(
-        F_ior_arcsec=np.array([table.F_ior(flat).reshape(shape) for table in tables]),
+        F_ior_arcsec=np.reshape(F_ior, (-1, *shape)),
+        tested_arcsec=_tested(maps[0], tables[0], flat, F_ior[0], seed).reshape(shape),
         log_missed=log_missed,
         values=columns,
         shares=shares,
-        certificate=sum((table.certificate for table in tables), EMPTY) + proof_of_compared,
+        certificate=proof,
     )
 
 
-def _tables(
-    maps: Sequence[ErrorMap],
-    columns: Mapping[str, Array],
-    mesh: Mesh,
-) -> list[ErrorTable]:
+def _tested(
+    error_map: ErrorMap, table: ErrorTable, columns: Mapping[str, Array], F_ior: Array, seed: Sequence[int]
+) -> Array:
+    """Return what a test of the accuracy reads [arcsec], shape (draws,).
+
+    columns: values of the deviations by path, shape (draws,) each.
+    F_ior: the whole of F'_ior [arcsec], shape (draws,).
+    seed: of the first positions.
+    """
+    positions = tested_positions(error_map.drive.catalogue.accuracy_test)
+    if not positions:
+        return F_ior
+    starts = np.random.default_rng([*seed, positions]).random(len(F_ior))
+    return table.ranges(columns, position_states(error_map, positions, starts))
+
+
+def _tables(maps: Sequence[ErrorMap], columns: Mapping[str, Array], mesh: Mesh) -> list[ErrorTable]:
     """Return tables of the error, one a torque, that reach as far as the largest deviations of some draws."""
     # the table reaches as far as the largest drawn size, in any direction
     largest = {path: float(values.max()) for path, values in columns.items() if path in deviation_sizes()}
@@ -291,10 +307,7 @@ def _compared_columns(
 
 
 def _log_missed(
-    maps: Sequence[ErrorMap],
-    tables: Sequence[ErrorTable],
-    drive: Drive,
-    columns: Mapping[str, Array],
+    maps: Sequence[ErrorMap], tables: Sequence[ErrorTable], columns: Mapping[str, Array]
 ) -> tuple[Array, Certificate]:
     """Return ln of the exact F'_ior over that of the tables, shape (torques, drives), and the proof of the exact one.
 
@@ -304,7 +317,7 @@ def _log_missed(
     proof = EMPTY
     for error_map, table in zip(maps, tables, strict=True):
         # the same search that samples have
-        exact = many_extremes(error_map, Batch(drive, columns), DRAWN_GRIDS)
+        exact = many_extremes(error_map, Batch(error_map.drive, columns), DRAWN_GRIDS)
         log_missed.append(log_error(exact.F_ior_arcsec) - log_error(table.F_ior(columns)))
         proof += exact.certificate
     return np.array(log_missed), proof

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from hdassist.belief.draws import Draw, FiguresOf, Sampling, UnderWay
 from hdassist.belief.evidence import (
     ACCURACY,
-    SOFT_EDGE,
     Evidence,
+    accuracy_evidence,
     evidence_of,
     log_likelihood,
     require_shown,
@@ -175,10 +175,8 @@ class Samples:
 
         torque: place of the torque at which it does.
         """
-        # the same soft limit by which a catalogue's accuracy weights samples
-        accuracy = Evidence(
-            path="catalogue.accuracy", figure=ACCURACY, value=accuracy_arcsec, spread=SOFT_EDGE, kind="limit"
-        )
+        # the same soft limit by which the accuracy in a catalogue weights samples
+        accuracy = accuracy_evidence(accuracy_arcsec, "unstated")
         likelihood = np.exp(accuracy.log_likelihood(self.F_ior_arcsec[:, torque]))
         likelihood_of_sets = np.exp(accuracy.log_likelihood(self.further_arcsec[:, :, torque]))
         return replace(

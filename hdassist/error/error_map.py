@@ -431,23 +431,42 @@ class ErrorTable:
             F_ior.append(np.ptp(error, axis=(1, 2)))
         return np.concatenate(F_ior)
 
-    def _rough_errors(self, batch: Batch) -> tuple[Array, Array]:
-        """Return the error due to orders beyond the fourth of each wheel [arcsec], shape (drives, _ROUGH_TURNS) each.
+    def ranges(self, values: Mapping[str, Array], states: States) -> Array:
+        """Return the range of the error of drives over some states each [arcsec], shape (drives,).
 
-        Raises UntrustedError if the table has no slopes by these orders.
+        Args:
+            values: of their deviations by path, shape (drives,) each.
+            states: as many of each drive, one drive after the other.
+
+        Raises UntrustedError for deviations that the table does not span.
+        """
+        batch = Batch(self.drive, values)
+        row = np.repeat(np.arange(len(batch)), len(states) // len(batch))
+        scalars = batch.scalars(row, states.alpha_g, states.alpha_b)
+        error = self.rotation(scalars[:, :SMOOTH_SCALARS])
+        if scalars.shape[1] > SMOOTH_SCALARS:
+            error = error + scalars[:, SMOOTH_SCALARS:] @ self._rough_slopes()
+        return np.asarray(np.ptp(error.reshape(len(batch), -1), axis=1))
+
+    def _rough_slopes(self) -> Array:
+        """Return the mean slopes by orders beyond the fourth [arcsec/mm], shape (scalars,).
+
+        Raises UntrustedError if the table has none.
         """
         columns = self.reach.axes + self.reach.other_columns
         rough_rows = [k for k, column in enumerate(columns) if column >= SMOOTH_SCALARS]
         if not rough_rows:
             raise UntrustedError(*_UNSPANNED)
         # the slopes vary little over the table and are NaN outside the discs
-        slopes = np.nanmean(self.slopes[rough_rows], axis=(1, 2, 3, 4))
-        alpha = np.linspace(
-            0,
-            2 * np.pi,
-            _ROUGH_TURNS,
-            endpoint=False,
-        )
+        return np.asarray(np.nanmean(self.slopes[rough_rows], axis=(1, 2, 3, 4)))
+
+    def _rough_errors(self, batch: Batch) -> tuple[Array, Array]:
+        """Return the error due to orders beyond the fourth of each wheel [arcsec], shape (drives, _ROUGH_TURNS) each.
+
+        Raises UntrustedError if the table has no slopes by these orders.
+        """
+        slopes = self._rough_slopes()
+        alpha = np.linspace(0, 2 * np.pi, _ROUGH_TURNS, endpoint=False)
         by_b, by_g = batch.by_wheel(alpha, alpha)
         return by_b[..., SMOOTH_SCALARS:] @ slopes, by_g[..., SMOOTH_SCALARS:] @ slopes
 

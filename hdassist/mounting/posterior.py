@@ -770,7 +770,10 @@ def _sample_weights(
     for evidence in evidence_of(drive):
         # The accuracy is that without load, where F'_ior is largest: F'_ior at the torque of the trials meets it too.
         if evidence.figure == ACCURACY:
-            weight *= np.exp(evidence.log_likelihood(F_ior[0]))
+            tested = F_ior[0]
+            if evidence.positions:
+                tested = np.concatenate([errors.tested_arcsec for errors in tables])
+            weight *= np.exp(evidence.log_likelihood(tested))
     return weight
 
 

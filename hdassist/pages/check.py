@@ -205,7 +205,7 @@ def check_facts(check: DesignCheck) -> Iterator[Fact]:
     k = Kinematics.of(check.drive)
     revolutions = f"{k.cycle_cam_revolutions} input revolutions"
     yield "cycle", f"ratio {k.u:g}; full mesh cycle: {revolutions}, {thousands(k.cycle_states)} mesh positions"
-    yield "catalogue", accuracy_words(check.drive.catalogue.accuracy, check.points)
+    yield "catalogue", accuracy_words(check.drive.catalogue, check.points)
     yield "contributions", influence_at(check)
     if check.samples:
         yield "accuracy", _unstated_accuracy(check.drive, check.samples)

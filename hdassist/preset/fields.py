@@ -555,6 +555,7 @@ class Catalogue(Section):
     lost_motion: float | None
     play: float | None
     accuracy: float | None
+    accuracy_test: Literal["unstated", "full_revolution", "12_positions", "typical"]
 
 
 class Measured(Section):
