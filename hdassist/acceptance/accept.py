@@ -1,6 +1,6 @@
-"""Acceptance of a drive, and of the rows of a lot: each limit with the measured value, or else with the predicted one.
+"""Acceptance of a drive or of the rows of a lot: each limit with its measured value, otherwise with the predicted one.
 
-Rows are work for `run/run.stream`: the answer of each is that of its drive alone.
+`run/run.stream` distributes the rows. The result of each row depends only on its own drive.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _QUARTER = 0.25  # share of the limit that corresponds to a test uncertainty rat
 
 
 def _warnings(drive: Drive, predictions: Predictions | None) -> tuple[str, ...]:
-    """Return the warnings on a preset, and those on the samples of its predictions."""
+    """Return the warnings on a preset and on the samples of its predictions."""
     if predictions and predictions.samples:
         return (*drive.origin.warnings, *predictions.samples.remarks)
     return (*drive.origin.warnings,)
@@ -50,24 +50,24 @@ def accept(
     predictions: Predictions | None = None,
     place: str | None = None,
 ) -> AcceptAnswer:
-    """Compare a drive with the limits of its preset.
+    """Return the result of comparing a drive with the limits of its preset.
 
     request: the request.
-    inputs: those that it names.
-    predictions: those that it needs, of the same drive and limits.
-    place: of the row of a lot.
-    Raises DataError if there is no limit, if something is measured for which there is no limit, if nothing is measured
-    and nothing predicted, or if the full cycle does not have an order; UsageError for such an order on the command
-    line.
+    inputs: inputs named in the request, as read.
+    predictions: predictions needed for the request, for the same drive and limits; None if none are needed.
+    place: place of the row in a lot, None for a single drive.
+    Raises DataError if there is no limit, if there is a recording without a limit, if no value is measured or
+    predicted, or if an order of the preset does not exist in the full cycle.
+    Raises UsageError if an order on the command line does not exist in the full cycle.
     """
-    # the model of a recording states the interval of the full cycle
+    # the model of a recording gives the interval of the full cycle
     measured = {M_g: with_full_cycle(measurement) for M_g, measurement in inputs.measurements.items()}
     inputs = replace(inputs, measurements=measured)
     drive = inputs.drive
     unmeasured = inputs.unmeasured
     _require_value(request, drive, unmeasured, predictions)
     decisions = _decisions(request, inputs, unmeasured, predictions)
-    # a limit that nothing was measured for is left out, unless --strict asks for all
+    # a limit without a measured value is omitted, unless --strict requires all limits
     left_out = () if predictions or request.strict else unmeasured
     remarks = [
         *_of_traces(inputs, decisions),
@@ -102,9 +102,9 @@ def _require_value(
     unmeasured: Sequence[Limit],
     predictions: Predictions | None,
 ) -> None:
-    """Raise DataError if no limit of a drive has a measured or a predicted value, unless each limit needs one."""
+    """Raise DataError if no limit of a drive has a measured or predicted value; --strict allows missing values."""
     limits = limits_of(drive)
-    # a decision on at least one limit
+    # there is a decision on at least one limit
     if predictions is not None or len(unmeasured) < len(limits) or request.strict:
         return
     hint = " ".join(limit.option for limit in limits)
@@ -119,7 +119,7 @@ def _decisions(
     unmeasured: Sequence[Limit],
     predictions: Predictions | None,
 ) -> list[DecidedCheck]:
-    """Return the decision on each limit that is not left out, in the order of the limits."""
+    """Return the decision on each limit that is not omitted, in the order of the limits."""
     rule = inputs.drive.acceptance.rule
     decisions = []
     for limit in limits_of(inputs.drive):
@@ -130,19 +130,19 @@ def _decisions(
             values = _unmeasured_values(limit, request, predictions)
         if values:
             decisions.append(_decisive([decide(limit, value, rule, request.sure) for value in values]))
-    # one recording cannot be of several drives
+    # one recording cannot belong to several drives
     if request.shared and not request.shared_records:
         return [_open_by_sharing(decision, request.shared) for decision in decisions]
     return decisions
 
 
 def _measured_values(limit: Limit, inputs: Inputs) -> list[AcceptedValue]:
-    """Return the measured values for a limit: the stated one, or those of the directions of a recording."""
+    """Return the measured values for a limit: the reported value, or one for each direction of a recording."""
     # a reported value takes precedence over a recording
     if limit in inputs.stated:
         return [inputs.stated[limit]]
     measurement = inputs.measurements[limit.M_g_Nm or 0.0]
-    # the error between torques may not be linear
+    # between recorded torques, the error may not be linear
     if measurement.trace.is_between_torques:
         return [AcceptedValue.between_torques()]
     by_direction = [
@@ -150,7 +150,7 @@ def _measured_values(limit: Limit, inputs: Inputs) -> list[AcceptedValue]:
         for direction in measurement.directions
     ]
     values = [value for value in by_direction if value.value is not None]
-    # of decisions alike, that on the largest value is the first
+    # among equal verdicts, the one on the largest value is chosen because it comes first
     return sorted(values, key=lambda value: -(value.value or 0.0)) or [AcceptedValue()]
 
 
@@ -159,17 +159,17 @@ def _unmeasured_values(
     request: Request,
     predictions: Predictions | None,
 ) -> list[AcceptedValue]:
-    """Return the predicted value for a limit, an unknown value if only a measured one decides it, or none."""
+    """Return the predicted value for a limit, an unknown value if only a measurement can decide it, or []."""
     if predictions and limit.check.needs:
         return [AcceptedValue.predicted(limit, predictions)]
-    # an open check, which makes the result inconclusive
+    # an open check, which makes the verdict inconclusive
     if request.strict or (not request.measured_only and not limit.check.needs):
         return [AcceptedValue()]
     return []
 
 
 def _trace_records(inputs: Inputs) -> list[TraceRecord]:
-    """Return the records of the recordings, then of the approached positions, by torque."""
+    """Return the records of the recordings, then those of the approached positions, by torque."""
     records = []
     for M_g, measurement in inputs.measurements.items():
         first = measurement.directions[0]
@@ -193,7 +193,7 @@ def _trace_records(inputs: Inputs) -> list[TraceRecord]:
                 M_g_Nm=M_g,
                 rows=len(table.lines),
                 F_ior_arcsec=error_range.arcsec,
-                F_ior_is_lower_bound=True,  # positions see a part of the range
+                F_ior_is_lower_bound=True,  # positions capture only a part of the range
                 standard_uncertainty_arcsec=error_range.uncertainty_arcsec or 0.0,
             )
         )
@@ -205,21 +205,21 @@ def _covered_cycle(
     measurement: Measurement,
     direction: SweepResult,
 ) -> CoveredCycle | None:
-    """Return what a direction covers of the full cycle, for a limit of F'_ior.
+    """Return the coverage of the full cycle by a direction, for a limit of F'_ior.
 
-    None if the cycle is not known, or if a direction covers all of it and its model does not hold.
+    The result is None if the cycle is unknown, or if the direction covers all of it but has no model.
     """
-    # other checks know no part of a cycle
+    # other checks do not distinguish parts of the cycle
     if limit.check is not F_IOR or measurement.gearing is None:
         return None
-    # a text is the reason why there is no model
+    # if it is a text, it states the reason why there is no model
     if isinstance(direction.full_cycle, str) and not direction.is_bound:
         return None
     return CoveredCycle.of(direction, measurement.gearing.ratio)
 
 
 def _open_by_sharing(decision: DecidedCheck, others: Sequence[str]) -> DecidedCheck:
-    """Return a decision without its verdict if it is by a recording, which is that of other drives too."""
+    """Return a decision with the verdict INCONCLUSIVE if it is based on a recording shared with other drives."""
     if decision.basis != "measured":
         return decision
     reason = f"the same recording was also given for {', '.join(others)} (--shared-records)"
@@ -227,29 +227,29 @@ def _open_by_sharing(decision: DecidedCheck, others: Sequence[str]) -> DecidedCh
 
 
 def _decisive(decisions: Sequence[DecidedCheck]) -> DecidedCheck:
-    """Return the worst decision, the first of those alike.
+    """Return the decision with the worst verdict, the first one if several are equal.
 
-    Beside a direction that covers the whole cycle, one of a part counts only if it is not clear of the limit.
+    If a direction covers the whole cycle, a decision on a part counts only if it is close to the limit.
     """
-    # a direction with the whole cycle outweighs one with a part, unless that part is near the limit
+    # a direction with the whole cycle takes precedence over one with a part, unless that part is close to the limit
     if any(decision.extent == "whole" for decision in decisions):
         decisions = [decision for decision in decisions if decision.extent == "whole" or _is_close_bound(decision)]
     return min(decisions, key=lambda decision: SEVERITY.index(decision.verdict))
 
 
 def _is_close_bound(decision: DecidedCheck) -> bool:
-    """Return whether a decision is by a lower bound that comes nearer to the limit than the guard band."""
+    """Return whether a decision is based on a lower bound that is closer to the limit than the guard band."""
     return decision.extent == "at least" and decision.room(decision.value or 0.0) < decision.guard
 
 
 def _of_traces(inputs: Inputs, decisions: Sequence[DecidedCheck]) -> Iterator[Note]:
-    """Yield remarks on recordings."""
+    """Yield notes on recordings."""
     for M_g, measurement in inputs.measurements.items():
         place = f"{measurement.trace.file}, {M_g:g} N*m"
         directions = measurement.directions
         if any(decision.M_g_Nm == M_g and _is_by_a_part(decision) for decision in decisions):
             yield Note("COVERAGE", f"{place}: {_coverage_text(directions)}")
-        # sources that a recording cannot show count as unknown
+        # sources of uncertainty that a recording cannot show are unknown
         unstated = [source.name for source in directions[0].sources if source.arcsec is None]
         if unstated:
             yield Note("BUDGET", f"{place}: no uncertainty is stated for {', '.join(unstated)}")
@@ -263,12 +263,12 @@ def _of_traces(inputs: Inputs, decisions: Sequence[DecidedCheck]) -> Iterator[No
 
 
 def _is_by_a_part(decision: DecidedCheck) -> bool:
-    """Return whether a decision is by a value of a part of the cycle."""
+    """Return whether a decision is based on the value of a part of the cycle."""
     return decision.extent not in (None, "whole", "between torques")
 
 
 def _coverage_text(directions: Sequence[SweepResult]) -> str:
-    """Return what share of the full cycle the directions cover that do not cover all of it."""
+    """Return a text with the share of the full cycle covered by each direction that does not cover all of it."""
     shares = [direction.coverage.share for direction in directions if direction.is_bound and direction.coverage]
     texts = [f"{100 * share:.3g} % of the full mesh cycle covered" for share in shares]
     return " and ".join(texts) or "unknown cycle"
@@ -280,14 +280,14 @@ def _of_decisions(
     left_out: Sequence[Limit],
     predictions: Predictions | None,
 ) -> Iterator[Note]:
-    """Yield remarks on values, on unknown inputs, and on limits without a decision."""
+    """Yield notes on values, on unknown inputs, and on limits without a decision."""
     for decision in decisions:
-        # a test uncertainty ratio below 4:1
+        # test uncertainty ratio below 4:1
         if decision.expanded_uncertainty is not None and decision.expanded_uncertainty > _QUARTER * decision.limit:
             text = f"U = {decision.expanded_uncertainty:.3g} (k = {COVERAGE_FACTOR:g}), limit {decision.limit:g}"
             yield Note("UNCERTAINTY", f"{decision.label}: {text}")
     rated = inputs.drive.operation.rated
-    # limits above the rated torque may be a wrong unit
+    # a limit above the rated torque may have the wrong unit
     for M_g in sorted({decision.M_g_Nm for decision in decisions if decision.M_g_Nm}):
         if rated and abs(M_g) > rated:
             yield Note("RATED", f"{M_g:g} N*m is above the rated torque of {rated:g} N*m")
@@ -298,7 +298,7 @@ def _of_decisions(
 
 
 def _of_sharing(request: Request) -> Iterator[Note]:
-    """Yield the remark on recordings that are those of other drives too."""
+    """Yield the note on recordings shared with other drives."""
     if request.shared:
         yield Note("SHARED_RECORD", f"the same recording was also given for {', '.join(request.shared)}")
 
@@ -309,23 +309,26 @@ def answer_rows(
     first: int,
     last: int,
 ) -> list[AcceptAnswer]:
-    """Return the results of the rows first ... last - 1; debug: raise a bug in a row instead of reporting it."""
-    # in a worker process: rows are independent
+    """Return the results of the rows from first to last - 1.
+
+    debug: raise a bug in the program instead of reporting it as the result of a row.
+    """
+    # called in a worker process; the rows are independent
     return [answer_row(row, debug=debug) for row in rows[first:last]]
 
 
 def answer_row(row: LotRow, *, debug: bool = False) -> AcceptAnswer:
-    """Return the result of a row; an error of the row is its result.
+    """Return the result of a row; an error in the row becomes its result.
 
     debug: raise a bug in the program instead of reporting it as the result.
     """
     try:
-        # a row that could not be read keeps its place among the results
+        # a row that could not be read has a result too, at its place
         if row.fault:
             raise row.fault
         drive = row.request.load()
         inputs = row.request.read(drive)
-        # without what differs from drive to drive, so that drives of the same preset share their predictions
+        # without the parts that differ between drives, so that drives with the same preset share their predictions
         design = replace(
             row.request,
             serial="",
@@ -337,9 +340,9 @@ def answer_row(row: LotRow, *, debug: bool = False) -> AcceptAnswer:
         return accept(row.request, inputs, predictions, row.place)
     except HdassistError as error:
         return failure_of(row, error)
-    except (MemoryError, OSError, BrokenExecutor):  # a refusal of the system, or a lost process, is no row's
+    except (MemoryError, OSError, BrokenExecutor):  # not the fault of a row
         raise
-    except Exception as bug:  # the result of this row, with the exit code of a bug; the other rows continue
+    except Exception as bug:  # a bug becomes the result of this row, and the other rows continue
         if debug:
             raise
         function = traceback.extract_tb(bug.__traceback__)[-1].name
@@ -350,22 +353,22 @@ def answer_row(row: LotRow, *, debug: bool = False) -> AcceptAnswer:
 
 @lru_cache(maxsize=2)
 def predicted(request: Request, limits: tuple[Limit, ...]) -> Predictions | None:
-    """Return predictions for limits of a drive, kept for the next row in this process that needs the same."""
+    """Return predictions for limits of a drive, cached for the next row in this process with the same request."""
     drive = request.load()
     return request.predict(drive, limits, request.read_wheels(drive))
 
 
 def _drive_name(request: Request) -> str:
-    """Return the name of the drive of a request, that of its preset as asked for if it cannot be loaded."""
+    """Return the name of the drive of a request, or the requested preset if the drive cannot be loaded."""
     try:
         return request.load().name
-    except Exception:  # why it cannot be loaded is the row's own error, which is reported beside the name
+    except Exception:  # the reason is the error of the row, which is reported next to the name
         return request.preset
 
 
 def failure_of(row: LotRow, error: HdassistError) -> AcceptAnswer:
-    """Return the result of a row with an error; the fault of a row is wrong data, not wrong usage."""
-    # who runs a lot typed no row
+    """Return the result of a row with an error. An error in a row is invalid data, not wrong usage."""
+    # the user who runs a lot did not type the row
     kind = DataError if isinstance(error, UsageError) else error
     return AcceptAnswer(
         version=__version__,

@@ -1,4 +1,4 @@
-"""Answers of `hdassist accept`: the records that it works with, writes, reads back, and compares on a replay."""
+"""Results of `hdassist accept`: the records that it writes, reads back, and compares when it computes them again."""
 
 from __future__ import annotations
 
@@ -35,23 +35,24 @@ from hdassist.run.kept import ClosedRecord, Count, Magnitude, RecordKind, own_sc
 
 _MOST_ANSWER_BYTES = 1_000_000_000
 _ACCEPT_SCHEMA = schema_of("accept")
-_NO_VERDICT = "DATA_ERROR"  # in place of a verdict, of a drive without an answer
-_ERROR_CODES = tuple(kind.exit_code for kind in (HdassistError, DataError, UntrustedError))  # of a drive without one
+_NO_VERDICT = "DATA_ERROR"  # status of a drive without a result
+# possible exit codes of a drive without a result
+_ERROR_CODES = tuple(kind.exit_code for kind in (HdassistError, DataError, UntrustedError))
 LOT_VERDICTS = ("PASS", "FAIL", "INCONCLUSIVE", _NO_VERDICT)
 RELATIVE = 1e-6  # numbers agree within this share of the largest number of their object
-_ROUNDING = 1e-12  # how far in any case: residuals of another processor
-# properties of the run, not of the drive; residuals are computed again, and differ between engines
+_ROUNDING = 1e-12  # smallest tolerance: residuals differ between processors
+# properties of the run, not of the drive; residuals are computed again and differ between engines
 _OF_THE_RUN = (
     "version", "time", "request", "place", "max_difference_arcsec", "engine", "max_residual", "residuals", "fallbacks",
 )  # fmt: skip
-# words for a reader, which change between versions; what they are about is compared by its code, number and verdict
+# texts that may change between versions; codes, numbers and verdicts are compared instead
 _WORDS = ("message", "hint", "text", "reason", "why_open", "notes", "warnings")
 _NOT_COMPARED = (*_OF_THE_RUN, *_WORDS)
 
 
 @dataclass(frozen=True)
 class Note(ClosedRecord):
-    """A remark: its code and its text."""
+    """A note: its code and its text."""
 
     code: str
     text: str
@@ -59,7 +60,12 @@ class Note(ClosedRecord):
 
 @dataclass(frozen=True)
 class PresetRecord(ClosedRecord):
-    """The preset of an answer: name of the drive, SHA-256 of the text, overrides on top; as asked for without one."""
+    """The preset of a result.
+
+    name: name of the drive, or the requested preset if it could not be loaded.
+    sha256: checksum of the text.
+    overrides: overrides applied to the preset.
+    """
 
     name: OneLine
     sha256: str | None = None
@@ -68,7 +74,7 @@ class PresetRecord(ClosedRecord):
 
 @dataclass(frozen=True)
 class ErrorRecord(ClosedRecord):
-    """An error: message, hint, and code."""
+    """An error: its message, hint and code."""
 
     message: str
     hint: str
@@ -77,9 +83,10 @@ class ErrorRecord(ClosedRecord):
 
 @dataclass(frozen=True)
 class TraceRecord(ClosedRecord):
-    """A measured trace: its file, torque, and F'_ior with its standard uncertainty.
+    """A measured recording: its file, torque, and F'_ior with its standard uncertainty.
 
-    is_between_torques: whether it was recorded below and above the torque alone; F'_ior is by a straight line then.
+    is_between_torques: whether it was recorded only at torques below and above M_g; F'_ior is then interpolated
+    linearly.
     """
 
     file: str
@@ -94,7 +101,12 @@ class TraceRecord(ClosedRecord):
 
 @dataclass(frozen=True)
 class RuleRecord(ClosedRecord):
-    """The rule of measured values with its guard band, and the probability that PASS of a prediction needs."""
+    """The decision rule for measured values with its guard band, and the required probability of a prediction.
+
+    measured: decision rule.
+    guard_standard_uncertainties: guard band in standard uncertainties.
+    sure: probability of meeting a limit that PASS of a prediction requires.
+    """
 
     measured: Rule
     guard_standard_uncertainties: Magnitude
@@ -103,7 +115,7 @@ class RuleRecord(ClosedRecord):
 
 @dataclass(frozen=True)
 class ResidualsRecord(ClosedRecord):
-    """Worst residuals of solved states, each a share of its scale."""
+    """The largest residuals of solved states, each as a share of its scale."""
 
     negative_force: Magnitude
     negative_gap: Magnitude
@@ -113,7 +125,7 @@ class ResidualsRecord(ClosedRecord):
 
 @dataclass(frozen=True)
 class CrossCheckRecord(ClosedRecord):
-    """States that another solver solved again, and the greatest difference."""
+    """A cross-check by another solver: its name, the number of states, and the largest difference."""
 
     solver: str
     states: Count
@@ -122,7 +134,7 @@ class CrossCheckRecord(ClosedRecord):
 
 @dataclass(frozen=True)
 class ProofRecord(ClosedRecord):
-    """Verification of solved states: the largest residuals, the engine, and the cross-check by another solver."""
+    """The verification of solved states: the largest residuals, the engine, and the cross-check by another solver."""
 
     states: Count
     max_residual: Magnitude
@@ -134,7 +146,7 @@ class ProofRecord(ClosedRecord):
 
 @dataclass(frozen=True)
 class UnknownRecord(ClosedRecord):
-    """A field that is not known: the range that its value may have, in its unit, and why."""
+    """An unknown field: the possible range of its value, in its unit, and the reason."""
 
     field: str
     range: tuple[float, float]
@@ -143,7 +155,7 @@ class UnknownRecord(ClosedRecord):
 
 @dataclass(frozen=True)
 class WheelRecord(ClosedRecord):
-    """A wheel with measured teeth, their file, and how it was read."""
+    """A wheel with measured teeth: its file and how it was read."""
 
     wheel: Literal["b", "g"]
     file: str
@@ -157,7 +169,7 @@ class WheelRecord(ClosedRecord):
 
 @dataclass(frozen=True)
 class InfluenceRecord(ClosedRecord):
-    """The share of a field in the variance of F'_ior."""
+    """The contribution of a field to the variance of F'_ior."""
 
     field: str
     share: float
@@ -165,7 +177,7 @@ class InfluenceRecord(ClosedRecord):
 
 @dataclass(frozen=True)
 class RefusedRecord(ClosedRecord):
-    """Draws that are no drives, and why."""
+    """The number of draws that are not possible drives, and the reason."""
 
     reason: str
     draws: Count
@@ -173,7 +185,14 @@ class RefusedRecord(ClosedRecord):
 
 @dataclass(frozen=True)
 class SamplesRecord(ClosedRecord):
-    """Numbers of samples: effective ones, draws, those of ranges, and refused ones."""
+    """The size of a sample.
+
+    effective: effective sample size.
+    draws: number of draws.
+    seed: seed of the draws.
+    draws_of_ranges: number of draws from which ranges are computed.
+    refused: draws that are not possible drives.
+    """
 
     effective: Magnitude
     draws: Count
@@ -184,15 +203,14 @@ class SamplesRecord(ClosedRecord):
 
 @dataclass(frozen=True, kw_only=True)
 class AcceptAnswer(ClosedRecord):
-    """The result for a drive: verdict, decisions, and all inputs needed to compute it again; or its error.
+    """The result for a drive: verdict, decisions, and all inputs needed to compute it again, or an error.
 
     request: None for a row of a lot that is itself invalid.
-    status: the verdict, or DATA_ERROR instead, independent of the other fields.
-    place: place of the row; None without one.
-    certificate, unknown, influence, steps, samples and pitch (wheels with measured teeth): of the predictions, as in
-    `hdassist check`.
-    Raises ValueError for a verdict without a check, and for an exit code that does not match the verdict or the
-    error.
+    status: verdict, or DATA_ERROR in its place; computed from the other fields.
+    place: place of the row, None for a single drive.
+    certificate, unknown, influence, steps, samples: results of the predictions, as in `hdassist check`.
+    pitch: wheels with measured teeth.
+    Raises ValueError for a verdict without a check, and for an exit code that does not match the verdict or the error.
     """
 
     schema: Annotated[str, own_schema(_ACCEPT_SCHEMA)] = _ACCEPT_SCHEMA
@@ -238,7 +256,7 @@ ANSWERS = RecordKind(ANSWER)
 
 
 def of_predictions(predictions: Predictions | None, wheels: MeasuredTeeth | None) -> Json:
-    """Return the fields of an answer that come from predictions and measured wheels, as JSON has them."""
+    """Return the fields of a result that come from predictions and measured wheels, in the form of JSON."""
     fields: Json = {"pitch": [{"wheel": name, **wheel} for name, wheel in pitch_object(wheels).items() if wheel]}
     if predictions is None:
         return fields
@@ -252,12 +270,12 @@ def of_predictions(predictions: Predictions | None, wheels: MeasuredTeeth | None
 
 
 def now() -> str:
-    """Return the time as answers have it."""
+    """Return the current time in the format of results."""
     return datetime.now(UTC).isoformat(timespec="seconds")
 
 
 def provenance(answer: AcceptAnswer) -> Json:
-    """Return the provenance of an answer as a flat table."""
+    """Return the provenance of a result as a flat table."""
     return {
         "version": answer.version,
         "preset_sha256": answer.preset.sha256,
@@ -271,7 +289,7 @@ def provenance(answer: AcceptAnswer) -> Json:
 
 
 def answer_json(answer: AcceptAnswer) -> Json:
-    """Return an answer as a JSON object; without its place if it has none."""
+    """Return a result as a JSON object, without its place if it has none."""
     fields: Json = ANSWER.dump_python(
         answer,
         mode="json",
@@ -281,22 +299,24 @@ def answer_json(answer: AcceptAnswer) -> Json:
 
 
 def lot_summary(answers: Sequence[AcceptAnswer]) -> Json:
-    """Return the counts, and the share of PASS among drives that pass or fail with its interval, as JSON has them."""
+    """Return the counts by verdict and the yield (share of PASS among decided drives) with its interval, for JSON."""
     counts = {verdict: sum(answer.status == verdict for answer in answers) for verdict in LOT_VERDICTS}
     decided = counts["PASS"] + counts["FAIL"]
     share = probability_by_share(counts["PASS"] / decided, decided) if decided else None
     return {
         "drives": len(answers),
-        "verdicts": {**counts, "BROKEN": counts[_NO_VERDICT]},  # by its name of before too: scripts read it
+        "verdicts": {**counts, "BROKEN": counts[_NO_VERDICT]},  # the former name is included, because scripts read it
         "yield": share and {"decided": decided, "share": share.value, "low": share.low, "high": share.high},
         "confidence": CONFIDENCE,
     }
 
 
 def read_answers(path: str) -> list[AcceptAnswer]:
-    """Return the answers of `hdassist accept` from a file: --json of one drive or of many, or --jsonl of a lot.
+    """Return the results of `hdassist accept` in a file written by --json (one or several drives) or --jsonl (a lot).
 
-    A last line that breaks off is left out. Raises DataError: a file that cannot be read, or says something else.
+    An incomplete last line is omitted.
+
+    Raises DataError if the file cannot be read or has other content.
     """
     data = bytearray()
     file = STDIN if path == "-" else path
@@ -325,7 +345,11 @@ def read_answers(path: str) -> list[AcceptAnswer]:
 
 
 def _read(fields: Any, place: str) -> AcceptAnswer:
-    """Return the result that a JSON value is; place: its name in messages. Raises DataError if it is none."""
+    """Return the result described by a JSON value.
+
+    place: name of the result in messages.
+    Raises DataError if the value is not a valid result.
+    """
     try:
         return ANSWER.validate_python(fields)
     except ValidationError as error:
@@ -334,9 +358,9 @@ def _read(fields: Any, place: str) -> AcceptAnswer:
 
 
 def changed_file(answer: AcceptAnswer) -> DataError | None:
-    """Return the fault of the first file of a result that is not as it was, or was standard input.
+    """Return the error for the first file of a result that has changed or was standard input, or None.
 
-    An answer of an error never got as far as its hashes.
+    Files of a result with an error are not compared, because their checksums were not recorded.
     """
     if answer.request is None:
         return None
@@ -362,14 +386,14 @@ def changed_file(answer: AcceptAnswer) -> DataError | None:
 
 
 def still_stands(answer: AcceptAnswer, request: Request) -> bool:
-    """Return whether a request would get a result again: same version, options and files, and no error."""
+    """Return whether a result is still valid for a request: same version, options and files, and no error."""
     is_same_request = (answer.version, answer.request, answer.error) == (__version__, request, None)
     return is_same_request and changed_file(answer) is None
 
 
 @dataclass(frozen=True)
 class _AnswerDifference:
-    """A value that came out otherwise: its place in the answer, the value then and now."""
+    """A value that differs between two results: its key, the former value and the present one."""
 
     key: str
     recorded: Any
@@ -380,14 +404,14 @@ class _AnswerDifference:
 
 
 def _value_text(value: Any) -> str:
-    """Return a JSON value as a difference states it."""
+    """Return the text of a JSON value in a difference."""
     if value is None:
         return "none"
     return f"{value:.9g}" if isinstance(value, float) else str(value)
 
 
 def answer_differences(recorded: AcceptAnswer, now: AcceptAnswer) -> list[_AnswerDifference]:
-    """Return the differences of two answers, with the names of their checks; of one without an answer that alone."""
+    """Return the differences between two results; if only one has an error, only verdict and error are compared."""
     if bool(recorded.error) != bool(now.error):
         errors = (answer.error and answer.error.message for answer in (recorded, now))
         return [_AnswerDifference("verdict", recorded.status, now.status), _AnswerDifference("error", *errors)]
@@ -395,7 +419,7 @@ def answer_differences(recorded: AcceptAnswer, now: AcceptAnswer) -> list[_Answe
 
 
 def _by_check(answer: AcceptAnswer) -> Json:
-    """Return an answer with its checks by name, and the number of those left out, whose words differ by version."""
+    """Return a result with checks by name, and with the number of omitted limits, whose texts differ by version."""
     names = (f"{place} {check.label}" for place, check in enumerate(answer.checks, 1))
     fields = answer_json(answer)
     checks = dict(
@@ -414,7 +438,11 @@ def _differences(
     key: str = "",
     allowed: float = _ROUNDING,
 ) -> Iterator[_AnswerDifference]:
-    """Return the differences of two JSON values; key: of both; allowed: how far numbers may lie apart."""
+    """Yield the differences between two JSON values.
+
+    key: key of both values.
+    allowed: largest difference between equal numbers.
+    """
     then, comes = (dict(enumerate(value)) if isinstance(value, list) else value for value in (recorded, now))
     if isinstance(then, dict) and isinstance(comes, dict):
         numbers = [abs(number) for number in (*then.values(), *comes.values()) if isinstance(number, float)]

@@ -1,13 +1,13 @@
-"""The value of a limit, predicted or measured, and the decision on it.
+"""The value compared with a limit, predicted or measured, and the decision on it.
 
-Predictions are made at the preset's nominal values, and over its uncertain inputs with the samples of `hdassist
-check`, so that both pages give the same probability that F'_ior meets a limit.
+Predictions are made at the preset's nominal values, and over its uncertain inputs with the samples of `hdassist check`,
+so that both commands give the same probability that F'_ior meets a limit.
 
 Measured values, guard rule (JCGM 106, ISO 14253-1): a value is accepted if it is within the limit by at least GUARD
 standard uncertainties, which corresponds to a probability of conformity of 95 %. It is rejected if it is beyond the
-limit by as much, and inconclusive between. The guard band also allows for spectral lines outside the orders, which
-may add to the value in another cycle. An uncertainty that is not stated leaves the decision open. F'_ior of a
-recording is accepted by the upper end of its model instead, which also holds with a probability of 95 %.
+limit by as much, and inconclusive otherwise. The guard band also allows for spectral lines outside the orders, which
+may increase the value in another cycle. If an uncertainty is not stated, the decision remains open. F'_ior of a
+recording is accepted by the upper end of its model instead, which also has a probability of 95 %.
 
 Simple rule: a value is accepted up to the limit.
 
@@ -61,7 +61,7 @@ Rule = Literal["guard", "simple"]
 class _PredictedQuantities:
     """Errors over the full cycle and self errors of a drive by torque [N*m], and its stiffness.
 
-    Empty where no limit needs them.
+    Quantities that no limit needs are empty.
     """
 
     kinematics: Kinematics
@@ -71,30 +71,31 @@ class _PredictedQuantities:
 
     @property
     def parts(self) -> list[KinematicError | EstimatedCycle | SelfError | Stiffness]:
-        """All of them, each with its certificate."""
+        """All quantities, each with its certificate."""
         return [*self.errors.values(), *self.self_errors.values(), *self.stiffness]
 
     @property
     def certificate(self) -> Certificate:
-        """Worst residuals over all states."""
+        """The largest residuals over all states."""
         return sum((part.certificate for part in self.parts), EMPTY)
 
     def amplitude(self, M_g: float, order: float) -> float:
         """Return the amplitude [arcsec] of an order per input revolution over the full cycle at a torque [N*m].
 
-        Raises UsageError for an order that the cycle does not have, or that its states do not resolve.
+        Raises UsageError if the order does not exist in the cycle, or its states do not resolve it.
         """
         error_arcsec = self.errors[M_g].error_arcsec
         place = order_place(self.kinematics, order)
         return float(2 * np.abs(np.fft.rfft(error_arcsec)[place]) / len(error_arcsec))
 
     def value(self, limit: Limit) -> float:
-        """Return the value that a limit is compared with, in its unit; NaN if it is not predicted."""
+        """Return the value compared with a limit, in its unit; NaN if it is not predicted."""
         predicted = PREDICTED.get(limit.code)
         return predicted(self, limit.M_g_Nm or 0.0, limit.per_cam_rev or 0.0) if predicted else float("nan")
 
 
-# values of checks by their code, from quantities, torque [N*m] and order per cam turn (0 where the limit is for none)
+# values of checks by code, as functions of the quantities, the torque [N*m] and the order per input revolution (0 if
+# the limit has none)
 PREDICTED: dict[str, Callable[[_PredictedQuantities, float, float], float]] = {
     "F_IOR": lambda of, M_g, _: float(np.ptp(of.errors[M_g].error_arcsec)) + of.self_errors[M_g].range_arcsec,
     "TURN_RANGE": lambda of, M_g, _: turn_range_arcsec(of.errors[M_g]),
@@ -109,9 +110,10 @@ PREDICTED: dict[str, Callable[[_PredictedQuantities, float, float], float]] = {
 class Belief(ClosedRecord):
     """Distribution of a value over all uncertain inputs, in its unit.
 
-    The fields give percentiles and the probability that the value meets its limit.
+    p5, p50, p95: percentiles.
+    probability: probability that the value meets its limit.
     probability_low, probability_high: Monte Carlo interval of this probability.
-    few: whether there are fewer samples than a result needs.
+    few: whether there are fewer samples than a result requires.
     """
 
     p5: float
@@ -124,16 +126,19 @@ class Belief(ClosedRecord):
 
     @property
     def kept(self) -> Probability:
-        """Probability of meeting the limit, with its interval."""
+        """The probability of meeting the limit, with its interval."""
         return Probability(self.probability, self.probability_low, self.probability_high, few=self.few)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Predictions(DesignCheck):
-    """Predicted values of a drive for its limits: a check at the torques of limits of F'_ior, and further quantities.
+    """Predicted values of a drive for its limits.
 
-    quantities: at the preset's nominal values, with unknown deviations as 0.
-    sure: probability of meeting a limit that PASS needs.
+    They consist of a design check at the torques of the limits of F'_ior, and of further quantities.
+
+    limits: limits for which values are predicted.
+    quantities: quantities at the preset's nominal values, with unknown deviations set to 0.
+    sure: probability of meeting a limit that PASS requires.
     """
 
     limits: tuple[Limit, ...]
@@ -142,29 +147,29 @@ class Predictions(DesignCheck):
 
     @property
     def certificate(self) -> Certificate:
-        """Worst residuals over all states."""
+        """The largest residuals over all states."""
         return self.quantities.certificate + (self.samples.certificate if self.samples else EMPTY) + self.steps_proof
 
     @property
     def cross_checks(self) -> tuple[CrossCheck, ...]:
-        """Cross-checks by another solver."""
+        """The cross-checks by another solver."""
         checks = (getattr(part, "cross_check", None) for part in self.quantities.parts)
         return tuple(filter(None, checks))
 
     def is_open(self, limit: Limit) -> bool:
-        """Return whether an uncertain input moves the value of a limit. Deviations move the cycle only."""
+        """Return whether an uncertain input affects the value of a limit; deviations affect values over the cycle."""
         moves_cycle = "cycle" in limit.check.needs
         fields = self.prior.fields if self.prior else ()
         return any(moves_cycle or not field.path.startswith(TABLE_SECTIONS) for field in fields)
 
     @property
     def is_of_travel(self) -> bool:
-        """Whether the drive turns through less than its full cycle, which is predicted: F'_ior may be smaller."""
+        """Whether the drive's travel is less than the full cycle of the prediction, so that F'_ior may be smaller."""
         kinematics = Kinematics.of(self.drive)
         return self.drive.acceptance.travel < 360 * kinematics.cycle_cam_revolutions / abs(kinematics.u)
 
     def belief(self, limit: Limit) -> Belief | None:
-        """Return the distribution of the value of a limit; None if nothing moves it, or without samples."""
+        """Return the distribution of the value of a limit, or None if no input affects it or there are no samples."""
         if self.samples is None or not self.is_open(limit):
             return None
         if limit.check is F_IOR:
@@ -183,7 +188,7 @@ class Predictions(DesignCheck):
         )
 
     def _error_belief(self, limit: Limit, samples: Samples) -> Belief:
-        """Return the distribution of F'_ior plus the self error over the uncertain inputs, as check states it."""
+        """Return the distribution of F'_ior plus the self error over the uncertain inputs, as in `hdassist check`."""
         M_g = limit.M_g_Nm or 0.0
         self_error = self.quantities.self_errors[M_g].range_arcsec
         torque = samples.torques.index(M_g)
@@ -207,11 +212,11 @@ def quantities(
     *,
     run: Run = Run(),
 ) -> _PredictedQuantities:
-    """Return the quantities that limits need, at the numbers of the preset.
+    """Return the quantities that limits need, at the nominal values of the preset.
 
     drive: the drive.
     limits: its limits.
-    error_of: the error over the cycle by torque [N*m].
+    error_of: function that returns the error over the cycle at a torque [N*m].
     run: the run.
     """
     cycle_torques = torques_of(limits, "cycle")
@@ -241,13 +246,15 @@ def predict(
     sure: float = SURE,
     run: Run = Run(),
 ) -> Predictions:
-    """Predict the quantities that limits need.
+    """Return predictions of the quantities that limits need.
 
-    limits: limits to predict values for.
-    wheels: wheels with measured teeth instead of first harmonics; there are no samples for them.
-    draws: minimum effective sample size of the uncertain inputs; 0 for none.
-    sure: probability of meeting a limit that PASS needs.
-    Raises UntrustedError if a result cannot be trusted, or the preset's catalogue contradicts its other values.
+    drive: the drive.
+    limits: limits for which values are predicted.
+    wheels: wheels with measured teeth instead of first harmonics; for them there are no samples.
+    draws: minimum effective sample size of the uncertain inputs; 0 for no samples.
+    sure: probability of meeting a limit that PASS requires.
+    run: the run.
+    Raises UntrustedError if a result is not reliable, or the preset's catalogue contradicts its other values.
     """
     with_teeth, teeth = wheels.in_drive(drive) if wheels else (drive, None)
     error_of = partial(kinematic_error, with_teeth, teeth=teeth, run=run.of_task)
@@ -282,11 +289,11 @@ def predict(
 def _samples(
     predictions: Predictions, prior: DrivePrior, open_limits: Sequence[Limit], draws: int, run: Run
 ) -> Samples:
-    """Return samples of a drive that settle the verdict on each limit whose value they move.
+    """Return samples of a drive that settle the verdict on each limit whose value depends on uncertain inputs.
 
-    predictions: at nominal values.
-    prior: of the drive.
-    open_limits: limits whose value an uncertain input moves.
+    predictions: predictions at nominal values.
+    prior: prior of the drive.
+    open_limits: limits whose value depends on an uncertain input.
     draws: minimum effective sample size.
     run: the run.
     Raises UntrustedError if too few samples agree with the preset's catalogue.
@@ -301,7 +308,8 @@ def _samples(
     torques = [*drive.operation.M_g, *(point.M_g for point in predictions.points)]
     return draw_samples(
         prior,
-        tuple(dict.fromkeys(torques)),  # those of check too, so that its draws are those of accept
+        # including the torques of `hdassist check`, so that both commands use the same draws
+        tuple(dict.fromkeys(torques)),
         evidence=evidence_of(drive),
         figures_of=partial(_figures, figured) if figured else None,
         figures_name=" ".join(f"{limit.check.code}@{limit.M_g_Nm}#{limit.per_cam_rev}" for limit in figured),
@@ -319,7 +327,10 @@ def _figures(limits: tuple[Limit, ...], drive: Drive) -> tuple[dict[str, float],
 
 
 def order_place(kinematics: Kinematics, order: float) -> int:
-    """Return the periods of an order per input revolution in the full cycle. Raises UsageError as amplitude does."""
+    """Return the number of periods of an order per input revolution in the full cycle.
+
+    Raises UsageError if the order does not exist in the cycle, or its states do not resolve it.
+    """
     turns = kinematics.cycle_cam_revolutions
     place = round(order * turns)
     if not 0 < place < kinematics.cycle_states / 2 or abs(place / turns - order) > 1e-6:
@@ -332,16 +343,16 @@ def order_place(kinematics: Kinematics, order: float) -> int:
 
 @dataclass(frozen=True)
 class CoveredCycle(ClosedRecord):
-    """The share of the full cycle that a recording covers, and what its model says about the full cycle.
+    """The share of the full cycle that a recording covers, and the result of its model for the full cycle.
 
-    share: of the cycle, 0 to 1.
-    interval: 95 % interval of F'_ior of the full cycle [arcsec], as `measure` gives it; None if the model does not
-        hold.
-    at_least: largest limit that F'_ior exceeds with a probability of 95 % [arcsec]; None as for the interval.
+    share: covered share of the cycle, 0 to 1.
     at_most: smallest limit that F'_ior of the full cycle meets with a probability of 95 % [arcsec]; None if the share
-        is too small to pass a drive, or if the model does not hold.
-    record_next_deg: angles of the output between which a recording would narrow F'_ior most; None if not known.
-    why_open: why there is no at_most; empty if there is one.
+    is too small to pass a drive, or the model does not apply.
+    record_next_deg: output angles between which a recording would narrow F'_ior most; None if unknown.
+    why_open: reason why at_most is None; empty otherwise.
+    interval: 95 % interval of F'_ior of the full cycle [arcsec], as given by `measure`; None if the model does not
+    apply.
+    at_least: largest limit that F'_ior exceeds with a probability of 95 % [arcsec]; None if the model does not apply.
     """
 
     share: float
@@ -353,9 +364,9 @@ class CoveredCycle(ClosedRecord):
 
     @classmethod
     def of(cls, sweep: SweepResult, ratio: float) -> CoveredCycle:
-        """Return what a direction of a measurement covers.
+        """Return the coverage of a direction of a measurement.
 
-        sweep: the direction, with its full cycle.
+        sweep: direction with its full cycle.
         ratio: input revolutions per output revolution.
         """
         share = sweep.coverage.share if sweep.coverage else 0.0
@@ -378,7 +389,7 @@ class CoveredCycle(ClosedRecord):
 
     @property
     def advice(self) -> str:
-        """The part of the cycle to record next, as a clause; empty if it is not known."""
+        """The part of the cycle to record next, as a clause; empty if it is unknown."""
         if self.record_next_deg is None:
             return ""
         return "; to narrow it, record the output from {:.0f} to {:.0f}°".format(*self.record_next_deg)
@@ -386,20 +397,20 @@ class CoveredCycle(ClosedRecord):
 
 @dataclass(frozen=True)
 class AcceptedValue(ClosedRecord):
-    """A measured or predicted value with its uncertainty; unknown if made without arguments.
+    """A measured or predicted value with its uncertainty; an unknown value if created without arguments.
 
-    value: in the unit of its check; the median if there is a distribution.
+    value: value in the unit of its check; the median if there is a distribution.
     expanded_uncertainty: with k = 2; None if the value is predicted.
     basis: how the value was obtained.
-    extent: part of the cycle that the value stands for. It is the value of the whole cycle, a lower bound of it, the
-    value of a part that does not hold for the whole, a prediction at the preset's nominal values although others are
-    equally possible ("not known"), or no value at a torque between the recorded torques.
+    extent: scope of the value. It is the value of the whole cycle, a lower or upper bound of it, the value of a part
+    that does not apply to the whole, a prediction at nominal values although other inputs are possible ("not known"),
+    or there is no value because the torque lies between the recorded torques.
     rise: amount by which the value may be larger in another cycle.
-    at_most: for a lower bound, the value that 95 of 100 drives with it do not exceed, by a plan of positions or by
-    the model of a recording.
-    unstated: sources of uncertainty without a statement.
+    unstated: sources whose uncertainty is not stated.
     belief: distribution of a predicted value over the uncertain inputs.
-    full_cycle: for F'_ior of a recording, the result of its model.
+    at_most: for a lower bound, the value that 95 of 100 drives with this bound do not exceed, from a plan of positions
+    or from the model of a recording.
+    full_cycle: result of the model, for F'_ior of a recording.
     """
 
     value: float | None = None
@@ -414,7 +425,7 @@ class AcceptedValue(ClosedRecord):
 
     @classmethod
     def predicted(cls, limit: Limit, predictions: Predictions) -> AcceptedValue:
-        """Return the predicted value that a limit is compared with."""
+        """Return the predicted value compared with a limit."""
         extent: Extent = "at most" if limit.check.of_trace and predictions.is_of_travel else "whole"
         belief = predictions.belief(limit)
         if belief is not None:
@@ -425,9 +436,9 @@ class AcceptedValue(ClosedRecord):
 
     @classmethod
     def stated(cls, stated: LimitText, limit: Limit) -> AcceptedValue:
-        """Return a value that was measured otherwise, VALUE±U with U the expanded uncertainty, k = 2.
+        """Return a reported value, VALUE±U with the expanded uncertainty U (k = 2).
 
-        Raises UsageError if it is no value, has no uncertainty, or is below zero.
+        Raises UsageError if the text is not a value, has no uncertainty, or the value is below zero.
         """
         option = f"--value {stated}"
         if not is_spread(stated.text):
@@ -446,7 +457,11 @@ class AcceptedValue(ClosedRecord):
 
     @classmethod
     def at_positions(cls, seen: SeenRange, sources: Sequence[UncertaintySource]) -> AcceptedValue:
-        """Return F'_ior by approached positions, which see a part of it; sources: of its uncertainty, stated or not."""
+        """Return F'_ior from approached positions, which capture only a part of it.
+
+        seen: range at the positions.
+        sources: sources of its uncertainty, stated or not.
+        """
         accepted = cls(
             value=seen.arcsec,
             expanded_uncertainty=hypot(seen.expanded_arcsec, COVERAGE_FACTOR * combined(sources)),
@@ -460,15 +475,18 @@ class AcceptedValue(ClosedRecord):
 
     @classmethod
     def between_torques(cls) -> AcceptedValue:
-        """Return no value: the torque lies between those that were recorded, and the error may bend there."""
+        """Return an unknown value for a torque between the recorded ones, where the error may not be linear."""
         return cls(extent="between torques")
 
     @classmethod
     def measured(cls, limit: Limit, sweep: SweepResult, cycle: CoveredCycle | None = None) -> AcceptedValue:
-        """Return the value of one direction of a recording with its expanded uncertainty.
+        """Return the value for one direction of a recording with its expanded uncertainty.
 
-        The value is unknown if the direction does not determine it. cycle: coverage of the direction and the result
-        of its model; None if the model does not hold.
+        The value is unknown if the direction does not determine it.
+
+        limit: limit compared with the value.
+        sweep: the direction.
+        cycle: coverage of the direction and result of its model; None if the model does not apply.
         """
         read = MEASURED[limit.code](sweep, limit.per_cam_rev or 0.0) if limit.check.of_trace else None
         if read is None:
@@ -488,13 +506,13 @@ class AcceptedValue(ClosedRecord):
 
 
 def _amplitude(sweep: SweepResult, order: float) -> tuple[float, float, float] | None:
-    """Return the amplitude of an order [arcsec], its standard uncertainty, and no rise; None without the order."""
+    """Return the amplitude of an order [arcsec], its standard uncertainty, and a rise of 0; None without the order."""
     fitted = sweep.order_alone(order)
     return (fitted.amplitude_arcsec, fitted.uncertainty_arcsec, 0.0) if fitted else None
 
 
-# values of checks by their code, from a direction of a trace and the order: with its standard uncertainty, and by how
-# much lines off the orders may make it greater in another cycle; None where the trace does not have it
+# values of checks by code, as functions of a direction and the order: the value, its standard uncertainty, and the
+# possible increase by lines outside the orders in another cycle; None if the recording does not determine the value
 MEASURED: dict[str, Callable[[SweepResult, float], tuple[float, float, float] | None]] = {
     "F_IOR": lambda sweep, _: (sweep.F_ior_arcsec, sweep.uncertainty_arcsec, sweep.range.rise),
     "TURN_RANGE": lambda sweep, _: (sweep.revolution.value, sweep.revolution.uncertainty, sweep.revolution.rise),
@@ -504,12 +522,14 @@ MEASURED: dict[str, Callable[[SweepResult, float], tuple[float, float, float] | 
 
 @dataclass(frozen=True, kw_only=True)
 class DecidedCheck(AcceptedValue, Limit):
-    """A value and the limit with which it is compared, as the files of `hdassist accept` give them.
+    """A value and the limit with which it is compared, as in the files of `hdassist accept`.
 
-    guard: band on each side of the limit.
+    guard: guard band on each side of the limit.
     limit_is: whether the limit is the largest or the smallest value allowed ("greatest", "least").
-    margin: distance of the value from the limit, or of at_most if a lower bound is within it.
-    reason: None if the verdict needs no explanation.
+    margin: margin of the value to the limit, or that of at_most for a lower bound that does not fail.
+    unit: unit of the check.
+    verdict: the verdict.
+    reason: reason for the verdict, None if it needs none.
     """
 
     guard: float
@@ -523,10 +543,10 @@ class DecidedCheck(AcceptedValue, Limit):
 def decide(limit: Limit, accepted: AcceptedValue, rule: Rule, sure: float) -> DecidedCheck:
     """Return the decision on a value by a rule.
 
-    limit: with which the value is compared.
+    limit: limit with which the value is compared.
     accepted: the value.
-    rule: of measured values.
-    sure: probability of meeting a limit that PASS of a prediction needs.
+    rule: decision rule for measured values.
+    sure: probability of meeting a limit that PASS of a prediction requires.
     """
     is_measured = accepted.value is not None and accepted.basis != "predicted"
     expanded = (accepted.expanded_uncertainty or 0.0) if is_measured else None
@@ -552,7 +572,7 @@ def decide(limit: Limit, accepted: AcceptedValue, rule: Rule, sure: float) -> De
 def _guard_band(accepted: AcceptedValue) -> float:
     """Return the distance below a value at which a limit is exceeded with a probability of 95 %.
 
-    The model of a recording states it; else it is a multiple of the standard uncertainty.
+    The model of a recording gives it; otherwise it is a multiple of the standard uncertainty.
     """
     if accepted.full_cycle and accepted.full_cycle.at_least is not None and accepted.value is not None:
         return accepted.value - accepted.full_cycle.at_least
@@ -566,7 +586,7 @@ def _below(accepted: AcceptedValue) -> float:
     return accepted.expanded_uncertainty or 0.0
 
 
-# why a value that stands for an extent decides nothing
+# reasons why a value of limited extent decides nothing
 _OPEN_EXTENTS: dict[Extent | None, str] = {
     "not known": "the uncertain inputs were not sampled",
     "scatter not known": "each position was approached once, so scatter may increase the range",
@@ -577,10 +597,11 @@ _OPEN_EXTENTS: dict[Extent | None, str] = {
 def _verdict(accepted: AcceptedValue, room: float | None, guard: float, rule: Rule, sure: float) -> tuple[Verdict, str]:
     """Return the verdict on a value, and the reason if the verdict needs one.
 
-    room: that the value leaves to the limit; None without a value.
+    accepted: the value.
+    room: margin of the value to the limit; None without a value.
     guard: guard band of the value.
-    rule: of measured values.
-    sure: probability of meeting a limit that PASS of a prediction needs.
+    rule: decision rule for measured values.
+    sure: probability of meeting a limit that PASS of a prediction requires.
     """
     if accepted.extent == "between torques":
         return Verdict.INCONCLUSIVE, "there is no recording at this torque, only at lower and higher torques"
@@ -598,7 +619,7 @@ def _verdict(accepted: AcceptedValue, room: float | None, guard: float, rule: Ru
 
 
 def _verdict_by_probability(belief: Belief, extent: Extent | None, sure: float) -> tuple[Verdict, str]:
-    """Return the verdict on a predicted value by its distribution, and the reason if it needs one."""
+    """Return the verdict on a predicted value from its distribution, and the reason if the verdict needs one."""
     verdict = belief.kept.verdict(sure)
     if verdict is Verdict.FAIL and extent == "at most":
         return Verdict.INCONCLUSIVE, OF_TRAVEL
@@ -608,11 +629,11 @@ def _verdict_by_probability(belief: Belief, extent: Extent | None, sure: float) 
 
 
 def _verdict_beyond(accepted: AcceptedValue, room: float) -> tuple[Verdict, str]:
-    """Return the verdict on a value beyond its limit by the guard band, and the reason if it needs one."""
+    """Return the verdict on a value that exceeds its limit by the guard band, and the reason if it needs one."""
     if accepted.extent == "at most":
         return Verdict.INCONCLUSIVE, OF_TRAVEL
     if accepted.extent == "at least" and room + _below(accepted) > 0:
-        # the lower end of the interval is within the limit, and yet the rule rejects the value
+        # the lower end of the interval is within the limit, although the rule rejects the value
         return (
             Verdict.FAIL,
             f"the estimate {accepted.value:.4g} exceeds the limit according to the decision rule of the plan",
@@ -621,11 +642,12 @@ def _verdict_beyond(accepted: AcceptedValue, room: float) -> tuple[Verdict, str]
 
 
 def _why_open(accepted: AcceptedValue, room: float, guard: float, *, is_strict: bool) -> str:
-    """Return why a value that is not beyond its limit does not pass; empty if it does.
+    """Return the reason why a value that is not beyond its limit does not pass; empty if it passes.
 
-    room: that the value leaves to the limit.
+    accepted: the value.
+    room: margin of the value to the limit.
     guard: guard band of the value.
-    is_strict: whether the guard rule decides.
+    is_strict: whether the guard rule applies.
     """
     if accepted.extent == "at least":
         reason = _why_bound_is_open(accepted, room, guard)
@@ -639,14 +661,15 @@ def _why_open(accepted: AcceptedValue, room: float, guard: float, *, is_strict: 
 
 
 def _why_within_guard(accepted: AcceptedValue, room: float, guard: float, *, is_strict: bool) -> str:
-    """Return why a value that is not beyond its limit does not pass; empty if it does.
+    """Return the reason why a value that is not beyond its limit does not pass; empty if it passes.
 
-    The upper end of the model of a recording takes the place of the guard band, where there is one: it contains what
-    the orders of the fit leave out.
+    The upper end of the model of a recording, if there is one, replaces the guard band, because it includes components
+    that the fitted orders omit.
 
-    room: that the value leaves to the limit.
+    accepted: the value.
+    room: margin of the value to the limit.
     guard: guard band of the value.
-    is_strict: whether the guard rule decides.
+    is_strict: whether the guard rule applies.
     """
     at_most = accepted.full_cycle.at_most if accepted.full_cycle else None
     if is_strict and at_most is not None:
@@ -659,9 +682,10 @@ def _why_within_guard(accepted: AcceptedValue, room: float, guard: float, *, is_
 
 
 def _why_bound_is_open(accepted: AcceptedValue, room: float, guard: float) -> str:
-    """Return why a lower bound that is not beyond its limit does not pass; empty if its upper end meets the limit.
+    """Return the reason why a lower bound that is not beyond its limit does not pass; empty if it passes.
 
-    room: that the value leaves to the limit.
+    accepted: the lower bound.
+    room: margin of the value to the limit.
     guard: guard band of the value.
     """
     cycle = accepted.full_cycle
@@ -670,7 +694,7 @@ def _why_bound_is_open(accepted: AcceptedValue, room: float, guard: float) -> st
     if at_most is None:
         return f"a lower bound: {cycle.why_open + cycle.advice if cycle else 'only a part of the cycle was recorded'}"
     room_of_end = room - (at_most - value)
-    if cycle is not None:  # its upper end contains the uncertainty
+    if cycle is not None:  # the upper end of the model includes the uncertainty
         return _MAY_BE.format(at_most) + cycle.advice if room_of_end < 0 else ""
     if room_of_end < guard * at_most / max(value, 1e-9):
         return f"a lower bound: the value may be up to {at_most:.4g}"

@@ -1,7 +1,7 @@
-"""The checks of an acceptance and the limits that they hold, and how the command line and lots write these.
+"""The checks of an acceptance and their limits, and their notation on the command line and in lots.
 
-Checks stand in checks.toml: names of limits, columns of lots, reports, `hdassist explain`, docs and tests read these
-declarations. A limit is written 30, F_ior@80=30 or order_2=5, a measured value F_ior@80=28.1±1.2.
+The checks are declared in checks.toml. Names of limits, columns of lots, reports, `hdassist explain`, the documentation
+and tests use these declarations. A limit is written 30, F_ior@80=30 or order_2=5, a measured value F_ior@80=28.1±1.2.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _ValueT = TypeVar("_ValueT", float, Array)
 
 @dataclass(frozen=True, kw_only=True)
 class _Explained:
-    """An entry with a code: its name, its test, the fault, and its remedy."""
+    """An entry with a code: its name, what it tests, the fault, and its remedy."""
 
     code: str
     words: str
@@ -40,12 +40,13 @@ class _Explained:
 class Check(_Explained):
     """A value compared with a limit of the preset.
 
-    field: field of the preset's section acceptance with the limit; its kind states to which values the limit applies.
-    needs: figures of the drive from which the value is predicted (decision.PREDICTED); if empty, only a reported
+    field: field of the preset's section acceptance that contains the limit. Its kind determines the values to which the
+    limit applies.
+    needs: quantities of the drive from which the value is predicted (decision.PREDICTED); if empty, only a reported
     value counts.
     of_trace: whether a recording gives the value (decision.MEASURED).
-    of_part: meaning of such a value if the recording covers a part of the cycle.
-    upper: whether the limit is the largest value allowed, not the smallest.
+    of_part: meaning of such a value if the recording covers only a part of the cycle.
+    upper: whether the limit is the largest value allowed, rather than the smallest.
     """
 
     field: str
@@ -56,12 +57,12 @@ class Check(_Explained):
 
     @property
     def kind(self) -> FieldKind:
-        """Kind of its limits: "limits", one for each torque; "orders", at every torque; "number", the drive."""
+        """The kind of its limits: "limits" (one for each torque), "orders" (one for each order) or "number" (one)."""
         return Acceptance.declared()[self.field].kind
 
     @property
     def unit(self) -> str:
-        """Unit of its value and limit, as JSON has it."""
+        """The unit of its value and limit in JSON."""
         return Acceptance.declared()[self.field].unit
 
 
@@ -84,7 +85,13 @@ _OVERRIDE = re.compile(rf"^{OVERRIDE}:(\d+):\d+: (?:\S+: )?", re.MULTILINE)
 
 @dataclass(frozen=True)
 class Limit(ClosedRecord):
-    """A limit: code of its check, bound in the check's unit, torque [N*m] and order per cam turn that it is for."""
+    """A limit.
+
+    code: code of its check.
+    limit: largest or smallest value allowed, in the unit of the check.
+    M_g_Nm: torque to which it applies, None for a limit of the drive.
+    per_cam_rev: order per input revolution to which it applies, None for other checks.
+    """
 
     code: str
     limit: float
@@ -93,7 +100,7 @@ class Limit(ClosedRecord):
 
     @property
     def check(self) -> Check:
-        """The check of the limit. Raises DataError: none has the code."""
+        """The check of the limit. Raises DataError if no check has the code."""
         entry = CODES.get(self.code)
         if not isinstance(entry, Check):
             raise DataError(f"unknown code of a check: {self.code}")
@@ -101,14 +108,14 @@ class Limit(ClosedRecord):
 
     @property
     def label(self) -> str:
-        """The check in words, with order and torque."""
+        """The name of the check with its order and torque."""
         order = self.per_cam_rev
         name = self.check.words if order is None else f"amplitude of order {order:g} alone"
         return name if self.M_g_Nm is None else f"{name} at {self.M_g_Nm:g} N·m"
 
     @property
     def option(self) -> str:
-        """The option of `hdassist accept` that gives its measured value."""
+        """The option of `hdassist accept` for its measured value."""
         torque = "" if self.M_g_Nm is None else f"{self.M_g_Nm:.15g}"
         if self.check.of_trace and torque:
             return f"--measured {torque}=FILE"
@@ -116,14 +123,16 @@ class Limit(ClosedRecord):
         return f"--value {name}{torque and f'@{torque}'}=VALUE±U"
 
     def room(self, value: _ValueT) -> _ValueT:
-        """Return the room that values leave to the limit, in the unit of the check: negative beyond it."""
+        """Return the margin of values to the limit in the unit of the check, negative beyond the limit."""
         return self.limit - value if self.check.upper else value - self.limit
 
 
 def limits_of(drive: Drive) -> tuple[Limit, ...]:
-    """Return the limits of a drive: for torques (operation.M_g and those the limits name), for orders, for the drive.
+    """Return the limits of a drive for each torque and order, and for the drive itself.
 
-    Raises DataError if there is none.
+    The torques are operation.M_g and those named in the limits.
+
+    Raises DataError if there is no limit.
     """
     limits = tuple(limit for check in CHECKS for limit in _limits_of(check, drive))
     if not limits:
@@ -135,7 +144,7 @@ def limits_of(drive: Drive) -> tuple[Limit, ...]:
 
 
 def _limits_of(check: Check, drive: Drive) -> Iterator[Limit]:
-    """Yield the limits of a check; one for a torque replaces the one for all torques there."""
+    """Yield the limits of a check. A limit for one torque replaces that for all torques."""
     stated = drive.value(f"acceptance.{check.field}")
     if check.kind == "number":
         if stated is not None:
@@ -155,7 +164,7 @@ def _limits_of(check: Check, drive: Drive) -> Iterator[Limit]:
 
 
 def torques_of(limits: Iterable[Limit], need: str) -> tuple[float, ...]:
-    """Return the torques [N*m] at which limits need a figure of a drive (_Need), each once."""
+    """Return the distinct torques at which limits need a quantity of the drive (_Need) [N*m]."""
     return tuple(
         dict.fromkeys(limit.M_g_Nm for limit in limits if need in limit.check.needs and limit.M_g_Nm is not None)
     )
@@ -163,9 +172,12 @@ def torques_of(limits: Iterable[Limit], need: str) -> tuple[float, ...]:
 
 @dataclass(frozen=True)
 class LimitText:
-    """A limit or a measured value as it is written: NAME[@TORQUE], and the text behind the equals sign.
+    """A limit or a measured value as written: NAME[@TORQUE], and the text after the equals sign.
 
-    order per cam turn and torque [N*m] that it is for, None for none.
+    name: NAME[@TORQUE].
+    text: text after the equals sign.
+    order: order per input revolution, None for other checks.
+    torque: torque [N*m], None if it is not stated.
     """
 
     name: str
@@ -175,9 +187,9 @@ class LimitText:
 
     @classmethod
     def parse(cls, text: str, option: Option) -> LimitText:
-        """Read NAME[@TORQUE]=VALUE; a limit without a name is one of F'_ior.
+        """Return the parts of NAME[@TORQUE]=VALUE. A limit without a name is one for F'_ior.
 
-        Raises UsageError: no such name, no value, or a torque or order that is none.
+        Raises UsageError for an unknown name, a missing value, or an invalid torque or order.
         """
         name, equals, value = (part.strip() for part in text.partition("="))
         if option == "--limit" and not equals and name[:1] in tuple("+-.0123456789"):
@@ -190,7 +202,7 @@ class LimitText:
 
     @property
     def field(self) -> str:
-        """Field of the section acceptance."""
+        """The field of the section acceptance."""
         return self.name.partition("@")[0] if self.order is None else ORDER_CHECK.field
 
     def __str__(self) -> str:
@@ -198,12 +210,15 @@ class LimitText:
 
     @property
     def override(self) -> str:
-        """The limit as an override of the preset: the same checks, the same errors."""
+        """The limit as an override of the preset, so that it is checked like the preset."""
         key = self.name.removeprefix(_ORDER_PREFIX) if self.order is not None else self.name.partition("@")[2]
         return f"{'.'.join(filter(None, ('acceptance', self.field, key)))}={self.text}"
 
     def limit_of(self, limits: Sequence[Limit]) -> Limit:
-        """Return the limit of a drive that a value is for. Raises UsageError if there is none, or several."""
+        """Return the limit of a drive to which a value belongs.
+
+        Raises UsageError if there is none, or several.
+        """
         fitting = [
             limit
             for limit in limits
@@ -226,9 +241,10 @@ def load_limited(
     limits: Sequence[LimitText],
     asked: Asked = (),
 ) -> Drive:
-    """Return the drive of a preset with overrides and limits on top, and with options that go into its origin.
+    """Return the drive of a preset with overrides and limits applied.
 
-    Raises DataError, PresetError or UsageError, the last with limits named as they were given.
+    asked: options that become part of the drive's origin.
+    Raises DataError, PresetError or UsageError; the last one names limits as they were given.
     """
     try:
         return load_preset(preset, [*overrides, *(limit.override for limit in limits)], asked)
@@ -238,7 +254,10 @@ def load_limited(
 
 
 def named_overrides(message: str, names: Sequence[str]) -> str:
-    """Return a message about overrides of a preset with the names that some of them have (empty: none), in order."""
+    """Return a message about overrides of a preset, with numbered overrides replaced by their names.
+
+    names: name of each override in order, empty if it has none.
+    """
 
     def name(match: re.Match[str]) -> str:
         names_of_override = names[int(match[1]) - 1 : int(match[1])]

@@ -1,10 +1,10 @@
-"""Requests of an acceptance as plain data, of one drive or of each row of a lot; what a request names, read.
+"""Requests of an acceptance as plain data, for one drive or for each row of a lot, and reading of their inputs.
 
-A request is kept beside its answer, and can be carried out again. Columns of a lot: serial, preset, measured or
+A request is stored with its result and can be executed again. The columns of a lot are: serial, preset, measured or
 measured@80 (a file), pitch_b, pitch_g (files of measured teeth), mark_b, mark_g (directions of their marks),
-NAME[@TORQUE] (a value with its uncertainty, measured otherwise), limit NAME[@TORQUE], section.key (an override of the
-preset). Names that begin with # or note are not used. A column is a field of the request, its cells add to that as the
-option would, and their faults are reported with their places.
+NAME[@TORQUE] (a reported value with its uncertainty), limit NAME[@TORQUE], and section.key (an override of the preset).
+Columns whose names begin with # or note are ignored. Each column corresponds to a field of the request. Its cells
+extend that field as the option would, and errors in cells are reported with their positions.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ _TABLES = (".csv", ".tsv", ".csv.gz", ".tsv.gz")
 _MARK_COLUMNS = ("mark_b", "mark_g")
 _FILE_COLUMNS = ("preset", "pitch_b", "pitch_g", "measured")
 _PLAIN_COLUMNS = ("serial", *_FILE_COLUMNS[:3], *_MARK_COLUMNS)
-_LISTS = ("overrides", "limits", "measured", "values")  # fields of a request that cells are added to
+_LISTS = ("overrides", "limits", "measured", "values")  # fields of a request to which cells are added
 _LIMIT = re.compile(r"limits?[\s:_]+(.+)", re.IGNORECASE)
 _MEASURED = re.compile(r"measured(?:\s*@\s*(.+))?", re.IGNORECASE)
 _UNUSED = re.compile(r"#|note", re.IGNORECASE)
@@ -64,9 +64,13 @@ _UNUSED = re.compile(r"#|note", re.IGNORECASE)
 
 @dataclass(frozen=True)
 class Inputs:
-    """Inputs of a request, read: its drive, traces by torque [N*m], values by limit, measured wheels.
+    """Inputs of a request, as read.
 
-    positions: tables of approached positions by torque [N*m], with what they tell of F'_ior.
+    drive: the drive.
+    measurements: results of recordings by torque [N*m].
+    stated: values by limit.
+    wheels: measured wheels, None without any.
+    positions: tables of approached positions by torque [N*m], with the range of F'_ior that they capture.
     """
 
     drive: Drive
@@ -77,10 +81,11 @@ class Inputs:
 
     @property
     def unmeasured(self) -> tuple[Limit, ...]:
-        """Limits of the drive that neither a trace nor a stated value is for.
+        """The limits of the drive without a recording or a value.
 
-        Raises DataError: no limit, something measured that no limit is for, or an order that the full cycle does not
-        have; UsageError: such an order on the command line.
+        Raises DataError if there is no limit, if a recording belongs to no limit, or if an order of the preset does not
+        exist in the full cycle.
+        Raises UsageError if an order on the command line does not exist in the full cycle.
         """
         drive = self.drive
         limits = limits_of(drive)
@@ -89,13 +94,13 @@ class Inputs:
             try:
                 order_place(Kinematics.of(drive), order)
             except UsageError as error:
-                # a fault of the command line is wrong usage, one of the preset wrong data
+                # an error on the command line is wrong usage, one in the preset is invalid data
                 if is_overridden("acceptance.order_amplitude", drive.origin.overrides):
                     raise
                 raise DataError(f"{drive.name}: acceptance.order_amplitude: {error.message}", error.hint) from None
         by_trace = [limit for limit in limits if limit.check.of_trace and limit.M_g_Nm in self.measurements]
         without_limit = set(self.measurements) - {limit.M_g_Nm for limit in by_trace}
-        # a recording without a limit is most likely one at another torque
+        # a recording without a limit was most likely made at another torque
         if without_limit:
             M_g = min(without_limit)
             message = f"{drive.name}: measured at {M_g:g} N*m, for which there is no limit"
@@ -105,23 +110,23 @@ class Inputs:
 
 @dataclass(frozen=True)
 class Request(ClosedRecord):
-    """One drive to accept, with each part as the options of the command line give it.
+    """A drive to accept, with each field as given by the options of the command line.
 
-    preset: a name, a path or -.
+    preset: name, path or "-".
     serial: serial number of the drive, for reports.
     overrides: overrides of the preset.
     limits: limits instead of those of the preset.
     measured: recordings.
-    values: values measured otherwise.
-    reading: how recordings are read.
-    measured_only: whether to make no prediction.
+    values: reported values.
+    reading: options for reading recordings.
+    measured_only: whether predictions are omitted.
     cross_check: solver that solves some predicted states again.
-    draws: minimum effective sample size of the uncertain inputs.
-    sure: probability of meeting a limit that PASS of a prediction needs.
     seed: seed of the samples.
     wheels: wheels with measured teeth, for predictions.
-    strict: whether every limit has to be decided by a measurement.
-    shared: serial numbers of other drives of the lot with one of the same recordings.
+    draws: minimum effective sample size of the uncertain inputs.
+    sure: probability of meeting a limit that PASS of a prediction requires.
+    strict: whether every limit must be decided by a measurement.
+    shared: serial numbers of other drives of the lot that use one of the same recordings.
     shared_records: whether such recordings decide nevertheless.
     """
 
@@ -143,21 +148,22 @@ class Request(ClosedRecord):
     shared_records: bool = False
 
     def files(self) -> list[str]:
-        """Return the paths of all files read for the request; the preset, the first one, may be one of the library."""
-        # measured wheels serve predictions only
+        """Return the paths of all files read for the request; the first is the preset, possibly one of the library."""
+        # only predictions need measured wheels
         wheels = [] if self.measured_only else self.wheels.files.values()
         return [self.preset, *(torque_and_file(text)[1] for text in self.measured), *wheels]
 
     def load(self, asked: Asked = ()) -> Drive:
-        """Return the drive, its limits included; asked, options that go into its origin.
+        """Return the drive with its limits.
 
-        Raises DataError, PresetError or UsageError (a bad override or limit).
+        asked: options that become part of the drive's origin.
+        Raises DataError, PresetError, or UsageError for an invalid override or limit.
         """
         limits = [LimitText.parse(text, "--limit") for text in self.limits]
         return load_limited(self.preset, self.overrides, limits, asked)
 
     def require_sound(self) -> None:
-        """Raise UsageError for parts that every drive of a lot would be refused for, or the fault of their preset."""
+        """Raise UsageError for options that are invalid for every drive of a lot, or the error of their preset."""
         self.reading.require_sound()
         # in a lot the preset may be a column
         if self.preset:
@@ -166,13 +172,13 @@ class Request(ClosedRecord):
     def traces(self, drive: Drive) -> dict[float, str]:
         """Return the files of recordings by torque [N*m].
 
-        Raises UsageError if the limits do not determine a torque, or if there are two recordings at one.
+        Raises UsageError if the limits do not determine a torque, or if there are two recordings at one torque.
         """
         files: dict[float, str] = {}
         for text in self.measured:
             torque, file = torque_and_file(text)
             limited_torques = dict.fromkeys(limit.M_g_Nm for limit in limits_of(drive) if limit.M_g_Nm is not None)
-            # without a torque the only one that has a limit
+            # if no torque is stated, the only torque with a limit applies
             torques = [float(torque)] if torque else list(limited_torques or drive.operation.M_g[:1])
             if len(torques) > 1:
                 named = ", ".join(f"{M_g:g}={text}" for M_g in torques)
@@ -185,18 +191,19 @@ class Request(ClosedRecord):
         return files
 
     def read(self, drive: Drive) -> Inputs:
-        """Return the inputs of the request, read, with the drive.
+        """Return the inputs of the request for a drive, as read.
 
-        Raises UsageError if the torque of a recording is open, if there are two recordings at one torque, or if a value
-        belongs to no limit; PresetError or DataError for a file that cannot be used; UntrustedError if a recording does
-        not resolve its orders.
+        Raises UsageError if the torque of a recording is ambiguous, if there are two recordings at one torque, or if a
+        value belongs to no limit.
+        Raises PresetError or DataError for an unusable file.
+        Raises UntrustedError if a recording does not resolve its orders.
         """
         files = self.traces(drive)
         stated = stated_values(self.values, drive)
         measurements: dict[float, Measurement] = {}
         positions: dict[float, tuple[NumberTable, SeenRange]] = {}
         recorded: dict[Limit, AcceptedValue] = {}
-        # what a file contains is known only once it is read
+        # the kind of a file is known only after reading it
         for M_g, file in files.items():
             record = self.reading.measured_or_bench(
                 file, drive, M_g=M_g, seed=self.seed, travel_deg=drive.acceptance.travel
@@ -214,7 +221,7 @@ class Request(ClosedRecord):
                 hint = "compute its figures with hdassist measure; pass them to accept with --value NAME=VALUE±U"
                 raise DataError(message, hint)
         for limit in stated:
-            # nobody could tell which of the two counts
+            # a value and a recording for the same limit may contradict each other
             if limit in recorded and recorded[limit].value is not None:
                 raise UsageError(f"both a value and a recording for {limit.label}", "leave out one of the two")
         return Inputs(
@@ -233,16 +240,16 @@ class Request(ClosedRecord):
         M_g: float,
         drive: Drive,
     ) -> dict[Limit, AcceptedValue]:
-        """Return the values by approached positions at a torque, by the limits of a drive to which they belong.
+        """Return the values from approached positions at a torque, by limit of the drive.
 
-        table: of the positions.
-        error_range: F'_ior by the positions.
-        quantities: the figures that they give beside F'_ior.
+        table: table of the positions.
+        error_range: range of F'_ior at the positions.
+        quantities: further quantities of the positions.
         M_g: torque [N*m].
         drive: the drive.
-        Raises DataError for positions of a plan at another torque, or if there is no limit for them.
+        Raises DataError if the positions were planned for another torque, or no limit applies to them.
         """
-        # the sheet states the torque it was planned for
+        # the sheet states the torque for which it was planned
         if error_range.M_g is not None and not isclose(error_range.M_g, M_g, rel_tol=_PRINTED):
             message = f"{table.file}: planned for {error_range.M_g:.9g} N*m, not for {M_g:.9g} N*m"
             raise DataError(message, f"--measured {error_range.M_g:.9g}={table.file}")
@@ -264,7 +271,7 @@ class Request(ClosedRecord):
         return values
 
     def read_wheels(self, drive: Drive) -> MeasuredTeeth | None:
-        """Return the measured wheels; None without any, and without a prediction. Raises what WheelFiles.read does."""
+        """Return the measured wheels, or None without wheels or predictions. Raises the errors of WheelFiles.read."""
         self.wheels.require_sound()
         return None if self.measured_only else self.wheels.read(drive)
 
@@ -275,9 +282,9 @@ class Request(ClosedRecord):
         wheels: MeasuredTeeth | None,
         run: Run = Run(),
     ) -> Predictions | None:
-        """Return predictions for limits of the drive; None without any, and without a prediction.
+        """Return predictions for limits of the drive, or None if there are none or predictions are omitted.
 
-        Raises UntrustedError if a result cannot be trusted.
+        Raises UntrustedError if a result is not reliable.
         """
         # some checks can only be measured
         limits = tuple(limit for limit in limits if limit.check.needs)
@@ -303,11 +310,11 @@ def _recorded_values(
     M_g: float,
     stated: Mapping[Limit, AcceptedValue],
 ) -> dict[Limit, AcceptedValue]:
-    """Return what a recording gives for limits that have a stated value, which one of the two has to leave.
+    """Return the values of a recording for limits that also have a reported value, to report the conflict.
 
-    A recording between torques gives no value for its own torque.
+    A recording at other torques only gives no value.
     """
-    # no value at the torque, so it contradicts no stated one
+    # such a recording gives no value at the torque, so it does not contradict a reported one
     if measurement.trace.is_between_torques:
         return {}
     direction = measurement.directions[0]
@@ -320,11 +327,11 @@ def _range_of_positions(
     quantities: Sequence[StatedQuantity],
     drive: Drive,
 ) -> SeenRange:
-    """Return F'_ior by approached positions of a drive.
+    """Return the range of F'_ior at approached positions of a drive.
 
     Raises DataError if the positions were planned for another drive, or if there is only one.
     """
-    # a sheet of another drive
+    # the sheet was planned for another drive
     if record.plan and record.plan.drive != drive.name:
         message = f"{record.table.file}: the positions were planned for {record.plan.drive}, not for {drive.name}"
         raise DataError(message, f"plan the test of {drive.name} with hdassist plan {drive.name} --approach FILE")
@@ -336,8 +343,11 @@ def _range_of_positions(
 
 
 def _accepted_quantity(quantity: StatedQuantity, *, is_cut: bool) -> AcceptedValue:
-    """Return a figure of approached positions as a value; is_cut: whether they see a part of the travel only."""
-    # missing positions may be the worst ones
+    """Return a quantity of approached positions as a value.
+
+    is_cut: whether the positions cover only a part of the plan.
+    """
+    # missing positions may be those with the largest deviations
     extent: Extent = "at least" if is_cut else "whole"
     if quantity.uncertainty_arcsec is None:
         extent = "scatter not known"
@@ -350,16 +360,16 @@ def _accepted_quantity(quantity: StatedQuantity, *, is_cut: bool) -> AcceptedVal
 
 
 def torque_and_file(text: str) -> tuple[str, str]:
-    """Return the torque as it is written, empty for none, and file of [TORQUE=]FILE."""
+    """Return the torque as written (empty if there is none) and the file of [TORQUE=]FILE."""
     torque, _, file = text.partition("=")
     # a path may contain "="
     return ("", text) if isnan(number_of(torque)) else (torque, file)
 
 
 def stated_values(texts: Sequence[str], drive: Drive) -> dict[Limit, AcceptedValue]:
-    """Return values measured otherwise, by the limit of the drive that they are for.
+    """Return reported values by limit of the drive.
 
-    Raises UsageError for a text that is no value or has no uncertainty, and if the drive has no limit for it.
+    Raises UsageError if a text is not a value or has no uncertainty, or if the drive has no limit for it.
     """
     values: dict[Limit, AcceptedValue] = {}
     for text in texts:
@@ -373,10 +383,13 @@ def stated_values(texts: Sequence[str], drive: Drive) -> dict[Limit, AcceptedVal
 
 @dataclass(frozen=True)
 class LotRow:
-    """One drive to accept: its request, its place (FILE:LINE; None: no row of a lot).
+    """A drive to accept as a row of a lot.
 
-    fault: of the row itself; then the request is not to be carried out. cells: those that set options, their names in
-    messages (FILE:LINE:COLUMN: heading) and texts by how messages call the values that they set.
+    request: its request.
+    place: its place, FILE:LINE; None if it is not a row of a lot.
+    fault: error in the row itself, in which case the request must not be executed.
+    cells: name in messages (FILE:LINE:COLUMN: heading) and text of each cell that sets an option, by the name that
+    messages use for the option's value.
     """
 
     request: Request
@@ -385,8 +398,8 @@ class LotRow:
     cells: Mapping[str, tuple[str, str]] = field(default_factory=dict, compare=False)
 
     def message(self, error: HdassistError) -> str:
-        """Return the message of an error, naming cells of the row in place of options."""
-        # not of a lot, or worded for the row already
+        """Return the message of an error, with cells of the row named instead of options."""
+        # the drive is not part of a lot, or the message already names the row
         if self.place is None or error is self.fault:
             return error.message
         message = named_overrides(error.message, [f"--set {text}" for text in self.request.overrides])
@@ -394,7 +407,7 @@ class LotRow:
         return message if self.place in message else f"{self.place}: {message}"
 
     def _in_cell(self, line: str) -> str:
-        """Return a line of a message with the cell in place of the option that it names."""
+        """Return a line of a message, with the cell named instead of the option."""
         # the longest match: --limit F_ior@80 contains --limit F_ior@8
         option = max((option for option in self.cells if option in line), key=len, default="")
         if not option:
@@ -407,7 +420,13 @@ class LotRow:
 
 @dataclass(frozen=True)
 class Lot:
-    """Drives to accept: file that names them with its SHA-256, rows in its order, and lines taken as remarks."""
+    """Drives to accept.
+
+    file: file that lists them.
+    sha256: its checksum.
+    rows: rows in the order of the file.
+    remarks: lines treated as comments.
+    """
 
     file: str
     sha256: str
@@ -415,16 +434,16 @@ class Lot:
     remarks: tuple[int, ...] = ()
 
     def with_shared_records(self) -> Lot:
-        """Return the lot with the other drives named in each request whose recording is that of several drives."""
+        """Return the lot with each request that shares a recording with other drives listing their serial numbers."""
         recordings = [_recordings(row.request) for row in self.rows]
-        serials: dict[str, dict[str, None]] = {}  # of the drives of each recording, by its SHA-256
+        serials: dict[str, dict[str, None]] = {}  # serial numbers of the drives of each recording, by its SHA-256
         for row, hashes in zip(self.rows, recordings, strict=True):
             for sha256 in hashes:
                 serials.setdefault(sha256, {})[row.request.serial] = None
         rows = []
         for row, hashes in zip(self.rows, recordings, strict=True):
             sharing = dict.fromkeys(serial for sha256 in hashes for serial in serials[sha256])
-            # repeated rows of one drive share its recording rightly
+            # repeated rows of one drive may share its recording
             sharing.pop(row.request.serial, None)
             if sharing:
                 row = replace(row, request=replace(row.request, shared=tuple(sharing)))
@@ -433,7 +452,7 @@ class Lot:
 
 
 def _recordings(request: Request) -> list[str]:
-    """Return the SHA-256 of each recording of a request that is a file; a file that cannot be read has none."""
+    """Return the SHA-256 of each recording of a request that is a readable file."""
     hashes = []
     for text in request.measured:
         path = torque_and_file(text)[1]
@@ -445,27 +464,28 @@ def _recordings(request: Request) -> list[str]:
     return hashes
 
 
-_Column = tuple[str, str]  # the field of a request (or of its wheels) that a column gives, and the text before a cell
+_Column = tuple[str, str]  # the field of a request (or of its wheels) for a column, and the text before each cell
 
 
 def is_lot(path: str) -> bool:
-    """Return whether an argument is a lot: a file with the name of a table."""
+    """Return whether an argument names a lot, that is, a table file."""
     return path.lower().endswith(_TABLES)
 
 
 def read_lot(path: str, base: Request) -> Lot:
-    """Return a lot; the fault of a row is kept with it.
+    """Return a lot; an error in a row is stored with the row.
 
-    path: of a table.
-    base: the request of every drive, to which a row adds its cells; its preset is empty or that of rows without one.
-    Raises DataError for a file that cannot be read or has no drive; PresetError for unusable names of columns.
+    path: path of the table.
+    base: request for every drive, extended by the cells of each row. Its preset is empty or that of rows without one.
+    Raises DataError if the file cannot be read or lists no drive.
+    Raises PresetError if column names are unusable.
     """
     table = read_texts(path)
     columns = _columns(table)
-    lines: dict[str, list[int]] = {}  # in which each serial stands
+    lines: dict[str, list[int]] = {}  # lines in which each serial number occurs
     for line, cells in table.rows:
         for cell, column in zip(cells, columns, strict=False):
-            # a serial that occurs twice is a fault of both rows
+            # a serial that occurs twice is an error in both rows
             if column == ("serial", ""):
                 lines.setdefault(cell.text, []).append(line)
     rows = [_row(table, columns, place, base, lines) for place in range(len(table.rows))]
@@ -478,16 +498,16 @@ def read_lot(path: str, base: Request) -> Lot:
 
 
 def _columns(table: CellTable) -> list[_Column | None]:
-    """Return the columns of a table; None for those that are not used.
+    """Return the columns of a table, None for those that are ignored.
 
-    Raises PresetError with every name that is no column's, DataError if that is none at all.
+    Raises PresetError with every invalid column name, or DataError if no name is valid.
     """
     findings: list[Finding] = []
     columns: list[_Column | None] = []
     for name in table.names:
         try:
             column = _column(name.text) if name.text and not _UNUSED.match(name.text) else None
-            # two columns for one field
+            # two columns set the same field
             if column and column in columns:
                 raise InvalidValueError(f"column {columns.index(column) + 1} has the same name")
         except InvalidValueError as fault:
@@ -503,7 +523,7 @@ def _columns(table: CellTable) -> list[_Column | None]:
                 )
             )
         columns.append(column)
-    # no column fits: the table is of another kind
+    # if no column fits, the table is of another kind
     if len(findings) == len(table.names) > 1:
         remedy = f"for a recording use hdassist measure {table.file}, or accept PRESET --measured TORQUE={table.file}"
         raise DataError(f"{table.file}: none of the column names is that of a lot", remedy, Fault.FILE_INVALID)
@@ -513,7 +533,7 @@ def _columns(table: CellTable) -> list[_Column | None]:
 
 
 def _column(name: str) -> _Column:
-    """Return the field that a column gives. Raises InvalidValueError if there is none."""
+    """Return the field of a column. Raises InvalidValueError if there is none."""
     if name.lower() in _PLAIN_COLUMNS:
         return name.lower(), ""
     if match := _MEASURED.fullmatch(name):
@@ -549,11 +569,11 @@ def _row(
 ) -> LotRow:
     """Return one row of a lot.
 
-    table: of the lot.
-    columns: what each of its columns gives.
-    place: of the row.
-    base: the request of every drive.
-    lines: those in which each serial stands.
+    table: table of the lot.
+    columns: field of each column, None for those that are ignored.
+    place: index of the row.
+    base: request for every drive.
+    lines: lines in which each serial number occurs.
     """
     line, cells = table.rows[place]
     reader = _RowReader(
@@ -575,10 +595,15 @@ def _row(
 
 @dataclass(eq=False)
 class _RowReader:
-    """Reads the cells of one row of a lot into a request.
+    """A reader of the cells of one row of a lot into a request.
 
-    parts: what the cells give, by the field of a request or of its wheels.
-    cells: name and text of each cell, by how messages call the value that it sets.
+    table: table of the lot.
+    line: line of the row.
+    base: request for every drive.
+    has_serials: whether the lot has a column of serial numbers.
+    parts: values of the cells, by field of a request or of its wheels.
+    cells: name and text of each cell, by the name that messages use for its value.
+    faults: errors found in the row.
     """
 
     table: CellTable
@@ -597,7 +622,14 @@ class _RowReader:
         got: str = "",
         hint: str = "",
     ) -> None:
-        """Note a fault of the row; column: its place in the line, path: the name of its column."""
+        """Add an error in the row.
+
+        column: column number in the line.
+        path: name of the column.
+        message: description of the error.
+        got: text of the cell.
+        hint: remedy.
+        """
         finding = Finding(
             file=self.table.file,
             line=self.line,
@@ -615,7 +647,12 @@ class _RowReader:
         name: str,
         column: _Column | None,
     ) -> None:
-        """Take a cell; name: of its column, empty for none; column: what that gives, None if it is not used."""
+        """Add the content of a cell to the request.
+
+        cell: the cell.
+        name: name of its column, empty if it has none.
+        column: field of its column, None if the column is ignored.
+        """
         if cell.text and not name:
             hint = "put a cell that contains a comma in quotes"
             self.note_fault(cell.column, "", "a cell in a column without a name", cell.text, hint)
@@ -645,7 +682,7 @@ class _RowReader:
         part: str,
         text: str,
     ) -> str:
-        """Return the path of a file that a cell names, from the folder of the lot; a preset may be of the library."""
+        """Return the path of a file named in a cell, relative to the lot; a preset may be one of the library."""
         if text == "-":
             self.note_fault(cell.column, name, "a row cannot read standard input", "-", "name a file")
             return text
@@ -655,7 +692,10 @@ class _RowReader:
         return str(folder / text)
 
     def require_own_serial(self, lines: Mapping[str, list[int]]) -> None:
-        """Note a fault if the row has no serial number, or that of another row; lines: those of each serial."""
+        """Add an error if the row has no serial number or one that occurs in another row.
+
+        lines: lines in which each serial number occurs.
+        """
         serial = self.parts.get("serial", "")
         if not serial:
             self.parts["serial"] = f"line {self.line}"
@@ -669,7 +709,7 @@ class _RowReader:
             self.note_fault(1, "serial", message, serial, "write one row for each drive")
 
     def row(self) -> LotRow:
-        """Return the row, with its faults."""
+        """Return the row with its errors."""
         wheel_names = [option.name for option in fields(WheelFiles)]
         parts = dict(self.parts)
         for name in _MARK_COLUMNS:
@@ -697,7 +737,7 @@ def _name_in_messages(
     start: str,
     text: str,
 ) -> str:
-    """Return how messages call a value that a cell sets: a file, an option, or an option's argument."""
+    """Return the name that messages use for the value of a cell: a file, an option, or an option's argument."""
     if part in _FILE_COLUMNS:
         return text
     return start + text if start else f"--{part.replace('_', '-')}"
