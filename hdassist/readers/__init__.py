@@ -1,1 +1,1 @@
-"""Files of instruments and of shops: tables, traces, pitch deviations, lots."""
+"""Files of measuring instruments and workshops: tables, recordings, pitch deviations and lots."""

@@ -1,18 +1,18 @@
-"""Guide logs of telescope mounts as recordings: the error of the right ascension axis over the angle that it turns.
+"""Guide logs of telescope mounts as recordings: the error of the right ascension axis over its angle.
 
-A guide log of PHD2 (of ASIAIR and KStars too) has sections of frames. A frame has a time, the distance of the guide
+A guide log of PHD2 (also of ASIAIR and KStars) has sections of frames. A frame has a time, the distance of the guide
 star from its lock position along right ascension, and the pulse that moves the axis afterwards. With the pixel scale p
-[arcsec/px] and the declination delta a distance d [px] is an error of the axis:
+[arcsec/px] and the declination delta, a distance d [px] is an error of the axis:
 
     e = d p / cos(delta)                                                                              (1)
 
-An unknown declination makes e a lower bound, since cos(delta) <= 1. In a guided section the pulses before a frame
-have already moved the star. They are added back with the guide rate r [px/s] and their durations t_j [s], west
+If the declination is unknown, e is a lower bound, because cos(delta) <= 1. In a guided section the pulses before a
+frame have already moved the star. They are added back with the guide rate r [px/s] and their durations t_j [s], west
 positive, because a pulse to the west reduces the distance:
 
     d_unguided = d + r sum of t_j over the frames j before                                            (2)
 
-Pulses follow the error closely, so that a relative deviation of r is nearly one of the whole unguided error.
+Pulses follow the error closely, so a relative error of r is nearly the relative error of the whole unguided error.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from hdassist.errors import DataError
 from hdassist.files import number_of
 
 SIDEREAL_ARCSEC_S = 15.041067  # arcsec/s: speed of an axis that follows the sky
-_BEGINNINGS = ("Guiding Begins", "Calibration Begins")  # of sections, whose facts stand below
+_BEGINNINGS = ("Guiding Begins", "Calibration Begins")  # first words of sections, whose head follows
 _FACTS = {
     "scale": r"Pixel scale = ([-+0-9.]+)",
     "declination": r"(?<!Cal )\bDec = ([-+0-9.]+) deg",
@@ -34,11 +34,11 @@ _FACTS = {
     "at_equator": r"Norm rates RA = ([-+0-9.]+)",
     "guide_speed": r"RA Guide Speed = ([-+0-9.]+)",
 }
-_NO_RATE = 1.0  # px/s, which KStars writes for a calibration that it does not know
+_NO_RATE = 1.0  # px/s: rate that KStars writes for an unknown calibration
 _HARMLESS = ("SETTLING STATE CHANGE", "Guiding parameter change", "Alert")  # lines that do not move the star
 _GUIDING_SWITCH = "MountGuidingEnabled"
-_SAME_RATE = 0.25  # difference from the log's by which a stated guide rate is named as another one
-_SAME_DECLINATION_DEG = 1.0  # the same of a declination
+_SAME_RATE = 0.25  # relative difference from the log's guide rate above which a note names both
+_SAME_DECLINATION_DEG = 1.0  # difference from the log's declination above which a note names both
 _LEAST_RATE_UNCERTAINTY = 0.05  # relative standard uncertainty of a calibrated guide rate, assumed
 _ONE_RATE_UNCERTAINTY = 0.10  # relative standard uncertainty of a guide rate without a second figure, assumed
 _LONG_S = 1800.0  # an unguided section of this length is preferred to any guided one
@@ -47,7 +47,7 @@ _PREFERRED_SHARE = 0.5  # an unguided section of this share of the longest guide
 
 @dataclass(frozen=True)
 class GuideForm:
-    """What options state of a guide log: declination [deg] and guide rate of the axis [arcsec/s]; None for neither."""
+    """Options for a guide log: declination [deg] and guide rate of the axis [arcsec/s], None if not stated."""
 
     declination_deg: float | None = None
     rate_arcsec_s: float | None = None
@@ -55,11 +55,12 @@ class GuideForm:
 
 @dataclass(frozen=True)
 class GuideRows:
-    """Rows of a table that a guide log gives.
+    """Rows of a table made from a guide log.
 
-    lines: texts of the table in the places of the log's lines, empty if it has none.
-    notes: how the log was read. is_lower_bound: whether the error is one, because the declination is unknown.
-    scale_uncertainty: relative standard uncertainty of the error by that of the guide rate.
+    lines: texts of the table at the positions of the log's lines; empty for lines without a row.
+    notes: how the log was read.
+    is_lower_bound: whether the errors are lower bounds, because the declination is unknown.
+    scale_uncertainty: relative standard uncertainty of the errors due to that of the guide rate.
     """
 
     lines: tuple[str, ...]
@@ -70,10 +71,13 @@ class GuideRows:
 
 @dataclass(frozen=True)
 class _Facts:
-    """What the head of a section states; NaN for what it does not.
+    """Values stated in the head of a section, NaN if they are not stated.
 
-    scale: of a pixel [arcsec]; declination [deg]; calibrated: guide rate [px/s]; at_equator, guide_speed: rates of the
-    axis [arcsec/s], as calibrated and as the mount states it. is_guided: whether guiding was switched on.
+    scale: size of a pixel [arcsec].
+    declination: declination of the guide star [deg].
+    calibrated: guide rate [px/s].
+    at_equator: calibrated rate of the axis [arcsec/s].
+    guide_speed: rate of the axis as stated by the mount [arcsec/s].
     """
 
     scale: float = nan
@@ -85,7 +89,13 @@ class _Facts:
 
 @dataclass(frozen=True)
 class _Frame:
-    """A frame: number of its line from 0, time [s], distance [px], pulse after it [s], west positive."""
+    """A frame of a guide log.
+
+    line: index of its line.
+    time_s: time.
+    distance_px: distance of the guide star.
+    pulse_s: duration of the pulse after it, west positive.
+    """
 
     line: int
     time_s: float
@@ -95,14 +105,14 @@ class _Frame:
 
 @dataclass
 class _Section:
-    """Frames between which only pulses move the star, with the facts of their head."""
+    """Frames between which only pulses move the star, with the values of their head."""
 
     facts: _Facts
     frames: list[_Frame] = field(default_factory=list)
 
     @property
     def span_s(self) -> float:
-        """Time from the first to the last frame [s]."""
+        """The time from the first to the last frame [s]."""
         return self.frames[-1].time_s - self.frames[0].time_s if self.frames else 0.0
 
     @property
@@ -113,7 +123,7 @@ class _Section:
 
 @dataclass(frozen=True)
 class _GuideRate:
-    """A guide rate [px/s], its relative standard uncertainty, and where it comes from, in words."""
+    """A guide rate [px/s], its relative standard uncertainty, and a description of its origin."""
 
     px_s: float
     uncertainty: float
@@ -123,7 +133,7 @@ class _GuideRate:
 def _best_section(sections: Sequence[_Section]) -> _Section:
     """Return the section with the most information on the error of the axis.
 
-    Raises DataError without a section that an error can be made of.
+    Raises DataError if no section gives an error.
     """
     longest = max(
         sections,
@@ -135,7 +145,7 @@ def _best_section(sections: Sequence[_Section]) -> _Section:
         key=lambda section: section.span_s,
         default=_Section(_Facts()),
     )
-    # without pulses the error does not depend on the guide rate, which is seldom known well
+    # without pulses the error does not depend on the guide rate, which is seldom known accurately
     is_preferred = unguided.span_s >= min(_LONG_S, _PREFERRED_SHARE * longest.span_s)
     chosen = unguided if is_preferred or not longest.is_guided else longest
     if not (chosen.span_s and isfinite(chosen.facts.scale)):
@@ -149,12 +159,12 @@ def _best_section(sections: Sequence[_Section]) -> _Section:
 def guide_rows(lines: Sequence[str], form: GuideForm) -> GuideRows:
     """Return the table of the best section of a guide log: error in right ascension over the angle of the axis.
 
-    An unguided section is taken if it lasts half an hour or half as long as the longest guided one; else the longest
-    guided one is, with its pulses added back.
+    An unguided section is chosen if it lasts half an hour, or half as long as the longest guided one. Otherwise the
+    longest guided section is chosen, with its pulses added back.
 
-    Arguments: lines of the log.
-    form: what options state of it.
-    Raises DataError for a log without a section that an error can be made of.
+    lines: lines of the log.
+    form: options for the log.
+    Raises DataError if no section gives an error.
     """
     sections = list(_sections(lines))
     chosen = _best_section(sections)
@@ -169,12 +179,12 @@ def guide_rows(lines: Sequence[str], form: GuideForm) -> GuideRows:
         uncertainty = rate.uncertainty
         rate_words = f"pulses added back at {rate.words}"
     is_unknown = not isfinite(chosen.facts.declination)
-    # equation (1): the distance on the sky shrinks with cos(declination)
+    # equation (1): a distance in right ascension appears shortened by cos(declination) on the sky
     arcsec_per_px = chosen.facts.scale / (1.0 if is_unknown else cos(radians(chosen.facts.declination)))
     first = frames[0].line
     last = frames[-1].line
     rows = {frame.line: _row(frame, arcsec_per_px) for frame in frames}
-    # in the line above the first frame, so that the numbers of the lines stay
+    # the names replace the line above the first frame, so that line numbers do not change
     rows[first - 1] = "output_deg error_arcsec"
     total = sum(len(section.frames) for section in sections)
     notes = (
@@ -196,12 +206,12 @@ def _row(frame: _Frame, arcsec_per_px: float) -> str:
 
 
 def _sections(lines: Sequence[str]) -> Iterator[_Section]:
-    """Return the sections of a log; a line that may move the star ends one."""
+    """Yield the sections of a log; a line that may indicate a movement of the star ends a section."""
     facts = _Facts()
     names = list[str]()
     section = _Section(facts)
     for number, line in enumerate(lines):
-        # a new section forgets the head of the one before
+        # the head of the previous section does not apply to a new one
         if line.startswith(_BEGINNINGS):
             facts = _Facts()
             names = []
@@ -221,32 +231,32 @@ def _sections(lines: Sequence[str]) -> Iterator[_Section]:
             )
             if frame is not None:
                 section.frames.append(frame)
-        # dithering or a slew moves the star by an unknown amount
+        # dithering or slewing moves the star by an unknown amount
         elif line.strip() and not _is_harmless(line):
             if section.frames:
                 yield section
             section = _Section(facts)
-        # facts may stand below the first frames
+        # values of the head may follow the first frames
         section.facts = facts
     if section.frames:
         yield section
 
 
 def _with_facts(facts: _Facts, line: str) -> _Facts:
-    """Return facts with those that a line of the head states."""
+    """Return the values of a head updated with those in a line."""
     stated = {name: match[1] for name, pattern in _FACTS.items() if (match := re.search(pattern, line))}
     return replace(facts, **{name: number_of(text) for name, text in stated.items()})
 
 
 def _with_stated(facts: _Facts, form: GuideForm) -> _Facts:
-    """Return facts with the declination that an option states."""
+    """Return the values of a head with the declination stated in an option."""
     return facts if form.declination_deg is None else replace(facts, declination=form.declination_deg)
 
 
 def _declination_words(facts: _Facts, form: GuideForm) -> str:
-    """Return the declination in words: as an option states it, also where the log states another, or as the log does.
+    """Return a description of the declination: that of the option, even if the log states another, or that of the log.
 
-    facts: of the log alone.
+    facts: values stated in the log.
     """
     stated = form.declination_deg
     if stated is None:
@@ -259,23 +269,23 @@ def _declination_words(facts: _Facts, form: GuideForm) -> str:
 
 
 def _is_harmless(line: str) -> bool:
-    """Return whether a line between frames neither moves the star nor switches guiding."""
+    """Return whether a line between frames neither indicates a movement of the star nor switches guiding."""
     is_known = any(phrase in line for phrase in _HARMLESS)
     return is_known and _GUIDING_SWITCH not in line
 
 
 def _frame(number: int, cells: dict[str, str]) -> _Frame | None:
-    """Return the frame of a row; None for one without a star or without a column of pulses."""
+    """Return the frame of a row, or None if it has no star or no column of pulses."""
     duration = cells.get("RADuration", "")
     time_s = number_of(cells.get("Time", ""))
     distance_px = number_of(cells.get("RARawDistance", ""))
-    # lost frames have empty cells
+    # a lost frame has empty cells
     if not (duration and isfinite(time_s) and isfinite(distance_px)):
         return None
     pulse_s = number_of(duration) / 1e3
     if not isfinite(pulse_s):
         return None
-    # a pulse without direction makes the frame useless
+    # a pulse without a direction is marked by NaN
     west = {"W": 1.0, "E": -1.0}.get(cells.get("RADirection", "").strip().upper(), nan)
     return _Frame(
         line=number,
@@ -286,7 +296,7 @@ def _frame(number: int, cells: dict[str, str]) -> _Frame | None:
 
 
 def _longest_unguided(section: _Section) -> _Section:
-    """Return the longest part of a section without pulses; a frame that is followed by a pulse is not in it."""
+    """Return the longest part of a section without pulses, which excludes frames that are followed by a pulse."""
     longest = _Section(section.facts)
     part = _Section(section.facts)
     for frame in section.frames:
@@ -301,9 +311,9 @@ def _longest_unguided(section: _Section) -> _Section:
 
 
 def _guide_rate(facts: _Facts, form: GuideForm) -> _GuideRate:
-    """Return the guide rate of a section: as an option states it, as it was calibrated, or as the mount states it.
+    """Return the guide rate of a section: that of the option, the calibrated one, or that stated by the mount.
 
-    Raises DataError if none is known, or where the declination that it depends on is not.
+    Raises DataError if the guide rate or the declination is unknown.
     """
     if not isfinite(facts.declination):
         description = "a guided section of a guide log with an unknown declination, on which the guide rate depends"
@@ -313,7 +323,7 @@ def _guide_rate(facts: _Facts, form: GuideForm) -> _GuideRate:
     if form.rate_arcsec_s is not None:
         stated = form.rate_arcsec_s
         origin = f"{stated:g} arcsec/s as stated"
-        # a wrong unit is a frequent cause, so both numbers are named
+        # a wrong unit is a frequent cause of a difference, so the note gives both values
         if rates and abs(stated / rates[0][0] - 1) > _SAME_RATE:
             origin += f", although the log states {rates[0][0]:.3g} arcsec/s {rates[0][1]}"
         return _GuideRate(stated * px_per_arcsec, 0.0, origin)
@@ -323,16 +333,16 @@ def _guide_rate(facts: _Facts, form: GuideForm) -> _GuideRate:
     rate, origin = rates[0]
     uncertainty = _ONE_RATE_UNCERTAINTY
     if len(rates) > 1:
-        # half of the difference of two figures for the same rate
+        # half of the relative difference between two values for the same rate
         uncertainty = max(_LEAST_RATE_UNCERTAINTY, abs(rates[1][0] / rate - 1) / 2)
     description = f"{rate:.3g} arcsec/s {origin}, standard uncertainty {100 * uncertainty:.0f} % (assumed)"
     return _GuideRate(rate * px_per_arcsec, uncertainty, description)
 
 
 def _rates_of_log(facts: _Facts, px_per_arcsec: float) -> list[tuple[float, str]]:
-    """Return the guide rates of the axis [arcsec/s] that a log states, the one to use first, and their origins."""
+    """Return the guide rates of the axis in a log [arcsec/s], in order of preference, with their origins."""
     rates = []
-    # at the declination of the star; the others hold at the equator
+    # this rate applies at the declination of the star, the other ones at the equator
     if facts.calibrated > 0 and facts.calibrated != _NO_RATE:
         rates.append((facts.calibrated / px_per_arcsec, "as calibrated"))
     elif facts.at_equator > 0:
@@ -343,7 +353,7 @@ def _rates_of_log(facts: _Facts, px_per_arcsec: float) -> list[tuple[float, str]
 
 
 def _with_pulses_added(frames: Sequence[_Frame], rate_px_s: float) -> list[_Frame]:
-    """Return frames at the distances that they would have without pulses, by (2).
+    """Return frames with the distances that they would have without pulses, by (2).
 
     Raises DataError for a pulse without a direction, and for pulses that increase the distances.
     """

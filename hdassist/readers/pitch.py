@@ -1,28 +1,28 @@
-"""Pitch deviations of a wheel, measured on a gear checker, from a file with a row for each tooth.
+"""Pitch deviations of a wheel, measured on a gear checker, from a file with one row for each tooth.
 
 The deviation of a tooth is the distance of its flank from its ideal position along the pitch circle, up to a constant
 for the whole wheel. A file has two columns, tooth number and deviation, and may state in comments:
 
-    # form: cumulative | single   cumulative deviations F_p (default), or single pitch deviations f_pt, that of tooth
-                                  k between the teeth k - 1 and k
+    # form: cumulative | single   cumulative deviations F_p (default), or single pitch deviations f_pt; that of tooth
+                                  k lies between the teeth k - 1 and k
     # unit: um | mm               also in the name of the column; um by default
     # sense: ccw | cw             sense in which the numbers increase, seen from the wave generator side; ccw by default
-    # sign: along | ccw | cw      direction of a positive deviation: along increasing numbers (default), or to one
-                                  side for any numbering
-    # mark: 17                    the tooth that bears the mark; the first one by default
+    # sign: along | ccw | cw      direction of a positive deviation: along increasing numbers (default), or in one
+                                  sense for any numbering
+    # mark: 17                    number of the marked tooth; the first one by default
     # flank: left | right
 
-The result always counts counter-clockwise from the mark, with positive deviations counter-clockwise. A wheel of four
-teeth, numbered clockwise, mark on tooth 2:
+The result always counts counter-clockwise from the mark, with positive deviations counter-clockwise. An example is a
+wheel with four teeth, numbered clockwise, with the mark on tooth 2:
 
     # sense: cw
-    # mark: 2              read: tooth 2, 1, 4, 3, with reversed signs: -3, 0, -1, +2
+    # mark: 2              result: teeth 2, 1, 4, 3, with reversed signs: -3, 0, -1, +2
     1; 0                   with "# sign: ccw" the order is the same and the signs stay: +3, 0, +1, -2
     2; 3
     3; -2
     4; 1
 
-(here minus the mean). The mean of the deviations has no effect and is subtracted.
+(here without subtraction of the mean). The mean of the deviations has no effect and is subtracted.
 """
 
 from __future__ import annotations
@@ -53,22 +53,22 @@ from hdassist.readers.words import (
     plain_unit,
 )
 
-_LEAST_RANGE = 0.5  # um, of the deviations of a wheel
-_LARGEST_RANGE = 1000.0  # um, of the deviations of a wheel
+_LEAST_RANGE = 0.5  # um: smallest plausible range of the deviations of a wheel
+_LARGEST_RANGE = 1000.0  # um: largest plausible range of the deviations of a wheel
 _CLOSING = 0.2  # largest sum of the single deviations, as a share of their range
 _NOISE = 1e-9  # closing error that is rounding of the sum, as a share of the summed magnitudes
-_CODE_PAGE = re.compile("[\x80-\xff]{3}")  # in Latin-1: letters of another code page
+_CODE_PAGE = re.compile("[\x80-\xff]{3}")  # letters of another code page, as they appear in Latin-1
 _SENSES = {"clockwise": "cw", "counterclockwise": "ccw", "anticlockwise": "ccw"}
 _PitchForm = Literal["cumulative", "single"]
 _Sense = Literal["ccw", "cw"]
 _Flank = Literal["left", "right"]
-_CHOICES = {  # by key: values, and their names for messages
+_CHOICES = {  # by key: valid values, and their description for messages
     "form": (get_args(_PitchForm), "cumulative or single"),
     "sense": (get_args(_Sense), "ccw or cw, seen from the wave generator side"),
     "sign": (("along", "ccw", "cw"), "along (the numbering), ccw or cw"),
     "flank": (get_args(_Flank), "left or right"),
 }
-ASSUMED = {  # by key: value without a statement, and the note on it
+ASSUMED = {  # by key: assumed value if none is stated, and the note on it
     "form": ("cumulative", "no form stated; read as cumulative deviations"),
     "unit": ("um", "no unit stated; read as um"),
     "sense": ("ccw", "no sense stated; read as numbered counter-clockwise, seen from the wave generator side"),
@@ -90,31 +90,35 @@ def read_pitch(
     sense: _Sense | None = None,
     flank: _Flank | None = None,
 ) -> PitchFile:
-    """Read the pitch deviations of a wheel; for the form of a file see the module.
+    """Return the pitch deviations of a wheel from a file. The module describes the form of the file.
 
-    Arguments: source, a path ("-" is standard input), stream or bytes; teeth of the wheel; form and sense take
-    precedence over remarks of the file, and flank chooses among columns for two flanks.
-    Raises DataError: a file that cannot be read; PresetError: every fault of the file; UsageError: a wrong argument.
+    source: path ("-" is standard input), stream or bytes.
+    teeth: number of teeth of the wheel.
+    form, sense: take precedence over comments of the file; None for those of the file.
+    flank: flank to select among columns for two flanks; None if there is one.
+    Raises DataError if the file cannot be read.
+    Raises PresetError with every fault of the file.
+    Raises UsageError for an invalid argument.
     """
     arguments = {"form": form, "sense": sense, "flank": flank}
-    # only what somebody stated can contradict the file
+    # only explicitly stated arguments can contradict the file
     stated_arguments = {key: value for key, value in arguments.items() if value is not None}
     for key, value in stated_arguments.items():
         if value not in _CHOICES[key][0]:
             raise UsageError(f"invalid {key} {value}: expected one of {', '.join(_CHOICES[key][0])}")
     if teeth < 2:
         raise UsageError(f"invalid number of teeth {teeth}: expected two or more")
-    # faults of the table are collected, so that faults of the statements are found in the same run
+    # faults of the table are collected, so that faults of the statements are reported in the same run
     table = read_numbers(source, ("tooth number", "deviation"))
     stated = _Statements(table, stated_arguments)
     is_table = not table.findings
     teeth_in, deviation_in = stated.columns() if is_table else (0, 0)
     unit = _length_unit(stated)
     layout = _Layout.of(stated)
-    # without a sound table there are no columns to look at
+    # if the table is invalid, its columns are unknown
     first, order = _rows_by_tooth(table, teeth_in, teeth) if is_table else (1, [])
     mark = _marked_tooth(stated, first, teeth)
-    # all faults so far at once; sums of wrong values would only add further ones
+    # raises all faults found so far, because sums of invalid values would only add further ones
     table.require_sound()
     values = _cumulative(
         table,
@@ -133,7 +137,7 @@ def read_pitch(
 
 @dataclass(frozen=True)
 class _Layout:
-    """How a file gives its deviations: each a word of _CHOICES, flank empty without one."""
+    """The form in which a file gives its deviations, each as a word of _CHOICES; flank is empty if it is not stated."""
 
     form: str
     sense: str
@@ -142,7 +146,7 @@ class _Layout:
 
     @classmethod
     def of(cls, stated: _Statements) -> _Layout:
-        """Return what a file and the arguments state; assumptions are noted in this order."""
+        """Return the form stated by a file and the arguments, with notes on assumptions in this order."""
         return cls(
             form=stated.value("form"),
             sense=stated.value("sense"),
@@ -152,13 +156,13 @@ class _Layout:
 
     @property
     def positive_sense(self) -> str:
-        """The sense, cw or ccw, in which a positive deviation points."""
-        # signs along the numbering turn with it
+        """The sense, cw or ccw, of a positive deviation."""
+        # if signs follow the numbering, they reverse with it
         return self.sense if self.sign == "along" else self.sign
 
 
 def _length_unit(stated: _Statements) -> tuple[str, float]:
-    """Return the unit of the deviations and its size [um]; um after a finding on an unknown one."""
+    """Return the unit of the deviations and its size [um]; um after a finding on an unknown unit."""
     unit = stated.value("unit")
     try:
         return unit, micrometres(unit)
@@ -171,12 +175,11 @@ def _marked_tooth(
     first: int,
     teeth: int,
 ) -> int:
-    """Return the number of the tooth with the mark, by default the first one, with a note.
+    """Return the number of the marked tooth, by default the first one, with a note.
 
-    Args:
-        stated: a tooth that the wheel does not have is a finding.
-        first: number of the first tooth, 0 or 1.
-        teeth: number of teeth.
+    stated: statements of the file, to which a finding is added if the wheel does not have the stated tooth.
+    first: number of the first tooth, 0 or 1.
+    teeth: number of teeth.
     """
     mark = int(stated.value("mark") or first)
     if not stated.stated["mark"]:
@@ -195,28 +198,27 @@ def _from_mark(
 ) -> Array:
     """Return deviations [um] counter-clockwise from the marked tooth, without their mean, shape (teeth,).
 
-    Args:
-        table: a reversal is noted.
-        values: cumulative deviations in the order and with the signs of the file, shape (teeth,).
-        shift: first tooth minus marked tooth.
-        layout: sense of the numbers and of the signs.
+    table: table to which notes on reversals are added.
+    values: cumulative deviations in the order and with the signs of the file, shape (teeth,).
+    shift: number of the first tooth minus that of the marked tooth.
+    layout: sense of the numbers and of the signs.
     """
     # the marked tooth becomes the first one
     values = np.roll(values, shift)
     if layout.sense == "cw":
-        values = np.roll(values[::-1], 1)  # the marked tooth stays first
+        values = np.roll(values[::-1], 1)  # rolled by one, so that the marked tooth stays first
         table.notes.append("numbers reversed")
     if layout.positive_sense == "cw":
         values = -values
         table.notes.append("signs reversed")
-    # the mean is the choice of the zero tooth, and turns the wheel as a whole
+    # the mean depends on the choice of the zero tooth and only rotates the wheel
     deviation: Array = values - values.mean()
     deviation.setflags(write=False)
     return deviation
 
 
 class _Statement(NamedTuple):
-    """A statement of a file on a key: its value (empty if invalid), text, line and column."""
+    """A statement of a file for a key: its value (empty if invalid), text, line and column."""
 
     value: str
     text: str
@@ -225,17 +227,17 @@ class _Statement(NamedTuple):
 
 
 class _Statements:
-    """Statements on the form of a file of pitch deviations: by arguments, its remarks and the names of its columns."""
+    """Statements on the form of a file of pitch deviations, from arguments, comments and column names."""
 
     def __init__(self, table: NumberTable, asked: Mapping[str, str]) -> None:
         self.table = table
         self.asked = asked
         self.stated: dict[str, list[_Statement]] = {key: [] for key in PITCH_KEYS.values()}
         if table.names_in_remark and not any(map(names_teeth, table.names)):
-            table.names = ()  # a remark with as many words as there are columns
+            table.names = ()  # this comment has as many words as there are columns by chance
         entries = [(remark.number, remark.remark, *remark.entry) for remark in table.remarks if remark.entry]
         names = [entry[:3] for entry in entries]
-        # Latin-1 reads any byte, so a wrong code page shows as letters that no name has
+        # Latin-1 accepts any byte, so a wrong code page is recognised by letters that no name contains
         for line, column, name in (*names, *((table.names_line, 1, name) for name in table.names)):
             if table.is_latin and _CODE_PAGE.search(name):
                 table.add(line, column, "", "a name that is not UTF-8 text", name, "save the file as UTF-8")
@@ -248,15 +250,15 @@ class _Statements:
                     column=column,
                 )
                 self.stated[key].append(statement)
-            # a misspelled key would be ignored in silence
+            # a note, because a misspelled key would otherwise be ignored silently
             elif hint := near_miss(word, PITCH_KEYS):
                 table.notes.append(f'line {line}: "{word}" is ignored; {hint}')
 
     def value(self, key: str) -> str:
-        """Return the value of a key: that of the argument, else of the file, else the assumed one, with a note."""
+        """Return the value of a key from the argument, else from the file, else the assumed one with a note."""
         stated = self.stated[key]
         default, note = ASSUMED.get(key, ("", ""))
-        # who calls knows the wheel better than its file
+        # an argument takes precedence over the file
         if argument := self.asked.get(key):
             contradiction = next((statement.text for statement in stated if statement.value != argument), None)
             if contradiction is not None:
@@ -266,7 +268,7 @@ class _Statements:
             if not statement.value:
                 expected = _CHOICES[key][1] if key in _CHOICES else "the number of a tooth"
                 return self.refused(key, f"must be {expected}", default, at=statement)
-            # remarks and names of columns may say the same twice
+            # comments and column names may repeat the same statement
             if statement.value != stated[0].value:
                 hint = f"line {stated[0].line} states {stated[0].text}; keep one of the two"
                 return self.refused(key, "stated twice with different values", default, hint, statement)
@@ -275,16 +277,16 @@ class _Statements:
         return stated[0].value if stated else default
 
     def columns(self) -> tuple[int, int]:
-        """Return the columns of the tooth numbers and of the deviations, and take statements from the latter's name."""
+        """Return the columns of tooth numbers and of deviations, and read the statements in the latter's name."""
         names = self.table.names
         teeth = [index for index, name in enumerate(names) if names_teeth(name)]
-        # without a name the first column has the numbers
+        # without a name, the first column contains the numbers
         first = teeth[0] if len(teeth) == 1 else 0
         columns = [index for index in range(self.table.values.shape[1]) if index != first]
         for key, meaning in (("flank", flank_in), ("form", form_in)):
             wanted = self.asked.get(key) or next((statement.value for statement in self.stated[key]), "")
             if wanted and len(columns) > 1 and names:
-                # several columns of deviations: by flank, then by form
+                # several columns of deviations are distinguished by flank, then by form
                 columns = [index for index in columns if meaning(names[index]) == wanted] or columns
         if len(columns) > 1:
             self._refuse_columns(columns)
@@ -293,14 +295,14 @@ class _Statements:
         return first, columns[0]
 
     def _refuse_columns(self, columns: Sequence[int]) -> None:
-        """Note as a fault that several columns have deviations."""
+        """Add a finding that several columns contain deviations."""
         table = self.table
         got = " and ".join(f'"{table.name(column)}"' for column in columns)
         line = table.names_line if table.names else int(table.lines[0])
         table.add(line, 1, "", f"{len(columns)} columns of deviations", got, COLUMNS_HINT)
 
     def _take_statements(self, name: str) -> None:
-        """Take what the name of the column of deviations states; an ambiguous form is a fault if nothing else does."""
+        """Add the statements in a deviation column's name; an ambiguous form is a fault unless stated elsewhere."""
         table = self.table
         for key, value in (("form", form_in(name)), ("flank", flank_in(name)), ("unit", length_in(name))):
             if value and value != AMBIGUOUS:
@@ -311,7 +313,7 @@ class _Statements:
                     column=1,
                 )
                 self.stated[key].append(statement)
-            # "pitch deviation" alone may be either form
+            # "pitch deviation" without an attribute may mean either form
             elif value and not self.stated[key] and key not in self.asked:
                 message = "state whether they are single or cumulative pitch deviations"
                 table.add(table.names_line, 1, key, message, name, _FORM_HINT)
@@ -324,20 +326,23 @@ class _Statements:
         hint: str = "",
         at: _Statement | None = None,
     ) -> str:
-        """Return the default value of a key after a finding on a statement of it, by default the first one."""
+        """Return the default value of a key after adding a finding.
+
+        at: the statement to which the finding refers, None for the first statement of the key.
+        """
         statement = at or self.stated[key][0]
         self.table.add(statement.line, statement.column, key, message, statement.text or "nothing", hint)
         return default
 
 
 def _value_of(key: str, text: str) -> str:
-    """Return the value of a remark; empty if it is invalid."""
+    """Return the value of a statement, or an empty string if it is invalid."""
     if key == "unit":
         return plain_unit(text)
     if key == "mark":
-        # a plain number: the tooth with the mark
+        # the number of the marked tooth
         return str(int(text)) if re.fullmatch(r"[+]?[0-9]{1,9}", text) else ""
-    # "counter-clockwise" is written in many ways
+    # "counter-clockwise" has several spellings
     value = re.sub(r"[\s-]+", "", text.lower())
     value = _SENSES.get(value, value)
     return value if value in _CHOICES[key][0] else ""
@@ -348,7 +353,7 @@ def _rows_by_tooth(
     column: int,
     teeth: int,
 ) -> tuple[int, list[int]]:
-    """Return the first tooth number, 0 or 1, and the row (from 0) of each tooth of the wheel, from the first on.
+    """Return the first tooth number, 0 or 1, and the row index of each tooth of the wheel in order.
 
     Faults of the tooth numbers are added to the findings of the table.
     """
@@ -358,11 +363,11 @@ def _rows_by_tooth(
             hint = "put tooth numbers in the first column, or name the columns"
             table.add_at(row, column, "must be the whole number of a tooth", f"{number:g}", hint)
             return 1, []
-        # rows may stand in any order, but each tooth once
+        # rows may be in any order, but each tooth must occur once
         if row_of.setdefault(int(number), row) != row:
             hint = f"first in line {table.lines[row_of[int(number)]]}; keep one row"
             table.add_at(row, column, "a tooth is given twice", f"{number:g}", hint)
-    # programs count from 0, people from 1
+    # numbering starts at 0 or 1
     first = 0 if 0 in row_of else 1
     wanted = range(first, first + teeth)
     beyond = sorted(row_of.keys() - set(wanted))
@@ -386,18 +391,21 @@ def _cumulative(
 ) -> Array:
     """Return the cumulative deviations [um] in the order of the tooth numbers, with their signs in the file.
 
-    Arguments: table, whose notes and findings are added to; column of the deviations, and their rows in order; unit,
-    its name and size in um; is_single, whether they are single pitch deviations.
+    table: table to which notes and findings are added.
+    column: column of the deviations.
+    order: rows of the teeth in order.
+    unit: name of the unit and its size [um].
+    is_single: whether they are single pitch deviations.
     """
     name, size = unit
     values = table.values[order, column] * size
     if size != 1:
         table.notes.append(f"{name} to um")
-    # cumulative deviations are sums of single ones, from the first tooth on
+    # cumulative deviations are sums of single ones, starting at the first tooth
     if is_single:
         gap = float(values.sum())
         sum_of_magnitudes = float(np.abs(values).sum())
-        # all pitches of a wheel together are one revolution, so their deviations add up to 0
+        # the pitches of a wheel add up to one revolution, so their deviations add up to 0
         values = np.cumsum(values - gap / len(values))
         closes = abs(gap) <= _NOISE * sum_of_magnitudes
         if not closes and abs(gap) > _CLOSING * np.ptp(values):
@@ -408,7 +416,7 @@ def _cumulative(
             shared = "" if closes else f", closing error of {gap:.3g} um distributed over all teeth"
             table.notes.append(f"single pitch deviations summed up{shared}")
     reach = float(np.ptp(values))
-    # positions, or another unit
+    # such a range indicates positions or another unit
     if reach > _LARGEST_RANGE:
         hint = "check the unit, and that the values are deviations, not positions"
         table.add_at(0, column, f"{reach:.4g} um over the whole wheel", f"unit {name}", hint)
@@ -422,7 +430,7 @@ def _cumulative(
 
 @dataclass(frozen=True)
 class WheelFiles:
-    """Pitch files of the circular spline (b) and flexspline (g), directions [deg] of their marks, and their form."""
+    """Pitch files of circular spline (b) and flexspline (g), the directions of their marks [deg], and their form."""
 
     pitch_b: str | None = None
     pitch_g: str | None = None
@@ -453,10 +461,11 @@ class WheelFiles:
             raise UsageError("--pitch-form, --pitch-sense and --pitch-flank need --pitch-b or --pitch-g")
 
     def read(self, drive: Drive) -> MeasuredTeeth | None:
-        """Return the measured wheels of a drive, with the assumptions made in their notes; None without a file.
+        """Return the measured wheels of a drive, with notes on assumptions, or None without a file.
 
-        Raises PresetError with the faults of a file, DataError for a file that cannot be read, UsageError where the
-        direction of a mark is unknown.
+        Raises PresetError with the faults of a file.
+        Raises DataError if a file cannot be read.
+        Raises UsageError if the direction of a mark is unknown.
         """
         wheels = {}
         for name, file in self.files.items():
@@ -479,13 +488,13 @@ class WheelFiles:
                 mark = float(mark_of_preset)
                 note = f"the mark is at {mark:g} deg, from phases.xi_{name} of the preset"
                 notes.append(f"{note}; to change it use --mark-{name}")
-            # measured about the seat, the eccentricity is in the deviations already
+            # if the teeth were measured about the seat, the deviations already include the eccentricity
             if name == "b" and drive.value("tolerances.e_b"):
                 notes.append(
                     "tolerances.e_b is added to the measured teeth, which is right only "
                     "if they were measured about their own centre"
                 )
-            # fields that the measured teeth replace
+            # fields of the preset that the measured teeth replace
             composite, *harmonics = IN_TEETH[name]
             replaced = [composite] if is_overridden(composite, drive.origin.overrides) else []
             without_effect = (*replaced, *filter(drive.number, harmonics))

@@ -1,12 +1,12 @@
-"""Tables from files of instruments and spreadsheets: numbers or cells of text, with their lines and columns.
+"""Tables in files of instruments and spreadsheets: cells of numbers or text, with their lines and columns.
 
-Decimals have a point, or a comma throughout the file unless commas separate its cells. One line of names may stand
-above the rows, in a table of numbers as a remark too. The first lines settle separator, decimal mark and number of
-columns; then every row is read by the same rules.
+Decimal numbers have a point, or a comma throughout the file unless commas separate its cells. A line of column names
+may precede the rows; in a table of numbers it may be a comment. The first lines determine the separator, the decimal
+mark and the number of columns; all rows are then read by the same rules.
 
-Files of other programs are known by their first lines; two become rows of a table in the same places.
-PHD2 guide log: see `readers/guiding.py`.
-EQMOD PE file: `!WormPeriod` in s, `!StepsPerWorm`, then rows of time in s, motor steps and error in arcsec.
+Files of other programs are recognised by their first lines. Two kinds are converted to rows of a table in the same
+lines. PHD2 guide log: see `readers/guiding.py`. EQMOD PE file: `!WormPeriod` in s, `!StepsPerWorm`, then rows of time
+in s, motor steps and error in arcsec.
 """
 
 from __future__ import annotations
@@ -57,18 +57,19 @@ from hdassist.readers.words import (
 )
 
 _MOST_TABLE_BYTES = 5_000_000
-SAMPLED_LINES = 300  # lines that settle how rows are written
-_FOREIGN_ROWS = 20  # that cannot be read, and most of those sampled: the file is no table of numbers
-_FOREIGN_HEAD = 3  # lines above the rows that are no names of columns
-NO_UNIT = "no unit stated"  # in notes, before the one that is assumed
-MAX_REMARKS = 1000  # remarks that are kept
-_ANGLE_ROLES = ("cam", "output", "angle", "error", "target", "actual", "twist")  # contents that are angles
-_SHAFTS = ("cam", "output", "angle", "error")  # contents of a column of a record
-_SEPARATOR_LINE = re.compile(r'"?sep=(?:.|\\t)"?[;,\s]*', re.IGNORECASE)  # which Excel writes above a table
+SAMPLED_LINES = 300  # lines from which the form of the rows is determined
+# unreadable rows that, if they are also the majority of the sample, show that the file is not a table of numbers
+_FOREIGN_ROWS = 20
+_FOREIGN_HEAD = 3  # lines above the rows that are not column names
+NO_UNIT = "no unit stated"  # phrase in notes before an assumed unit
+MAX_REMARKS = 1000  # most comments that are stored
+_ANGLE_ROLES = ("cam", "output", "angle", "error", "target", "actual", "twist")  # roles of columns that contain angles
+_SHAFTS = ("cam", "output", "angle", "error")  # roles of the columns of a recording
+_SEPARATOR_LINE = re.compile(r'"?sep=(?:.|\\t)"?[;,\s]*', re.IGNORECASE)  # line that Excel writes above a table
 _DECIMAL_COMMA = re.compile(r"(?<=[0-9]),(?=[0-9])")
 
 _Cells = NDArray[np.float64]
-_PROGRAMS = {  # words in the first lines, and the file that they are of
+_PROGRAMS = {  # words in the first lines, and the kind of file that they identify
     r"PHD2 (?:version|log version)|^PHD2": "a guide log of PHD2",
     r"^!WormPeriod": "a PE file of EQMOD",
     r"^TARGET DATA::|^USER-TEXT::": "a record of a laser at targets (.rtl)",
@@ -76,18 +77,28 @@ _PROGRAMS = {  # words in the first lines, and the file that they are of
     r"\b(?:TRUE|FALSE)$": "a record of a controller's signals",
     r"^\d{4}-\d\d-\d\d[ T]\d\d:\d\d:\d\d\S* \D": "a log of events",
 }
-_HEAD = 40  # lines that name a program
+_HEAD = 40  # number of lines in which a program is identified
 
 
 @dataclass(eq=False)
 class NumberTable:
-    """A table of numbers with the findings of its file; its values are valid only without findings.
+    """A table of numbers with the findings of its file. Its values are valid only if there are no findings.
 
-    values: shape (rows, columns); lines: line number of each row, shape (rows,); names: of the columns, empty without a
-    line of names; remarks: the first thousand; left_out: lines that are no rows of numbers, where that is allowed.
-    sexagesimal: number of cells in degrees, minutes and seconds by the column; their values are in deg.
-    is_lower_bound, scale_uncertainty: of the errors, see `guiding.GuideRows`.
-    deg_per_s: speed of the shaft of its angles, if these were made from times; 0 otherwise.
+    file: name of the file.
+    names: names of the columns, empty without a line of names.
+    names_line: line of the names.
+    names_in_remark: whether the names are in a comment.
+    lines: line number of each row, shape (rows,).
+    values: numbers, shape (rows, columns).
+    remarks: first comments, up to MAX_REMARKS.
+    notes: how the file was read.
+    findings: faults of the file.
+    sha256: checksum of the file.
+    is_latin: whether the file was read as Latin-1.
+    left_out: omitted lines that are not rows of numbers, if omission is allowed.
+    sexagesimal: number of cells in degrees, minutes and seconds by column; their values are in deg.
+    is_lower_bound, scale_uncertainty: properties of the errors, see `guiding.GuideRows`.
+    deg_per_s: speed of the shaft if its angles were computed from times, otherwise 0.
     """
 
     file: str
@@ -109,11 +120,14 @@ class NumberTable:
 
     @property
     def roles(self) -> list[str]:
-        """Contents of the columns by their names, as role_in has them; empty without names."""
+        """The roles of the columns according to their names (see `role_in`), empty without names."""
         return list(map(role_in, self.names))
 
     def name(self, column: int) -> str:
-        """Name of a column (from 0), for messages."""
+        """Return the name of a column for messages.
+
+        column: index of the column.
+        """
         return self.names[column] if column < len(self.names) else f"column {column + 1}"
 
     def unit_of(
@@ -125,29 +139,29 @@ class NumberTable:
         asked: str | None = None,
         option: str = "",
     ) -> str:
-        """Return the unit of a column: the one asked for, that of its name, or the default; how it is read is noted.
+        """Return the unit of a column from the option, its name or the default, and add a note on it.
 
-        Arguments: column, its number from 0.
-        words: content of the column, for the notes.
+        column: index of the column.
+        words: description of the content for the note.
         default: unit of a column whose name has none.
         units: units that the column may have.
-        asked: unit that an option states, None without one.
-        option: that option, empty if there is none.
-        Raises PresetError if the name or a remark states another unit and no option states one.
+        asked: unit stated in an option, None without one.
+        option: name of that option, empty if there is none.
+        Raises PresetError if the name or a comment states another unit and no option states one.
         """
         name = self.name(column)
         named = unit_in(name, units) or self._unit_of_program(name, units)
-        # how the cells are written is a unit of its own
+        # the sexagesimal notation determines the unit
         if column in self.sexagesimal:
             self._require_degrees(column, words, units, named, asked)
             self.notes.append(f'"{name}": {words}, degrees, minutes and seconds')
             return "deg"
-        # a stated unit takes precedence over every name
+        # a stated unit takes precedence over the name
         if asked is None:
             self._require_known(column, named, default, units, option)
         unit = plain_unit(asked) if asked is not None else named or default
         foreign = foreign_unit_in(name, units)
-        # a contradiction is allowed, and noted: headings of instruments are often wrong
+        # a contradiction is allowed with a note, because headings of instruments are often wrong
         if asked is not None and (foreign or (named and named != unit)):
             self.notes.append(f'"{name}": {asked} as requested, although the name states {named or foreign}')
         assumed = f"{NO_UNIT}, {default} assumed"
@@ -159,11 +173,11 @@ class NumberTable:
         return unit
 
     def _unit_of_program(self, name: str, units: Iterable[str]) -> str:
-        """Return the unit that the program has which named a column, if it is one of some units; empty for none."""
-        # names by which known programs write counts
+        """Return the unit used by the program that named a column, or "" if it is not one of the given units."""
+        # names that known programs use for counts
         if is_in_counts(name):
             unit = COUNTS
-        # its units follow from the names of all columns together
+        # the units of moteus follow from the names of all columns
         elif is_of_moteus(self.names):
             unit = moteus_unit_of(name)
         else:
@@ -178,10 +192,10 @@ class NumberTable:
         named: str,
         asked: str | None,
     ) -> None:
-        """Raise PresetError if a column in degrees, minutes and seconds has other cells, or another unit is stated."""
+        """Raise PresetError if a column in degrees, minutes and seconds has other cells or another stated unit."""
         name = self.name(column)
         decimal_rows = len(self.values) - self.sexagesimal[column]
-        # 12.30 may be 12.3 deg or 12 deg 30 min: a mixed column has no meaning
+        # 12.30 may mean 12.3 deg or 12 deg 30 min, so a mixed column is ambiguous
         if decimal_rows > 0:
             message = (
                 f'"{name}": {decimal_rows} of {len(self.values)} rows are numbers without degrees, minutes and seconds'
@@ -204,7 +218,7 @@ class NumberTable:
         units: Iterable[str],
         option: str,
     ) -> None:
-        """Raise PresetError if a unit is stated for a column, in its name or in a remark, and is not understood."""
+        """Raise PresetError if the name of a column or a comment states an unknown unit."""
         name = self.name(column)
         quantity = quantity_of(default) or "angle"
         hint = f"write a unit of {quantity} in the name, for example [{default}]"
@@ -217,7 +231,7 @@ class NumberTable:
                 if foreign_quantity
                 else f"no known unit of {quantity}"
             )
-            # the same word for two units
+            # the same word is used for two units
             if plain_unit(foreign) == "grad":
                 fault = "a degree in German and 1/400 of a revolution elsewhere: write deg or gon"
             elif scaled_unit_in(name):  # a unit that an option states would not have the factor
@@ -228,7 +242,7 @@ class NumberTable:
             raise self.fault(f'"{name}": {foreign} is {fault}', hint)
         entries = ((line, line.entry) for line in self.remarks)
         stated = [(line, entry) for line, entry in entries if entry and PITCH_KEYS.get(entry[0]) == "unit"]
-        # a remark that contradicts nothing but is not repeated in the name may be meant for another column
+        # a stated unit without a column name may refer to another column
         if stated and not named and quantity == "angle":
             line, (_, text, place) = stated[0]
             message = f'the comment states the unit {text}, the name "{name}" states none'
@@ -243,8 +257,8 @@ class NumberTable:
         asked: str | None = None,
         option: str = "",
     ) -> _Cells:
-        """Return the values of a column in the unit whose size is 1; arguments and errors are those of unit_of."""
-        # the default tells which quantity the column has
+        """Return the values of a column in the base unit. Arguments and errors are those of `unit_of`."""
+        # the default unit determines the quantity of the column
         sizes = next(sizes for sizes in (ANGLES, TIMES, TORQUES) if default in sizes)
         unit = self.unit_of(column, words, default, sizes, asked, option)
         return self.values[:, column] * (angle_size(unit) if sizes is ANGLES else sizes[unit])
@@ -258,7 +272,7 @@ class NumberTable:
         got: str = "",
         hint: str = "",
     ) -> None:
-        """Add a finding by line and column of the file."""
+        """Add a finding at a line and column of the file."""
         self.findings.append(
             Finding(
                 file=self.file, line=line, column=column, path=shown(path), message=message, got=shown(got), hint=hint
@@ -273,7 +287,7 @@ class NumberTable:
         got: str = "",
         hint: str = "",
     ) -> None:
-        """Add a finding by row and column (from 0)."""
+        """Add a finding at a row and column index."""
         self.add(int(self.lines[row]), 1, self.name(column), message, got, hint)
 
     def fault(
@@ -283,8 +297,12 @@ class NumberTable:
         row: int | None = None,
         column: int = 0,
     ) -> PresetError:
-        """Return the fault of a cell by row and column (from 0), or without a row that of the names, which it lists."""
-        # a fault of the columns as a whole
+        """Return the error for a cell, or for the column names (which it lists) if no row is given.
+
+        row: index of the row, None for the names.
+        column: index of the column.
+        """
+        # the error concerns the columns as a whole
         if row is None or not len(self.lines):
             self.add(self.names_line, 1, "", message, self.listed, hint)
         else:
@@ -293,21 +311,27 @@ class NumberTable:
 
     @property
     def listed(self) -> str:
-        """Names of all columns, for messages."""
+        """The names of all columns, for messages."""
         return shown(", ".join(map(self.name, range(self.values.shape[1]))))
 
     def require_sound(self) -> None:
-        """Raise PresetError with the findings in the order of the file, at most a hundred of them."""
+        """Raise PresetError with the findings in the order of the file, up to one hundred."""
         if self.findings:
             raise PresetError(ordered_findings(self.findings))
 
 
 @dataclass(frozen=True)
 class CellTable:
-    """A table of text: SHA-256 of its file, separator, names and their line, and rows.
+    """A table of text.
 
-    rows: line number and cells of each row. remarks: numbers of the lines below the names that are remarks.
-    unclosed: column of the first quote that is not closed, by the line.
+    file: name of the file.
+    sha256: checksum of the file.
+    separator: separator of the cells.
+    names: column names.
+    names_line: line of the names.
+    rows: line number and cells of each row.
+    remarks: numbers of the lines below the names that are comments.
+    unclosed: by line, the column of the first quote that is not closed.
     """
 
     file: str
@@ -320,14 +344,17 @@ class CellTable:
     unclosed: Mapping[int, int]
 
     def with_points(self, text: str) -> str:
-        """Return a cell with decimal points, where the separator leaves commas free and the cell has no list in it."""
+        """Return a cell with decimal points for commas, unless commas separate cells or the cell contains a list."""
         # "1,5" in a file with semicolons is a number; "[1,5]" is a list
         free = self.separator != "," and "." not in text and "[" not in text
         return _DECIMAL_COMMA.sub(".", text) if free else text
 
 
 def _no_rows(file: str, line: int) -> PresetError:
-    """Return the error of a table without rows; line: of its names, 1 if there are none."""
+    """Return the error of a table without rows.
+
+    line: line of its names, 1 if there are none.
+    """
     finding = Finding(
         file=file,
         line=line,
@@ -340,25 +367,28 @@ def _no_rows(file: str, line: int) -> PresetError:
 
 
 def read_texts(source: Readable) -> CellTable:
-    """Read a table of text under a line of names, separated by semicolons, tabs or commas.
+    """Return a table of text below a line of names, separated by semicolons, tabs or commas.
 
-    A line that begins like a remark and has as many cells as there are names is a row: a serial may begin with #.
-    Argument: source, a path, stream or bytes. Raises DataError: a file that cannot be read; PresetError: one that has
-    no rows, or lines that are too long.
+    A line that begins like a comment but has as many cells as there are names is a row, because a serial may begin with
+    #.
+
+    source: path, stream or bytes.
+    Raises DataError if the file cannot be read.
+    Raises PresetError if it has no rows or has lines that are too long.
     """
     text = TextFile(source, _MOST_TABLE_BYTES)
     table = NumberTable(text.name)
     lines: list[TableLine] = []
     remarks: list[int] = []
     separator = ""
-    # part by part, so that a large file need not fit into memory
+    # read in parts, so that a large file need not fit into memory
     for first, part in text.parts():
         for line in _lines(first, part, table):
             if not line.remark:
-                # that of the first line; names of columns contain none of the others usually
+                # the first line determines the separator, because column names rarely contain other separators
                 separator = separator or next((mark for mark in ";\t," if mark in line.text), ";")
                 lines.append(line)
-            # a line that begins with # and has all cells is a row whose first cell does
+            # a line that begins with # and has all cells is a row
             elif lines and _is_wide(line.text, separator, lines[0].text):
                 lines.append(line)
             elif lines:
@@ -366,7 +396,7 @@ def read_texts(source: Readable) -> CellTable:
     table.require_sound()
     if len(lines) < 2:
         raise _no_rows(text.name, lines[0].number if lines else 1)
-    # the first line that is no remark
+    # the first line that is not a comment contains the names
     names, *rows = ((line.number, tuple(cells_of(line.text, separator))) for line in lines)
     opened = {line.number: column for line in lines if (column := unclosed_quote(line.text, separator))}
     return CellTable(
@@ -386,8 +416,8 @@ def _is_wide(
     separator: str,
     heading: str,
 ) -> bool:
-    """Return whether a line has as many cells as a heading, empty ones included, and the heading has several."""
-    end = f"{separator}end"  # behind which no empty cell is left out
+    """Return whether a line has as many cells as a heading of several cells, including empty ones."""
+    end = f"{separator}end"  # an appended cell prevents omission of empty ones at the end
     width = len(cells_of(heading, separator))
     cells = cells_of(text.rstrip("\r\n") + end, separator)[:-1]
     if len(cells) > width and not cells[-1].text:
@@ -404,12 +434,15 @@ def read_numbers(
     takes_sexagesimal: bool = False,
     guide: GuideForm | None = None,
 ) -> NumberTable:
-    """Read a table of numbers; faults of its text are added to its findings.
+    """Return a table of numbers; faults of the text are added to its findings.
 
-    Arguments: source, a path, stream or bytes; needs, contents of the columns, at least as many as are needed;
-    at_most, the bytes it may have; lenient, leave rows with a fault out; takes_sexagesimal, read angles in degrees,
-    minutes and seconds, which `NumberTable.in_unit` then converts; guide, what options state of a guide log.
-    Raises DataError: a file that cannot be read.
+    source: path, stream or bytes.
+    needs: descriptions of the required columns.
+    at_most: largest size of the file in bytes.
+    lenient: whether rows with a fault are omitted.
+    takes_sexagesimal: whether angles in degrees, minutes and seconds are read; `NumberTable.in_unit` converts them.
+    guide: options for a guide log, None without any.
+    Raises DataError if the file cannot be read.
     """
     text = TextFile(source, at_most)
     table = NumberTable(text.name)
@@ -417,12 +450,12 @@ def read_numbers(
     try:
         for first, part in _readable_parts(text, table, guide or GuideForm()):
             rows.take(first, part)
-            # further faults would not be shown
+            # further findings would not be reported
             if len(table.findings) > MAX_FINDINGS and not lenient:
                 break
         else:
             rows.end()
-            # --robust: rows with faults are left out, whatever these are
+            # --robust: rows with any fault are omitted
             if lenient:
                 table.left_out = list(dict.fromkeys(finding.line for finding in table.findings))
                 table.findings.clear()
@@ -440,7 +473,7 @@ def read_numbers(
 
 
 class _Rows:
-    """Rows of a table of numbers, read part by part, with separator, decimal mark and width from its first lines."""
+    """A reader of the rows of a table of numbers; the first lines determine separator, decimal mark and width."""
 
     def __init__(
         self,
@@ -452,19 +485,23 @@ class _Rows:
         self.table = table
         self.needs = needs
         self.takes_sexagesimal = takes_sexagesimal
-        # not settled before the first rows are read
+        # unknown until the first rows are read
         self.separator = ""
         self.decimal = ""
         self.width = 0
-        self.waiting: list[TableLine] = []  # lines until they are settled
-        self.above: TableLine | None = None  # the last remark above the rows that is no "key: value"
-        # arrays that grow in place, unlike lists of parts
+        self.waiting: list[TableLine] = []  # lines that wait for the separator to be determined
+        self.above: TableLine | None = None  # the last comment above the rows that is not "key: value"
+        # growing arrays, which need less memory than lists of parts
         self.values = array("d")
         self.lines = array("q")
 
     def take(self, first: int, part: str) -> None:
-        """Read the lines of a part of the text; first, number of its first line."""
-        # the fast way, once it is settled how rows are written
+        """Read the lines of a part of the text.
+
+        first: number of its first line.
+        part: the part.
+        """
+        # the fast method applies as soon as the form of the rows is known
         if self.separator and (values := self._plain(part)) is not None:
             self._keep(values, np.arange(first, first + len(values)))
             return
@@ -475,50 +512,50 @@ class _Rows:
                 continue
             if len(self.table.remarks) < MAX_REMARKS:
                 self.table.remarks.append(line)
-            # the remark directly above the rows may have the names
+            # the comment directly above the rows may contain the column names
             if not lines and not self.waiting and not line.entry:
                 self.above = line
         if self.separator:
             self._read(lines)
             return
         self.waiting += lines
-        # enough to settle; a short file settles at its end
+        # the sample is complete; that of a short file is completed at its end
         if len(self.waiting) >= SAMPLED_LINES:
             self._settle()
 
     def end(self) -> None:
-        """Fill in the table."""
+        """Determine the form of a short file, and store the rows in the table."""
         if not self.separator:
             self._settle()
         self.table.values = np.frombuffer(self.values).reshape(-1, self.width)
         self.table.lines = np.frombuffer(self.lines, np.int64)
 
     def _settle(self) -> None:
-        """Settle how rows are written by the first lines, and read these.
+        """Determine the form of the rows from the first lines, and read these lines.
 
-        Raises PresetError: no rows of numbers, too few columns, or an ambiguous separator.
+        Raises PresetError if there are no rows of numbers or too few columns, or if the file is of another program.
         """
         sample = self.waiting[:SAMPLED_LINES]
         separator = separator_of([line.text for line in sample])
         sample = self._without_preamble(sample, separator)
         cells = [cells_of(line.text, separator) for line in sample]
         self._settle_width(sample, cells)
-        # a row of numbers cannot be the names
+        # a row of numbers cannot contain the names
         has_names = not has_numbers(cells[0])
         self._settle_names(sample, cells[0], separator, has_names=has_names)
         self.separator = separator
         self._settle_decimal(cells)
-        # the sample is read like all other lines now
+        # from here on, the sample is read like all other lines
         lines = self.waiting[1:] if has_names else self.waiting
         self.waiting = []
         self._read(lines)
         self._refuse_foreign(sample, lines)
 
     def _without_preamble(self, sample: list[TableLine], separator: str) -> list[TableLine]:
-        """Return a sample of the waiting lines from the line of names on; lines above it are left out, with a note."""
+        """Return the sample from the line of names on, and omit the lines above it with a note."""
         cells = [cells_of(line.text, separator) for line in sample]
         preamble_lines = _preamble(cells)
-        # a known program is refused below, with its name
+        # the file of a known program is rejected below, with its name
         if not preamble_lines or _program_of([line.text for line in sample]):
             return sample
         skipped = shortened([line.number for line in sample[:preamble_lines]])
@@ -527,14 +564,14 @@ class _Rows:
         return sample[preamble_lines:]
 
     def _settle_width(self, sample: Sequence[TableLine], cells: Sequence[Sequence[Cell]]) -> None:
-        """Settle the number of columns, that of most rows. Raises PresetError for no rows, or too few columns."""
+        """Set the number of columns to that of most rows. Raises PresetError without rows or with too few columns."""
         rows = [(line.number, row) for line, row in zip(sample, cells, strict=True) if has_numbers(row)]
         if not rows:
             first = sample[0] if sample else TableLine(1, "", 0)
             hint = f"rows of {', '.join(self.needs)}" if self.needs else "check that this is the file with the table"
             self._refuse(first.number, "no rows of numbers in the file", first.text.strip(), hint)
         first_number, first_row = rows[0]
-        # most rows are right: a faulty one must not decide
+        # the most frequent width, so that a faulty row does not decide
         self.width = Counter(len(row) for _, row in rows).most_common(1)[0][0]
         if self.width < len(self.needs):
             message = f"{self.width} column, needs {len(self.needs)}: {', '.join(self.needs)}"
@@ -549,13 +586,12 @@ class _Rows:
         *,
         has_names: bool,
     ) -> None:
-        """Settle the names of the columns.
+        """Set the names of the columns.
 
-        Args:
-            sample: first lines.
-            first_cells: cells of the first line.
-            separator: of cells.
-            has_names: whether the first line is that of names; otherwise a remark above the rows may have them.
+        sample: first lines.
+        first_cells: cells of the first line.
+        separator: separator of the cells.
+        has_names: whether the first line contains the names; otherwise a comment above the rows may contain them.
         """
         line = sample[0] if has_names else self.above
         if line is None:
@@ -569,27 +605,26 @@ class _Rows:
             message = f"the line of names does not fit {self.width} columns"
             hint = "write one name for each column, with the separator of the rows"
             empty = [cell.text for cell in first_cells[self.width :]]
-            # a sheet of which a column was never filled in
+            # a sheet with a column that was never filled in
             if empty and all(row.text.rstrip().endswith(separator) for row in sample[1:]):
                 message = f"no value is written in {', '.join(empty)}"
                 hint = "fill it in, or leave out the column"
             self.table.add(line.number, 1, "", message, line.text.strip(), hint)
 
     def _refuse_foreign(self, sample: Sequence[TableLine], lines: Sequence[TableLine]) -> None:
-        """Raise PresetError if so many of the first lines are no rows that the file is of another program.
+        """Raise PresetError if so many of the first lines are not rows that the file must be of another program.
 
-        Args:
-            sample: first lines.
-            lines: those that were read as rows.
+        sample: first lines.
+        lines: lines that were read as rows.
         """
         head = sum(line.number < self.lines[0] for line in lines) if self.lines else 0
-        # many faults among the first lines: not a table with errors, but another file
+        # many faults in the first lines indicate another kind of file rather than a table with errors
         faulty = {finding.line for finding in self.table.findings}
         faulty &= {line.number for line in lines}
         is_mostly_faulty = len(faulty) >= _FOREIGN_ROWS and 2 * len(faulty) > len(lines)
         if not is_mostly_faulty and head < _FOREIGN_HEAD:
             return
-        # one message in place of hundreds
+        # one message instead of hundreds
         self.table.findings.clear()
         program = _program_of([line.text for line in sample]) or "check whether this is a file of another program"
         message = f"not a table of numbers: {len(faulty)} of the first {len(lines)} lines are not rows of {self.width}"
@@ -603,15 +638,15 @@ class _Rows:
         got: str,
         hint: str,
     ) -> NoReturn:
-        """Raise PresetError with the findings of the table, or with this one if it has none."""
+        """Raise PresetError with the findings of the table, or with a given finding if it has none."""
         if not self.table.findings:
             self.table.add(line, 1, "", message, got, hint)
         raise PresetError([])
 
     def _read(self, lines: Sequence[TableLine]) -> None:
-        """Read lines that are neither blank nor remarks."""
+        """Read lines that are neither blank nor comments."""
         numbers = np.array([line.number for line in lines], np.int64)
-        # the fast way fails as a whole if any line is unusual
+        # the fast method fails as a whole if any line is unusual
         values = self._plain("\n".join(line.text for line in lines))
         if values is None:
             cells = [cells_of(line.text, self.separator) for line in lines]
@@ -627,23 +662,23 @@ class _Rows:
         self.lines.frombytes(lines.tobytes())
 
     def _plain(self, part: str) -> _Cells | None:
-        """Return the rows of a part of numbers and separators alone, shape (rows, columns); None for any other part.
+        """Return the rows of a part that contains only numbers and separators, shape (rows, columns), otherwise None.
 
-        It reads the same numbers as `_row`, only faster.
+        The numbers are the same as those read by `_row`.
         """
         separator = self.separator
         decimal = self.decimal
-        # "1,5" is ambiguous then, so cell by cell
+        # "1,5" is ambiguous in this case, so each cell is read separately
         if separator == decimal or part.isspace():
             return None
         blank = {" ": r" \t", "\t": ""}.get(separator, " ")
-        # numbers alone: loadtxt would accept nan, inf and comments too
+        # checked because loadtxt would also accept nan, inf and comments
         if not re.fullmatch(rf"[0-9eE+\-\n{separator}{blank}{decimal}]*", part):
             return None
         if separator != " ":
             part = part.replace(f"{separator}\n", "\n").removesuffix(separator)
         lines = (part.replace(",", ".") if decimal == "," else part).split("\n")
-        # blank and overlong lines need their own messages
+        # blank and overlong lines have their own messages
         if not all(lines) or max(map(len, lines)) > MAX_LINE:
             return None
         try:
@@ -659,13 +694,13 @@ class _Rows:
 
     def _settle_decimal(self, rows: Iterable[Sequence[Cell]]) -> None:
         if not self.decimal:
-            # by majority of the cells; as long as none has a mark it stays open
+            # the majority of the cells decides; while no cell has a mark, the decimal mark stays unknown
             marks = Counter(decimal_mark_in(cell.text) for row in rows for cell in row)
             self.decimal = "," if marks[","] > marks["."] else "." if marks["."] else ""
 
     def _row(self, line: int, row: Sequence[Cell]) -> list[float] | None:
-        """Return the numbers of a row; None, with a finding, for a row that has none or another number of cells."""
-        # a second line of names, or a remark without #
+        """Return the numbers of a row, or None with a finding if the row has no numbers or a wrong number of cells."""
+        # a second line of names, or a comment without #
         if not has_numbers(row):
             hint = "put # in front of it; only one line of names is allowed, above the rows"
             self.table.add(line, row[0].column if row else 1, "", "a line of text among the rows", row_text(row), hint)
@@ -692,13 +727,13 @@ class _Rows:
         message, hint = fault_of(cell.text, self.decimal or ".")
         if not message:
             value = float(cell.text.replace(",", "."))
-            # beyond it sums of squares would overflow
+            # larger numbers would make sums of squares overflow
             if abs(value) <= GREATEST:
                 return value
             number_words = f"number up to {GREATEST:g}" if isfinite(value) else "finite number"
             message = f"must be a {number_words}"
             hint = "check this cell"
-        # degrees, minutes and seconds in the cells of angles
+        # cells of angles may contain degrees, minutes and seconds
         elif self.takes_sexagesimal:
             try:
                 degrees = sexagesimal_degrees(cell.text, by_colons=role_in(self.table.name(index)) in _ANGLE_ROLES)
@@ -718,8 +753,8 @@ def _lines(
     part: str,
     table: NumberTable,
 ) -> Iterator[TableLine]:
-    """Yield the lines of a part of a text that are not blank; an overlong one is added to the findings."""
-    # an empty line of a spreadsheet has separators
+    """Yield the lines of a part of a text that are not blank; an overlong line is added to the findings."""
+    # an empty line of a spreadsheet contains separators
     for number, line in enumerate(part.split("\n"), first):
         if not line.strip(' ;,\t"\x1a') or (number == 1 and _SEPARATOR_LINE.fullmatch(line)):
             continue
@@ -730,12 +765,12 @@ def _lines(
 
 
 def _preamble(cells: Sequence[Sequence[Cell]]) -> int:
-    """Return the number of lines that an instrument writes above the names; 0 if the line of names is uncertain.
+    """Return the number of lines that an instrument writes above the names, or 0 if the line of names is uncertain.
 
-    It is certain if only numbers follow, in the same number of columns, and it contains a known name, unlike all
-    lines above it.
+    It is certain if all lines below it are rows with the same number of columns, and it is the first line with a known
+    name.
     """
-    # from the end of the sample upwards: as many lines as are rows
+    # counted from the end of the sample upwards, for as long as the lines are rows
     rows = next((k for k, row in enumerate(reversed(cells)) if not _is_row(row, len(cells[-1]))), len(cells))
     names = len(cells) - rows - 1
     if names < 1 or rows < _FOREIGN_ROWS or len(cells[names]) != len(cells[-1]) or has_numbers(cells[names]):
@@ -751,13 +786,13 @@ def _is_row(row: Sequence[Cell], width: int) -> bool:
 
 
 def shortened(items: Sequence[object], most: int = 5) -> str:
-    """Return numbers or names for a message, at most the given number of them: 3, 4, 5, 6, 7 ... (12 in all)."""
+    """Return a list of numbers or names for a message, shortened to the given length: 3, 4, 5, 6, 7 ... (12 in all)."""
     text = ", ".join(map(str, items[:most]))
     return text if len(items) <= most else f"{text} ... ({len(items)} in all)"
 
 
 def _program_of(lines: Sequence[str]) -> str:
-    """Return the file of another program that some first lines are of, in words; empty for none that is known."""
+    """Return a description of the kind of file that the first lines identify, or an empty string if it is unknown."""
     text = "\n".join(lines[:_HEAD])
     return next((program for pattern, program in _PROGRAMS.items() if re.search(pattern, text, re.MULTILINE)), "")
 
@@ -767,15 +802,15 @@ def _readable_parts(
     table: NumberTable,
     guide: GuideForm,
 ) -> Iterator[tuple[int, str]]:
-    """Return parts of a text, those of a guide log or PE file as lines of a table in the same places.
+    """Yield the parts of a text; those of a guide log or PE file as lines of a table with the same line numbers.
 
-    Arguments: text of the file.
-    table: to whose notes it is added how a file was taken.
-    guide: what options state of a guide log.
-    Raises PresetError for such a file without anything that a trace can be made of; UsageError for options of a guide
-    log with another file.
+    text: text of the file.
+    table: table to which notes on the file are added.
+    guide: options for a guide log.
+    Raises PresetError if such a file does not give a recording.
+    Raises UsageError if options for a guide log are used with another file.
     """
-    # a program is recognised by its first lines
+    # the first lines identify the program
     parts = text.parts()
     for first, part in parts:
         program = _program_of(part.split("\n", _HEAD)) if first == 1 else ""
@@ -788,7 +823,7 @@ def _readable_parts(
         if not (is_guide_log or program == "a PE file of EQMOD"):
             yield first, part
             continue
-        # the whole log at once: its best section is chosen
+        # the complete log, because its best section is chosen
         lines = "\n".join([part, *(following for _, following in parts)]).split("\n")
         try:
             if is_guide_log:
@@ -797,7 +832,7 @@ def _readable_parts(
                 table.is_lower_bound = rows.is_lower_bound
                 table.scale_uncertainty = rows.scale_uncertainty
                 table.deg_per_s = SIDEREAL_ARCSEC_S / 3600
-                # as many lines as the log has, so that line numbers in messages are right
+                # as many lines as the log has, so that line numbers in messages are correct
                 yield 1, "\n".join(rows.lines)
             else:
                 yield 1, "\n".join(_of_pe_file(lines, table))
@@ -814,16 +849,16 @@ def _readable_parts(
 
 
 def _of_pe_file(lines: list[str], table: NumberTable) -> Iterator[str]:
-    """Yield the angle of the shaft that turns once a worm period, the cam, by motor steps, else by time."""
+    """Yield lines with the angle of the shaft that turns once per worm period, from motor steps or from time."""
     facts = re.findall(r"^!(WormPeriod|StepsPerWorm)\s*=\s*([-+0-9.]+)", "\n".join(lines), re.MULTILINE)
-    stated = {key: number_of(number) for key, number in reversed(facts)}  # the first of each
+    stated = {key: number_of(number) for key, number in reversed(facts)}  # the first of each key counts
     period, steps = (stated.get(key, nan) for key in ("WormPeriod", "StepsPerWorm"))
     if not period > 0:
         raise DataError(
             "the PE file of EQMOD contains no line !WormPeriod",
             "write the worm period in s above the rows, for example !WormPeriod=479",
         )
-    # motor steps are angles; time is one at constant speed only
+    # motor steps are angles; times are proportional to angles only at constant speed
     column, turn, by = (1, steps, "motor steps") if steps > 0 else (0, period, "time")
     table.deg_per_s = 360 / period
     table.notes.append(

@@ -1,8 +1,8 @@
-"""Measured traces: the error of a drive's output against the angle of its cam, from the file of an encoder rig.
+"""Measured recordings: the error of a drive's output over the input angle, from the file of an encoder test rig.
 
-A file has a column of angles, of the cam or of the output, and one of errors, or that of a second encoder at the
-output; then the error is output angle - cam angle / ratio, with the sign of the ratio as the encoders count. Its rows
-are parted into moves of the shaft in one direction each, wrapped angles joined.
+A file has a column of angles of the input or of the output, and a column of errors or of a second encoder at the
+output. In the latter case the error is output angle - input angle / ratio, with the sign of the ratio as counted by the
+encoders. The rows are divided into moves of the shaft in one direction, with wrapped angles joined.
 """
 
 from __future__ import annotations
@@ -34,44 +34,50 @@ from hdassist.readers.words import (
 )
 
 WHOLE_TURN_DEG = 360.0
-_COUNTER_BITS = (16, 24, 32)  # of counters that begin again if they are full
-_WRAP_STEPS = 20.0  # median steps that a step over a wrap may go, at most
-_LEAST_WRAP_REST = 1.0  # deg that a step over a wrap may go in any case
+_COUNTER_BITS = (16, 24, 32)  # bits of counters that restart when they overflow
+_WRAP_STEPS = 20.0  # largest step over a wrap, in median steps
+_LEAST_WRAP_REST = 1.0  # deg: step over a wrap that is always allowed
 _LEAP = 0.4  # share of the wrap beyond which the direction of a step is ambiguous
-_JITTER = 0.5  # deg: moves back that are noise of a shaft that stands or creeps
-_TURNING_STEPS = 4.0  # median steps: moves back that are noise of coarse readings
-_WIDEST_TURNING = 5.0  # deg: upper limit of such moves back
-_WIDEST_TURN_BACK = 2.5  # median steps: how far a reading may lie off those around it where the shaft turns back
-_FEW_ROWS = 5  # fewer rows are no move
-_SPIKE = 10.0  # median steps: longest first step after a restart
+_JITTER = 0.5  # deg: backward moves up to this size are noise of a shaft that is stationary or slow
+_TURNING_STEPS = 4.0  # median steps: backward moves up to this size are noise of coarse readings
+_WIDEST_TURNING = 5.0  # deg: upper limit of such backward moves
+_WIDEST_TURN_BACK = 2.5  # median steps: largest deviation of a reading from its neighbours where the shaft reverses
+_FEW_ROWS = 5  # fewest rows in a move
+_SPIKE = 10.0  # median steps: largest first step after a restart
 _Angles = NDArray[np.float64]
-BY_ORDER = "columns by their sequence: input angle, error"  # where none has a name
-_TIME_BY_ORDER = (  # if a speed or a period is given
+BY_ORDER = "columns by their sequence: input angle, error"  # note if no column has a name
+_TIME_BY_ORDER = (  # note if a speed or a period is given
     "columns by their sequence: time, error (--angle-unit deg for an angle)"
 )
 MAX_TRACE_BYTES = 100_000_000
 _ARCSEC_PER_DEG = 3600.0
-LARGEST_ERROR = 7200.0  # arcsec, range of an error
+LARGEST_ERROR = 7200.0  # arcsec: largest range of an error
 _RESTART_HINT = "check whether an encoder was restarted; use only the rows above or below this line"
 _LEAP_REST = 0.5  # largest range of the other values where an encoder was restarted, as a share of the leap
 _SLIP = 0.02  # largest relative disagreement of two encoders with the ratio
-# A ramp of the error over the angle is a wrong ratio if it exceeds the rest of the recording by this factor, and the
-# ratio by this share: 1300 arcsec per output revolution at ratio 100, more than any drive, test rig or drift
+# An increase of the error with the angle shows a wrong ratio if it exceeds the remaining range by this factor, and the
+# ratio by this share: 1300 arcsec per output revolution at ratio 100, more than any drive, test rig or drift causes
 _RAMP_OVER_REST = 5.0
 _RAMP_OF_RATIO = 1e-3
 _NEAR_ONE = 0.05  # two ratios differ by 1, within this tolerance, if the other wheel is fixed
-_LEAST_WRAP = 1e-3  # deg, of encoders that restart
+_LEAST_WRAP = 1e-3  # deg: smallest wrap of an encoder
 _ENCODERS = 2
-_FEWEST_ROWS = 20  # rows
-_TURNING_ROWS = 200  # rows for each of the greatest and least steps that are no rounding
+_FEWEST_ROWS = 20  # fewest rows in a recording
+# one row in this many is removed at each end of the sorted steps, as these steps are not due to rounding
+_TURNING_ROWS = 200
 _ROUNDED_STEP = 0.01  # rounding by printed digits, as a share of a step
-_COUNTS_APART = 2  # counts of the cam by which steps at one speed differ, at most
+_COUNTS_APART = 2  # counts of the input by which steps at constant speed may differ
 _Shaft = Literal["cam", "output"]
 
 
 @dataclass(frozen=True)
 class _AngleSweep:
-    """Rows start to stop (that one not) in one direction: 1 for growing angles, -1 for falling ones."""
+    """Rows of a move in one direction.
+
+    start: index of the first row.
+    stop: index after the last row.
+    direction: 1 for increasing angles, -1 for decreasing ones.
+    """
 
     start: int
     stop: int
@@ -82,12 +88,12 @@ class _AngleSweep:
 
     @property
     def rows(self) -> slice:
-        """Its rows."""
+        """The rows as a slice."""
         return slice(self.start, self.stop)
 
 
 class AngleError(ValueError):
-    """An impossible angle: its row, a message and a hint."""
+    """An invalid angle: its row, a message and a hint."""
 
     def __init__(
         self,
@@ -102,11 +108,12 @@ class AngleError(ValueError):
 
 
 def _guessed_wrap(angle: _Angles, count: float) -> float | None:
-    """Return the angle [deg] at which an encoder restarts, or None without a restart.
+    """Return the angle at which an encoder restarts [deg], or None if it does not restart.
 
-    It is a revolution, or the range of the counter. All angles lie within it, with steps of more than half of it,
-    over which the shaft continues as far as over other steps; a restarted run is not a wrap. count: size of a count
-    [deg].
+    It is a revolution, or the range of the counter. All angles lie within it, and steps of more than half of it occur.
+    Over such a step the shaft moves as far as over other steps, whereas a restarted test run is not a wrap.
+
+    count: size of a count [deg].
     """
     steps = np.abs(np.diff(angle))
     span = float(np.ptp(angle))
@@ -115,7 +122,7 @@ def _guessed_wrap(angle: _Angles, count: float) -> float | None:
     # a revolution first, then counters from the smallest
     for wrap in wraps:
         if span <= wrap < 2 * longest:
-            # how far the shaft went over the wrap itself
+            # distance that the shaft moved over the wrap
             over = np.abs(wrap - steps[2 * steps > wrap])  # steps over the wrap
             usual = float(np.median(steps[2 * steps <= wrap])) if (2 * steps <= wrap).any() else wrap
             return wrap if float(np.median(over)) <= max(_WRAP_STEPS * usual, _LEAST_WRAP_REST) else None
@@ -127,19 +134,19 @@ def _unwrapped(
     wrap: float,
     other: _Angles | None = None,
 ) -> _Angles:
-    """Return the angles without the jumps of an encoder that begins again after wrap, shape (rows,), in the same unit.
+    """Return the angles without the jumps of an encoder that restarts after a wrap, in the same unit, shape (rows,).
 
-    other: the same angle by another encoder, without jumps and in either sense, which says how far a long step went.
-    Raises AngleError: a step that may have gone either way round.
+    other: the same angle measured by another encoder, without jumps and with either sign, which resolves long steps.
+    Raises AngleError for a step with an ambiguous direction.
     """
-    # the second encoder may count either way
+    # the second encoder may count in either direction
     expected = [np.zeros(len(angle))] if other is None else [other, -other]
     way, off = min(
         ((expected_angle, np.unwrap(angle - expected_angle, period=wrap)) for expected_angle in expected),
         key=lambda pair: float(np.abs(np.diff(pair[1])).sum()),
     )
     joined = way + off
-    # nearly half of the wrap: forwards and backwards are equally likely
+    # a step of nearly half the wrap may be forwards or backwards
     far = np.flatnonzero(np.abs(np.diff(off)) > _LEAP * wrap)
     if len(far):
         step = abs(np.diff(joined)[far[0]])
@@ -152,7 +159,7 @@ def _unwrapped(
 
 
 def _leaping(angle: _Angles) -> NDArray[np.bool_]:
-    """Return the rows, shape (rows,), whose angle [deg] lies far off the median of the five around it."""
+    """Return whether each angle [deg] differs strongly from the median of five neighbouring angles, shape (rows,)."""
     padded = np.pad(
         angle,
         2,
@@ -167,8 +174,10 @@ def _leaping(angle: _Angles) -> NDArray[np.bool_]:
 def sweeps(angle: _Angles) -> list[_AngleSweep]:
     """Return the moves in one direction each, in the order of the rows.
 
-    Arguments: angle [deg], shape (rows,), without jumps of the encoder. Rows of a short move at the beginning or end
-    are left out. Raises AngleError: an angle that runs backwards within a move.
+    Rows of a short move at the beginning or end are omitted.
+
+    angle: angles without jumps of the encoder [deg], shape (rows,).
+    Raises AngleError if the angle runs backwards within a move.
     """
     steps = np.abs(np.diff(angle))
     steps = steps[steps > 0]
@@ -196,10 +205,12 @@ def _without_turning(
     moves: Sequence[_AngleSweep],
     within: float,
 ) -> list[_AngleSweep]:
-    """Return moves without the rows so near to their turning points [deg], which may be readings of either direction.
+    """Return moves without the rows at their turning points, which may belong to either direction.
 
-    Where a shaft has turned back between two rows the last of one move may be the first of the other, on whose side of
-    the play it lies.
+    If a shaft reversed between two rows, the last row of one move may lie on the other side of the backlash and belong
+    to the next move.
+
+    within: distance from the turning point within which rows are omitted [deg].
     """
     # lists, since both ends are moved inwards below
     ends = [[move.start, move.stop] for move in moves]
@@ -212,8 +223,8 @@ def _without_turning(
 
 
 def _moves(angle: _Angles, least: float) -> list[_AngleSweep]:
-    """Return the moves between turning points that lie at least so far apart [deg]."""
-    # small numbers: a long recording has millions of rows
+    """Return the moves between turning points that are at least a given distance apart [deg]."""
+    # int8, because a long recording has millions of rows
     signs = np.sign(np.diff(angle)).astype(np.int8)
     moving = np.flatnonzero(signs)
     # only the last rows before the direction changes can be turning points
@@ -227,7 +238,7 @@ def _moves(angle: _Angles, least: float) -> list[_AngleSweep]:
         # further in the same direction
         if direction and direction * gap >= 0:
             extreme = row
-        # far enough back to be a turn of the shaft
+        # far enough back to be a reversal of the shaft
         elif abs(gap) >= least:
             if direction:
                 moves.append(_AngleSweep(start, extreme + 1, direction))
@@ -239,13 +250,19 @@ def _moves(angle: _Angles, least: float) -> list[_AngleSweep]:
 
 @dataclass(frozen=True)
 class TraceForm:
-    """Columns of a trace file by name or number (from 1), their units, and the shaft of the angle; None: by the file.
+    """Columns of a recording by name or number (from 1), their units, and the shaft of the angle; None if not stated.
 
-    At most one of error and second, the column of the output's own encoder; angle_unit: of the angle and, behind a
-    comma, of the second encoder, as angle_size reads them; wrap: angle [deg] after which the encoders begin again;
-    robust: leave out rows that are no readings, and readings far off all others; speed: of the output [arcsec/s], by
-    which a column of time is read as its angle; period: of an input revolution [s], by which a column of time is read
-    as the angle of the input; declination [deg] and guide_rate [arcsec/s]: of a guide log.
+    angle: column of the angle.
+    angle_of: shaft of the angle.
+    angle_unit: unit of the angle and, after a comma, of the second encoder, as read by `angle_size`.
+    error: column of the error.
+    error_unit: unit of the error.
+    second: column of the output encoder; not allowed together with error.
+    wrap: angle after which the encoders restart [deg].
+    robust: whether rows that are not readings, and readings far from all others, are omitted.
+    speed: speed of the output [arcsec/s], which converts a column of time to its angle.
+    declination, guide_rate: values for a guide log [deg], [arcsec/s].
+    period: period of an input revolution [s], which converts a column of time to the input angle.
     """
 
     angle: str | None = None
@@ -262,9 +279,9 @@ class TraceForm:
     period: float | None = None
 
     def require_sound(self) -> None:
-        """Raise UsageError for an unknown unit, a wrap that is none, both error and second, or speed and period."""
+        """Raise UsageError for an unknown unit, an invalid wrap, both error and second, or both speed and period."""
         angles = self.angle_units
-        # two columns for one role
+        # two columns for the same data
         if self.error is not None and self.second is not None:
             raise UsageError("invalid --error with --second: expected the error or a second encoder, not both")
         if self.speed is not None and self.period is not None:
@@ -274,12 +291,12 @@ class TraceForm:
             )
         if len(angles) > _ENCODERS:
             raise UsageError(f"invalid --angle-unit {self.angle_unit}: expected one unit for each encoder")
-        # a unit of time asks for a speed or a period
+        # a unit of time requires a speed or a period
         times = [unit for unit in angles if plain_unit(unit) in TIMES]
         if times and len(angles) > 1:
             raise UsageError(f"invalid --angle-unit {self.angle_unit}: a time is not an angle of an encoder")
         units = [*(("--angle-unit", unit) for unit in angles if not times), ("--error-unit", self.error_unit)]
-        # units that do not exist are refused without a file
+        # unknown units are rejected before a file is read
         for option, unit in units:
             try:
                 angle_size("deg" if unit is None else unit)
@@ -290,30 +307,33 @@ class TraceForm:
 
     @property
     def has_pace(self) -> bool:
-        """Return whether it states how fast a shaft turns, so that a time is an angle."""
+        """Whether a speed or a period is stated, by which times are converted to angles."""
         return self.speed is not None or self.period is not None
 
     def output_speed(self, ratio: float) -> float | None:
-        """Return the speed of the output [arcsec/s] that it states for a ratio of the drive, None for none."""
-        # the speed is that of the output; a period is that of the input
+        """Return the stated speed of the output [arcsec/s], or None.
+
+        ratio: ratio of the drive.
+        """
+        # a speed refers to the output, a period to the input
         if self.period is None:
             return self.speed
         return WHOLE_TURN_DEG * _ARCSEC_PER_DEG / (self.period * ratio)
 
     @property
     def angle_units(self) -> list[str]:
-        """Units of the angle and of the second encoder, as far as they are given."""
+        """The stated units of the angle and of the second encoder."""
         return self.angle_unit.split(",") if self.angle_unit is not None else []
 
 
 @dataclass(frozen=True)
 class _TraceColumn:
-    """A column of a trace.
+    """A column of a recording.
 
-    index: number of the column, from 0.
+    index: index of the column.
     shaft: shaft of its angle, None for errors.
-    unit: unit as the file or an option states it, or counts in a turn.
-    size: size of the unit or count [arcsec]; of a time, the angle that the output turns through in it.
+    unit: unit stated by the file or an option, or counts per revolution.
+    size: size of the unit or count [arcsec]; for a unit of time, the output angle per unit.
     """
 
     index: int
@@ -323,27 +343,37 @@ class _TraceColumn:
 
     @property
     def in_counts(self) -> bool:
-        """Whether it is in counts of an encoder."""
+        """Whether the column contains counts of an encoder."""
         return self.unit.removeprefix("-") not in (*ANGLES, *TIMES)
 
 
 @dataclass(frozen=True, eq=False)
 class MeasuredTrace:
-    """A measured trace in the order of its rows.
+    """A measured recording in the order of its rows.
 
-    cam_deg, error_arcsec, line: shape (rows,), angle of the cam without wraps, error, line of the file. step_arcsec:
-    resolution of the readings, 0 if no step is found; in_time: whether its rounding repeats with the turns of the
-    cam, as with readings at even angles; cam_step_arcsec: part of it by counts of the cam, which no noise of the output
-    evens out then; dithered: whether they are counts at angles uneven by more than one, whose rounding is noise that
-    a fit has in its residuals. sweeps: moves in one direction each. sha256: of the file. angle_of: shaft of
-    the recorded angles; those of the output were multiplied by the ratio. sense: of two encoders, 1 where both count
-    up, -1 where one counts down, 0 for a column of errors. notes: conversions, assumptions and rows left out.
-    robust: whether readings far off all others are left out. breaks: lines at which the level of the error steps.
-    is_between_torques: whether the torque asked for lies between those of the sweeps, none of which has it.
-    is_lower_bound: whether all errors may be larger by one factor. scale_uncertainty: relative standard uncertainty of
-    such a factor. time_s: of each row, None without time stamps; turns_per_s: constant speed of the cam by which times
-    were read as angles, 0 for recorded angles; load: torque [N*m] of each row, or the wind-up that it makes, None
-    without.
+    file: name of the file.
+    sha256: checksum of the file.
+    cam_deg: input angle without wraps, shape (rows,).
+    error_arcsec: error, shape (rows,).
+    line: line number in the file, shape (rows,).
+    step_arcsec: resolution of the readings, 0 if no step is found.
+    sweeps: moves in one direction each.
+    notes: conversions, assumptions and omitted rows.
+    angle_of: shaft of the recorded angles; those of the output were multiplied by the ratio.
+    sense: for two encoders, 1 if both count up, -1 if one counts down; 0 for a column of errors.
+    in_time: whether the rounding repeats with the input revolutions, as for readings at even angles.
+    robust: whether readings far from all others are omitted.
+    time_s: time of each row, None without time stamps.
+    load: torque [N*m] of each row, or the wind-up due to it, None without a torque.
+    cam_step_arcsec: part of the resolution due to counts of the input, which noise of the output does not average out.
+    dithered: whether the readings are counts at angles uneven by more than one count, whose rounding is part of the
+    noise in the residuals.
+    breaks: lines at which the level of the error steps.
+    is_between_torques: whether the requested torque lies between those of the sweeps.
+    is_lower_bound: whether all errors may be larger by one common factor.
+    scale_uncertainty: relative standard uncertainty of such a factor.
+    turns_per_s: constant speed of the input by which times were converted to angles [revolutions/s], 0 for recorded
+    angles.
     """
 
     file: str
@@ -370,11 +400,11 @@ class MeasuredTrace:
 
     @property
     def rows(self) -> NDArray[np.int64]:
-        """Rows of the sweeps."""
+        """The rows of the sweeps."""
         return np.concatenate(self.by_sweep(np.arange(len(self.line))))
 
     def by_sweep(self, values: NDArray[Any]) -> list[NDArray[Any]]:
-        """Return the values of all rows, shape (rows,), parted into those of each sweep."""
+        """Return the values of all rows, shape (rows,), split by sweep."""
         return [values[sweep.rows] for sweep in self.sweeps]
 
     def require_known_scale(self) -> None:
@@ -387,11 +417,14 @@ class MeasuredTrace:
             raise UntrustedError(message, "state the guide rate: --guide-rate ARCSEC/S")
 
     def one_way(self, sign: int) -> MeasuredTrace:
-        """Return the trace with its sweeps in a direction alone; 0 for both."""
+        """Return the recording with only the sweeps in one direction, or all sweeps.
+
+        sign: direction, 0 for both.
+        """
         return replace(self, sweeps=tuple(sweep for sweep in self.sweeps if sweep.direction == sign or not sign))
 
     def without(self, rows: NDArray[np.int64]) -> MeasuredTrace:
-        """Return the trace without some rows."""
+        """Return the recording without some rows."""
         columns = ("cam_deg", "error_arcsec", "line", "time_s", "load")
         arrays = {name: getattr(self, name) for name in columns}
         kept: dict[str, Any] = {name: np.delete(values, rows) for name, values in arrays.items() if values is not None}
@@ -407,16 +440,19 @@ def read_trace(
     form: TraceForm | None = None,
     ratio: float | None = None,
 ) -> MeasuredTrace:
-    """Read a measured trace: a table and the trace in it. Arguments and errors are theirs."""
+    """Return the recording in a file. Arguments and errors are those of `read_record` and `trace_of`."""
     form = form or TraceForm()
     return trace_of(read_record(source, form), form, ratio)
 
 
 def read_record(source: Readable, form: TraceForm) -> NumberTable:
-    """Read the table of a record.
+    """Return the table of a recording.
 
-    Arguments: source, a path ("-" is standard input), stream or bytes; form of the columns.
-    Raises DataError: a file that cannot be read; PresetError: every fault of its rows; UsageError: a wrong argument.
+    source: path ("-" is standard input), stream or bytes.
+    form: form of the columns.
+    Raises DataError if the file cannot be read.
+    Raises PresetError with every fault of its rows.
+    Raises UsageError for an invalid argument.
     """
     form.require_sound()
     guide = GuideForm(form.declination, form.guide_rate)
@@ -437,22 +473,25 @@ def read_record(source: Readable, form: TraceForm) -> NumberTable:
 
 @dataclass(frozen=True, eq=False)
 class _Readings:
-    """Readings of a table in the order of its rows, shape (rows,) each."""
+    """Readings of a table in the order of its rows, each of shape (rows,)."""
 
-    cam_deg: Array  # without wraps
-    second: Array  # of the column of the error or of the second encoder, in its unit
-    output_deg: Array | None  # of the second encoder, without wraps
+    cam_deg: Array  # input angle without wraps
+    second: Array  # column of the error or of the second encoder, in its unit
+    output_deg: Array | None  # angle of the second encoder, without wraps
     time_s: Array | None
     torque: Array | None
 
     def second_deg(self, column: _TraceColumn) -> Array:
-        """Return the angles of the second encoder without wraps, or the errors [deg]; column: theirs."""
+        """Return the angles of the second encoder without wraps, or the errors [deg].
+
+        column: column of the angles or errors.
+        """
         if self.output_deg is None:
             return self.second * (column.size / _ARCSEC_PER_DEG)
         return self.output_deg
 
     def of_rows(self, rows: NDArray[np.bool_]) -> _Readings:
-        """Return the readings of some rows."""
+        """Return the readings of the selected rows."""
         return _Readings(
             cam_deg=self.cam_deg[rows],
             second=self.second[rows],
@@ -464,7 +503,7 @@ class _Readings:
 
 @dataclass(frozen=True)
 class _Resolution:
-    """Resolution of the error, as in MeasuredTrace."""
+    """Resolution of the error. The fields are those of `MeasuredTrace`."""
 
     step_arcsec: float
     in_time: bool = False
@@ -477,19 +516,18 @@ def trace_of(
     form: TraceForm,
     ratio: float | None = None,
 ) -> MeasuredTrace:
-    """Return the measured trace in a table, whose values it takes away.
+    """Return the recording in a table, whose values are removed from it.
 
-    Args:
-        table: its rows.
-        form: of the columns.
-        ratio: input revolutions per output revolution, needed for angles of the output and for two encoders.
-
-    Raises PresetError for the first fault of its angles, DataError without a ratio, UsageError for one column with two
-    roles.
+    table: table with its rows.
+    form: form of the columns.
+    ratio: input revolutions per output revolution, required for output angles and for two encoders.
+    Raises PresetError for the first fault of the angles.
+    Raises DataError if the ratio is missing.
+    Raises UsageError if one column is selected twice.
     """
     first, second = _columns(table, form)
     _require_rows_and_ratio(table, first, second, ratio)
-    # signs of the ratio are found from the encoders themselves
+    # the signs of the ratio are determined from the encoders
     per_turn = abs(ratio or 1)
     readings = _readings_of(table, form, first, second, per_turn)
     # rows at which the second column jumps and returns
@@ -540,12 +578,10 @@ def _error_of(
 ) -> tuple[Array, int]:
     """Return the error of each row [arcsec], shape (rows,), and the sense in which two encoders count.
 
-    Args:
-        table: for the place of a fault, and for notes.
-        readings: angles, and the errors or the angles of the output.
-        second: column of the error or of the second encoder.
-        per_turn: input revolutions per output revolution.
-
+    table: table for the position of a fault and for notes.
+    readings: angles, and the errors or the output angles.
+    second: column of the error or of the second encoder.
+    per_turn: input revolutions per output revolution.
     Raises PresetError for a constant column, and for two encoders that disagree with the ratio.
     """
     if not np.ptp(readings.second):
@@ -562,17 +598,16 @@ def _turns_per_s(
     first: _TraceColumn,
     per_turn: float,
 ) -> float:
-    """Return the constant speed of the cam [1/s] by which times were read as angles; 0 for recorded angles.
+    """Return the constant speed of the input by which times were converted to angles [1/s], 0 for recorded angles.
 
-    Args:
-        table: has the speed of the shaft of its angles [deg/s] if these were times.
-        form: its speed is that of the output.
-        readings: with the times of the rows, if there are any.
-        first: column of the angle.
-        per_turn: input revolutions per output revolution.
+    table: table with the speed of the shaft if its angles were computed from times [deg/s].
+    form: form with the stated speed of the output.
+    readings: readings with the times of the rows, if any.
+    first: column of the angle.
+    per_turn: input revolutions per output revolution.
     """
     is_of_output = first.shaft == "output"
-    # recorded angles without time stamps: the stated speed is their only link with time
+    # for recorded angles without time stamps, only the stated speed relates them to time
     if form.speed is not None and not table.deg_per_s and readings.time_s is None:
         table.deg_per_s = form.speed / _ARCSEC_PER_DEG * (1.0 if is_of_output else per_turn)
     return table.deg_per_s / WHOLE_TURN_DEG * (per_turn if is_of_output else 1)
@@ -583,10 +618,10 @@ def _moves_of_readings(
     readings: _Readings,
     column: int,
 ) -> list[_AngleSweep]:
-    """Return the moves of the shaft, and note the rows that are in none.
+    """Return the moves of the shaft, with a note on rows outside the moves.
 
-    column: of the angle, from 0.
-    Raises PresetError for an angle that runs backwards.
+    column: index of the column of the angle.
+    Raises PresetError if the angle runs backwards.
     """
     try:
         moves = sweeps(readings.cam_deg)
@@ -605,7 +640,7 @@ def _require_rows_and_ratio(
     second: _TraceColumn,
     ratio: float | None,
 ) -> None:
-    """Raise PresetError for a table of few rows, DataError if its columns need a ratio that is not stated."""
+    """Raise PresetError if a table has too few rows, and DataError if its columns require an unstated ratio."""
     if len(table.lines) < _FEWEST_ROWS:
         raise table.fault(
             f"rows: {len(table.lines)}", f"a recording needs at least {_FEWEST_ROWS} rows", 0, first.index
@@ -622,16 +657,14 @@ def _readings_of(
     second: _TraceColumn,
     per_turn: float,
 ) -> _Readings:
-    """Return the readings of a table, without wraps, and note its unused columns.
+    """Return the readings of a table, without wraps, with a note on unused columns.
 
-    Args:
-        table: its values are taken away, as a long trace needs much memory.
-        form: its wrap joins angles.
-        first: column of the angle.
-        second: column of the error or of the second encoder.
-        per_turn: input revolutions per output revolution.
-
-    Raises PresetError for angles that cannot be joined.
+    table: table whose values are removed, because a long recording needs much memory.
+    form: form with the wrap of the angles.
+    first: column of the angle.
+    second: column of the error or of the second encoder.
+    per_turn: input revolutions per output revolution.
+    Raises PresetError if angles cannot be joined.
     """
     angle, second_values = (table.values[:, column.index].copy() for column in (first, second))
     time_s = _beside(table, "time", "s")
@@ -644,11 +677,11 @@ def _readings_of(
     ]
     if unused:
         table.notes.append(f"not used: {', '.join(unused)}")
-    # the copies are enough
+    # only the copies are needed from here on
     table.values = np.empty((0, 0))
     output_deg = None
-    expected_deg = None  # of the input, by the second encoder
-    # a second encoder helps to join the angles of the first
+    expected_deg = None  # input angle expected from the second encoder
+    # the second encoder resolves the wraps of the first one
     if second.shaft:
         output_deg = _angle(table, second, second_values, form.wrap)
         expected_deg = output_deg * per_turn
@@ -669,12 +702,15 @@ def _without_leaps(
     readings: _Readings,
     leaps: dict[int, NDArray[np.bool_]],
 ) -> _Readings:
-    """Return readings, and lines of the table, without rows that leap and return; leaps: by column number."""
+    """Return the readings, and set the lines of the table, without rows that jump and return.
+
+    leaps: whether each row jumps and returns, by column index.
+    """
     for column, rows in leaps.items():
         if rows.any():
             lines = shortened(table.lines[rows].tolist())
             table.notes.append(f'left out, "{table.name(column)}" jumps and returns: lines {lines}')
-    # a row is left out if either column leaps in it
+    # a row is omitted if either column jumps in it
     is_kept = ~np.logical_or.reduce([*leaps.values()])
     table.lines = table.lines[is_kept]
     return readings.of_rows(is_kept)
@@ -686,7 +722,10 @@ def _resolution(
     second: _TraceColumn,
     per_turn: float,
 ) -> _Resolution:
-    """Return the resolution of the error; per_turn: input revolutions per output revolution."""
+    """Return the resolution of the error.
+
+    per_turn: input revolutions per output revolution.
+    """
     step_arcsec = _step(readings.second) * abs(second.size)
     if readings.output_deg is None:
         return _Resolution(step_arcsec=step_arcsec)
@@ -694,7 +733,7 @@ def _resolution(
     if not step_arcsec:
         step_arcsec = _step_in_time(readings.cam_deg, readings.output_deg, per_turn)
         in_time = step_arcsec > 0
-    # angles with decimals have no other resolution
+    # the resolution of angles with decimals is that of their step
     if not (first.in_counts or second.in_counts):
         return _Resolution(step_arcsec=step_arcsec, in_time=in_time)
     cam_step_arcsec = abs(first.size) / per_turn if first.in_counts else 0.0
@@ -717,17 +756,16 @@ def _require_small_error(
     *,
     has_far_readings: bool,
 ) -> None:
-    """Raise PresetError for an error over more than LARGEST_ERROR, at the row where it leaps or is largest.
+    """Raise PresetError if the range of the error exceeds LARGEST_ERROR, at the row where it jumps or is largest.
 
-    Args:
-        table: for the place of the fault.
-        column: of the error or of the second encoder.
-        error: of each row [arcsec], shape (rows,).
-        moves: of the shaft.
-        has_far_readings: whether single readings lie far off the others.
+    table: table for the position of the fault.
+    column: index of the column of the error or of the second encoder.
+    error: error of each row [arcsec], shape (rows,).
+    moves: moves of the shaft.
+    has_far_readings: whether single readings are far from the others.
     """
     reach = max((float(np.ptp(error[move.rows])) for move in moves), default=0.0)
-    # two degrees: larger values are no errors of a drive
+    # two degrees: larger values are not errors of a drive
     if reach <= LARGEST_ERROR:
         return
     spans = f"the error spans {reach / _ARCSEC_PER_DEG:.3g} deg"
@@ -748,7 +786,10 @@ def _angle(
     wrap: float | None,
     other: Array | None = None,
 ) -> Array:
-    """Return the angles [deg] of the readings of a column without wraps; other, see `unwrapped`."""
+    """Return the angles of the readings of a column without wraps [deg].
+
+    other: see `_unwrapped`.
+    """
     angle = readings * (column.size / _ARCSEC_PER_DEG)
     if not np.ptp(angle):
         raise table.fault("the column is constant", "check the column of the angle", 0, column.index)
@@ -758,7 +799,7 @@ def _angle(
         joined = angle if (wrap or guess) is None else _unwrapped(angle, wrap or guess or WHOLE_TURN_DEG, other)
     except AngleError as wrong:
         # a guess that fails is withdrawn
-        if guess and guess != WHOLE_TURN_DEG:  # no counter that begins again: the rows are out of order
+        if guess and guess != WHOLE_TURN_DEG:  # not a counter that restarts: the rows are out of order
             return angle
         raise table.fault(wrong.message, wrong.hint, wrong.row, column.index) from None
     if guess:
@@ -771,11 +812,11 @@ def _beside(
     role: str,
     default: str,
 ) -> Array | None:
-    """Return the only column of a role in its base unit; None without one, and for times that do not increase."""
+    """Return the only column of a role in its base unit, or None without one or for times that do not increase."""
     if table.roles.count(role) != 1:
         return None
     values = table.in_unit(table.roles.index(role), role, default)
-    # a clock does not stand still
+    # times that do not increase are not those of a clock
     if role == "time" and not (np.diff(values) > 0).all():
         table.notes[-1] += " does not increase in every row, so it does not contain time stamps"
         return None
@@ -789,11 +830,11 @@ def _second(
     cam: Array,
     ratio: float,
 ) -> tuple[Array, int]:
-    """Return the error [arcsec] out of the angles [deg] of two encoders, and the sense in which they count."""
+    """Return the error [arcsec] from the angles of two encoders [deg], and the sense in which they count."""
     centred = cam - cam.mean()
-    # output over input: the ratio as the encoders show it
+    # output over input: the inverse of the ratio shown by the encoders
     slope = float(centred @ output / (centred @ centred))
-    # below an input revolution the error itself may be the difference
+    # over less than an input revolution, the error itself may cause the difference
     if np.ptp(cam) >= 360 and abs(abs(slope) * ratio - 1) > _SLIP:
         for way in (1, -1):
             difference = output - way * cam / ratio
@@ -817,21 +858,22 @@ def _require_ratio(
     ratio: float,
     sense: int,
 ) -> None:
-    """Raise PresetError if the error grows with the angle as it does where the ratio is another one.
+    """Raise PresetError if the increase of the error with the angle shows another ratio.
 
-    Arguments: column of the error or of the output, from 0.
-    cam: angles of the input [deg].
-    error: output minus cam over ratio [arcsec].
-    ratio: stated ratio, above 0.
-    sense: sense in which two encoders count, 0 for an error of unknown sign, for which two ratios fit.
+    table: table for the position of the fault.
+    column: index of the column of the error or of the output.
+    cam: input angles [deg].
+    error: error [arcsec].
+    ratio: stated ratio, positive.
+    sense: sense in which two encoders count; 0 for an error of unknown sign, for which two ratios fit.
     """
     centred = cam - cam.mean()
-    slope = float(centred @ error / (centred @ centred))  # arcsec per degree of the cam
+    slope = float(centred @ error / (centred @ centred))  # arcsec per degree of the input
     ramp = abs(slope) * float(np.ptp(cam))
     residual_range = float(np.ptp(error - slope * centred))
-    # an error of unknown sign grows either way
+    # the sign of the error is unknown, so both ratios are considered
     signs = (sense,) if sense else (1, -1)
-    speeds = [1 / ratio + sign * slope / _ARCSEC_PER_DEG for sign in signs]  # of the output, over that of the cam
+    speeds = [1 / ratio + sign * slope / _ARCSEC_PER_DEG for sign in signs]  # output speeds relative to the input
     if ramp < _RAMP_OVER_REST * residual_range or abs(speeds[0] * ratio - 1) < _RAMP_OF_RATIO:
         return
     fitting = [1 / speed for speed in speeds if speed > 0]
@@ -844,10 +886,10 @@ def _require_ratio(
 
 
 def _cause_of_ratio(fitting: Sequence[float], ratio: float) -> str:
-    """Return the likely cause of a ratio that fits in place of a stated one, empty without a known one.
+    """Return the likely cause of a fitted ratio that differs from the stated one, empty if it is unknown.
 
-    With the circular spline fixed the ratio is N, half the teeth of the flexspline; with the flexspline fixed it is
-    N + 1. A recording of an error of unknown sign fits the one or the other of two ratios.
+    With the circular spline fixed, the ratio is N, half the number of teeth of the flexspline; with the flexspline
+    fixed it is N + 1. For an error of unknown sign, two ratios fit a recording.
     """
     larger = any(abs(fit - ratio - 1) < _NEAR_ONE for fit in fitting)
     smaller = any(abs(ratio - fit - 1) < _NEAR_ONE for fit in fitting)
@@ -860,26 +902,29 @@ def _cause_of_ratio(fitting: Sequence[float], ratio: float) -> str:
 
 
 def _leap_in(values: Array) -> int | None:
-    """Return the row at which values leap by most of their range and stay there; None without one, and with several."""
+    """Return the row at which values jump by most of their range and stay there, or None unless there is just one."""
     steps = np.diff(values)
-    # the largest step; a leap without it leaves a small range
+    # without its largest step, a column with one jump has a small range
     row = int(np.abs(steps).argmax())
     without_step = np.concatenate([values[: row + 1], values[row + 1 :] - steps[row]])
     return row + 1 if np.ptp(without_step) < _LEAP_REST * abs(steps[row]) else None
 
 
 def _even_step(levels: Array, least: float) -> float:
-    """Step of rising levels that lie on even steps, but for ends closer than the least; 0 without such a step."""
+    """Return the step of increasing levels that are multiples of it apart, or 0 without such a step.
+
+    Levels closer together than the least spacing count as equal.
+    """
     spacing = np.diff(levels)
-    # differences by printed digits are none
+    # differences due to rounding of printed digits are ignored
     spacing = spacing[spacing > least]
     step = float(spacing.min(initial=np.inf))
     return step if len(spacing) and np.abs(spacing / step - np.rint(spacing / step)).max() < _ROUNDED_STEP else 0.0
 
 
 def _step(readings: Array) -> float:
-    """Return the resolution of readings that repeat themselves and lie on even steps; 0 without such a step."""
-    # a resolution shows only if most values occur again
+    """Return the resolution of readings that repeat and are evenly spaced, or 0 without such a step."""
+    # the resolution is visible only if most values occur repeatedly
     levels = np.unique(readings)
     rounding = 1e-9 * float(np.abs(readings).max() + np.ptp(readings))
     return _even_step(levels, rounding) if 2 * len(levels) <= len(readings) else 0.0
@@ -890,32 +935,33 @@ def _step_in_time(
     output: Array,
     ratio: float,
 ) -> float:
-    """Return the resolution [arcsec] of output angles [deg] read at even angles of the cam; 0 without one.
+    """Return the resolution [arcsec] of output angles [deg] read at even input angles, or 0 without one.
 
-    Angles of a turning shaft seldom repeat themselves, but the steps between them do; steps over missing rows are left
-    out.
+    Angles of a rotating shaft seldom repeat, but the steps between them do. Steps over missing rows are excluded.
     """
     turned = np.abs(np.diff(cam))
     # steps over missing rows are longer
     usual = np.abs(turned - np.median(turned)) < np.median(turned) / 2
     steps = np.sort(np.abs(np.diff(output))[usual]) * _ARCSEC_PER_DEG
-    steps = steps[len(steps) // _TURNING_ROWS : len(steps) - len(steps) // _TURNING_ROWS]  # play, where the shaft turns
+    # the extremes include backlash where the shaft reverses
+    steps = steps[len(steps) // _TURNING_ROWS : len(steps) - len(steps) // _TURNING_ROWS]
     least = _ROUNDED_STEP * float(np.diff(steps).max(initial=0.0))  # printed digits differ by less
     repeat = 2 * int((np.diff(steps) > least).sum()) <= len(steps)
     step = _even_step(steps, least) if repeat else 0.0
-    # where the angles are uneven by more than a step, its rounding is noise, and counted as such
+    # if the angles are uneven by more than a step, rounding is noise and counted as such
     return step if _is_even(cam, step * ratio / _ARCSEC_PER_DEG) else 0.0
 
 
 def _is_even(cam: Array, within_deg: float) -> bool:
-    """Return whether nine in ten steps of the cam are equal within a tolerance [deg], so that rounding repeats."""
+    """Return whether nine in ten steps of the input are equal within a tolerance [deg], so that rounding repeats."""
     return float(np.ptp(np.quantile(np.abs(np.diff(cam)), (0.05, 0.95)))) <= within_deg
 
 
 def _columns(table: NumberTable, form: TraceForm) -> tuple[_TraceColumn, _TraceColumn]:
-    """Return the columns of the angle, and of the error or the output angle: by form, names or sequence.
+    """Return the columns of the angle, and of the error or the output angle, from options, names or positions.
 
-    Raises UsageError: one column for both; PresetError: columns without a clear role.
+    Raises UsageError if one column is selected for both.
+    Raises PresetError if the roles of the columns are unclear.
     """
     kinds = _column_kinds(table, form)
     angle = _angle_column(table, form, kinds)
@@ -941,13 +987,13 @@ def _columns(table: NumberTable, form: TraceForm) -> tuple[_TraceColumn, _TraceC
     first_column = _in_unit(table, angle, shaft, content, first_unit, "deg", "--angle-unit")
     if not by_second:
         return first_column, _error_column(table, second_index, form)
-    default = first_column.unit.removeprefix("-")  # two encoders are in one unit unless stated otherwise
+    default = first_column.unit.removeprefix("-")  # both encoders have the same unit unless stated otherwise
     content = "output angle, second encoder"
     return first_column, _in_unit(table, second_index, "output", content, second_unit, default, "--angle-unit")
 
 
 def _column_kinds(table: NumberTable, form: TraceForm) -> list[str]:
-    """Return the role of each column by its name, empty for an unknown one; of two without a name by their order."""
+    """Return the role of each column by its name, empty if unknown; two unnamed columns get roles by position."""
     kinds = table.roles or [""] * table.values.shape[1]
     if len(kinds) != _ENCODERS or any(kinds):
         return kinds
@@ -961,10 +1007,11 @@ def _angle_column(
     form: TraceForm,
     kinds: Sequence[str],
 ) -> int:
-    """Return the column (from 0) of the angle; a column of time is one if there is no column of angles."""
+    """Return the index of the column of the angle, which may be a column of time if there are no angles."""
     kind = next((kind for kind in ("cam", "angle", "output") if kind in kinds), "angle")
     if kind not in kinds and kinds.count("time") == 1:
-        kind = "time"  # read by the speed of the output or the period of the input, or refused with these options
+        # converted with the speed of the output or the period of the input, or rejected without these options
+        kind = "time"
     return _column(table, form.angle, kinds, kind, "angle")
 
 
@@ -976,10 +1023,9 @@ def _shaft_of_angle(
 ) -> _Shaft:
     """Return the shaft of the column of the angle.
 
-    Args:
-        kind: role of the column by its name.
-        form: if it states the shaft, this one counts.
-        is_time: whether the column has times: of the output at a speed, of the input with a period.
+    kind: role of the column by its name.
+    form: form, whose shaft takes precedence if it is stated.
+    is_time: whether the column contains times, which give output angles with a speed and input angles with a period.
     """
     if form.angle_of:
         return form.angle_of
@@ -1003,7 +1049,7 @@ def _is_time(
     kind: str,
     form: TraceForm,
 ) -> bool:
-    """Return whether the column of the angle has the time, by its unit or else by its content."""
+    """Return whether the column of the angle contains times, by its unit or otherwise by its name."""
     if form.angle_unit is not None:
         return plain_unit(form.angle_unit) in TIMES
     name = table.name(index)
@@ -1018,7 +1064,9 @@ def _by_time(
     """Return a column of time as the angle of a shaft that turns at a constant speed.
 
     The shaft is the output if the form has a speed, and the input if it has a period.
-    Raises PresetError if the form has neither; UsageError if it has the angle as that of the other shaft.
+
+    Raises PresetError if the form has neither.
+    Raises UsageError if the form states the other shaft for the angle.
     """
     if not form.has_pace:
         message = f'"{table.name(index)}" is a time, not an angle'
@@ -1057,7 +1105,7 @@ def _column(
     kind: str,
     option: str,
 ) -> int:
-    """Return the column (from 0) by its name or number as asked for, else the only one of a kind."""
+    """Return the index of a column by the requested name or number, otherwise that of the only column of a kind."""
     if asked is not None:
         for plain in (str, str.lower):
             same = [i for i, name in enumerate(table.names) if plain(name) == plain(asked)]
@@ -1085,7 +1133,7 @@ def _in_unit(
     default: str,
     option: str,
 ) -> _TraceColumn:
-    """Return a column in the unit asked for, that of its name, or the default; how it is read is noted."""
+    """Return a column in the requested unit, that of its name, or the default, with a note."""
     unit = table.unit_of(index, words, default, (*ANGLES, COUNTS), asked, option)
     is_in_counts = unit.removeprefix("-") not in ANGLES
     if asked is None and is_in_counts:

@@ -1,7 +1,7 @@
-"""How instruments and spreadsheets write a table: cells and numbers, and the names, contents and units of its columns.
+"""Notation of tables of instruments and spreadsheets: cells, numbers, and the names, roles and units of columns.
 
-Cells stand apart by semicolons, tabs, commas or blanks. Lines that begin with #, // or % are remarks. words.toml
-declares the names and units that are known.
+Semicolons, tabs, commas or blanks separate cells. Lines that begin with #, // or % are comments. words.toml declares
+the known names and units.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _ROLES: dict[str, str] = _TABLE["roles"]
 _FEWEST_COUNTS = 8  # smallest number of counts of an encoder per revolution
 _MOST_BITS = 48  # largest number of bits of an encoder per revolution
 TURN_ARCSEC = ANGLES["turn"]
-COUNTS = "counts"  # whose size a name does not give
+COUNTS = "counts"  # unit of counts whose size is not stated in the name
 _LENGTHS: dict[str, list[str]] = _TABLE["lengths"]
 _FLANKS: dict[str, str] = _TABLE["flanks"]
 DEFINITIONS: dict[str, str] = _TABLE["definitions"]
@@ -62,10 +62,10 @@ _SCALED = re.compile(  # the same in a name, where a number without an operator 
 )
 _IN_BRACKETS = re.compile(r"\[([^\]]*)\]|\(([^)]*)\)|/\s*(\S+)\s*$")
 _AMBIGUOUS_DEGREE = "grad"  # a degree in German, 1/400 of a revolution elsewhere
-_LONGEST_UNIT = 14  # characters of a unit in brackets
-_LEAST_BARE = 2  # characters of a unit without brackets
+_LONGEST_UNIT = 14  # most characters of a unit in brackets
+_LEAST_BARE = 2  # fewest characters of a unit without brackets
 _MICRO = str.maketrans("µμ", "uu", "·⋅*")
-_WORD = r"(?<![^\W_\d])(?:{})(?![^\W_\d])"  # between letters it is none
+_WORD = r"(?<![^\W_\d])(?:{})(?![^\W_\d])"  # whole words only, without adjacent letters
 AMBIGUOUS = "ambiguous"
 _QUOTED = r'"(?:[^"]|"")*"'
 _LIKE = r"[-+]?(?:[0-9]+(?:[.,][0-9]*)?|[.,][0-9]+)(?:[eE][-+]?[0-9]+)?"
@@ -77,7 +77,7 @@ _REMARK = re.compile(r'[\s"]*(?:#|//|%)[#/%]*\s*')
 _ENTRY = re.compile(r"([^\W\d][^:=]{0,39}?)\s*[:=](?!\s*//)\s*(.*)")
 _CELLS = {mark: re.compile(rf" *({_QUOTED}(?= *(?:{mark}|$))|[^{mark}]*)") for mark in ";\t,"}
 _CELLS[" "] = re.compile(rf"({_QUOTED}(?!\S)|\S+)")
-_SEXAGESIMAL = re.compile(  # degrees, minutes and seconds of arc, by their signs, by d m s, or by colons
+_SEXAGESIMAL = re.compile(  # degrees, minutes and seconds of arc, written with their signs, with d m s, or with colons
     r"(?P<sign>[-+−]?)\s*(?P<degrees>\d{1,6})"
     r"(?:\s*(?:°|d|deg)\s*(?:(?P<minutes>\d{1,2}(?:[.,]\d+)?)\s*(?:['′’]|m)\s*"
     r"(?:(?P<seconds>\d{1,2}(?:[.,]\d+)?)\s*(?:[\"″”]|''|s)?)?)?"
@@ -89,7 +89,7 @@ _WRITTEN = {".": re.compile(NUMBER), ",": re.compile(NUMBER.replace(r"\.", ","))
 
 
 def role_in(name: str) -> str:
-    """Return the content of a column by its name: error, cam, output, angle and so on; empty if it is unknown."""
+    """Return the role of a column by its name (error, cam, output, angle and so on), empty if it is unknown."""
     if _names_temperature(name):
         return "temperature"
     if field := _epics_field_in(name):
@@ -99,13 +99,13 @@ def role_in(name: str) -> str:
 
 
 def _epics_field_in(name: str) -> str:
-    """Return the field of a motor record of EPICS that a name is of, as RBV of "BL1:rot:m1.RBV"; empty for none."""
+    """Return the field of an EPICS motor record in a name, for example RBV in "BL1:rot:m1.RBV"; empty without one."""
     match = _EPICS_FIELD.match(name.strip())
     return match[1] if match else ""
 
 
 def is_in_counts(name: str) -> bool:
-    """Return whether a name is that of a field of EPICS which has pulses of a motor or counts of an encoder."""
+    """Return whether a name is that of an EPICS field with motor pulses or encoder counts."""
     return _epics_field_in(name) in _EPICS_COUNTS
 
 
@@ -118,16 +118,16 @@ def is_of_moteus(names: Sequence[str]) -> bool:
 
 
 def moteus_unit_of(name: str) -> str:
-    """Return the unit of a column of moteus by its name: revolutions or counts, empty for any other column."""
+    """Return the unit of a moteus column by its name: revolutions or counts, empty for other columns."""
     if re.fullmatch(_MOTEUS["positions"], name):
         return "turn"
     return COUNTS if re.fullmatch(_MOTEUS["values"], name) else ""
 
 
 def run_side_in(name: str) -> int:
-    """Return the side of a column that has one run of approaches, by its name: 1 forward, -1 backward; 0 for neither.
+    """Return the side of a column with one run of approaches, by its name: 1 forward, -1 backward, 0 if unknown.
 
-    A sign is a side only at the end of a word, as in "run 1 -".
+    A sign denotes a side only at the end of a word, as in "run 1 -".
     """
     plain_name = re.sub(r"[\[(][^\])]*[\])]", " ", name.lower().replace("_", " "))
     sides = []
@@ -142,17 +142,17 @@ def run_side_in(name: str) -> int:
 
 
 def is_numbered_run(name: str) -> bool:
-    """Return whether a column has a numbered run of approaches by its name, as "run 3"."""
+    """Return whether the name of a column is that of a numbered run of approaches, for example "run 3"."""
     return bool(re.search(rf"(?<![^\W\d_]){_RUNS['number']}\s*\d+", name.lower().replace("_", " ")))
 
 
 def form_in(text: str) -> str:
-    """Return the form of pitch deviations by a name: cumulative, single, ambiguous, or empty without one."""
+    """Return the form of pitch deviations stated in a name: cumulative, single, ambiguous, or empty without one."""
     return next((row["form"] for row in _TABLE["forms"] if re.search(row["words"], text)), "")
 
 
 def flank_in(text: str) -> str:
-    """Return the flank by a name: left, right, or empty for none or both."""
+    """Return the flank stated in a name: left, right, or empty if none or both are stated."""
     flanks = [flank for flank, pattern in _FLANKS.items() if re.search(pattern, text.lower())]
     return flanks[0] if len(flanks) == 1 else ""
 
@@ -163,7 +163,7 @@ def names_teeth(text: str) -> bool:
 
 
 def _names_temperature(name: str) -> bool:
-    """Return whether a name is that of a temperature by its unit, or by a capital T without a unit of time."""
+    """Return whether a name is that of a temperature, by its unit or by a capital T without a unit of time."""
     marked, bare = _unit_texts(name)
     units = _FOREIGN["temperature"]
     if any(plain_unit(text) in units for text in marked):
@@ -176,9 +176,9 @@ def _names_temperature(name: str) -> bool:
 
 
 def _unit_texts(name: str) -> tuple[list[str], list[str]]:
-    """Return the texts of a name that may be units: those in brackets or behind a slash, and its words.
+    """Return the texts of a name that may be units: those in brackets or after a slash, and its words.
 
-    Units of several words, as "arc min", are one.
+    Units of several words, for example "arc min", count as one.
     """
     for pattern, unit in _JOINED:
         name = pattern.sub(f" {unit} ", name)
@@ -187,9 +187,9 @@ def _unit_texts(name: str) -> tuple[list[str], list[str]]:
 
 
 def scaled_unit_in(name: str) -> str:
-    """Return the text of a name that has a unit with a factor, a power or another unit, as "0.1 arcsec"; else "".
+    """Return the text in a name with a unit with a factor, power or another unit, as in "0.1 arcsec", otherwise "".
 
-    Such a text is no unit: readings in it are another number of times as large, or of another quantity.
+    Such a text is not a plain unit: its readings differ by a factor, or are of another quantity.
     """
     for pattern, unit in _JOINED:
         name = pattern.sub(f" {unit} ", name)
@@ -204,7 +204,7 @@ def scaled_unit_in(name: str) -> str:
 def unit_in(name: str, units: Iterable[str] = ANGLES) -> str:
     """Return the first known unit in a name such as "angle [deg]", "error/arcsec" or "wg_angle_deg"; empty without one.
 
-    A unit with a factor, as in "error [0.1 arcsec]" or "error [arcsec/s]", is none of them.
+    A unit with a factor or quotient, as in "error [0.1 arcsec]" or "error [arcsec/s]", is not recognised.
     """
     if scaled_unit_in(name):
         return ""
@@ -223,10 +223,10 @@ def unit_in(name: str, units: Iterable[str] = ANGLES) -> str:
 
 
 def foreign_unit_in(name: str, units: Iterable[str] = ANGLES) -> str:
-    """Return the unit that a name states and that is none of some units, as it is written; empty without one.
+    """Return the unit stated in a name that is not one of the given units, as written; empty without one.
 
-    Any text in brackets is a unit but for numbers, formulas and words such as "raw"; a word without brackets is one
-    only if it is the unit of another quantity, and no number stands before it, as in "error at 20 °C".
+    Any text in brackets counts as a unit, except for numbers, formulas and words such as "raw". A word without brackets
+    counts only if it is a unit of another quantity and no number precedes it, as in "error at 20 °C".
     """
     if scaled := scaled_unit_in(name):
         return scaled
@@ -235,7 +235,7 @@ def foreign_unit_in(name: str, units: Iterable[str] = ANGLES) -> str:
     marked, unit_texts = _unit_texts(name)
     for text in marked:
         is_formula = len(text) > _LONGEST_UNIT or re.search(r"[=+]|\s[-−]\s|\s\S+\s", text)
-        is_remark = " " in text and "[" not in name  # as (1st run)
+        is_remark = " " in text and "[" not in name  # for example (1st run)
         is_part = f"/{text}" in name.replace(" ", "") and len(text) < _LEAST_BARE
         if text and not (is_formula or is_remark or is_part or role_in(text) or _NO_UNIT.fullmatch(text)):
             return text
@@ -249,7 +249,7 @@ def foreign_unit_in(name: str, units: Iterable[str] = ANGLES) -> str:
 
 
 def quantity_of(unit: str) -> str:
-    """Return the quantity that a unit measures, empty for a unit that is not known."""
+    """Return the quantity that a unit measures, empty if the unit is unknown."""
     plain = plain_unit(unit)
     tables: dict[str, Iterable[str]] = {"angle": ANGLES, "torque": TORQUES, "time": TIMES, **_FOREIGN}
     quantities = (quantity for quantity, units in tables.items() if plain in map(plain_unit, units))
@@ -269,15 +269,17 @@ def length_in(name: str) -> str:
 
 
 def plain_unit(unit: str) -> str:
-    """Return a unit as this module spells it."""
+    """Return a unit in the spelling of this module."""
     low = unit.strip().translate(_MICRO).lower()
     return _SPELLED.get(low, low)
 
 
 def angle_size(unit: str) -> float:
-    """Size [arcsec] of a unit of angle, or of a count of an encoder by its counts in a turn, like 16384 or 22bit.
+    """Return the size of a unit of angle [arcsec], or of an encoder count given by its counts per revolution.
 
-    A minus sign turns the sense of the angles round. Raises UnitError: any other text.
+    Counts are written for example 16384 or 22bit. A minus sign reverses the sense of the angles.
+
+    Raises UnitError for other text.
     """
     sense, text = (-1.0, unit.strip()[1:]) if unit.strip().startswith("-") else (1.0, unit)
     if (plain := plain_unit(text)) in ANGLES:
@@ -296,7 +298,7 @@ def angle_size(unit: str) -> float:
 
 
 def micrometres(unit: str) -> float:
-    """Size of a unit in micrometres. Raises UnitError: no unit of length, or one that is not metric."""
+    """Return the size of a unit in micrometres. Raises UnitError if it is not a metric unit of length."""
     plain = plain_unit(unit)
     if plain in _LENGTHS["inches"]:
         raise UnitError("not a metric unit", "convert to um or mm; 1 µin is 0.0254 um")
@@ -306,14 +308,19 @@ def micrometres(unit: str) -> float:
 
 
 class Cell(NamedTuple):
-    """Text of a cell without its quotes, and the column of the line at which it begins, counted from 1."""
+    """The text of a cell without quotes, and the column of the line at which it begins, counted from 1."""
 
     text: str
     column: int
 
 
 class TableLine(NamedTuple):
-    """A line that is not blank: its number, its text, and the column at which a remark's words begin; 0 for none."""
+    """A line that is not blank.
+
+    number: line number.
+    text: its text.
+    remark: column at which the words of a comment begin, 0 if the line is not a comment.
+    """
 
     number: int
     text: str
@@ -321,24 +328,24 @@ class TableLine(NamedTuple):
 
     @classmethod
     def of(cls, number: int, text: str) -> TableLine:
-        """Return a line by its number and text."""
+        """Return a line from its number and text."""
         mark = _REMARK.match(text)
         return cls(number, text, mark.end() + 1 if mark else 0)
 
     @property
     def words(self) -> str:
-        """Words of a remark."""
+        """The words of a comment."""
         return self.text[self.remark - 1 :].rstrip(' ;,\t"')
 
     @property
     def entry(self) -> tuple[str, str, int] | None:
-        """Key in lower case, value and column of the value, of a remark "key: value" or "key = value"."""
+        """The key in lower case, the value and the column of the value in a comment "key: value" or "key = value"."""
         match = _ENTRY.fullmatch(self.words)
         return (match[1].strip().lower(), match[2], self.remark + match.start(2)) if match else None
 
 
 def cells_of(line: str, separator: str) -> list[Cell]:
-    """Return the cells of a line; empty ones at its end are left out."""
+    """Return the cells of a line, without empty ones at its end."""
     cells = []
     start = len(line) - len(line.lstrip())
     end = len(line.rstrip())
@@ -354,7 +361,7 @@ def cells_of(line: str, separator: str) -> list[Cell]:
 
 
 def unclosed_quote(line: str, separator: str) -> int:
-    """Return the column of the first cell of a line that begins with a quote and does not end with it; 0 for none."""
+    """Return the column of the first cell of a line with an opening quote but no closing one, 0 if there is none."""
     begin = len(line) - len(line.lstrip())
     end = len(line.rstrip())
     while begin <= end and (match := _CELLS[separator].search(line, begin, end)):
@@ -365,21 +372,21 @@ def unclosed_quote(line: str, separator: str) -> int:
 
 
 def row_text(row: Iterable[Cell]) -> str:
-    """Return the texts of some cells, with blanks between them."""
+    """Return the texts of cells, separated by blanks."""
     return " ".join(cell.text for cell in row).strip()
 
 
 def has_numbers(row: Iterable[Cell]) -> bool:
-    """Return whether a cell begins like a number, or is one that is not finite."""
+    """Return whether a cell begins like a number, or is a number that is not finite."""
     return any(_MEANT.match(cell.text) or _NOT_FINITE.fullmatch(cell.text) for cell in row)
 
 
 def separator_of(lines: Sequence[str]) -> str:
     """Return the separator of the cells in most lines of numbers: a semicolon, tab, comma or blank.
 
-    Semicolons and tabs are never part of a number, so they count before commas, and commas before blanks.
+    Semicolons and tabs are never part of a number, so they take precedence over commas, and commas over blanks.
     """
-    quoted = rf"(?<![^\s;,]){_QUOTED}"  # a quote behind a digit is a sign of seconds of arc
+    quoted = rf"(?<![^\s;,]){_QUOTED}"  # a quotation mark after a digit means seconds of arc
     bare = [re.sub(quoted, "0", line).strip() for line in lines]
     bare = [line for line in bare if _MEANT.match(line)] or bare
     for separator in ";\t":
@@ -397,7 +404,7 @@ def names_in(
     width: int,
     separator: str,
 ) -> tuple[str, ...] | None:
-    """Return the names of columns in a line above the rows, whatever separates them; None if they do not fit."""
+    """Return the column names in a line above the rows with any separator, or None if their number does not match."""
     by_marks = (tuple(cell.text for cell in cells_of(line, mark)) for mark in dict.fromkeys((separator, *";\t,")))
     # a unit belongs to the name before it
     by_blanks = (tuple(re.split(separator, line.strip())) for separator in (r"\s{2,}", r"\s+(?![\[(/])(?<!/)(?<!/\s)"))
@@ -405,18 +412,18 @@ def names_in(
 
 
 def decimal_mark_in(text: str) -> str:
-    """Return the one point or comma of a number; empty without one, and for any other text."""
+    """Return the only decimal point or comma of a number, empty without one and for other texts."""
     if ("." in text) == ("," in text) or not _LIKE_A_NUMBER.fullmatch(text):
         return ""
     return "." if "." in text else ","
 
 
 def sexagesimal_degrees(text: str, *, by_colons: bool) -> float | None:
-    """Return an angle [deg] written in degrees, minutes and seconds, as 12°34'56.7", 12d34m or -0:00:30; None for none.
+    """Return an angle [deg] written in degrees, minutes and seconds, such as 12°34'56.7", 12d34m or -0:00:30, or None.
 
-    Arguments: text of the cell.
-    by_colons: whether colons part degrees, minutes and seconds here; elsewhere they may be those of a time.
-    Raises ValueError for 60 and more minutes or seconds, and for a fraction that is not at the end.
+    text: text of the cell.
+    by_colons: whether colons separate degrees, minutes and seconds; elsewhere they may belong to a time.
+    Raises ValueError for 60 or more minutes or seconds, and for a fraction before the last part.
     """
     match = _SEXAGESIMAL.fullmatch(text.strip())
     if match is None or (match["minutes_by_colon"] and not by_colons):
@@ -434,7 +441,10 @@ def sexagesimal_degrees(text: str, *, by_colons: bool) -> float | None:
 
 
 def fault_of(text: str, decimal: str) -> tuple[str, str]:
-    """Return fault of the text of a number, and a hint, both empty if it is one; decimal, the mark of the file."""
+    """Return the fault of the text of a number and a hint, both empty if the text is valid.
+
+    decimal: decimal mark of the file.
+    """
     if _WRITTEN[decimal].fullmatch(text):
         return "", ""
     if not text:
