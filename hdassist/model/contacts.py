@@ -1,13 +1,14 @@
 """The contact system of a drive: compliance D, geometry of motion G, supports C, gaps without force.
 
-Candidates stand in the order flanks, bore nodes, balls; a flank has one for each station along its face, the stations
-one after the other. All stations of a flank load the structure at one place: they differ in their gap and in how they
-yield themselves. A force opens its own gap: delta = delta_p + D F + G a. Freedoms a: rigid wheel x, y; flexspline x,
-y, rotation; outer ring x, y; cam x, y. Equilibrium is the transpose, as virtual work demands: G' F - C a + b = 0.
-Units mm, N, rad.
+Candidates are in the order flanks, bore nodes, balls. A flank has one candidate for each station along its face, in
+consecutive rows. All stations of a flank load the structure at one place; they differ in their gap and in their own
+compliance. A force opens its own gap: delta = delta_p + D F + G a. Freedoms a: circular spline x, y; flexspline x, y,
+rotation; outer ring x, y; cam x, y. Equilibrium is the transpose, as virtual work demands: G' F - C a + b = 0. Units
+mm, N, rad.
 
-Places on the rim and on the bearing's outer ring yield in its plane: thin rings bend without stretching, mode by mode,
-and stretch uniformly (n = 0). Mode n = 1 is rigid motion and belongs to the displacements of the bodies.
+Places on the rim and on the outer ring of the bearing deflect in the plane of the ring: thin rings bend without
+stretching, mode by mode, and stretch uniformly (n = 0). Mode n = 1 is rigid motion and belongs to the displacements of
+the bodies.
 """
 
 from __future__ import annotations
@@ -35,25 +36,25 @@ FREEDOMS = (
 # columns of G by body
 _RIGID = slice(0, 2)
 _FLEX = slice(2, 4)
-# the flexspline's rotation is the only freedom that carries the torque
+# the rotation of the flexspline is the only freedom loaded by the torque
 ROTATION = 4
 _RING = slice(5, 7)
 CAM = slice(7, 9)
-# Orders of the teeth's deviations beyond the first. Beyond the fourth only even ones count: odd ones nearly cancel on
-# two opposite zones. The mesh averages higher orders: two thirds of a micrometre's effect remain at order 16, half at
-# order 20, a fifth at order 32.
+# Orders of tooth deviations beyond the first. Beyond the fourth only even orders are included, because odd ones nearly
+# cancel on two opposite zones. The mesh averages higher orders: two thirds of a micrometre's effect remain at order 16,
+# half at order 20, a fifth at order 32.
 TOOTH_ORDERS = (2, 3, 4, 6, 8, 10, 12, 14, 16)
-TO_X1 = np.pi / 2  # directions of deviations count from x1, the minor axis: theta_x1 = theta + pi/2
+TO_X1 = np.pi / 2  # converts angles from the major axis to angles from x1, the minor axis: theta_x1 = theta + pi/2
 
 
 @dataclass(frozen=True)
 class StateGaps:
-    """Changes of the gaps of states by the deviations of a drive.
+    """Changes of the gaps of states due to the deviations of a drive.
 
-    scalars: deviations [mm], shape (states, scalars), in the order of the columns of the deviation map; last columns
-        that are 0 may be omitted.
-    at_flanks: changes by measured teeth [mm], shape (states, flank candidates), equal at all stations of a flank; None
-        without measured teeth.
+    scalars: deviations [mm], shape (states, scalars), in the order of the columns of the deviation map; trailing
+        columns that are 0 may be omitted.
+    at_flanks: changes due to measured teeth [mm], shape (states, flank candidates), equal at all stations of a flank;
+        None without measured teeth.
     """
 
     scalars: Array
@@ -62,7 +63,7 @@ class StateGaps:
     def __len__(self) -> int:
         return len(self.scalars)
 
-    # states are cut into blocks for worker processes and for the walk
+    # blocks of states for worker processes and for the walk
     def __getitem__(self, rows: slice | NDArray[np.int64]) -> StateGaps:
         return StateGaps(self.scalars[rows], None if self.at_flanks is None else self.at_flanks[rows])
 
@@ -74,15 +75,15 @@ WITHOUT_DEVIATIONS = StateGaps(np.zeros((1, 0)))  # one state
 class ContactSystem:
     """System (1) of a drive at one tooth phase and one ball phase: M candidates at m places, 9 freedoms.
 
-    A flank is one place, and each of its stations a candidate: stations are rows of `flanks` of their own.
+    A flank is one place, and each of its stations is a candidate with its own row of `flanks`.
     """
 
     geometry: Geometry
     flanks: Flanks
     ball_theta: Array  # angles of the balls [rad], shape (balls,)
-    compliance: Array  # of the structure between the places [mm/N], shape (m, m)
-    local: Array  # compliance of each candidate by itself [mm/N], shape (M,)
-    G: Array  # shape (M, 9), equal for all candidates at a place; the rotation column in mm
+    compliance: Array  # compliance of the structure between the places [mm/N], shape (m, m)
+    local: Array  # local compliance of each candidate [mm/N], shape (M,)
+    G: Array  # shape (M, 9), equal rows for all candidates at a place; the rotation column is in mm
     C: Array  # stiffness of the supports [N/mm], shape (9,); 0 for a freedom without support
     delta_p: Array  # gaps of a drive without deviations [mm], shape (M,)
     face: Face
@@ -94,14 +95,14 @@ class ContactSystem:
 
     @property
     def pairs(self) -> int:
-        """Number of flanks, not counting their stations: their places come first."""
+        """Number of flanks, without regard to their stations; their places come first."""
         # all flanks have the same number of stations
         return self.n_flanks // len(self.face.fall)
 
     @cached_property
     def place(self) -> NDArray[np.int64]:
         """Place of each candidate among all places, shape (M,)."""
-        # stations of a flank follow each other, so whole division gives their flank
+        # the stations of a flank are contiguous, so integer division gives the flank index
         flanks = np.arange(self.n_flanks) // len(self.face.fall)
         return np.append(flanks, self.pairs + np.arange(len(self.delta_p) - self.n_flanks))
 
@@ -127,50 +128,49 @@ class ContactSystem:
 
     @property
     def supported(self) -> NDArray[np.bool_]:
-        """Which of the freedoms have a support, shape (9,)."""
+        """Whether each freedom has a support, shape (9,)."""
         return self.C > 0
 
     @property
     def free_rotation(self) -> int:
-        """Number of the flexspline's rotation among the freedoms without support."""
+        """Index of the flexspline's rotation among the freedoms without support."""
         return int(np.count_nonzero(~self.supported[:ROTATION]))
 
     @cached_property
     def lever(self) -> Array:
-        """Moment [N*mm] on the flexspline by a unit of force at each flank, by zone, shape (flanks, 2)."""
+        """Moment on the flexspline per unit force at each flank, by zone [mm], shape (flanks, 2)."""
         first_station = self.first[: self.pairs, None]
-        # one moment per zone: their shares tell single-zone meshing from two zones
+        # one moment per zone, because the zones' shares of the torque distinguish single-zone meshing
         is_in_zone = self.flanks.zone[first_station] == (0, 1)
-        # G holds the direction of the force on the flexspline with the opposite sign
+        # G contains the direction of the force on the flexspline with the opposite sign
         return np.where(is_in_zone, -self.G[first_station, ROTATION], 0.0)
 
     @cached_property
     def deviation_map(self) -> Array:
-        """Change of the gaps by a unit of each deviation scalar (deviations.py), the same at a place, shape (M, 24)."""
+        """Change of the gaps per unit of each deviation scalar (deviations.py), equal at a place, shape (M, 24)."""
         flanks = self.flanks
-        # columns: first harmonics (2), cam offset (2), shift of the teeth (2), then two for each of
-        # TOOTH_ORDERS
+        # columns: first harmonics (2), cam offset (2), shift of the teeth (2), then two for each of TOOTH_ORDERS
         x1 = self.flanks.theta + TO_X1
-        # part of a tangential deviation that lies along the contact normal; a flank towards +theta closes by it
+        # component of a tangential deviation along the contact normal, which closes a flank towards +theta
         along = flanks.side * np.cos(flanks.alpha)
         n = self.n_flanks
         change = np.zeros((len(self.delta_p), 6 + 2 * len(TOOTH_ORDERS)))
-        # sine first, then cosine: (sin, cos) of theta_x1 as equation (7) has them
+        # sine first, then cosine, because equation (7) has (sin, cos) of theta_x1
         change[:n, :2] = -along[:, None] * _radial(x1)[:, ::-1]
         for column, order in enumerate(TOOTH_ORDERS, 3):
             change[:n, 2 * column : 2 * column + 2] = -along[:, None] * _radial(order * x1)[:, ::-1]
-        # the cam's offset moves its raceway against the balls, in the direction of each ball
+        # the eccentricity of the cam moves its raceway towards the balls, in the direction of each ball
         change[self.balls, 2:4] = -_radial(self.ball_theta + TO_X1)
-        # equation (8b): a shift of the teeth changes a gap by its part along the normal
+        # equation (8b): a shift of the teeth changes a gap by its component along the normal
         change[:n, 4:6] = _normal(flanks) @ np.array([[0.0, 1.0], [-1.0, 0.0]])  # x1 points along -y, y1 along x
         return change
 
     def delta_p_of(self, gaps: StateGaps) -> Array:
         """Return the gaps without force delta_p [mm] of states, shape (states, M)."""
-        # most common in self errors and stiffness: no array is computed, only a view
+        # the most common case in self errors and stiffness needs only a view
         if not gaps.scalars.shape[1] and gaps.at_flanks is None:
             return np.broadcast_to(self.delta_p, (len(gaps), len(self.delta_p)))
-        # the gaps are linear in the deviations, so a state costs one product
+        # the gaps are linear in the deviations, so one product gives them
         delta_p = self.delta_p + gaps.scalars @ self.deviation_map[:, : gaps.scalars.shape[1]].T
         if gaps.at_flanks is not None:
             delta_p[:, : self.n_flanks] += gaps.at_flanks
@@ -185,9 +185,9 @@ def contact_system(
     """Return the contact system of a drive.
 
     Args:
-        drive: its geometry, stiffnesses and supports.
+        drive: drive with the geometry, stiffnesses and supports.
         tau: tooth phase [tooth pitches].
-        beta: ball phase [ball pitches]; that of the preset by default.
+        beta: ball phase [ball pitches]; by default that of the preset.
 
     Raises UntrustedError if no teeth overlap.
     """
@@ -200,43 +200,43 @@ class _Part:
 
     G: Array  # shape (n, 9)
     delta_p: Array  # gaps without force [mm], shape (n,)
-    local: Array  # compliance of each candidate by itself [mm/N], shape (n,)
+    local: Array  # local compliance of each candidate [mm/N], shape (n,)
 
 
 @dataclass(frozen=True)
 class _ToothPhase:
-    """What depends on the tooth phase alone."""
+    """Arrays that depend only on the tooth phase."""
 
     flanks: Flanks
-    compliance: Array  # of the flexspline between flank pairs and bore nodes [mm/N]
+    compliance: Array  # compliance of the flexspline between flanks and bore nodes [mm/N]
     part: _Part
 
 
 @dataclass(frozen=True)
 class _BallPhase:
-    """What depends on the ball phase alone."""
+    """Arrays that depend only on the ball phase."""
 
     theta: Array  # angles of the balls [rad]
-    compliance: Array  # of the outer ring between bore nodes and balls [mm/N]
+    compliance: Array  # compliance of the outer ring between bore nodes and balls [mm/N]
     part: _Part
 
 
 class ContactSystems:
-    """Contact systems of a drive at many phases: a part that depends on one phase alone is computed once for each."""
+    """Contact systems of a drive at many phases; parts that depend on one phase only are computed once per phase."""
 
     def __init__(self, drive: Drive) -> None:
-        # parts of the system by what they depend on: the drive, the tooth phase, the ball phase
+        # arrays are grouped by dependence: on the drive, on the tooth phase, on the ball phase
         self._drive = drive
         self._geometry = Geometry.of(drive)
         self._face = Face.of(drive)
         nodes = drive.numerics.n_2
         self._bore = 2 * np.pi * np.arange(nodes) / nodes  # angles of the bore nodes [rad]
-        # the bore of the flexspline rests on the outer ring at evenly spaced nodes, without a gap between them
+        # the bore of the flexspline contacts the outer ring at evenly spaced nodes without a gap
         self._nodes = _Part(
             G=_between(_FLEX, _RING, self._bore), delta_p=np.zeros(nodes), local=np.full(nodes, drive.contact.c_bore)
         )
         self._supports = _support_stiffness(drive)
-        self._tooth_phase: dict[float, _ToothPhase] = {}  # the last one only: its arrays are large
+        self._tooth_phase: dict[float, _ToothPhase] = {}  # only the last one, because its arrays are large
         self._ball_phases: dict[float, _BallPhase] = {}
 
     def at(self, tau: float, beta: float) -> ContactSystem:
@@ -244,14 +244,14 @@ class ContactSystems:
 
         Raises UntrustedError if no teeth overlap.
         """
-        # callers go through ball phases at one tooth phase, and then to the next tooth phase
+        # callers visit all ball phases at one tooth phase before the next tooth phase
         if tau not in self._tooth_phase:
             self._tooth_phase = {tau: self._new_tooth_phase(tau)}
         if beta not in self._ball_phases:
             self._ball_phases[beta] = self._new_ball_phase(beta)
         teeth = self._tooth_phase[tau]
         balls = self._ball_phases[beta]
-        # the order of the candidates: flanks, bore nodes, balls
+        # the candidates are in the order flanks, bore nodes, balls
         parts = (teeth.part, self._nodes, balls.part)
         return ContactSystem(
             geometry=self._geometry,
@@ -266,7 +266,7 @@ class ContactSystems:
         )
 
     def _new_tooth_phase(self, tau: float) -> _ToothPhase:
-        # one entry for each flank; its stations are repeats that share its geometry
+        # one entry per flank, whose stations are copies with the same geometry
         pairs = flank_candidates(self._geometry, tau)
         flanks = pairs.repeated(len(self._face.fall))
         return _ToothPhase(
@@ -277,7 +277,7 @@ class ContactSystems:
 
     def _new_ball_phase(self, beta: float) -> _BallPhase:
         drive = self._drive
-        # the cage keeps the balls evenly apart
+        # the cage keeps the balls evenly spaced
         theta = 2 * np.pi * (np.arange(drive.bearing.N) + beta) / drive.bearing.N
         ring = outer_ring(drive, self._geometry)
         part = _Part(
@@ -286,7 +286,7 @@ class ContactSystems:
             delta_p=drive.bearing.g_b * 1e-3 - self._geometry.W_0 * np.cos(2 * theta),
             local=np.full(len(theta), drive.contact.c_ball),
         )
-        # the flexspline pushes the outer ring inwards at the nodes, balls push it outwards
+        # the flexspline pushes the outer ring inwards at the nodes, and balls push it outwards
         compliance = _compliance_of(ring, np.vstack([-ring.radial(self._bore), ring.radial(theta)]))
         return _BallPhase(
             theta=theta,
@@ -296,20 +296,20 @@ class ContactSystems:
 
     def _structure_compliance(self, teeth: _ToothPhase, balls: _BallPhase) -> Array:
         """Return the compliance between all places [mm/N], shape (m, m): flank pairs, bore nodes, balls."""
-        of_flexspline = len(teeth.compliance)  # flank pairs and bore nodes
+        of_flexspline = len(teeth.compliance)  # number of flanks and bore nodes
         places = of_flexspline + len(balls.theta)
         first_node = of_flexspline - len(self._bore)
         D = np.zeros((places, places))
-        # equation (1): D is the compliance of all bodies between all places; bodies share the bore nodes
+        # equation (1): D is the compliance of all bodies between all places; the bodies share the bore nodes
         D[:of_flexspline, :of_flexspline] = teeth.compliance
-        D[first_node:, first_node:] += balls.compliance  # both bodies yield at the bore nodes
+        D[first_node:, first_node:] += balls.compliance  # both bodies deflect at the bore nodes
         return D
 
 
 def _support_stiffness(drive: Drive) -> Array:
     """Return the stiffness of the support of each freedom [N/mm], shape (9,)."""
     C = np.zeros(len(FREEDOMS))
-    # x and y of a body have one stiffness; the ring and the flexspline's rotation have none
+    # x and y of a body have equal stiffness; the outer ring and the rotation of the flexspline have no support
     C[_RIGID] = drive.supports.C_1
     C[_FLEX] = drive.supports.C_2
     C[CAM] = drive.number("supports.C_3")
@@ -324,27 +324,28 @@ def _flexspline_compliance(
 ) -> Array:
     """Return the compliance of the flexspline between flanks and bore nodes [mm/N], shape (places, places)."""
     flexspline = flexspline_ring(drive, geometry)
-    # components of the outward normal of the tooth
-    # the normal leans towards +theta or -theta by the side of the flank, and outwards by its pressure angle
+    # components of the outward normal of the tooth: the normal leans towards +theta or -theta by the side of the flank,
+    # and outwards by its pressure angle
     normal_tangential = flanks.side * np.cos(flanks.alpha)
     normal_radial = np.sin(flanks.alpha)
-    # displacement of each flank along its normal by a unit of each mode, shape (flanks, modes)
+    # displacement of each flank along its normal per unit of each mode, shape (flanks, modes)
     along_normal = normal_tangential[:, None] * flexspline.tangential(flanks.theta, flanks.h_c)
     along_normal += normal_radial[:, None] * flexspline.radial(flanks.theta)
-    # the rigid wheel pushes the tooth inwards, the outer ring pushes the bore outwards
+    # the circular spline pushes the tooth inwards, the outer ring pushes the bore outwards
     return _compliance_of(flexspline, np.vstack([-along_normal, flexspline.radial(bore)]))
 
 
 def _compliance_of(ring: Ring, loads: Array) -> Array:
-    """Return the compliance [mm/N] of a ring between places, shape (places, places).
+    """Return the compliance of a ring between places [mm/N], shape (places, places).
 
     Args:
-        ring: its modes and their stiffness.
-        loads: of each mode by a unit of force at each place, shape (places, modes).
+        ring: ring with its modes and their stiffness.
+        loads: load of each mode per unit force at each place, shape (places, modes).
     """
-    # D = loads diag(1/K_n) loads', with the root on both sides
+    # D = loads diag(1/K_n) loads', computed with the square root on both sides
     by_mode = loads * np.sqrt(ring.compliance)
-    return np.asarray(by_mode @ by_mode.T)  # a product with its own transpose is symmetric to the last digit
+    # the product of a matrix with its own transpose is symmetric to the last digit
+    return np.asarray(by_mode @ by_mode.T)
 
 
 def _between(
@@ -357,10 +358,10 @@ def _between(
     Args:
         inner: columns of the freedoms of the inner body.
         outer: columns of the freedoms of the outer body.
-        theta: shape (contacts,).
+        theta: angles of the contacts, shape (contacts,).
     """
     G = np.zeros((len(theta), len(FREEDOMS)))
-    # a step of the inner body outwards closes the contact, one of the outer body opens it
+    # an outward displacement closes the contact if the inner body moves, and opens it if the outer body moves
     G[:, inner] = _radial(theta)
     G[:, outer] = -_radial(theta)
     return G
@@ -371,22 +372,21 @@ def _flank_part(
     flanks: Flanks,
     face: Face,
 ) -> _Part:
-    """Return the candidates of flanks, a row for each station, equation (6a)."""
+    """Return the candidates of flanks, one row per station, equation (6a)."""
     s_cos = flanks.side * np.cos(flanks.alpha)
     pairs = len(flanks.theta) // len(face.fall)
     G = np.zeros((len(flanks.theta), len(FREEDOMS)))
-    # the flexspline pushes the rigid wheel outwards along the normal, and is pushed back
+    # the flexspline pushes the circular spline outwards along the normal, and the reaction acts on the flexspline
     G[:, _RIGID] = _normal(flanks)
     G[:, _FLEX] = -_normal(flanks)
-    # r_m + h_c, not rho: the flexspline slides through a held shape
+    # the lever is r_m + h_c and not rho, because the flexspline slides through a stationary shape
     G[:, ROTATION] = -s_cos * (geometry.r_m + flanks.h_c)
-    # the linear shape, since the ring is linear: whatever shape the gap was taken on
+    # the linear shape is correct for every convention of the gap, because the ring is linear
     w, v, chi = nominal_shape(flanks.theta, geometry.W_0, geometry.r_m)
-    # The nominal gap was taken on the nominal shape, which is itself an elastic displacement of the rim: its closing is
-    # added back.
-    # by how much the nominal wave closes the gap, along the normal at the height of the contact
+    # The nominal gap was computed on the nominal shape, which is itself an elastic displacement of the rim, so the
+    # closing by this displacement is added back: the closing along the normal at the height of the contact.
     closing = s_cos * (v + flanks.h_c * chi) + np.sin(flanks.alpha) * w
-    # It was taken at the open edge. Behind the edge the rim stands back by as much as the wave has fallen.
+    # The gap was computed at the open edge. Behind the edge the rim is farther away by the decrease of the wave.
     delta_p = flanks.gap + geometry.j_n + closing * (1 + np.tile(face.fall, pairs))
     return _Part(
         G=G,
@@ -396,7 +396,7 @@ def _flank_part(
 
 
 def _normal(flanks: Flanks) -> Array:
-    """Return normals at the contacts, outward from the flexspline's teeth, shape (flanks, 2); x is the major axis."""
+    """Return the contact normals, outward from the flexspline's teeth, shape (flanks, 2); x is the major axis."""
     # tangential unit vector at theta
     along = np.stack([-np.sin(flanks.theta), np.cos(flanks.theta)], axis=1)
     s_cos = flanks.side * np.cos(flanks.alpha)
@@ -411,14 +411,14 @@ def _radial(theta: Array) -> Array:
 
 # --- rings
 
-_EDGE_ZONE = 2 * 1.285  # the edge of a shell stiffens the hoop over a length of sqrt(r h)/_EDGE_ZONE (nu = 0.3)
+_EDGE_ZONE = 2 * 1.285  # sqrt(r h) divided by the length over which the edge of a shell stiffens the hoop (nu = 0.3)
 
 
 @dataclass(frozen=True)
 class Ring:
     """An elastic ring with modes n = 0, 2, ..., n_max."""
 
-    radius: float  # of the mid-line [mm]
+    radius: float  # radius of the mid-line [mm]
     order: NDArray[np.int64]  # n of each mode
     stiffness: Array  # K_n [N/mm]
 
@@ -430,7 +430,7 @@ class Ring:
         return np.concatenate([1 / self.stiffness[:1], bending, bending])
 
     def radial(self, theta: Array) -> Array:
-        """Return the radial displacement w for a unit of each mode, equation (3), shape (points, modes).
+        """Return the radial displacement w per unit of each mode, equation (3), shape (points, modes).
 
         Args:
             theta: angles of the points [rad], shape (points,).
@@ -440,11 +440,11 @@ class Ring:
         return np.hstack([np.ones((len(theta), 1)), np.cos(angle), np.sin(angle)])
 
     def tangential(self, theta: Array, height: Array | float) -> Array:
-        """Return the tangential displacement v + h chi for a unit of each mode, equation (3), shape (points, modes).
+        """Return the tangential displacement v + h chi per unit of each mode, equation (3), shape (points, modes).
 
         Args:
             theta: angles of the points [rad], shape (points,).
-            height: h of the points above the mid-line [mm].
+            height: height h of the points above the mid-line [mm].
         """
         n = self.order[1:]
         angle = np.outer(theta, n)
@@ -465,12 +465,12 @@ def plain_ring(
 
     Args:
         E: Young's modulus [MPa].
-        area: of the section [mm2].
-        inertia: second moment of area for bending in the plane [mm4].
-        radius: of the mid-line [mm].
+        area: area of the section [mm2].
+        inertia: second moment of area for in-plane bending [mm4].
+        radius: radius of the mid-line [mm].
         n_max: highest mode.
     """
-    # n = 1 is the ring's motion as a rigid body, which is a freedom of the system
+    # n = 1 is the rigid-body motion of the ring, which is a freedom of the system
     n = np.concatenate([[0], np.arange(2, n_max + 1)])
     stiffness = np.pi * E * inertia * (n**2 - 1.0) ** 2 / radius**3
     # n = 0 stretches the hoop instead of bending it
@@ -483,7 +483,7 @@ def plain_ring(
 
 
 def outer_ring(drive: Drive, geometry: Geometry) -> Ring:
-    """Return the outer ring of the flexible bearing, a rectangle ring_b x ring_h."""
+    """Return the outer ring of the flexible bearing, with the rectangular section ring_b x ring_h."""
     b = drive.bearing.ring_b
     h = drive.bearing.ring_h
     return plain_ring(drive.material.E, b * h, b * h**3 / 12, geometry.r_ring, drive.numerics.n_max)
@@ -492,24 +492,25 @@ def outer_ring(drive: Drive, geometry: Geometry) -> Ring:
 def flexspline_ring(drive: Drive, geometry: Geometry) -> Ring:
     """Return the toothed rim of the flexspline with the shell behind it, equation (5).
 
-    The shell's displacement is linear along its axis and its far edge is free to warp axially: the shell adds bending
-    D L/3 and twist 2 pi D (1 - nu) (n^2 - 1)^2/(n^2 r_m L). Only its edge zone stiffens the hoop.
+    The displacement of the shell is linear along its axis, and its far edge is free to warp axially. The shell adds the
+    bending stiffness D L/3 and the twist stiffness 2 pi D (1 - nu) (n^2 - 1)^2/(n^2 r_m L). Only its edge zone stiffens
+    the hoop.
     """
     E = drive.material.E
     nu = drive.material.nu
     r = geometry.r_m
     rim = drive.flexspline
-    # the shell behind the toothed rim
+    # length of the shell behind the toothed rim
     length = drive.flexspline.l - drive.flexspline.b_w
     # plate stiffness of the shell per length [N mm]
     D = E * rim.h_3**3 / (12 * (1 - nu**2))
-    # k_t: what teeth add to the bending stiffness of the rim below them
+    # k_t is the factor by which teeth increase the bending stiffness of the rim
     inertia = rim.k_t * rim.b_w * rim.h_1**3 / 12 + D * length / 3 / E
-    # the hoop is stretched over the rim, and over the edge zone of the shell only
+    # the hoop includes the rim, but only the edge zone of the shell
     area = rim.b_w * rim.h_1 + rim.h_3 * float(np.sqrt(r * rim.h_3)) / _EDGE_ZONE
     ring = plain_ring(E, area, inertia, r, drive.numerics.n_max)
     n = ring.order[1:]
-    # second part of equation (5): the shell twists in the modes, with n^2 in the denominator
+    # second part of equation (5): the shell twists in the bending modes, with n^2 in the denominator
     twist = 2 * np.pi * D * (1 - nu) * (n**2 - 1.0) ** 2 / (n**2 * r * length)
     return Ring(
         radius=r,

@@ -1,7 +1,7 @@
-"""Rules that the fields of a drive satisfy together: of teeth, supports, torques and holes, and of the geometry.
+"""Rules that fields of a drive must satisfy together: rules of teeth, supports, torques and holes, and of the geometry.
 
-Beside each rule of the geometry stand the fields that it looks at. Lengths of fields in mm, angles in deg, torques in
-N*m; angles of the geometry in rad.
+Each rule of the geometry is listed with the fields that it uses. Lengths of fields are in mm, angles in deg, torques in
+N*m; angles of the geometry are in rad.
 """
 
 from __future__ import annotations
@@ -20,13 +20,14 @@ from hdassist.files import number_of
 from hdassist.model.geometry import Geometry, flank_candidates
 from hdassist.preset.fields import Drive, field_table, sections
 
-_LEAST_SUPPORT = 1.0  # N/mm: a part of one kilogram hangs on it by a centimetre, so it holds none in place
-_FARTHEST_MEASURED = 100.0  # times the greatest torque, of a measured F'_ior: beyond, the number is mistyped
+_LEAST_SUPPORT = 1.0  # N/mm: a 1 kg part sags by 1 cm on such a support, so anything softer holds no part in place
+# largest torque of a measured F'_ior, over the largest torque of the drive; above it the number is probably mistyped
+_FARTHEST_MEASURED = 100.0
 # Smallest end of a segment of the stiffness curve, as a share of the rated torque: below it there is only play.
 _LEAST_END = 1e-4
 # Largest thickness of a ring, as a share of its radius: beyond it the theory of thin rings does not hold.
 _MAX_THICKNESS = 0.2
-MAX_OVERLAP = 0.1  # modules that nominal teeth may overlap: the rings give way by some of it
+MAX_OVERLAP = 0.1  # largest overlap of nominal teeth [modules]; the deflection of the rings removes some of it
 
 _PROFILES = ("gears.m", "gears.z_g", "gears.z_b", "gears.x_g", "gears.x_b", "gears.h_a")
 _TIPS = (*_PROFILES, "cam.W_0")
@@ -40,9 +41,9 @@ BEARING_FIELDS = (*_RIM_FIELDS, "bearing.ring_h", "bearing.d_ball", "bearing.N")
 
 @dataclass(frozen=True)
 class _Conflict:
-    """Fields that do not go together."""
+    """Fields that contradict each other."""
 
-    path: str  # of the field to look at first
+    path: str  # path of the field to check first
     message: str
     got: str = ""  # the numbers at fault
     hint: str = ""
@@ -50,13 +51,14 @@ class _Conflict:
 
 @dataclass(frozen=True)
 class FieldRule:
-    """A rule that several fields satisfy together.
+    """A rule that several fields must satisfy together.
 
-    The arguments of `fault` have the names of the fields. It returns the numbers at fault, or True, and an
-    empty text or False if the fields go together.
+    path: field to check first.
+    fault: function whose arguments have the names of the fields; it returns the numbers at fault or True, and an empty
+        text or False if the fields are consistent.
     """
 
-    path: str  # of the field to look at first
+    path: str
     message: str
     fault: Callable[..., str | bool]
     hint: str = ""
@@ -68,23 +70,24 @@ class FieldRule:
 
 
 def first_conflict(drive: Drive) -> _Conflict | None:
-    """Return the first conflict between the fields of a drive, None if they go together."""
+    """Return the first conflict between the fields of a drive, None if they are consistent."""
     values = {path: drive.value(path) for path in field_table()}
     return next((conflict for conflict, _ in conflicts(values)), None)
 
 
 def conflicts(values: Mapping[str, Any]) -> Iterator[tuple[_Conflict, tuple[str, ...]]]:
-    """Yield the conflicts between fields and in the geometry, of the rules whose fields are all there.
+    """Yield the conflicts between fields and in the geometry, for the rules whose fields are all present.
 
     Args:
-        values: valid fields by their path ("gears.z_g").
+        values: valid fields by path ("gears.z_g").
 
-    Yields each conflict with the paths of the fields that its rule has used.
+    Yields each conflict with the paths of the fields that its rule uses.
     """
     yield from _field_conflicts(values)
     if not {*_MESH_FIELDS, "bearing.ring_h"} <= values.keys():
         return
-    meshes = values["gears.z_b"] - values["gears.z_g"] == 2  # other teeth have no such rule
+    # rules that use gears.z_b do not apply to other tooth numbers
+    meshes = values["gears.z_b"] - values["gears.z_g"] == 2
     tables: dict[str, dict[str, Any]] = {section: {} for section, _ in sections()}
     for path, value in values.items():
         section, name = path.split(".")
@@ -100,12 +103,12 @@ def conflicts(values: Mapping[str, Any]) -> Iterator[tuple[_Conflict, tuple[str,
 
 
 def _field_conflicts(values: Mapping[str, Any]) -> Iterator[tuple[_Conflict, tuple[str, ...]]]:
-    """Yield conflicts between fields, of the rules whose fields are all there.
+    """Yield the conflicts between fields, for the rules whose fields are all present.
 
     Args:
-        values: valid fields by their path ("gears.z_g").
+        values: valid fields by path ("gears.z_g").
 
-    Yields each conflict with the paths of the fields that its rule has used.
+    Yields each conflict with the paths of the fields that its rule uses.
     """
     path_of = {path.rpartition(".")[2]: path for path in values}
     for rule in FIELD_RULES:
@@ -122,7 +125,7 @@ def _field_conflicts(values: Mapping[str, Any]) -> Iterator[tuple[_Conflict, tup
 
 
 def _measured_conflicts(values: Mapping[str, Any]) -> Iterator[_Conflict]:
-    """Yield conflicts of values measured in holes with the drive's torques and with its seat."""
+    """Yield conflicts of measured values with the drive's torques and with its seat."""
     if "mounting.holes" not in values:
         return
     torques = (values.get("operation.rated") or 0.0, *values.get("operation.M_g", ()))
@@ -146,7 +149,7 @@ def _measured_conflicts(values: Mapping[str, Any]) -> Iterator[_Conflict]:
 
 
 def _lone_phases(values: Mapping[str, Any]) -> Iterator[tuple[_Conflict, tuple[str, ...]]]:
-    """Yield phases of harmonics without an amplitude."""
+    """Yield a conflict for each phase of a harmonic without an amplitude."""
     for phase_path, phase in values.items():
         size_path = phase_path.replace("harmonics.xi_", "harmonics.a_")
         if size_path == phase_path or phase is None:
@@ -162,7 +165,7 @@ def _lone_phases(values: Mapping[str, Any]) -> Iterator[tuple[_Conflict, tuple[s
 
 
 def _too_soft(C: float | None) -> str:
-    """Return a stiffness C [N/mm] as text if the equations are ill-conditioned with it, else an empty text."""
+    """Return a stiffness C [N/mm] as text if it makes the equations ill-conditioned, otherwise an empty text."""
     return f"{C:g} N/mm" if C and C < _LEAST_SUPPORT else ""
 
 
@@ -171,7 +174,12 @@ def _too_small(
     rated: float | None,
     M_g: Sequence[float],
 ) -> str:
-    """Return a torque that cannot end a segment of the stiffness curve with the smallest possible one, else empty."""
+    """Return a torque that is too small to end a segment of the stiffness curve, as text, otherwise an empty text.
+
+    end: end of the segment [N*m].
+    rated: rated torque [N*m].
+    M_g: torques of the drive [N*m].
+    """
     least = _LEAST_END * (rated or max(map(abs, M_g), default=0.0))
     return f"{end:g} N*m; above {least:g} N*m" if end is not None and end <= least else ""
 
@@ -284,22 +292,27 @@ FIELD_RULES = (
 )
 
 
-# --- positions at which F'_ior was measured: holes of the seat, or turns of the fixed wheel
+# --- positions at which F'_ior was measured: holes of the seat, or rotations of the fixed wheel
 
-_FARTHEST_TURN = 3600.0  # deg that a wheel can be meant to be turned by
+_FARTHEST_TURN = 3600.0  # deg; largest plausible rotation of a wheel
 
 
 def turn_of(where: str, holes: int) -> float:
-    """Return the turn [deg] of the fixed wheel to a hole of its seat ("h4"), or by an angle ("120"); else NaN."""
+    """Return the rotation [deg] of the fixed wheel to a position, or NaN if the position is invalid.
+
+    where: hole of the seat ("h4") or angle in deg ("120").
+    holes: number of holes of the seat.
+    """
     number = number_of(where.removeprefix("h"))
     turn = number * 360 / holes if where.startswith("h") and holes else number
     return turn if where.startswith("h") or abs(turn) <= _FARTHEST_TURN else nan
 
 
 def position_fault(where: str, holes: int) -> tuple[str, str] | None:
-    """Return why a position ("h4", "120") is not on a seat with so many holes, and a hint; None if it is.
+    """Return the reason why a position is not on the seat, with a hint, or None if it is.
 
-    A seat with 0 holes takes any angle.
+    where: hole of the seat ("h4") or angle in deg ("120").
+    holes: number of holes of the seat; 0 permits any angle.
     """
     number = number_of(where.removeprefix("h"))
     if where.startswith("h"):
@@ -319,7 +332,7 @@ def position_fault(where: str, holes: int) -> tuple[str, str] | None:
 
 
 def _teeth_reach(geometry: Geometry) -> Iterator[_Conflict]:
-    """Yield a conflict if the flexspline's tips do not reach behind the rigid wheel's at the major axis."""
+    """Yield a conflict if the tips of the flexspline do not reach those of the circular spline at the major axis."""
     tip = geometry.r_ag
     rigid_tip = geometry.r_ab
     if tip + geometry.W_0 <= rigid_tip:
@@ -345,7 +358,7 @@ def _tips_come_free(geometry: Geometry) -> Iterator[_Conflict]:
 
 
 def _roots_have_room(geometry: Geometry) -> Iterator[_Conflict]:
-    """Yield a conflict for each tip that runs into the root of the opposite wheel at the major axis."""
+    """Yield a conflict for each tip that reaches the root of the opposite wheel at the major axis."""
     to_rigid = geometry.r_fb - geometry.r_ag
     to_flexspline = geometry.r_ab - geometry.r_f
     for wheel, opposite, room, tip, root in (
@@ -384,14 +397,15 @@ def _flanks_exist(geometry: Geometry) -> Iterator[_Conflict]:
 
 
 def _teeth_mesh(geometry: Geometry) -> Iterator[_Conflict]:
-    """Yield a conflict if nominal flanks of the two wheels run through each other anywhere between the axes."""
+    """Yield a conflict if nominal flanks of the two wheels overlap anywhere between the axes."""
     wheels = (geometry.flexspline.base_radius, geometry.r_ag), (geometry.rigid.base_radius, geometry.r_ab)
     coarse = (_teeth_reach, _tips_come_free, _roots_have_room, _rim_is_thin)
     if any(base >= tip for base, tip in wheels) or any(any(rule(geometry)) for rule in coarse):
-        return  # faults of the other rules
+        return  # the other rules report these faults
     try:
-        flanks = flank_candidates(geometry, 0.0)  # as contact systems ask for them
-    except UntrustedError:  # the tips just reach each other, the flanks do not
+        # the same arguments as in contact systems, so that the result is cached
+        flanks = flank_candidates(geometry, 0.0)
+    except UntrustedError:  # the tips just reach each other, but the flanks do not
         return
     least = int(np.argmin(flanks.gap))
     overlap = -flanks.gap[least] - geometry.j_n
