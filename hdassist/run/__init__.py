@@ -1,1 +1,1 @@
-"""How work of any kind is carried out and kept."""
+"""Execution of work of any kind, and storage of its results."""

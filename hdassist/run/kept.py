@@ -1,9 +1,9 @@
-"""What a run keeps: work in a file, from which the same command goes on, and answers in the user's cache folder.
+"""Storage of results: records in a file from which the same command resumes, and results in the user's cache folder.
 
-Work has one form of JSON Lines for all commands. The first line is the owner: which command made the records, from
-which inputs. Each line below is a record: its number (item, from 0), its fields, and the checksum of this line and of
-that above it, so that no line can be changed, moved, doubled or taken out from between others. A record that does not
-hold is refused with its line; a last line that a killed run has not finished is dropped.
+The records of all commands have one JSON Lines form. The first line is the owner: the command that made the records,
+and its inputs. Each further line is a record with its number (item, from 0), its fields, and a checksum of this line
+and the line above. No line can therefore be changed, moved, duplicated or removed between others. An invalid record is
+rejected with its line number. An incomplete last line of a killed run is dropped.
 """
 
 from __future__ import annotations
@@ -38,8 +38,9 @@ from hdassist.run.stops import at_stop
 from hdassist.run.system import PrivateFolder, UnsafeFolderError, private_folder
 
 _KEPT_SCHEMA: Literal["hdassist.kept/1"] = "hdassist.kept/1"
-_LONGEST_LINE = 1 << 26  # bytes of a line
-LOCK_PATIENCE = 1.0  # s: processes that a killed run has begun hold its lock until they have ended too
+_LONGEST_LINE = 1 << 26  # largest length of a line [bytes]
+# s; time to wait for a lock, because processes started by a killed run hold its lock until they have ended too
+LOCK_PATIENCE = 1.0
 _DIGITS = 16  # digits of a checksum
 
 Number = Annotated[float, Field(strict=True)]
@@ -49,7 +50,7 @@ _RecordT = TypeVar("_RecordT")
 
 
 def own_schema(own: str) -> AfterValidator:
-    """Return a validator of a record's schema, which refuses every other one by its name."""
+    """Return a validator that accepts only the given schema of a record and rejects any other by name."""
 
     def require(schema: str) -> str:
         if schema != own:
@@ -60,16 +61,18 @@ def own_schema(own: str) -> AfterValidator:
 
 
 class ClosedRecord:
-    """Contents of a file of ours: its fields alone, and finite numbers."""
+    """Base of records in our files, which have no other fields and only finite numbers."""
 
     __pydantic_config__ = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 
 @dataclass(frozen=True, kw_only=True)
 class KeptOwner(ClosedRecord):
-    """All that decides the records of a file: command, inputs (SHA-256 of each), options, seed and version of hdassist.
+    """Owner of a file: everything that determines its records.
 
-    preset: name of the drive, empty if there are several; inputs and version: empty where each record has its own.
+    version: version of hdassist; empty if each record has its own.
+    preset: name of the drive, empty if there are several.
+    inputs: SHA-256 of each input; empty if each record has its own.
     """
 
     schema: Literal["hdassist.kept/1"] = _KEPT_SCHEMA
@@ -81,11 +84,15 @@ class KeptOwner(ClosedRecord):
     seed: int | None = None
 
     def require_same(self, now: KeptOwner, path: str) -> None:
-        """Raise UsageError, with the differences, where the records of a file are not those of the owner now."""
-        # as they would be read from a file, so that tuples and lists are equal
+        """Raise UsageError with the differences if the records of the file belong to another owner.
+
+        now: owner of this run.
+        path: name of the file.
+        """
+        # convert both to JSON and back, so that tuples and lists are equal
         before, after = (json.loads(json.dumps(asdict(owner))) for owner in (self, now))
         for inputs, name in product((before, after), ("inputs", "options")):
-            # flat, so that each difference is named by its own key
+            # flat keys, so that each difference has its own name
             inputs |= {f"{name}.{key}": value for key, value in inputs.pop(name).items()}
         differences = [
             f"{key}: {_short(before.get(key))} there, {_short(after.get(key))} here"
@@ -104,8 +111,9 @@ _OTHER_FILE = "name another file, or delete this one"
 class RecordKind(Generic[_RecordT]):
     """Kind of the records of a file.
 
-    adapter: their type, closed and of finite numbers; fault: why a record cannot be the item of a number, empty where
-    it can; hint: the remedy for one that does not hold.
+    adapter: type of the records, without other fields and with finite numbers.
+    fault: function that returns the reason why a record cannot have an item number, or an empty text.
+    hint: remedy for an invalid record.
     """
 
     adapter: TypeAdapter[_RecordT]
@@ -120,19 +128,20 @@ class RecordKind(Generic[_RecordT]):
         above: bytes,
         name: str,
     ) -> Iterator[tuple[_RecordT, bytes]]:
-        """Yield records with their lines; a last one that is not finished is left out.
+        """Yield records with their lines, without an incomplete last one.
 
-        lines: those below the owner.
-        above: the owner's checksum.
-        name: of the file, in messages.
-        Raises DataError for a record that does not hold.
+        lines: lines below the owner.
+        above: checksum of the owner.
+        name: name of the file in messages.
+
+        Raises DataError for an invalid record.
         """
-        checksum = above  # of the line above, which each line carries
-        # each checksum covers the line above, so no line can be moved or taken out
+        checksum = above  # checksum of the previous line, which each line includes
+        # each checksum covers the previous line, so no line can be moved or removed
         for item, line in enumerate(lines):
             try:
                 fields, checksum = _unsealed(line, checksum)
-                # a line of another place in the file
+                # the line belongs to another position in the file
                 if fields.pop("item", None) != item:
                     raise ValueError(f"expected item {item}")
                 record = self.adapter.validate_python(fields)
@@ -140,8 +149,9 @@ class RecordKind(Generic[_RecordT]):
                     raise ValueError(fault)
             except (ValueError, RecursionError) as error:
                 begin = b'{"item":%d,' % item
-                start = line.rstrip(b"\0")[: len(begin)]  # zeros stand where power was lost before data came to disk
-                # the last line of a killed run: it is made anew
+                # zeros appear where power was lost before data reached the disk
+                start = line.rstrip(b"\0")[: len(begin)]
+                # an incomplete last line of a killed run is computed again
                 if not line.endswith(b"\n") and len(line) < _LONGEST_LINE and begin.startswith(start):
                     return
                 raise DataError(f"{name}:{item + 2}: invalid record: {why_invalid(error)}", self.hint) from None
@@ -150,9 +160,10 @@ class RecordKind(Generic[_RecordT]):
 
 @dataclass
 class Kept(Generic[_RecordT]):
-    """An open file of records, made by `open_kept`; done: how many it has, which a stop may ask for at any time.
+    """An open file of records, returned by `open_kept`.
 
-    _lock: descriptor of the file whose lock keeps other runs out, which is this file or another one beside it.
+    done: number of records, which a stop may read at any time.
+    _lock: descriptor of the file whose lock excludes other runs, which is this file or a separate one.
     """
 
     _path: str | None
@@ -162,38 +173,38 @@ class Kept(Generic[_RecordT]):
     _kind: RecordKind[_RecordT]
     done: int = 0
     _size: int = 0  # bytes
-    _checksum: bytes = b""  # of the last line
+    _checksum: bytes = b""  # checksum of the last line
 
     def append(self, records: Iterable[_RecordT]) -> None:
-        """Write the records of the next items; when this returns they outlast a loss of power.
+        """Write the records of the next items; once this returns, they survive a power failure.
 
-        Raises DataError: they cannot be written, or the file is not what this run has written.
+        Raises DataError if they cannot be written, or if the file differs from what this run has written.
         """
         lines = []
         checksum = self._checksum
         for item, record in enumerate(records, self.done):
-            # sealed with the checksum of the line above
+            # include the checksum of the previous line
             lines.append(_sealed({"item": item, **self._kind.adapter.dump_python(record, mode="json")}, checksum))
             checksum = _checksum_of(lines[-1])
-        # one write: a stop leaves whole lines, or one unfinished line
+        # a single write, so that a stop leaves complete lines or one incomplete line
         self._write(b"".join(lines), len(lines))
         self._checksum = checksum
 
     def records(self) -> Iterator[_RecordT]:
-        """Yield the records that are there, in the order of the items, to be read before more are written.
+        """Yield the existing records in the order of the items, to be read before more are written.
 
-        Raises DataError: one that does not hold.
+        Raises DataError for an invalid record.
         """
         lines = _lines(self._descriptor)
         read = self._kind.read(lines, _checksum_of(next(lines, b"")), str(self._path))
-        # another process cannot have added any: the file is locked
+        # another process cannot have added records, because the file is locked
         for _ in range(self.done):
             if (record := next(read, None)) is None:
                 raise self._lost()
             yield record[0]
 
     def rewrite(self, records: Iterable[_RecordT]) -> None:
-        """Put records of this run's owner in place of all that the file has; until then it stays as it is."""
+        """Replace the whole content of the file by records of this run's owner, in one step."""
         assert self._path is not None
         if system.locks_beside():
             self._rewrite_closed(self._path, records)
@@ -201,14 +212,14 @@ class Kept(Generic[_RecordT]):
             self._rewrite_open(self._path, records)
 
     def _rewrite_open(self, path: str, records: Iterable[_RecordT]) -> None:
-        """Rewrite a file that has its own lock: the new one is locked before it gets the name."""
+        """Rewrite a file that is its own lock; the new file is locked before it receives the name."""
         with (
             _writing(path),
             in_place_of(path) as part_file,
             at_stop(partial(part_file.unlink, missing_ok=True)),
         ):
             descriptor, lock = _locked(str(part_file))
-            # a complete file under another name, which takes the place of this one at once
+            # a complete file under another name, which replaces this file in one step
             fresh = Kept(
                 _path=str(part_file),
                 _descriptor=descriptor,
@@ -218,14 +229,14 @@ class Kept(Generic[_RecordT]):
             )
             fresh.begin()
             fresh.append(records)
-        # the new file is locked already, so no other run can come between
+        # the new file is already locked, so no other run can intervene
         os.close(self._descriptor)
         self._descriptor = descriptor
         self._lock = lock
         self._take_content(fresh)
 
     def _rewrite_closed(self, path: str, records: Iterable[_RecordT]) -> None:
-        """Rewrite a file whose lock is another one beside it: both are closed when the new one gets the name."""
+        """Rewrite a file with a separate lock; both files are closed when the new one receives the name."""
         try:
             with (
                 _writing(path),
@@ -248,25 +259,25 @@ class Kept(Generic[_RecordT]):
                 os.close(self._descriptor)
                 self._descriptor = _CLOSED
         finally:
-            # Windows replaces no open file: it was closed for the moment
+            # Windows does not replace an open file, so it was closed temporarily
             if self._descriptor == _CLOSED:
                 with _writing(path):
                     self._descriptor = _opened(path)
         self._take_content(fresh)
 
     def _take_content(self, rewritten: Kept[_RecordT]) -> None:
-        """Take over what the rewritten file has: it has the name of this one now."""
+        """Copy the state of the rewritten file, which now has the name of this one."""
         self.done = rewritten.done
         self._size = rewritten._size
         self._checksum = rewritten._checksum
 
     def require_there(self) -> None:
-        """Raise DataError unless the file of this name is still the one that this run writes, and no line is cut."""
+        """Raise DataError if the named file is not the file written by this run, or if it was truncated."""
         if self._path is None:
             return
         with suppress(OSError):
             status = Path(self._path).stat()
-            # the same file still, and no shorter
+            # still the same file and not shorter
             if os.path.samestat(status, os.fstat(self._descriptor)) and status.st_size >= self._size:
                 return
         raise self._lost()
@@ -278,32 +289,33 @@ class Kept(Generic[_RecordT]):
         )
 
     def begin(self) -> None:
-        """Empty the file, and write the owner."""
+        """Empty the file and write the owner."""
         self._cut(0)
         line = _sealed(asdict(self._owner), b"")
         self._write(line)
         self._checksum = _checksum_of(line)
 
     def take_up(self) -> None:
-        """Count the records that are there, and drop a last line that is not finished.
+        """Count the existing records and drop an incomplete last line.
 
-        Raises UsageError: they are of another run, or none of ours; DataError: one that does not hold.
+        Raises UsageError if the records belong to another run or were not written by hdassist, DataError for an invalid
+        record.
         """
         name = str(self._path)
         lines = _lines(self._descriptor)
         first = next(lines, b"")
         # not even the owner was written completely
         if not first.endswith(b"\n") and _sealed(asdict(self._owner), b"").startswith(first):
-            return self.begin()  # empty, or begun by a run that was killed
+            return self.begin()  # empty, or started by a run that was killed
         owner, self._checksum = _owner_of(first, name)
-        # records of other inputs must not be mixed
+        # records with different inputs must not be mixed
         owner.require_same(self._owner, name)
         self._size = len(first)
         for _, line in self._kind.read(lines, self._checksum, name):
             self.done = self.done + 1
             self._size = self._size + len(line)
             self._checksum = _checksum_of(line)
-        # behind the last complete record
+        # after the last complete record
         if os.fstat(self._descriptor).st_size > self._size:
             self._cut(self._size)
         return None
@@ -317,12 +329,12 @@ class Kept(Generic[_RecordT]):
         self.require_there()
         with _writing(self._path, "" if self._path is None else "resume with the same command"):
             remaining = memoryview(data)
-            # a write may take a part only
+            # a single call may write only part of the data
             while remaining:
                 remaining = remaining[os.write(self._descriptor, remaining) :]
             self.done += records
             if self._path is not None:
-                # a finished record outlasts a loss of power
+                # a finished record must survive a power failure
                 os.fsync(self._descriptor)
         self._size += len(data)
 
@@ -336,12 +348,16 @@ def open_kept(
     force: bool = False,
     patience: float = LOCK_PATIENCE,
 ) -> Iterator[Kept[_RecordT]]:
-    """A file to which records are added, behind those that a run before it has left there; one run at a time holds it.
+    """Open a file to which records are added after those of previous runs; only one run at a time has access.
 
-    Arguments: path, None for a file without a name that goes when it is closed; owner of this run; kind of its records;
-    force, whether whatever is there is replaced; patience [s], with another run that holds it.
-    Raises UsageError: the file holds anything else than the work of this owner, or another run writes it; DataError: it
-    cannot be written, has a record that does not hold, or is removed or cut while it is written.
+    path: name of the file; None for a temporary file without a name.
+    owner: owner of this run.
+    kind: kind of the records.
+    force: whether existing content is replaced.
+    patience: time to wait for another run that has the file open [s].
+
+    Raises UsageError if the file contains anything other than records of this owner or if another run is writing it,
+    DataError if it cannot be written, contains an invalid record, or is removed or truncated while it is written.
     """
     descriptor, lock = _locked(path, patience)
     kept = Kept(
@@ -352,7 +368,7 @@ def open_kept(
         _kind=kind,
     )
     try:
-        # --force: what the file has is given up
+        # --force discards the existing content
         if force:
             kept.begin()
         else:
@@ -360,11 +376,11 @@ def open_kept(
         yield kept
         kept.require_there()
     finally:
-        system.unlock(kept._lock)  # whoever still reads has a descriptor too
+        system.unlock(kept._lock)  # other processes may still have a descriptor of the file
         os.close(kept._descriptor)
         if path is not None and system.locks_beside():
             os.close(kept._lock)
-            with suppress(OSError):  # the next run waits for it
+            with suppress(OSError):  # fails while the next run is waiting for the lock
                 _lock_file(path).unlink()
 
 
@@ -373,7 +389,10 @@ def read_kept(
     name: str,
     kind: RecordKind[_RecordT],
 ) -> list[_RecordT] | None:
-    """Return the records of a file that is only read; None for another form. Raises DataError as `open_kept` does."""
+    """Return the records of a file that is only read, None if it has another form.
+
+    Raises DataError for an invalid record.
+    """
     lines = BytesIO(data)
     try:
         _, previous = _owner_of(lines.readline(), name)
@@ -383,15 +402,15 @@ def read_kept(
 
 
 def _locked(path: str | None, patience: float = LOCK_PATIENCE) -> tuple[int, int]:
-    """Return the descriptors of a file and of its lock, held until they are closed or this process ends, in any way.
+    """Return the descriptors of a file and of its lock, which lasts until both are closed or this process ends.
 
-    Raises UsageError: another run holds it; DataError: it cannot be opened.
+    Raises UsageError if another run has the lock, DataError if the file cannot be opened.
     """
-    # without a file the work is kept in an unnamed one, which ends with the process
+    # without a name the records are in a temporary file, which disappears with the process
     if path is None:
         with _writing(path), tempfile.TemporaryFile() as file:
             descriptor = os.dup(file.fileno())
-        return descriptor, descriptor  # nobody else can open it
+        return descriptor, descriptor  # no other process can open it
     if path.endswith(".parquet"):
         raise UsageError(
             f"{path} would be written as JSON Lines", "use FILE.jsonl for results; for a table use --parquet FILE"
@@ -417,61 +436,72 @@ def _held(
     path: str,
     patience: float,
 ) -> int:
-    """Return the descriptor of a file whose lock this process has; path, the name for messages; patience [s]."""
+    """Return the descriptor of a file locked by this process.
+
+    place: file that carries the lock.
+    path: name of the file in messages.
+    patience: time to wait [s].
+    """
     begun = time.monotonic()
-    # a lock of a killed run ends with its last process
+    # the lock of a killed run ends with its last process
     while True:
         with _writing(path):
             descriptor = _opened(place)
             try:
                 system.lock(descriptor)
-                # another run may have put a new file in its place meanwhile
+                # another run may have replaced the file in the meantime
                 if os.path.samestat(os.fstat(descriptor), Path(place).stat()):
                     return descriptor
             except FileNotFoundError:
-                pass  # it was replaced meanwhile
+                pass  # the file was replaced in the meantime
             except BlockingIOError:
                 if time.monotonic() - begun > patience:
-                    os.close(descriptor)  # Windows removes no open file
+                    os.close(descriptor)  # Windows does not remove an open file
                     message = f"{path} is being written by another run"
                     raise UsageError(message, "wait for it to end, or name another file") from None
                 time.sleep(0.05)
             os.close(descriptor)
 
 
-_CLOSED = -1  # in place of a descriptor
+_CLOSED = -1  # value in place of the descriptor of a closed file
 
 
 def _opened(path: str) -> int:
-    """Return the descriptor of a file that is read and written behind its end. Raises OSError: it cannot be opened."""
+    """Return the descriptor of a file opened for reading and appending.
+
+    Raises OSError if it cannot be opened.
+    """
     return os.open(path, os.O_RDWR | os.O_APPEND | os.O_CREAT | system.BINARY, 0o666)
 
 
 def _lock_file(path: str) -> Path:
-    """Return the file whose lock is that of another one, by whatever link this is named."""
+    """Return the lock file of a file, which is the same for all links to it."""
     target = Path(os.path.realpath(path))
     return target.with_name(f".{target.name[:100]}.lock")
 
 
 @contextmanager
 def _writing(path: str | None, hint: str = "") -> Iterator[None]:
-    """Raise DataError, with a hint, for the system's error of a file."""
+    """Convert an OSError or ValueError raised in the block into a DataError that names the file, with a hint."""
     try:
         yield
-    except (OSError, ValueError) as error:  # ValueError: a path with a NUL in it
+    except (OSError, ValueError) as error:  # ValueError: the path contains a NUL
         name = "a temporary file" if path is None else path or "a file without a name"
         raise DataError(f"cannot write {name}: {os_reason(error)}", hint, Fault.FILE_UNWRITABLE) from None
 
 
 def _lines(descriptor: int) -> Iterator[bytes]:
-    """Yield the lines of a file, each with its end; one that is longer than any of ours comes in parts."""
+    """Yield the lines of a file with their ends; a line longer than any of ours is split."""
     with os.fdopen(os.dup(descriptor), "rb") as file:
         file.seek(0)
         yield from iter(partial(file.readline, _LONGEST_LINE), b"")
 
 
 def _sealed(fields: Mapping[str, Any], above: bytes) -> bytes:
-    """Return a JSON object as a line with its checksum; above, that of the line above. Never NaN or Infinity."""
+    """Return a JSON object as a line with its checksum, without NaN or Infinity.
+
+    above: checksum of the previous line.
+    """
     text = printable(
         json.dumps(
             fields,
@@ -485,7 +515,10 @@ def _sealed(fields: Mapping[str, Any], above: bytes) -> bytes:
 
 
 def _unsealed(line: bytes, above: bytes) -> tuple[dict[str, Any], bytes]:
-    """Return the fields and checksum of a line. Raises ValueError: it is not as `_sealed` writes it."""
+    """Return the fields and the checksum of a line.
+
+    Raises ValueError if the line differs from the form that `_sealed` writes.
+    """
     with suppress(ValueError, LookupError, TypeError, AttributeError):
         fields: dict[str, Any] = json.loads(line)
         del fields["checksum"]
@@ -501,7 +534,7 @@ def _checksum_of(line: bytes) -> bytes:
 def _owner_of(line: bytes, name: str) -> tuple[KeptOwner, bytes]:
     """Return the owner in the first line of a file, and its checksum.
 
-    Raises UsageError: the file is not of this form; DataError: it is, and was changed.
+    Raises UsageError if the file has another form, DataError if it was changed.
     """
     if not line.startswith(b'{"schema":"%s",' % _KEPT_SCHEMA.encode()):
         raise UsageError(f"{name} exists and was not written by hdassist", _OTHER_FILE)
@@ -515,7 +548,7 @@ def _owner_of(line: bytes, name: str) -> tuple[KeptOwner, bytes]:
 
 
 def why_invalid(error: Exception) -> str:
-    """Return the fault of a line or of fields that are no record: of a record, its first field at fault."""
+    """Return the reason why a line is not a valid record; with several invalid fields, the fault of the first one."""
     if not isinstance(error, ValidationError):
         return "nested too deep" if isinstance(error, RecursionError) else str(error)
     first = error.errors(include_url=False)[0]
@@ -529,24 +562,24 @@ def _short(value: Any) -> str:
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
-# --- answers in the user's cache folder
+# --- results in the user's cache folder
 #
-# They have a folder of their own in the one that is named, for this user alone: no link is followed and no file of
-# another owner read, replaced or removed. A file is named by its kind and key; its
-# first line has the key and the checksum of the rest. Whatever does not hold is as if it were not there. The folder may
-# be emptied at any time, and if it cannot be used no data are kept.
+# Results have a separate private folder within the given folder. No link is followed, and no file of another owner is
+# read, replaced or removed. The name of a file consists of its kind and key. Its first line contains the key and the
+# checksum of the data. An invalid file is ignored. The folder may be emptied at any time; if it cannot be used, no data
+# are stored.
 
 _AnswerT = TypeVar("_AnswerT")
 
-# variables: another folder; whether answers are not kept
+# environment variables: location of the cache folder, and a switch that disables the cache
 FOLDER = "HDASSIST_CACHE"
 NO_CACHE = "HDASSIST_NO_CACHE"
-OWN_FOLDER = "answers"  # in the folder of the cache
-_LARGEST_FILE = 1 << 24  # bytes of a file
-MOST = 1 << 26  # bytes of all files: above it the oldest go
+OWN_FOLDER = "answers"  # name of the folder within the cache folder
+_LARGEST_FILE = 1 << 24  # largest size of a file [bytes]
+MOST = 1 << 26  # total size of all files [bytes] above which the oldest are removed
 _OLDEST_LEFT = 0.75  # share of MOST that remains after the oldest results were removed
-_OWN_FILE = re.compile(r"\.?[a-z]+-[0-9a-f]{16}(\.[0-9a-f]{8}\.part)?")  # a kept one, or one that is being written
-_UNUSABLE = (OSError, ValueError)  # a path with a NUL
+_OWN_FILE = re.compile(r"\.?[a-z]+-[0-9a-f]{16}(\.[0-9a-f]{8}\.part)?")  # a stored file, or one that is being written
+_UNUSABLE = (OSError, ValueError)  # ValueError: the path contains a NUL
 
 
 def cache_folder() -> Path:
@@ -555,13 +588,16 @@ def cache_folder() -> Path:
 
 
 def keeps_answers() -> bool:
-    """Return whether answers are read from the cache and kept there."""
+    """Return whether results are read from the cache and stored there."""
     return not os.environ.get(NO_CACHE)
 
 
 @cache
 def program(*packages: str) -> tuple[str, ...]:
-    """Return all of this installation that answers depend on, with packages by name beside numpy and scipy."""
+    """Return all properties of this installation that results depend on.
+
+    packages: names of packages in addition to numpy and scipy.
+    """
     source = sha256()
     package = Path(__file__).parents[1]
     for path in sorted(path for kind in ("*.py", "*.toml", "*.c") for path in package.rglob(kind)):
@@ -573,14 +609,17 @@ def program(*packages: str) -> tuple[str, ...]:
 
 @cache
 def operating_system() -> str:
-    """Return the operating system, the kind of machine and the C library, on which last digits depend."""
-    # not platform.platform(), which starts a process for the processor's name
+    """Return the operating system, the machine type and the C library, on which last digits depend."""
+    # platform.platform() would start a process to find the name of the processor
     about = platform.system(), platform.release(), platform.version(), platform.machine(), *platform.libc_ver()
     return " ".join(about)
 
 
 def why_unsafe() -> str:
-    """Return why the cache is not used: who else could have written to its folder; empty if it is safe."""
+    """Return the reason why the cache folder is not safe to use, or an empty text.
+
+    It is not safe if another user may write to it.
+    """
     with suppress(*_UNUSABLE):
         try:
             with _own_folder():
@@ -591,14 +630,18 @@ def why_unsafe() -> str:
 
 
 def cached(kind: str, key: str) -> bytes | None:
-    """Return data kept of a kind by a key (SHA-256); None if there are none, or they do not hold."""
+    """Return stored data, None if there are none or if they are invalid.
+
+    kind: kind of the data.
+    key: key of the data (SHA-256).
+    """
     name = _name(kind, key)
     with suppress(*_UNUSABLE), _own_folder() as folder:
         content = folder.read(name, _LARGEST_FILE)
         if content is not None:
             first, _, data = content.partition(b"\n")
             if first == _first_line(key, data):
-                folder.note_use(name)  # the oldest go first
+                folder.note_use(name)  # the files not used for longest are removed first
                 return data
     return None
 
@@ -608,7 +651,11 @@ def keep(
     key: str,
     data: bytes,
 ) -> None:
-    """Keep data of a kind by a key (SHA-256), in place of those before; none if that cannot be written."""
+    """Store data in place of previous data, or do nothing if they cannot be written.
+
+    kind: kind of the data.
+    key: key of the data (SHA-256).
+    """
     name = _name(kind, key)
     line = _first_line(key, data)
     if len(line) + len(data) >= _LARGEST_FILE:
@@ -631,9 +678,11 @@ def kept_answer(
     adapter: TypeAdapter[_AnswerT],
     compute: Callable[[], _AnswerT],
 ) -> _AnswerT:
-    """Return an answer of a kind as it is kept, or computed and kept.
+    """Return a stored result, or compute and store it.
 
-    Arguments: depends, all that decides it, as JSON; adapter, its type.
+    depends: everything that determines the result, as JSON.
+    adapter: type of the result.
+    compute: function that computes the result.
     """
     answer = KeptAnswer(kind, depends, adapter)
     if (value := answer.found()) is None:
@@ -643,9 +692,10 @@ def kept_answer(
 
 @dataclass(frozen=True)
 class KeptAnswer(Generic[_AnswerT]):
-    """An answer of a kind that is kept, or will be.
+    """A result that is stored in the cache, or will be.
 
-    depends, all that decides it, as JSON; adapter, its type.
+    depends: everything that determines the result, as JSON.
+    adapter: type of the result.
     """
 
     kind: str
@@ -657,26 +707,29 @@ class KeptAnswer(Generic[_AnswerT]):
         return sha256(json.dumps(self.depends, sort_keys=True).encode()).hexdigest()
 
     def found(self) -> _AnswerT | None:
-        """Return the answer as it is kept; None if there is none, or it does not hold."""
+        """Return the stored result, None if there is none or if it is invalid."""
         with suppress(ValueError):
             return self.adapter.validate_json((keeps_answers() and cached(self.kind, self._key)) or b"")
         return None
 
     def keep(self, answer: _AnswerT) -> None:
-        """Keep the answer, where answers are kept."""
+        """Store the result if the cache is enabled."""
         if keeps_answers():
             keep(self.kind, self._key, self.adapter.dump_json(answer))
 
 
 def cached_files() -> list[int]:
-    """Return the sizes of the files that are kept [bytes]."""
+    """Return the sizes of the stored files [bytes]."""
     with suppress(*_UNUSABLE), _own_folder() as folder:
         return [about.st_size for _, about in _files(folder)]
     return []
 
 
 def empty_cache() -> None:
-    """Remove all that is kept, and no other file. Raises OSError: one cannot be removed."""
+    """Remove all stored files, and no other files.
+
+    Raises OSError if a file cannot be removed.
+    """
     with suppress(FileNotFoundError), _own_folder() as folder:
         _prune(folder, 0, 0)
 
@@ -686,7 +739,11 @@ def _prune(
     most: float,
     left: float,
 ) -> None:
-    """Remove the oldest files until so many bytes are left, where there are more than most."""
+    """Remove the oldest files if the total size exceeds a limit.
+
+    most: limit of the total size [bytes].
+    left: largest total size after the removal [bytes].
+    """
     files = _files(folder)
     total = sum(about.st_size for _, about in files)
     for name, about in files if total > most else ():
@@ -697,14 +754,17 @@ def _prune(
 
 
 def _files(folder: PrivateFolder) -> list[tuple[str, os.stat_result]]:
-    """Name of each file of the cache, and what is known of it, the one first that was used the longest ago."""
+    """Return the name and status of each file of the cache, the least recently used first."""
     names = filter(_OWN_FILE.fullmatch, folder.names())
     files = [(name, about) for name in names if (about := folder.own_status(name))]
     return sorted(files, key=lambda each: each[1].st_mtime)
 
 
 def _own_folder(*, makes: bool = False) -> AbstractContextManager[PrivateFolder]:
-    """Return the folder for this user alone, to be opened; makes: whether it is made if there is none."""
+    """Return a context manager that opens the private folder of this user.
+
+    makes: whether a missing folder is created.
+    """
     return private_folder(cache_folder(), OWN_FOLDER, makes=makes)
 
 

@@ -1,4 +1,4 @@
-"""Arrays of finite numbers, with their proof, in the user's cache folder."""
+"""Arrays of finite numbers, with their verification, in the user's cache folder."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ def kept_array(
     proof_type: type[_ProofT],
     compute: Callable[[], tuple[NDArray[np.float64], _ProofT]],
 ) -> tuple[NDArray[np.float64], _ProofT]:
-    """Return an array and its proof from the cache, or compute and keep them.
+    """Return an array and its verification from the cache, or compute and store them.
 
     Args:
-        kind: of the result, part of its name in the cache.
-        depends: all that decides the result, as JSON.
-        shape: of the array.
-        proof_type: type of the proof.
-        compute: returns the array and its proof.
+        kind: kind of the result, which is part of its name in the cache.
+        depends: everything that determines the result, as JSON.
+        shape: shape of the array.
+        proof_type: type of the verification.
+        compute: function that returns the array and its verification.
     """
 
     def computed_bytes() -> tuple[bytes, _ProofT]:

@@ -1,4 +1,4 @@
-"""How the work of a command is carried out: one object that computations are given, engines by name, long streams."""
+"""Execution of the work of a command: settings passed to computations, executors by name, and streams of many items."""
 
 from __future__ import annotations
 
@@ -44,16 +44,18 @@ from hdassist.run.system import (
 
 _ResultT = TypeVar("_ResultT")
 Progress = Callable[[int], None]
-CROSS_SOLVER = "HIGHS"  # the solver by which some states are solved again
+CROSS_SOLVER = "HIGHS"  # solver that solves some states again as a check
 
 
 @dataclass(frozen=True)
 class Run:
-    """How work is carried out: where, watched by whom, from which seed, and checked by which solver.
+    """Execution settings: where work is done, its progress, the seed, and the solver of the cross-check.
 
-    executor: spreads the work (any of concurrent.futures; no number depends on it), None for this process; progress:
-    called with numbers of states that were solved; seed of samples; cross_check: the solver, of those that cvxpy knows,
-    by which extremes and a sample of states are solved again, None for none.
+    executor: executor that distributes the work (any of concurrent.futures; no result depends on it), None for this
+        process.
+    progress: function called with numbers of solved states.
+    seed: seed of samples.
+    cross_check: name of a cvxpy solver that solves the extremes and a sample of states again, None for no check.
     """
 
     executor: Executor | None = None
@@ -62,36 +64,39 @@ class Run:
     cross_check: str | None = CROSS_SOLVER
 
     def map(self, function: Callable[..., _ResultT], *columns: Iterable[Any]) -> Iterator[_ResultT]:
-        """Return the results of a function over rows of arguments, in their order."""
+        """Return the results of a function over rows of arguments, in order."""
         return iter((self.executor.map if self.executor else map)(function, *columns))
 
     def solved(self, states: int) -> None:
-        """Report to the progress that so many states more were solved."""
+        """Report further solved states to the progress.
+
+        states: number of states.
+        """
         if self.progress:
             self.progress(states)
 
     def beside(self, function: Callable[..., _ResultT], *arguments: Any) -> Future[_ResultT]:
-        """Answer of a function that imports much, found while the rest goes on.
+        """Return the future result of a function that imports large packages, computed in parallel with other work.
 
-        All such functions of a command share one process, whose imports the others are spared.
+        All such functions of a command share one process, so other processes need not import the packages.
         """
         if self.executor:
-            # a process of its own if there is one, since it imports cvxpy
+            # use the separate process if there is one, because it imports cvxpy
             return (getattr(self.executor, "beside", None) or self.executor).submit(function, *arguments)
         future: Future[_ResultT] = Future()
-        # without processes the answer is there at once
+        # without processes the result is available at once
         future.set_result(function(*arguments))
         return future
 
     @property
     def at_a_time(self) -> int:
-        """How many tasks are worked on at a time by now; 0 if that is not known, or in this process."""
-        # executors of the library have no size
+        """Number of tasks that are currently processed in parallel; 0 if unknown or in this process."""
+        # executors of the standard library have no size
         return int(getattr(self.executor, "size", 0))
 
     @property
     def of_task(self) -> Run:
-        """The run of one task: in a process of its own, which reports once it is done, or in this one."""
+        """Settings for one task: in a separate process it reports only when it is done, in this process as usual."""
         return replace(
             self,
             executor=None,
@@ -99,25 +104,22 @@ class Run:
         )
 
     def finished(self, states: int) -> None:
-        """Report the states of a task to the progress, where it could not do so itself."""
+        """Report the states of a task to the progress if the task could not do so itself."""
         if self.executor:
             self.solved(states)
 
 
-UNCHECKED = Run(cross_check=None)  # in this process, no state solved again
+UNCHECKED = Run(cross_check=None)  # in this process, without a cross-check
 
 # --- dask: workers of another package, on one machine or many
 
-_RETRIES = 3  # attempts for a task whose worker was lost
-TIMEOUT = 10.0  # s for a scheduler to answer
-_Installation = Callable[[], object]  # all that the digits of an answer depend on, if it is called
+_RETRIES = 3  # number of attempts for a task whose worker was lost
+TIMEOUT = 10.0  # s; time allowed for a scheduler to respond
+_Installation = Callable[[], object]  # returns everything that the digits of a result depend on
 
 
 class Cluster(Executor):
-    """An executor of another package, each worker of which is asked whether it has the same installation.
-
-    size: how many tasks it works on at a time, by now.
-    """
+    """An executor of another package that checks whether each worker has the same installation."""
 
     def __init__(
         self,
@@ -134,15 +136,15 @@ class Cluster(Executor):
 
     @property
     def size(self) -> int:
-        """How many tasks are worked on at a time: workers may join and leave."""
-        # asking a scheduler takes a message to it
+        """Number of tasks processed in parallel, which changes as workers join and leave."""
+        # each query sends a message to the scheduler
         if time.monotonic() > self._asked + _SECONDS:
             self._known = max(1, self._size())
             self._asked = time.monotonic()
         return self._known
 
     def submit(self, task: Callable[..., Any], /, *args: Any, **more: Any) -> Future[Any]:
-        """Return the answer of a task."""
+        """Return the future result of a task."""
         return self._engine.submit(_same_there, self._installation, self._here, task, args, more)
 
 
@@ -153,8 +155,11 @@ def _same_there(
     args: tuple[Any, ...],
     more: dict[str, Any],
 ) -> Any:
-    """Do a task on a worker. Raises UntrustedError: its installation is not that of the process that asks."""
-    # other versions may have other last digits
+    """Perform a task on a worker.
+
+    Raises UntrustedError if the installation of the worker differs from that of the requesting process.
+    """
+    # other versions may give other last digits
     if (worker_installation := installation()) != expected:
         message = f"the worker on {platform.node()} has another installation: {worker_installation}, not {expected}"
         raise UntrustedError(message, "install the same versions on all machines", Fault.WORKERS_LOST)
@@ -167,11 +172,14 @@ def cluster(
     jobs: int,
     installation: _Installation,
 ) -> Iterator[Cluster]:
-    """An engine by its name, as ENGINES has it; it stays for the next time, and ends with this process.
+    """Provide an executor of another package, which remains for further use and ends with this process.
 
-    Arguments: name, with "=ADDRESS" of a scheduler that runs already; jobs, workers that are begun if there is none
-    (0: one for each core); installation. Raises UsageError: no such engine, or its package is not there; DataError: it
-    cannot be reached or begun; UntrustedError: it has lost the work, or a worker has another installation.
+    name: dask, or dask=ADDRESS of a running scheduler.
+    jobs: number of workers started without a scheduler (0: one per core).
+    installation: function that returns everything that the digits of a result depend on.
+
+    Raises UsageError if the executor is unknown or its package is not installed, DataError if it cannot be reached or
+    started, UntrustedError if it lost the work or a worker has another installation.
     """
     kind, _, address = name.partition("=")
     if kind != "dask":
@@ -181,7 +189,7 @@ def cluster(
     except ImportError as error:
         message = f"--executor dask needs a package that is not installed: {error.name or error}"
         raise UsageError(message, command_line(["pip", "install", "hdassist[dask]"])) from None
-    # all of them mean that no work can be done there
+    # every error means that no work can be done there
     except Exception as error:  # dask and its transports raise errors of many types when they cannot connect
         message = f"cannot reach or start {name}: {str(error) or type(error).__name__}"
         raise DataError(
@@ -190,7 +198,7 @@ def cluster(
     try:
         yield engine
     except Exception as error:
-        # errors of tasks are not those of dask
+        # errors of tasks are not errors of dask
         if type(error).__module__.partition(".")[0] not in ("distributed", "dask", "concurrent"):
             raise
         message = f"dask lost the work: {str(error) or type(error).__name__}"
@@ -198,7 +206,7 @@ def cluster(
         raise UntrustedError(message, hint, Fault.WORKERS_LOST) from None
 
 
-_clusters = ExitStack()  # closes the clusters that this process has begun or is connected to
+_clusters = ExitStack()  # closes the clusters that this process has started or connected to
 
 
 @cache
@@ -207,10 +215,10 @@ def _dask_cluster(
     jobs: int,
     installation: _Installation,
 ) -> Cluster:
-    """Return the cluster of a scheduler, or of workers on this machine, begun once and kept until this process ends."""
+    """Return the cluster of a scheduler, or of workers on this machine, which is started once per process."""
     with ExitStack() as stack:
         client = _dask_client(stack, address, count(jobs))
-        # handed over only when everything has begun
+        # pass the resources on only after everything has started
         _clusters.enter_context(stack.pop_all())
     engine = client.get_executor(pure=False, retries=_RETRIES)
     return Cluster(engine, lambda: sum(client.nthreads().values()), installation)
@@ -218,8 +226,8 @@ def _dask_cluster(
 
 @atexit.register
 def end_clusters() -> None:
-    """End the engines that this process has begun, and leave those that ran already."""
-    # workers end before the interpreter does
+    """End the clusters that this process has started, and disconnect from those that were already running."""
+    # workers must end before the interpreter does
     _clusters.close()
     _dask_cluster.cache_clear()
 
@@ -229,31 +237,32 @@ def _dask_client(
     address: str,
     worker_count: int,
 ) -> Any:
-    """Return a client of dask, closed with the stack.
+    """Return a dask client that is closed with the stack.
 
     Arguments:
-        stack: what is begun here ends with it.
-        address: of a running scheduler, with TLS as dask's own configuration has it; empty for workers on this machine.
-        worker_count: workers that are begun without an address.
+        stack: stack that closes everything started here.
+        address: address of a running scheduler, with TLS as in the configuration of dask; empty for workers on this
+            machine.
+        worker_count: number of workers started without an address.
     """
     config = import_module("dask.config")
     distributed = import_module("distributed")
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # the error that cluster() raises has the message
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # the error raised by cluster() contains the message
     # a running scheduler has its own configuration
     if address:
         return stack.enter_context(distributed.Client(address, timeout=TIMEOUT))
-    # no pages of a dashboard: they are open to every user of the machine
+    # no dashboard pages, because they are open to every user of the machine
     stack.enter_context(
         config.set(
             {
-                "logging.distributed": "critical",  # in the workers too
+                "logging.distributed": "critical",  # also in the workers
                 "distributed.scheduler.http.routes": [],
                 "distributed.worker.http.routes": [],
             }
         )
     )
-    # Every user of the machine can connect to the ports of a local cluster, and a connection may run code: TLS with a
-    # key that only this process has.
+    # Every user of the machine can connect to the ports of a local cluster, and a connection may run code, so the
+    # cluster uses TLS with a key that only this process has.
     local_cluster = distributed.LocalCluster(
         n_workers=worker_count,
         threads_per_worker=1,
@@ -270,10 +279,10 @@ def _dask_client(
 
 # --- very many items
 
-_SECONDS = 2.0  # approximate duration of a chunk of work
-_MANY = 100  # workers, from which on chunks grow with their number: one process takes all their answers
-MOST_ITEMS = 10_000  # items in a chunk
-AHEAD = 3  # chunks under way or done for each process
+_SECONDS = 2.0  # s; approximate duration of a chunk of work
+_MANY = 100  # number of workers above which chunks become longer, because one process collects all results
+MOST_ITEMS = 10_000  # largest number of items in a chunk
+AHEAD = 3  # number of chunks in progress or done per process
 
 _Work = Callable[[int, int], list[Any]]
 
@@ -287,48 +296,55 @@ def stream(
     seconds: float = _SECONDS,
     executor: Executor | None = None,
 ) -> Generator[list[Any], None, None]:
-    """Yield records of the items done, done + 1, ... total - 1, in lists of one chunk each; close it to stop the work.
+    """Yield the records of items done, done + 1, ... total - 1, in one list per chunk; closing it stops the work.
 
-    Items go out in chunks that take a few seconds each, by the time of those before them, and only so many ahead of the
-    one that is waited for: memory does not grow with the number of items.
-    Arguments: work, which can be pickled and gives the records of the items first ... last - 1: where chunks begin and
-    end depends on how fast it is, so a record must not depend on that; total; done, how many items are done already;
-    jobs, processes at work (0: one for each core); seconds of work in a chunk; executor in place of such processes, any
-    of concurrent.futures.
-    Raises the errors of the work; UntrustedError: a process was ended from outside.
+    Each chunk takes a few seconds, estimated from the duration of previous chunks. Only a few chunks are in progress,
+    so memory does not grow with the number of items.
+
+    work: picklable function that returns the records of items first ... last - 1. Chunk boundaries depend on its speed,
+        so a record must not depend on them.
+    total: number of items.
+    done: number of items already done.
+    jobs: number of processes (0: one per core).
+    seconds: duration of a chunk [s].
+    executor: any executor of concurrent.futures, in place of such processes.
+
+    Raises the errors of the work, and UntrustedError if a process was ended from outside.
     """
-    # once, instead of with each chunk
+    # pickle the work once, instead of with each chunk
     pickled = pickle.dumps(work)
-    chunks: deque[tuple[int, Future[tuple[float, list[Any]]]]] = deque()  # items of each, and its answer
-    # s and items of chunks that are done, the last ones counting most
+    # number of items of each chunk, and its result
+    chunks: deque[tuple[int, Future[tuple[float, list[Any]]]]] = deque()
+    # duration [s] and number of items of finished chunks, with most weight on the last ones
     end = done
     cost = 0.0
     counted = 0.0
-    # an executor that was passed is not ended here
+    # an executor passed by the caller is not ended here
     with nullcontext(executor) if executor else workers(jobs) as engine:
         try:
             while done < total:
                 at_a_time = engine.size if isinstance(engine, Cluster) else count(jobs)
-                # a few chunks ahead, so that no process waits for the one that collects
+                # a few chunks ahead, so that no process waits for the collecting one
                 while end < total and len(chunks) < AHEAD * at_a_time:
-                    # at the measured cost of an item; 0 before the first chunk is done
+                    # from the measured duration of an item; 0 before the first chunk is done
                     by_time = int(seconds * max(1.0, at_a_time / _MANY) * counted / max(cost, 1e-9))
-                    to_the_end = -(-(total - end) // (2 * at_a_time))  # smaller ones there: all end together
+                    # smaller chunks at the end, so that all processes finish together
+                    to_the_end = -(-(total - end) // (2 * at_a_time))
                     size = max(1, min(by_time, MOST_ITEMS, to_the_end))
                     chunks.append((size, engine.submit(_timed, pickled, end, end + size)))
                     end += size
-                # in their order: records of a file stand in the order of the items
+                # in order, because the records of a file are in the order of the items
                 size, answer = chunks.popleft()
                 took, records = answer.result()
                 if len(records) != size:
                     raise ValueError(f"{len(records)} records of {size} items")
-                # older chunks count half as much each time
+                # the weight of older chunks is halved each time
                 cost = cost / 2 + took
                 counted = counted / 2 + size
                 done = done + size
                 yield records
         finally:
-            # the consumer stopped, or an error came up
+            # the consumer stopped, or an error was raised
             for _, answer in chunks:
                 answer.cancel()
 
@@ -338,7 +354,11 @@ def _timed(
     first: int,
     last: int,
 ) -> tuple[float, list[Any]]:
-    """Return how long some items took [s], and their records; work, pickled."""
+    """Return the time that items took [s], and their records.
+
+    work: the pickled work.
+    first, last: first item, and the item after the last.
+    """
     begun = time.perf_counter()
     records = _unpickled(work)(first, last)
     return time.perf_counter() - begun, records
@@ -346,34 +366,37 @@ def _timed(
 
 @lru_cache(maxsize=1)
 def _unpickled(work: bytes) -> _Work:
-    """Return the work, unpickled once in each process: its caches stay from chunk to chunk."""
+    """Return the work, unpickled once in each process, so that its caches persist between chunks."""
     function: _Work = pickle.loads(work)
     return function
 
 
 # --- processes of this machine
 
-_SHUTDOWN = 2.0  # s at most for processes that were killed to end
+_SHUTDOWN = 2.0  # s; longest wait for killed processes to end
 
 Task = tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]
 
 
 @contextmanager
 def workers(jobs: int) -> Iterator[Executor]:
-    """An executor of so many processes (0: one for each core), which end with the block, whatever they are doing.
+    """Provide an executor of worker processes, which end with the block, whatever they are doing.
 
-    One more is begun for `Run.beside`, but where it would have to import all that it needs. One job is a process too:
-    the same arithmetic, so the same digits for any number of jobs.
-    Raises DataError: the system gives no processes; UntrustedError: one of them was ended from outside.
+    A further process serves `Run.beside`, except where it would have to import everything again. A single job is also a
+    process, so the arithmetic and its last digits are the same for any number of jobs.
+
+    jobs: number of processes (0: one per core).
+
+    Raises DataError if the system does not start processes, UntrustedError if one of them was ended from outside.
     """
-    # a spawned process would import everything anew for a single check
+    # a spawned process would have to import everything again for a single check
     executor = Processes(count(jobs), has_beside=start_method() != "spawn")
     # a stop must not leave processes behind
     with at_stop(executor.kill):
         try:
             try:
                 executor.begin()
-            except BrokenExecutor:  # a process was ended while others were begun
+            except BrokenExecutor:  # a process was ended while others were being started
                 raise
             except (OSError, RuntimeError, EOFError) as error:
                 reason = getattr(error, "strerror", None) or str(error) or "a process ended before it began"
@@ -392,9 +415,10 @@ def workers(jobs: int) -> Iterator[Executor]:
 
 @dataclass
 class _Worker:
-    """The pipe to a process and the sentinel that tells its end; is_there: whether the process has opened its end.
+    """The pipe to a worker process and the sentinel that signals its exit.
 
-    Until then Windows keeps that end open here: a process that is killed before it begins would be waited for for ever.
+    is_there: whether the process has opened its side of the pipe. Until it has, Windows keeps that side open in the
+        parent, so waiting on the pipe alone would never return if the process were killed before it started.
     """
 
     pipe: Connection
@@ -402,8 +426,11 @@ class _Worker:
     is_there: bool = False
 
     def answer(self, task: Task) -> tuple[bool, Any]:
-        """Return whether a task was done, and its result or error. Raises EOFError, OSError: the process has ended."""
-        # the first message tells that the process runs
+        """Return whether a task succeeded, and its result or error.
+
+        Raises EOFError or OSError if the process has ended.
+        """
+        # the first message signals that the process is running
         if not self.is_there:
             self._received()
             self.is_there = True
@@ -412,20 +439,21 @@ class _Worker:
         return is_done, result
 
     def _received(self) -> Any:
-        # the sentinel is ready if the process has ended; then there is no answer
+        # the sentinel is ready if the process has ended, in which case there is no result
         if self.pipe not in connection.wait([self.pipe, self.sentinel]):
             raise EOFError
         return self.pipe.recv()
 
 
 class Processes(ThreadPoolExecutor):
-    """Processes to which threads hand out tasks through pipes: a pool of the library may wait for a killed one.
+    """Processes to which threads pass tasks through pipes, because a standard pool may wait for a killed process.
 
-    size: their number; beside: an executor of one process more, for tasks that import much, None without.
+    size: number of processes.
+    beside: executor with one further process, for tasks that import large packages; None without one.
     """
 
     def __init__(self, count: int, *, has_beside: bool = False) -> None:
-        # a thread for each process, which waits for its pipe
+        # one thread per process, which waits for its pipe
         super().__init__(count)
         self.beside = Processes(1) if has_beside else None
         self.size = count
@@ -434,9 +462,9 @@ class Processes(ThreadPoolExecutor):
         self._idle: SimpleQueue[_Worker] = SimpleQueue()
 
     def begin(self) -> None:
-        """Begin all processes, then the threads: a fork beside threads may inherit a lock that nobody opens.
+        """Start all processes, then the threads, because a fork may inherit a lock of a thread that is never released.
 
-        Raises OSError, RuntimeError and EOFError: the system gives no process, pipe or thread.
+        Raises OSError, RuntimeError or EOFError if the system does not provide a process, pipe or thread.
         """
         way = start_method()
         context: Any = multiprocessing.get_context(way)
@@ -444,7 +472,7 @@ class Processes(ThreadPoolExecutor):
             begin_resource_tracker()
         # modules are imported once, in the server
         if way == "forkserver":
-            from multiprocessing import forkserver  # Windows has none
+            from multiprocessing import forkserver  # not available on Windows
 
             context.set_forkserver_preload([name for name in list(sys.modules) if name.startswith("hdassist.")])
             with stops_held_back():
@@ -462,17 +490,20 @@ class Processes(ThreadPoolExecutor):
             pool.submit(abs, 0)
 
     def submit(self, task: Callable[..., Any], /, *args: Any, **more: Any) -> Future[Any]:
-        """Return the answer of a task. Raises BrokenExecutor: a process was ended from outside."""
+        """Return the future result of a task.
+
+        Raises BrokenExecutor if a process was ended from outside.
+        """
         if self._is_over:
             raise BrokenExecutor
         return super().submit(self._answer, (task, args, more))
 
     def _answer(self, task: Task) -> Any:
-        """Return the answer of a process to a task; where one is lost all others end too."""
-        # as many threads as processes: there is always an idle one
+        """Return the result of a task from a process; if the process is lost, all others end as well."""
+        # there are as many threads as processes, so there is always an idle process
         worker = self._idle.get()
         try:
-            # blocks this thread, not the others
+            # this blocks only the current thread
             is_done, result = worker.answer(task)
         except (EOFError, OSError):
             self.kill()
@@ -484,16 +515,16 @@ class Processes(ThreadPoolExecutor):
         raise result
 
     def kill(self) -> None:
-        """End the processes now."""
+        """End the processes immediately."""
         if self.beside:
             self.beside.kill()
         self._is_over = True
-        # killed, not asked: a solver does not listen
+        # killed instead of terminated, because a solver does not handle signals
         for process in self._processes:
             process.kill()
 
     def end(self) -> None:
-        """End processes and threads; nobody waits for work under way: a state may take for ever."""
+        """End processes and threads without waiting for work in progress, because a state may never finish."""
         self.kill()
         if self.beside:
             self.beside.end()
@@ -507,12 +538,17 @@ def _work(
     there: Connection,
     parent: int,
 ) -> None:
-    """Do tasks from a pipe, one after the other, to its end; here, the parent's end, which a fork has inherited."""
+    """Perform tasks from a pipe one after the other until it is closed.
+
+    here: the parent's side of the pipe, which a fork has inherited.
+    there: this process's side of the pipe.
+    parent: id of the parent process.
+    """
     begin_worker(parent)
-    # before any task makes objects
-    gc.freeze()  # modules that the parent imported stay shared with it, and are gone through no more
+    # before any task creates objects
+    gc.freeze()  # imported modules stay shared with the parent and are skipped by the garbage collector
     here.close()
-    with suppress(OSError):  # the process that began this one has ended
+    with suppress(OSError):  # the parent process has ended
         there.send(None)
     while True:
         try:
@@ -521,31 +557,33 @@ def _work(
             return
         try:
             there.send((True, task(*args, **keywords)))
-        except Exception as error:  # whatever a task raises is raised where its result is asked for
-            error.add_note("".join(traceback.format_exception(error)))  # for --debug: a traceback cannot be pickled
-            with suppress(OSError):  # the process that asked has ended
+        except Exception as error:  # any error of a task is raised again where its result is requested
+            # for --debug, because a traceback cannot be pickled
+            error.add_note("".join(traceback.format_exception(error)))
+            with suppress(OSError):  # the requesting process has ended
                 there.send((False, error))
 
 
 def begin_worker(parent: int, *, of_thread: bool = False) -> None:
-    """Leave stops to the process that began this one, and end when that ends, in any way.
+    """Leave stops to the parent process, and end when it ends, in whatever way.
 
-    parent: its process id; of_thread: whether a thread began this one that may end earlier, which Linux takes for the
-    end of the parent.
+    Linux kills the worker, even in the middle of a solver. On other systems, and if an intermediate process did the
+    forking, a thread waits for the end of the parent, because the intermediate process lives as long as its workers.
 
-    Linux kills the worker, even in the middle of a solver; elsewhere, and where a process between the two did the
-    forking, which lives as long as its workers do, a thread waits for that.
+    parent: id of the parent process.
+    of_thread: whether a thread started this process; the end of that thread would count as the end of the parent on
+        Linux.
     """
-    for stop in STOPS:  # one process can be ended by SIGTERM; the others come from a terminal, for all of them
+    for stop in STOPS:  # SIGTERM ends a single process; the other signals come from a terminal and reach all processes
         if signal.getsignal(stop) is not signal.SIG_IGN:
             signal.signal(stop, signal.SIG_DFL if stop == signal.SIGTERM else signal.SIG_IGN)
     let_stops_in()
-    # where the system does not kill it, a thread watches the parent
+    # if the system does not kill this process, a thread watches the parent
     if of_thread or not is_killed_with_parent(parent):
         threading.Thread(target=_end_with_parent, daemon=True).start()
-    # between the beginning of this process and the request to the system
+    # the parent may have ended between the start of this process and the request to the system
     if has_ended(parent):
-        # no clean-up: files belong to the parent
+        # without cleanup, because files belong to the parent
         os._exit(1)
 
 
@@ -557,5 +595,8 @@ def _end_with_parent() -> None:
 
 
 def count(jobs: int) -> int:
-    """Return the number of processes; 0 stands for one per core."""
+    """Return the number of processes.
+
+    jobs: requested number; 0 means one per core.
+    """
     return jobs or core_count()

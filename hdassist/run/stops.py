@@ -1,7 +1,7 @@
-"""Stops from outside: SIGINT, SIGTERM, SIGHUP and SIGBREAK end the command if it is, whatever it is doing.
+"""Stops by signals: SIGINT, SIGTERM, SIGHUP and SIGBREAK end the command immediately, whatever it is doing.
 
-No exception is raised: one in the middle of an import, a fork or a library may be swallowed there. What has to be
-put away is registered by who made it. This module is imported before all others, and imports only `system`.
+No exception is raised, because an import, a fork or a library may swallow it. Code that must clean up registers an
+action. This module is imported before all others and imports only `system`.
 """
 
 import os
@@ -17,12 +17,12 @@ from hdassist.run.system import STOPS
 _ItemT = TypeVar("_ItemT")
 
 _at_stop: list[Callable[[], str | None]] = []
-_process = 0  # that is ended: not one that it has forked
+_process = 0  # id of the process to be ended; forked processes have other ids
 _is_waiting = _is_interruptible = _is_interrupted = False
 
 
 def end_at_stops() -> None:
-    """End this process at the first stop from now on; signals that its caller ignores (nohup) stay ignored."""
+    """End this process at the first stop from now on; signals that its caller ignores (nohup) remain ignored."""
     global _process
     _process = os.getpid()
     for number in STOPS:
@@ -32,7 +32,7 @@ def end_at_stops() -> None:
 
 @contextmanager
 def at_stop(action: Callable[[], str | None]) -> Iterator[None]:
-    """Do something should the process be stopped meanwhile; its result is added to the line on standard error."""
+    """Perform an action if a stop arrives during the block, and add its result to the line on standard error."""
     _at_stop.append(action)
     try:
         yield
@@ -41,9 +41,10 @@ def at_stop(action: Callable[[], str | None]) -> Iterator[None]:
 
 
 def until_interrupted(items: Iterator[_ItemT]) -> Generator[_ItemT, None, bool]:
-    """Yield items as they come, to the first interrupt, which ends the waiting for the next one and not the process.
+    """Yield items until the first interrupt, which ends the wait for the next item but not the process.
 
-    For work that can answer with the items that it has; a second stop ends the process. Result: whether interrupted.
+    This serves work that has a result with the items so far. A second stop ends the process. The return value is
+    whether the work was interrupted.
     """
     global _is_waiting, _is_interruptible
     _is_interruptible = True
@@ -65,7 +66,7 @@ def until_interrupted(items: Iterator[_ItemT]) -> Generator[_ItemT, None, bool]:
         return True
     finally:
         _is_interruptible = False
-        if _is_interrupted and not is_known:  # by one that came with the last item
+        if _is_interrupted and not is_known:  # interrupted while the last item was being computed
             signal.raise_signal(signal.SIGINT)
 
 
@@ -80,12 +81,12 @@ def _end(number: int, _: FrameType | None) -> None:
         return
     for stop in STOPS:
         if signal.getsignal(stop) is _end:
-            signal.signal(stop, signal.SIG_DFL)  # one more ends it, whatever hangs below
+            signal.signal(stop, signal.SIG_DFL)  # a second signal ends the process even if the actions below hang
     end_now(number)
 
 
 def end_now(number: int) -> NoReturn:
-    """End this process as at a stop, from any thread, whatever the others do or wait for."""
+    """End this process as at a stop, from any thread, regardless of all other threads."""
     said = [STOPS[number]]
     for action in reversed(_at_stop):
         with suppress(Exception):

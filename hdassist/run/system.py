@@ -1,12 +1,12 @@
-"""All that differs by operating system: locks, processes, signals, the private folder, terminals, commands to be typed.
+"""Code that depends on the operating system: locks, processes, signals, the private folder, terminals, commands.
 
-No other module asks which system it runs on. Windows has no fork, no lock of a file that others may still read, and no
-owners that Python shows; macOS has no /proc, and no process of it is forked beside its own frameworks.
+No other module checks the operating system. Windows has no fork, no file lock that lets others read, and no file owners
+that Python shows. macOS has no /proc, and its frameworks do not support forked processes.
 
-The locks are calls of the standard library (six lines): filelock and portalocker take 67 and 80 ms to import, filelock
-empties the file that it locks, and portalocker locks its content on Windows against everybody who reads it.
+The locks are calls of the standard library (six lines). filelock and portalocker take 67 and 80 ms to import, filelock
+empties the file that it locks, and portalocker prevents every other process from reading the content on Windows.
 
-Stops are heard before anything else is imported, and need this module: imports that take long stand in functions.
+Stops are handled before anything else is imported and need this module, so slow imports are inside functions.
 """
 
 from __future__ import annotations
@@ -27,32 +27,33 @@ if TYPE_CHECKING:
     from multiprocessing.connection import Connection
     from pathlib import Path
 
-SPAWN = "HDASSIST_SPAWN"  # variable: every process is spawned, as on Windows; for tests
-BINARY = getattr(os, "O_BINARY", 0)  # a flag of files in which no end of a line is translated
+SPAWN = "HDASSIST_SPAWN"  # environment variable that makes every process spawned, as on Windows; for tests
+BINARY = getattr(os, "O_BINARY", 0)  # flag for opening files without translation of line ends
 
 
 # --- locks
 
 
 def locks_beside() -> bool:
-    """Return whether a file is locked by another one beside it.
+    """Return whether the lock of a file is on a separate lock file.
 
-    A lock of Windows keeps everybody else from reading the bytes that it holds, and an open file can't be replaced.
+    A lock on Windows prevents all other processes from reading the locked bytes, and an open file cannot be replaced.
     """
     return sys.platform == "win32"
 
 
 def lock(descriptor: int) -> None:
-    """Take the lock of an open file, which goes when the file is closed or the process ends, in any way.
+    """Take the lock of an open file, which lasts until the file is closed or the process ends, in whatever way.
 
-    descriptor: of the file; on Windows the lock is of its first byte.
-    Raises BlockingIOError: another process has the lock; OSError: the file system has no locks, which Windows reports
-    in the same way as a lock that another process has.
+    descriptor: descriptor of the file; on Windows its first byte is locked.
+
+    Raises BlockingIOError if another process has the lock, OSError if the file system has no locks, which Windows does
+    not distinguish from a lock of another process.
     """
     if sys.platform == "win32":
         import msvcrt
 
-        # Windows locks a range of bytes from the position on: the first byte
+        # Windows locks a range of bytes from the current position: the first byte
         os.lseek(descriptor, 0, os.SEEK_SET)
         try:
             msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
@@ -61,12 +62,12 @@ def lock(descriptor: int) -> None:
     else:
         import fcntl
 
-        # of the open file, not of the process: copies of the descriptor share it
+        # the lock belongs to the open file, not to the process, so copies of the descriptor share it
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 def unlock(descriptor: int) -> None:
-    """Give up the lock of an open file, also for copies of its descriptor."""
+    """Release the lock of an open file, including all copies of its descriptor."""
     if sys.platform == "win32":
         import msvcrt
 
@@ -82,29 +83,33 @@ def unlock(descriptor: int) -> None:
 # --- a folder for this user alone
 
 _OTHERS_MAY_WRITE = stat.S_IWGRP | stat.S_IWOTH
-_AS_IT_IS = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)  # no link is followed, no pipe waited for
+_AS_IT_IS = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)  # follow no link and do not wait for a pipe
 
 
 class UnsafeFolderError(OSError):
-    """A folder of the cache that another user can write to."""
+    """Error for a cache folder to which another user can write."""
 
 
 class PrivateFolder:
-    """An open folder whose files no other user can write."""
+    """An open folder whose files only this user can write."""
 
     def __init__(self, path: Path, descriptor: int | None) -> None:
-        """Take a folder that is open.
+        """Store an open folder.
 
-        path: of the folder; descriptor: of the open folder, through which files are reached so that no link is followed
-        on the way, or None on Windows, which opens no folders.
+        path: path of the folder.
+        descriptor: descriptor of the open folder, through which files are accessed so that no link in the path is
+            followed; None on Windows, which does not open folders.
         """
         self.path = path
         self.descriptor = descriptor
 
     def read(self, name: str, at_most: int) -> bytes | None:
-        """Return the content of a file of this user; None for any other file.
+        """Return the content of a file of this user, None for any other file.
 
-        name: of the file; at_most: bytes that it may have. Raises OSError: there is no such file.
+        name: name of the file.
+        at_most: largest accepted size [bytes].
+
+        Raises OSError if there is no such file.
         """
         descriptor = os.open(
             self._place(name),
@@ -113,22 +118,25 @@ class PrivateFolder:
         )
         with os.fdopen(descriptor, "rb") as file:
             about = os.fstat(descriptor)
-            # another user's file could hold anything
+            # a file of another user could contain anything
             if not _is_own(about) or about.st_size > at_most:
                 return None
             return file.read()
 
     def note_use(self, name: str) -> None:
-        """Give a file the time of now, as of the one that was used last; without a word where that can't be done."""
+        """Set the time of a file to now, to mark it as used, without an error if that is not possible."""
         with suppress(OSError):
             if self.descriptor is None:
-                os.utime(self._place(name))  # fails while another process reads it
+                os.utime(self._place(name))  # fails while another process reads the file
             else:
                 os.utime(name, dir_fd=self.descriptor, follow_symlinks=False)
 
     def write(self, name: str, content: bytes) -> None:
-        """Write a file that is not there yet. Raises OSError: it is, or it cannot be written."""
-        # O_EXCL: never into a file, or through a link, that is there already
+        """Write a new file.
+
+        Raises OSError if the file already exists or cannot be written.
+        """
+        # O_EXCL prevents writing into an existing file or through a link
         flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | BINARY | _AS_IT_IS
         descriptor = os.open(
             self._place(name),
@@ -140,7 +148,7 @@ class PrivateFolder:
             file.write(content)
 
     def replace(self, name: str, new_name: str) -> None:
-        """Give a file another name, in place of the file that has it."""
+        """Rename a file, in place of any file that has the new name."""
         folder = self.descriptor
         os.replace(
             self._place(name),
@@ -150,17 +158,20 @@ class PrivateFolder:
         )
 
     def remove(self, name: str) -> None:
-        """Remove a file. Raises OSError: it cannot be removed."""
+        """Remove a file.
+
+        Raises OSError if it cannot be removed.
+        """
         os.unlink(self._place(name), dir_fd=self.descriptor)
 
     def names(self) -> list[str]:
-        """Return the names of all that is in the folder."""
+        """Return the names of all entries of the folder."""
         if self.descriptor is None:
             return [path.name for path in self.path.iterdir()]
         return os.listdir(self.descriptor)  # noqa: PTH208 (no path lists an open folder)
 
     def own_status(self, name: str) -> os.stat_result | None:
-        """Return what is known of a file that this user alone can write; None for any other file."""
+        """Return the status of a file that only this user can write, None for any other file."""
         try:
             about = os.stat(
                 self._place(name),
@@ -182,12 +193,14 @@ def private_folder(
     *,
     makes: bool,
 ) -> Iterator[PrivateFolder]:
-    """Open a folder for this user alone.
+    """Open a private folder of this user.
 
-    named: the folder that the user names; own: the name of a folder in it, which is opened; makes: whether folders are
-    made that are not there.
-    Raises FileNotFoundError: there is none; UnsafeFolderError: another user can write to one of the two; OSError,
-    ValueError: it cannot be opened.
+    named: folder given by the user.
+    own: name of the private folder within it.
+    makes: whether missing folders are created.
+
+    Raises FileNotFoundError if there is no such folder, UnsafeFolderError if another user can write to one of the two,
+    OSError or ValueError if it cannot be opened.
     """
     if makes:
         named.mkdir(
@@ -202,10 +215,10 @@ def private_folder(
     parent = os.open(named, os.O_RDONLY | os.O_DIRECTORY)
     try:
         about = os.fstat(parent)
-        # who can write to the parent can replace the folder
+        # a user who can write to the parent can replace the folder
         if about.st_uid not in (user, 0) or about.st_mode & _OTHERS_MAY_WRITE:
             raise UnsafeFolderError(f"another user can write to {named}")
-        # made through the open parent, so that its path cannot be exchanged meanwhile
+        # created through the open parent, so that its path cannot be exchanged in the meantime
         if makes:
             with suppress(FileExistsError):
                 os.mkdir(own, 0o700, dir_fd=parent)
@@ -217,7 +230,7 @@ def private_folder(
     finally:
         os.close(parent)
     try:
-        # of the open folder, not of its path
+        # status of the open folder, not of its path
         about = os.fstat(folder)
         if about.st_uid != user or about.st_mode & _OTHERS_MAY_WRITE:
             raise UnsafeFolderError(f"another user can write to {named / own}")
@@ -227,12 +240,12 @@ def private_folder(
 
 
 def _folder_of_profile(path: Path, *, makes: bool) -> PrivateFolder:
-    """Return a folder of the user's profile, to which Windows lets no other user.
+    """Return a folder in the user's profile, to which Windows gives no other user access.
 
-    Raises UnsafeFolderError: it lies elsewhere, where Python does not show who can write; OSError: it is not there.
+    Raises UnsafeFolderError if it is elsewhere, where Python does not show who can write, OSError if it does not exist.
     """
     profile = type(path).home()
-    # Windows protects the profile; folders elsewhere may be open to all
+    # Windows protects the profile; folders elsewhere may be open to all users
     if not path.resolve().is_relative_to(profile.resolve()):
         raise UnsafeFolderError(f"{path.parent} is outside {profile}; another user may be able to write to it")
     if makes:
@@ -243,24 +256,25 @@ def _folder_of_profile(path: Path, *, makes: bool) -> PrivateFolder:
 
 
 def _is_own(about: os.stat_result) -> bool:
-    """Return whether it is a regular file that this user alone can write."""
+    """Return whether a status belongs to a regular file that only this user can write."""
     is_file = stat.S_ISREG(about.st_mode)
-    if sys.platform == "win32":  # the folder of the profile decides
+    if sys.platform == "win32":  # on Windows the folder in the profile ensures this
         return is_file
     return is_file and about.st_uid == os.geteuid() and not about.st_mode & _OTHERS_MAY_WRITE
 
 
 # --- processes
 
-_PR_SET_PDEATHSIG = 1  # linux/prctl.h
-_LOOK_EVERY = 0.02  # s
+_PR_SET_PDEATHSIG = 1  # from linux/prctl.h
+_LOOK_EVERY = 0.02  # s; interval between checks
 
 
 def start_method() -> str:
-    """Return how processes begin: with all that is imported here already (a second each), where that can be had.
+    """Return the start method of processes, with a fork of the imported modules if possible (an import takes a second).
 
-    A fork of a process with threads may inherit a lock that nobody will open; there a process without threads, which
-    has imported the same, does the forking. Solvers start threads that Python does not know of; the system does.
+    A fork of a process with threads may inherit a lock that is never released. In that case a process without threads,
+    which has imported the same modules, does the forking. Solvers start threads that Python does not know, but the
+    system does.
     """
     if sys.platform != "linux" or os.environ.get(SPAWN):
         return "spawn"
@@ -268,21 +282,21 @@ def start_method() -> str:
     from pathlib import Path
 
     tasks = Path("/proc/self/task")
-    # threads of C libraries are counted too
+    # includes threads of C libraries
     threads = len(list(tasks.iterdir())) if tasks.exists() else threading.active_count()
-    # a fork copies locks that other threads hold, and nobody opens
+    # a fork copies locks of other threads, which are never released in the copy
     return "fork" if threads == 1 else "forkserver"
 
 
 def has_forkserver() -> bool:
-    """Return whether a process can be asked to fork itself, so that a process begins within milliseconds."""
+    """Return whether a fork server is available, so that a process starts within milliseconds."""
     return sys.platform != "win32" and not os.environ.get(SPAWN)
 
 
 def begin_resource_tracker() -> None:
-    """Begin the process by which multiprocessing removes what others leave behind, if there is one.
+    """Start the process with which multiprocessing removes leftovers of other processes, if there is one.
 
-    It is begun now, as it lets signals in that are held back, and inherits the streams of now.
+    It is started at this point because it unblocks signals and inherits the current streams.
     """
     if sys.platform != "win32":
         from multiprocessing import resource_tracker
@@ -291,10 +305,12 @@ def begin_resource_tracker() -> None:
 
 
 def is_killed_with_parent(parent: int) -> bool:
-    """Have the system kill this process when its parent ends, even in the middle of a solver.
+    """Ask the system to kill this process when its parent ends, even in the middle of a solver.
 
-    parent: process id of the process that began this one. Returns whether the system does so, on Linux alone: where the
-    parent is another process than that, and on other systems, this process has to look after that itself.
+    parent: id of the process that started this one.
+
+    Returns whether the system will do so, which requires Linux and that process as the direct parent. Otherwise this
+    process must watch its parent itself.
     """
     if sys.platform != "linux":
         return False
@@ -306,7 +322,7 @@ def is_killed_with_parent(parent: int) -> bool:
 
 
 def has_ended(process: int) -> bool:
-    """Return whether a process has ended already; False where the system has no quick answer."""
+    """Return whether a process has already ended, or False if the system has no fast check."""
     if sys.platform != "linux":
         return False
     from pathlib import Path
@@ -315,7 +331,7 @@ def has_ended(process: int) -> bool:
 
 
 def core_count() -> int:
-    """Return the number of cores that this process may use."""
+    """Return the number of cores available to this process."""
     if sys.platform == "linux":
         # containers and taskset restrict a process to some cores
         return len(os.sched_getaffinity(0))
@@ -323,7 +339,7 @@ def core_count() -> int:
 
 
 def address_limit() -> int | None:
-    """Return the bytes of addresses that this process may have (ulimit -v); None if there is no limit."""
+    """Return the limit of the address space of this process [bytes] (ulimit -v), None if there is none."""
     if sys.platform == "win32":
         return None
     import resource
@@ -333,16 +349,16 @@ def address_limit() -> int | None:
 
 
 def limits_hint(hint: str) -> str:
-    """Return the remedy where the system refuses a process more of something.
+    """Return the remedy for a system that refuses further resources to a process.
 
-    hint: that of systems with `ulimit`, which Windows has not.
+    hint: remedy for systems with `ulimit`, which Windows lacks.
     """
     return "close other programs to free memory" if sys.platform == "win32" else hint
 
 
 # --- signals
 
-_STOP_WORDS = {  # of each signal that ends a command; SIGBREAK: Ctrl-Break, or a console window that is closed
+_STOP_WORDS = {  # description of each signal that ends a command; SIGBREAK: Ctrl-Break, or a closed console window
     "SIGINT": "interrupted",
     "SIGTERM": "terminated",
     "SIGHUP": "hung up",
@@ -353,9 +369,9 @@ STOPS = {getattr(signal, name): verb for name, verb in _STOP_WORDS.items() if ha
 
 @contextmanager
 def stops_held_back() -> Iterator[None]:
-    """Hear stops later: for the moment in which a process begins, which has to inherit that.
+    """Delay stops during the start of a process, which must inherit this state.
 
-    Windows cannot hold them back: for that moment neither this process nor the new one hears Ctrl-C.
+    Windows cannot delay them, so Ctrl-C is ignored by this process and by the new one during the block.
     """
     if sys.platform == "win32":
         import ctypes
@@ -367,7 +383,7 @@ def stops_held_back() -> Iterator[None]:
         finally:
             console.SetConsoleCtrlHandler(None, False)
     else:
-        # blocked signals wait, and arrive when the mask is restored
+        # blocked signals remain pending and are delivered when the mask is restored
         before = signal.pthread_sigmask(signal.SIG_BLOCK, STOPS)
         try:
             yield
@@ -376,23 +392,23 @@ def stops_held_back() -> Iterator[None]:
 
 
 def let_stops_in() -> None:
-    """Hear stops again in a process that was begun while they were held back."""
+    """Accept stops again in a process that was started while they were delayed."""
     if sys.platform != "win32":
         signal.pthread_sigmask(signal.SIG_UNBLOCK, STOPS)
 
 
 def hear_in_loop(loop: AbstractEventLoop, action: Callable[[int], None]) -> None:
-    """Have a loop of asyncio do something at the first stop that a terminal or another process sends, unless ignored.
+    """Call an action in an asyncio loop at the first stop from a terminal or another process, unless it is ignored.
 
-    action: takes the number of the signal; afterwards these signals do what they do in a process that has just begun.
+    action: function of the signal number; afterwards these signals have their default effect.
     """
-    # a closed terminal is noticed otherwise
+    # a closed terminal is detected in another way
     numbers = [number for number in STOPS if signal.Signals(number).name != "SIGHUP"]
 
     def once(number: int) -> None:
         for further_number in numbers:
             if sys.platform != "win32":
-                # a second stop ends the process the usual way
+                # a second stop ends the process in the usual way
                 loop.remove_signal_handler(further_number)
             elif signal.getsignal(further_number) is not signal.SIG_IGN:
                 signal.signal(further_number, signal.SIG_DFL)
@@ -401,7 +417,7 @@ def hear_in_loop(loop: AbstractEventLoop, action: Callable[[int], None]) -> None
     for number in numbers:
         if signal.getsignal(number) is signal.SIG_IGN:
             continue
-        with suppress(RuntimeError, ValueError):  # not in this thread
+        with suppress(RuntimeError, ValueError):  # fails outside the main thread
             if sys.platform == "win32":
                 signal.signal(number, lambda number, _: loop.call_soon_threadsafe(once, number))
             else:
@@ -409,13 +425,15 @@ def hear_in_loop(loop: AbstractEventLoop, action: Callable[[int], None]) -> None
 
 
 async def wait_until_readable(connection: Connection, sentinel: int) -> bool:
-    """Wait, beside all else that the running loop does, until there is something to read or the other end is closed.
+    """Wait in the running loop until a connection can be read or its other end is closed.
 
-    sentinel: of the process at the other end, which may end before it has opened it. Returns whether to read.
+    sentinel: sentinel of the process at the other end, which may end before it has opened the connection.
+
+    Returns whether there is something to read.
     """
     import asyncio
 
-    if sys.platform == "win32":  # its loop watches no pipe of multiprocessing
+    if sys.platform == "win32":  # the loop on Windows does not watch pipes of multiprocessing
         from multiprocessing.connection import wait
 
         while not (ready := wait([connection, sentinel], timeout=0)):
@@ -432,29 +450,29 @@ async def wait_until_readable(connection: Connection, sentinel: int) -> bool:
 
 
 def wait_for_hangup(descriptor: int) -> bool:
-    """Wait until the terminal of an open stream is gone; returns whether it is.
+    """Wait until the terminal of an open stream is gone and return whether it is.
 
-    No signal reports that where SIGHUP is ignored (nohup). Windows ends all processes of a console that is closed:
-    there, and where the system cannot tell, the answer is False at once.
+    No signal reports this if SIGHUP is ignored (nohup). Windows ends all processes of a closed console. On Windows, and
+    on systems that cannot detect it, the result is False at once.
     """
     if sys.platform == "win32":
         return False
     import select
 
     terminal = select.poll()
-    # no event is asked for
+    # no event is requested, because a hang-up is always reported
     terminal.register(descriptor, 0)  # a hang-up is reported unasked
     return any(event & (select.POLLHUP | select.POLLERR) for _, event in terminal.poll())
 
 
-# --- what is written and typed
+# --- output and shell commands
 
-_PLAIN_WORD = r"[A-Za-z0-9_./\\:=+-]+"  # that cmd.exe and PowerShell take as it is
-_DEVICE = r"(?i:con|prn|aux|nul|com[0-9¹²³]|lpt[0-9¹²³])( *\..*)?"  # of Windows
+_PLAIN_WORD = r"[A-Za-z0-9_./\\:=+-]+"  # words that cmd.exe and PowerShell accept without quotes
+_DEVICE = r"(?i:con|prn|aux|nul|com[0-9¹²³]|lpt[0-9¹²³])( *\..*)?"  # device names of Windows
 
 
 def command_line(words: Sequence[str]) -> str:
-    """Return a command as the shell of this system takes it, on Windows as both cmd.exe and PowerShell do."""
+    """Return a command in the syntax of this system's shell; on Windows, of both cmd.exe and PowerShell."""
     if sys.platform == "win32":
         return windows_command_line(words)
     from shlex import join
@@ -463,9 +481,9 @@ def command_line(words: Sequence[str]) -> str:
 
 
 def windows_command_line(words: Sequence[str]) -> str:
-    """Return a command as cmd.exe and PowerShell take it: whatever has a sign of its own for them in double quotes.
+    """Return a command for both cmd.exe and PowerShell, with special characters in double quotes.
 
-    A double quote within a word is written as cmd.exe takes it alone; % and $ with a name of a variable are expanded.
+    A double quote within a word is written in the syntax of cmd.exe only; % and $ with a variable name are expanded.
     """
     import re
     from subprocess import list2cmdline
@@ -473,22 +491,22 @@ def windows_command_line(words: Sequence[str]) -> str:
     written = []
     for word in words:
         quoted = list2cmdline([word])
-        # list2cmdline quotes for C programs only, not for the shell
+        # list2cmdline quotes only for C programs, not for the shell
         if quoted == word and not re.fullmatch(_PLAIN_WORD, word):
-            backslashes = word[len(word.rstrip("\\")) :]  # at the end: before a quote they are doubled
+            backslashes = word[len(word.rstrip("\\")) :]  # trailing backslashes are doubled before a quote
             quoted = f'"{word}{backslashes}"'
         written.append(quoted)
     return " ".join(written)
 
 
 def command_quote() -> str:
-    """Return the quote in which `command_line` writes words with spaces."""
+    """Return the quote with which `command_line` encloses words with spaces."""
     return '"' if sys.platform == "win32" else "'"
 
 
 @cache
 def broken_line_end() -> str:
-    """Return the sign at the end of a line for which the calling shell reads on; empty for an unknown shell."""
+    """Return the line-continuation character of the calling shell, or an empty text for an unknown shell."""
     if sys.platform != "win32":
         return " \\"
     from shellingham import ShellDetectionFailure, detect_shell
@@ -501,17 +519,17 @@ def broken_line_end() -> str:
 
 
 def why_not_a_file(path: str) -> str:
-    """Return why this system makes no file of such a name, or an empty text."""
+    """Return the reason why this system does not allow a file of this name, or an empty text."""
     return why_not_a_windows_file(path) if sys.platform == "win32" else ""
 
 
 def why_not_a_windows_file(path: str) -> str:
-    """Return why Windows makes no file of such a name, or an empty text."""
+    """Return the reason why Windows does not allow a file of this name, or an empty text."""
     import re
     from pathlib import PureWindowsPath
 
     named = PureWindowsPath(path)
-    # a drive letter has a colon of its own
+    # the colon of a drive letter is allowed
     for part in named.parts[1:] if named.anchor else named.parts:
         if re.fullmatch(_DEVICE, part):
             return f"{part} is the name of a device on Windows"
@@ -525,38 +543,38 @@ def why_not_a_windows_file(path: str) -> str:
 
 
 def takes_codes(stream: TextIO) -> bool:
-    """Return whether the terminal of a stream takes control codes, which a Windows console has to be set to first."""
+    """Return whether the terminal of a stream accepts control codes, after enabling them in a Windows console."""
     if sys.platform == "win32":
         import ctypes
         import msvcrt
 
-        with suppress(OSError, ValueError):  # it has no descriptor
+        with suppress(OSError, ValueError):  # the stream has no descriptor
             mode = ctypes.c_ulong()
             console = ctypes.windll.kernel32
             handle = ctypes.c_void_p(msvcrt.get_osfhandle(stream.fileno()))
-            # fails if the stream is no console
+            # fails if the stream is not a console
             if console.GetConsoleMode(handle, ctypes.byref(mode)):
-                return bool(console.SetConsoleMode(handle, mode.value | 4))  # virtual terminal processing
+                return bool(console.SetConsoleMode(handle, mode.value | 4))  # 4: virtual terminal processing
         return False
     return True
 
 
 def output_encoding(stream: Any) -> str:
-    """Return the encoding of answers for programs and files.
+    """Return the encoding of results for programs and files.
 
-    stream: of text, whose encoding it is. On Windows this is a code page without most letters: there answers are UTF-8,
-    as in the files that we write.
+    stream: text stream whose encoding is used. On Windows it is a code page without most letters, so results are UTF-8,
+        as in the files that we write.
     """
     return "utf-8" if sys.platform == "win32" else stream.encoding or "utf-8"
 
 
 def pipe_stream(stream: TextIO) -> TextIO:
-    """Return a stream that raises BrokenPipeError when its reader has gone, for which Windows has another error."""
+    """Return a stream that raises BrokenPipeError when its reader is gone, for which Windows has another error."""
     if sys.platform != "win32" or stream.isatty():
         return stream
     try:
         raw = _PipeWriter(stream.fileno(), "wb", closefd=False)
-    except (OSError, ValueError):  # it has no descriptor
+    except (OSError, ValueError):  # the stream has no descriptor
         return stream
     is_ended_by_line = getattr(stream, "line_buffering", False)
     buffered = io.BufferedWriter(raw)
@@ -569,10 +587,13 @@ def pipe_stream(stream: TextIO) -> TextIO:
 
 
 class _PipeWriter(io.FileIO):
-    """A file or pipe of Windows to write to."""
+    """A writable file or pipe on Windows."""
 
     def write(self, data: Any) -> int:
-        """Write bytes. Raises BrokenPipeError: the reader of the pipe has gone; OSError: another fault."""
+        """Write bytes.
+
+        Raises BrokenPipeError if the reader of the pipe is gone, OSError for any other fault.
+        """
         try:
             return super().write(data)
         except OSError as error:
