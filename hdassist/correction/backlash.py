@@ -1,7 +1,7 @@
 """Settings of controllers that compensate backlash only, from the lost motion of a recording in both directions.
 
-Each follows the controller's manual, which docs/controllers.md names. Such a controller moves the motor further by the
-backlash when the direction reverses; it has no table of points, so that the error within a direction stays.
+Each setting follows the controller's manual, which docs/controllers.md names. Such a controller moves the motor by the
+backlash when the direction reverses. It has no table of points, and the error within each direction remains.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from hdassist.measuring.fit import COVERAGE_FACTOR
 from hdassist.measuring.measure import Measurement
 
 _ARCSEC_PER_DEG = 3600
-_DUET_DISTANCE = 10  # times the backlash, over which RepRapFirmware inserts its steps: its default
-_GRBLHAL_AXES = "XYZABC"  # in the order of its settings
-_GRBLHAL_FIRST = 160  # setting of the first axis
+_DUET_DISTANCE = 10  # distance over which RepRapFirmware inserts its steps, in multiples of the backlash; its default
+_GRBLHAL_AXES = "XYZABC"  # axis letters in the sequence of the settings
+_GRBLHAL_FIRST = 160  # number of the setting for the first axis
 _HEIDENHAIN_AXES = 9
 _HEIDENHAIN_LARGEST_DEG = 1.0
 
-NO_COMPENSATION = {  # controllers that take neither, and why
+NO_COMPENSATION = {  # controllers without backlash compensation and without a table of points, and the reasons
     "fluidnc": "FluidNC has no backlash compensation and no table of points (its developers decline both)",
     "grbl": "grbl has no backlash compensation and no table of points; grblHAL has a backlash setting (grblhal)",
 }
@@ -29,12 +29,13 @@ NO_COMPENSATION = {  # controllers that take neither, and why
 
 @dataclass(frozen=True)
 class _Backlash:
-    """Lost motion at reversal [arcsec], as a recording in both directions shows it.
+    """Lost motion at reversal, from a recording in both directions.
 
-    arcsec, uncertainty_arcsec: its mean over the recorded angles, and its standard uncertainty.
-    departure_arcsec: the largest departure from the mean, which no single setting compensates.
-    torque_Nm: torque of the recording.
-    has_lag: whether a lag between the encoders may be part of it.
+    arcsec: mean over the recorded angles [arcsec].
+    uncertainty_arcsec: standard uncertainty of the mean [arcsec].
+    departure_arcsec: largest departure from the mean [arcsec], which no single setting compensates.
+    torque_Nm: torque of the recording [N*m].
+    has_lag: whether a lag between the encoders may contribute.
     """
 
     arcsec: float
@@ -45,12 +46,12 @@ class _Backlash:
 
     @property
     def deg(self) -> float:
-        """The same in degrees of the output."""
+        """Lost motion in degrees of the output."""
         return self.arcsec / _ARCSEC_PER_DEG
 
 
 def _duet(backlash: _Backlash, axis: str) -> str:
-    """Return the command of RepRapFirmware; axis: its letter. Raises UsageError for a name that is no letter."""
+    """Return the command of RepRapFirmware for an axis letter. Raises UsageError if the name is not a letter."""
     if len(axis) != 1 or not axis.isalpha():
         raise UsageError(
             f"invalid --axis {axis} for Duet: expected the letter of the axis", "state the axis, for example --axis A"
@@ -59,7 +60,7 @@ def _duet(backlash: _Backlash, axis: str) -> str:
 
 
 def _grblhal(backlash: _Backlash, axis: str) -> str:
-    """Return the setting of grblHAL; axis: its letter. Raises UsageError for any other name."""
+    """Return the setting of grblHAL for an axis letter. Raises UsageError for any other name."""
     if len(axis) != 1 or axis.upper() not in _GRBLHAL_AXES:
         letters = ", ".join(_GRBLHAL_AXES)
         raise UsageError(
@@ -69,7 +70,10 @@ def _grblhal(backlash: _Backlash, axis: str) -> str:
 
 
 def _heidenhain(backlash: _Backlash, axis: str) -> str:
-    """Return the machine parameter of TNC 426 and 430; axis: its number. Raises UsageError for any other name."""
+    """Return the machine parameter of TNC 426 and 430 for an axis number.
+
+    Raises UsageError for any other name, and for a backlash above the limit of the parameter.
+    """
     if not axis.isdecimal() or not 1 <= int(axis) <= _HEIDENHAIN_AXES:
         raise UsageError(f"invalid --axis {axis} for HEIDENHAIN: expected a number from 1 to {_HEIDENHAIN_AXES}")
     if backlash.deg > _HEIDENHAIN_LARGEST_DEG:
@@ -79,13 +83,13 @@ def _heidenhain(backlash: _Backlash, axis: str) -> str:
 
 @dataclass(frozen=True)
 class BacklashFormat:
-    """The setting of a controller.
+    """Format of a controller's backlash setting.
 
-    name: of the controller.
-    line: its setting for an axis.
-    comment: start of a comment.
-    setup: what else the machine needs.
-    why_no_table: reason why no table of points is written for it.
+    name: name of the controller.
+    line: function that returns the setting for a backlash and an axis.
+    comment: characters that start a comment.
+    setup: further requirements of the machine.
+    why_no_table: reason why no table of points is written for the controller.
     """
 
     name: str
@@ -121,11 +125,11 @@ BACKLASH_FORMATS = {
 
 
 def backlash_of(measured: Measurement, torque_Nm: float) -> _Backlash:
-    """Return the lost motion of a recording whose directions were measured by themselves.
+    """Return the lost motion of a recording whose directions were measured separately.
 
-    torque_Nm: torque of the recording.
-    Raises DataError for a recording in one direction; UntrustedError if the lost motion is not clear of its
-    uncertainty.
+    torque_Nm: torque of the recording [N*m].
+    Raises DataError for a recording in one direction, and UntrustedError if the lost motion does not exceed its
+    expanded uncertainty.
     """
     reversal = measured.reversal
     if reversal is None:
@@ -155,9 +159,9 @@ def backlash_file(
     axis: str,
     source: str,
 ) -> tuple[str, str]:
-    """Return the file of a controller's setting, and the lines about it that are its comments, too.
+    """Return the file with a controller's setting, and the description that the file contains as comments.
 
-    source: the recording that it comes from.
+    source: description of the recording.
     Raises UsageError for an axis that the controller does not have.
     """
     expanded = COVERAGE_FACTOR * backlash.uncertainty_arcsec

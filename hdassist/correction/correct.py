@@ -48,32 +48,32 @@ from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
 
 _REPORTED_SHARES = (0.05, 0.5, 0.95)
-_SOLVED_DRIVES = 8  # whose whole cycle is solved, for the part that lines leave out
-_SOLVED_A_POSITION = 2  # number of such drives in each position of the fixed wheel
-PHASORS = CorrectionForm(None)  # as many as are enough
-_ENOUGH = 1.1  # times the smallest residual of correction terms: fewer terms are sufficient up to this residual
+_SOLVED_DRIVES = 8  # drives solved over their whole cycle, for the part of the error that their lines do not contain
+_SOLVED_A_POSITION = 2  # drives solved in each position of the fixed wheel
+PHASORS = CorrectionForm(None)  # as many correction terms as are sufficient
+_ENOUGH = 1.1  # factor of the smallest residual of correction terms up to which fewer terms are sufficient
 IN_PLACE = "in place"
 TURN_LOST = "turn lost"
-_ZERO_OFF_DEG = (1.0, 10.0)  # of the cam
-_LOST_TURNS = 9  # counts of lost turns that are looked at, at most
-_STRONG_LINES = 3  # that are named
-_ANY_PHASE_DEG = 180 / 3**0.5  # standard deviation of a phase that is not known
-_LEAST_AMPLITUDE = 1e-300  # arcsec: a line without any is not divided by
-HALVED = 0.5  # a correction that leaves more than this share of the range is called weak
-_EXPLAINED_RMS_SHARE = 0.5  # a cause has to leave less than this share of the root mean square that it does not explain
-_ALIKE = 1.05  # times the least that a cause leaves: the nearest zero of such is named
-_IN_ZERO_DEG = 3.0  # input angle up to which a zero counts as right
+_ZERO_OFF_DEG = (1.0, 10.0)  # tried offsets of the zero, in degrees of the input
+_LOST_TURNS = 9  # how many different numbers of lost revolutions are tried, at most
+_STRONG_LINES = 3  # number of strongest lines that are named
+_ANY_PHASE_DEG = 180 / 3**0.5  # standard deviation of a phase that is not known [deg]
+_LEAST_AMPLITUDE = 1e-300  # arcsec; prevents division by the amplitude 0
+HALVED = 0.5  # share of the range above which the residual makes a correction weak
+_EXPLAINED_RMS_SHARE = 0.5  # largest residual of a named cause, root mean square, over that of the intended correction
+# factor of the smallest sum of squares within which causes count as equal; the nearest zero decides between them
+_ALIKE = 1.05
+_IN_ZERO_DEG = 3.0  # largest offset of the zero, in degrees of the input, that counts as none
 
 
 @dataclass(frozen=True, eq=False)
 class _LoadedError:
-    """Error of sampled drives at a torque, by its lines.
+    """Error of sampled drives at a torque, from its lines.
 
-    beyond: range of the part that the lines do not contain, relative to that of the error, shape (drives,), or one
-    number.
-    F_ior_arcsec: F'_ior of a recording of the full mesh cycle; None without one.
-    visited: points that count, shape (points,); None if all do.
-    stated_arcsec: median of F'_ior over the samples, as `check` gives it; None without samples.
+    beyond: range of the part that the lines do not contain over the range of the error, shape (drives,), or one number.
+    F_ior_arcsec: F'_ior of a recording of the full mesh cycle [arcsec]; None without one.
+    visited: whether each point counts, shape (points,); None if all points count.
+    stated_arcsec: median of F'_ior over the samples, as given by `check` [arcsec]; None without samples.
     """
 
     lines: ErrorLines
@@ -84,12 +84,12 @@ class _LoadedError:
 
     @cached_property
     def actual(self) -> Array:
-        """The actual error [arcsec], shape (drives, points)."""
+        """Actual error [arcsec], shape (drives, points)."""
         # F_kpp counts the lag of the output; a controller corrects its position
         return -self.lines.curves
 
     def range_of(self, curves: Array) -> Array:
-        """Return the ranges of curves, shape (..., points), over the points that count."""
+        """Return the ranges of curves over the points that count; curves have the shape (..., points)."""
         return np.asarray(np.ptp(curves if self.visited is None else curves[..., self.visited], axis=-1))
 
     def corrected(
@@ -99,7 +99,12 @@ class _LoadedError:
         *,
         together: bool,
     ) -> CorrectionTable | Phasors:
-        """Return the corrections of a form at a torque M_g [N*m]: one of all drives, or one of each."""
+        """Return the corrections of a form at a torque.
+
+        form: form of the correction.
+        M_g: torque [N*m].
+        together: whether all drives share one correction; otherwise each drive has its own.
+        """
         return form.fitted(self.lines.mean if together else self.lines, M_g)
 
     @property
@@ -119,7 +124,7 @@ _ErrorsByTorque = Mapping[float, _LoadedError]
 
 @dataclass(frozen=True)
 class ErrorPart:
-    """A part of the error: words, and its range [arcsec] at 5, 50 and 95 % of drives."""
+    """A part of the error: its name, and its range at 5, 50 and 95 % of drives [arcsec]."""
 
     name: str
     p5: float
@@ -129,9 +134,9 @@ class ErrorPart:
 
 @dataclass(frozen=True)
 class FormResiduals:
-    """Residuals of a form: in place at each torque, then at the first one with the zero off, and with a turn lost.
+    """Residuals of a form at each torque in place, then at the first torque with a wrong zero and lost revolutions.
 
-    left: residual over the error without it at the first torque in place, at 5, 50 and 95 % of drives.
+    left: residual over the uncorrected error, in place at the first torque, at 5, 50 and 95 % of drives.
     """
 
     form: CorrectionForm
@@ -140,27 +145,28 @@ class FormResiduals:
 
     @property
     def is_refused(self) -> bool:
-        """Whether more than one drive in twenty may be worse with it than without."""
+        """Whether the correction may make more than one drive in twenty worse."""
         return self.left[-1] >= 1
 
 
 @dataclass(frozen=True, eq=False)
 class Correction:
-    """Corrections of a drive for the first of its torques.
+    """Corrections of a drive, designed for the first of its torques.
 
-    drive: None for a correction from a recording alone.
-    errors: errors of the sampled drives, by torque.
+    drive: the drive; None for a correction from a recording only.
+    errors: errors of the sampled drives, by torque [N*m].
     parts: parts of these errors.
-    chosen: residuals of the requested form, fitted to all these drives together.
-    corrections: corrections of that form, by torque. With a table for each load, other torques than the first have
-    their own. Such a table may make at most one drive in twenty worse.
-    forms: residuals of each form. If the chosen form is refused without a recording of the full mesh cycle, they are
-    fitted to each drive by itself, as if there were such a recording.
+    forms: residuals of each form. If the chosen form is refused and there is no recording of the full mesh cycle, they
+        are fitted to each drive separately, as if there were such a recording.
+    chosen: residuals of the requested form, fitted to all drives together.
+    corrections: corrections of the requested form, by torque [N*m]. A form with a table for each load has corrections
+        for further torques, except those at which the correction may make more than one drive in twenty worse.
     fewest_points: points of a table over the output revolution that halves the error; None if no tried number does.
-    phasors: median of the residual range [arcsec] by number of correction terms.
+    phasors: median of the residual range [arcsec], by number of correction terms.
     records: recordings by torque [N*m].
-    misfit: relative misfit of the drives that agree with recordings of part of the cycle, else None.
-    samples: None if the drive has no uncertain inputs.
+    misfit: relative misfit of the drives that agree with recordings of part of the cycle; otherwise None.
+    samples: samples of the drive; None if it has no uncertain inputs.
+    certificate: certificate of the solved states.
     """
 
     drive: Drive | None
@@ -178,27 +184,27 @@ class Correction:
 
     @property
     def M_g(self) -> float:
-        """Torque [N*m] that it is for."""
+        """Torque that the correction is designed for [N*m]."""
         return next(iter(self.errors))
 
     @property
     def correction(self) -> CorrectionTable | Phasors:
-        """The one for that torque."""
+        """Correction for the first torque."""
         return self.corrections[self.M_g]
 
     @property
     def recorded_deg(self) -> tuple[float, float] | None:
-        """Angles of the output between which a record of a travel has the error; None of the full cycle."""
+        """Output angles at the ends of a recorded travel [deg]; None for the full cycle."""
         record = self.records.get(self.M_g)
         if record is None or record.recorded_turns is None:
             return None
-        # with a negative ratio the output turns the other way
+        # with a negative ratio, the output rotates in the opposite sense
         low, high = sorted(360 * turns / self.errors[self.M_g].lines.kinematics.u for turns in record.recorded_turns)
         return low, high
 
     @property
     def strong_lines(self) -> tuple[float, ...]:
-        """Return the strongest lines in descending sequence, in periods per output revolution."""
+        """The strongest lines in descending sequence, in periods per output revolution."""
         lines = self.errors[self.M_g].lines
         strongest = np.argsort(-(np.abs(lines.amplitude) ** 2).mean(axis=0))[:_STRONG_LINES]
         return tuple(line_orders(lines)[0][strongest].tolist())
@@ -212,15 +218,16 @@ def correct(
     draws: int = EFFECTIVE_SAMPLES,
     run: Run = Run(),
 ) -> Correction:
-    """Return the corrections of a drive for the first of its torques, and their residuals at each.
+    """Return the corrections of a drive for the first of its torques, and their residuals at each torque.
 
-    Arguments: form that is wanted; records of the drive by torque [N*m], whose zero is that of the correction then;
-    draws: drives as this one may be, 0 for the preset's own numbers alone. Raises UsageError for rolling balls,
-    UntrustedError as `check` does, and as agreeing_drives does.
+    form: requested form.
+    records: recordings of the drive by torque [N*m], which define the zero of the correction.
+    draws: number of sampled drives; 0 for the nominal values of the preset only.
+    Raises UsageError for rolling balls, and UntrustedError as `check` and `agreeing_drives` do.
     """
     records = records or {}
     prior = prior_of(drive)
-    # a part leaves lines open, so drives that agree with it take its place
+    # a part of the cycle does not resolve the lines, so drives that agree with it are used instead
     if any(record.is_part for record in records.values()):
         # drives cannot be fitted to errors of unknown size
         if any(record.scale_uncertainty for record in records.values()):
@@ -228,10 +235,10 @@ def correct(
                 "a recording of part of the cycle with an unknown guide rate, which determines the size of the error"
             )
             raise UntrustedError(message, "state the guide rate: --guide-rate ARCSEC/S")
-        # an even number of draws, since they are made in pairs of opposite signs
+        # the number of draws is even because they are made in pairs of opposite signs
         agreeing, misfit = agreeing_drives(drive, records, draws // 2 * 2 or RECORDED_DRAWS, run)
         return correction_of(drive, agreeing, records, form, run, misfit=misfit)
-    # all is known: one drive
+    # without uncertain inputs, one drive is enough
     if not (prior.fields and draws):
         return correction_of(drive, [{}], records, form, run)
     samples = drive_samples(
@@ -240,7 +247,7 @@ def correct(
         draws=draws,
         run=run,
     )
-    # as for the ranges of every page
+    # the same samples determine the ranges on every page
     first = samples.of_ranges
     rows = even_rows(first.weights, draws)
     return correction_of(
@@ -259,20 +266,20 @@ def correction_of(
     F_ior_arcsec: Array | None = None,
     misfit: float | None = None,
 ) -> Correction:
-    """Return corrections of a drive from drives as it may be.
+    """Return the corrections of a drive from possible drives.
 
     drive: the drive.
-    drives: values by path of drives as it may be.
-    records: records of the drive by torque [N*m].
+    drives: values of the possible drives, by path.
+    records: recordings of the drive by torque [N*m].
     form: form of the correction.
     run: the run.
-    samples: samples that the drives are from; None if all is known, or records decide.
-    F_ior_arcsec: F'_ior of the drives [arcsec] at the torques, shape (drives, torques); None without samples.
-    misfit: as that of alike_lines.
+    samples: samples that the drives come from; None if all inputs are known or recordings determine the drives.
+    F_ior_arcsec: F'_ior of the drives [arcsec], shape (drives, torques); None without samples.
+    misfit: misfit of the drives, as for `alike_lines`.
     Raises UntrustedError if a state cannot be trusted.
     """
     torques = drive.operation.M_g
-    # drives that agree with a recording share what its lines leave out
+    # drives that agree with a recording have the same error beyond its lines
     is_alike = misfit is not None or len(drives) == 1
     errors = {}
     certificate = samples.certificate if samples else EMPTY
@@ -288,10 +295,10 @@ def correction_of(
             F_ior_arcsec=sampled,
         )
         certificate += error.lines.certificate
-        # the recording says more than any sample
+        # a recording of the full cycle replaces the samples
         if record and not record.is_part:
             error = _recorded_belief(error.lines, record, run)
-        # a torque without a recording of its own: the drives that agree with the others
+        # at a torque without a recording, use the drives that agree with the recordings at other torques
         elif records:
             error = replace(
                 error,
@@ -311,7 +318,12 @@ def _recorded_belief(
     record: RecordedError,
     run: Run,
 ) -> _LoadedError:
-    """Return the error of drives that agree with a record of the full cycle; lines, of drives as this one may be."""
+    """Return the error of drives that agree with a recording of the full cycle.
+
+    lines: lines of the possible drives.
+    record: recording of the full cycle.
+    run: the run, whose seed determines the samples.
+    """
     visited = record.visited(lines.kinematics) if record.recorded_turns else None
     recorded = with_scale_spread(recorded_lines(lines, record, run), record.scale_uncertainty, run.seed)
     error = _LoadedError(recorded, visited=visited)
@@ -329,27 +341,27 @@ def _fitted_correction(
     misfit: float | None = None,
     certificate: Certificate = EMPTY,
 ) -> Correction:
-    """Return corrections fitted to errors by torque, the first of which counts most.
+    """Return corrections fitted to errors by torque, of which the first torque counts most.
 
-    drive: None for a correction from a recording alone.
-    errors: of drives as this one may be, by torque [N*m].
-    form: that is wanted.
-    records: of the drive, by torque.
-    name: of the drive, or of its recording.
+    drive: the drive; None for a correction from a recording only.
+    errors: errors of the possible drives, by torque [N*m].
+    form: requested form.
+    records: recordings of the drive, by torque [N*m].
+    name: name of the drive or of its recording.
     samples, misfit, certificate: as in `Correction`.
     """
     torques = tuple(errors)
-    # the correction is made for the first torque and tried at the others
+    # the correction is designed for the first torque and tried at the other torques
     design = errors[torques[0]]
     is_recorded = torques[0] in records and misfit is None
     phasors = _phasor_residuals(torques[0], design, is_recorded=is_recorded)
     number = _enough_phasors(phasors)
-    # correction terms: their number is chosen unless it is stated
+    # the number of correction terms is chosen unless it is stated
     if not form.turn:
         number = form.points or number
         form = replace(form, points=number)
     chosen = _residuals_of(form, errors, together=True)
-    # one correction for all drives, unless it makes some of them worse
+    # all drives share one correction unless it makes some of them worse
     is_together = is_recorded or not chosen.is_refused
     forms = _forms_to_compare(form, number, has_loads=len(torques) > 1)
     corrected = _corrected_torques(chosen, torques)
@@ -370,7 +382,7 @@ def _fitted_correction(
 
 
 def _halving_points(design: _LoadedError, *, together: bool) -> int | None:
-    """Return the fewest points of a table over the output revolution that halves an error; None if none does."""
+    """Return the fewest points of a table over the output revolution that halves an error; None if no number does."""
     residuals = _ranges_by_points("output", design, together=together)
     most_residual = HALVED * design.uncorrected_p50
     return next((points for points, residual in residuals.items() if residual <= most_residual), None)
@@ -384,13 +396,13 @@ def _phasor_residuals(
 ) -> dict[int, float]:
     """Return the median of the residual range [arcsec] by number of correction terms.
 
-    If the phases are so uncertain that common terms may make the error worse, it is that of each drive with its own.
+    If the phases are so uncertain that common terms may make the error worse, each drive has its own terms.
 
     M_g: torque [N*m].
     design: error at this torque.
-    is_recorded: whether a recording of the full cycle shows the error.
+    is_recorded: whether a recording of the full cycle determines the error.
     """
-    # the number of terms has to suit the correction that is chosen in the end
+    # the number of terms must suit the correction that is finally chosen
     phasors = _ranges_by_points(None, design, together=True)
     form = CorrectionForm(None, _enough_phasors(phasors))
     if not is_recorded and _residuals_of(form, {M_g: design}, together=True).is_refused:
@@ -404,7 +416,12 @@ def _forms_to_compare(
     *,
     has_loads: bool,
 ) -> list[CorrectionForm]:
-    """Return the usual forms and a wanted one, each once; phasors: number of correction terms of the usual ones."""
+    """Return the usual forms and the requested form, each once.
+
+    form: requested form.
+    phasors: number of correction terms in the usual forms.
+    has_loads: whether there are several torques.
+    """
     usual = [
         CorrectionForm(None, phasors),
         CorrectionForm(
@@ -420,7 +437,7 @@ def _forms_to_compare(
 
 
 def _corrected_torques(chosen: FormResiduals, torques: Sequence[float]) -> list[float]:
-    """Return the torques [N*m] that get a correction: the first, and with a table for each load those it improves."""
+    """Return the torques [N*m] with a correction: the first, and with a table for each load those that it improves."""
     corrected = [torques[0]]
     if chosen.form.each_load:
         for M_g, residual in zip(torques[1:], chosen.residuals[1:], strict=False):
@@ -442,20 +459,21 @@ def _loaded_error(
 ) -> _LoadedError:
     """Return the error of drives at a torque.
 
-    Some drives are solved in each state of their cycle, for the part that lines leave out: one drive may have twice the
-    part of another. The other drives have the part of these in turn.
+    Some drives are solved in each state of their cycle, to determine the part of the error that their lines do not
+    contain. This part may be twice as large in one drive as in another. The other drives get the parts of the solved
+    drives in turn.
 
     drive: the drive.
     M_g: torque [N*m].
-    drives: values by path of drives as it may be.
+    drives: values of the possible drives, by path.
     run: the run.
-    alike: whether all drives are so near to the first one that its part beyond the lines is theirs too.
-    F_ior_arcsec: F'_ior of the drives [arcsec], shape (drives,); None to take it from the solved cycles.
+    alike: whether all drives are so similar to the first one that they share its part beyond the lines.
+    F_ior_arcsec: F'_ior of the drives [arcsec], shape (drives,); None to determine it from the solved cycles.
     solved: number of drives that are solved.
     Raises UntrustedError if a state cannot be trusted.
     """
     lines = error_lines(drive, M_g, drives, run)
-    # evenly over the drives
+    # the solved drives are spaced evenly
     rows = np.linspace(0, len(drives), 1 if alike else min(solved, len(drives)), endpoint=False).astype(int)
     cycles = []
     certificate = lines.certificate
@@ -463,11 +481,11 @@ def _loaded_error(
         cycle, certificate_of_cycle = solved_error(drive.with_values(drives[row]), M_g, run)
         cycles.append(cycle)
         certificate += certificate_of_cycle
-    # what lines leave out of one solved cycle is the same in all of them
+    # the part of one solved cycle beyond the lines is the same in all drives
     if alike:
         remainder = cycles[0].apart(replace(lines, amplitude=lines.amplitude[:1]))
         lines = with_more_lines(lines, replace(cycles[0], error_arcsec=remainder).lines(lines.kinematics))
-    # lines leave fine details out, so their range is a little too small
+    # lines do not contain fine details, so their range is slightly too small
     scale = _scale_to_cycles(lines, cycles, rows, F_ior_arcsec)
     lines = replace(
         lines,
@@ -486,13 +504,13 @@ def _scale_to_cycles(
 ) -> Array:
     """Return the factors that give the curves of lines the range of the error, shape (drives,).
 
-    lines: of the drives.
-    cycles: of the drives that were solved.
-    rows: numbers of these drives.
-    F_ior_arcsec: F'_ior of all drives [arcsec]; None to take it from the solved cycles, and their mean for the others.
+    lines: lines of the drives.
+    cycles: solved cycles.
+    rows: indices of the solved drives.
+    F_ior_arcsec: F'_ior of all drives [arcsec]; None to use the solved cycles, and their mean factor for other drives.
     """
     ranges = np.maximum(np.ptp(lines.curves, axis=1), np.finfo(float).tiny)
-    # the range that all pages state
+    # this range is the one on all pages
     if F_ior_arcsec is not None:
         return np.asarray(F_ior_arcsec / ranges)
     solved_ranges = np.array([np.ptp(cycle.error_arcsec) for cycle in cycles])
@@ -506,14 +524,14 @@ def _share_beyond(
     row: int,
     cycle: RecordedError,
 ) -> float:
-    """Return the range of the part of a solved cycle that the lines of its drive leave out, over that of the lines."""
+    """Return the range of a solved cycle minus its lines, over the range of the lines."""
     lines_of_drive = replace(lines, amplitude=lines.amplitude[row : row + 1])
     line_range = max(float(np.ptp(lines_of_drive.curves)), np.finfo(float).tiny)
     return float(np.ptp(cycle.apart(lines_of_drive))) / line_range
 
 
 def _enough_phasors(left_arcsec: Mapping[int, float]) -> int:
-    """Return the smallest number of correction terms whose residual is close to that of the best number.
+    """Return the smallest number of correction terms with a residual close to that of the best number.
 
     left_arcsec: median of the residual range [arcsec] by number of correction terms.
     """
@@ -529,16 +547,16 @@ def _exported(
 ) -> CorrectionTable | Phasors:
     """Return the correction of a form for a torque, with its uncertainty.
 
-    Tables contain that of the opposite torque as well.
+    If each load has its own table, the table also contains that of the opposite torque.
 
     chosen: form with its residuals.
-    errors: by torque [N*m].
+    errors: errors by torque [N*m].
     M_g: torque [N*m].
     preset: name of the drive or of its recording.
     """
     form = chosen.form
     lines = errors[M_g].lines
-    # one correction: of the mean error of the drives
+    # the single correction is that of the mean error of the drives
     exported = replace(
         form.fitted(lines.mean, M_g),
         preset=preset,
@@ -551,7 +569,7 @@ def _exported(
             phase_deg=exported.phase_deg[0],
         )
         return exported if len(lines.amplitude) == 1 else _with_uncertainty(exported, lines)
-    # the other direction has a table of its own
+    # the other direction has its own table
     if form.each_load and -M_g in errors:
         opposite = form.fitted(errors[-M_g].lines.mean, -M_g)
         if isinstance(opposite, CorrectionTable):
@@ -564,14 +582,15 @@ def _exported(
 
 
 def _with_uncertainty(phasors: Phasors, lines: ErrorLines) -> Phasors:
-    """Return correction terms with the uncertainty of their amplitudes and phases by the spread of drives.
+    """Return correction terms with the uncertainty of their amplitudes and phases, from the spread of the drives.
 
-    lines: of several drives.
+    phasors: correction terms of the mean error.
+    lines: lines of several drives.
     """
-    # lines are numbered by their periods in a cycle
+    # lines are numbered by their periods per cycle
     per_cycle = np.rint(phasors.per_cam_turn * lines.kinematics.cycle_cam_revolutions)
     vectors = lines.amplitude[:, np.isin(lines.per_cycle, per_cycle)]
-    # along and across the mean vector: spread of amplitude and of phase
+    # the spread along the mean vector is that of the amplitude, the spread across it that of the phase
     turned = vectors / np.exp(1j * np.radians(phasors.phase_deg))  # real for lines with the phase of the mean
     phase_rad = turned.imag.std(axis=0) / np.maximum(phasors.amplitude_arcsec, _LEAST_AMPLITUDE)
     return replace(
@@ -587,22 +606,22 @@ def _residuals_of(
     *,
     together: bool,
 ) -> FormResiduals:
-    """Return the residuals of a form fitted to the errors of all drives together, or to each by itself."""
+    """Return the residuals of a form fitted to the errors of all drives together, or to each drive separately."""
     design = next(iter(errors))
     turns = errors[design].lines.kinematics.cycle_cam_revolutions
     fitted = {M_g: error.corrected(form, M_g, together=together) for M_g, error in errors.items()}
-    # an absolute encoder of the input alone loses whole revolutions
+    # an absolute encoder of the input only loses whole revolutions
     lost = np.unique(np.linspace(1, max(turns - 1, 1), _LOST_TURNS).astype(int)).tolist()
-    # errors of use as well as of the correction itself: zero off, revolutions lost
+    # besides the correction itself, consider errors in its use: a wrong zero and lost revolutions
     cases = [(IN_PLACE, M_g, [0.0]) for M_g in errors]
     cases += [(f"zero {degrees:g} deg off", design, [-degrees / 360, degrees / 360]) for degrees in _ZERO_OFF_DEG]
     cases += [(TURN_LOST, design, lost)]
     residuals = []
     for case, M_g, off_turns in cases:
-        # a form for each load has a correction at each torque
+        # with a correction for each load, each torque has its own
         range_left = ranges_left(fitted[M_g if form.each_load else design], errors[M_g], off_turns)
         residuals.append(ExpectedResidual(M_g, errors[M_g].uncorrected_p50, *percentiles(range_left), case))
-    uncorrected = np.maximum(errors[design].ranges, np.finfo(float).tiny)  # of each drive
+    uncorrected = np.maximum(errors[design].ranges, np.finfo(float).tiny)  # shape (drives,)
     share = ranges_left(fitted[design], errors[design])[0] / uncorrected
     return FormResiduals(form, tuple(residuals), percentiles(share))
 
@@ -612,14 +631,18 @@ def ranges_left(
     error: _LoadedError,
     off_turns: Sequence[float] = (0.0,),
 ) -> Array:
-    """Return the ranges [arcsec] of an error over the cycle that a correction leaves, shape (offsets, drives).
+    """Return the residual ranges of an error over the cycle with a correction [arcsec], shape (offsets, drives).
 
-    Argument: turns of the cam that its zero is off. The part that lines do not have stays, and adds in squares.
+    The part of the error beyond the lines is not corrected, and its range is added in quadrature.
+
+    correction: the correction.
+    error: error of the drives at a torque.
+    off_turns: offsets of the zero of the correction [input revolutions].
     """
     kinematics = error.lines.kinematics
     taken = correction_curve(correction, kinematics)
     places = np.arange(error.actual.shape[1]) / error.actual.shape[1]
-    # as a share of the cycle
+    # convert the offsets to shares of the cycle
     shifts = [off / kinematics.cycle_cam_revolutions for off in off_turns]
     residual_ranges = [error.range_of(error.actual - between_points(taken, places + shift)) for shift in shifts]
     # the part beyond the lines is not corrected, and adds like noise
@@ -629,7 +652,7 @@ def ranges_left(
 def correction_curve(correction: CorrectionTable | Phasors, kinematics: Kinematics) -> Array:
     """Return the error that a correction removes over the full cycle [arcsec], shape (..., points).
 
-    There are POINTS_A_TURN points in an input revolution.
+    An input revolution has POINTS_A_TURN points.
     """
     turns = kinematics.cycle_cam_revolutions
     if isinstance(correction, CorrectionTable):
@@ -646,16 +669,16 @@ def _ranges_by_points(
     *,
     together: bool = False,
 ) -> dict[int, float]:
-    """Return the median of the residual range [arcsec] of forms by their points, fitted as in `_residuals_of`."""
+    """Return the median of the residual range [arcsec] by number of points, fitted as in `_residuals_of`."""
     fitted = {N: error.corrected(CorrectionForm(turn, N), 0.0, together=together) for N in TRIED_POINTS[turn]}
     return {N: percentiles(ranges_left(correction, error)[0])[1] for N, correction in fitted.items()}
 
 
 def _error_parts(errors: _ErrorsByTorque) -> tuple[ErrorPart, ...]:
-    """Return parts of the error of drives: by their frequency, and changes by other loads and the other direction."""
+    """Return the parts of the error: by frequency, and the changes with other loads and with the other direction."""
     design = next(iter(errors))
     design_lines = errors[design].lines
-    # how far each line is from the nearest order of the input
+    # beats: distance of each line from the nearest order of the input
     _, order, beats = line_orders(design_lines)
 
     def part(name: str, kept: NDArray[np.bool_]) -> ErrorPart:
@@ -679,8 +702,8 @@ def _error_parts(errors: _ErrorsByTorque) -> tuple[ErrorPart, ...]:
 
 
 def percentiles(values: Array) -> tuple[float, float, float]:
-    """Return the 5th, 50th and 95th percentile of values of equal weight."""
-    # Weibull's plotting positions, which do not understate the spread of few drives
+    """Return the 5th, 50th and 95th percentiles of equally weighted values."""
+    # Weibull's plotting positions do not understate the spread of a few drives
     low, middle, high = np.quantile(values, _REPORTED_SHARES, method="weibull").tolist()
     return low, middle, high
 
@@ -692,18 +715,24 @@ def correction_alone(
     form: CorrectionForm,
     output_turns: str | None = None,
 ) -> Correction:
-    """Return the correction from a recording at a torque M_g [N*m], measured with its ratio, both directions as one.
+    """Return the correction from a recording without a preset.
 
-    Arguments: asked, how the file counts; of two encoders that count alike their record shows which way the
-    output turns; else output_turns says so: "with" the cam or "against" it. A table over the input needs neither that
-    nor the full cycle: of part of it, the correction is that of errors that agree with it (`drawn_errors`).
-    Raises UsageError for a table over the output turn without output_turns, and for angles of the output with another
-    form than a table over the input; UntrustedError for another form from less than the full cycle.
+    A table over the input does not need the sense of the output or the full cycle. For a recording of part of the
+    cycle, the table corrects the errors that agree with it (`drawn_errors`).
+
+    found: measurement with the ratio and with both directions as one.
+    asked: counting convention of the file.
+    M_g: torque of the recording [N*m].
+    form: form of the correction.
+    output_turns: sense of the output relative to the input, "with" or "against"; None if the recording of two encoders
+        shows it.
+    Raises UsageError for a table over the output revolution without a known sense, and for output angles with any other
+    form than a table over the input. Raises UntrustedError for another form from less than the full cycle.
     """
     is_over_input = form.turn in ("cam", "half-cam")
     kinematics = _kinematics_alone(found, form, output_turns)
     sweep = found.directions[0]
-    # a table over the input needs no full cycle: errors are drawn that agree with the part
+    # a table over the input can use sampled errors that agree with part of the cycle
     is_drawn = is_over_input and (sweep.is_bound or found.is_of_travel)
     if sweep.is_bound and not is_drawn:
         share = f"{100 * sweep.coverage.share:.0f} % of the full cycle" if sweep.coverage else "no full cycle"
@@ -727,14 +756,14 @@ def _kinematics_alone(
     form: CorrectionForm,
     output_turns: str | None,
 ) -> Kinematics:
-    """Return the kinematics of a drive from its recording alone: ratio, and the sense in which the output rotates.
+    """Return the kinematics of a drive from its recording: the ratio, and the sense in which the output rotates.
 
-    The arguments are those of `correction_alone`, which says what is raised.
+    The arguments and exceptions are those of `correction_alone`.
     """
     trace = found.trace
     is_over_input = form.turn in ("cam", "half-cam")
     is_by_output = trace.angle_of == "output"
-    # two encoders show the sense by themselves
+    # a recording of two encoders shows the sense
     way = output_turns or {1: "with", -1: "against"}.get(trace.sense)
     if is_by_output and not way:
         way = "with"  # the input angle is then counted in the sense of the output
@@ -745,16 +774,16 @@ def _kinematics_alone(
             "if the recording contains input angles, use --output-turns: against (circular spline fixed) or with "
             "(flexspline fixed). Otherwise give a preset",
         )
-    # two waves: the wheels differ by two teeth
+    # with two waves, the wheels differ by two teeth
     moving_teeth = round(2 * found.gearing.ratio)
     if way == "with":
-        # with the flexspline fixed the output turns with the input
+        # with the flexspline fixed, the output rotates with the input
         return Kinematics(moving_teeth - 2, moving_teeth, "flexspline")
     return Kinematics(moving_teeth, moving_teeth + 2, "rigid")
 
 
 def _no_lines(kinematics: Kinematics) -> ErrorLines:
-    """Return lines of a drive of which nothing is known."""
+    """Return an empty set of lines for a drive without a preset."""
     return ErrorLines(
         kinematics=kinematics,
         per_cycle=np.zeros(0, dtype=np.int64),
@@ -769,7 +798,7 @@ def _drawn_belief(
     kinematics: Kinematics,
     asked: Alignment,
 ) -> _LoadedError:
-    """Return errors that agree with a recording of a part of the cycle."""
+    """Return sampled errors that agree with a recording of part of the cycle."""
     drawn = drawn_errors(found, kinematics, asked)
     error = _LoadedError(
         lines=with_scale_spread(drawn.lines, record.scale_uncertainty, found.seed),
@@ -780,11 +809,15 @@ def _drawn_belief(
 
 @dataclass(frozen=True)
 class VerifiedCorrection:
-    """A record with the correction on, at the torque that it is for.
+    """Verification of a correction by a recording with the correction on, at the torque that it is designed for.
 
-    F_ior_arcsec: of its lines, and its interval, without an upper end of part of the cycle;
-    promised; parts: of the error as promised and as it came, of the full cycle only; cause: words for why it does not
-    do as was promised.
+    F_ior_arcsec: measured residual F'_ior, from the recorded lines [arcsec].
+    interval_arcsec: interval of the measured residual [arcsec]; the upper end is None for a part of the cycle.
+    promised: predicted residual.
+    promised_parts: predicted parts of the residual; empty for a part of the cycle.
+    parts: measured parts of the residual; empty for a part of the cycle.
+    cause: likely reason if the residual exceeds the prediction; otherwise empty.
+    verdict: verdict on the correction.
     """
 
     F_ior_arcsec: float
@@ -804,16 +837,17 @@ def verify(
     """Compare a recording with the correction on with the predicted residual.
 
     The interval of the measured residual covers the uncertainty from noise. The verdict is PASS if the interval is
-    within the predicted residual at 95 %, and FAIL if no part of the interval is.
+    within the predicted residual at 95 %, and FAIL if the whole interval is above it.
     """
     promised = result.chosen.residuals[0]
     error = result.errors[result.M_g]
     lines = recorded_lines(error.lines, record, run)
     F_ior_arcsec = float(np.ptp(lines.mean.curves))
-    *_, largest = percentiles(np.ptp(lines.curves, axis=1))  # what noise leaves open added, which may have added before
-    # as far below the range as the upper end is above it
+    # range with the error that noise leaves open; noise has possibly increased the recorded range already
+    *_, largest = percentiles(np.ptp(lines.curves, axis=1))
+    # the lower end is as far below the range as the upper end is above it
     low = max(0.0, 2 * F_ior_arcsec - largest)
-    # a part of the cycle has a lower bound only
+    # a part of the cycle gives a lower bound only
     high = None if record.is_part else largest
     verdict = _verdict_of(low, high, promised.p95)
     correction = correction_curve(result.correction, error.lines.kinematics).reshape(-1)
@@ -835,8 +869,8 @@ def verify(
 
 
 def _corrected_lines(lines: ErrorLines, correction: Array) -> ErrorLines:
-    """Return lines that a correction over the full cycle leaves [arcsec], shape (points,)."""
-    # from a curve to amplitudes of its lines
+    """Return the lines of the residual with a correction over the full cycle [arcsec], shape (points,)."""
+    # convert the curve to amplitudes of its lines
     spectrum = np.fft.rfft(correction)[lines.per_cycle] * (2 / len(correction))
     return replace(lines, amplitude=lines.amplitude + spectrum)
 
@@ -846,8 +880,11 @@ def _verdict_of(
     high: float | None,
     limit: float,
 ) -> Verdict:
-    """Return the verdict of an interval without an upper end if it is None: PASS within a limit, FAIL above it."""
-    # the interval decides as a whole, so noise gives no verdict
+    """Return the verdict on an interval: PASS if it is within a limit, FAIL if it is above the limit.
+
+    low, high: ends of the interval; high is None without an upper end.
+    """
+    # the whole interval must lie on one side of the limit, so that noise alone cannot decide the verdict
     if high is not None and high <= limit:
         return Verdict.PASS
     return Verdict.FAIL if low > limit else Verdict.INCONCLUSIVE
@@ -859,43 +896,48 @@ def _likely_cause(
     record: RecordedError,
     lines: ErrorLines,
 ) -> str:
-    """Return the sign and zero with which a correction acts that explain a record best, in words; empty if none does.
+    """Return the sign and zero of the applied correction that explain a recording best, in words; empty if none does.
 
-    The square of before - after - correction is smallest if their correlation is largest.
+    The sum of squares of before - after - correction is smallest where their correlation is largest.
 
-    before, taken: error before and correction over the full cycle [arcsec], shape (points,).
-    record: after the correction.
-    lines: of the record.
+    before: error before the correction over the full cycle [arcsec], shape (points,).
+    taken: intended correction over the full cycle [arcsec], shape (points,).
+    record: recording after the correction.
+    lines: lines of the recording.
     """
     count = len(taken)
     points = record.points(lines)
-    # what the correction has really added, at the readings
-    applied = before[points] + record.error_arcsec  # F_kpp is the opposite of the actual error
+    # correction that was actually applied, at the readings
+    applied = before[points] + record.error_arcsec  # F_kpp has the opposite sign of the actual error
     applied -= applied.mean()
 
     def correlation(readings: Array, curve: Array) -> Array:
-        """Return the sum over readings by the points that the zero is off, shape (points,)."""
-        # sums for all offsets of the zero at once, as one product of spectra
+        """Return the sum over readings for each offset of the zero in points, shape (points,)."""
+        # one product of spectra gives the sums for all offsets of the zero
         spectrum = np.fft.rfft(np.bincount(points, readings, count))
         return np.fft.irfft(np.conj(spectrum) * np.fft.rfft(curve), count)
 
     product = correlation(applied, taken)
     power = correlation(np.ones(len(points)), taken**2)
-    # rows: as it is, with the sign flipped, and off
-    # |applied - (+/-) taken|^2 by its three sums; without the correction taken is 0
+    # rows: correction as intended, with its sign flipped, and off
+    # |applied - (+/-) taken|^2 from its three sums; if the correction is off, taken is 0
     squares = applied @ applied + np.stack([power - 2 * product, power + 2 * product, 0 * power])
-    # no sign and zero explains most of it, so no cause is named
+    # no cause is named if no sign and zero explain most of the difference from the intended correction
     if squares.min() > _EXPLAINED_RMS_SHARE**2 * squares[0, 0]:
         return ""
-    offsets = np.fft.fftfreq(count, 1 / count)  # points that the zero is off, to either side
+    offsets = np.fft.fftfreq(count, 1 / count)  # offsets of the zero in points, positive and negative
     candidates = np.argwhere(squares <= _ALIKE * squares.min()).tolist()
-    # of equally good explanations that with the zero nearest to where it belongs
+    # among equally good explanations, the zero nearest to its intended position is chosen
     row, point = min(candidates, key=lambda candidate: (abs(offsets[candidate[1]]), candidate[0]))
     return _cause_text(row, float(offsets[point]) / POINTS_A_TURN)
 
 
 def _cause_text(row: int, off_turns: float) -> str:
-    """Return a cause in words: 0 as it is, 1 flipped, 2 off; off_turns: input revolutions that the zero is off."""
+    """Return a cause in words.
+
+    row: 0 for the correction as intended, 1 with its sign flipped, 2 off.
+    off_turns: offset of the zero [input revolutions].
+    """
     if row == 2:
         return "the correction is not on"
     turns = round(off_turns)
@@ -910,7 +952,7 @@ def _cause_text(row: int, off_turns: float) -> str:
     return ", ".join(causes)
 
 
-# What a correction leaves in each position of the fixed wheel
+# Residual of a correction in each position of the fixed wheel
 
 
 def advice_corrected(
@@ -919,15 +961,20 @@ def advice_corrected(
     draws: int,
     run: Run,
 ) -> Advice:
-    """Return an advice by what a correction leaves that is made in each position and for each torque.
+    """Return the advice based on the residual of a correction that is made in each position and for each torque.
 
-    Where that tells no hole from another, the advice as it was. Arguments: draws, drives of the same weight, from the
-    samples of the advice. The error of each drive is that of its own lines there, as if it were recorded in that
-    position, with all that these lines do not have.
+    The error of each drive in a position is that of its own lines there, as if it were recorded there, including the
+    part beyond these lines. If the residuals do not distinguish any hole from another, the decision remains that
+    without a correction.
+
+    advice: advice without a correction.
+    form: form of the correction.
+    draws: number of equally weighted drives from the samples of the advice.
+    run: the run.
     """
-    # the same decision, over what a correction leaves in place of F'_ior
+    # the decision is the same with the residual in place of F'_ior
     choice = advice.decision
-    # no hole is better, with a correction or without
+    # if no hole is better without a correction, none is better with one
     if choice.all_alike:
         return advice
     drives = [dict[str, float]()]
@@ -960,10 +1007,10 @@ def _residuals_in_positions(
     form: CorrectionForm,
     run: Run,
 ) -> tuple[Array, Certificate]:
-    """Return what corrections leave of drives in positions [arcsec], shape (torques, drives, positions), with proof.
+    """Return the residuals of drives in positions [arcsec], shape (torques, drives, positions), and their certificate.
 
     drives: values by path.
-    rotations: of the fixed wheel [deg], shape (positions,).
+    rotations: rotations of the fixed wheel [deg], shape (positions,).
     """
     drive = advice.drive
     certificate = EMPTY
@@ -971,7 +1018,7 @@ def _residuals_in_positions(
     for rotation_deg in rotations:
         rotated_drives = []
         for values in drives:
-            # deviations that turn with the fixed wheel
+            # rotate the deviations that turn with the fixed wheel
             rotated = {path: values.get(path, drive.number(path)) + rotation_deg for path in carried(drive)}
             rotated_drives.append(values | rotated)
         for M_g in advice.torques:
@@ -994,6 +1041,6 @@ def corrected_states(
     positions: int,
     draws: int,
 ) -> int:
-    """Return the number of states that this solves, about, for a progress bar."""
+    """Return the approximate number of states that `advice_corrected` solves, for the progress bar."""
     cycle = Kinematics.of(drive).cycle_states
     return len(drive.operation.M_g) * positions * (cycle + max(1, draws) * WAVE_POINTS**2)

@@ -1,8 +1,8 @@
-"""Stored corrections as a controller evaluates them, tables and correction terms, fitted by least squares.
+"""Corrections as a controller stores and evaluates them: tables and correction terms, fitted by least squares.
 
-Signs: the error is the actual minus the ideal angle of the output [arcsec]. It is counted counter-clockwise, seen
-from the wave generator side, as every angle. A controller subtracts it from its set-point. F_kpp, the ideal minus the
-actual angle, has the opposite sign.
+Signs: the error is the actual minus the ideal angle of the output [arcsec]. It counts counter-clockwise, seen from the
+wave generator side, like every angle. A controller subtracts it from its set-point. F_kpp, the ideal minus the actual
+angle, has the opposite sign.
 
 Zero: the position of wave generator and output at phi_h = 0 with the output angle 0 of the preset.
 """
@@ -20,20 +20,21 @@ from hdassist.errors import UsageError
 from hdassist.model.geometry import Array
 
 RepeatTurn = Literal["output", "cam", "half-cam"]
-TRIED_POINTS: Mapping[RepeatTurn | None, Sequence[int]] = {  # of tables, and numbers of correction terms
+TRIED_POINTS: Mapping[RepeatTurn | None, Sequence[int]] = {  # numbers of table points, and for None of correction terms
     None: (20, 80, 320, 1280),
     "output": (32, 64, 100, 128, 180, 256, 360, 512, 720, 1024, 1500, 2048, 4096),
 }
 USUAL_POINTS = 1500  # points of a table over an output revolution
-CAM_POINTS = 256  # points of a table over an input revolution, or half of one
+CAM_POINTS = 256  # points of a table over an input revolution or half of one
 
 
 @dataclass(frozen=True)
 class ExpectedResidual:
-    """Range [arcsec] of the error over the full mesh cycle at a torque M_g [N*m], without a correction and with it.
+    """Range of the error over the full mesh cycle at a torque M_g [N*m], without and with a correction [arcsec].
 
-    uncorrected_p50, p5, p50, p95: percentiles over all uncertain inputs of the drive.
-    case: "in place", or with the zero of the correction off, or with a lost input revolution.
+    uncorrected_p50: median without a correction.
+    p5, p50, p95: percentiles with the correction, over all uncertain inputs of the drive.
+    case: "in place", with the zero of the correction off, or with a lost input revolution.
     """
 
     M_g: float
@@ -46,13 +47,19 @@ class ExpectedResidual:
 
 @dataclass(frozen=True, eq=False)
 class CorrectionTable:
-    """Error over a turn, at even steps with straight lines between; after the last point the first comes again.
+    """Error over a revolution at even steps, with linear interpolation; the first point follows the last.
 
-    turn: after which it repeats; error_arcsec, shape (..., points): to be taken off, at angles_deg of that turn;
-    u: cam turns in a turn of the output, negative where they turn apart; M_g [N*m]: torque that it is for;
-    other_direction_arcsec, shape (points,): for the other direction of motion, None if both share the first, and
-    other_M_g, the torque of that; preset: name of the drive; promised: residuals with it; recorded_deg: of the
-    output, ends of the travel that a record has, beyond which the table is its continuation; None of the full cycle.
+    turn: revolution after which the table repeats.
+    error_arcsec: error to subtract at angles_deg [arcsec], shape (..., points).
+    u: input revolutions per output revolution, negative if the two rotate in opposite senses.
+    M_g: torque that the table is made for [N*m].
+    other_direction_arcsec: error for the other direction of motion [arcsec], shape (points,); None if both are the
+        same.
+    other_M_g: torque for the other direction [N*m].
+    preset: name of the drive.
+    promised: predicted residuals with the table.
+    recorded_deg: output angles at the ends of the recorded travel [deg], beyond which the table is a continuation; None
+        for the full cycle.
     """
 
     turn: RepeatTurn
@@ -67,21 +74,25 @@ class CorrectionTable:
 
     @property
     def points(self) -> int:
-        """Number of its points."""
+        """Number of points of the table."""
         return int(self.error_arcsec.shape[-1])
 
     @property
     def period_deg(self) -> float:
-        """Angle of the cam or of the output after which the table repeats [deg]."""
+        """Angle of the input or the output after which the table repeats [deg]."""
         return 180.0 if self.turn == "half-cam" else 360.0
 
     @property
     def angles_deg(self) -> Array:
-        """Angles of the points [deg], of the output or of the cam, rising from 0, shape (points,)."""
+        """Output or input angles of the points, increasing from 0 [deg], shape (points,)."""
         return np.asarray(np.arange(self.points) * (self.period_deg / self.points))
 
     def error_at(self, cam_turns: Array, *, other_direction: bool = False) -> Array:
-        """Return the error to take off [arcsec] where the cam has turned so far from zero, shape (..., turns)."""
+        """Return the error to subtract at input angles [arcsec], shape (..., angles).
+
+        cam_turns: input angles from zero [revolutions], shape (angles,).
+        other_direction: whether the drive moves in the other direction.
+        """
         values = self.error_arcsec
         if other_direction and self.other_direction_arcsec is not None:
             values = self.other_direction_arcsec
@@ -89,14 +100,15 @@ class CorrectionTable:
 
 
 def periods_a_cam_turn(turn: RepeatTurn, u: float) -> float:
-    """Return the periods of a table in a turn of the cam; negative where the output turns against it."""
+    """Return the periods of a table per input revolution, negative if the output rotates in the opposite sense."""
     return {"output": 1 / u, "cam": 1.0, "half-cam": 2.0}[turn]
 
 
 def between_points(values: Array, periods: Array) -> Array:
-    """Return values between even steps over a period, by straight lines, at periods from the first step.
+    """Return values interpolated linearly between even steps over a period, shape (..., periods).
 
-    The values at the steps have the shape (..., points).
+    values: values at the steps, shape (..., points).
+    periods: positions in periods from the first step.
     """
     points = values.shape[-1]
     place = np.mod(periods, 1.0) * points
@@ -107,11 +119,16 @@ def between_points(values: Array, periods: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Phasors:
-    """Error as lines: the sum of amplitude cos(2 pi per_cam_turn x + phase), x the turns of the cam from zero.
+    """Error as correction terms: the sum of amplitude cos(2 pi per_cam_turn x + phase).
 
-    per_output_turn, per_cam_turn: how often each line comes, shape (lines,); amplitude_arcsec; phase_deg, shape
-    (..., lines) each; M_g, preset and promised as of a table; standard uncertainties of amplitude and phase, shape
-    (lines,), of a record alone: two of them hold 95 %.
+    The variable x is the input angle from zero [revolutions].
+
+    per_output_turn: periods of each term per output revolution, shape (lines,).
+    per_cam_turn: periods of each term per input revolution, shape (lines,).
+    amplitude_arcsec: amplitudes [arcsec], shape (..., lines).
+    phase_deg: phases [deg], shape (..., lines).
+    M_g, preset, promised: as in `CorrectionTable`.
+    amplitude_uncertainty_arcsec, phase_uncertainty_deg: standard uncertainties, shape (lines,); None if not determined.
     """
 
     per_output_turn: Array
@@ -126,17 +143,17 @@ class Phasors:
 
     @property
     def vectors(self) -> Complex:
-        """Amplitudes with their phases [arcsec], shape (..., lines)."""
+        """Complex amplitudes of the terms [arcsec], shape (..., lines)."""
         return np.asarray(self.amplitude_arcsec * np.exp(1j * np.radians(self.phase_deg)))
 
     def error_at(self, cam_turns: Array) -> Array:
-        """Return the error to take off [arcsec] where the cam has turned so far from zero, shape (..., turns)."""
+        """Return the error to subtract at input angles from zero [revolutions], in arcsec, shape (..., angles)."""
         phase = 2 * np.pi * self.per_cam_turn[:, None] * np.asarray(cam_turns)
         return np.asarray(self.vectors.real @ np.cos(phase) - self.vectors.imag @ np.sin(phase))
 
 
 def correction_columns(correction: CorrectionTable | Phasors) -> dict[str, Array]:
-    """Return the columns of a correction by their names, of the same length each: points of a table, or lines."""
+    """Return the columns of a correction by name, with one value per table point or correction term."""
     if isinstance(correction, CorrectionTable):
         shaft = "output" if correction.turn == "output" else "cam"
         columns = {f"{shaft}_deg": correction.angles_deg, "error_arcsec": correction.error_arcsec}
@@ -152,8 +169,8 @@ def correction_columns(correction: CorrectionTable | Phasors) -> dict[str, Array
 class CorrectionForm:
     """Form of a correction.
 
-    turn: revolution after which it repeats; None for correction terms.
-    points: points of a table, or number of correction terms.
+    turn: revolution after which the correction repeats; None for correction terms.
+    points: number of table points or of correction terms.
     each_load: whether each torque has its own table.
     """
 
@@ -163,12 +180,12 @@ class CorrectionForm:
 
     @property
     def name(self) -> str:
-        """Words for it."""
+        """Name of the form in JSON."""
         kind = f"{self.turn} turn, {self.points} points" if self.turn else f"{self.points} phasors"
         return f"{kind}, each load" if self.each_load else kind
 
     def fitted(self, lines: ErrorLines, M_g: float) -> CorrectionTable | Phasors:
-        """Return the corrections of drives at a torque M_g [N*m] from the lines there, by drives in the first axis."""
+        """Return the corrections of drives at a torque M_g [N*m] from their lines there; drives are the first axis."""
         if self.turn is None:
             return phasors_of(lines, M_g, self.points)
         values = table_values(lines, self.turn, self.points)
@@ -197,14 +214,15 @@ def form_of_text(text: str) -> CorrectionForm:
         expected = "expected a form, optionally with its number of points, for example output:720"
         raise UsageError(f"invalid --compensated {text}: {expected}", f"use one of these forms: {', '.join(usual)}")
     turn = None if name == "phasors" else name
-    return CorrectionForm(turn, number)  # type: ignore[arg-type]  # one of the names above, which a text cannot show
+    # one of the names above, which a type checker cannot infer from a text
+    return CorrectionForm(turn, number)  # type: ignore[arg-type]
 
 
 _TURN_WORDS = {"output": "output revolution", "cam": "input revolution", "half-cam": "half input revolution"}
 
 
 def form_words(name: str) -> str:
-    """Return the name of the form of a correction for pages, from that in JSON ("output turn, 36 points")."""
+    """Return the name of a form for pages, from its name in JSON ("output turn, 36 points")."""
     turn, is_table, points = name.partition(" turn, ")
     if is_table:
         number, _, each_load = points.partition(", ")
@@ -217,12 +235,11 @@ def table_values(
     turn: RepeatTurn,
     points: int,
 ) -> Array:
-    """Return values [arcsec] of tables that fit the errors of drives best, shape (drives, points).
+    """Return the values of the tables that fit the errors of drives best [arcsec], shape (drives, points).
 
-    Between points tables are straight.
-
-    Least squares over the full cycle in closed form: a line that comes h times in the period weighs sinc^2(h/N) in the
-    products with N triangles, whose own products are (4, 1, 1)/6; lines that come no whole times average out.
+    A table is linear between its points. Least squares over the full cycle has a closed form: a line with h periods per
+    revolution has the weight sinc^2(h/N) in the products with N triangle functions, whose own products are (4, 1, 1)/6.
+    Lines without a whole number of periods average out.
     """
     kinematics = lines.kinematics
     often = lines.per_cycle / (kinematics.cycle_cam_revolutions * periods_a_cam_turn(turn, kinematics.u))
@@ -236,7 +253,10 @@ def table_values(
 
 
 def line_orders(lines: ErrorLines) -> tuple[Array, Array, Array]:
-    """Return how often each line comes in a turn of the output, and the order of the cam and beats nearest to that."""
+    """Return the periods of each line per output revolution, the nearest input order, and the difference between both.
+
+    The difference counts sidebands in periods per output revolution. Each array has shape (lines,).
+    """
     cam_turns = lines.kinematics.cycle_cam_revolutions
     ratio = abs(lines.kinematics.u)
     per_output = lines.per_cycle * ratio / cam_turns
@@ -249,7 +269,11 @@ def phasors_of(
     M_g: float,
     number: int,
 ) -> Phasors:
-    """Return a number of the strongest lines of errors at a torque M_g [N*m], over all drives, rising."""
+    """Return the strongest lines of the errors as correction terms at a torque M_g [N*m], by increasing frequency.
+
+    lines: lines of the drives, whose mean power determines the strongest ones.
+    number: number of terms.
+    """
     power = (np.abs(lines.amplitude) ** 2).mean(axis=0)
     kept = np.sort(np.argsort(-power, kind="stable")[:number])
     amplitude = -lines.amplitude[:, kept]

@@ -1,8 +1,8 @@
-"""Lines of a drive's error as a record of its full cycle has them: no deviation is fitted, so no model is believed.
+"""Spectral lines of a drive's error from a recording, without fitted deviations and thus without trust in the model.
 
-Each line of a record is shrunk by the share that noise of readings has in it, from what is expected of its size: as in
-drives as this one may be, and as the lines around it. Of part of the cycle they are those of drives that agree with it,
-but for a misfit.
+Noise of the readings is part of each line of a recording. The line is therefore shrunk according to its expected size,
+which follows from the possible drives and from similar lines. For a recording of part of the cycle, the lines are those
+of drives that agree with the recording apart from a misfit.
 """
 
 from __future__ import annotations
@@ -35,50 +35,53 @@ from hdassist.recording.posterior import AmplitudePosterior, posterior_of_record
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
 
-_BEND_TURNS = 0.1  # input revolutions beyond the ends of a travel in which the error bends into its mirror image
-RECORDED_DRAWS = 64  # drives that agree with a record
-_LEAST_LINE = 0.02  # mean square of a line by a misfit, as a share of the mean over all lines
-_USUAL_GAP = 0.5  # share of the cycle in gaps between readings that are no wider: lines are what that one resolves
-_IMAGE = 0.5  # a wave is the image of another one if readings see this share of it there
-_EVEN = 0.999  # the same of readings at even angles
-_ROUNDS = 4  # rounds of least squares at most: readings that are not quite even mix lines
-_SOLVED = 1e-5  # least squares end at this share of their first gradient
-_FINER = 32  # times the points of curves: resolution of places
-_WIDEST_GAP = 2  # steps between readings: in the middle of a wider gap the error counts as not read, and as 0
-_MOST_ROUNDED = 0.1  # largest expanded uncertainty by counts at even angles, as a share of the range
-_LEAST_REPEATS = 20  # readings beyond those that lines can follow, from which noise is known
-_LEAST_CHANCE = 0.05  # that noise is less than it counts as for what is lost
-_PEAK_CHANCE = 0.01  # that noise alone has a reading which counts as a peak of the error
-_ALL_HIDDEN = 0.5  # share of drives of whose error noise hides less than it may, from none of that upwards
-_MEDIAN_DEVIATION = 0.6745  # median magnitude of a standard normal number
-_SIZE_STEP = 4.0  # factor between the mean squares of lines that are tried
-_SIZE_ROUNDS = 50  # rounds for the frequencies of these mean squares
-_LEAST_POWER = 1e-12  # arcsec^2
-_FIRST_MISFIT = 0.1  # root mean square of the first misfit, as a share of the error
-_MOST_MISFIT = 0.15  # largest root mean square of a misfit, as a share of the error
-_MISFIT_CHANCE = 0.05  # that a misfit is more than its bound
-# drives with open fields alone drawn, as many with all; the likeliest, from which fits begin until one shows the record
+# input revolutions beyond an end of a travel, over which the continuation changes from an odd to an even image
+_BEND_TURNS = 0.1
+RECORDED_DRAWS = 64  # sampled drives that agree with a recording
+_LEAST_LINE = 0.02  # smallest mean square of a line due to a misfit, as a share of the mean square of all lines
+_USUAL_GAP = 0.5  # share of the cycle in gaps no wider than the usual gap; the usual gap limits the resolved lines
+_IMAGE = 0.5  # smallest share of a wave that the readings see in another wave if the two are images of each other
+_EVEN = 0.999  # smallest such share if the readings are at even angles
+_ROUNDS = 4  # largest number of least-squares iterations: readings at slightly uneven angles mix lines
+_SOLVED = 1e-5  # slope of the sum of squares, relative to its initial value, at which the iteration stops
+_FINER = 32  # factor by which the grid for reading angles is finer than the points of curves
+_WIDEST_GAP = 2  # widest gap, in mean steps between readings; the middle of a wider gap counts as unread, with error 0
+_MOST_ROUNDED = 0.1  # largest expanded uncertainty from encoder counts at even angles, as a share of the recorded range
+_LEAST_REPEATS = 20  # fewest readings beyond those that lines can follow, from which noise is estimated
+_LEAST_CHANCE = 0.05  # probability that the noise is below its lowest plausible value
+_PEAK_CHANCE = 0.01  # probability that noise alone makes one reading of a recording count as a peak of the error
+_ALL_HIDDEN = 0.5  # share of sampled drives in which noise hides only part of the error that it can hide
+_MEDIAN_DEVIATION = 0.6745  # median absolute value of a standard normal variable
+_SIZE_STEP = 4.0  # ratio of successive mean squares of lines that are tried
+_SIZE_ROUNDS = 50  # iterations that estimate the frequency of each mean square
+_LEAST_POWER = 1e-12  # arcsec^2; smallest mean square of noise
+_FIRST_MISFIT = 0.1  # root mean square of the misfit assumed before the first fit, as a share of the error
+_MOST_MISFIT = 0.15  # largest accepted root mean square of the misfit, as a share of the error
+_MISFIT_CHANCE = 0.05  # probability that the misfit exceeds its upper bound
+# sampled drives in which only open fields vary, and as many in which all fields vary; fits start from the likeliest
+# ones until one reproduces the recording
 SEARCHED = 128
 _STARTS = 10
-_SHOWN = 0.05  # a fit shows a recording if it leaves less than this share of its root mean square
-_FITS = 2  # the second by the misfit of the first, and with what lines leave of its drive's solved cycle
-_MISFITS_A_TURN = 24  # independent numbers, in an input revolution, of a misfit of orders up to 12
-_OPEN_DIRECTION = 12**-0.5  # standard deviation, as a share of its turn
-_FEWEST_TURNS = 2.0  # input revolutions of which a table over the input is made
-_LARGEST = 3.0  # standard deviations that a field differs by, at most
+# largest root mean square of the residual, as a share of the error, of a fit that reproduces the recording
+_SHOWN = 0.05
+_FITS = 2  # number of fits; the second uses the misfit of the first and the solved error of its drive beyond the lines
+_MISFITS_A_TURN = 24  # independent values of the misfit per input revolution, for orders up to 12
+_OPEN_DIRECTION = 12**-0.5  # standard deviation of an unknown direction, as a share of a revolution
+_FEWEST_TURNS = 2.0  # fewest input revolutions for a table over the input
+_LARGEST = 3.0  # largest departure of a field from its mean, in standard deviations
 
 
 @dataclass(frozen=True, eq=False)
 class RecordedError:
-    """Error F_kpp of a recording, by the angle of the input from the recording's zero.
+    """Error F_kpp of a recording, by the input angle from the zero of the recording.
 
-    cam_turns: input angles [turns], shape (readings,).
-    error_arcsec: shape (readings,).
+    cam_turns: input angles [revolutions], shape (readings,).
+    error_arcsec: errors at these angles [arcsec], shape (readings,).
     is_part: whether the readings cover less than the full cycle.
-    recorded_turns: first and last input angle of a travel that was recorded, None for the full cycle.
-    F_ior_arcsec: as `measure` gives it, None for a solved error.
-    sha256: of its file.
-    scale_uncertainty: relative standard uncertainty of one factor of all errors.
+    recorded_turns: first and last input angle of a recorded travel [revolutions]; None for the full cycle.
+    F_ior_arcsec: F'_ior [arcsec] as given by `measure`; None for a solved error.
+    sha256: hash of the recording's file.
+    scale_uncertainty: relative standard uncertainty of a common factor of all errors.
     """
 
     cam_turns: Array
@@ -90,32 +93,32 @@ class RecordedError:
     scale_uncertainty: float = 0.0
 
     def visited(self, kinematics: Kinematics) -> NDArray[np.bool_]:
-        """Return the points of the curves of lines in the travel that was recorded, all of the full cycle."""
+        """Return whether each point of the curves of lines is in the recorded travel; for the full cycle, all are."""
         turns = np.arange(POINTS_A_TURN * kinematics.cycle_cam_revolutions) / POINTS_A_TURN
-        # without a travel the whole cycle was recorded
+        # without a travel, the whole cycle was recorded
         first, last = self.recorded_turns or (0.0, float(turns[-1]))
         return np.asarray(np.mod(turns - first, _whole_turns(last - first, kinematics)) <= last - first)
 
     def filled(self, kinematics: Kinematics, fitted: Array) -> RecordedError:
-        """Return the record of a travel continued over the full cycle, mirrored at both ends.
+        """Return the recording of a travel continued over the full cycle, mirrored at both ends.
 
-        So a correction has no leap where the output never comes, and no bend at the ends.
+        The continuation avoids a jump of the correction outside the travel and a bend at the ends.
 
-        kinematics: of the drive.
-        fitted: values of the fit at the readings [arcsec], shape (readings,).
+        kinematics: kinematics of the drive.
+        fitted: fitted values at the readings [arcsec], shape (readings,).
         """
         travel = _Travel.of(self, fitted)
         whole_turns = _whole_turns(travel.span, kinematics)
-        # at the same mean step, from the last end of the travel to the next beginning
+        # continue at the same mean step, from the last end of the travel to the next beginning
         beyond = np.arange(travel.span, whole_turns, travel.span / len(travel.turns))[1:]
-        # from the mirror image at the last end to that at the first one
+        # blend from the mirror image at the last end into the mirror image at the first end
         share = (1 + np.cos(np.pi * (beyond - travel.span) / max(whole_turns - travel.span, 1e-12))) / 2
-        # a mirrored curve has no jump and no bend at the ends that the correction would ring with
+        # a mirrored curve has no jump or bend at the ends, which would make the correction oscillate
         from_last = travel.mirrored(beyond - travel.span, -1)
         from_first = travel.mirrored(whole_turns - beyond, 0)
         turns = np.append(travel.turns, travel.first + beyond)
         error = np.append(travel.error_arcsec, share * from_last + (1 - share) * from_first)
-        # an odd number of teeth has a cycle of two output revolutions
+        # with an odd number of teeth, the cycle has two output revolutions
         repeats = max(1, round(kinematics.cycle_cam_revolutions / whole_turns))
         offsets = np.arange(repeats)[:, None] * whole_turns
         return RecordedError(
@@ -125,27 +128,31 @@ class RecordedError:
         )
 
     def points(self, lines: ErrorLines, finer: int = 1) -> NDArray[np.int64]:
-        """Return the nearest points of the curves of lines, or of a grid finer by an integer factor."""
+        """Return the index of the nearest curve point for each reading, or of the nearest point of a finer grid.
+
+        lines: lines whose curves define the points.
+        finer: integer factor by which the grid is finer.
+        """
         cycle = lines.kinematics.cycle_cam_revolutions
         count = finer * POINTS_A_TURN * cycle
         places = np.mod(self.cam_turns / cycle, 1)
         return np.asarray(np.rint(places * count).astype(np.int64) % count)
 
     def _gaps(self, kinematics: Kinematics) -> tuple[NDArray[np.int64], Array]:
-        """Return readings in the order of their places in the full cycle, and the gap behind each, as a share of it.
+        """Return the order of the readings in the full cycle, and the gap after each as a share of the cycle.
 
-        Of a gap that is too wide no more than counts as read.
+        A gap is limited to the width over which a reading is representative.
         """
         cycle = kinematics.cycle_cam_revolutions
         places = np.mod(self.cam_turns / cycle, 1)
-        # by place in the cycle, whatever revolution a reading is of
+        # sort by position in the cycle, in whichever revolution a reading was taken
         order = np.argsort(places, kind="stable")
         gaps = np.diff(places[order], append=places[order[0]] + 1)
-        # an unrecorded part must not weigh on the readings at its ends
+        # an unrecorded part must not add weight to the readings at its ends
         return order, np.minimum(gaps, _WIDEST_GAP * np.ptp(self.cam_turns) / cycle / len(places))
 
     def weights(self, kinematics: Kinematics) -> Array:
-        """Return the shares of the full cycle that readings stand for: to the middle between each and the next."""
+        """Return the share of the full cycle assigned to each reading, up to the middle of the gap on both sides."""
         order, gaps = self._gaps(kinematics)
         weights = np.empty(len(order))
         # half of the gaps on both sides
@@ -153,22 +160,22 @@ class RecordedError:
         return weights
 
     def apart(self, lines: ErrorLines) -> Array:
-        """Return the readings minus the mean of lines [arcsec], shape (readings,)."""
+        """Return the readings minus the mean curve of the lines [arcsec], shape (readings,)."""
         return self.error_arcsec - self._read(lines, lines.amplitude.mean(axis=0))
 
     def _read(self, lines: ErrorLines, amplitude: Complex) -> Array:
-        """Return the curve of amplitudes of lines at the readings [arcsec], shape (readings,)."""
+        """Return the curve with these amplitudes of lines at the readings [arcsec], shape (readings,)."""
         points = _FINER * POINTS_A_TURN * lines.kinematics.cycle_cam_revolutions
         spectrum = np.zeros(points // 2 + 1, dtype=complex)
-        # one inverse transform for all lines, read at the nearest point of a fine grid
+        # one inverse transform gives all lines, and each reading takes the nearest point of a fine grid
         spectrum[lines.per_cycle] = amplitude
         return (np.fft.irfft(spectrum, points) * (points / 2))[self.points(lines, _FINER)]
 
     def lines(self, kinematics: Kinematics) -> ErrorLines:
-        """Fit as many lines as the readings resolve and curves have, by least squares: those of one drive.
+        """Fit as many lines as the readings resolve and curves contain, by least squares, for one drive.
 
-        The fit uses conjugate gradients, because uneven readings mix lines, and few iterations, so that the error stays
-        small where there are no readings.
+        The fit uses conjugate gradients because uneven readings mix lines. It stops after a few iterations to keep the
+        error small where there are no readings.
         """
         weights = self.weights(kinematics)
         lines = self._resolved_lines(kinematics, weights)
@@ -177,19 +184,19 @@ class RecordedError:
         total = weights.sum()
 
         def gradient(residual: Array) -> Complex:
-            """Return the gradient of half the weighted squares over the amplitudes, shape (lines,)."""
-            # the level is no line
+            """Return the gradient of half the weighted sum of squares over the amplitudes, shape (lines,)."""
+            # the mean level is not a line
             levelled = weights * (residual - weights @ residual / total)
             return np.asarray(np.fft.rfft(np.bincount(points, levelled, grid))[lines.per_cycle])
 
         amplitude = np.zeros(len(lines.per_cycle), dtype=complex)
-        # conjugate gradients: even readings need one round, nearly even ones a few
+        # conjugate gradients need one iteration for even readings and a few for nearly even ones
         descent = direction = gradient(self.error_arcsec)
         power = first_power = float(np.vdot(descent, descent).real)
         for _ in range(_ROUNDS):
             if power <= _SOLVED**2 * first_power:
                 break
-            # product of the normal matrix with the direction, without the matrix
+            # product of the normal matrix and the direction, without forming the matrix
             curvature = gradient(self._read(lines, direction))
             step = power / float(np.vdot(direction, curvature).real)
             amplitude = amplitude + step * direction
@@ -202,17 +209,17 @@ class RecordedError:
     def _resolved_lines(self, kinematics: Kinematics, weights: Array) -> ErrorLines:
         """Return as many lines as the usual gap between readings resolves, with amplitudes of 0.
 
-        Lines that are images of each other are left out: readings of two sweeps in closely spaced pairs resolve the
-        components of one sweep. A line is an image of another if the window of the readings, the transform of their
-        weights, is large at the difference.
+        Lines that are images of each other are omitted: readings of two sweeps in closely spaced pairs resolve only the
+        components of one sweep. A line is an image of another if the window of the readings, which is the transform of
+        their weights, is large at the difference of the two.
 
-        weights: of the readings, shape (readings,).
+        weights: weights of the readings, shape (readings,).
         """
         cycle = kinematics.cycle_cam_revolutions
         gaps = np.sort(self._gaps(kinematics)[1])
-        # the gap that half of the cycle does not exceed: single wide gaps do not limit the lines
+        # half of the cycle lies in gaps up to this one, so single wide gaps do not limit the lines
         usual_gap = gaps[np.searchsorted(np.cumsum(gaps), _USUAL_GAP * gaps.sum())]
-        # two readings for each period, and no line beyond the points of curves
+        # each period needs two readings, and the points of curves limit the highest line
         end = min(min(round(1 / usual_gap), len(gaps)) // 2 + 1, POINTS_A_TURN * cycle // 2)
         lines = ErrorLines(
             kinematics=kinematics,
@@ -222,32 +229,32 @@ class RecordedError:
         )
         total = weights.sum()
         on_grid = np.bincount(self.points(lines, _FINER), weights, _FINER * POINTS_A_TURN * cycle)
-        # how much of a line the weighted readings see in another one, by the distance of both
+        # share of a line that the weighted readings see in another line, by the distance between the two
         window = np.abs(np.fft.rfft(on_grid))[: 2 * end]
         is_image = window > _IMAGE * total
-        first_distinct = int(np.argmin(is_image))  # neighbours in a part of the cycle look the same, but are no images
+        first_distinct = int(np.argmin(is_image))  # neighbours look the same in a part of the cycle but are not images
         images = np.flatnonzero(is_image[first_distinct:])
         if not len(images):
             return lines
-        # the nearest distance at which lines look alike: lines up to half of it are distinct
+        # nearest distance at which lines look the same: lines up to half of this distance are distinct
         image = first_distinct + int(images[0])
-        is_uneven = window[image] < _EVEN * total  # even readings resolve the line at half the image too
+        is_uneven = window[image] < _EVEN * total  # even readings also resolve the line at half the image
         return replace(lines, per_cycle=lines.per_cycle[: (image - is_uneven) // 2])
 
     def noise(self, lines: ErrorLines) -> tuple[int, float]:
-        """Return the number of readings beyond those that lines can follow, and the variance of noise [arcsec^2]."""
-        # two unknowns for each line, and the level
+        """Return the number of readings beyond those that lines can follow, and the noise variance [arcsec^2]."""
+        # each line has two unknowns, and the level is one more
         again = len(self.cam_turns) - 2 * len(lines.per_cycle) - 1
         return again, float((self.apart(lines) ** 2).sum()) / max(again, 1)
 
 
 @dataclass(frozen=True, eq=False)
 class _Travel:
-    """Readings of a travel in the order of their angles, each of shape (readings,).
+    """Readings of a travel, sorted by angle; each array has shape (readings,).
 
-    turns: input angles [turns].
-    error_arcsec: at these.
-    fitted_arcsec: values of the fit at these.
+    turns: input angles [revolutions].
+    error_arcsec: errors at these angles [arcsec].
+    fitted_arcsec: fitted values at these angles [arcsec].
     """
 
     turns: Array
@@ -256,7 +263,11 @@ class _Travel:
 
     @classmethod
     def of(cls, record: RecordedError, fitted: Array) -> _Travel:
-        """Sort the readings of a record; fitted: values of the fit [arcsec], shape (readings,)."""
+        """Sort the readings of a recording by angle.
+
+        record: the recording.
+        fitted: fitted values at the readings [arcsec], shape (readings,).
+        """
         order = np.argsort(record.cam_turns, kind="stable")
         return cls(
             turns=record.cam_turns[order],
@@ -266,7 +277,7 @@ class _Travel:
 
     @property
     def first(self) -> float:
-        """First input angle [turns]."""
+        """First input angle [revolutions]."""
         return float(self.turns[0])
 
     @property
@@ -275,16 +286,18 @@ class _Travel:
         return float(np.ptp(self.turns))
 
     def mirrored(self, away: Array, end: int) -> Array:
-        """Return the error mirrored at an end [arcsec], 0 for the first and -1 for the last, at distances [turns].
+        """Return the mirrored error beyond an end of the travel [arcsec], shape (distances,).
 
-        The mirror image is even, so it has a bend at the end. Close to the end the odd one takes its place.
+        The mirror image is even, which makes a bend at the end. An odd image replaces it close to the end.
+
+        away: distances from the end [revolutions], shape (distances,).
+        end: 0 for the first end, -1 for the last.
         """
-        # back and forth within the travel
+        # reflect the distance back and forth within the travel
         inwards = self.span - np.abs(np.mod(away, 2 * self.span) - self.span)
         turns = self.turns[end] + (inwards if end == 0 else -inwards)
         even = np.interp(turns, self.turns, self.error_arcsec)
-        # near the end an odd mirror image, which keeps the slope, further off an even one, which keeps the
-        # level
+        # an odd image near the end continues the slope; an even image further away keeps the level
         closeness = np.exp(-((away / _BEND_TURNS) ** 2))
         return np.asarray(even + 2 * closeness * (self.fitted_arcsec[end] - even))
 
@@ -297,11 +310,11 @@ def require_sense(
 ) -> None:
     """Raise UntrustedError if a recording fits its drive clearly better when it is read the other way.
 
-    Its start and zero are any over the full cycle, those of the drive over a part of it. A drive with unknown
-    deviations may be either way round.
+    For a full cycle, start and zero of the recording are free; for a part of it, they are those of the drive. A drive
+    with unknown deviations fits either way, so it is not checked.
 
     M_g: torque [N*m].
-    alignment: how the file counts.
+    alignment: counting convention of the file.
     """
     # unknown directions fit a recording read either way
     if unknowns(drive):
@@ -316,14 +329,14 @@ def require_sense(
 
 
 def require_fine_counts(measurement: Measurement) -> None:
-    """Raise UntrustedError if a correction of a record would store what the counts of an encoder round.
+    """Raise UntrustedError if a correction from a recording would store the rounding of an encoder.
 
-    Counts at even angles round alike in each revolution. The repetition of a record does not show that, and a
-    correction would promise to remove an error that the drive does not have.
+    Counts at even angles round the same way in each revolution. Repeated revolutions do not reveal this rounding, and a
+    correction would predict the removal of an error that the drive does not have.
     """
     sweep = measurement.directions[0]
     trace = measurement.trace
-    # at even times rounding is noise, and is not stored
+    # at even times, rounding is noise and is not stored
     if not trace.in_time:
         return
     u = next((source.arcsec for source in sweep.sources if source.name == "resolution"), None) or 0.0
@@ -342,14 +355,14 @@ def recorded_error(
     kinematics: Kinematics,
     asked: Alignment,
 ) -> RecordedError:
-    """Return the error of a recording without level and drift, both directions as one.
+    """Return the error of a recording without level and drift, with both directions as one.
 
-    That of a travel is continued over the cycle.
+    The error of a travel is continued over the cycle.
 
-    Argument: asked, how the file counts.
+    asked: counting convention of the file.
     """
     sweep = measurement.directions[0]
-    # signs of the file become those of F_kpp and of the drive's input
+    # convert the signs of the file to those of F_kpp and of the drive's input
     alignment = asked.of_file(measurement.trace, kinematics)
     error = RecordedError(alignment.sense * sweep.bins.turns, alignment.sign * sweep.fit.error, sweep.is_bound)
     if measurement.is_of_travel and not sweep.is_bound:
@@ -366,9 +379,9 @@ def recorded_error(
 class _DrawnErrors:
     """Errors of sampled drives that agree with a recording.
 
-    lines: components of the input and the output of each.
-    beyond_arcsec: range that components off these lines can add, shape (drives,); their phases differ from cycle to
-    cycle.
+    lines: components at orders of the input and the output, for each drive.
+    beyond_arcsec: range that other components can add [arcsec], shape (drives,); their phases differ from cycle to
+        cycle.
     """
 
     lines: ErrorLines
@@ -380,27 +393,27 @@ def drawn_errors(
     kinematics: Kinematics,
     asked: Alignment,
 ) -> _DrawnErrors:
-    """Return errors that agree with a recording, by the posterior of its amplitudes.
+    """Return errors that agree with a recording, sampled from the posterior of its amplitudes.
 
-    Waves that the recording does not determine, such as sidebands of a part of the cycle, differ from draw to draw.
-    Both directions count as one, each sweep with a level of its own.
+    Waves that the recording does not determine, such as sidebands in a part of the cycle, differ from sample to sample.
+    Both directions count as one, and each sweep has its own level.
 
-    measurement: both directions as one, with the ratio.
+    measurement: the measurement with both directions as one and with the ratio.
     kinematics: kinematics of the drive.
-    asked: how the file counts.
-    Raises UntrustedError for fewer input revolutions than two; DataError for readings that are no recording.
+    asked: counting convention of the file.
+    Raises UntrustedError for fewer than two input revolutions, and DataError if the readings are not a recording.
     """
     sweep = measurement.directions[0]
     trace = measurement.trace
     turns = sweep.bins.span
-    # slow terms take the place of a single revolution
+    # in a single revolution, slow terms cannot be separated
     if turns < _FEWEST_TURNS:
         message = f"{trace.file}: {turns:.2g} input revolutions in its longest sweep"
         raise UntrustedError(message, f"record at least {_FEWEST_TURNS:g} input revolutions for a table over the input")
     alignment = asked.of_file(trace, kinematics)
     ratio = abs(kinematics.u)
     cleaned = cleaned_recording(sweep, ratio)
-    order = np.lexsort((cleaned.input_rev, cleaned.sweep))  # each sweep in the sense of growing angles
+    order = np.lexsort((cleaned.input_rev, cleaned.sweep))  # sort each sweep by increasing angle
     recording = recording_from_columns(
         input_rev=alignment.sense * cleaned.input_rev[order],
         error_arcsec=alignment.sign * cleaned.error_arcsec[order],
@@ -409,7 +422,7 @@ def drawn_errors(
         time=np.sort(cleaned.time),
     )
     posterior = posterior_of_recording(recording, seed=measurement.seed)
-    # evenly over the draws
+    # select samples evenly spaced over all draws
     draws = np.linspace(0, len(posterior.amplitudes) - 1, RECORDED_DRAWS).astype(np.int64)
     return _DrawnErrors(
         lines=_lines_of_draws(posterior, draws, kinematics),
@@ -422,9 +435,9 @@ def _lines_of_draws(
     draws: NDArray[np.int64],
     kinematics: Kinematics,
 ) -> ErrorLines:
-    """Return the components of some draws of a posterior as lines of the full cycle.
+    """Return the components of selected posterior draws as lines of the full cycle.
 
-    draws: numbers of the draws, shape (drives,).
+    draws: indices of the draws, shape (drives,).
     """
     cosines, sines = np.split(
         posterior.amplitudes[draws],
@@ -432,7 +445,7 @@ def _lines_of_draws(
         axis=1,
     )
     cycle = posterior.cycle
-    # pairs count periods in an input and in an output revolution
+    # each pair contains the periods per input revolution and per output revolution
     periods = posterior.pairs[:, 0] * cycle.numerator + posterior.pairs[:, 1] * cycle.denominator
     per_cycle, index = np.unique(periods, return_inverse=True)
     amplitude = np.zeros((len(draws), len(per_cycle)), dtype=complex)
@@ -450,23 +463,23 @@ def with_scale_spread(
     scale_uncertainty: float,
     seed: int,
 ) -> ErrorLines:
-    """Return lines of drives whose errors differ by a normal factor around 1, which a recording leaves open.
+    """Return the lines of drives, each multiplied by a random factor, because the recording leaves the scale open.
 
     lines: lines of the drives.
-    scale_uncertainty: relative standard uncertainty of the factor.
-    seed: seed of the sequence of the factors.
+    scale_uncertainty: relative standard uncertainty of the factor, which is normal with mean 1.
+    seed: seed of the sequence of factors.
     """
     if not scale_uncertainty:
         return lines
     drives = len(lines.amplitude)
-    # stratified, and in random order, since the drives are ordered
+    # the factors are stratified, and in random order because the drives are ordered
     normal = ndtri((np.arange(drives) + 0.5) / drives)
     factors = 1 + scale_uncertainty * np.random.default_rng(seed).permutation(normal)
     return replace(lines, amplitude=lines.amplitude * factors[:, None])
 
 
 def _whole_turns(turns: float, kinematics: Kinematics) -> float:
-    """Return the smallest number of input revolutions that are whole output revolutions and at least as many."""
+    """Return the smallest number of input revolutions that gives whole output revolutions and is not below `turns`."""
     period = abs(kinematics.u)
     return float(period * np.ceil(turns / period - 1e-9))
 
@@ -476,7 +489,7 @@ def solved_error(
     M_g: float,
     run: Run,
 ) -> tuple[RecordedError, Certificate]:
-    """Return the solved error of a drive at a torque M_g [N*m], as a record of each state of its cycle."""
+    """Return the solved error of a drive at a torque M_g [N*m], as a recording with one reading per state."""
     solved = kinematic_error(
         drive,
         M_g,
@@ -486,7 +499,7 @@ def solved_error(
 
 
 def with_more_lines(lines: ErrorLines, more: ErrorLines) -> ErrorLines:
-    """Return the lines, rising, of drives with those of one drive more in each."""
+    """Return the lines of drives, in ascending sequence, with the lines of one further drive added to each."""
     all_per_cycle = np.union1d(lines.per_cycle, more.per_cycle)
     amplitude = np.zeros((len(lines.amplitude), len(all_per_cycle)), dtype=complex)
     amplitude[:, np.searchsorted(all_per_cycle, lines.per_cycle)] = lines.amplitude
@@ -499,11 +512,13 @@ def alike_lines(
     run: Run,
     misfit: float | None,
 ) -> ErrorLines:
-    """Return the lines of drives that may differ by a misfit from these: standard deviation of a line, over its size.
+    """Return lines of drives that differ from the given ones by a misfit, or have random phases.
 
-    Where misfit is None phases are any.
+    lines: lines of the given drives.
+    run: the run, whose seed determines the samples.
+    misfit: standard deviation of a line over its size; None for random phases.
     """
-    # a misfit is a share of a line, and a little of the mean for lines that the drives do not have
+    # a misfit is a share of a line, plus a small share of the mean for lines that the drives do not have
     power = (np.abs(lines.amplitude) ** 2).mean(axis=0)
     scale = (misfit or 1.0) * np.sqrt((power + _LEAST_LINE * power.mean()) / 2)
     amplitudes = np.zeros((RECORDED_DRAWS, len(power))) if misfit is None else lines.amplitude
@@ -515,8 +530,8 @@ def _drawn(
     lines: int,
     run: Run,
 ) -> Complex:
-    """Draw normal numbers of standard deviation 1 in both parts, whose mean is 0, shape (drives, lines)."""
-    # antithetic pairs: their mean is exactly 0
+    """Return complex normal samples with standard deviation 1 in both parts and mean 0, shape (drives, lines)."""
+    # the mean of antithetic pairs is exactly 0
     real, imaginary = np.random.default_rng([run.seed, 1]).standard_normal((2, drives // 2, lines))
     drawn = real + 1j * imaginary
     return np.concatenate([np.zeros((drives % 2, lines)), drawn, -drawn])
@@ -524,11 +539,11 @@ def _drawn(
 
 @dataclass(frozen=True)
 class _ReadingNoise:
-    """Mean squares of the amplitude of a line by noise of readings [arcsec^2].
+    """Mean square of the amplitude of a line due to noise of the readings [arcsec^2].
 
     power: best estimate.
-    least: what it is at least, but for a probability of _LEAST_CHANCE.
-    freedom: readings by which it is known, 0 if it is not known from the readings.
+    least: lowest plausible value, which the noise exceeds except with probability _LEAST_CHANCE.
+    freedom: number of readings that determine the noise; 0 if the readings do not determine it.
     """
 
     power: float
@@ -542,9 +557,9 @@ class _ReadingNoise:
         fitted: ErrorLines,
         weights: Array,
     ) -> _ReadingNoise:
-        """Return the noise by readings that no line can follow, or else the power that most lines have."""
+        """Return the noise from readings that no line can follow, or otherwise from the power of most lines."""
         freedom, variance = record.noise(fitted)
-        # too few repeats: most lines are noise, whose power has the median log(2) times its mean
+        # with too few repeats, most lines count as noise, whose median power is log(2) times its mean
         if freedom < _LEAST_REPEATS:
             median_power = float(np.median(np.abs(fitted.amplitude[0]) ** 2))
             return cls(
@@ -552,7 +567,7 @@ class _ReadingNoise:
                 least=_LEAST_POWER,
                 freedom=0,
             )
-        # variance of an amplitude by least squares with these weights
+        # variance of an amplitude in a least-squares fit with these weights
         power = max(4 * variance * float(weights @ weights), _LEAST_POWER)
         return cls(
             power=power,
@@ -566,30 +581,32 @@ def recorded_lines(
     record: RecordedError,
     run: Run,
 ) -> ErrorLines:
-    """Return lines of drives that agree with a record of the full cycle.
+    """Return the lines of sampled drives that agree with a recording of the full cycle.
 
-    Each line is shrunk by what its kind shows of its size: lines of the model, of single teeth, of neither. Noise of
-    readings is known from what no line can follow. Otherwise the power that most lines have counts as noise, and stays
-    open, as it may be the error.
+    Each line is shrunk according to the size of lines of its kind: predicted by the model or not, and at tooth orders
+    or not. Readings that no line can follow determine the noise. Without enough of them, the power of most lines counts
+    as noise and stays uncertain, because it may be error.
 
-    lines: of drives as this one may be.
-    record: of the full cycle.
-    run: whose seed draws the drives.
+    lines: lines of the possible drives, predicted by the model.
+    record: recording of the full cycle.
+    run: the run, whose seed determines the samples.
     """
     fitted = record.lines(lines.kinematics)
     noise = _ReadingNoise.of(record, fitted, record.weights(lines.kinematics))
-    # lines are shrunk by how large lines of their kind are
+    # the size of other lines of the same kind determines how much a line is shrunk
     kept_share, largest_power = _shrunk_by_kind(fitted, lines, noise)
     phase = np.angle(fitted.amplitude)
     shrunk_lines = replace(fitted, amplitude=kept_share * fitted.amplitude)
     with_peaks = with_more_lines(shrunk_lines, _peaks_of(record, shrunk_lines).lines(lines.kinematics))
-    # what shrinking takes off may be error that noise happens to oppose
-    lost = (1 - kept_share) * np.sqrt(largest_power) * np.exp(1j * phase)  # as noise may be least; peaks stay peaks
-    hidden = np.clip(np.linspace(-1, 1, RECORDED_DRAWS) / _ALL_HIDDEN, -1, 1)[:, None]  # share that noise hides
+    # the power removed by shrinking may be error that the noise happens to cancel
+    # at the lowest plausible noise, in phase with the fitted lines: peaks stay peaks
+    lost = (1 - kept_share) * np.sqrt(largest_power) * np.exp(1j * phase)
+    # share of the lost error that noise hides in each drive
+    hidden = np.clip(np.linspace(-1, 1, RECORDED_DRAWS) / _ALL_HIDDEN, -1, 1)[:, None]
     spread = kept_share + np.abs(hidden) * (np.sqrt(kept_share) - kept_share)
     drawn = spread * np.sqrt(noise.power / 2) * _drawn(RECORDED_DRAWS, len(fitted.per_cycle), run)
     if noise.freedom:
-        # the noise itself is known by so many readings only
+        # only this number of readings determines the noise, which is therefore uncertain
         chi_square = np.random.default_rng([run.seed, 2]).chisquare(noise.freedom, (RECORDED_DRAWS, 1))
         drawn *= np.sqrt(noise.freedom / chi_square)
     drawn += hidden * lost
@@ -601,20 +618,21 @@ def _shrunk_by_kind(
     lines: ErrorLines,
     noise: _ReadingNoise,
 ) -> tuple[Array, Array]:
-    """Return the share of each fitted line that is no noise, and its mean square if noise is least, shape (lines,).
+    """Return the share of each fitted line that is not noise, and its mean square at the lowest plausible noise.
 
-    Kinds are lines of the model, lines of single teeth, of both, and of neither.
+    Both have shape (lines,). Lines fall into four kinds: predicted by the model or not, and at tooth orders or not.
 
-    fitted: to the readings.
-    lines: of the model.
+    fitted: lines fitted to the readings.
+    lines: lines predicted by the model.
+    noise: noise of the readings.
     """
     kinematics = fitted.kinematics
     power = np.abs(fitted.amplitude[0]) ** 2
     is_of_teeth = np.zeros(len(power), dtype=bool)
     for teeth in (kinematics.z_g, kinematics.z_b):
-        # lines at whole periods of a wheel's revolution
+        # lines with a whole number of periods per revolution of a wheel
         is_of_teeth |= fitted.per_cycle % (kinematics.cycle_states // teeth) == 0
-    # predicted or not, of teeth or not: four kinds
+    # four kinds: predicted or not, at tooth orders or not
     kinds = np.isin(fitted.per_cycle, lines.per_cycle) + 2 * is_of_teeth
     share = np.empty(len(power))
     size = np.empty(len(power))
@@ -626,27 +644,30 @@ def _shrunk_by_kind(
 
 
 def _peaks_of(record: RecordedError, lines: ErrorLines) -> RecordedError:
-    """Return the readings of a record that stand out from its lines more than noise does, the others as 0."""
+    """Return the recording with only those residuals that exceed the noise, and 0 for all other readings."""
     remainder = record.apart(lines)
     deviation = np.median(np.abs(remainder)) / _MEDIAN_DEVIATION
-    # a bound that noise alone passes once in a hundred recordings
+    # noise alone exceeds this bound once in a hundred recordings
     is_peak = np.abs(remainder) > deviation * float(ndtri(1 - _PEAK_CHANCE / len(remainder)))
     return replace(record, error_arcsec=remainder * is_peak)
 
 
 def shrunk(power: Array, noise: float) -> tuple[Array, Array]:
-    """Return the shares of lines of one kind that are no noise, and their mean squares, from squares of amplitudes.
+    """Return the share of each line of one kind that is not noise, and its mean square, both of shape (lines,).
 
-    Each line is normal, of a size from none upwards by factors of SIZE_STEP; how many have which is what makes all of
-    them most likely (expectation and maximisation).
+    Each line is normal, with one of several sizes that increase from 0 by the factor SIZE_STEP. The frequency of each
+    size is estimated by maximum likelihood (expectation and maximisation).
+
+    power: squared amplitudes of the lines [arcsec^2], shape (lines,).
+    noise: mean square of the noise [arcsec^2].
     """
-    # sizes in steps of a factor, from less than noise to the largest line
+    # sizes increase by a constant factor, from below the noise to the largest line
     largest = np.log(max(power.max() / noise, 1.0)) / np.log(_SIZE_STEP)
     sizes = noise * np.append(0, _SIZE_STEP ** np.arange(-1, largest + 1))
     shares = sizes / (sizes + noise)
-    # empirical Bayes: how frequent each size is, by expectation and maximisation
+    # empirical Bayes: the frequency of each size by expectation and maximisation
     frequency = np.full(len(sizes), 1 / len(sizes))
-    # power of a normal line of this size with noise: exponential
+    # the power of a normal line of this size plus noise has an exponential distribution
     likelihood = np.exp(-power[:, None] / (sizes + noise)) / (sizes + noise)
     for _ in range(_SIZE_ROUNDS):
         belief = likelihood * frequency
@@ -657,8 +678,8 @@ def shrunk(power: Array, noise: float) -> tuple[Array, Array]:
 
 
 def fitted_prior(drive: Drive) -> DrivePrior:
-    """Return fields by which a recording of part of the cycle is fitted: open, uncertain, or doubted by `compare`."""
-    # what `compare` doubts is fitted too: half of an uncertainty is a standard deviation
+    """Return the prior of the fields fitted to part of the cycle: open, uncertain, or doubted by `compare`."""
+    # fields doubted by `compare` are fitted, too: half of an uncertainty is one standard deviation
     doubts = {path: 2 * deviation for path, deviation in doubts_of(drive).items()}
     prior = prior_of(drive.model_copy(update={"uncertainty": doubts | drive.uncertainty}))
     fields = tuple(field for field in prior.fields if field.distribution == "normal" or drive.value(field.path) is None)
@@ -669,14 +690,14 @@ def fitted_prior(drive: Drive) -> DrivePrior:
 class _FitTerms:
     """Terms of the residuals of a fit."""
 
-    start: Array  # directions are pulled towards it, shape (unknowns,)
+    start: Array  # values that the directions are pulled towards, shape (unknowns,)
     scale: float  # standard deviation of a reading [arcsec]
     beyond: Array  # error of the drive beyond its lines at the readings [arcsec], shape (readings,)
 
 
 @dataclass(frozen=True)
 class _RecordMisfit:
-    """Misfit of the best drive to records."""
+    """Misfit between the best drive and the recordings."""
 
     noise: float  # variance of a reading [arcsec^2]
     excess: float  # variance of the residual beyond the noise [arcsec^2]
@@ -685,9 +706,10 @@ class _RecordMisfit:
 
 @dataclass(frozen=True, eq=False)
 class _RecordFit:
-    """Fit of the fields of a drive to records by torque [N*m].
+    """Fit of the fields of a drive to recordings, by torque [N*m].
 
-    Unknowns are normal numbers of the fields, for directions shares of their turn, shape (drives, unknowns).
+    Unknowns are standard normal values of the fields, or shares of a revolution for directions, shape (drives,
+    unknowns).
     """
 
     drive: Drive
@@ -697,26 +719,26 @@ class _RecordFit:
 
     @cached_property
     def is_direction(self) -> NDArray[np.bool_]:
-        """Whether an unknown is a direction, shape (unknowns,)."""
+        """Whether each unknown is a direction, shape (unknowns,)."""
         return np.array([field.is_any_direction for field in self.prior.fields])
 
     @cached_property
     def cam_turns(self) -> float:
-        """Input revolutions of all records."""
+        """Number of input revolutions of all recordings together."""
         return float(sum(np.ptp(record.cam_turns) for record in self.records.values()))
 
     @cached_property
     def read(self) -> Array:
-        """Errors of all readings without their mean at each torque [arcsec], shape (readings,)."""
+        """Errors of all readings minus the mean at each torque [arcsec], shape (readings,)."""
         return _levelled(record.error_arcsec for record in self.records.values())
 
     def values_of(self, unknowns: Array) -> list[dict[str, float]]:
-        """Return the values of drives, by path."""
-        # directions are shares of their turn, other unknowns standard deviations
+        """Return the field values of drives, by path."""
+        # directions are shares of a revolution, other unknowns are in standard deviations
         return self.prior.values(np.where(self.is_direction, unknowns, ndtr(unknowns)))
 
     def beyond_estimate(self, unknowns: Array) -> Array:
-        """Return the errors of the records beyond the lines of drives [arcsec], shape (drives, readings)."""
+        """Return the recorded errors minus the lines of each drive [arcsec], shape (drives, readings)."""
         lines = {M_g: error_lines(self.drive, M_g, self.values_of(unknowns), self.run) for M_g in self.records}
         return _levelled(
             record.error_arcsec
@@ -725,13 +747,13 @@ class _RecordFit:
         )
 
     def solved_beyond_lines(self, unknowns: Array) -> Array:
-        """Return the solved cycle of one drive without its lines [arcsec], at the readings, shape (readings,)."""
+        """Return the solved error of one drive minus its lines, at the readings [arcsec], shape (readings,)."""
         values = self.values_of(unknowns[None])[0]
         remainders = []
         for M_g, record in self.records.items():
             lines = error_lines(self.drive, M_g, [values], self.run)
             solved, _ = solved_error(self.drive.with_values(values), M_g, self.run)
-            # the solved cycle has one reading for each state, and repeats
+            # the solved cycle has one reading per state, and repeats
             period = lines.kinematics.cycle_cam_revolutions
             remainders.append(
                 np.interp(
@@ -744,19 +766,19 @@ class _RecordFit:
         return _levelled(remainders)
 
     def residuals(self, unknowns: Array, terms: _FitTerms) -> Array:
-        """Return the residuals of drives, of readings and of unknowns, shape (drives, readings + unknowns)."""
-        # prior terms: least squares finds the posterior's maximum
+        """Return the residuals of readings and unknowns for each drive, shape (drives, readings + unknowns)."""
+        # with prior terms, least squares finds the maximum of the posterior
         pull = np.where(self.is_direction, (unknowns - terms.start) / _OPEN_DIRECTION, unknowns)
         return np.concatenate([(self.beyond_estimate(unknowns) - terms.beyond) / terms.scale, pull], axis=1)
 
     def starts(self) -> Array:
-        """Return the likeliest of drawn drives, shape (_STARTS, unknowns)."""
+        """Return the likeliest of the sampled drives, shape (_STARTS, unknowns)."""
         fields = self.prior.fields
         shares = self.prior.shares(SEARCHED, self.run.seed)[:, : len(fields)]
         drawn = np.where(self.is_direction, shares, np.clip(ndtri(shares), -_LARGEST, _LARGEST))
-        # first with uncertain fields at their values, then with all fields drawn
+        # in the first half, uncertain fields keep their nominal values; in the second half, all fields are sampled
         drawn = np.concatenate([drawn * [field.distribution != "normal" for field in fields], drawn])
-        # before a fit the misfit is a guess
+        # the misfit is an estimate as long as there is no fit
         allowed_variance = _FIRST_MISFIT**2 * np.var(self.read)
         unlikely = self.beyond_estimate(drawn).var(axis=1) / allowed_variance * _MISFITS_A_TURN * self.cam_turns
         unlikely += (drawn[:, ~self.is_direction] ** 2).sum(axis=1)
@@ -768,7 +790,7 @@ class _RecordFit:
         scale: float,
         beyond: Array,
     ) -> tuple[Any, _FitTerms]:
-        """Return the best fit from some starts, and its terms; further starts are left out once one is close."""
+        """Return the best fit and its terms; remaining starts are skipped once a fit reproduces the recording."""
         bounds = np.where(self.is_direction, np.inf, _LARGEST)
         fits = []
         for start in starts:
@@ -786,19 +808,24 @@ class _RecordFit:
                 args=(terms,),
             )
             fits.append((fit, terms))
-            # a fit this close is found once
+            # a fit this close makes further starts unnecessary
             if np.var(self.beyond_estimate(fit.x[None]) - beyond) <= _SHOWN**2 * np.var(self.read):
                 break
         return min(fits, key=lambda fit_and_terms: float(fit_and_terms[0].cost))
 
     def misfit_of(self, best: Array, beyond: Array) -> _RecordMisfit:
-        """Return the misfit of the best drive; beyond: its error beyond its lines [arcsec], shape (readings,)."""
+        """Return the misfit of the best drive.
+
+        best: unknowns of the best drive, shape (unknowns,).
+        beyond: error of the best drive beyond its lines [arcsec], shape (readings,).
+        """
         residual = self.beyond_estimate(best[None])[0] - beyond
-        # differences of neighbours
-        noise = float(np.var(np.diff(residual))) / 2  # of a reading: a misfit continues from one to the next
+        # estimate the noise from differences of neighbouring readings
+        noise = float(np.var(np.diff(residual))) / 2  # a misfit hardly changes between neighbours
         excess = max(float(np.var(residual)) - noise, 0.0)
         independent = _MISFITS_A_TURN * self.cam_turns
-        # its bound by chi square of independent numbers, and by what noise and a fit to it may hide of it
+        # the bound uses chi-square for the independent values, and adds the misfit that noise and fitting to it may
+        # hide
         bound = excess * independent / chdtri(max(independent - len(best), 2.0), 1 - _MISFIT_CHANCE)
         bound += noise * (float(ndtri(1 - _MISFIT_CHANCE)) / len(self.read) ** 0.5 + len(best) / len(self.read))
         return _RecordMisfit(
@@ -813,17 +840,17 @@ class _RecordFit:
         terms: _FitTerms,
         draws: int,
     ) -> Array:
-        """Draw unknowns that agree with the records, first the best ones, shape (draws, unknowns).
+        """Sample unknowns that agree with the recordings, the best fit first, shape (draws, unknowns).
 
-        Normal numbers around the fit are drawn and weighed by their likelihood.
+        Normal samples around the fit are weighted by their likelihood.
         """
-        # the normal approximation around the best fit
+        # normal approximation around the best fit
         *_, sizes, directions = np.linalg.svd(fit.jac, full_matrices=False)
         rng = np.random.default_rng([self.run.seed, 2])
         deviates = rng.standard_normal((draws, len(fit.x)))
         deviates[0] = 0
         drawn = fit.x + deviates / sizes @ directions
-        # importance weights correct it by the true residuals
+        # importance weights correct the approximation by the true residuals
         log_weight = ((deviates**2).sum(axis=1) - (self.residuals(drawn, terms) ** 2).sum(axis=1)) / 2
         cumulative = np.cumsum(np.exp(log_weight - log_weight.max()))
         # systematic resampling
@@ -832,7 +859,7 @@ class _RecordFit:
 
 
 def _levelled(by_torque: Iterable[Array]) -> Array:
-    """Return errors of all torques in one array, each without its mean over the readings."""
+    """Return the errors at all torques in one array, minus the mean over the readings at each torque."""
     return np.concatenate([errors - errors.mean(axis=-1, keepdims=True) for errors in by_torque], axis=-1)
 
 
@@ -842,15 +869,17 @@ def agreeing_drives(
     draws: int,
     run: Run,
 ) -> tuple[list[dict[str, float]], float]:
-    """Find drives that agree with records by torque [N*m].
+    """Find drives that agree with recordings.
 
-    The first of the drives agrees best; others that agree better than normal numbers around it would come more often.
-    Fits begin at the likeliest of drawn drives: one from the preset's own values may end in a hollow beside the best.
-    Angles of the records are the preset's. Fields of fitted_prior are normal numbers, directions shares of their turn;
-    comparing/fit says how that differs from its own fit.
+    The best fit is the first drive. Other drives are sampled from a normal approximation around it and reweighted. Fits
+    start from the likeliest sampled drives because a fit from the preset's own values may end in a local minimum. The
+    angles of the recordings are those of the preset. Fields of `fitted_prior` are normal variables, and directions are
+    shares of a revolution; comparing/fit describes the differences from its own fit.
 
-    Returns the values of the drives by path, and the most misfit, as a share of the error. Raises UntrustedError if no
-    drive agrees.
+    records: recordings by torque [N*m].
+    draws: number of drives.
+    Returns the values of the drives by path, and the upper bound of the misfit as a share of the error.
+    Raises UntrustedError if no drive agrees.
     """
     record_fit = _RecordFit(
         drive=drive,
@@ -859,7 +888,8 @@ def agreeing_drives(
         run=run,
     )
     read = record_fit.read
-    together = len(read) / (_MISFITS_A_TURN * record_fit.cam_turns)  # readings within which a misfit is the same
+    # number of readings over which the misfit is the same
+    together = len(read) / (_MISFITS_A_TURN * record_fit.cam_turns)
     misfit = _RecordMisfit(
         noise=0.0,
         excess=0.0,

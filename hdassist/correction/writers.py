@@ -1,8 +1,8 @@
-"""Files of corrections for controllers: columns, signs, units and steps in the convention of each controller.
+"""Files of corrections for controllers, with the columns, signs, units and steps of each controller.
 
-Each writer follows the controller's source or manual. The tests verify it with a second implementation of the
-controller's reading. Positions are those of the controller, which may count in the other sense and from another zero;
-see `ControllerAxis`.
+Each writer follows the controller's source code or manual. The tests verify it with an independent implementation of
+the controller's evaluation. Positions are those of the controller, which may count in the other sense and from another
+zero; see `ControllerAxis`.
 """
 
 from __future__ import annotations
@@ -20,26 +20,27 @@ from hdassist.errors import UsageError
 from hdassist.model.geometry import Array
 
 _ARCSEC_A_TURN = 1_296_000
-_SIDEREAL_ARCSEC_A_SECOND = 15.041067  # speed of an hour axis in arcsec per second of the clock; 15 per sidereal second
+# apparent motion of an hour axis per second of clock time; 15 per sidereal second
+_SIDEREAL_ARCSEC_A_SECOND = 15.041067
 _MOTEUS_BINS = 256
 _INT8_MOST = 127
-_PEC_SECONDS = (61, 720)  # sidereal, that OnStepX keeps
+_PEC_SECONDS = (61, 720)  # shortest and longest table that OnStepX stores, in sidereal seconds
 _EQMOD_DIGITS = 4
 _TWINCAT_STEPS_A_DEGREE = 10_000
-_POOR_SHARE = 0.5  # a table that leaves this share of the error is called poor
-_SETPOINT_STEPS = 2  # each leaves a hundredth of the rest before
-_RESAMPLED_POINTS = 8192  # played by a controller that has its own points
+_POOR_SHARE = 0.5  # residual of a table, as a share of the error, above which the table is called poor
+_SETPOINT_STEPS = 2  # iterations for the error at a set-point; each reduces the remaining deviation a hundredfold
+_RESAMPLED_POINTS = 8192  # points that represent the correction of a controller with its own points
 
 
 @dataclass(frozen=True)
 class ControllerAxis:
-    """An axis in the convention of its controller. The first values of a table are for counting up.
+    """An axis in the convention of its controller. The first values of a table apply when the axis counts up.
 
     name: name of the axis, joint or source.
-    sense: 1 if it counts up as the output rotates counter-clockwise, seen from the wave generator side, else -1 (for
-    moteus: as the wave generator rotates).
-    zero_deg: its reading [deg] when input and output are at zero.
-    from_deg: start of the revolution that rows cover.
+    sense: 1 if the axis counts up as the output rotates counter-clockwise, seen from the wave generator side, else -1
+        (for moteus: as the wave generator rotates).
+    zero_deg: reading of the axis when input and output are at zero [deg].
+    from_deg: start of the revolution that the rows cover [deg].
     steps_per_degree: motor steps per degree of the axis, for telescope mounts.
     """
 
@@ -52,11 +53,14 @@ class ControllerAxis:
 
 @dataclass(frozen=True, eq=False)
 class _PlayedCorrection:
-    """The output of a controller from its own points: the error it takes off at readings, straight between.
+    """Correction that a controller applies with its own points: the error that it subtracts, linear between readings.
 
-    reading_deg and error_arcsec, shape (points,) each, in the controller's counting; period_deg of the reading; stored:
-    the numbers of its file; scale: of these, if it has one; is_of_cam: whether the reading is of the cam, not of the
-    output.
+    reading_deg: readings in the controller's counting [deg], shape (points,).
+    error_arcsec: error subtracted at the readings, in the controller's counting [arcsec], shape (points,).
+    period_deg: period of the reading [deg].
+    stored: numbers in the file.
+    scale: scale of the stored numbers, if the file has one.
+    is_of_cam: whether the reading is the input angle instead of the output angle.
     """
 
     reading_deg: Array
@@ -69,12 +73,18 @@ class _PlayedCorrection:
 
 @dataclass(frozen=True)
 class ControllerFormat:
-    """The file of a controller.
+    """Format of a controller's correction file.
 
-    turns: after which its tables may repeat; lines: the file's; setup: settings of the machine; most_points of a
-    table, None if the machine says; by_direction: whether it has values for each direction; step_arcsec of values;
-    played: its output from a table, None if its rows stand at the table's own points; comment: start of a comment,
-    empty if it has none, and comments_at: the line before which they stand, None for the end.
+    name: name of the controller.
+    turns: revolutions after which its tables may repeat.
+    lines: function that returns the lines of the file.
+    setup: settings of the machine.
+    most_points: largest number of points of a table; None if the machine determines it.
+    by_direction: whether the file has values for each direction.
+    step_arcsec: step of the stored values [arcsec].
+    played: function that returns the applied correction; None if the controller uses the table's own points.
+    comment: characters that start a comment; empty if the format has no comments.
+    comments_at: index of the line before which the comments are inserted; None for the end.
     """
 
     name: str
@@ -89,7 +99,10 @@ class ControllerFormat:
     comments_at: int | None = 0
 
     def require(self, turn: RepeatTurn | None, points: int) -> None:
-        """Raise UsageError unless it stores a table of this form and number of points; None: correction terms."""
+        """Raise UsageError unless the controller stores this form and number of points.
+
+        turn: revolution of a table; None for correction terms.
+        """
         if turn not in self.turns:
             wanted = " or ".join(self.turns)
             raise UsageError(f"invalid --form {turn or 'phasors'} for {self.name}: expected --form {wanted}")
@@ -105,7 +118,7 @@ def _error_as_read(
     *,
     of_cam: bool = False,
 ) -> Array:
-    """Return the error [arcsec] in the controller's counting at its readings of the output, or of the cam."""
+    """Return the error in the controller's counting at its readings of the output, or of the input [arcsec]."""
     turned = axis.sense * (np.asarray(reading_deg) - axis.zero_deg) / 360
     cam_turns = turned if of_cam else turned * table.u
     return axis.sense * table.error_at(cam_turns, other_direction=direction < 0)
@@ -119,9 +132,9 @@ def _error_at_setpoint(
     *,
     from_first: bool = False,
 ) -> Array:
-    """Return the error [arcsec] as `error_as_read` has it, where the motor stands once it is taken off a set-point.
+    """Return the error, in the controller's counting, at the motor position that results from a set-point [arcsec].
 
-    from_first: whether only the difference from the first set-point's is taken off.
+    from_first: whether the controller subtracts only the difference from the error at the first set-point.
     """
     error = _error_as_read(table, axis, setpoint_deg, direction)
     for _ in range(_SETPOINT_STEPS):
@@ -135,9 +148,9 @@ def stored_table(
     controller: ControllerFormat,
     axis: ControllerAxis,
 ) -> CorrectionTable:
-    """Return the table as the controller will play it, with its rows and steps; without the residuals of the first.
+    """Return the table as the controller applies it, with the controller's rows and steps.
 
-    Raises UsageError: a table that the controller cannot keep.
+    The predicted residuals are those of the given table. Raises UsageError if the controller cannot store the table.
     """
     controller.require(table.turn, table.points)
     if table.other_direction_arcsec is not None and not controller.by_direction:
@@ -167,9 +180,9 @@ def correction_file(
     controller: ControllerFormat,
     axis: ControllerAxis,
 ) -> tuple[str, str]:
-    """Return the controller's file of a table, with the residuals that it leaves as it is stored, and its companions.
+    """Return the controller's file for a table, and its description with the residuals of the stored table.
 
-    Raises UsageError: a correction that the controller cannot keep.
+    Raises UsageError if the controller cannot store the correction.
     """
     table = cast("CorrectionTable", result.correction)
     stored = stored_table(table, controller, axis)
@@ -191,7 +204,7 @@ def correction_file(
 
 
 def poor_table(result: Correction, controller: ControllerFormat) -> str:
-    """Return a warning about a table that leaves more than half of the error, with a better form; empty for others."""
+    """Return a warning with a better form if a table leaves more than half of the error; otherwise an empty text."""
     form = result.chosen.form
     _, residual_share, _ = result.chosen.left
     if residual_share <= _POOR_SHARE:
@@ -217,7 +230,9 @@ def controller_file(
 ) -> tuple[str, str]:
     """Return the controller's file and a description, which the file contains as comments if its format has them.
 
-    The description states kind, controller and drive in 7-bit lines; source: the preset or the recording.
+    The description states kind, controller and drive in 7-bit lines.
+
+    source: description of the preset or the recording.
     """
     way = "counter-clockwise" if axis.sense == 1 else "clockwise"
     reads_input = controller.played is not None and controller.played(table, axis).is_of_cam
@@ -263,9 +278,9 @@ def _turn_rows(
     axis: ControllerAxis,
     digits: int,
 ) -> tuple[Array, Array, Array]:
-    """Rows over one turn of an axis, with one at each end: set-points [deg], errors [arcsec] counting up and down.
+    """Return set-points over one revolution, including both ends [deg], and the errors counting up and down [arcsec].
 
-    The motor stands at the table's points once the error is taken off, in the mean of both directions.
+    At the set-points, the motor is at the table's points after the subtraction, averaged over both directions.
     """
     points = axis.zero_deg + axis.sense * table.angles_deg
     shift = (_error_as_read(table, axis, points) + _error_as_read(table, axis, points, -1)) / 7200
@@ -275,13 +290,13 @@ def _turn_rows(
 
 
 def _linuxcnc(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
-    """Return the rows of nominal, forward and reverse: trims [deg] that are added to the position."""
+    """Return the rows with nominal position and forward and reverse trim [deg], which is added to the position."""
     rows = zip(*_turn_rows(table, axis, 6), strict=True)
     return [f"{nominal:.6f} {-up / 3600:.7f} {-down / 3600:.7f}" for nominal, up, down in rows]
 
 
 def _twincat_cnc(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
-    """List of positions and errors in 0.0001 deg for both directions."""
+    """Return the list of positions and errors for both directions, in steps of 0.0001 deg."""
     reading, *errors = _turn_rows(table, axis, 4)
     places, *columns = (
         np.rint(values * _TWINCAT_STEPS_A_DEGREE).astype(int) for values in (reading, *(e / 3600 for e in errors))
@@ -295,13 +310,13 @@ def _twincat_cnc(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
 
 
 def _even_setpoints(table: CorrectionTable, axis: ControllerAxis) -> Array:
-    """Return the even set-points [deg] from the first of a turn, a step from zero on, to the same a turn later."""
+    """Return even set-points over one revolution [deg], from the first step after the axis's zero, with both ends."""
     start = axis.zero_deg % (360 / table.points)
     return np.linspace(start, start + 360, table.points + 1)
 
 
 def _twincat_nc_played(table: CorrectionTable, axis: ControllerAxis) -> _PlayedCorrection:
-    """Return the error taken off at even set-points, straight between."""
+    """Return the error that is subtracted at even set-points, linear between them."""
     setpoint = _even_setpoints(table, axis)[:-1]
     error = _error_at_setpoint(table, axis, setpoint)
     return _PlayedCorrection(
@@ -337,7 +352,7 @@ def _twincat_nc(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
 
 
 def _siemens(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
-    """Return even points from the first of the turn to the same a turn later; a positive value moves the axis back."""
+    """Return the error at even points over a revolution, with both ends; a positive value moves the axis back."""
     step = 360 / table.points
     start = axis.zero_deg % step
     values = _error_as_read(table, axis, np.linspace(start, start + 360, table.points + 1)) / 3600
@@ -355,9 +370,10 @@ def _siemens(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
 
 
 def _moteus_played(table: CorrectionTable, axis: ControllerAxis) -> _PlayedCorrection:
-    """Return 256 values of 8 bits over the input encoder's revolution: additions to it, u times the output's error.
+    """Return 256 values of 8 bits over a revolution of the input encoder, which the firmware adds to its reading.
 
-    Value i stands at i/256 of the turn, as the firmware computes it; its comment speaks of the middle of a bin.
+    The addition is u times the error of the output. Value i is at i/256 of the revolution, as the firmware evaluates
+    it, although a comment there names the middle of a bin.
     """
     reading = np.linspace(0, 360, _MOTEUS_BINS, endpoint=False)
     added_turns = table.u * _error_as_read(table, axis, reading, of_cam=True) / _ARCSEC_A_TURN
@@ -382,7 +398,7 @@ def _moteus(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
 
 
 def _worm_deg(table: CorrectionTable, axis: ControllerAxis) -> float:
-    """Turn of the output [deg] in which the cam goes through the table once."""
+    """Return the output angle per period of the table [deg]."""
     if axis.steps_per_degree <= 0:
         steps = axis.steps_per_degree
         raise UsageError(f"invalid steps per degree of the mount's axis {steps:g}: expected a positive number")
@@ -390,10 +406,10 @@ def _worm_deg(table: CorrectionTable, axis: ControllerAxis) -> float:
 
 
 def _onstepx_played(table: CorrectionTable, axis: ControllerAxis) -> _PlayedCorrection:
-    """Return the steps in each sidereal second of a worm's turn; a row is played one second after its own.
+    """Return the motor steps in each sidereal second of a worm revolution; a row is played one second late.
 
-    The first and the last second keep still: the controller plays them longer or shorter where the turn is no whole
-    number of seconds.
+    The first and the last two seconds contain no steps, because the controller plays them longer or shorter if the
+    revolution does not last a whole number of seconds.
     """
     worm_deg = _worm_deg(table, axis)
     seconds = round(worm_deg * 240)
@@ -422,7 +438,7 @@ def _onstepx(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
 
 
 def _eqmod_played(table: CorrectionTable, axis: ControllerAxis) -> _PlayedCorrection:
-    """Return the error at each second of a worm's turn; the controller takes the drift from first to last row away."""
+    """Return the error at each second of a worm revolution; the controller removes the drift from first to last row."""
     worm_deg = _worm_deg(table, axis)
     rows = round(worm_deg * 3600 / _SIDEREAL_ARCSEC_A_SECOND)
     setpoint = np.arange(rows, dtype=float) * (_SIDEREAL_ARCSEC_A_SECOND / 3600)
@@ -459,7 +475,7 @@ def _eqmod(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
 
 
 def _rows_from_zero(table: CorrectionTable, axis: ControllerAxis) -> tuple[Array, list[Array]]:
-    """Return the table's points [deg] from the axis's zero on, and the errors [arcsec] counting up and down."""
+    """Return the table's points from the axis's zero [deg], and the errors counting up and down [arcsec]."""
     reading = axis.zero_deg + table.angles_deg
     ways = (1,) if table.other_direction_arcsec is None else (1, -1)
     return reading, [_error_as_read(table, axis, reading, way, of_cam=table.turn != "output") for way in ways]
@@ -476,7 +492,7 @@ def _plain_csv(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
 
 
 def _c_array(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
-    """Return an array for own firmware, by direction where the table has that, and its lookup."""
+    """Return an array and its lookup function for custom firmware, with a row per direction if the table has both."""
     _, errors = _rows_from_zero(table, axis)
     rows = ("    {" + ", ".join(f"{value:.5f}" for value in row) + "}," for row in errors)
     way = "counts_down ? 1 : 0" if len(errors) > 1 else "0"
