@@ -1,1 +1,1 @@
-"""A measured trace over the predicted one."""
+"""Comparison of a measured error with the predicted one."""

@@ -1,4 +1,4 @@
-"""Comparison of a measured trace with the predicted one: difference, orders, and the deviations that explain it."""
+"""Comparison of a measured error with the predicted one: difference, orders, and the deviations that explain it."""
 
 from __future__ import annotations
 
@@ -36,20 +36,21 @@ from hdassist.readers.trace import MeasuredTrace
 from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.answers import Certificate
 
-_CLEAR_GAIN = 25.0  # chi-square of two unknowns that noise exceeds four times in a million
-_EQUAL_FIT = 9.0  # chi-square: fits that are no further apart explain a record equally well
-_BLIND_SHARE = 0.1  # squared share of an unknown that may be unidentifiable if it has a number
-_NAMED_SHARE = 0.3  # smallest share of a vector in a combination that is named
-_VAGUE_DIRECTION = 60.0  # deg: a direction of greater standard uncertainty is None
-_DECIMALS = 3  # of a new value, at most
+_CLEAR_GAIN = 25.0  # chi-square of two unknowns, which noise exceeds four times in a million
+_EQUAL_FIT = 9.0  # largest difference in chi-square between fits that explain a recording equally well
+_BLIND_SHARE = 0.1  # largest squared share of a numeric result that may be unidentifiable
+_NAMED_SHARE = 0.3  # smallest share of a combination from which a vector is named
+_VAGUE_DIRECTION = 60.0  # largest standard uncertainty of a direction that is reported [deg]
+_DECIMALS = 3  # largest number of decimals of a new value
 _ConclusionKind = Literal["agrees", "mirrored", "one", "several", "unexplained"]
-_MIRRORED = 0.5  # a mirrored reading is reported if its chi-square is below this share of the usual one
-_SURELY_MIRRORED = 0.1  # the same share without looking for deviations that explain more
-_SCREEN = 0.5  # deviations are fitted if they promise, to first order, this share of a clear gain
-_POLISHED = 2.0  # times the least chi-square: fits up to that are continued on the fine torus
-_RESIDUAL_ORDERS = 3  # orders of a residual that are named
-UNIDENTIFIABLE_ANGLE = 360.0  # deg: standard uncertainty of an angle that is not identifiable
-FIT_STATES = 200_000  # that the fits of a comparison solve, about
+_MIRRORED = 0.5  # largest chi-square of a file read the other way round that is reported, relative to the usual reading
+# largest relative chi-square that shows the other reading without a search for deviations that fit better
+_SURELY_MIRRORED = 0.1
+_SCREEN = 0.5  # smallest linear gain for which deviations are fitted, as a share of a clear gain
+_POLISHED = 2.0  # factor of the smallest chi-square up to which fits are continued on the fine torus
+_RESIDUAL_ORDERS = 3  # number of named orders of a residual
+UNIDENTIFIABLE_ANGLE = 360.0  # standard uncertainty of an angle that is not identifiable [deg]
+FIT_STATES = 200_000  # approximate number of states solved by the fits of a comparison
 
 
 @dataclass(frozen=True)
@@ -57,6 +58,10 @@ class VectorChange:
     """New size and direction of a deviation vector, by their paths, with standard uncertainties.
 
     The direction is None if it is not identifiable.
+
+    size, direction: paths of size and direction.
+    size_um, size_uncertainty_um: size and its standard uncertainty [um].
+    direction_deg, direction_uncertainty_deg: direction and its standard uncertainty [deg].
     """
 
     size: str
@@ -69,14 +74,22 @@ class VectorChange:
 
 @dataclass(frozen=True)
 class Explanation:
-    """The drive with some deviations fitted to the record.
+    """The drive with some deviations fitted to the recording.
 
-    deviations: paths of the sizes that were free; changes: of those whose size is identifiable; not_told_apart: names
-    of those that cannot be, a tuple a combination; explained_share: of the difference's chi-square above that of noise,
-    None if it is below; clear: a better fit than chance makes; sufficient: the residual is within noise; overrides:
-    new values as --set takes them, empty if one of them is not identifiable; F_ior_arcsec, of the full cycle then,
-    solved; None without overrides; difference_left_arcsec: rms within the orders, from solved states of the record;
-    None where those were not solved; orders_left: the greatest of that.
+    deviations: paths of the sizes that were free.
+    changes: new vectors, for identifiable sizes.
+    not_told_apart: names of deviations that the recording does not distinguish, one tuple per combination.
+    chi_square: chi-square of the fit.
+    degrees_of_freedom: its degrees of freedom.
+    explained_share: removed share of the chi-square above that of noise; None if there is none above it.
+    clear: whether the fit is better than chance makes it.
+    sufficient: whether the residual is within noise.
+    overrides: new values in the format of --set; empty if one of them is not identifiable.
+    alignment: fitted alignment of the recording.
+    F_ior_arcsec: F'_ior over the full cycle with the new values, from solved states [arcsec]; None without overrides.
+    difference_left_arcsec: root mean square of the residual within the orders, from solved states [arcsec]; None if
+        these were not solved.
+    orders_left: largest orders of the residual.
     """
 
     deviations: tuple[str, ...]
@@ -95,13 +108,18 @@ class Explanation:
 
     @property
     def excess(self) -> float:
-        """Chi-square per degree of freedom, 1 at least: variances are widened by it."""
+        """Chi-square per degree of freedom, at least 1, by which variances are multiplied."""
         return max(1.0, self.chi_square / self.degrees_of_freedom)
 
 
 @dataclass(frozen=True)
 class _Conclusion:
-    """Conclusion of a comparison: agrees, mirrored, one (deviation explains it), several (together), or unexplained."""
+    """Conclusion of a comparison.
+
+    kind: whether the drive agrees, the file is mirrored, one deviation or several together explain the difference, or
+        none.
+    best: the explanation that the conclusion is based on, if any.
+    """
 
     kind: _ConclusionKind
     best: Explanation | None = None
@@ -112,7 +130,7 @@ def _explanation(
     base: VectorFit,
     fitter: VectorFitter,
 ) -> Explanation:
-    """Return a fit in terms of the preset; states are not solved beyond the fit itself."""
+    """Return a fit in terms of the preset, without solving further states."""
     record = fitter.record
     drive = fitter.drive
     unknowns = len(fit.free)
@@ -122,9 +140,9 @@ def _explanation(
     candidates = [_change(fit, number, excess * fit.covariance, drive) for number in range(len(fit.fitted))]
     changes = [change for change in candidates if change is not None]
     names = _not_told_apart(fit)
-    # new values are printed only if every one is determined
+    # new values are printed only if all of them are determined
     is_determined = len(changes) == len(fit.fitted) and not names
-    # in units of the scatter that remains
+    # in units of the remaining scatter
     gain = (base.chi_square - fit.chi_square) / excess
     return Explanation(
         deviations=tuple(VECTORS[k].size for k in fit.fitted),
@@ -151,7 +169,7 @@ def _explained_share(
 ) -> float | None:
     """Return the share of the chi-square above that of noise that a fit removes; None if there is none above it."""
     freedom = fitter.record.freedom
-    # noise alone leaves a chi-square of its degrees of freedom
+    # the expected chi-square of noise alone is its degrees of freedom
     excess_before = base.chi_square - freedom(len(base.free))
     if excess_before <= 0:
         return None
@@ -159,14 +177,14 @@ def _explained_share(
 
 
 def _gain_by_chance(unknowns: int) -> float:
-    """Return the decrease of chi-square that further unknowns reach by chance, but for four times in a million."""
+    """Return the decrease of chi-square with further unknowns that chance exceeds only four times in a million."""
     return max(_CLEAR_GAIN, unknowns + CHI_SQUARE_CLEAR * float(np.sqrt(2 * unknowns)))
 
 
 def _polar(fit: VectorFit, i: int) -> Array:
-    """Return the directions along and across the fitted vector i among the free unknowns, shape (2, f)."""
+    """Return unit directions along and across the i-th fitted vector in the space of free unknowns, shape (2, f)."""
     vector = fit.vectors[fit.fitted[i]]
-    # along changes the size, across the direction
+    # a step along the vector changes its size, a step across changes its direction
     unit = vector / abs(vector) if vector else 1.0
     result = np.zeros((2, len(fit.free)))
     result[:, 2 * i : 2 * i + 2] = [[unit.real, unit.imag], [-unit.imag, unit.real]]
@@ -179,12 +197,12 @@ def _change(
     covariance: Array,
     drive: Drive,
 ) -> VectorChange | None:
-    """Return the new value of the fitted vector i; None if its size is not identifiable."""
+    """Return the new value of the i-th fitted vector; None if its size is not identifiable."""
     k = fit.fitted[i]
     axes = _polar(fit, i)
     vector = VECTORS[k]
     size, direction = size_and_direction(drive, fit.vectors, k)
-    # the share of either direction that the recording does not see
+    # squared share of either direction that the recording does not determine
     blind = ((axes @ fit.unidentifiable) ** 2).sum(axis=1) > _BLIND_SHARE
     if blind[0]:
         return None
@@ -207,7 +225,7 @@ def _overrides(
     changes: Sequence[VectorChange],
     drive: Drive,
 ) -> tuple[str, ...]:
-    """Return new values, rounded to a tenth of the uncertainty or less.
+    """Return new values, rounded to a tenth of their uncertainty or finer.
 
     The result is empty if the preset does not allow one of them.
     """
@@ -216,10 +234,10 @@ def _overrides(
     for new in changes:
         spreads = {new.size: new.size_uncertainty_um, new.direction: new.direction_uncertainty_deg}
         for path, uncertainty in spreads.items():
-            # two digits of the uncertainty are more than enough
+            # two digits of the uncertainty are sufficient
             decimals = 1 - int(np.floor(np.log10(max(uncertainty or 1.0, 1e-9))))
             value = round(changed.number(path), min(max(decimals, 0), _DECIMALS)) + 0.0
-            # a fitted value outside its field's range is no preset
+            # a preset cannot have a fitted value outside its field's range
             if not drive.allows(path, value):
                 return ()
             texts.append(f"{path}={value:.10g}")
@@ -227,13 +245,13 @@ def _overrides(
 
 
 def _not_told_apart(fit: VectorFit) -> tuple[tuple[str, ...], ...]:
-    """Return the names of vectors that the record does not resolve, a tuple for each combination of sizes."""
+    """Return the names of vectors that the recording does not resolve, one tuple for each combination of sizes."""
     names = []
     # sums of vectors that cancel in the recording
     for combination in fit.unidentifiable.T:
         parts = {VECTORS[k].size.split(".")[1]: _polar(fit, i) @ combination for i, k in enumerate(fit.fitted)}
         if max((float(along**2) for along, _ in parts.values()), default=0.0) <= _BLIND_SHARE:
-            continue  # directions alone, against where the record begins
+            continue  # the combination contains only directions, which a different start of the recording compensates
         names.append(tuple(name for name, part in parts.items() if float(np.hypot(*part)) > _NAMED_SHARE))
     return tuple(dict.fromkeys(names))
 
@@ -251,7 +269,7 @@ def _conclude(
         key=lambda single: single.chi_square,
         default=base,
     )
-    # the simplest explanation first: nothing to explain, or the file read otherwise
+    # the simplest explanations come first: no difference to explain, or a file read the other way round
     if mirrored or (base.sufficient and not best.clear):
         return _Conclusion("mirrored" if mirrored else "agrees")
     if best.clear and best.sufficient:
@@ -270,7 +288,12 @@ def equally_good(best: Explanation, singles: Sequence[Explanation]) -> list[Expl
 
 @dataclass(frozen=True)
 class _MirroredFile:
-    """How else a file is read that fits clearly better, the rms left then, and whether noise may leave so much."""
+    """Another reading of a file that fits clearly better.
+
+    asked: alignment with the other reading.
+    rms_arcsec: root mean square of its residual [arcsec].
+    within_noise: whether noise alone can explain this residual.
+    """
 
     asked: Alignment
     rms_arcsec: float
@@ -278,14 +301,18 @@ class _MirroredFile:
 
     @property
     def options(self) -> str:
-        """The options by which the file is read so."""
+        """Command-line options that select this reading."""
         return f"--error-is {ERROR_SIGNS[self.asked.sign]} --cam-sense {SENSES[self.asked.sense]}"
 
 
 class _RecordReader:
-    """Fits of a drive as it is, at a torque M_g [N*m], to a record that may be read in one way or another.
+    """Fits of the unchanged drive at a torque to a recording that may be read in several ways.
 
-    measurement: both directions as one; asked: how the file counts, of which the orders are the same.
+    measurement: measurement with both directions as one.
+    drive: the drive.
+    M_g: torque [N*m].
+    asked: requested counting convention of the file; all conventions have the same orders.
+    run: the run.
     """
 
     def __init__(
@@ -312,18 +339,18 @@ class _RecordReader:
         )
 
     def fitted(self, asked: Alignment) -> tuple[VectorFitter, VectorFit]:
-        """Return the fit of start and zero, as far as they are free, where the file counts so."""
+        """Return the fit of start and zero, if they are free, for a counting convention of the file."""
         record = self._orders.read_as(asked.of_file(self.measurement.trace, Kinematics.of(self.drive)))
         return VectorFitter(
             drive=self.drive, record=record, torus=self.torus, doubt=self._doubt, angles=asked.fitted
         ).doubted(self._changes)
 
     def mirrored(self, asked: Alignment, base: VectorFit) -> tuple[_MirroredFile, VectorFit] | None:
-        """Return best of all other ways to count, and its fit; None if it is not clearly better than that of base."""
-        # each way has its own start and zero
+        """Return the best other reading of the file and its fit; None if it is not clearly better than the base fit."""
+        # each reading has its own start and zero
         ways = [(alignment, *self.fitted(alignment)) for alignment in asked.swapped]
         alignment, fitter, fit = min(ways, key=lambda way: way[2].chi_square)
-        # half of the chi-square at most, or the usual reading stands
+        # the usual reading is kept unless the chi-square is at most half
         if fit.chi_square > _MIRRORED * base.chi_square:
             return None
         within = fitter.record.within_noise(fit.chi_square, len(base.free))
@@ -336,11 +363,11 @@ def mirrored_reading(
     M_g: float,
     asked: Alignment,
 ) -> _MirroredFile | None:
-    """Return how else a record is read if that alone explains it; None otherwise.
+    """Return another reading of a recording if this reading by itself explains it; None otherwise.
 
-    The other reading explains it if its residual is within noise, or far smaller.
+    The other reading explains the recording if its residual is within noise or far smaller.
 
-    Raises UsageError for rolling balls, UntrustedError where a state cannot be trusted.
+    Raises UsageError for rolling balls, and UntrustedError if a state cannot be trusted.
     """
     reader = _RecordReader(
         measurement=measurement,
@@ -360,13 +387,24 @@ def mirrored_reading(
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """A measured trace beside the predicted one of a drive.
+    """Comparison of a measured error with the predicted error of a drive.
 
-    M_g [N*m]; asked: how the file was to be read; unchanged: the drive as it is, with the alignment of the record;
-    uncertainties_deg: standard, of start and zero of that, None where given; predicted_arcsec at the bins, levels and
-    drift as the residual has none; residual_arcsec at the bins; orders, measured and predicted; predicted_curve,
-    difference_curve [arcsec] limited to the orders, at the angles visited (sweep.grid_turns); singles: one explanation
-    of each vector; joint; both empty if the drive agrees with the record.
+    drive: the drive.
+    measurement: the measurement with both directions as one.
+    M_g: torque [N*m].
+    asked: requested counting convention of the file.
+    unchanged: the drive without changes, with the alignment of the recording.
+    uncertainties_deg: standard uncertainties of start and zero of this alignment [deg]; None for a given angle.
+    predicted_arcsec: prediction at the bins without levels and drift [arcsec], shape (bins,).
+    residual_arcsec: residual at the bins [arcsec], shape (bins,).
+    orders: measured and predicted orders.
+    predicted_curve, difference_curve: curves limited to the orders, at the covered angles sweep.grid_turns [arcsec].
+    singles: explanations by one vector each; empty if the drive agrees with the recording.
+    joint: explanation by all vectors together; None if it is not needed.
+    conclusion: conclusion of the comparison.
+    mirror: another reading of the file that fits clearly better, or None.
+    certificate: certificate of the solved states.
+    warnings: warnings about the measurement and the difference.
     """
 
     drive: Drive
@@ -389,28 +427,28 @@ class Comparison:
 
     @property
     def sweep(self) -> SweepResult:
-        """The measured side, both directions as one."""
+        """The measured error, with both directions as one."""
         return self.measurement.directions[0]
 
     @property
     def measured_uncertainty_arcsec(self) -> float:
-        """Standard uncertainty of the measured F'_ior."""
+        """Standard uncertainty of the measured F'_ior [arcsec]."""
         return self.measurement.greatest.uncertainty_arcsec
 
     @property
     def difference_rms_arcsec(self) -> float:
-        """Rms of the difference within the orders."""
+        """Root mean square of the difference within the orders [arcsec]."""
         return rms(np.array([pair.difference.amplitude_arcsec for pair in self.orders]))
 
     @property
     def largest(self) -> tuple[float, float]:
-        """The largest difference [arcsec], and the rig's cam angle of it [turns]."""
+        """The largest difference [arcsec], and its input angle on the test rig [revolutions]."""
         k = int(np.abs(self.difference_curve).argmax())
         return float(self.difference_curve[k]), float(self.sweep.grid_turns[k])
 
 
 def torque_of(drive: Drive) -> float:
-    """Return the torque [N*m] of a comparison: the preset's only one. Raises UsageError if it has several."""
+    """Return the torque of a comparison [N*m], the only one of the preset. Raises UsageError if it has several."""
     if len(drive.operation.M_g) > 1:
         several = ", ".join(f"{M_g:g}" for M_g in drive.operation.M_g)
         raise UsageError(
@@ -424,9 +462,13 @@ def zero_of(
     drive: Drive,
     start_deg: float | None,
 ) -> float | None:
-    """Return the zero [deg] of a record where none is stated, None to fit it.
+    """Return the zero of a recording [deg] if none is stated; None to fit it.
 
-    A cam angle counts as phi_h; an angle of the output gives phi_h where the angle of the output at phi_h = 0 is known.
+    An input angle counts as phi_h. An output angle gives phi_h if the output angle at phi_h = 0 is known.
+
+    trace: the recording.
+    drive: the drive.
+    start_deg: output angle at phi_h = 0 [deg], or None.
     """
     # input angles count from the zero of the drive's input
     if trace.angle_of == "cam":
@@ -439,7 +481,7 @@ def _solved_singles(
     fitter: VectorFitter,
     solved: SolvedStates,
 ) -> list[Explanation]:
-    """Return explanations by one deviation with their ranges by solved states; the best one with its curve."""
+    """Return explanations by one deviation with F'_ior from solved states, and the best one with its residual."""
     least = min((single.chi_square for single in singles), default=np.inf)
     return [_solved(single, fitter, solved, curve=single.chi_square == least) for single in singles]
 
@@ -452,11 +494,16 @@ def compare(
     asked: Alignment,
     run: Run = Run(),
 ) -> Comparison:
-    """Compare a measured trace with a drive at a torque M_g [N*m].
+    """Compare a measured error with a drive at a torque.
 
-    Arguments: measurement, of both directions as one, each with its own level: the model knows no friction; asked, how
-    the file counts. Raises UsageError for rolling balls; UntrustedError where an answer cannot be trusted, and for
-    errors whose size is not known.
+    measurement: measurement with both directions as one. Each direction has its own level because the model has no
+        friction.
+    drive: the drive.
+    M_g: torque [N*m].
+    asked: counting convention of the file.
+    run: the run.
+    Raises UsageError for rolling balls, and UntrustedError if a result cannot be trusted or the scale of the errors is
+    unknown.
     """
     measurement.trace.require_known_scale()
     reader = _RecordReader(
@@ -468,11 +515,11 @@ def compare(
     )
     fitter, base = reader.fitted(asked)
     unchanged = _explanation(base, base, fitter)
-    # a record that the drive explains needs no other reading of its file
+    # if the drive explains the recording, no other reading of its file is needed
     mirrored = None if unchanged.sufficient else reader.mirrored(asked, base)
     singles, joint, mirror = _explanations(fitter, base, unchanged, mirrored)
 
-    # every range and every residual from solved states
+    # all ranges and residuals are computed from solved states
     solved = SolvedStates(M_g)
     difference = _Difference.of(fitter, drive, unchanged, solved)
     unchanged = replace(unchanged, F_ior_arcsec=solved.F_ior(drive))
@@ -502,13 +549,13 @@ def compare(
 
 @dataclass(frozen=True, eq=False)
 class _Difference:
-    """Difference between a record and the solved states of a drive.
+    """Difference between a recording and the solved states of a drive.
 
-    fit: to the difference.
-    drift: linear drift that is left in it [arcsec]; 0 without.
-    orders: measured and predicted ones.
-    predicted_arcsec: prediction at the bins, shape (bins,).
-    predicted_curve, curve: prediction and difference at the visited angles [arcsec], shape (angles,).
+    fit: fit to the difference.
+    drift: linear drift that remains in the difference [arcsec]; 0 without drift.
+    orders: measured and predicted orders.
+    predicted_arcsec: prediction at the bins [arcsec], shape (bins,).
+    predicted_curve, curve: prediction and difference at the covered angles [arcsec], shape (angles,).
     """
 
     fit: TraceFit
@@ -520,7 +567,7 @@ class _Difference:
 
     @property
     def warnings(self) -> list[str]:
-        """A warning on the drift that is left in the difference, none without drift."""
+        """Warnings on drift that remains in the difference; empty without drift."""
         return [DRIFT_LEFT.format(self.drift)] if self.drift else []
 
     @classmethod
@@ -531,7 +578,7 @@ class _Difference:
         unchanged: Explanation,
         solved: SolvedStates,
     ) -> _Difference:
-        """Return the difference of a drive as it is, from the record of a fitter."""
+        """Return the difference between the recording of a fitter and the unchanged drive."""
         record = fitter.record
         sweep = record.sweep
         solved_curve = solved.curve(drive, sweep.bins.turns, unchanged.alignment)
@@ -540,7 +587,7 @@ class _Difference:
         predicted = record.measured - fit.coefficients  # (2 orders,)
         return cls(
             fit=fit,
-            # a drift of the prediction, too, is a sideband
+            # a drift of the prediction is also a sideband
             drift=0.0 if len(fit.drift) else drift_of(fit, sweep.range.value),
             orders=record.pairs(predicted, fit.coefficients),
             predicted_arcsec=sweep.fit.error - fit.error,
@@ -555,22 +602,22 @@ def _explanations(
     unchanged: Explanation,
     mirrored: tuple[_MirroredFile, VectorFit] | None,
 ) -> tuple[list[Explanation], Explanation | None, _MirroredFile | None]:
-    """Return explanations of the difference: each vector alone, all together, or the file read the other way."""
+    """Return explanations of the difference, by each vector and by all together, or the other reading of the file."""
     if unchanged.sufficient and _is_usual(unchanged) and fitter.linear_gains(base).max() < _SCREEN * _CLEAR_GAIN:
         return [], None, None
-    # without a mirrored reading its chi-square is that of the usual one
+    # without a mirrored reading, its chi-square is that of the usual reading
     mirror, mirrored_base = mirrored or (None, base)
     if mirror and mirror.within_noise:
         return [], None, mirror
     fits = _single_fits(fitter, base)
     singles = [_explanation(fit, base, fitter) for fit in fits]
     best_fit = min(fits, key=lambda fit: fit.chi_square)
-    # a deviation explains more than mirroring does
+    # a deviation that explains more than the other reading rules it out
     if mirrored_base.chi_square > best_fit.chi_square:
         mirror = None
     if _conclude(unchanged, singles, None, mirrored=mirror is not None).kind in ("agrees", "mirrored"):
         return singles, None, mirror
-    # all vectors together, from the best single one
+    # fit all vectors together, starting from the best single one
     joint = fitter.with_shift(fitter.refined(best_fit, range(len(VECTORS))))
     return singles, _explanation(joint, base, fitter), mirror
 
@@ -582,9 +629,9 @@ def _is_usual(explanation: Explanation) -> bool:
 
 
 def _single_fits(fitter: VectorFitter, base: VectorFit) -> list[VectorFit]:
-    """Return the fits of each vector alone, the good ones continued, and the best one with its full covariance."""
+    """Return the fits of each single vector, with the good ones refined and the best one with its full covariance."""
     fits = [fitter.single(k, base) for k in range(len(VECTORS))]
-    # poor fits are not worth the fine torus
+    # poor fits are not refined on the fine torus
     largest_good = _POLISHED * min(fit.chi_square for fit in fits)
     fits = [fitter.refined(fit) if fit.chi_square <= largest_good else fit for fit in fits]
     best = int(np.argmin([fit.chi_square for fit in fits]))
@@ -601,12 +648,12 @@ def _solved(
 ) -> Explanation:
     """Return an explanation with its F'_ior from solved states.
 
-    With `curve` it also has its residual within the orders.
+    curve: whether to add its residual within the orders.
     """
     if not explained.overrides:
         return explained
     record = fitter.record
-    # the rounded values that are printed, not the fitted ones
+    # use the rounded values that are printed instead of the fitted values
     values = (text.split("=") for text in explained.overrides)
     changed = fitter.drive.with_values({path: float(value) for path, value in values})
     explained = replace(explained, F_ior_arcsec=solved.F_ior(changed))
@@ -628,7 +675,7 @@ def _solved(
 
 
 def _angle_uncertainties(base: VectorFit, unchanged: Explanation) -> tuple[float | None, float | None]:
-    """Return the standard uncertainties [deg] of start and zero of the alignment, None of one that is given."""
+    """Return the standard uncertainties of start and zero of the alignment [deg]; None for a given angle."""
     blind = (base.unidentifiable**2).sum(axis=1) > _BLIND_SHARE
     fitted = iter(np.where(blind, UNIDENTIFIABLE_ANGLE, np.sqrt(unchanged.excess * np.diag(base.covariance))).tolist())
     start, zero = (next(fitted) if is_fitted else None for is_fitted in unchanged.alignment.fitted)

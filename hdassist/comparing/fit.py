@@ -1,15 +1,15 @@
-"""Least squares of a drive's deviation vectors on the orders of a trace, through the contact model.
+"""Least-squares fit of a drive's deviation vectors to the orders of a recording, through the contact model.
 
-The unknowns are x and y of each vector, then start and zero of the record [deg]. Every step of the Gauss-Newton
-iteration (docs/theory.md, (13) to (16)) solves the contacts anew. Directions among the unknowns along which the
-standard uncertainty would exceed any plausible deviation are unidentifiable and stay if they are.
+The unknowns are x and y of each vector, then start and zero of the recording [deg]. Every step of the Gauss-Newton
+iteration (docs/theory.md, (13) to (16)) solves the contacts again. A direction in the space of unknowns is
+unidentifiable if its standard uncertainty exceeds any plausible deviation. The fit does not move along such directions.
 
-This is not the fit of correction.records.agreeing_drives, which answers another question. Here: which deviation, of any
-size and against the preset, would explain the difference; so no prior pulls, doubts of the model widen the covariance,
-and a direction that the record does not show has no number. There: which drives that the preset allows may have made
-the record, and what error do they have in turns and at torques that it has not; so a prior holds all that is open,
-deviations that are given stay, doubts are fitted with the rest, and the answer is many drives. Both take the alignment,
-the doubts and F'_ior of a record from the same code.
+The fit of correction.records.agreeing_drives differs because it answers another question. This module asks which
+deviation, of any size and against the preset, explains the difference. No prior therefore pulls the unknowns, doubts of
+the model widen the covariance, and a direction that the recording does not determine has no value. agreeing_drives asks
+which drives allowed by the preset may have made the recording, and which error they have at angles and torques without
+a recording. A prior therefore covers all open fields, given deviations stay, doubts are fitted together with the other
+fields, and the result is many drives. Both use the same code for the alignment, the doubts and F'_ior of a recording.
 """
 
 from __future__ import annotations
@@ -34,37 +34,40 @@ from hdassist.error.waves import WAVE_POINTS, Complex, ErrorWaves
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
 
-COARSE = 16  # positions around each wheel, for a first look at very different deviations
-_DOUBT_ROUNDS = 2  # times that the alignment is fitted with the model doubted at the one before
-_VECTOR_STEP = 1.0  # step of a difference quotient, in the unit of the vector
-_LONGEST_STEP = 30.0  # longest step of a descent, in the unit of the vector or in deg
-_STEP_SHARES = (1.0, 0.5, 0.2, 0.05)  # of a step, until one is downhill
+COARSE = 16  # points around each wheel for a first estimate with very different deviations
+_DOUBT_ROUNDS = 2  # times that the alignment is fitted, each time with the model doubts at the previous alignment
+_VECTOR_STEP = 1.0  # step of a difference quotient, in a vector's unit
+_LONGEST_STEP = 30.0  # longest step of an unknown, in a vector's unit or deg
+_STEP_SHARES = (1.0, 0.5, 0.2, 0.05)  # shares of a step that are tried until one reduces chi-square
 _MOST_STEPS = 15
-_SMALLEST_GAIN = 0.05  # decrease of chi-square below which a step is the last
+_SMALLEST_GAIN = 0.05  # smallest gain in chi-square after which the iteration continues
 _SMALLEST_GAIN_SHARE = 1e-3  # the same, as a share of the chi-square before the step
 _NEARER = 0.7  # a start replaces the drive's own deviations if its chi-square is below this share of theirs
-_BLIND = 0.5  # a direction is unidentifiable if its standard uncertainty exceeds this share of the largest deviation
-_LEAST_BLIND = 20.0  # the same, at least, in the unit of a vector
+_BLIND = 0.5  # largest standard uncertainty of an identifiable direction, as a share of the largest deviation
+_LEAST_BLIND = 20.0  # lower bound of this uncertainty, in a vector's unit
 _DIFFERENCE_ERROR = 1e-3  # error of difference quotients, as a share of the largest singular value
-_START_TURNS = (45.0, 90.0, 135.0, 180.0, 225.0, 270.0, 315.0)  # deg, of a vector before the first step
+_START_TURNS = (45.0, 90.0, 135.0, 180.0, 225.0, 270.0, 315.0)  # rotations of a vector before the first step [deg]
 _START_SCALES = (0.5, 1.5, 2.0)
-_START_SIZE = 50.0  # size of a start in the unit of the vector if the drive's own size is 0
-_PROFILE_BLIND = 1e-2  # squared share of the start that may be unidentifiable where its profile is computed
-_PROFILE_LEAST = 1.0  # deg: standard uncertainty of the start from which on its profile is computed
-_PROFILE_STEPS = 6  # standard uncertainties of the start, to either side
-_PROFILE_RISE = 12.0  # a profile ends where chi-square exceeds its minimum by this much
+_START_SIZE = 50.0  # size of a vector that is 0 in the drive, in the vector's unit
+_PROFILE_BLIND = 1e-2  # largest squared share of the start that may be unidentifiable if its profile is computed
+_PROFILE_LEAST = 1.0  # smallest standard uncertainty of the start for which its profile is computed [deg]
+_PROFILE_STEPS = 6  # largest number of steps to either side, of one standard uncertainty of the start each
+_PROFILE_RISE = 12.0  # rise of chi-square above the minimum at which a profile ends
 
 COUNT = len(VECTORS)
-_WHEEL = np.array(["gbh".index(vector.part) for vector in VECTORS])  # part that each vector turns with
+_WHEEL = np.array(["gbh".index(vector.part) for vector in VECTORS])  # part that each vector rotates with
 
 
 @dataclass(frozen=True, eq=False)
 class VectorFit:
-    """Deviations and alignment that fit a record best.
+    """Deviations and alignment that fit a recording best.
 
-    unknowns: all of them, shape (2 vectors + 2,); fitted: places of the vectors that were free; free: places of the
-    free unknowns, shape (f,); unidentifiable: orthonormal directions among these, shape (f, u); covariance: of the free
-    unknowns along all other directions (16), shape (f, f).
+    unknowns: all unknowns, shape (2 vectors + 2,).
+    fitted: indices of the free vectors.
+    free: indices of the free unknowns, shape (f,).
+    chi_square: chi-square of the fit.
+    unidentifiable: orthonormal directions of the free unknowns that are unidentifiable, shape (f, u).
+    covariance: covariance of the free unknowns along all other directions (16), shape (f, f).
     """
 
     unknowns: Array
@@ -76,16 +79,19 @@ class VectorFit:
 
     @property
     def vectors(self) -> Complex:
-        """The vectors in their units, shape (vectors,)."""
+        """Deviation vectors in their units, shape (vectors,)."""
         return _complex_of(self.unknowns)
 
 
 @dataclass(frozen=True, eq=False)
 class VectorFitter:
-    """Fits of vectors of one drive to one record.
+    """A fitter of the deviation vectors of one drive to one recording.
 
-    torus: waves of the drive's error; doubt: changes of the waves of a drive with other deviations, see doubtful_waves;
-    angles: whether start and zero of the record are fitted with the vectors.
+    drive: the drive.
+    record: orders of the recording.
+    torus: waves of the drive's error.
+    doubt: function that returns, for a drive with any deviations, the changes of its waves; see `doubtful_waves`.
+    angles: whether start and zero of the recording are fitted together with the vectors.
     """
 
     drive: Drive
@@ -95,17 +101,17 @@ class VectorFitter:
     angles: tuple[bool, bool]
 
     def base(self) -> VectorFit:
-        """Return the drive as it is, with start and zero fitted as far as they are free."""
+        """Return the fit of start and zero, if they are free, to the unchanged drive."""
         alignment = self.record.alignment
         unknowns = np.array([*vectors_of(self.drive).view(float), alignment.start_deg, alignment.zero_deg])
-        # start and zero have many local minima: they are scanned before a descent
+        # start and zero have many local minima, so they are scanned before the descent
         unknowns[-2:], _ = self.record.scan(self._waves(unknowns, ())[0], unknowns[-2:])
         return self._descend(unknowns, ())
 
     def doubted(self, changes: Complex) -> tuple[VectorFitter, VectorFit]:
-        """Return a fitter with the model doubted (14) at the alignment that fits best, and the drive as it is by it.
+        """Return a fitter with model doubts (14) at the best alignment, and its fit of the unchanged drive.
 
-        changes: of the drive's waves, shape (changes, waves).
+        changes: wave changes of the drive [arcsec], shape (changes, waves).
         """
         fitter = self
         fit = self.base()
@@ -116,36 +122,36 @@ class VectorFitter:
         return fitter, fit
 
     def with_shift(self, fit: VectorFit) -> VectorFit:
-        """Return a fit whose covariance has in it how far it moves where the model is doubted at its own deviations."""
+        """Return a fit with its covariance widened by its shift if the model is doubted at its own deviations."""
         changes = self.doubt(with_vectors(self.drive, fit.vectors, fit.fitted))
         shift = (self._doubted_at(fit, changes).refined(fit).unknowns - fit.unknowns)[fit.free]
-        # a direction that the recording does not see cannot move
+        # the fit cannot move along a direction that the recording does not determine
         shift -= fit.unidentifiable @ (fit.unidentifiable.T @ shift)
         return replace(fit, covariance=fit.covariance + np.outer(shift, shift))
 
     def residual_rms_arcsec(self, fit: VectorFit) -> float:
-        """Return the rms [arcsec] of the residual of a fit within the orders."""
+        """Return the root mean square of the residual of a fit within the orders [arcsec]."""
         (waves,) = self._waves(fit.unknowns, fit.fitted)
         return rms(self.record.measured - self.record.predicted(waves, fit.unknowns[-2:]))
 
     def single(self, vector: int, base: VectorFit) -> VectorFit:
-        """Return the fit of one vector, the others as they are, on a torus fine enough to rank the fits."""
-        # several sizes and directions: chi-square has more than one minimum
+        """Return the fit of one vector, with the other vectors unchanged, on a torus fine enough to rank the fits."""
+        # chi-square has more than one minimum, so several sizes and directions are tried
         starts = list(self._starts(vector, base))
         scans = [self.record.scan(self._waves(start, (vector,), COARSE)[0], start[-2:]) for start in starts]
         best = int(np.argmin([chi_square for _, chi_square in scans]))
-        # the drive's own deviations are left only for a clearly better start
+        # the fit starts from the drive's own deviations unless another start is clearly better
         if scans[best][1] <= _NEARER * scans[0][1]:
             starts[0] = np.append(starts[best][:-2], scans[best][0])
         return self._descend(starts[0], (vector,), SLOPE_WAVE_POINTS)
 
     def refined(self, fit: VectorFit, fitted: Sequence[int] = ()) -> VectorFit:
-        """Return a fit continued on a fine torus, of the same vectors or of others."""
+        """Return a fit continued on a fine torus, with the same free vectors or with others."""
         return self._descend(fit.unknowns, tuple(fitted) or fit.fitted)
 
     def linear_gains(self, base: VectorFit) -> Array:
-        """Return the decrease of chi-square that each vector alone promises to first order, shape (vectors,)."""
-        # one linearisation for all vectors
+        """Return the decrease of chi-square that each single vector gives to first order, shape (vectors,)."""
+        # one linearisation serves all vectors
         residual, waves = self._residual(base.unknowns, (), WAVE_POINTS)
         jacobian = self._jacobian(base.unknowns, tuple(range(COUNT)), waves)
         columns_of_vector = [
@@ -154,12 +160,13 @@ class VectorFitter:
         return np.array([residual @ columns @ np.linalg.lstsq(columns, residual)[0] for columns in columns_of_vector])
 
     def profiled(self, fit: VectorFit) -> VectorFit:
-        """Return a fit of one vector with its minimum and covariance over a profile of the start, if this is uncertain.
+        """Return a fit of one vector with minimum and covariance from a profile of the start, if this is uncertain.
 
-        The valley is bent and may have other minima; each start of the profile weighs as its chi-square has it.
+        The valley of chi-square is curved and may have other minima. Each start of the profile is weighted by its
+        likelihood.
         """
-        start = 2  # the vector's two components come first
-        # only an unknown start makes the profile bend
+        start = 2  # the vector's two components are the first unknowns
+        # only an unknown start curves the valley
         if self.angles != (True, False) or (fit.unidentifiable[start] ** 2).sum() > _PROFILE_BLIND:
             return fit
         step = float(np.sqrt(fit.covariance[start, start]))
@@ -182,12 +189,12 @@ class VectorFitter:
         return replace(result, covariance=covariance)
 
     def _profile_of(self, fit: VectorFit, step: float) -> list[VectorFit]:
-        """Return fits with the start fixed at steps [deg] to both sides of a fit, first at the fit itself.
+        """Return fits with the start fixed at steps [deg] to both sides of a fit, beginning with the fit itself.
 
-        A side ends where chi-square has risen clearly above its least value.
+        A side ends once chi-square is clearly above its minimum.
         """
         with_fixed_angles = replace(self, angles=(False, False))
-        direction = np.arange(2 * COUNT + 2) == 2 * COUNT  # of the start among the unknowns
+        direction = np.arange(2 * COUNT + 2) == 2 * COUNT  # index of the start among the unknowns, as a mask
         profile = [with_fixed_angles._descend(fit.unknowns, fit.fitted, SLOPE_WAVE_POINTS)]
         for signed_step in (step, -step):
             last = profile[0]
@@ -200,7 +207,7 @@ class VectorFitter:
         return profile
 
     def _doubted_at(self, fit: VectorFit, changes: Complex) -> VectorFitter:
-        """Return a fitter of the record with a covariance (14) of changes, taken at the alignment of a fit."""
+        """Return a fitter whose recording has the covariance (14) of wave changes, at the alignment of a fit."""
         (waves,) = self._waves(fit.unknowns, fit.fitted)
         return replace(self, record=self.record.doubting(waves, changes, fit.unknowns[-2:]))
 
@@ -211,12 +218,18 @@ class VectorFitter:
         points: int = WAVE_POINTS,
         *steps: Array,
     ) -> Complex:
-        """Return waves of the drive with fitted vectors from the unknowns, and a step on, shape (1 + steps, waves)."""
+        """Return the waves of the drive with fitted vectors, at the unknowns and at each step from them.
+
+        The shape is (1 + steps, waves).
+        """
         moved = [_complex_of(unknowns + step) for step in (np.zeros_like(unknowns), *steps)]
         return self.torus.waves([with_vectors(self.drive, vectors, fitted) for vectors in moved], points)
 
     def _starts(self, vector: int, base: VectorFit) -> Iterator[Array]:
-        """Yield unknowns of the drive as it is, and with one vector scaled and, if its direction matters, turned."""
+        """Yield the unknowns of the unchanged drive, and those with one vector scaled or rotated.
+
+        A vector is rotated only if its direction matters.
+        """
         yield base.unknowns
         vector_of_base = base.vectors[vector]
         factors = [*_START_SCALES]
@@ -228,7 +241,7 @@ class VectorFitter:
             yield unknowns
 
     def _free(self, fitted: Sequence[int]) -> NDArray[np.int64]:
-        """Return the places among the unknowns of those that are fitted, shape (f,)."""
+        """Return the indices of the fitted unknowns, shape (f,)."""
         components = [place for k in fitted for place in (2 * k, 2 * k + 1)]
         return np.array([*components, *(2 * COUNT + np.flatnonzero(self.angles))], dtype=np.int64)
 
@@ -238,7 +251,7 @@ class VectorFitter:
         fitted: tuple[int, ...],
         points: int = WAVE_POINTS,
     ) -> VectorFit:
-        """Descend by Gauss-Newton steps (15) along the identifiable directions, until chi-square (13) hardly falls."""
+        """Descend by Gauss-Newton steps (15) along identifiable directions until chi-square (13) hardly decreases."""
         free = self._free(fitted)
         residual, waves = self._residual(unknowns, fitted, points)
         for _ in range(_MOST_STEPS if len(free) else 0):
@@ -282,7 +295,7 @@ class VectorFitter:
         fitted: Sequence[int],
         waves: Complex,
     ) -> Array:
-        """Return whitened slopes J of the prediction by the free unknowns, per unit and deg, shape (2 orders, f)."""
+        """Return the whitened slopes J of the prediction, per unit or deg of free unknowns, shape (2 orders, f)."""
         steps = _VECTOR_STEP * np.eye(len(unknowns))[self._free(fitted)[: 2 * len(fitted)]]
         columns = self.record.slopes(waves, unknowns[-2:])[list(self.angles)]
         if fitted:
@@ -292,9 +305,10 @@ class VectorFitter:
         return self.record.whitened(columns).T
 
     def _gauges(self, unknowns: Array, fitted: Sequence[int]) -> Array:
-        """Return orthonormal directions of the free unknowns along which the error does not change, shape (f, gauges).
+        """Return orthonormal directions of the free unknowns along which the error is constant, shape (f, gauges).
 
-        To begin elsewhere is to turn all vectors of a wheel, which is possible where each of them is free or 0.
+        A different start of the recording is equivalent to a rotation of all vectors of a wheel, which is possible if
+        each of them is free or 0.
         """
         free = self._free(fitted)
         vectors = _complex_of(unknowns)
@@ -306,7 +320,7 @@ class VectorFitter:
         gauges = null_space(turns * is_pinned[:, None])  # (angles, gauges)
         back = np.radians(
             np.vstack([-turns @ gauges, np.zeros(gauges.shape[1])])
-        )  # of flexspline, circular spline and wave generator
+        )  # rows: flexspline, circular spline and wave generator
         moved = (1j * VECTOR_ORDERS * vectors)[:, None] * back[_WHEEL]  # (vectors, gauges)
         components = np.stack([moved.real, moved.imag], axis=1).reshape(2 * COUNT, -1)
         directions = np.concatenate([components[free[: 2 * len(fitted)]], gauges])
@@ -318,9 +332,9 @@ class VectorFitter:
         fitted: tuple[int, ...],
         waves: Complex,
     ) -> tuple[Array, Array, Array, Array]:
-        """Return slopes J, directions that are identifiable and that are not, and singular values of J along the first.
+        """Return slopes J, identifiable and other directions, and the singular values of J along the identifiable ones.
 
-        Shapes: (2 orders, f), (f, i), (f, f - i), (i,).
+        The shapes are (2 orders, f), (f, i), (f, f - i) and (i,).
         """
         jacobian = self._jacobian(unknowns, fitted, waves)
         gauges = self._gauges(unknowns, fitted)
@@ -334,5 +348,5 @@ class VectorFitter:
 
 
 def _complex_of(unknowns: Array) -> Complex:
-    """Return the vectors of unknowns, shape (vectors,)."""
+    """Return the vectors among the unknowns as complex numbers, shape (vectors,)."""
     return unknowns[:-2].view(complex)

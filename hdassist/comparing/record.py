@@ -1,12 +1,15 @@
-"""The orders of a measured trace, and what a model predicts of them: deviation vectors, waves, doubts of the model.
+"""Orders of a measured error and their prediction by a model: deviation vectors, waves, and doubts of the model.
 
-A predicted curve goes through the same least squares, with the same levels and drift, at the same angles as the
-measured one, so both have the same resolution. Deviations are fitted as vectors, size and direction as a complex
-number; those that look like another one in a single position of the wheel are left out: order 3 (on two opposite zones
-it looks like a first harmonic), the offset e_b of the rigid wheel, and the ovality a_s2 of its seat. No shop measures
-the stiffness of a support: a comparison that takes the preset as exact explains such a difference by deviations, with
-far too small uncertainties, so doubts of stiffnesses and clearances widen the covariance of the orders, (14) of
-docs/theory.md.
+A predicted curve is fitted by the same least squares as the measured one, with the same levels and drift and at the
+same angles. Both therefore have the same resolution.
+
+Deviations are fitted as vectors, with size and direction as a complex number. Vectors that cannot be distinguished from
+another one in a single position of the wheel are omitted. These are order 3 (on two opposite zones it looks like a
+first harmonic), the eccentricity e_b of the circular spline, and the ovality a_s2 of its housing seat.
+
+The stiffness of a support is usually not measured. If a comparison takes the preset as exact, it explains the resulting
+difference by deviations, with far too small uncertainties. Doubts of stiffnesses and clearances therefore widen the
+covariance of the orders, (14) of docs/theory.md.
 """
 
 from __future__ import annotations
@@ -34,23 +37,24 @@ from hdassist.solve.answers import EMPTY, Certificate
 
 VECTORS = tuple(d for d in DEVIATIONS if d.order != 3 and d.kind not in ("pitch", "centre", "seat"))
 VECTOR_ORDERS = np.array([vector.order for vector in VECTORS])
-# um, in which each is counted, so that all weigh about alike: first harmonics nearly cancel on two opposite zones
+# unit of each vector [um], which gives all vectors a similar effect: first harmonics nearly cancel on two opposite
+# zones
 VECTOR_UNITS = np.where(VECTOR_ORDERS > 1, 0.1, 1.0)
 _DOUBTED_SHARES = {"supports.C_2": 0.3, "supports.C_3": 0.3, "contact.c_t": 0.3, "cam.W_0": 0.02}
-SLOPE_WAVE_POINTS = 24  # around each wheel, for slopes
-_DOUBTED_CLEARANCE = 1.0  # um, of gears.j_n
-EXACT = 2e-4  # error of each coefficient, as a share of F'_ior, up to which a predicted curve counts as exact
-_MODEL_ERROR = 0.03  # standard deviation of other errors of the model, as a share of each order
-CHI_SQUARE_CLEAR = 4.0  # standard deviations of a chi-square
-ERROR_SIGNS = {1.0: "cam-output", -1.0: "output-cam"}  # of the error of a file, as F_kpp or against it
-SENSES = {1.0: "ccw", -1.0: "cw"}  # of its input angle, seen from the wave generator side
-_SCANNED = {1: 72, 2: 48}  # places of each scanned angle of the alignment, by number of scanned angles
+SLOPE_WAVE_POINTS = 24  # points around each wheel for slopes
+_DOUBTED_CLEARANCE = 1.0  # um; standard deviation of gears.j_n
+EXACT = 2e-4  # largest error of a coefficient of an exact predicted curve, as a share of F'_ior
+_MODEL_ERROR = 0.03  # standard deviation of all other model errors, as a share of each order
+CHI_SQUARE_CLEAR = 4.0  # largest excess of a chi-square explained by noise, in standard deviations
+ERROR_SIGNS = {1.0: "cam-output", -1.0: "output-cam"}  # sign of the error of a file, as F_kpp or opposite
+SENSES = {1.0: "ccw", -1.0: "cw"}  # sense of the input angle of a file, seen from the wave generator side
+_SCANNED = {1: 72, 2: 48}  # grid points of each scanned angle of the alignment, by number of scanned angles
 
 
 def vectors_of(drive: Drive) -> Complex:
     """Return the deviations of a drive as complex numbers in their units, shape (vectors,).
 
-    The angle is order times direction.
+    The argument of each number is its order times its direction.
     """
     sizes, directions = np.array([[drive.number(v.size), drive.number(v.direction)] for v in VECTORS]).T
     return np.asarray(sizes / VECTOR_UNITS * np.exp(1j * np.radians(VECTOR_ORDERS * directions)))
@@ -61,13 +65,16 @@ def size_and_direction(
     vectors: Complex,
     k: int,
 ) -> tuple[float, float]:
-    """Return size [um] and direction [deg] of one of vectors, shape (vectors,).
+    """Return the size [um] and the direction [deg] of vector k.
 
     The direction is the one nearest to that of the drive.
+
+    vectors: deviations as complex numbers, shape (vectors,).
+    k: index of the vector in VECTORS.
     """
     direction_near = drive.number(VECTORS[k].direction)
     turn = 360 / VECTORS[k].order
-    # the equivalent direction nearest to that of the preset
+    # equivalent direction nearest to that of the preset
     away = float(np.degrees(np.angle(vectors[k]))) / VECTORS[k].order - direction_near
     return float(abs(vectors[k]) * VECTOR_UNITS[k]), direction_near + (away + turn / 2) % turn - turn / 2
 
@@ -77,7 +84,11 @@ def with_vectors(
     vectors: Complex,
     fitted: Iterable[int],
 ) -> Drive:
-    """Return the drive with those vectors, shape (vectors,), that were fitted, by their places in VECTORS."""
+    """Return the drive with fitted vectors.
+
+    vectors: deviations as complex numbers, shape (vectors,).
+    fitted: indices of the fitted vectors in VECTORS.
+    """
     values: dict[str, float] = {}
     for k in fitted:
         values[VECTORS[k].size], values[VECTORS[k].direction] = size_and_direction(drive, vectors, k)
@@ -85,7 +96,7 @@ def with_vectors(
 
 
 def doubts_of(drive: Drive) -> dict[str, float]:
-    """Return the standard deviations of doubtful fields of a drive by path, in their units."""
+    """Return the standard deviations of the doubtful fields of a drive, by path, in the units of the fields."""
     shares = {path: drive.number(path) * share for path, share in _DOUBTED_SHARES.items() if drive.number(path)}
     return shares | {"gears.j_n": _DOUBTED_CLEARANCE}
 
@@ -96,11 +107,15 @@ def doubtful_waves(
     torus: ErrorWaves,
     run: Run = Run(),
 ) -> Complex:
-    """Return changes of waves [arcsec] for a standard deviation of each doubtful field, shape (changes, waves).
+    """Return the wave changes for one standard deviation of each doubtful field [arcsec], shape (changes, waves).
 
-    Two changes a field: half the difference of both ways, and the distance of their mean from the drive as it is. A
-    field that cannot have such values in the drive is left out. Arguments: torque M_g [N*m]; torus, waves at M_g, to
-    whose certificate the states solved here are added.
+    Each field gives two changes: half the difference between an increase and a decrease, and the deviation of their
+    mean from the unchanged drive. Fields that cannot have such values in the drive are omitted.
+
+    drive: the drive.
+    M_g: torque [N*m].
+    torus: waves at M_g, whose certificate is extended by the states solved here.
+    run: the run.
     """
     # waves at the drive's own values, from which changes are counted
     (own_waves,) = torus.waves([drive], SLOPE_WAVE_POINTS)
@@ -115,20 +130,21 @@ def doubtful_waves(
     changes = []
     for path, deviation in doubts_of(drive).items():
         values = [drive.number(path) + way * deviation for way in (-1, 1)]
-        # a doubt that leaves the field's range is left out
+        # a field is skipped if its doubt exceeds the field's range
         if all(drive.allows(path, value) for value in values):
             with suppress(UntrustedError):
                 less, greater = (moved(path, value) for value in values)
-                # slope and bend of the error over the field
+                # slope and curvature of the error over the field
                 changes += [(greater - less) / 2, (greater + less) / 2]
     changes += _single_tooth_waves(drive, torus)
     return np.reshape(changes, (len(changes), len(own_waves)))
 
 
 def _single_tooth_waves(drive: Drive, torus: ErrorWaves) -> list[Complex]:
-    """Return changes of waves [arcsec] by each order of single teeth whose phase is unknown, in two quadratures.
+    """Return the wave changes due to each order of single teeth with unknown phase, in two quadratures [arcsec].
 
-    An order of a wheel makes waves that come as often around it, which turn with its phase.
+    An order of a wheel makes waves with the same number of periods around the wheel, whose phase follows that of the
+    order.
     """
     high = {field.path: field.high for field in unknowns(drive)}
     changes: list[Complex] = []
@@ -138,13 +154,13 @@ def _single_tooth_waves(drive: Drive, torus: ErrorWaves) -> list[Complex]:
             continue
         size = orders[0].size
         size_of_preset = drive.value(orders[0].size)
-        # root mean square of sizes that are evenly likely; or a given one, which the drive has at phases of 0
+        # root mean square of uniformly distributed sizes, or a given size, which the drive has at phases of 0
         f_p = high[size] / sqrt(3) if size_of_preset is None else sqrt(2) * size_of_preset
-        # single teeth are the difference of the two
+        # the difference of the two is due to single teeth
         smooth, rough = torus.waves([drive.with_values({size: value}) for value in (0.0, f_p)])
         for order in orders:
             single_tooth = np.where(np.abs(around) == order.order, rough - smooth, 0)
-            # an unknown phase: both quadratures are equally likely
+            # if the phase is unknown, both quadratures are equally likely
             changes += [single_tooth, 1j * np.sign(around) * single_tooth]
     return changes
 
@@ -153,10 +169,10 @@ def _single_tooth_waves(drive: Drive, torus: ErrorWaves) -> list[Complex]:
 class Alignment:
     """Alignment of a recording with the cycle of the drive, and its sign conventions.
 
-    start_deg: angle of the moving wheel at phi_h = 0 (phi_g0 with the circular spline fixed).
-    zero_deg: phi_h at which the input angle of the test rig is 0.
+    start_deg: angle of the moving wheel at phi_h = 0 [deg] (phi_g0 with the circular spline fixed).
+    zero_deg: phi_h at which the input angle of the test rig is 0 [deg].
     sign: F_kpp divided by the error of the file, 1 or -1.
-    sense: sense of the input angle of the test rig, 1 counter-clockwise, seen from the wave generator side, or -1.
+    sense: sense of the input angle of the test rig, 1 if counter-clockwise seen from the wave generator side, else -1.
     fitted: whether start and zero are fitted.
     """
 
@@ -168,17 +184,17 @@ class Alignment:
 
     @property
     def swapped(self) -> tuple[Alignment, ...]:
-        """The record with its error, its cam angle, and both counted the other way."""
+        """The other readings of a recording: with the error, the input angle, or both counted the other way."""
         ways = ((-1, 1), (1, -1), (-1, -1))
         return tuple(replace(self, sign=way * self.sign, sense=turn * self.sense) for way, turn in ways)
 
     def of_file(self, trace: MeasuredTrace, kinematics: Kinematics) -> Alignment:
-        """Return the alignment of a file that is asked to be read so.
+        """Return the alignment of a file that is read by this convention.
 
-        The sense that is asked for is that of the angle and of the error of a file. Of two encoders the sign is that of
-        the error as they count: the output's counts as the model does, or against.
+        The requested sense is that of the angle and of the error in a file. If the file has two encoders, the sign of
+        the error follows from their counts: the output encoder counts like the model or in the opposite sense.
         """
-        # an output encoder counts along with the input only for positive ratios
+        # an output encoder counts in the sense of the input only if the ratio is positive
         way = 1 if kinematics.u > 0 else -1
         sense = self.sense * (way if trace.angle_of == "output" else 1)
         counted = -trace.sense * sense * way if trace.sense else self.sense
@@ -187,7 +203,10 @@ class Alignment:
 
 @dataclass(frozen=True)
 class OrderAmplitude:
-    """Amplitude cos(per_cam_rev phi + phase) of an order, phi the rig's cam angle, as far as it is of use."""
+    """Component amplitude cos(per_cam_rev phi + phase) of an order; phi is the input angle of the test rig.
+
+    Uncertainty and phase are None if they are not used.
+    """
 
     amplitude_arcsec: float
     uncertainty_arcsec: float | None = None
@@ -196,7 +215,7 @@ class OrderAmplitude:
 
 @dataclass(frozen=True)
 class OrderPair:
-    """One order as it was measured, as it was predicted, and the difference of both."""
+    """One order as measured, as predicted, and the difference between the two."""
 
     per_cam_rev: float
     cause: str
@@ -209,11 +228,11 @@ class RecordedOrders:
     """Coefficients of one direction of a recording, and of a model's components at its angles.
 
     sweep: the measured direction.
-    alignment: sign conventions of the recording, and its angles as far as they are given.
-    measured: cosines, then sines, of the error as in the file [arcsec], shape (2 orders,).
-    covariance: S of (14), of the difference to a model's coefficients, shape (2 orders, 2 orders).
-    turns: revolutions of flexspline and circular spline before the input, with start and zero of the recording, shape
-    (2 wheels, 2 angles).
+    alignment: sign conventions of the recording, and its angles if they are given.
+    measured: cosines, then sines, of the error in the file [arcsec], shape (2 orders,).
+    covariance: S of (14), for the difference from a model's coefficients, shape (2 orders, 2 orders).
+    turns: revolutions of flexspline and circular spline relative to the input, per revolution of start and zero of the
+        recording, shape (2 wheels, 2 angles).
     """
 
     def __init__(
@@ -227,27 +246,29 @@ class RecordedOrders:
         self.alignment = alignment
         design = sweep.fit.design
         self.measured: Array = sweep.fit.coefficients
-        # a computed curve has no noise, and a singular covariance without this
+        # a computed curve has no noise, and would have a singular covariance without this floor
         floor = (EXACT * sweep.range.value) ** 2
         self._noise: Array = sweep.fit.covariance() + floor * np.eye(len(self.measured))
         self._root = np.linalg.cholesky(self._noise)
         self.covariance = self._noise
-        # revolutions of each wheel against the cam, in an input revolution
+        # revolutions of each wheel relative to the wave generator, per input revolution
         rates = np.array([kinematics.teeth_fixed / z for z in (kinematics.z_g, kinematics.z_b)])
         starts = [1.0, 0.0] if kinematics.fixed == "rigid" else [0.0, 1.0]
         self.turns = np.stack([starts, -rates], axis=1)
-        self._turning = self.turns.T @ [torus.k_g, torus.k_b]  # of each wave with start and zero, shape (2, waves)
-        # both wheels fall behind the cam
-        order = -self._turning[1]  # how often each wave goes by in a cam turn, shape (waves,)
+        # phase of each wave per revolution of start and zero, shape (2, waves)
+        self._turning = self.turns.T @ [torus.k_g, torus.k_b]
+        # both wheels lag behind the wave generator
+        order = -self._turning[1]  # periods of each wave per input revolution, shape (waves,)
         cosine_and_sine = design.project(lambda rows: order_columns(design.bins.turns[rows], order))[
             : len(self.measured)
         ]
         self._cosine = cosine_and_sine[:, : len(order)].T
         self._sine = cosine_and_sine[:, len(order) :].T
-        self._scanned: dict[tuple[bytes, ...], tuple[Array, Array]] = {}  # parts of predictions, of all ways to count
+        # parts of predictions, shared by all counting conventions
+        self._scanned: dict[tuple[bytes, ...], tuple[Array, Array]] = {}
 
     def read_as(self, alignment: Alignment) -> RecordedOrders:
-        """Return the record counted otherwise; its orders are the same."""
+        """Return the recording with another counting convention; its orders are the same."""
         result = copy(self)
         result.alignment = alignment
         return result
@@ -258,10 +279,11 @@ class RecordedOrders:
         changes: Complex,
         angles: Array,
     ) -> RecordedOrders:
-        """Return the record with the doubt of a model in its covariance (14).
+        """Return the recording with the doubts of a model in its covariance (14).
 
-        Arguments: waves of the model, shape (waves,); changes of them by a standard deviation of each doubtful field,
-        shape (changes, waves); angles of the alignment [deg] at which they are taken.
+        waves: waves of the model [arcsec], shape (waves,).
+        changes: wave changes for one standard deviation of each doubtful field [arcsec], shape (changes, waves).
+        angles: angles of the alignment at which the changes apply [deg], shape (2,).
         """
         result = copy(self)
         # equation (14): each doubtful change adds its own outer product
@@ -273,31 +295,36 @@ class RecordedOrders:
         return result
 
     def predicted(self, waves: Complex, angles: Array) -> Array:
-        """Return the coefficients p of (13) that waves give in the file [arcsec], shape (..., 2 orders).
+        """Return the coefficients p of (13) of waves, as counted in the file [arcsec], shape (..., 2 orders).
 
-        Arguments: waves, shape (..., waves); angles: start and zero [deg], shape (..., 2).
+        waves: waves [arcsec], shape (..., waves).
+        angles: start and zero [deg], shape (..., 2).
         """
         return self._counted(*self._parts(waves, angles))
 
     def _parts(self, waves: Complex, angles: Array) -> tuple[Array, Array]:
-        """Return real and the imaginary parts of waves in the order of the coefficients, shape (..., 2 orders) each."""
+        """Return the contributions of real and imaginary parts of waves to the coefficients, shape (..., 2 orders)."""
         turned = np.asarray(waves * np.exp(1j * np.radians(angles @ self._turning)))
         return turned.real @ self._cosine, turned.imag @ self._sine
 
     def _counted(self, real: Array, imaginary: Array) -> Array:
-        """Return the coefficients as the file counts, of both parts."""
+        """Return the coefficients in the counting convention of the file, from both contributions."""
         return np.asarray(self.alignment.sign * (real + self.alignment.sense * imaginary))
 
     def slopes(self, waves: Complex, angles: Array) -> Array:
-        """Change of the coefficients [arcsec/deg] with start and zero of the alignment, shape (2, 2 orders)."""
+        """Return the slopes of the coefficients over start and zero [arcsec/deg], shape (2, 2 orders)."""
         return self.predicted(1j * np.radians(self._turning) * waves, angles)
 
     def whitened(self, coefficients: Array) -> Array:
-        """Return independent coefficients in units of their standard deviation, shape (..., 2 orders): L^-1 of (13)."""
+        """Return coefficients whitened by L^-1 of (13): independent, in standard deviations, shape (..., 2 orders)."""
         return np.asarray(np.linalg.solve(self._root, coefficients.T).T)
 
     def pairs(self, predicted: Array, difference: Array) -> tuple[OrderPair, ...]:
-        """Return each order with predicted coefficients and their difference [arcsec], shape (2 orders,) each."""
+        """Return each order as measured, as predicted, and their difference.
+
+        predicted: coefficients of the prediction [arcsec], shape (2 orders,).
+        difference: coefficients of the difference [arcsec], shape (2 orders,).
+        """
         pairs = []
         exact = EXACT * self.sweep.range.value
         for k, order in enumerate(self.sweep.orders):
@@ -305,9 +332,9 @@ class RecordedOrders:
             along = difference[columns]
             block = self.covariance[np.ix_(columns, columns)]
             size = float(np.hypot(*difference[columns]))
-            # the phase of a difference that is none is rounding alone: then the greatest over all phases
+            # without a clear difference, its phase is only rounding, so the largest variance over all phases is used
             variance = along @ block @ along / size**2 if size > exact else np.linalg.eigvalsh(block)[-1]
-            wave = complex(*predicted[columns])  # amplitude, and less the phase
+            wave = complex(*predicted[columns])  # amplitude, and the negative of the phase
             prediction = OrderAmplitude(abs(wave), phase_deg=float(np.degrees(np.angle(wave.conjugate()))))
             measured = OrderAmplitude(order.amplitude_arcsec, order.uncertainty_arcsec, order.phase_deg)
             difference_amplitude = OrderAmplitude(size, float(np.sqrt(variance)))
@@ -323,7 +350,10 @@ class RecordedOrders:
         return tuple(pairs)
 
     def scan(self, waves: Complex, angles: Array) -> tuple[Array, float]:
-        """Start and zero [deg] that fit waves best on a grid of the fitted ones, shape (2,), and chi-square (13)."""
+        """Return the start and zero [deg] that fit waves best, shape (2,), and their chi-square (13).
+
+        The fitted angles are scanned on a grid.
+        """
         fitted = self.alignment.fitted
         count = _SCANNED.get(sum(fitted), 1)
         steps = [np.arange(count if is_fitted else 1) * (360 / count) for is_fitted in fitted]
@@ -336,29 +366,33 @@ class RecordedOrders:
         return grid[chi_square.argmin()], float(chi_square.min())
 
     def within_noise(self, chi_square: float, unknowns: int) -> bool:
-        """Return whether noise alone may leave such a chi-square: within CHI_SQUARE_CLEAR standard deviations."""
+        """Return whether noise alone explains a chi-square, within CHI_SQUARE_CLEAR standard deviations."""
         freedom = self.freedom(unknowns)
         return chi_square <= freedom + CHI_SQUARE_CLEAR * float(np.sqrt(2 * freedom))
 
     def freedom(self, unknowns: int) -> int:
-        """Return the degrees of freedom that a number of unknowns leaves."""
+        """Return the degrees of freedom with a number of unknowns."""
         return max(1, len(self.measured) - unknowns)
 
 
 def rms(coefficients: Array) -> float:
-    """Return the root mean square of the curve that has such coefficients, shape (2 orders,)."""
+    """Return the root mean square of the curve with these coefficients, shape (2 orders,)."""
     return float(np.sqrt((coefficients**2).sum() / 2))
 
 
 @dataclass
 class SolvedStates:
-    """Errors from solved states of drives, at a torque M_g [N*m]; certificate: of all that were solved so far."""
+    """Errors from solved states of drives at a torque.
+
+    M_g: torque [N*m].
+    certificate: certificate of all states solved so far.
+    """
 
     M_g: float
     certificate: Certificate = EMPTY
 
     def F_ior(self, drive: Drive) -> float:
-        """Return F'_ior [arcsec] over the full cycle."""
+        """Return F'_ior over the full cycle [arcsec]."""
         (extremes,) = extremes_of(drive, [self.M_g])
         self.certificate += extremes.certificate
         return extremes.first
@@ -369,9 +403,11 @@ class SolvedStates:
         turns: Array,
         alignment: Alignment,
     ) -> Array:
-        """Return error as in the file [arcsec], up to a constant, at the rig's input angles [turns], shape (turns,).
+        """Return the error as counted in the file, up to a constant [arcsec], shape (angles,).
 
-        The four pitch-locked states around each angle are solved; a cubic goes through them.
+        The four pitch-locked states around each angle are solved and interpolated by a cubic.
+
+        turns: input angles of the test rig [revolutions], shape (angles,).
         """
         kinematics = Kinematics.of(drive)
         pitches = (alignment.sense * turns + alignment.zero_deg / 360) * kinematics.teeth_fixed
@@ -386,6 +422,7 @@ class SolvedStates:
             run=UNCHECKED,
         )
         self.certificate += error.certificate
-        weights = np.vander(pitches - first, 4) @ np.linalg.inv(np.vander(np.arange(4.0)))  # of a cubic, (turns, 4)
+        # weights of a cubic, shape (turns, 4)
+        weights = np.vander(pitches - first, 4) @ np.linalg.inv(np.vander(np.arange(4.0)))
         nodes = error.error_arcsec[places].reshape(-1, 4)
         return np.asarray(alignment.sign * (weights * nodes).sum(axis=1))
