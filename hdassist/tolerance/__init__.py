@@ -1,1 +1,1 @@
-"""Random drives inside their tolerances: yield, sensitivity, allocation."""
+"""Random drives with deviations within their tolerances: yield, sensitivities and allocation."""

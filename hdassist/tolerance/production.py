@@ -1,12 +1,14 @@
 """Random drives of random designs: their distributions, and F'_ior as assembled and in the best hole.
 
-A size of a deviation given by the preset is a tolerance here: parts lie between zero and the tolerance, by a law. A
-size that the preset does not give, or only assumes, is sampled as in `check`. Directions are random, because parts
-are assembled in any orientation. All other uncertain inputs are the same in all drives of a design, except clearances
-with a tolerance. Designs are sampled from the prior of these inputs, weighted by the preset's reference data; drives
-of a design, in groups of equal number, by the law of the production. A coarse grid of states determines which
-positions of the wheel may be the best. There, and at the present position, the extremes are searched on a finer grid,
-solved and verified (error/error_map.py).
+A size of a deviation given by the preset is a tolerance here: parts are between zero and the tolerance, according to a
+law. A size that the preset does not give, or only assumes, is sampled as in `check`. Directions are random because
+parts are assembled in any orientation. All other uncertain inputs are the same in all drives of a design, except
+clearances with a tolerance.
+
+Designs are sampled from the prior of these shared inputs and weighted by the preset's reference data. Each design has
+the same number of drives, which are sampled from the law of the production. A coarse grid of states determines which
+positions of the wheel may be the best. In these positions and in the present one, the extremes are located on a finer
+grid, solved and verified (error/error_map.py).
 """
 
 from __future__ import annotations
@@ -39,27 +41,27 @@ from hdassist.solve.loadcase import LoadCase
 
 _SizeLaw = Literal["rayleigh", "uniform", "fixed"]
 RAYLEIGH_TAIL = (
-    3.0  # the tolerance in standard deviations of each part of a Rayleigh-distributed size: 1 in 90 lies beyond
+    3.0  # tolerance in standard deviations of each component of a Rayleigh-distributed size: 1 in 90 is beyond it
 )
-_PRODUCTION_FREE_STEP = 30.0  # deg between positions where the seat has no holes
+_PRODUCTION_FREE_STEP = 30.0  # step between positions if the seat has no holes [deg]
 TIGHTER_STEP = 0.8  # factor of a tolerance that is one step tighter
-_MOST_WEIGHT = 1e9  # largest weight of a design, far beyond the weights by reference data
-_DRAWS_PER_DESIGN = 64  # maximum draws for each design that agrees with the reference data
-_MapsOf = Callable[[Drive], list[ErrorMap]]  # of a drive, one a torque
+_MOST_WEIGHT = 1e9  # largest weight of a design, far above the weights from reference data
+_DRAWS_PER_DESIGN = 64  # maximum number of draws for each design that agrees with the reference data
+_MapsOf = Callable[[Drive], list[ErrorMap]]  # function that returns the error maps of a drive, one per torque
 
 
 @dataclass(frozen=True)
 class TolerancedSize(FieldPrior):
-    """Size of a deviation in a production, by a law between 0 and its tolerance `high`."""
+    """Size of a deviation in a production, distributed by a law between 0 and its tolerance `high`."""
 
     law: _SizeLaw = "rayleigh"
 
     def value(self, share: Array) -> Array:
-        """Return the sizes [the field's unit] that shares of the parts stay below, of the same shape."""
-        # every part is at its limit: the worst case
+        """Return the quantiles of the size, in the field's unit; share: shares of the parts, of the same shape."""
+        # worst case: every part is at its limit
         if self.law == "fixed":
             return np.full_like(share, self.high)
-        # an eccentricity whose parts x and y are normal, cut at the tolerance
+        # eccentricity with normal components x and y, truncated at the tolerance
         if self.law == "rayleigh":
             return np.asarray(
                 self.high / RAYLEIGH_TAIL * np.sqrt(-2 * np.log1p(share * np.expm1(-(RAYLEIGH_TAIL**2) / 2)))
@@ -69,7 +71,7 @@ class TolerancedSize(FieldPrior):
 
 @dataclass(frozen=True)
 class ProductionLaw:
-    """Distributions of random drives: shared fields, alike in all drives of a design, and own fields of each drive."""
+    """Distributions of random drives: shared fields, equal in all drives of a design, and own fields of each drive."""
 
     drive: Drive
     shared: tuple[FieldPrior, ...]
@@ -77,35 +79,38 @@ class ProductionLaw:
 
     @cached_property
     def joint(self) -> DrivePrior:
-        """The prior of a random drive of a random design."""
+        """Prior of a random drive of a random design."""
         return DrivePrior(self.drive, self.shared + self.own)
 
     @property
     def sizes(self) -> list[str]:
-        """Paths of the sizes of deviations that are drawn, of designs and of drives."""
+        """Paths of the sampled sizes of deviations, both shared and own."""
         return [f.path for f in self.joint.fields if f.path == f.group and f.path in DEVIATION_FIELDS]
 
     @property
     def tolerances(self) -> tuple[TolerancedSize, ...]:
-        """Sizes that are drawn up to a tolerance of the preset."""
+        """Sizes that are sampled up to a tolerance of the preset."""
         return tuple(field for field in self.own if isinstance(field, TolerancedSize))
 
     @property
     def not_given(self) -> tuple[str, ...]:
-        """Sizes that are drawn up to a bound which is no tolerance, as `check` draws them."""
-        # drawn up to an assumed bound
+        """Paths of sizes that are sampled up to an assumed bound instead of a tolerance, as in `check`."""
+        # paths of fields that are sampled up to an assumed bound
         even = {f.path for f in self.joint.fields if not isinstance(f, TolerancedSize) and f.distribution != "normal"}
         return tuple(path for path in self.sizes if path in even)
 
     def values(self, seed: int, drive: int) -> dict[str, float]:
-        """Return the own fields of a drive by its number, by path: they depend on the seed and the number alone."""
-        # a stream for each drive: any process can compute any drive
+        """Return the own fields of a drive by path; they depend only on the seed and the number of the drive."""
+        # each drive has its own random stream, which allows any process to compute any drive
         rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(drive,)))
         return {f.path: float(f.value(np.array(s))) for f, s in zip(self.own, rng.random(len(self.own)), strict=True)}
 
     def scaled(self, factors: Mapping[str, float]) -> ProductionLaw:
-        """Return the law with some tolerances multiplied by factors; bounds that are assumed from these follow."""
-        # new tolerances; assumed bounds that are shares of them follow
+        """Return the law with some tolerances multiplied by factors; bounds assumed from them follow.
+
+        factors: factors by path of the tolerance.
+        """
+        # bounds that are assumed as shares of a tolerance follow the new tolerance
         high = {f.path: f.high * factors[f.path] for f in self.tolerances if f.path in factors}
         following = {f.path: f for f in prior_of(self.drive.with_values(high)).fields}
         own_fields = (
@@ -115,7 +120,7 @@ class ProductionLaw:
         return replace(self, own=tuple(own_fields))
 
     def following(self, path: str) -> list[str]:
-        """Return the paths of the sizes whose bound is assumed from a tolerance, by its path."""
+        """Return the paths of the sizes whose bound is assumed from the tolerance at a path."""
         pairs = zip(
             self.own,
             self.scaled({path: TIGHTER_STEP}).own,
@@ -133,19 +138,21 @@ def production_law(
 ) -> ProductionLaw:
     """Return the law of a preset's production.
 
-    Arguments: drive; law of sizes up to their tolerance; chosen, whether sizes that are assumed are tolerances too;
-    known, directions that are as the preset has them. Raises UsageError for a direction that is none, or is called
-    known and is not.
+    drive: the drive of the preset.
+    law: distribution of sizes up to their tolerance.
+    chosen: whether assumed sizes are tolerances, too.
+    known: paths of directions that are as in the preset in all drives.
+    Raises UsageError if a known path is not a direction given in the preset.
     """
     # a known direction is the same in all drives
     _require_directions(drive, known)
     priors = {field.path: field for field in prior_of(drive).fields}
-    # if tolerances are chosen, an assumed size with a value is a choice
+    # if tolerances are chosen, an assumed size with a value is also a tolerance
     assumed = {assumption.path for assumption in assumptions(drive)} if chosen else set()
-    own_fields: dict[str, FieldPrior] = {}  # by path: orders of a wheel's pitch share their size
+    own_fields: dict[str, FieldPrior] = {}  # by path, because the orders of a wheel's pitch share their size
     for deviation in DEVIATIONS:
         high = drive.number(deviation.size)
-        # a size with a distribution of its own is drawn by it
+        # a size with its own prior is sampled from it
         is_prior = deviation.size in priors and not (deviation.size in assumed and high)
         if not (is_prior or high > 0):
             continue
@@ -155,24 +162,24 @@ def production_law(
         has_direction = drive.value(deviation.direction) is not None
         if has_direction and deviation.direction in priors:
             own_fields[deviation.direction] = priors[deviation.direction]
-        # parts are assembled in any direction, whatever the preset says of one drive
+        # parts are assembled in any orientation, whatever direction the preset gives for one drive
         elif deviation.direction not in known:
             own_fields[deviation.direction] = _random_direction(deviation)
     other_fields = [prior for prior in priors.values() if prior.path not in DEVIATION_FIELDS]
-    # an uncertain value that is none of the design differs from drive to drive
+    # an uncertain value that does not belong to the design differs from drive to drive
     clearances = [field for field in other_fields if _is_clearance(field)]
-    # stiffnesses and the like are those of the design
+    # stiffnesses and similar fields belong to the design
     shared = [field for field in other_fields if not _is_clearance(field)]
     return ProductionLaw(drive, tuple(shared), (*own_fields.values(), *clearances))
 
 
 def _is_clearance(field: FieldPrior) -> bool:
-    """Return whether a field differs from drive to drive of one design, without being a deviation."""
+    """Return whether a field is not a deviation but differs between the drives of one design."""
     return field.distribution == "normal" and field.owner != "design"
 
 
 def _require_directions(drive: Drive, known: Sequence[str]) -> None:
-    """Raise UsageError if a path is not that of a direction with a value in the preset."""
+    """Raise UsageError if a path is not a direction with a value in the preset."""
     directions = {deviation.direction for deviation in DEVIATIONS if drive.value(deviation.direction) is not None}
     invalid = {*known} - directions
     if invalid:
@@ -187,7 +194,7 @@ def _toleranced_size(
     tolerance: float,
     law: _SizeLaw,
 ) -> TolerancedSize:
-    """Return the size of a deviation of each drive, by a law up to its tolerance."""
+    """Return the size of a deviation of each drive, distributed by a law up to its tolerance."""
     return TolerancedSize(
         path=path,
         distribution="even",
@@ -201,7 +208,7 @@ def _toleranced_size(
 
 
 def _random_direction(deviation: Deviation) -> FieldPrior:
-    """Return the direction of a deviation of each drive, all of which are equally likely."""
+    """Return the uniformly distributed direction of a deviation of each drive."""
     return FieldPrior(
         path=deviation.direction,
         distribution="even",
@@ -217,12 +224,14 @@ def _random_direction(deviation: Deviation) -> FieldPrior:
 class RandomDrive(ClosedRecord):
     """F'_ior [arcsec] of a random drive at each torque, as assembled and in its best position.
 
-    design: number of its design.
-    weight: weight of the design by the reference data.
-    best_rotation_deg: the best position, as a rotation from the present one.
-    tighter: lower bound of F'_ior there with a size one STEP smaller, by path of the size.
-    states, max_residual: of the certificate.
-    refused: why there is no F'_ior.
+    design: number of the drive's design.
+    weight: weight of the design from the reference data.
+    F_ior_arcsec: F'_ior as assembled, at each torque [arcsec].
+    best_F_ior_arcsec: F'_ior in the best position, at each torque [arcsec].
+    best_rotation_deg: best position, as a rotation from the present one [deg].
+    tighter: lower bound of F'_ior in the best position with one size TIGHTER_STEP smaller, by path of the size.
+    states, max_residual: number of solved states and largest residual of the certificate.
+    refused: reason why there is no result.
     values: sampled values by field.
     """
 
@@ -239,23 +248,32 @@ class RandomDrive(ClosedRecord):
 
 
 def _with_each_tighter(one: Batch, paths: Sequence[str]) -> Batch:
-    """Return a drive once for each size, with that size a step smaller; paths: of the sizes."""
+    """Return one copy of a drive for each size, with only this size one step smaller.
+
+    paths: paths of the sizes.
+    """
     columns = {path: np.repeat(column, len(paths)) for path, column in one.columns.items()}
     for number, path in enumerate(paths):
-        # each size is smaller in one copy only
+        # each copy has one smaller size
         columns[path] = columns[path] * np.where(np.arange(len(paths)) == number, TIGHTER_STEP, 1.0)
     return Batch(one.drive, columns)
 
 
 @dataclass(frozen=True)
 class Production:
-    """Random drives of a preset: once it has designs, `records` can be called in any process.
+    """Random drives of a preset. Once it has designs, `records` can be called in any process.
 
-    law, by which drives are drawn; torques M_g [N*m]; mounting, whether the wheel may be turned; limits of F'_ior
-    [arcsec], one a torque (None: it has none), by which the best position is chosen, without by the gain; seed;
-    per_design: drives of a design; steps: whether records have `tighter`; designs: shared values by path, with the
-    weight of each design.
-    Raises UsageError for a drive whose cycle cannot be searched.
+    Raises UsageError if the cycle of the drive cannot be searched.
+
+    law: distributions that the drives are sampled from.
+    torques: torques M_g [N*m].
+    mounting: whether the wheel may be turned.
+    limits: limits of F'_ior at each torque [arcsec], None without a limit, for the choice of the best position. If
+        limits is None, the choice minimises F'_ior relative to its mean.
+    seed: seed of the random drives.
+    per_design: number of drives of a design.
+    steps: whether records have `tighter`.
+    designs: shared values by path, and weight, of each design.
     """
 
     law: ProductionLaw
@@ -273,37 +291,37 @@ class Production:
 
     @property
     def rotations(self) -> tuple[float, ...]:
-        """Turns of the fixed wheel [deg] that are looked at, 0 first."""
+        """Tried rotations of the fixed wheel [deg], beginning with 0."""
         return tuple(seat_positions(self.drive, _PRODUCTION_FREE_STEP)) if self.mounting else (0.0,)
 
     @property
     def drive(self) -> Drive:
-        """The drive of the preset."""
+        """Drive of the preset."""
         return self.law.drive
 
     def design_of(self, drive: int) -> int:
-        """Return the number of the design of a drive: 0 of all drives where no shared field is unknown."""
+        """Return the number of a drive's design, which is 0 for all drives if no shared field is unknown."""
         # designs differ only if a shared field is uncertain
         return drive // self.per_design if self.law.shared else 0
 
     def design_states(self, drives: int) -> int:
-        """Return the approximate number of states that the designs of a number of drives need, for a progress bar."""
+        """Return the approximate number of states solved for the designs of some drives, for the progress bar."""
         return (self.design_of(drives - 1) + 1) * len(self.torques) * DRAWN_STATES if self.law.shared else 1
 
     def with_designs(self, drives: int, *, run: Run = Run()) -> tuple[Production, Samples | None]:
-        """Return the production with the designs of a number of drives, and their samples if designs differ.
+        """Return the production with designs for a number of drives, and their samples if designs differ.
 
         Raises UntrustedError if too few designs agree with the preset's reference data.
         """
         if not self.law.shared:
             return replace(self, designs=(({}, 1.0),)), None
         count = self.design_of(drives - 1) + 1
-        # reference data refuse many designs
+        # reference data reject many designs
         most_draws = _DRAWS_PER_DESIGN * count
         samples = draw_samples(
             self.law.joint,
             self.torques,
-            # of the type: values of one drive say nothing on others
+            # only reference data of the type, because values of one drive do not apply to other drives
             evidence=evidence_of(self.drive, of_type=True),
             enough=lambda so_far: len(so_far.weights) >= count,
             effort=SamplingEffort(
@@ -316,7 +334,7 @@ class Production:
             raise UntrustedError(
                 f"{message}, {count} are required", "narrow the assumed ranges, or reduce the number of drives"
             )
-        # the own fields of a sample are not those of the drives of its design
+        # the own fields of a sample are not used for the drives of its design
         paths = [field.path for field in self.law.shared]
         drawn = samples.values()
         designs = tuple(
@@ -326,12 +344,12 @@ class Production:
         return replace(self, designs=designs), samples
 
     def records(self, first: int, last: int) -> list[RandomDrive]:
-        """Return the records of drives first to last - 1, whatever else is or was computed."""
+        """Return the records of drives first to last - 1, independently of other computed drives."""
         records = []
         drives: list[tuple[Drive, list[ErrorMap]]] = []
 
         def maps(drive: Drive) -> list[ErrorMap]:
-            # one design is kept: drives are solved in their order
+            # only the last design is cached because drives are solved in sequence
             if not drives or drives[0][0] != drive:  # drives of a design share a contact system
                 drives[:] = [(drive, error_maps(drive, self.torques))]
             return drives[0][1]
@@ -346,7 +364,7 @@ class Production:
             )
             try:
                 records.append(replace(about, **self._solved(about.values, maps)))
-            # a drive without a result is counted, and does not end the production
+            # a drive without a result is counted and does not stop the production
             except HdassistError as error:
                 records.append(replace(about, refused=error.message))
         return records
@@ -356,7 +374,7 @@ class Production:
         """Type of the records in a file."""
 
         def fault(item: int, record: RandomDrive) -> str:
-            # a file of other options
+            # a wrong design shows that the file was computed with other options
             if record.design != self.design_of(item):
                 return f"expected design {self.design_of(item)}"
             wanted = 0 if record.refused else len(self.torques)
@@ -366,7 +384,7 @@ class Production:
         return RecordKind(TypeAdapter(RandomDrive), fault)
 
     def options(self) -> dict[str, Any]:
-        """Return the inputs that the records depend on, beside preset, seed and version."""
+        """Return the inputs that the records depend on, besides preset, seed and version."""
         return {
             "overrides": list(self.drive.origin.overrides),
             "torques_Nm": list(self.torques),
@@ -380,19 +398,19 @@ class Production:
     def _solved(self, values: Mapping[str, float], maps: _MapsOf) -> dict[str, Any]:
         """Return F'_ior as assembled and in the best position, with its certificate, as fields of a record."""
         drive = self.drive.with_values({path: value for path, value in values.items() if path not in DEVIATION_FIELDS})
-        # drawn values may exclude each other
+        # sampled values may be incompatible with each other
         conflict = first_conflict(drive)
         if conflict:
             raise UntrustedError(f"no valid drive: {conflict.path}: {conflict.message}")
-        # all positions in one search
+        # one search covers all positions
         batch = self._in_positions(drive, values)
         extremes_by_torque = [many_extremes(error_map, batch, DRAWN_GRIDS) for error_map in maps(drive)]
         certificate = sum((extremes.certificate for extremes in extremes_by_torque), EMPTY)
-        F_ior = np.array([extremes.F_ior_arcsec for extremes in extremes_by_torque])  # (torques, positions)
-        # one hole for all torques
+        F_ior = np.array([extremes.F_ior_arcsec for extremes in extremes_by_torque])  # shape (torques, positions)
+        # the best hole is the same for all torques
         best = int(np.argmin(self._merit(F_ior)))
         tighter = None
-        # for sensitivities: what each size does near the present design
+        # sensitivities need the effect of each size near the present design
         if self.steps:
             in_best_position = batch.take(np.array([best]))
             tighter, further_certificate = self._tighter(in_best_position, best, extremes_by_torque, maps(drive))
@@ -407,7 +425,10 @@ class Production:
         }
 
     def _in_positions(self, drive: Drive, values: Mapping[str, float]) -> Batch:
-        """Return a drive in each position of its fixed wheel; values: its deviations among others, by path."""
+        """Return a drive in each position of its fixed wheel.
+
+        values: sampled values by path, including deviations.
+        """
         rotations = np.array(self.rotations)
         columns = {path: np.full(len(rotations), value) for path, value in values.items() if path in DEVIATION_FIELDS}
         turned = {path: columns.get(path, drive.number(path)) + rotations for path in carried(drive)}
@@ -420,9 +441,14 @@ class Production:
         present: Sequence[Extremes],
         maps: Sequence[ErrorMap],
     ) -> tuple[dict[str, tuple[float, ...]], Certificate]:
-        """Return F'_ior between the states of its extremes with each size a step smaller, and the certificate.
+        """Return F'_ior between the states of the extremes with each size one step smaller, and the certificate.
 
-        Other states may become the extremes, so F'_ior is at least that.
+        It is a lower bound because other states may become the extremes.
+
+        one: the drive in its best position.
+        row: index of the best position.
+        present: extremes in all positions, at each torque.
+        maps: error maps at each torque.
         """
         paths = self.law.sizes
         batch = _with_each_tighter(one, paths)
@@ -430,8 +456,8 @@ class Production:
         differences = []
         certificate = EMPTY
         for extremes, error_map in zip(present, maps, strict=True):
-            rotations = []  # at the states of the largest and the smallest error
-            # at the states of the present extremes: F'_ior of the smaller size is at least this difference
+            rotations = []  # output rotations at the states of the largest and the smallest error
+            # F'_ior with the smaller size is at least the difference between the states of the present extremes
             for state in (extremes.at_max[row], extremes.at_min[row]):
                 states = error_map.states.take(np.full(len(paths), state))
                 case = LoadCase(
@@ -449,8 +475,8 @@ class Production:
         return {path: tuple(by_torque) for path, by_torque in zip(paths, by_size, strict=True)}, certificate
 
     def _merit(self, F_ior: Array) -> Array:
-        """Return the figure of merit of each position, least in the best one, shape (rotations,)."""
-        # without limits each torque counts relative to its own mean
+        """Return the figure of merit of each position, smallest in the best one, shape (rotations,)."""
+        # without limits, F'_ior at each torque is relative to its mean
         if self.limits is None:
             return merit(F_ior, F_ior.mean(axis=1))
         return merit(F_ior, np.array([np.inf if limit is None else limit for limit in self.limits]))

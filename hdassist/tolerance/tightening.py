@@ -1,11 +1,11 @@
-"""Tolerances that are worth tightening, and the cheapest ones that reach a yield as surely as is asked.
+"""Tolerances that pay off if tightened, and the cheapest tolerances that reach a yield with the required probability.
 
 Sensitivities: each sample is a random drive of a random design. The gain of a tolerance one step tighter is at most the
-gain between the states of the present extremes; for the most promising tolerances all samples are solved again.
+gain between the states of the present extremes. For the most promising tolerances, all samples are solved again.
 
-Allocation: a cost law is share (now/tolerance)^k. Random drives are solved with a set of tolerances; the change of each
-drive's F'_ior by a step of each tolerance, taken as linear, gives a cheaper set; other random drives with that set
-confirm or reject it, and the search is repeated from them until two sets agree.
+Allocation: a cost law is share (now/tolerance)^k. Random drives are solved with a set of tolerances. The change of each
+drive's F'_ior by a step of each tolerance, assumed to be linear, gives a cheaper set. Other random drives with that set
+confirm or reject it. The search continues from these drives until two sets agree.
 """
 
 from __future__ import annotations
@@ -26,26 +26,29 @@ from hdassist.preset.fields import DEVIATION_FIELDS, CostLaw, Drive
 from hdassist.tolerance.production import TIGHTER_STEP, Production, ProductionLaw, RandomDrive
 from hdassist.tolerance.yields import AtTorque, Summary, YieldBelief
 
-_HIGH_SHARE = 0.95  # share of the drives below the percentile that is to become less
-_RESAMPLES = 200
-_ENDS = (0.05, 0.95)  # of the resampled values: the interval of a gain
+_HIGH_SHARE = 0.95  # share of the drives below the percentile that tightening should reduce
+_RESAMPLES = 200  # number of bootstrap resamples
+_ENDS = (0.05, 0.95)  # quantiles of the resampled values that limit the interval of a gain
 _Records = Callable[[Production, int], list[RandomDrive]]
-_LOOSER = 2.0  # times the preset's tolerance, at most
-_TIGHTER = 0.1  # times it at least, where the preset gives no least value that can be made
-_SLOPE_STEP = 0.1  # step of ln(tolerance) over which slopes are taken: it smooths drives that come and go
-_AIM = 0.98  # share of the limit that the search aims at: a margin for the error of the linear model
+_LOOSER = 2.0  # largest tolerance, in multiples of the preset's tolerance
+_TIGHTER = 0.1  # smallest tolerance, as a share of the preset's, if the preset gives no smallest value that can be made
+# step of the logarithm of tolerances for slopes, which smooths the effect of drives that cross the limit
+_SLOPE_STEP = 0.1
+_AIM = 0.98  # aimed share of the limit, with a margin for the error of the linear model
 _STRICTER = 0.93  # factor of the aim if the drives did not verify the tolerances found with it
-_LIMIT_AGREES = 0.06  # margin to the limit that may remain, as a share of it
-_UNSOLVED_RATIO = 1e6  # F'_ior over its room of a drive without an answer: beyond any limit
-_LEAST_SHARE_LEFT = 1e-2  # share of F'_ior of a drive that remains whatever its sizes are scaled by
+_LIMIT_AGREES = 0.06  # largest remaining margin to the limit, as a share
+_UNSOLVED_RATIO = 1e6  # assumed F'_ior over its room for a drive without a result, beyond any limit
+_LEAST_SHARE_LEFT = 1e-2  # smallest F'_ior of a drive with scaled sizes, as a share of its present F'_ior
 
 
 @dataclass(frozen=True)
 class Tightened:
-    """95th percentile of F'_ior [arcsec] at a torque now, and with a tolerance (by path) one STEP tighter.
+    """95th percentile of F'_ior at a torque now, and with one tolerance TIGHTER_STEP tighter.
 
-    low, high: Monte Carlo interval of the percentile with the tighter tolerance.
-    proven: whether F'_ior was searched again; otherwise it may be larger than `then`.
+    path: path of the tolerance.
+    now, then: percentile now and with the tighter tolerance [arcsec].
+    low, high: Monte Carlo interval of the percentile with the tighter tolerance [arcsec].
+    proven: whether the extremes were located again; otherwise the percentile may be larger than `then`.
     """
 
     path: str
@@ -76,20 +79,22 @@ class Tightened:
         return self._decrease(self.low)
 
     def _decrease(self, percentile: float) -> float:
-        """Return the decrease from the percentile now to another one [arcsec], as a share; 0 if there is no error."""
+        """Return the decrease to another percentile [arcsec], as a share of the present one; 0 if there is no error."""
         return 1 - percentile / self.now if self.now else 0.0
 
 
 @dataclass(frozen=True, eq=False)
 class Sensitivities:
-    """Gains of tightening, and contributions of inputs to the variance of F'_ior of a production.
+    """Gains from tighter tolerances, and contributions of inputs to the variance of F'_ior of a production.
 
-    samples: samples of its random drives.
+    law: distributions of the random drives.
+    samples: samples of the random drives.
     worst: index of the governing torque (relative to its limit, if there are limits).
     tightened: gains at each torque, the largest first.
     influences: contributions at each torque.
     to_measure: measurements at the governing torque.
-    drives, states, max_residual: of the certificate.
+    drives: number of solved drives.
+    states, max_residual: number of solved states and largest residual of the certificate.
     """
 
     law: ProductionLaw
@@ -104,25 +109,25 @@ class Sensitivities:
 
     @property
     def first(self) -> Tightened:
-        """The tolerance whose step takes most off at the worst torque."""
+        """Tolerance with the largest reduction by one step at the governing torque."""
         return self.tightened[self.worst][0]
 
     @property
     def largest(self) -> Influence | None:
-        """Input with the largest share of the variance at the worst torque; None if no share is computed."""
+        """Input with the largest share of the variance at the governing torque; None if no share is computed."""
         return next(iter(self.influences[self.worst]), None)
 
     @property
     def is_worth_tightening(self) -> bool:
-        """Whether a step of the first tolerance takes off anything for certain, and no field shared by all more."""
-        # even the smallest gain of the interval has to be one
+        """Whether a step of the first tolerance certainly reduces F'_ior, and no shared field contributes more."""
+        # even the lower end of the interval must be a gain
         if self.first.high >= self.first.now:
             return False
         return self.largest is None or self.largest.group in {way.path for way in self.tightened[self.worst]}
 
 
 def _best_first(ways: Mapping[str, Sequence[Tightened]], torques: range) -> tuple[tuple[Tightened, ...], ...]:
-    """Return the tightened sizes at each torque, the one that leaves the smallest F'_ior first."""
+    """Return the tightened sizes at each torque, beginning with the one that gives the smallest F'_ior."""
     at_torques = []
     for torque in torques:
         ranked = sorted((way[torque] for way in ways.values()), key=lambda way: way.then)
@@ -135,8 +140,10 @@ def sensitivities(
     samples: Samples,
     records: _Records,
 ) -> Sensitivities:
-    """Return sensitivities of a production in which each drive has its own design, and the samples of the designs.
+    """Return the sensitivities of a production in which each drive has its own design.
 
+    production: production with one drive per design.
+    samples: samples of the designs.
     records: function that returns a number of records of a production.
     Raises UntrustedError if a drive has no result.
     """
@@ -144,11 +151,11 @@ def sensitivities(
     all_records = _sound(records(production, len(production.designs)))
     F_ior = np.array([record.F_ior_arcsec for record in all_records])
     weights = np.array([record.weight for record in all_records])
-    # tolerances are ranked at the torque that needs them most
+    # tolerances are ranked at the governing torque
     worst = worst_torque(production.drive, samples)
     ways = {}
     for path in law.sizes:
-        # solved with the drives themselves, at the states of their extremes
+        # F'_ior at the states of the drives' extremes
         then = np.array([(record.tighter or {})[path] for record in all_records])
         ways[path] = _tightened(
             path,
@@ -157,7 +164,7 @@ def sensitivities(
             weights,
             proven=False,
         )
-    # the estimate is a lower bound: the best size is solved anew until the best one is solved
+    # the estimate is a lower bound of F'_ior, so the best size is solved again until the best one has been solved
     best = _best_size(ways, worst)
     while not ways[best][worst].proven:
         tighter_records = _sound(records(_with_tighter(production, best), len(production.designs)))
@@ -186,17 +193,20 @@ def sensitivities(
 
 
 def _best_size(ways: Mapping[str, Sequence[Tightened]], torque: int) -> str:
-    """Return the path of the size whose step leaves least of F'_ior at a torque, by its place."""
+    """Return the path of the size whose tightening by one step gives the smallest F'_ior.
+
+    torque: index of the torque.
+    """
     return min(ways, key=lambda path: ways[path][torque].then)
 
 
 def _influences_at(samples: Samples, torque: int) -> tuple[Influence, ...]:
-    """Return the influences at a torque, by its place; none if some sample has no error there."""
+    """Return the contributions at a torque, or none if a sample has no error there; torque is an index."""
     return influences(samples, torque) if samples.F_ior_arcsec[:, torque].all() else ()
 
 
 def _with_tighter(production: Production, path: str) -> Production:
-    """Return a production of the same designs with one size a step smaller, which takes no further steps."""
+    """Return a production of the same designs with one size a step smaller, without steps of its own."""
     designs = []
     for values, weight in production.designs:
         designs.append(({**values, path: TIGHTER_STEP * values[path]}, weight))
@@ -204,13 +214,14 @@ def _with_tighter(production: Production, path: str) -> Production:
 
 
 def worst_torque(drive: Drive, samples: Samples) -> int:
-    """Return the place of the torque at which the 95th percentile of F'_ior is largest.
+    """Return the index of the torque with the largest 95th percentile of F'_ior.
 
-    It is taken as a share of the limit if all torques have one.
+    The percentile is relative to the limit if all torques have one.
 
-    samples of random drives, each of a design of its own.
+    drive: the drive of the preset, with its limits.
+    samples: samples of random drives, each of its own design.
     """
-    # relative to the limits if every torque has one
+    # the comparison is relative to the limits if every torque has one
     limits = [drive.limit(M_g) or 0.0 for M_g in samples.torques]
     now_arcsec = [weighted_quantile(column, samples.weights, _HIGH_SHARE) for column in samples.F_ior_arcsec.T]
     return int(np.argmax(np.array(now_arcsec) / (limits if all(limits) else 1)))
@@ -221,8 +232,8 @@ def to_measure(
     samples: Samples,
     torque: int,
 ) -> tuple[MeasurementGain, ...]:
-    """Return the next measurements of a design, by the share of the spread of ln F'_ior that goes, the best first."""
-    # only what all drives of a design share can be measured once
+    """Return the next measurements of a design, the one that removes most of the spread of ln F'_ior first."""
+    # only fields shared by all drives of a design can be measured once for all drives
     shared = {field.path for field in law.shared} - DEVIATION_FIELDS
     gains = measurements(samples, torque) if samples.F_ior_arcsec[:, torque].all() else ()
     return tuple(gain for gain in gains if gain.measured in shared or gain.measured.startswith("stiffness."))
@@ -243,11 +254,13 @@ def _tightened(
     *,
     proven: bool,
 ) -> list[Tightened]:
-    """Return the gain of a step of a tolerance at each torque, from F'_ior now and then [arcsec].
+    """Return the gain from one step of a tolerance at each torque.
 
-    These have the shape (drives, torques).
+    F_ior: F'_ior now [arcsec], shape (drives, torques).
+    then: F'_ior with the tighter tolerance [arcsec], shape (drives, torques).
+    weights: weights of the drives, shape (drives,).
     """
-    # bootstrap over drives; the same drives now and then, so that their differences count
+    # bootstrap over drives, with the same drives now and then, because only their differences matter
     resampled = np.random.default_rng(0).integers(0, len(F_ior), (_RESAMPLES, len(F_ior)))
     steps = []
     for before, after in zip(F_ior.T, then.T, strict=True):
@@ -274,8 +287,12 @@ def _tightened(
 
 @dataclass(frozen=True)
 class _Tolerance:
-    """A tolerance that may be chosen, by path: its value in the preset, its bounds, and its cost law.
+    """A tolerance that may be chosen.
 
+    path: path of the size.
+    now: value in the preset.
+    least, most: bounds of the value.
+    law: cost law.
     assumed_law: whether the preset gives no cost law.
     """
 
@@ -287,17 +304,17 @@ class _Tolerance:
     assumed_law: bool
 
     def cost(self, value: float) -> float:
-        """Return the cost at a value, in the unit of the law's share."""
+        """Return the cost of a value, in the unit of the law's share."""
         return float(self.law.share * (self.now / value) ** self.law.k)
 
 
 def tolerances(drive: Drive, law: ProductionLaw) -> tuple[_Tolerance, ...]:
-    """Return the tolerances of a drive that may be chosen: sizes that are drawn up to a value of the preset."""
+    """Return the tolerances of a drive that may be chosen: sizes that are sampled up to a value of the preset."""
     choices = []
     for size in law.tolerances:
         cost = drive.cost.get(size.path)
         present = size.high
-        # what the workshop can make, or a tenth of the present value
+        # smallest value that the workshop can make, or a tenth of the present value
         least = cost.least if cost and cost.least is not None else _TIGHTER * present
         loosest = max(_LOOSER * present, least)
         choices.append(
@@ -315,10 +332,14 @@ def tolerances(drive: Drive, law: ProductionLaw) -> tuple[_Tolerance, ...]:
 
 @dataclass(frozen=True)
 class Allocation:
-    """Tolerances, by path in the field's unit, their cost, and the yield of random drives with them.
+    """Tolerances with their cost and the yield of random drives with them.
 
-    turned: whether each wheel is turned to its best position; tried: yield of drives other than those it was sought on;
-    probability that it reaches the yield that is wanted, and the verdict on it.
+    turned: whether each wheel is turned to its best position.
+    values: tolerances by path, in the field's unit.
+    cost: cost of the tolerances.
+    tried: yield of drives that were not used in the search for the tolerances.
+    probability: probability that the yield reaches the required one.
+    verdict: verdict on this probability.
     """
 
     turned: bool
@@ -330,7 +351,7 @@ class Allocation:
 
     @property
     def fits(self) -> bool:
-        """Whether the tolerances reach the yield as surely as is asked."""
+        """Whether the tolerances reach the yield with the required probability."""
         return self.verdict is Verdict.PASS
 
 
@@ -338,9 +359,9 @@ class Allocation:
 class Allocator:
     """Search for the cheapest tolerances of a drive.
 
-    production: production with designs, of records with steps.
-    rooms: F'_ior [arcsec] that the limits allow at each torque.
-    wanted: the yield as a share.
+    production: production with designs, whose records have steps.
+    rooms: largest F'_ior within the limits, at each torque [arcsec].
+    wanted: required yield, as a share.
     sure: required probability of the yield.
     records: function that returns a number of verified drives of a production.
     drives: number of drives.
@@ -357,29 +378,31 @@ class Allocator:
 
     @cached_property
     def choices(self) -> tuple[_Tolerance, ...]:
-        """Tolerances that may be chosen: values of them are arrays in this order, shape (choices,)."""
+        """Tolerances that may be chosen; arrays of their values have this sequence, shape (choices,)."""
         return tolerances(self.production.drive, self.production.law)
 
     @cached_property
     def bounds(self) -> Array:
-        """Least and greatest values [the unit of each field], shape (2, choices)."""
+        """Smallest and largest values, in the unit of each field, shape (2, choices)."""
         return np.array([(choice.least, choice.most) for choice in self.choices]).T
 
     def cheapest(self, turned: bool) -> Allocation:
-        """Return the cheapest tolerances, with the wheel in its best position or not.
+        """Return the cheapest tolerances.
 
-        If none are verified, those of the attempt with the greatest probability of the yield are returned, or of
-        several such attempts those with the greatest share of drives within the limits.
+        If none are verified, return those of the attempt with the largest probability of the yield. Among equal
+        attempts, the one with the largest share of drives within the limits is returned.
+
+        turned: whether each wheel is turned to its best position.
         """
-        # the search begins at the tolerances of the preset
+        # the search starts from the tolerances of the preset
         values = np.array([choice.now for choice in self.choices])
         aim = _AIM
         records, tried = self._tried(turned, values, 0)
         attempts = [tried]
         for attempt in range(1, self.rounds + 1):
-            # cheapest by a linear model around the last drives
+            # cheapest tolerances in a linear model around the last drives
             sought = self._sought(records, values, aim)
-            # the model asks for nothing new
+            # the model gives the same tolerances again
             if np.all(np.abs(np.log(sought / values)) < _LIMIT_AGREES / 2):
                 break
             values = sought
@@ -388,16 +411,16 @@ class Allocator:
             ratio = self._ratio_of(records, values)(values)
             at_least = np.all(values <= self.bounds[0] * (1 + _LIMIT_AGREES))
             at_most = np.all(values >= self.bounds[1] * (1 - _LIMIT_AGREES))
-            # verified and near the limit, or at the ends of the bounds
+            # stop if verified and near the limit, or at the ends of the bounds
             if (tried.fits and (ratio > aim - _LIMIT_AGREES or at_most)) or (at_least and not tried.fits):
                 break
-            # random drives decide, not the model
+            # the random drives decide instead of the model
             aim *= 1.0 if tried.fits else _STRICTER
-        # of all attempts, as a later one may cost more
+        # the cheapest attempt is returned because a later one may cost more
         verified = [allocation for allocation in attempts if allocation.fits]
         if verified:
             return min(verified, key=lambda allocation: allocation.cost)
-        # the last of equal ones has the smallest tolerances
+        # the last of equal attempts has the smallest tolerances
         return max(reversed(attempts), key=lambda allocation: (allocation.probability.value, allocation.tried.share))
 
     def _tried(
@@ -406,7 +429,7 @@ class Allocator:
         values: Array,
         attempt: int,
     ) -> tuple[list[RandomDrive], Allocation]:
-        """Return the random drives with given tolerances, other drives at each attempt, and their allocation."""
+        """Return the random drives with given tolerances, different at each attempt, and their allocation."""
         chosen = dict(
             zip(
                 self.choices,
@@ -414,7 +437,7 @@ class Allocator:
                 strict=True,
             )
         )
-        # other random numbers each time: no set of drives is fitted by chance
+        # with new random numbers each time, no set of drives is fitted by chance
         law = self.production.law.scaled({choice.path: value / choice.now for choice, value in chosen.items()})
         production = replace(
             self.production,
@@ -449,9 +472,9 @@ class Allocator:
         now: Array,
         aim: float,
     ) -> Array:
-        """Return the cheapest tolerances for which drives, with sizes scaled, would stay below an aim.
+        """Return the cheapest tolerances with which the drives, with scaled sizes, stay below an aim.
 
-        The least ones where none are.
+        If no tolerances achieve the aim, the smallest ones are returned.
         """
         low, high = np.log(self.bounds)
         share, k, first = np.array([(choice.law.share, choice.law.k, np.log(choice.now)) for choice in self.choices]).T
@@ -474,13 +497,14 @@ class Allocator:
         return np.asarray(np.exp(np.clip(cheapest.x, low, high)))
 
     def _ratio_of(self, records: Sequence[RandomDrive], now: Array) -> Callable[[Array], float]:
-        """Return the function of F'_ior over its room by other tolerances, at the governing torque.
+        """Return a function that gives F'_ior over its room at the governing torque for other tolerances.
 
-        The wanted share of the drives of most designs stays below this ratio.
+        In most designs, the required share of the drives is below this ratio. The function scales the sizes of the
+        drives to the tolerances, with F'_ior assumed to be linear in each size.
 
-        Arguments: drives as they were solved with the tolerances now. The result takes values of tolerances that the
-        sizes of the drives are scaled to, F'_ior being taken as linear in each size.
-        Raises UntrustedError: no drive has an answer.
+        records: drives solved with the present tolerances.
+        now: present tolerances, shape (choices,).
+        Raises UntrustedError if no drive has a result.
         """
         is_solved = np.array([record.refused is None and record.tighter is not None for record in records])
         solved_records = [record for record, solved in zip(records, is_solved, strict=True) if solved]
@@ -513,12 +537,12 @@ class Allocator:
         return ratio
 
     def _slopes(self, records: Sequence[RandomDrive], F_ior: Array) -> Array:
-        """Return the change of F'_ior by the relative change of each tolerance, shape (drives, choices, torques).
+        """Return the change of F'_ior by the relative change of each tolerance [arcsec].
 
-        A tolerance takes with it the sizes whose bound is assumed from it.
+        The shape is (drives, choices, torques). Sizes whose bound is assumed from a tolerance change with it.
 
-        records: of drives, with a step of each size.
-        F_ior: of these, shape (drives, torques) [arcsec].
+        records: drives with a step of each size.
+        F_ior: F'_ior of these drives [arcsec], shape (drives, torques).
         """
         law = self.production.law
         decreases = {}

@@ -1,8 +1,8 @@
-"""Percentiles of F'_ior and yield of random drives, with the uncertainty that few drives and designs leave.
+"""Percentiles of F'_ior and yield of random drives, with the uncertainty due to the number of drives and designs.
 
-The yields of designs are taken as beta distributed. Mean and concentration of that distribution have posterior weights
-on a grid; given them, the yield of each design is beta distributed too: the hierarchical model of Gelman et al.,
-Bayesian Data Analysis, 3rd edition, section 5.3.
+The yields of designs are assumed to be beta distributed. Mean and concentration of that distribution have posterior
+weights on a grid. Given mean and concentration, the yield of each design is beta distributed, too. This is the
+hierarchical model of Gelman et al., Bayesian Data Analysis, 3rd edition, section 5.3.
 """
 
 from __future__ import annotations
@@ -22,20 +22,27 @@ from hdassist.errors import SURE, Verdict, is_settled, verdict_by_probability
 from hdassist.model.geometry import Array
 from hdassist.tolerance.production import RandomDrive
 
-_MEANS = np.sin(np.pi / 2 * (np.arange(48) + 0.5) / 48) ** 2  # of yields: middles of Jeffreys' prior
-_CONCENTRATIONS = np.geomspace(0.1, 200, 12)  # from "all or none" to nearly one yield of all designs
-_POSSIBLE = 1e-4  # posterior weight of a point of the grid, below which it is left out
-_YIELDS = np.sin(np.pi / 2 * np.linspace(0, 1, 301)) ** 2  # at which their distribution is computed
-_INTERVAL_ERRORS = 1.645  # standard errors of the ends of an interval: 5 % beyond each
-YIELD_TAIL = 0.05  # share of the designs beyond each end of the range of yields
+# means of yields, at the midpoints of equal shares of Jeffreys' prior
+_MEANS = np.sin(np.pi / 2 * (np.arange(48) + 0.5) / 48) ** 2
+# concentrations, from "all or none" to nearly the same yield of all designs
+_CONCENTRATIONS = np.geomspace(0.1, 200, 12)
+_POSSIBLE = 1e-4  # smallest relative posterior weight of a grid point that is used
+_YIELDS = np.sin(np.pi / 2 * np.linspace(0, 1, 301)) ** 2  # yields at which their distribution is computed
+_INTERVAL_ERRORS = 1.645  # half-width of an interval in standard errors, with 5 % beyond each end
+YIELD_TAIL = 0.05  # share of the designs' yields beyond each end of their range
 
 
 @dataclass(frozen=True, eq=False)
 class YieldBelief:
-    """Yield of a production, over its designs: drives that pass and drives, shape (designs,), and the designs' weights.
+    """Yield of a production over its designs.
 
-    The yield of one design alone has Jeffreys' prior. No range or interval is narrower than the count of drives allows
-    (Clopper and Pearson 1934, doi 10.1093/biomet/26.4.404), as many drives as have the same weight each.
+    The yield of a single design has Jeffreys' prior. No range or interval is narrower than the number of drives allows
+    (Clopper and Pearson 1934, doi 10.1093/biomet/26.4.404), where the number is that of equally weighted drives with
+    the same information.
+
+    passed: drives that pass, shape (designs,).
+    drives: drives, shape (designs,).
+    weights: weights of the designs, shape (designs,).
     """
 
     passed: NDArray[np.int64]
@@ -44,7 +51,7 @@ class YieldBelief:
 
     @property
     def share(self) -> float:
-        """Share of the drives that pass, each by the weight of its design."""
+        """Share of the drives that pass, weighted by design."""
         return float(self.weights @ self.passed / max(float(self.weights @ self.drives), 1e-300))
 
     def percentile(self, share: float) -> float:
@@ -53,17 +60,17 @@ class YieldBelief:
 
     @property
     def range(self) -> tuple[float, float]:
-        """Yields that YIELD_TAIL of the designs lie beyond, at each end."""
+        """Yields at the ends of the range, with YIELD_TAIL of the designs beyond each end."""
         passed, failed = self._counts
         low = betaincinv(passed, failed + 1, YIELD_TAIL) if passed else 0.0
         high = betaincinv(passed + 1, failed, 1 - YIELD_TAIL) if failed else 1.0
         return min(self.percentile(YIELD_TAIL), float(low)), max(self.percentile(1 - YIELD_TAIL), float(high))
 
     def probability(self, wanted: float) -> Probability:
-        """Return the probability that the yield of the design reaches a wanted one, and its Monte Carlo interval.
+        """Return the probability that the yield of the design reaches a required yield, and its Monte Carlo interval.
 
-        The interval is that of the share of such designs, as the posterior of their distribution has it, or as Jeffreys
-        has it of so many designs, whichever is wider: the one knows that drives are few, the other that designs are.
+        The interval is the wider of two: one from the posterior of the distribution of yields, which covers the small
+        number of drives, and Jeffreys' interval for the number of designs, which covers the small number of designs.
         """
         value = 1 - float(self._mixture(np.array([wanted]))[0])
         passed, failed = self._counts
@@ -80,7 +87,7 @@ class YieldBelief:
 
     @property
     def _counts(self) -> tuple[float, float]:
-        """Drives that pass and that fail, as many as have the same weight each (Kish)."""
+        """Numbers of drives that pass and fail, as equally weighted drives with the same information (Kish)."""
         weight = float(self.weights @ self.drives)
         count = weight**2 / max(float(self.weights**2 @ self.drives), 1e-300)
         return self.share * count, (1 - self.share) * count
@@ -90,7 +97,7 @@ class YieldBelief:
         return np.maximum.accumulate(self._mixture(_YIELDS))
 
     def _mixture(self, yields: Array) -> Array:
-        """Return the share of the designs whose yield is below some, same shape."""
+        """Return the share of the designs whose yield is below each given yield, with the shape of `yields`."""
         kinds, weights = self._kinds()
         a, b, chance = self._posterior(kinds, weights)
         passed = kinds[:, 0]
@@ -99,7 +106,7 @@ class YieldBelief:
         return np.asarray(np.einsum("g,k,gky->y", chance, weights, probability_below))
 
     def _kinds(self) -> tuple[NDArray[np.integer], Array]:
-        """Return the numbers of passed drives and of drives that designs have, shape (kinds, 2), and their weights."""
+        """Return the distinct pairs of passed drives and drives per design, shape (kinds, 2), and their weights."""
         pairs = np.stack([self.passed, self.drives], axis=1)
         kinds, where = np.unique(
             pairs,
@@ -109,7 +116,7 @@ class YieldBelief:
         return kinds, np.asarray(np.bincount(where.ravel(), self.weights / self.weights.sum()), dtype=float)
 
     def _posterior(self, kinds: NDArray[np.integer], weights: Array) -> tuple[Array, Array, Array]:
-        """Return Beta distributions of the yields of designs, and their posterior weights, shape (distributions,)."""
+        """Return beta distributions of the designs' yields, and their posterior weights, shape (distributions,)."""
         if len(self.weights) == 1:
             return np.array([0.5]), np.array([0.5]), np.ones(1)
         mean, concentration = (axis.ravel() for axis in np.meshgrid(_MEANS, _CONCENTRATIONS, indexing="ij"))
@@ -132,15 +139,19 @@ class Percentile:
 
     @property
     def standard_error(self) -> float:
-        """Monte Carlo standard error [arcsec], by the width of the interval."""
+        """Monte Carlo standard error [arcsec], from the width of the interval."""
         return (self.high - self.low) / (2 * _INTERVAL_ERRORS)
 
 
 @dataclass(eq=False)
 class AtTorque:
-    """Random drives at a torque M_g [N*m]: F'_ior [arcsec] as built and in the best position, one a drive.
+    """Random drives at a torque.
 
-    limit [arcsec] of F'_ior with the self error, if any; self_error [arcsec] of the preset's drive.
+    M_g: torque [N*m].
+    limit: limit of F'_ior including the self error [arcsec], or None.
+    self_error: self error of the preset's drive [arcsec].
+    as_built: F'_ior as assembled [arcsec], one value per drive.
+    best: F'_ior in the best position [arcsec], one value per drive.
     """
 
     M_g: float
@@ -150,21 +161,26 @@ class AtTorque:
     best: array[float] = field(default_factory=lambda: array("d"))
 
     def gains(self) -> Array:
-        """Return how much less F'_ior is in the best position, as a share of it, shape (drives,)."""
+        """Return the relative reduction of F'_ior in the best position, shape (drives,)."""
         return np.asarray(1 - np.array(self.best) / np.array(self.as_built))
 
     def passes(self, F_ior: Array) -> NDArray[np.bool_]:
-        """Return whether F'_ior [arcsec] with the self error is within the limit, shape (drives,); true without one."""
+        """Return whether F'_ior [arcsec] plus the self error is within the limit, if any, shape (drives,)."""
         return np.asarray(F_ior + self.self_error <= (np.inf if self.limit is None else self.limit))
 
 
 @dataclass(eq=False)
 class Summary:
-    """Sums over random drives, added as they are computed.
+    """Results of random drives, accumulated as they are computed.
 
-    positions: how many the wheel was tried in, 1 if it is not turned; wanted: the yield that is asked for, as a
-    share, and sure, with which probability; designs and weights: number and weight of each drive's design; refused:
-    designs of drives without an answer; reason, of the first of them.
+    points: results at each torque.
+    positions: number of tried positions of the wheel; 1 if it is not turned.
+    wanted: required yield, as a share.
+    sure: required probability of the yield.
+    designs, weights: number and weight of the design of each drive with a result.
+    refused: design numbers of drives without a result.
+    reason: reason for the first of them.
+    states, max_residual: number of solved states and largest residual of the certificate.
     """
 
     points: tuple[AtTorque, ...]
@@ -179,7 +195,7 @@ class Summary:
     max_residual: float = 0.0
 
     def add(self, records: Iterable[RandomDrive]) -> None:
-        """Add drives."""
+        """Add the records of drives."""
         for record in records:
             if record.refused is not None:
                 self.refused.append(record.design)
@@ -197,17 +213,17 @@ class Summary:
 
     @property
     def count(self) -> int:
-        """Drives with an answer."""
+        """Number of drives with a result."""
         return len(self.designs)
 
     @property
     def design_count(self) -> int:
-        """Designs that drives with an answer have."""
+        """Number of designs with at least one result."""
         return len(np.unique(self.designs))
 
     @property
     def has_limit(self) -> bool:
-        """Whether there is a limit at any torque."""
+        """Whether any torque has a limit."""
         return any(point.limit is not None for point in self.points)
 
     def yield_of(
@@ -217,9 +233,11 @@ class Summary:
         *,
         refused_pass: bool = False,
     ) -> YieldBelief:
-        """Yield as built, or with each wheel in its best position, at all torques or at one.
+        """Return the yield as assembled or with each wheel in its best position, at all torques or at one.
 
-        Arguments: refused_pass, whether drives without an answer count as good; else they count as bad.
+        best: whether each wheel is in its best position.
+        point: the torque; None for all torques.
+        refused_pass: whether drives without a result count as good; otherwise they count as bad.
         """
         points = self.points if point is None else (point,)
         ok = np.all([point.passes(np.array(point.best if best else point.as_built)) for point in points], axis=0)
@@ -234,9 +252,9 @@ class Summary:
 
     @property
     def verdict(self) -> Verdict:
-        """Verdict on the probability that the yield is the wanted one, with the wheel turned if it may be.
+        """Verdict on the probability that the yield reaches the required one, with the wheel turned if this is allowed.
 
-        Designs are as many as were asked for, and are not drawn further: INCONCLUSIVE if they are too few for one.
+        The number of designs is fixed. If it is too small for a verdict, the result is INCONCLUSIVE.
         """
         if self.wanted is None or not self.has_limit:
             return Verdict.NO_LIMIT
@@ -247,15 +265,16 @@ class Summary:
         return verdict_by_probability(reached[0].value, self.sure) if settled else Verdict.INCONCLUSIVE
 
     def percentile(self, F_ior: Sequence[float], share: float) -> Percentile:
-        """Return the percentile of F'_ior of the drives [arcsec].
+        """Return a percentile of F'_ior of the drives [arcsec].
 
-        Drives of one design do not count as independent in its interval.
+        The interval takes into account that drives of one design are not independent.
         """
         values = np.array(F_ior)
         weights = np.array(self.weights)
         value = weighted_quantile(values, weights, share)
         designs = np.unique(self.designs, return_inverse=True)[1] if self.design_count > 1 else np.arange(len(values))
-        # standard error of the share below, from sums over designs (Cochran 1977, section 9A.2: a ratio of totals)
+        # standard error of the share below the percentile, from sums over designs (Cochran 1977, section 9A.2: a ratio
+        # of totals)
         residual = np.bincount(designs, weights * ((values <= value) - share))
         step = _INTERVAL_ERRORS * float(np.sqrt(np.sum(residual**2))) / weights.sum()
         low, high = (weighted_quantile(values, weights, float(np.clip(share + s, 0, 1))) for s in (-step, step))
@@ -263,9 +282,9 @@ class Summary:
 
 
 def rooms(limits: Sequence[float | None], self_errors: Sequence[float]) -> list[float | None] | None:
-    """Return the limits [arcsec] less the self error at each torque, None without a limit.
+    """Return the limits minus the self error at each torque [arcsec], None for a torque without a limit.
 
-    None alone where no torque has one, or one is not above the self error.
+    The result is None if no torque has a limit, or if a limit is not above the self error.
     """
     rooms_arcsec = [
         None if limit is None else limit - self_error for limit, self_error in zip(limits, self_errors, strict=True)
