@@ -1,1 +1,1 @@
-"""The terminal and files to write: console, plots, tables, answers, options, workers."""
+"""Terminal and output files: console, plots, tables, results, options and workers."""

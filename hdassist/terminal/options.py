@@ -1,8 +1,8 @@
-"""Groups of options that commands are made of.
+"""Groups of options of which commands are composed.
 
-A command is a frozen dataclass: it inherits the groups that it takes, has its own options as fields, its docstring is
-its help. `report` gives the report on a preset, for `run` to write; a command of another kind has a `run` of its own.
-A field has type and default; options.toml has its words, by class and field.
+A command is a frozen dataclass. It inherits groups of options, has its own options as fields, and its docstring is its
+help. `report` returns the report on a preset, which `run` writes; commands of another kind have their own `run`. A
+field has a type and a default; options.toml contains its texts, by class and field.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def _declared_parameter(
     section: str | None = None,
     **parameters: Any,
 ) -> Any:
-    """Return the type of a field together with its option, or argument, as options.toml declares that."""
+    """Return the type of a field with its option or argument, as declared in options.toml."""
     if get_origin(kind) is list and not is_required:
         parameters = {"default_factory": list, "show_default": False} | parameters
     if is_argument:
@@ -54,17 +54,17 @@ def _declared_parameter(
 
 
 def option_name(field: str) -> str:
-    """Return the option of a field."""
+    """Return the name of the option for a field."""
     return f"--{field.replace('_', '-')}"
 
 
 @dataclass_transform(frozen_default=True, kw_only_default=True)
 @dataclass(frozen=True, kw_only=True)
 class OptionGroup:
-    """Options as fields; its subclasses are frozen dataclasses without a decorator."""
+    """Options as fields; subclasses become frozen dataclasses without a decorator."""
 
     def __init_subclass__(cls) -> None:
-        """Join each field that options.toml declares with its option, as typer reads it; make the class a dataclass."""
+        """Annotate each field declared in options.toml with its typer option, and make the class a dataclass."""
         declared = DECLARED["any"] | DECLARED.get(cls.__name__, {})
         for field, kind in get_annotations(cls, eval_str=True).items():
             if field in declared and not hasattr(kind, "__metadata__"):
@@ -77,12 +77,12 @@ class OptionGroup:
 
     @classmethod
     def command_name(cls) -> str:
-        """Return the command, as its class is named: presets-show."""
+        """Return the name of the command, derived from its class, for example presets-show."""
         return "-".join(re.findall("[A-Z][a-z]+", cls.__name__)[:-1]).lower()
 
     @classmethod
     def typed(cls, field: str, value: object) -> str:
-        """Return a field with its value as it is typed: the option, or the value alone of an argument."""
+        """Return a field with its value as on the command line: an option with its value, or an argument."""
         tables = [DECLARED.get(base.__name__, {}) for base in cls.__mro__]
         declared: dict[str, Any] = next((table[field] for table in [*tables, DECLARED["any"]] if field in table), {})
         if declared.get("is_argument"):
@@ -94,19 +94,20 @@ class OptionGroup:
         return f"{name}={number}" if name.startswith("--") else f"{name}{number}"
 
     def only(self, part: type[_PartT]) -> _PartT:
-        """Return the options of one of the groups that a command is made of, or of a dataclass with the same fields."""
-        names = [field.name for field in fields(part)]  # type: ignore[arg-type]  # a dataclass, which a type variable cannot ask for
+        """Return the options of one of the command's groups, or of a dataclass with the same fields."""
+        # a type variable cannot require a dataclass
+        names = [field.name for field in fields(part)]  # type: ignore[arg-type]
         return part(**{name: getattr(self, name) for name in names})
 
     def given(self) -> Iterator[tuple[str, object]]:
-        """Name and value of each option that differs from its default, those of a list one by one."""
+        """Return name and value of each option that differs from its default, with one item per value of a list."""
         values_of_fields = ((f, getattr(self, f.name)) for f in fields(self))
         items = ((f, item) for f, value in values_of_fields for item in (value if isinstance(value, list) else [value]))
         return ((f.name, item) for f, item in items if item != f.default)
 
 
 class PageOptions(OptionGroup):
-    """How an answer is given."""
+    """Options for the output of a result."""
 
     json: bool = False
     output: str = "-"
@@ -114,11 +115,11 @@ class PageOptions(OptionGroup):
     ascii: bool = False
     no_color: bool = False
     debug: bool = False
-    beside: ClassVar[tuple[str, ...]] = ("csv", "parquet")  # options that name a file beside the answer
+    beside: ClassVar[tuple[str, ...]] = ("csv", "parquet")  # options with a further output file
 
     @property
     def answer_file(self) -> str:
-        """Where the answer goes, "-" for standard output."""
+        """File of the result, "-" for standard output."""
         return self.output
 
     def replaces(self, _path: str) -> bool:
@@ -126,9 +127,9 @@ class PageOptions(OptionGroup):
         return self.force
 
     def open(self) -> Output:
-        """Return the output; refuse files that cannot be written before anything is computed.
+        """Return the output; files that cannot be written are refused before the computation.
 
-        Raises UsageError and DataError for such files, and where two answers would go to standard output.
+        Raises UsageError or DataError for such files, and UsageError if two results would use standard output.
         """
         import sys
 
@@ -140,7 +141,8 @@ class PageOptions(OptionGroup):
         for path in (self.answer_file, *paths.values()):
             take_output(path, self.replaces(path))
 
-        shared_names = {field.name for field in fields(Output)} & vars(self).keys()  # options that an Output has too
+        # options that are also fields of an Output
+        shared_names = {field.name for field in fields(Output)} & vars(self).keys()
         options = {name: getattr(self, name) for name in shared_names}
         style = Style.of(
             sys.stdout,
@@ -153,14 +155,14 @@ class PageOptions(OptionGroup):
         return Output(style, self.answer_file, has_page=has_page, **options)
 
     def run(self) -> int:
-        """Give the report on each preset that the command names, or the only one; returns the exit code."""
+        """Write the reports on all presets of the command, and return the exit code."""
         out = self.open()
         presets = getattr(self, "presets", None) or [getattr(self, "preset", "")]
         command = self.command_name()
         return give(command, run_each(command, presets, partial(self.report, out), out), out)
 
     def give_failure(self, command: str, error: HdassistError) -> None:
-        """Write the error that ended a command as its JSON, unless its answer was written.
+        """Write the error that ended a command as its JSON result, unless a result was already written.
 
         Raises UsageError and DataError.
         """
@@ -173,44 +175,44 @@ class PageOptions(OptionGroup):
             write_text(self.answer_file, json_text(answer), self.force)
 
     def report(self, out: Output, preset: str) -> Report:
-        """Return the report on a preset; out shows how far its work is."""
-        raise NotImplementedError  # of a command whose `run` is its own, and never asks
+        """Return the report on a preset; out shows the progress."""
+        raise NotImplementedError  # commands with their own `run` do not call this method
 
 
 class AnswerOptions(PageOptions):
-    """How an answer that was computed is given."""
+    """Options for the output of a computed result."""
 
     quiet: bool = False
     verbose: bool = False
 
 
 class FigureOptions(AnswerOptions):
-    """How an answer with a table of figures is given."""
+    """Options for the output of a result with a table of numbers."""
 
     csv: str | None = None
 
 
 class PlotOptions(FigureOptions):
-    """How an answer with figures, plots and details is given."""
+    """Options for the output of a result with figures, plots and details."""
 
     plot: bool = True
     details: bool = False
 
 
 class RowsOptions(PlotOptions):
-    """How an answer from many records is given."""
+    """Options for the output of a result with many records."""
 
     parquet: str | None = None
 
     def open(self) -> Output:
-        """Return the output; refuse files that cannot be written before anything is computed."""
+        """Return the output; files that cannot be written are refused before the computation."""
         if self.parquet is not None:
             require_parquet(self.parquet)
         return super().open()
 
 
 class SamplingOptions(OptionGroup):
-    """Samples of the inputs that are not known exactly: how many, from which seed, by how many processes."""
+    """Samples of the uncertain inputs: number, seed and processes."""
 
     draws: int = 64
     seed: int = 0
@@ -224,7 +226,7 @@ class DriveOptions(OptionGroup):
 
     @property
     def changes(self) -> list[str]:
-        """All that the options change of a preset, as overrides, in the order in which they apply."""
+        """All changes of a preset by the options, as overrides in the sequence in which they apply."""
         return list(self.overrides)
 
     def load(self, preset: str) -> Drive:
@@ -234,7 +236,7 @@ class DriveOptions(OptionGroup):
         return load_preset(preset, self.changes, self.taken_over())
 
     def taken_over(self) -> tuple[AskedOption, ...]:
-        """Return the options of which a next command on the drive is to have its own: all that decide an answer."""
+        """Return the options that decide the result, which a following command on the drive takes over."""
         from hdassist.preset.fields import AskedOption
 
         command = self.command_name()
@@ -245,17 +247,17 @@ class DriveOptions(OptionGroup):
 
 
 class LoadedDriveOptions(DriveOptions):
-    """Changes of a preset, its torques among them; a torque of 0 is no load."""
+    """Changes of a preset including its torques; a torque of 0 means no load."""
 
     torque: list[str]
 
     @property
     def changes(self) -> list[str]:
-        """All that the options change of a preset, its torques too."""
+        """All changes of a preset by the options, including its torques."""
         return [*super().changes, *torque_overrides(self.torque)]
 
     def load(self, preset: str) -> Drive:
-        """Load the drive of a preset with the changes. Raises DataError, PresetError or UsageError."""
+        """Return the drive of a preset with the changes. Raises DataError, PresetError or UsageError."""
         if not any(map(_is_no_load, self.torque)):
             return self.load_at_torques(preset)
         no_load_Nm = _no_load_of(preset, self.overrides)
@@ -263,22 +265,22 @@ class LoadedDriveOptions(DriveOptions):
         return _with_no_load_warning(replace(self, torque=torques).load_at_torques(preset), no_load_Nm)
 
     def load_at_torques(self, preset: str) -> Drive:
-        """Load the drive of a preset with the changes, none of which is no load; the errors are those of load."""
+        """Return the drive of a preset with the changes, without a torque of 0. Raises the errors of `load`."""
         return DriveOptions.load(self, preset)
 
 
 class OneTorqueOptions(DriveOptions):
-    """Changes of a preset, one torque among them."""
+    """Changes of a preset including a single torque."""
 
     torque: str | None = None
 
     @property
     def changes(self) -> list[str]:
-        """All that the options change of a preset, its torque too."""
+        """All changes of a preset by the options, including its torque."""
         return [*super().changes, *torque_overrides([self.torque])]
 
     def load(self, preset: str) -> Drive:
-        """Load the drive of a preset with the changes. Raises DataError, PresetError or UsageError."""
+        """Return the drive of a preset with the changes. Raises DataError, PresetError or UsageError."""
         if self.torque is None or not _is_no_load(self.torque):
             return DriveOptions.load(self, preset)
         no_load_Nm = _no_load_of(preset, self.overrides)
@@ -287,17 +289,17 @@ class OneTorqueOptions(DriveOptions):
 
 
 class LimitedDriveOptions(LoadedDriveOptions):
-    """Changes of a preset, its limits of F'_ior among them."""
+    """Changes of a preset including its limits of F'_ior."""
 
     limit: list[str]
 
     @property
     def limits(self) -> tuple[LimitText, ...]:
-        """Limits of F'_ior, those of all torques first. Raises UsageError for any other limit."""
+        """Limits of F'_ior, with those for all torques first. Raises UsageError for any other limit."""
         return limits_of_options(self.limit, only="F_ior")
 
     def load_at_torques(self, preset: str) -> Drive:
-        """Load the drive of a preset with the changes, none of which is no load.
+        """Return the drive of a preset with the changes, without a torque of 0.
 
         Raises DataError, PresetError or UsageError, the last also for a limit at a torque that the drive does not have.
         """
@@ -316,7 +318,7 @@ class LimitedDriveOptions(LoadedDriveOptions):
 
 
 class PitchOptions(OptionGroup):
-    """Measured teeth of the wheels in place of their first harmonics."""
+    """Measured teeth of the wheels, which replace their first harmonics."""
 
     pitch_b: str | None = None
     pitch_g: str | None = None
@@ -327,13 +329,13 @@ class PitchOptions(OptionGroup):
     pitch_flank: Literal["left", "right"] | None = None
 
     def wheels(self) -> WheelFiles:
-        """Return the files and how they are read."""
+        """Return the files and their reading conventions."""
         from hdassist.readers.pitch import WheelFiles
 
         return self.only(WheelFiles)
 
     def wheels_of_one(self, presets: Sequence[str]) -> WheelFiles:
-        """Return the files, if any. Raises UsageError for options that cannot be meant, before any is read."""
+        """Return the files, if any. Raises UsageError for contradictory options, before any file is read."""
         wheels = self.wheels()
         wheels.require_sound()
         if wheels.files and len(presets) > 1:
@@ -346,9 +348,9 @@ class PitchOptions(OptionGroup):
 
     @staticmethod
     def teeth(files: WheelFiles, drive: Drive) -> MeasuredTeeth | None:
-        """Return the measured wheels of a drive, None without a file; assumptions are noted on stderr.
+        """Return the measured wheels of a drive, None without a file, and report assumptions on standard error.
 
-        Raises PresetError with the faults of a file, DataError for a file that cannot be read.
+        Raises PresetError with the faults of a file, and DataError for a file that cannot be read.
         """
         measured = files.read(drive)
         note_teeth(measured)
@@ -356,7 +358,7 @@ class PitchOptions(OptionGroup):
 
 
 class TraceOptions(OptionGroup):
-    """How the file of a measured trace is read, and which part of its error is kept."""
+    """Options for reading the file of a recording, and for the part of its error that is evaluated."""
 
     angle: str | None = None
     angle_of: Literal["cam", "output"] | None = None
@@ -375,24 +377,24 @@ class TraceOptions(OptionGroup):
     period: float | None = None
 
     def reading(self) -> Reading:
-        """Return how files are read and looked at."""
+        """Return the options for reading and evaluating files."""
         from hdassist.measuring.measure import Reading
 
         return replace(self.only(Reading), budget=tuple(self.budget))
 
     def words_of_reading(self) -> list[str]:
-        """Return the options that were given, as a next command on the same file takes them."""
+        """Return the given options as a following command on the same file takes them."""
         return [self.typed(name, value) for name, value in self.only(TraceOptions).given()]
 
 
 class SignOptions(OptionGroup):
-    """How the error and the cam's angle of a record count."""
+    """Sign conventions of the error and the input angle of a recording."""
 
     error_is: Literal["cam-output", "output-cam"] = "cam-output"
     cam_sense: Literal["ccw", "cw"] = "ccw"
 
     def alignment(self) -> Alignment:
-        """Return the signs, with both angles given as 0."""
+        """Return the sign conventions, with both angles given as 0."""
         from hdassist.comparing.record import Alignment
 
         sign = 1.0 if self.error_is == "cam-output" else -1.0
@@ -400,7 +402,7 @@ class SignOptions(OptionGroup):
 
 
 class CardOptions(OptionGroup):
-    """An assembly card beside the answer."""
+    """Options for an assembly card besides the result."""
 
     card: str | None = None
     lang: str | None = None
@@ -408,21 +410,22 @@ class CardOptions(OptionGroup):
 
 
 class TrialOptions(OptionGroup):
-    """How trials are measured, and how sure the choice has to be."""
+    """Options for measured values in holes, and for the required probability of the choice."""
 
     trial_torque: float | None = None
     noise: float = 1.0
     sure: float | None = None
 
     def torque_of(self, torques: Sequence[float]) -> float:
-        """Return the torque of the trials [N*m], of a drive with such torques."""
+        """Return the torque of the measured values [N*m], for a drive with the given torques."""
         return min(torques, key=abs) if self.trial_torque is None else self.trial_torque
 
 
 def limits_of_options(texts: Sequence[str], only: str = "") -> tuple[LimitText, ...]:
-    """Return the limits of the command line, those of all torques first; only: name of the limits that a command holds.
+    """Return the limits from the command line, with those for all torques first.
 
-    Raises UsageError: a text that is no limit, or one that the command does not hold.
+    only: name of the only limit that the command uses; empty for any limit.
+    Raises UsageError for a text that is not a limit, and for a limit that the command does not use.
     """
     from hdassist.acceptance.limits import LimitText
 
@@ -434,16 +437,16 @@ def limits_of_options(texts: Sequence[str], only: str = "") -> tuple[LimitText, 
 
 
 def _is_no_load(text: str) -> bool:
-    """Return whether a torque of the command line is 0, in any unit. Raises UsageError for a text that is no torque."""
+    """Return whether a torque on the command line is 0, in any unit. Raises UsageError for an invalid torque."""
     from hdassist.preset.knowledge import option_value
 
     return option_value("--torque", text, "N*m") == 0
 
 
 def _no_load_of(preset: str, overrides: Sequence[str]) -> float:
-    """Return the torque [N*m] at which a drive without load is computed.
+    """Return the torque at which a drive without load is computed [N*m].
 
-    Raises UsageError for a preset from standard input, which can be read once only.
+    Raises UsageError for a preset from standard input, which can be read only once.
     """
     from hdassist.belief.evidence import ACCURACY_LOAD
     from hdassist.loading import load_preset
@@ -455,7 +458,7 @@ def _no_load_of(preset: str, overrides: Sequence[str]) -> float:
 
 
 def _with_no_load_warning(drive: Drive, no_load_Nm: float) -> Drive:
-    """Return a drive whose warnings state at which torque [N*m] it is computed without load."""
+    """Return a drive with a warning that states at which torque [N*m] it is computed without load."""
     from hdassist.loading import with_warning
 
     text = (
@@ -466,9 +469,10 @@ def _with_no_load_warning(drive: Drive, no_load_Nm: float) -> Drive:
 
 
 def torque_overrides(texts: Sequence[str | None]) -> list[str]:
-    """Return the torques of the command line, where given, as 80 or '80 N·m', as an override of the preset.
+    """Return torques from the command line, such as 80 or '80 N·m', as an override of the preset.
 
-    Raises UsageError: any other text, or 0.
+    texts: torques; None for options that were not given.
+    Raises UsageError for any other text, or 0.
     """
     from hdassist.preset.knowledge import option_value
 
@@ -482,7 +486,7 @@ def torque_overrides(texts: Sequence[str | None]) -> list[str]:
 
 
 def degrees_or_fit(option: str, text: str) -> float | None:
-    """Return an angle [deg] of the command line, None for fit. Raises UsageError: anything else."""
+    """Return an angle on the command line [deg], None for fit. Raises UsageError for any other text."""
     if text == "fit":
         return None
     angle = number_of(text)
@@ -492,7 +496,7 @@ def degrees_or_fit(option: str, text: str) -> float | None:
 
 
 def note_teeth(measured: MeasuredTeeth | None) -> None:
-    """Note assumptions on measured wheels on stderr."""
+    """Report assumptions about measured wheels on standard error."""
     from hdassist.terminal.words import WHEEL_WORDS
 
     for name, wheel in measured.by_name.items() if measured else ():
@@ -501,11 +505,12 @@ def note_teeth(measured: MeasuredTeeth | None) -> None:
 
 
 def stdin_once(*names: str | None) -> None:
-    """Raise UsageError where standard input is named twice."""
+    """Raise UsageError if standard input is named twice."""
     if names.count("-") > 1:
         raise UsageError("standard input can be read only once")
 
 
-_OF_PAGES = (RowsOptions, CardOptions)  # groups of options that give an answer, and do not decide it
-_OF_DRIVES = {"preset", "presets", "files", "overrides", "torque", "limit"}  # which are named with the drive
+_OF_PAGES = (RowsOptions, CardOptions)  # groups of options for the output, which do not affect the result
+# options that are stated together with the drive
+_OF_DRIVES = {"preset", "presets", "files", "overrides", "torque", "limit"}
 _OF_RUNS = {"jobs", "executor", "junit", "write"}

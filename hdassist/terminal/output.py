@@ -1,4 +1,4 @@
-"""Where the answer of a command goes: pages, JSON, CSV and files; progress; one drive or file after the other."""
+"""Output of a command: pages, JSON, CSV and files; progress; and processing of several drives or files in sequence."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ if TYPE_CHECKING:
     from hdassist.run.run import Run
 
 
-_WIPED = b"\r\x1b[2K\x1b[?25h"  # the line of a bar emptied, and the cursor shown
+_WIPED = b"\r\x1b[2K\x1b[?25h"  # clears the line of a bar and shows the cursor
 BAR_PATIENCE = 0.5  # s of work before a progress bar with a total appears
-_TASK: Any = 0  # the only one of a bar
-_REDRAWN = 0.1  # s between two of its pictures
-_BAR_STYLES = {  # of rich, whose own are colours that mean a verdict here
+_TASK: Any = 0  # the only task of a bar
+_REDRAWN = 0.1  # s between two redraws of a bar
+_BAR_STYLES = {  # styles of rich, whose default colours would suggest a verdict here
     **dict.fromkeys(("bar.complete", "bar.finished", "progress.remaining"), "none"),
     "bar.back": "color(245)",
     "bar.pulse": "color(250)",
@@ -47,12 +47,18 @@ _BAR_STYLES = {  # of rich, whose own are colours that mean a verdict here
 
 @dataclass(frozen=True)
 class Output:
-    """How one command answers.
+    """Output of one command.
 
-    target: the file of the answer, csv of the figures, "-" for stdout; force: whether these may be replaced; json,
-    quiet: the answer as JSON, or in a line; plot, details: whether pages have figures and all that they can show;
-    has_page: whether there are pages or lines, for which a file may have taken standard output;
-    verbose: whether times are noted; debug: whether an error ends the command.
+    style: abilities of the stream.
+    target: file of the result, "-" for standard output.
+    csv: file of the table as CSV.
+    force: whether existing files may be replaced.
+    no_color: whether colours are disabled.
+    plot, details: whether pages contain figures and all details.
+    json, quiet: whether the result is JSON or a single line.
+    has_page: whether there are pages or lines; there are none if a file uses standard output.
+    verbose: whether durations are reported.
+    debug: whether the first error ends the command.
     """
 
     style: Style
@@ -67,23 +73,23 @@ class Output:
     has_page: bool = True
     verbose: bool = False
     debug: bool = False
-    _bars: list[ProgressBar] = field(default_factory=list)  # the one under way
+    _bars: list[ProgressBar] = field(default_factory=list)  # the bar in use, if any
 
     def human(self, answer: RenderableType) -> None:
-        """Give the answer for people."""
+        """Write the result for people."""
         if self.style.codes:
             console(sys.stdout, self.style).print(answer)
             return
         self.text(self.page(answer))
 
     def page(self, answer: RenderableType) -> str:
-        """Return the answer for people as plain text."""
+        """Return the result for people as plain text."""
         page = io.StringIO()
         console(page, replace(self.style, codes=False)).print(answer)
         return "\n".join(line.rstrip() for line in page.getvalue().splitlines()).rstrip() + "\n"
 
     def text(self, answer: str) -> None:
-        """Give an answer that is text, hidden characters escaped: JSON has none."""
+        """Write a result in text form, with hidden characters escaped; JSON contains none."""
         write_text(self.target, visible(answer), self.force)
 
     @contextmanager
@@ -93,10 +99,14 @@ class Output:
         states: int,
         options: object,
     ) -> Iterator[Run]:
-        """How work of so many states is carried out, with a bar and words beside it.
+        """Yield a run for work of a number of states, with a progress bar and a text.
 
-        Its processes, seed and other solver are those that the options of a command have; one that solves each state
-        by a slow solver of its own works in this process, and shows how far it is.
+        Processes, seed and cross-check solver are those of the command's options. If a slow solver solves each state,
+        the work is done in this process, which shows its progress.
+
+        words: text beside the bar.
+        states: number of states.
+        options: options of the command.
         """
         from hdassist.run.run import CROSS_SOLVER, Run
 
@@ -112,7 +122,7 @@ class Output:
 
     @contextmanager
     def engine(self, options: object) -> Iterator[Executor | None]:
-        """The executor that the options of a command name, None for processes of its own on this machine."""
+        """Yield the executor named in the options of a command; None for own processes on this machine."""
         from hdassist.run.run import cluster
         from hdassist.solve.walk import installation
 
@@ -124,7 +134,7 @@ class Output:
 
     @contextmanager
     def workers(self, options: object) -> Iterator[Executor]:
-        """The executor that the options of a command name, or processes of its own on this machine."""
+        """Yield the executor named in the options of a command, or own processes on this machine."""
         from hdassist.run.run import workers
 
         with (
@@ -135,10 +145,13 @@ class Output:
 
     @contextmanager
     def progress(self, words: str, total: int | None = None) -> Iterator[ProgressBar]:
-        """A bar with the time left, on a terminal only: at once without a total, else after BAR_PATIENCE of work.
+        """Yield a progress bar with the remaining time, which is shown only on a terminal.
 
-        Within another one it is that bar, which goes on with these words and this total.
-        Arguments: words beside it; total of work, None before that is known.
+        Without a total the bar appears at once, otherwise after BAR_PATIENCE of work. Within another bar, that bar
+        continues with the new text and total.
+
+        words: text beside the bar.
+        total: total work, None if it is not known yet.
         """
         if self._bars:
             self._bars[0].expect(words, total)
@@ -148,7 +161,7 @@ class Output:
         bar = ProgressBar(_bar(style) if style.codes else None, style)
         self._bars.append(bar)
         try:
-            with at_stop(bar.wipe):  # before it is shown
+            with at_stop(bar.wipe):  # registered before the bar is shown
                 bar.expect(words, total)
                 yield bar
         finally:
@@ -157,15 +170,18 @@ class Output:
 
 
 class ProgressBar:
-    """Called with work that was done, it moves a bar with one task; None if nobody looks. style: of its words."""
+    """A progress bar with one task, which is called with completed work; style: style of its text.
+
+    The wrapped bar is None if the output is not a terminal.
+    """
 
     def __init__(self, bar: Progress | None, style: Style) -> None:
         self._bar = bar
         self._style = style
-        self._next = time.monotonic() + BAR_PATIENCE  # that it is drawn
+        self._next = time.monotonic() + BAR_PATIENCE  # earliest time of the next redraw
 
     def __call__(self, done: int) -> None:
-        """Move on by work that was done."""
+        """Advance by completed work."""
         if self._bar:
             self._bar.advance(_TASK, done)
             if (now_s := time.monotonic()) > self._next:
@@ -174,7 +190,7 @@ class ProgressBar:
                 self._bar.refresh()
 
     def expect(self, words: str, total: int | None = None) -> None:
-        """Begin work of such a total, with words beside the bar; without a total it is shown at once."""
+        """Start work with a total and a text beside the bar; without a total the bar is shown at once."""
         if self._bar:
             if not self._bar.tasks:
                 self._bar.add_task("")
@@ -188,12 +204,12 @@ class ProgressBar:
                 self._bar.refresh()
 
     def wipe(self) -> None:
-        """Empty the line of the bar, which does not come back."""
+        """Clear the line of the bar, which is not shown again."""
         if self._bar and self._bar.live.is_started:
-            os.write(2, _WIPED)  # past rich, which escapes codes while its bar is shown
+            os.write(2, _WIPED)  # bypasses rich, which escapes control codes while its bar is shown
 
     def end(self) -> None:
-        """Take the bar away."""
+        """Remove the bar."""
         if self._bar and self._bar.live.is_started:
             self._bar.stop()
 
@@ -211,28 +227,28 @@ def _bar(style: Style) -> Progress:
         TimeRemainingColumn(),
         console=screen,
         transient=True,
-        auto_refresh=False,  # without a thread of its own, beside which processes could not be forked
-        redirect_stdout=sys.stdout.isatty(),  # lines above the bar; a file is left alone
+        auto_refresh=False,  # avoids a thread of the bar, with which processes could not be forked
+        redirect_stdout=sys.stdout.isatty(),  # keeps printed lines above the bar; output to a file is not redirected
     )
 
 
 def complain(error: HdassistError, about: str = "") -> None:
-    """Write an error on stderr, with its remedy."""
+    """Write an error with its hint to standard error."""
     where = f"{about}: " if about else ""
     say(f"error: {where}{error.message}\n  hint: {with_code(error.hint, error.fault)}")
 
 
 def with_code(hint: str, fault: Fault) -> str:
-    """Return a hint, and the command that explains errors of its kind."""
+    """Return a hint with the command that explains errors of its kind."""
     return f"{hint} (hdassist explain {fault})" if hint else f"hdassist explain {fault}"
 
 
 def warn(text: str) -> None:
-    """Write a warning on stderr."""
+    """Write a warning to standard error."""
     say(f"warning: {text}")
 
 
-FORMULA = tuple("=+-@\t\n＝＋－＠")  # by which a spreadsheet knows one
+FORMULA = tuple("=+-@\t\n＝＋－＠")  # characters that start a formula in a spreadsheet
 _NUMBER = re.compile(NUMBER)
 
 
@@ -246,7 +262,7 @@ def envelope(
     exit_code: int = 0,
     warnings: Sequence[str] = (),
 ) -> Json:
-    """Return the keys common to all answers of a command; drive, the subject of the answer, None without one."""
+    """Return the keys common to all results of a command; drive: subject of the result, None without one."""
     origin = drive.origin if drive else None
     return {
         **_head(command),
@@ -275,9 +291,11 @@ def failure(
     preset: str | None = None,
     file: str | None = None,
 ) -> Json:
-    """Return the answer about a drive or a file that has none: its error.
+    """Return the result for a drive or a file that could not be processed, with its error.
 
-    Arguments: command; error; preset and file, the names asked for.
+    command: name of the command.
+    error: the error.
+    preset, file: requested names.
     """
     return {
         **_head(command),
@@ -290,12 +308,12 @@ def failure(
 
 
 def combine(command: str, results: Sequence[Json]) -> Json:
-    """Return one object for all drives: the answer itself if there is one, else a list of them."""
+    """Return one object for all results: the result itself if there is only one, otherwise a list of results."""
     return results[0] if len(results) == 1 else together(command, results)
 
 
 def together(command: str, results: Sequence[Json]) -> Json:
-    """Return one object with a list of answers, be it one or many; its exit code is the worst of theirs."""
+    """Return one object with a list of one or more results; its exit code is the worst of them."""
     return {
         **_head(command),
         "exit_code": worst_exit_code(result["exit_code"] for result in results),
@@ -305,7 +323,7 @@ def together(command: str, results: Sequence[Json]) -> Json:
 
 
 def json_text(answer: Json) -> str:
-    """Return an answer as text; never NaN or Infinity."""
+    """Return a result as text, without NaN or Infinity."""
     return (
         printable(
             json.dumps(
@@ -320,9 +338,9 @@ def json_text(answer: Json) -> str:
 
 
 def csv_text(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
-    """Return a table as CSV: one header line, plain newlines, full precision, empty if there is no value.
+    """Return a table as CSV with one header line, plain newlines and full precision; missing values are empty.
 
-    Text cannot act: hidden characters are escaped, and an apostrophe stands before formulas of spreadsheets.
+    Texts are made harmless: hidden characters are escaped, and an apostrophe precedes formulas of spreadsheets.
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -332,7 +350,7 @@ def csv_text(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
 
 
 def _cell(value: Any) -> Any:
-    """Return a cell: numbers as they are, text made harmless."""
+    """Return a cell with numbers unchanged and text made harmless."""
     if value is None or isinstance(value, Number):
         return "" if value is None else value
     text = visible(str(value))
@@ -349,19 +367,24 @@ def run_each(
     failed: Callable[[str, HdassistError], Json] | None = None,
     keep_failures: bool = False,
 ) -> list[Report]:
-    """Return the reports on presets or files one after the other; the error of one is its answer, and the others go on.
+    """Return the reports on presets or files in sequence; an error becomes the result of its item.
 
-    Each line of one of several begins with its name.
+    In a list of several items, each line of a report begins with its name.
 
-    Arguments: command, for the schema of failures; names, of presets or files, and their kind; one, its report; out;
-    failed, the JSON of one without an answer; keep_failures, whether the fault of the only one is an answer too where
-    no JSON is asked for. Raises UsageError at once, the error of the only one, and with --debug any error.
+    command: command in the schema of failures.
+    names: presets or files.
+    one: function that returns the report on an item.
+    out: the output.
+    kind: kind of the items.
+    failed: function that returns the JSON of an item without a result.
+    keep_failures: whether the error of a single item is also a result if JSON was not requested.
+    Raises any UsageError at once, the error of a single item, and with --debug any error.
     """
     reports: list[Report] = []
     for name in names:
         begun = time.monotonic()
         try:
-            with out.progress(name) if name else nullcontext():  # words before numpy is imported
+            with out.progress(name) if name else nullcontext():  # shows a text before numpy is imported
                 report = one(name)
         except HdassistError as error:
             is_ended = len(names) == 1 and not (out.json or keep_failures)
@@ -390,7 +413,7 @@ def _note_time(
     begun: float,
     name: str,
 ) -> None:
-    """Note on stderr how long a report took since begun [s], its residuals, and the engine that solved its states."""
+    """Report the duration of a report since `begun` [s], its residuals and its engine on standard error."""
     from hdassist.solve.answers import Certificate
     from hdassist.solve.walk import walk_library
     from hdassist.terminal.words import proof
@@ -412,16 +435,13 @@ def give(
     more: Mapping[str, Any] | None = None,
     below: Sequence[str] = (),
 ) -> int:
-    """Write warnings, reports as JSON, pages or lines, and tables.
+    """Write warnings, reports as JSON, pages or lines, and tables, and return the worst exit code.
 
-    Args:
-        command: for the schema of several reports.
-        reports: those without a head have no page.
-        out: how and if they are written.
-        more: keys of JSON about all reports.
-        below: lines under all pages.
-
-    Returns the worst of their exit codes.
+    command: command in the schema of several reports.
+    reports: the reports; those without a head have no page.
+    out: the output.
+    more: JSON keys about all reports.
+    below: lines below all pages.
     """
     for report in reports:
         for text in report.warnings:
@@ -444,7 +464,7 @@ def _give_pages(
     out: Output,
     below: Sequence[str],
 ) -> None:
-    """Write the pages of reports, an empty line between them; below: lines under all pages."""
+    """Write the pages of reports, separated by empty lines; below: lines below all pages."""
     from rich.console import Group
 
     from hdassist.terminal.page import report_page

@@ -1,4 +1,4 @@
-"""A report as a page of a terminal: verdict and reasons, its blocks, one line on the verification."""
+"""Page of a report for a terminal: verdict and reasons, blocks, and one line on the verification."""
 
 import re
 import sys
@@ -43,43 +43,44 @@ DRAWINGS: dict[type, Callable[[Style, Any], str]] = {
     Curve: curve,
     Seat: lambda style, seat: style.text(f"{seat_in_characters(seat)}\n\n{seat.legend}"),
 }
-_RESIDUALS = {  # of a certificate, each relative to its scale
+_RESIDUALS = {  # residuals of a certificate, each relative to its scale
     "negative_force": "negative force",
     "negative_gap": "negative gap",
     "complementarity": "force on an open gap",
     "equilibrium": "equilibrium",
 }
 _ASCII_HEAD = box.Box(str(box.SIMPLE_HEAD).replace("─", "-"), ascii=True)
-_OCHRE = "color(136)"  # between green and red, read on white and on black, where a terminal's yellow is not
+_OCHRE = "color(136)"  # between green and red, and legible on white and black, unlike a terminal's yellow
 _STYLES = {"good": "bold green", "bad": "bold red", "open": f"bold {_OCHRE}", "loud": "bold", "quiet": "dim"}  # by tone
-_UNBROKEN = "\ufffe"  # in place of a space at which no line ends: rich breaks at those of Unicode, and texts have none
+# replaces a space without a line break, because rich breaks lines at Unicode's no-break spaces; no text contains it
+_UNBROKEN = "\ufffe"
 _UNIT = r"[%″°]|N[·*]m|\u041d[·*]\u043c|µm|um\b|deg\b|arcsec\b"  # also in 7 bits, and the Russian N*m
-_SPACE_IN_NUMBER = re.compile(rf"(?<=[\d,]) (?={_UNIT})|(?<=[±≤≥<>]) (?=\d)")  # before its unit, behind its sign
-_COMMAND = re.compile("hdassist [a-z]")  # not the version, of which a line may begin too
-_SPACE_IN_QUOTES = {  # by the quote: an odd number of quotes follows it
+_SPACE_IN_NUMBER = re.compile(rf"(?<=[\d,]) (?={_UNIT})|(?<=[±≤≥<>]) (?=\d)")  # space before a unit or after a sign
+_COMMAND = re.compile("hdassist [a-z]")  # a command, unlike a line that begins with the version
+_SPACE_IN_QUOTES = {  # spaces in quotes, by the kind of quote: an odd number of quotes follows
     "'": re.compile(r" (?=[^']*'(?:[^']*'[^']*')*[^']*$)"),
     '"': re.compile(r' (?=[^"]*"(?:[^"]*"[^"]*")*[^"]*$)'),
 }
-_SPACE_BEHIND_OPTION = re.compile(r"(?<= )(--?[a-z][a-z-]*) (?=[^- ]\S{,39}(?: |$))")  # before a value that is short
+_SPACE_BEHIND_OPTION = re.compile(r"(?<= )(--?[a-z][a-z-]*) (?=[^- ]\S{,39}(?: |$))")  # space before a short value
 _GAP = f"[ {_UNBROKEN}]"
-_NUMBERS_WITH_UNIT = (  # of grounds
+_NUMBERS_WITH_UNIT = (  # numbers in the reasons of a report
     rf"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?:{_GAP}?[%″°]|{_GAP}N·m(?:/rad)?)?(?!\w)"
 )
 _ANY_WIDTH = 100_000  # columns
 _LONGEST_WORD = 30  # columns
-_PAGE_WORDS: dict[str, str] = {Verdict.NO_LIMIT: "no limit set"}  # of a verdict, where its own word is too short
+_PAGE_WORDS: dict[str, str] = {Verdict.NO_LIMIT: "no limit set"}  # texts for verdicts whose own word is too short
 
 
 class _PageText(Text):
-    """Text that breaks into lines at its spaces, but for those within a number with its sign and unit.
+    """Text that wraps at its spaces, except between a number and its sign or unit.
 
-    A command breaks between its arguments, within quotes only where one is longer than a line; its lines end as a shell
-    goes on with the next one.
+    A command wraps between its arguments, and within quotes only if an argument is longer than a line. Its lines end in
+    the shell's sign of continuation.
     """
 
     def __init__(self, text: str, style: str = "") -> None:
         is_command = bool(_COMMAND.match(text))
-        # a quoted argument must not be broken, or it cannot be copied
+        # a broken quoted argument could not be copied
         if is_command:
             text = _SPACE_IN_QUOTES[command_quote()].sub(_UNBROKEN, text)
             text = _SPACE_BEHIND_OPTION.sub(rf"\1{_UNBROKEN}", text)
@@ -87,10 +88,10 @@ class _PageText(Text):
         self._ending = broken_line_end() if is_command else ""
 
     def wrap(self, console: Console, width: int, **options: Any) -> RichLines:
-        """Return the lines of a width, as rich has them."""
-        # the sign for which a shell reads on
+        """Return the lines of a given width as rich lines."""
+        # continuation sign of the shell
         ending = self._ending * (self.cell_len > width)
-        # an argument longer than a line has to break somewhere
+        # an argument longer than a line must break somewhere
         if ending and max(map(cell_len, self.plain.split())) > width - len(ending):
             self.plain = self.plain.replace(_UNBROKEN, " ")
         lines = super().wrap(
@@ -102,19 +103,19 @@ class _PageText(Text):
         for line in lines:
             quotes += line.plain.count(command_quote())
             line.plain = line.plain.replace(_UNBROKEN, " ")
-            # within quotes a backslash would be part of the argument
+            # within quotes, a backslash would be part of the argument
             if ending and quotes % 2 == 0 and line is not lines[-1]:
                 line.plain = line.plain.rstrip() + ending
         return lines
 
     def __rich_measure__(self, console: Console, options: ConsoleOptions) -> Measurement:
-        """Return the columns that it needs and takes; a path longer than _LONGEST_WORD may be broken within."""
+        """Return the required and the full width; a path longer than _LONGEST_WORD may be broken."""
         needed, taken = super().__rich_measure__(console, options)
         return Measurement(min(needed, _LONGEST_WORD), taken)
 
 
 def _why_lines(report: Report, style: Style) -> list[_PageText]:
-    """Return the reasons of a report with their numbers in bold, and a gap below them or above a titled table."""
+    """Return the reasons of a report with bold numbers, and a gap below them or above a titled table."""
     why = [_PageText(style.text("\n".join(report.why)))] if report.why else []
     is_titled = any(isinstance(block, Table) and block.title for block in report.blocks[:1])
     if why or is_titled:
@@ -131,29 +132,33 @@ def report_page(
     plots: bool = True,
     details: bool = False,
 ) -> RenderableType:
-    """Return a report for people; plots: whether figures are drawn; details: whether all of it is shown."""
+    """Return a report for people.
+
+    plots: whether figures are drawn.
+    details: whether details are shown.
+    """
     head = _PageText(style.text(report.head), "bold")
     if report.verdict:
         head.append(": ").append(word(report.verdict, style))
-    # the short page names the option that shows them
+    # the short page names the option that shows the details
     further_blocks = (*report.details, *_certificate_facts(report.certificate, report.cross_checks))
     blocks = [*report.blocks, *(further_blocks if details else ())]
     hidden = "" if details or not further_blocks else "--details"
     proven = proof(report.certificate, report.cross_checks)
-    # the last line of every page that solved states
+    # last line of every page with solved states
     verified = ("verified", f"{proven} ({hidden})" if hidden else proven)
     last = Facts.of([verified if proven else ("more", hidden)])
-    # a gap below each block
+    # each block is followed by a gap
     parts = [part for block in blocks for part in block_on_page(block, style, plots)]
     lines = [line for part in parts for line in (part, Text(""))]
     if plots and blocks and isinstance(blocks[-1], Curve):
-        lines = lines[:-1]  # under an axis its words are enough of a gap
+        lines = lines[:-1]  # below an axis, its label is enough of a gap
     why = _why_lines(report, style)
     return Group(head, *why, *lines, *block_on_page(last, style))
 
 
 def word(verdict: str, style: Style) -> Text:
-    """Return a verdict as a page has it, in the colour of its tone; any other text as it is."""
+    """Return a verdict as shown on a page, in the colour of its tone; any other text is unchanged."""
     return _PageText(style.text(_PAGE_WORDS.get(verdict, verdict)), _STYLES.get(tone_of(verdict), ""))
 
 
@@ -162,7 +167,7 @@ def block_on_page(
     style: Style,
     plots: bool = True,
 ) -> Iterator[RenderableType]:
-    """Yield a block in characters; none of an empty one, nor of figures without plots."""
+    """Yield a block in characters; nothing for an empty block, or for a figure without plots."""
     match block:
         case Paragraph():
             yield _PageText(style.text(block.text))
@@ -185,12 +190,12 @@ def block_on_page(
 
 
 def in_characters(block: Figure, style: Style) -> str:
-    """Return a figure in characters; empty, with a remark on stderr, if it cannot be drawn."""
+    """Return a figure in characters; empty, with a warning on standard error, if it cannot be drawn."""
     return made_or("plot", lambda: DRAWINGS[type(block)](style, block), str)
 
 
 def _labelled(block: Facts, style: Style) -> RichTable:
-    """Return the labelled lines; a wrapped text stays beside its label, which wraps beyond half a page."""
+    """Return labelled lines; wrapped text stays beside its label, and labels wider than half a page wrap."""
     grid = RichTable.grid(padding=(0, 2, 0, 0))
     grid.add_column(no_wrap=max(cell_len(label) for label, _ in block.rows) <= style.width // 2)
     grid.add_column(overflow="fold")
@@ -202,14 +207,14 @@ def _labelled(block: Facts, style: Style) -> RichTable:
 
 
 def _tables(block: Table, style: Style) -> Iterator[RenderableType]:
-    """Yield a table, a tight one where that is wider than the page, or several with the same first column."""
-    # to measure tables before one is chosen
+    """Yield a table, a tight table if it would be too wide, or several tables with the same first column."""
+    # the console measures tables before one is chosen
     screen = console(sys.stdout, style)
     options = screen.options.update(width=_ANY_WIDTH)
     title = _PageText("\n".join(style.text(line) for line in (block.title, *block.notes) if line))
     title.stylize("bold", 0, len(style.text(block.title)))
     columns_left = list(range(1, len(block.heads)))
-    # a table too wide for the page continues below, with its first column again
+    # a table that is too wide for the page continues below, with its first column repeated
     while columns_left or title:
         narrower = [(columns_left, {}), (columns_left, {"is_tight": True})]
         narrower += [
@@ -237,9 +242,10 @@ def _table(
     is_tight: bool = False,
     folds: bool = False,
 ) -> RichTable:
-    """Return some columns of a table, of which only words with spaces wrap.
+    """Return selected columns of a table; only text with spaces wraps.
 
-    Columns of a tight one are near, and its heads wrap; where it folds, brackets stand below their numbers.
+    is_tight: whether columns are close together and heads wrap.
+    folds: whether brackets move below their numbers.
     """
     table = RichTable(
         box=_ASCII_HEAD if style.ascii else box.SIMPLE_HEAD,
@@ -279,7 +285,7 @@ def _table(
 
 
 def _certificate_facts(found: ReportProof | None, cross_checks: Iterable[CrossCheck | None]) -> Iterator[Facts]:
-    """Yield the residuals of the mesh positions of a report with their bounds; nothing for a report without any."""
+    """Yield the residuals of a report's mesh positions with their bounds; nothing for a report without certificate."""
     if isinstance(found, Certificate):
         rows = [
             ("mesh positions solved", f"{found.states}"),

@@ -1,4 +1,4 @@
-"""Curves drawn with characters, braille dots or plain ASCII where the stream has none, and the seat of the wheel."""
+"""Curves and the seat of the wheel, drawn with characters: braille dots, or ASCII for streams without them."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from hdassist.terminal.streams import Style
 _PlotValues = NDArray[np.float64]
 _Dots = NDArray[np.bool_]
 
-_FLAT = 1e-9  # a curve that moves less than this share of its values counts as flat
-_FAR = 0.5  # a limit or zero further off than this share of the figure's height is named and not drawn
-_TALL = 40  # lines of a terminal that has room for taller plots
+_FLAT = 1e-9  # largest relative variation of a curve that counts as flat
+_FAR = 0.5  # largest distance of a limit or zero from the curve at which it is drawn, in heights of the figure
+_TALL = 40  # lines of a terminal with room for taller plots
 _TALL_ROWS = 12  # rows of a plot on a tall terminal
-_FINEST_PARTS = 5  # rows between two numbers of the vertical axis, at most
-_DASH = 8  # columns of dots, of which the second of two lines has every other half
+_FINEST_PARTS = 5  # largest number of rows between two numbers of the vertical axis
+_DASH = 8  # period in dots of the dashed second series, half of which is drawn
 _DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])  # braille: 4 rows, 2 columns
-_UNBROKEN = "\xa0"  # between a sign of the legend and its words
+_UNBROKEN = "\xa0"  # no-break space between a sign of the legend and its text
 MARK_SIGNS = {
     "now": "N",
     "best": "B",
@@ -32,23 +32,23 @@ MARK_SIGNS = {
     "best and next": "B",
     "measured": "◆",
     "enough": "E",
-}  # as the seat has them
-SEAT_WIDTH = 41  # width of the drawing, in characters
-_SEAT_HEIGHT = 15  # height of the drawing, in characters
-_NUMBERED_IN_TEXT = 24  # holes that have room for their number
-_LETTER_RADIUS = {"now": 0.5, "after": 0.5, "cam": 0.28}  # how far out the letters of directions stand
+}  # the same signs as on the seat
+SEAT_WIDTH = 41  # width of the drawing in characters
+_SEAT_HEIGHT = 15  # height of the drawing in characters
+_NUMBERED_IN_TEXT = 24  # number of holes up to which all are numbered
+_LETTER_RADIUS = {"now": 0.5, "after": 0.5, "cam": 0.28}  # radius of the letters of directions
 
 
 def curve(style: Style, drawn: Curve) -> str:
-    """Return a curve with numbered axes; where points crowd, from least to greatest.
+    """Return a curve with numbered axes, as lines without a final newline.
 
-    Of two series the second is dashed; their legend stands above, that of marks below. Returns lines without a final
-    newline.
+    Where points are dense, the range from minimum to maximum is drawn. The second of two series is dashed, with a
+    legend above the plot. The legend of marks is below it.
     """
     frame = _Frame.around(style, drawn)
-    # braille has 4 x 2 dots in a character
+    # a character contains 4 x 2 braille dots
     fine = frame if style.ascii else frame.finer(_DOTS.shape)
-    # where many points share a column, a line from the smallest to the largest
+    # if several points share a column, a line is drawn from the smallest to the largest value
     dots, *further_series = (
         np.logical_or.reduce(
             [
@@ -60,13 +60,13 @@ def curve(style: Style, drawn: Curve) -> str:
     )
     title = drawn.y_label
     under = dict.fromkeys(f"{sign(mark, style)}: {mark.words}" for mark in drawn.marks)
-    # intervals of points, as vertical lines
+    # intervals at points are vertical lines
     for x, *ends in drawn.whiskers:
         column, (last, first) = fine.place(x, ends)
         dots[first : last + 1, column] = True
     cells = np.where(dots, "*", " ").tolist() if style.ascii else dots_to_braille(dots)
     for dots_of_series in further_series:
-        # the first series lies on top
+        # the first series is on top
         second = dots_of_series & ~dots
         if style.ascii:
             cells = np.array([*" *o"])[dots + 2 * second].tolist()
@@ -74,7 +74,7 @@ def curve(style: Style, drawn: Curve) -> str:
             cells = dots_to_braille(dots | (second & (np.arange(fine.columns) % _DASH < _DASH // 2)))
         looks = ("* ", "o ") if style.ascii else (f"⠒⠒⠒{_UNBROKEN}", f"⠒⠒{_UNBROKEN}⠒⠒{_UNBROKEN}")
         title += ": " + ", ".join(look + name for look, name in zip(looks, drawn.names, strict=True))
-    # last, so that no line hides a mark
+    # marks are drawn last to keep them visible
     for mark in drawn.marks:
         column, row = frame.place(mark.x, mark.y)
         cells[row][column] = sign(mark, style)
@@ -82,17 +82,19 @@ def curve(style: Style, drawn: Curve) -> str:
 
 
 def sign(mark: CurveMark, style: Style) -> str:
-    """Return the sign of a mark, the same on every page: by its words, else their first letter."""
+    """Return the sign of a mark, the same on every page: from a table, or the first letter of its text."""
     letter = MARK_SIGNS.get(mark.words, mark.words[0].upper())
     return "o" if style.ascii and not letter.isascii() else letter
 
 
 @dataclass(frozen=True)
 class _Rows:
-    """Rows of a vertical axis, on which round numbers lie exactly in the middle of a row.
+    """Rows of a vertical axis, with round numbers exactly in the middle of a row.
 
-    height: difference of the values of neighbouring rows; last: value of the lowest row over the height; count: number
-    of rows; parts: number of rows from one numbered row to the next.
+    height: difference between the values of adjacent rows.
+    last: value of the lowest row divided by the height.
+    count: number of rows.
+    parts: number of rows from one numbered row to the next.
     """
 
     height: float
@@ -107,15 +109,13 @@ class _Rows:
         high: float,
         row_limit: int,
     ) -> _Rows:
-        """Choose the rows that show the interval from low to high as large as possible.
+        """Return the rows that show the interval from low to high as large as possible.
 
-        Args:
-            low: Least value to be shown.
-            high: Greatest value to be shown, above low.
-            row_limit: Greatest number of rows, at least 3.
+        At least two rows are numbered. Among equal numbers of rows, those with every second row numbered are preferred.
 
-        Returns:
-            Rows of which two at least are numbered. Of equally many rows, those with every second row numbered.
+        low: smallest value to be shown.
+        high: largest value to be shown, above low.
+        row_limit: largest number of rows, at least 3.
         """
         power = floor(log10((high - low) / row_limit))
         candidates = []
@@ -138,16 +138,20 @@ class _Rows:
 
     @property
     def numbered(self) -> dict[int, str]:
-        """The numbers of the axis by their row, counted from the top."""
+        """Numbers of the axis by row, counted from the top."""
         first = self.last + self.count - 1
         return {first - k: f"{k * self.height:.10g}" for k in range(self.last, first + 1) if k % self.parts == 0}
 
 
 @dataclass(frozen=True)
 class _Frame:
-    """Numbered axes around a picture of so many columns and rows, with the figure in it; margin: of numbers beside.
+    """Numbered axes around a plot.
 
-    low, high: at the lower and the upper edge; numbers: of the vertical axis, by row.
+    figure: the curve.
+    low, high: values at the lower and the upper edge.
+    columns, rows: size of the plot.
+    margin: width of the numbers beside the plot.
+    numbers: numbers of the vertical axis, by row.
     """
 
     figure: Curve
@@ -160,7 +164,7 @@ class _Frame:
 
     @classmethod
     def around(cls, style: Style, figure: Curve) -> _Frame:
-        """Return the axes that hold all values of a figure, its limit and 0 where these are near."""
+        """Return the axes for all values of a figure, and for its limit and 0 if they are near."""
         low, high = figure.extent
         if high - low <= _FLAT * max(1.0, abs(low), abs(high)):
             low = low - 1
@@ -186,7 +190,7 @@ class _Frame:
         )
 
     def finer(self, cell: tuple[int, ...]) -> _Frame:
-        """Return the same in dots, with rows and columns of them to a character."""
+        """Return the frame in dots; cell: rows and columns of dots per character."""
         return replace(
             self,
             columns=self.columns * cell[1],
@@ -198,11 +202,11 @@ class _Frame:
         first = self.figure.x[0]
         span = max(float(np.ptp(self.figure.x)), np.finfo(float).tiny)
         column = ((np.asarray(x) - first) / span * self.columns).astype(int)
-        row = ((self.high - np.asarray(y)) / (self.high - self.low) * self.rows).astype(int)  # that of its dots too
+        row = ((self.high - np.asarray(y)) / (self.high - self.low) * self.rows).astype(int)  # row of its dots
         return np.clip(column, 0, self.columns - 1), np.clip(row, 0, self.rows - 1)
 
     def dots(self, x: _PlotValues, y: _PlotValues) -> _Dots:
-        """Return a line from point to point, shape (rows, columns): straight between distant points, a gap at NaN."""
+        """Return a line through points, shape (rows, columns), straight between distant points, with a gap at NaN."""
         if len(x) < self.columns:
             finer_x = np.linspace(x[0], x[-1], 4 * self.columns)
             y = np.interp(finer_x, x, y)
@@ -210,7 +214,7 @@ class _Frame:
         is_finite = np.isfinite(y)
         place, row = self.place(x[is_finite], y[is_finite])
         dots = np.zeros((self.rows, self.columns), dtype=bool)
-        last: list[int] = []  # of the column before: joined to it, a steep curve has no holes
+        last: list[int] = []  # row in the previous column; joining it closes the gaps of a steep curve
         for column in range(self.columns):
             inside = row[place == column].tolist()
             if inside:
@@ -225,7 +229,7 @@ class _Frame:
         title: str,
         x_label: str,
     ) -> str:
-        """Return the picture with its axes, their numbers and labels, and the figure's limit."""
+        """Return the plot with axes, their numbers and labels, and the figure's limit."""
         corner, side, floor, mark = ("+", "|", "-", "+") if style.ascii else ("└", "│", "─", "┤")
         figure = self.figure
         numbers = {row: f"{number} {mark}" for row, number in self.numbers.items()}
@@ -252,7 +256,7 @@ class _Frame:
         floor: str,
         words: str,
     ) -> None:
-        """Draw the limit across, with its number at the end that the curve leaves free."""
+        """Draw the limit across the plot, with its number at the end that the curve leaves free."""
         row = cells[int(self.place(self.figure.x[0], self.figure.limit or 0.0)[1])]
         places = [range(self.columns - len(words), self.columns), range(len(words))]
         free = next((place for place in places if all(row[k] == " " for k in place)), places[0])
@@ -272,7 +276,7 @@ class _Frame:
 
 
 def dots_to_braille(dots: _Dots) -> list[list[str]]:
-    """Return the characters of a grid of dots, four rows and two columns to a character."""
+    """Return a grid of dots as characters, each with four rows and two columns."""
     rows = dots.shape[0] // 4
     columns = dots.shape[1] // 2
     codes = (dots.reshape(rows, 4, columns, 2).transpose(0, 2, 1, 3) * _DOTS).sum(axis=(2, 3))
@@ -285,9 +289,10 @@ def least_and_greatest(
     columns: int,
     over: float,
 ) -> list[tuple[_PlotValues, _PlotValues]]:
-    """Return two lines with a point a column: the least and the greatest of y within so much of x, a column at least.
+    """Return two lines with one point per column: minimum and maximum of y within a length of x.
 
-    At both edges those of the first and the last such stretch. NaN at a gap.
+    The length is at least one column. At the edges, the values are those of the first and the last such length. Gaps
+    are NaN.
     """
     reach = max(over, float(x[-1] - x[0]) / columns) / 2
     places = np.linspace(x[0], x[-1], columns)
@@ -306,7 +311,7 @@ def ticks(
     high: float,
     count: int,
 ) -> list[float]:
-    """Round numbers that enclose low and high, at most count steps apart."""
+    """Return round numbers that enclose low and high, with at most `count` steps."""
     if high - low <= _FLAT * max(1.0, abs(low), abs(high)):
         low = low - 1
         high = high + 1
@@ -319,9 +324,9 @@ def ticks(
 
 
 def seat_in_characters(seat: Seat) -> str:
-    """Return the seat seen from the wave generator side, without its legend; the hole to go to stands in brackets."""
+    """Return the seat seen from the wave generator side, without its legend; the best hole is in brackets."""
     canvas = [[" "] * SEAT_WIDTH for _ in range(_SEAT_HEIGHT)]
-    # many holes have room for some numbers only
+    # with many holes, only some numbers have room
     number_step = ceil(len(seat.holes) / _NUMBERED_IN_TEXT)
     goals = [place.angle_deg for place in seat.places if place.kind == "best"]
     for hole in seat.holes:
@@ -332,7 +337,7 @@ def seat_in_characters(seat: Seat) -> str:
     # a free seat has ticks in place of holes
     for k in range(0 if seat.holes else _NUMBERED_IN_TEXT):
         _put(canvas, seat.first_deg + 360 * k / _NUMBERED_IN_TEXT, ".", 1.0)
-    # letters of one place stand side by side
+    # letters at the same angle are placed side by side
     for angle in dict.fromkeys(place.angle_deg for place in seat.places):
         letters = [place.letter for place in seat.places if place.angle_deg == angle]
         _put(canvas, angle, "".join(letters), 0.72)

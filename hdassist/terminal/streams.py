@@ -1,4 +1,4 @@
-"""What a stream can show, messages on stderr, and files that appear whole or not at all."""
+"""Abilities of streams, messages on standard error, and files that are written completely or not at all."""
 
 from __future__ import annotations
 
@@ -36,7 +36,13 @@ PLAIN_CHARACTERS = str.maketrans("·µ×−–’█─", "*ux--'#-") | str.make
 
 @dataclass(frozen=True)
 class Style:
-    """Abilities of a stream: 7-bit text only (and some letters beyond it), control codes, columns, and lines."""
+    """Abilities of a stream.
+
+    ascii: whether it shows only 7-bit text.
+    codes: whether it accepts control codes.
+    width, height: its columns and lines.
+    beyond_ascii: code points that are shown in addition to ASCII.
+    """
 
     ascii: bool
     codes: bool
@@ -52,7 +58,7 @@ class Style:
         ascii: bool = False,
         no_color: bool = False,
     ) -> Style:
-        """Return the style of a stream, from its terminal, the environment and the options that force it."""
+        """Return the style of a stream from its terminal, the environment and the options that override it."""
         terminal = stream.isatty()
         plain = no_color or bool(os.environ.get("NO_COLOR")) or os.environ.get("TERM") == "dumb"
         columns = os.environ.get("COLUMNS", "")
@@ -69,7 +75,7 @@ class Style:
         )
 
     def text(self, text: str) -> str:
-        """Return the text as the stream can show it, whatever it has of control characters escaped."""
+        """Return a text that the stream can show, with control characters escaped."""
         text = visible(text)
         if not self.ascii:
             return re.sub(r"\bum\b", "µm", text.replace("N*m", "N·m"))
@@ -78,7 +84,7 @@ class Style:
 
 
 def _shows_unicode(stream: TextIO) -> bool:
-    """Return whether a stream takes more than 7 bits; Python writes UTF-8 under LC_ALL=C, where nobody wants it."""
+    """Return whether a stream shows Unicode; under LC_ALL=C it does not, although Python would write UTF-8."""
     if os.environ.get("LC_ALL") in ("C", "POSIX"):
         return False
     try:
@@ -89,7 +95,7 @@ def _shows_unicode(stream: TextIO) -> bool:
 
 
 def stderr_style(*, no_color: bool = False) -> Style:
-    """Return the style of stderr; messages may come before options are read, so --ascii is looked for."""
+    """Return the style of standard error; --ascii is searched in sys.argv because messages may precede the options."""
     return Style.of(
         sys.stderr,
         ascii="--ascii" in sys.argv,
@@ -98,14 +104,14 @@ def stderr_style(*, no_color: bool = False) -> Style:
 
 
 def silence(stream: TextIO | None = None) -> None:
-    """Stop talking on a stream (None: stdout) whose reader has gone: no complaint, the exit code stays the answer's."""
+    """Discard further output on a stream (stdout by default) whose reader has gone, without changing the exit code."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), (stream or sys.stdout).fileno())
 
 
 def say(line: str, *, whole: bool = False) -> None:
-    """Write a line on stderr as it can show it; silent if it cannot be written: the exit code stays.
+    """Write a line to standard error in its style; ignore a failure, which must not change the exit code.
 
-    whole: it is not broken between words, as it has a command to be copied.
+    whole: whether the line is not wrapped because it contains a command to be copied.
     """
     try:
         style = stderr_style()
@@ -117,7 +123,7 @@ def say(line: str, *, whole: bool = False) -> None:
 
 
 def _in_words(text: str, width: int) -> str:
-    """Return the lines no wider than a terminal, broken between words; a longer word is left to the terminal."""
+    """Return lines no wider than the terminal, wrapped between words; a longer word remains whole."""
     lines = []
     for line in text.split("\n"):
         indent = line[: len(line) - len(line.lstrip())] + "  "
@@ -138,13 +144,17 @@ def made_or(
     make: Callable[[], _Made],
     instead: Callable[[], _Made],
 ) -> _Made:
-    """Return a form of an answer; where making it fails, a simpler one, with a remark on stderr.
+    """Return a form of a result, or a simpler form with a warning on standard error if making it fails.
 
-    name: of what is made, in the remark. With STRICT in the environment, as the tests have it, the failure is raised.
+    With HDASSIST_STRICT in the environment, as in the tests, the failure is raised.
+
+    name: name of the form in the warning.
+    make: function that returns the form.
+    instead: function that returns the simpler form.
     """
     try:
         return make()
-    except Exception as error:  # whatever breaks a figure: the answer beside it stands
+    except Exception as error:  # any failure of a figure must not affect the result
         if os.environ.get(_STRICT):
             raise
         say(f"warning: no {name}, the result is not affected: {type(error).__name__}: {error} (a bug in hdassist)")
@@ -170,7 +180,7 @@ def console(stream: TextIO, style: Style) -> Console:
 
 @cache
 def _console_class() -> type[Any]:
-    """Return the class of consoles: with rich, which help and plain text do without."""
+    """Return the class of consoles; rich is imported here because help and plain text do not need it."""
     from rich.console import Console
 
     class QuietConsole(Console):
@@ -180,7 +190,7 @@ def _console_class() -> type[Any]:
 
         @property
         def encoding(self) -> str:
-            """The encoding by which rich chooses bars and boxes."""
+            """Encoding from which rich chooses bars and boxes."""
             return "ascii" if self.seven_bits else super().encoding
 
         def on_broken_pipe(self) -> None:
@@ -188,9 +198,9 @@ def _console_class() -> type[Any]:
             silence()
 
         def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterator[Segment]:
-            """Yield the segments without control characters but those that rich adds to them when it writes colours.
+            """Yield the segments without control characters, except those that rich adds for colours.
 
-            Style.text does the same before the layout; here whatever went past it is caught.
+            Style.text already removes them before the layout; this method covers text that bypassed it.
             """
             for segment in super().render(renderable, options):
                 yield segment if segment.is_control else segment._replace(text=visible(segment.text))
@@ -203,10 +213,12 @@ def write_text(
     text: str,
     force: bool,
 ) -> None:
-    """Write text as UTF-8, and "wrote FILE" on standard error; a terminal gets it with hidden characters escaped.
+    """Write text as UTF-8 and report "wrote FILE" on standard error; on a terminal, hidden characters are escaped.
 
-    Arguments: path, "-" for standard output; text; force, whether an existing file may be replaced.
-    Raises UsageError: the file exists; DataError: it cannot be written. Then no file has changed.
+    path: the file, "-" for standard output.
+    text: the text.
+    force: whether an existing file may be replaced.
+    Raises UsageError if the file exists, and DataError if it cannot be written. In both cases no file is changed.
     """
     note_written(path)
     if path == "-":
@@ -214,7 +226,7 @@ def write_text(
             encoding = sys.stdout.encoding or "utf-8"
             shown = visible(text.replace("\r\n", "\n"))
             give_stdout(shown.encode(encoding, "backslashreplace").decode(encoding))
-        else:  # as bytes: the ends of lines stay as they are on every system
+        else:  # bytes keep the line ends on every system
             give_stdout(text.encode(output_encoding(sys.stdout), "backslashreplace"))
         return
     if not is_claimed(path):
@@ -224,11 +236,11 @@ def write_text(
     say(f"wrote {path}")
 
 
-_PARQUET_ROWS = 100_000  # that are held in memory at a time
+_PARQUET_ROWS = 100_000  # largest number of rows in memory at a time
 
 
 def require_parquet(path: str) -> None:
-    """Raise UsageError where the package that writes Parquet is not installed, or no file is named for it."""
+    """Raise UsageError if the package that writes Parquet is not installed, or if no file is named."""
     if not find_spec("pyarrow"):
         message = "--parquet needs a package that is not installed: pyarrow"
         raise UsageError(message, command_line(["pip", "install", "hdassist[parquet]"]))
@@ -245,11 +257,14 @@ def write_parquet(
     owner: Mapping[str, Any],
     force: bool,
 ) -> None:
-    """Write a table as Parquet, and "wrote FILE" on standard error.
+    """Write a table as Parquet and report "wrote FILE" on standard error.
 
-    Arguments: path; columns, the type of each by its name; rows, None if a cell is empty; owner, all that decides
-    them, in the table's metadata as "hdassist"; force, whether an existing file may be replaced.
-    Raises UsageError: the file exists; DataError: it cannot be written. Then no file has changed.
+    path: the file.
+    columns: type of each column by its name.
+    rows: rows, with None for an empty cell.
+    owner: all inputs that decide the rows, stored in the table's metadata as "hdassist".
+    force: whether an existing file may be replaced.
+    Raises UsageError if the file exists, and DataError if it cannot be written. In both cases no file is changed.
     """
     import pyarrow
     from pyarrow.parquet import ParquetWriter
@@ -274,7 +289,7 @@ def write_parquet(
 
 
 def begins_with(path: str, heads: Sequence[str]) -> bool:
-    """Return whether a file begins with one of some texts."""
+    """Return whether a file begins with one of several texts."""
     try:
         with Path(path).open("rb") as stream:
             start = stream.read(max(map(len, heads)))
@@ -284,7 +299,7 @@ def begins_with(path: str, heads: Sequence[str]) -> bool:
 
 
 def give_stdout(answer: str | bytes) -> None:
-    """Write to standard output; silent where its reader has gone. Raises DataError: it cannot be written."""
+    """Write to standard output; ignore a closed pipe. Raises DataError if it cannot be written."""
     try:
         if isinstance(answer, bytes):
             sys.stdout.flush()  # text that was written before comes first
@@ -295,12 +310,12 @@ def give_stdout(answer: str | bytes) -> None:
     except BrokenPipeError:
         silence()
     except OSError as error:
-        silence()  # or the rest of the buffer fails once more at the end
+        silence()  # otherwise the rest of the buffer causes another error at the end
         raise _unwritable("standard output", error.strerror or str(error)) from None
 
 
 def put_text(path: str, text: str) -> None:
-    """Write text as UTF-8 to a file, in place of its content. Raises DataError: it cannot be; then no file changed."""
+    """Replace the contents of a file by text in UTF-8. Raises DataError, with the file unchanged, if this fails."""
     target = Path(path)
     data = text.encode("utf-8", "backslashreplace")
     try:
@@ -318,7 +333,7 @@ def put_text(path: str, text: str) -> None:
 
 
 def _at_once(path: str, flags: int) -> int:
-    """Open a device or a pipe to write. Raises OSError: no process reads the pipe, for whom open() would wait."""
+    """Open a device or a pipe for writing, without waiting. Raises OSError if no process reads the pipe."""
     descriptor = os.open(path, (flags | getattr(os, "O_NONBLOCK", 0)) & ~os.O_CREAT)
     if hasattr(os, "O_NONBLOCK"):
         os.set_blocking(descriptor, True)
@@ -331,21 +346,24 @@ def take_output(
     *,
     is_kept: bool = False,
 ) -> None:
-    """Claim a file for an answer of this run, before anything is computed for it.
+    """Claim a file for a result of this run, before the computation.
 
-    Arguments: path, "-" for standard output; force, whether an existing file may be replaced; is_kept, whether the run
-    goes on with its content. Raises UsageError: the file exists, or the run reads it or writes it for another option;
-    DataError: it cannot be written.
+    path: the file, "-" for standard output.
+    force: whether an existing file may be replaced.
+    is_kept: whether the run continues the contents of the file.
+    Raises UsageError if the file exists, or if the run reads it or writes it for another option. Raises DataError if it
+    cannot be written.
     """
     claim_output(path, is_kept=is_kept)
     require_writable(path, force or is_kept)
 
 
 def require_writable(path: str, force: bool) -> None:
-    """Refuse a file that `write_text` would refuse, before anything is computed for it.
+    """Refuse a file that `write_text` would refuse, before the computation.
 
-    Arguments: path, "-" for standard output; force, whether an existing file may be replaced.
-    Raises UsageError: the file exists; DataError: it cannot be written.
+    path: the file, "-" for standard output.
+    force: whether an existing file may be replaced.
+    Raises UsageError if the file exists, and DataError if it cannot be written.
     """
     if path == "-":
         return
@@ -364,22 +382,22 @@ def require_writable(path: str, force: bool) -> None:
             raise _unwritable(path, f"there is no directory {folder}")
         if not os.access(target if _is_device(target) else folder, os.W_OK):
             raise _unwritable(path, "the file system is read-only" if _is_read_only(folder) else "no permission")
-    except (OSError, ValueError) as error:  # ValueError: a path with a NUL in it
+    except (OSError, ValueError) as error:  # ValueError: a path that contains NUL
         raise _unwritable(path, getattr(error, "strerror", None) or str(error)) from None
 
 
 def _is_read_only(folder: Path) -> bool:
-    """Return whether the file system of a folder is mounted read-only; False on systems that do not tell."""
+    """Return whether the file system of a folder is mounted read-only; False if the system does not report it."""
     return hasattr(os, "statvfs") and bool(os.statvfs(folder).f_flag & os.ST_RDONLY)
 
 
 def _real(target: Path) -> Path:
-    """Return the target of a link: the link stays one when its file is replaced."""
+    """Return the target of a link, which allows its file to be replaced without replacing the link."""
     return Path(os.path.realpath(target))
 
 
 def _is_device(target: Path) -> bool:
-    """Return a device or a pipe, which keeps no content and must not be replaced."""
+    """Return whether a path is a device or a pipe, which has no contents and must not be replaced."""
     return is_there(target) and not is_file(target)
 
 

@@ -1,4 +1,4 @@
-"""Words that pages share: the command to type next, the proof, fields that decide; texts in the reader's language."""
+"""Texts shared by pages: the next command, the verification, deciding fields; and texts in the user's language."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ if TYPE_CHECKING:
 
 
 DRAWN = ("tolerance", "sensitivity", "allocate")  # commands of random drives
-_SAMPLED = ("check", "report", "mount", "plan", "accept", "compare", "compensate")  # commands that draw samples
-LIMITED = ("check", "report", "mount", "plan", "accept", "explore", *DRAWN)  # commands that take --limit
-_TOOTHED = ("check", "trace", "mount", "accept")  # commands that take measured teeth
-TAKEN_OVER = {  # options that another command has too, by their field: the commands that take them
+_SAMPLED = ("check", "report", "mount", "plan", "accept", "compare", "compensate")  # commands that use samples
+LIMITED = ("check", "report", "mount", "plan", "accept", "explore", *DRAWN)  # commands with --limit
+_TOOTHED = ("check", "trace", "mount", "accept")  # commands with measured teeth
+TAKEN_OVER = {  # options that are passed on to other commands, by field, with these commands
     "draws": _SAMPLED,
     "seed": (*_SAMPLED, *DRAWN),
     "sure": ("accept", "mount"),
@@ -38,16 +38,17 @@ TAKEN_OVER = {  # options that another command has too, by their field: the comm
     **dict.fromkeys(("pitch_b", "pitch_g", "mark_b", "mark_g"), _TOOTHED),
     **dict.fromkeys(("pitch_form", "pitch_sense", "pitch_flank"), _TOOTHED),
 }
-_OPTION = re.compile("^(?:--[a-z-]+|-[a-z])")  # its name, as it is typed
-_REPORTED = 2  # contributions and measurements on a short page
-ENVELOPE = "envelope per input revolution"  # two curves, of the smallest and the largest value
-MORE_DRAWS = 4  # times as many samples, which halve the interval of a probability
+_OPTION = re.compile("^(?:--[a-z-]+|-[a-z])")  # name of an option on the command line
+_REPORTED = 2  # number of contributions and measurements on a short page
+ENVELOPE = "envelope per input revolution"  # two curves, of the minimum and the maximum
+MORE_DRAWS = 4  # factor of the number of samples that halves the interval of a probability
 
 
 def again(command: str, drive: Drive | None, *more: str) -> str:
-    """Return a command about the same drive, as a shell takes it; PRESET stands for one that is not known.
+    """Return a shell command for the same drive; PRESET stands in for an unknown drive.
 
-    It has the options that were given to the command of that name, and of others those that it takes over.
+    The command has the options that were given to the command of the same name, and the options that it takes over from
+    other commands.
     """
     command_words = ["PRESET"]
     if drive:
@@ -62,16 +63,16 @@ def again(command: str, drive: Drive | None, *more: str) -> str:
 
 
 def preset_argument(drive: Drive) -> str:
-    """Return the preset of a drive as a command takes it."""
+    """Return the preset of a drive as an argument of a command."""
     origin = drive.origin
     return "-" if origin.file == STDIN else origin.file or drive.name
 
 
 def _options(command: str, overrides: Iterable[str]) -> Iterator[str]:
-    """Yield the overrides as options of a command; torques and limits as they were asked for."""
+    """Yield the overrides as options of a command; torques and limits have their own options."""
     for override in overrides:
         torques = re.fullmatch(r"operation\.M_g=\[([-+.\de, ]+)\]", override)
-        if torques and command != "accept":  # which has no --torque
+        if torques and command != "accept":  # accept has no --torque
             yield from (f"--torque={torque.strip().removesuffix('.0')}" for torque in torques[1].split(","))
         elif command in LIMITED and (limit := re.fullmatch(r"acceptance\.F_ior(?:\.([^=]+))?=([^{]+)", override)):
             yield from ("--limit", f"F_ior@{limit[1]}={limit[2]}" if limit[1] else limit[2])
@@ -80,9 +81,9 @@ def _options(command: str, overrides: Iterable[str]) -> Iterator[str]:
 
 
 def proof(found: ReportProof | None, cross_checks: Iterable[CrossCheck | None] = ()) -> str:
-    """Return one line on the verification: mesh positions, largest residual, and positions that another solver solved.
+    """Return one line on the verification: mesh positions, largest residual, and positions solved by another solver.
 
-    The residual is a share of its scale.
+    The residual is relative to its scale.
     """
     if not found or not found.states:
         return ""
@@ -93,25 +94,25 @@ def proof(found: ReportProof | None, cross_checks: Iterable[CrossCheck | None] =
 
 
 def thousands(count: int) -> str:
-    """Return a count with its thousands apart: 20 200."""
+    """Return a count with thousands separated by spaces: 20 200."""
     return f"{count:,}".replace(",", " ")
 
 
 def on_what(drive: Drive) -> str:
-    """Return the number of inputs with a range that a page has at their nominal values; empty without any."""
+    """Return a note on the number of inputs with a range that are at their nominal values; empty without any."""
     ranges = len(assumptions(drive))
     inputs = "inputs with an assumed or default range are at their nominal values; hdassist check samples them"
     return f"{ranges} {inputs}" if ranges else ""
 
 
 def not_known(drive: Drive) -> str:
-    """Return the unknown deviations of a drive, computed as 0, in words; empty without any."""
+    """Return a note on the unknown deviations of a drive that are computed as 0; empty without any."""
     open_ = unknowns(drive)
     return f"taken as 0: {unknown_names(open_)}" if open_ else ""
 
 
 def named(path: str) -> str:
-    """Return a field or figure in words with its path in brackets."""
+    """Return the meaning of a field or figure with its path in brackets."""
     if path not in field_table():
         return f"{path.removeprefix('stiffness.')} (hdassist stiffness)"
     return f"{field_table()[path].meaning} ({path})"
@@ -123,7 +124,7 @@ def field_unit(path: str) -> str:
 
 
 def influence_words(found: Sequence[Influence], result: str = "F'_ior") -> str:
-    """Return the largest contributions to the variance of a result, by field; empty without any."""
+    """Return a text on the largest contributions to the variance of a result, by field; empty without any."""
     shares = [
         f"{named(influence.group)}: {100 * influence.share:.0f} %"
         for influence in found[:_REPORTED]
@@ -133,7 +134,7 @@ def influence_words(found: Sequence[Influence], result: str = "F'_ior") -> str:
 
 
 def measure_words(found: Sequence[MeasurementGain], M_g: float) -> str:
-    """Return the best measurements, and by how much each narrows the spread of F'_ior at a torque [N*m]."""
+    """Return a text on the best measurements, and how much each narrows the spread of F'_ior at a torque [N*m]."""
     texts: list[str] = []
     for gain in found[:_REPORTED]:
         field = field_table().get(gain.measured.replace("stiffness.", "measured."))
@@ -145,12 +146,12 @@ def measure_words(found: Sequence[MeasurementGain], M_g: float) -> str:
 
 
 def more_draws(samples: Samples) -> str:
-    """Return the remedy for a verdict left open by its Monte Carlo interval alone, which so many samples halve."""
+    """Return a hint for a verdict that only more samples can decide, with their number."""
     return f"more samples may decide this, without a measurement: --draws {MORE_DRAWS * round(samples.effective)}"
 
 
 def samples_words(samples: Samples) -> str:
-    """Return the numbers of effective and of all samples, and why samples were refused."""
+    """Return a text on the effective sample size, the number of samples, and the reasons for rejected samples."""
     refused = sum(samples.refused.values())
     text = f"effective sample size {samples.effective:.0f} of {samples.draws} samples"
     if samples.of_ranges.draws < samples.draws:
@@ -165,24 +166,24 @@ HOME = "en"
 
 @dataclass(frozen=True)
 class Texts:
-    """The catalogue of one language: entries by key, with {fields} to fill in."""
+    """The catalogue of one language, with entries by key that may contain {fields}."""
 
     language: str
     entries: Mapping[str, str]
 
     def __call__(self, key: str, **fields: object) -> str:
-        """Return the text of a key, its fields filled in. Raises KeyError for a key or field that is not there."""
+        """Return the text of a key with its fields filled in. Raises KeyError for an unknown key or field."""
         return self.entries[key].format(**fields)
 
     def variant(self, name: str) -> Texts:
-        """Return the same with the entries "name.key" in place of those of the key."""
+        """Return the catalogue with the entries "name.key" in place of the entries "key"."""
         entries = {
             key.removeprefix(f"{name}."): text for key, text in self.entries.items() if key.startswith(f"{name}.")
         }
         return replace(self, entries={**self.entries, **entries})
 
     def number(self, value: float, form: str = "g") -> str:
-        """Return a number with the decimal point of the language."""
+        """Return a number with the decimal separator of the language."""
         return f"{value:{form}}".replace(".", self("number.point"))
 
     def angle(self, degrees: float) -> str:
@@ -194,16 +195,16 @@ class Texts:
         return self("unit.torque", torque=self.number(M_g))
 
     def percent(self, share: float, sign: str = "") -> str:
-        """Return a share as per cent; sign "+" shows that of gains and losses."""
+        """Return a share in per cent; sign "+" also shows the sign of positive values."""
         return self("unit.percent", value=self.number(100 * share, f"{sign}.0f"))
 
     def holes(self, count: int) -> str:
-        """Return a number of holes, in the plural that goes with it."""
+        """Return a number of holes with the proper plural form."""
         form = next((f for f in ("one", "few") if re.search(self(f"plural.{f}"), str(count))), "many")
         return self(f"holes.{form}", count=count)
 
     def date(self, day: date) -> str:
-        """Return a date as it is written."""
+        """Return a date in the notation of the language."""
         return self(
             "date.form",
             year=f"{day.year:04}",
@@ -213,7 +214,7 @@ class Texts:
 
 
 def languages() -> list[str]:
-    """Return the languages that there is a catalogue of."""
+    """Return the languages with a catalogue."""
     folder = files(__package__) / "languages"
     return sorted(item.name.removesuffix(".yaml") for item in folder.iterdir() if item.name.endswith(".yaml"))
 
