@@ -1,1 +1,1 @@
-"""The explorer: a drive turned on the screen."""
+"""Interactive explorer of a drive in the terminal."""

@@ -1,4 +1,4 @@
-"""The explorer's application: the screen, keys to actions, forms, and the files that it writes."""
+"""Application of the explorer: screen, actions of keys, forms, and the files that it writes."""
 
 from __future__ import annotations
 
@@ -112,9 +112,12 @@ q        quit, and print the command that restores the session
 
 
 class Form(ModalScreen[None]):
-    """A line to fill in, which stays until it is taken; its faults are shown below.
+    """A line to fill in, which stays open until its text is accepted; errors are shown below.
 
-    Arguments: title; value to begin with; hint below; take, called with the value, may raise HdassistError.
+    title: title of the form.
+    value: initial text.
+    hint: hint below the line.
+    take: function that is called with the text, and may raise HdassistError.
     """
 
     BINDINGS: ClassVar[list[BindingType]] = [Binding("escape", "dismiss(None)", "leave")]
@@ -133,7 +136,7 @@ class Form(ModalScreen[None]):
         self._take = take
 
     def compose(self) -> ComposeResult:
-        """Yield the title, line, hint, and room for a fault."""
+        """Yield the line, the hint, and space for an error."""
         with Vertical(id="form") as form:
             form.border_title = visible(self._title)
             form.border_subtitle = "Enter accepts, Escape cancels"
@@ -146,10 +149,10 @@ class Form(ModalScreen[None]):
             yield Static("", id="wrong", markup=False)
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
-        """Take the text that was filled in, or show its fault."""
+        """Accept the entered text, or show its error."""
         try:
             self._take(event.value.strip())
-        # the form stays open with what was typed
+        # the form stays open with the entered text
         except HdassistError as error:
             self.query_one("#wrong", Static).update(visible(f"{error.message}\n{error.hint}".strip()))
             return
@@ -157,7 +160,7 @@ class Form(ModalScreen[None]):
 
 
 class Notice(ModalScreen[bool | None]):
-    """A text, or a question that y and n answer; any other key of its own, with None, leaves it open."""
+    """A text, or a question that is answered by y or n; other closing keys return None."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("y", "dismiss(True)", "yes"),
@@ -178,10 +181,10 @@ class Notice(ModalScreen[bool | None]):
 
 
 class _Exporting(Asking):
-    """Actions that ask in a dialog, and write a file."""
+    """Actions that open a dialog and write a file."""
 
     def ask_in(self, dialog: ModalScreen[Any], then: Callable[[Any], object] = bool) -> None:
-        """Open a dialog, do something with its answer, and show the keys that work then."""
+        """Open a dialog, call a function with its result, and update the screen."""
 
         def closed(answer: object) -> None:
             then(answer)
@@ -190,11 +193,11 @@ class _Exporting(Asking):
         self.push_screen(dialog, closed)
 
     def named(self, end: str) -> str:
-        """Return a file's name that begins as the preset's."""
+        """Return a file name that begins with the name of the preset."""
         return f"{Path(self.session.source.name).stem}{end}"
 
     def action_card(self) -> None:
-        """Write the assembly card of the advice, if there is one to write."""
+        """Write the assembly card of the recommendation, if there is one."""
         advice = self.known.advice
         if advice is None:
             self.notify(visible(f"no card: {self.known.without}"), severity="warning", markup=False)
@@ -212,9 +215,13 @@ class _Exporting(Asking):
         text: Callable[[str], str],
         written: Callable[[], object] = str,
     ) -> None:
-        """Ask for a file's name and write a text to it, made of that name; over a file only after asking.
+        """Ask for a file name and write a text to the file; an existing file is replaced only after a question.
 
-        Argument: written, called once the text is in the file.
+        title: title of the form.
+        name: suggested name.
+        hint: hint in the form.
+        text: function that returns the text for a file name.
+        written: function that is called once the file is written.
         """
 
         def put(path: str, made: str) -> None:
@@ -223,14 +230,14 @@ class _Exporting(Asking):
             self.notify(visible(f"wrote {path}"), markup=False)
 
         def take(path: str) -> None:
-            # the screen would be overwritten
+            # standard output would overwrite the screen
             if path == "-":
                 raise UsageError("the screen uses standard output", "name a file")
             require_writable(path, force=True)
-            # the text is made before the question, so that it is that of the present screen
+            # the text is made before the question because it must belong to the present screen
             keep = partial(put, path, text(path))
             question = Notice(f"{path} exists. Replace it?")
-            if Path(path).exists():  # asked once the form has gone
+            if Path(path).exists():  # the question is shown after the form has closed
                 self.call_later(self.ask_in, question, lambda sure: self.attempt(keep) if sure else None)
             else:
                 keep()
@@ -262,10 +269,10 @@ class _Exporting(Asking):
         self.ask_file("report", self.named("-check.html"), hint, text)
 
     def action_save(self) -> None:
-        """Write the preset with the changes, its comments and order as they are."""
+        """Write the preset with the changes; comments and sequence remain unchanged."""
         source = self.session.source
         overrides = self.session.drive.origin.overrides
-        # without a change the file is what it was
+        # without a change, the file would be the same
         if not overrides:
             self.notify("no field is changed, so there is nothing to save")
             return
@@ -281,15 +288,15 @@ class _Exporting(Asking):
         self.ask_file("picture", self.named(".svg"), hint, lambda _: picture)
 
     def action_copy(self) -> None:
-        """Put the command line on the clipboard."""
+        """Copy the command line to the clipboard."""
         self.copy_to_clipboard(self.session.command())
         self.notify("the command line is on the clipboard")
 
     async def action_quit(self) -> None:
-        """Leave; ask before where there is a change, also one undone, that is in no preset and was not opened."""
+        """Quit; ask first if a change, or an undone change, has not been saved."""
         command = self.session.command("explore")
         question = f"Quit? This command returns to the session, and is printed on leaving:\n\n{command}"
-        # an undone change can be redone only here
+        # an undone change can be redone only in this session
         if self.session.changes != self.saved or self.session.future:
             self.ask_in(Notice(question), lambda sure: self.exit() if sure else None)
         else:
@@ -297,7 +304,7 @@ class _Exporting(Asking):
 
 
 def without_fonts(svg: str) -> str:
-    """Return a picture that loads no fonts from elsewhere: it is shown in those that are there."""
+    """Return an SVG without external fonts, which is displayed with installed fonts."""
     return re.sub(r"\s*@font-face \{.*?\}", "", svg, flags=re.DOTALL)
 
 
@@ -315,12 +322,12 @@ VIEWS = {
 
 
 class Explorer(_Exporting):
-    """A drive turned on the screen. Arguments as those of `Asking`."""
+    """The explorer of a drive, with the arguments of `Asking`."""
 
     CSS_PATH = "app.tcss"
     TITLE = "hdassist explore"
     ENABLE_COMMAND_PALETTE = False
-    # no class variables for mypy, as Textual declares them
+    # no class variables for mypy, because of their declaration in Textual
     HORIZONTAL_BREAKPOINTS = [(0, "-tiny"), (60, "-narrow"), (100, "-normal"), (140, "-wide")]  # noqa: RUF012
     VERTICAL_BREAKPOINTS = [(0, "-flat"), (18, "-low"), (24, "-middle"), (28, "-high"), (40, "-tall")]  # noqa: RUF012
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -362,7 +369,7 @@ class Explorer(_Exporting):
         self.all = Vertical(id="all", classes="holes")
 
     def compose(self) -> ComposeResult:
-        """Yield head, F'_ior, tabs, the panes, the position looked at, the next step, the command line, the keys."""
+        """Yield head, F'_ior, tabs, panes, selected position, next step, command line and keys."""
         with self.all:
             yield from (self.lines[name] for name in _LINES[:3])
             with Horizontal():
@@ -383,9 +390,9 @@ class Explorer(_Exporting):
         yield Static(_TOO_SMALL, id="too-small")
 
     def on_mount(self) -> None:
-        """Ask the first questions."""
-        # in tests the screen runs beside others
-        if not self.is_headless:  # else stops are those of the process that it runs in
+        """Request the first results."""
+        # in tests, the screen runs beside others
+        if not self.is_headless:  # a headless screen leaves stops to its process
             self._end_when_told()
         self.side.border_title = "INPUTS"
         self.holes.focus()
@@ -394,7 +401,7 @@ class Explorer(_Exporting):
         self.draw()
 
     def _end_when_told(self) -> None:
-        """End in order at a stop from outside, at once at a second one; SIGHUP is that of the whole process."""
+        """Exit properly at the first stop signal and immediately at the second; SIGHUP is handled by the process."""
 
         def end(number: int) -> None:
             end_at_stops()
@@ -405,37 +412,37 @@ class Explorer(_Exporting):
     # --- the screen
 
     def on_resize(self) -> None:
-        """Draw with the new room."""
+        """Redraw in the new size."""
         self.call_after_refresh(self.draw)
         self.when_at_rest()
 
     @on(KeyedTable.Resized)
     def draw_again(self) -> None:
-        """Draw with the room that a table has by now."""
+        """Redraw in the new size of a table."""
         self.draw()
 
     def ask_of_panes(self) -> None:
-        """Ask for what is on the screen and not there yet: the pinned drive, steps of levers, errors of a cam turn."""
+        """Request missing results of visible panes: pinned drive, steps of inputs, and error over a revolution."""
         known_data = self.known
         session = self.session
         effort = self.effort
         drive = session.drive
         pinned = session.pinned
-        # each question is asked when its pane is seen, and once
+        # each result is requested once, when its pane is visible
         if self.pinned and self.pinned.check is None:
             self.ask("pinned", self.pinned, drive_answers, pinned, {}, effort)
-        # a pane without room is not drawn
+        # a pane without space is not drawn
         if known_data.whole and self.levers.region.width:
             self.ask("levers", known_data, lever_effects, drive, pinned, known_data.typical, effort)
         if known_data.whole and (self.panes["turn"].region.width or self.panes["cycle"].region.width):
             self.ask("turn", known_data, cam_turn, drive, self._of_turn(), session.turn_deg, self.M_g)
 
     def _of_turn(self) -> Mapping[str, float]:
-        """Return typical values for a cam turn: none if all deviations are known."""
+        """Return typical values for the error over a revolution; empty if all deviations are known."""
         return self.known.typical if unknowns(self.session.drive) else {}
 
     def draw(self) -> None:
-        """Show the session and its answers."""
+        """Show the session and its results."""
         # messages may arrive before the screen is built
         if not self.holes.is_attached:
             return
@@ -443,12 +450,12 @@ class Explorer(_Exporting):
         known = self.known
         panes = self.panes
         letters = self._letters()
-        # the list may have become shorter
+        # the list of torques may have become shorter
         torque = self.torque % len(session.drive.operation.M_g)
         self.holes.show(session, known.curve, self.pinned.curve if self.pinned else None, letters)
         self.holes.border_subtitle = "" if known.advice or known.failed else known.without
         effects = known.effects or LeverEffects({})
-        # sorted once, so that rows do not jump while somebody reads
+        # sorted only once, to prevent rows from moving while the user reads
         if effects.is_whole and not self.levers.order:
             self.levers.sort_by_effect(effects, torque)
         self.levers.show(
@@ -485,7 +492,7 @@ class Explorer(_Exporting):
             self.lines[name].update(line)
 
     def _tabs(self) -> Content:
-        """Return the views by their keys, the one that is shown in reverse; a click goes to one."""
+        """Return the views with their keys, with the visible one in reverse; a click selects a view."""
         tabs = [
             f"[{'reverse ' if self.all.has_class(name) else ''}@click=app.view('{name}')] {k} {title} [/]"
             for k, (name, title) in enumerate(VIEWS.items(), 1)
@@ -493,16 +500,16 @@ class Explorer(_Exporting):
         return Content.from_markup(" ".join(tabs))
 
     def _keys(self) -> Content:
-        """Return the keys that work where the focus is; a click presses one."""
+        """Return the keys available at the focus; a click simulates a key."""
         keys: dict[str, tuple[str, str]] = {}
-        # no key of the main screen works there
-        if isinstance(self.screen, ModalScreen):  # a dialog says its own
+        # keys of the main screen do not work in a dialog
+        if isinstance(self.screen, ModalScreen):  # a dialog shows its own keys
             return Content("")
         for active in self.screen.active_bindings.values():
             if (key := active.binding).show and active.enabled:
                 keys.setdefault(key.description, (self.get_key_display(key), key.key))
         lines = [""]
-        room = self.size.width - 2  # a key and its word stand in one line
+        room = self.size.width - 2  # a key and its description are on one line
         for description, (display, name) in keys.items():
             width = len(f"  {display} {description}")
             # keys wrap as whole words
@@ -514,22 +521,22 @@ class Explorer(_Exporting):
         return Content.from_markup("\n".join(lines))
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Return whether an action can be done now."""
+        """Return whether an action is available now."""
         session = self.session
         able = {"undone": session.past, "redone": session.future, "torque": session.drive.operation.M_g[1:]}
         return bool(able.get(str(*parameters) if action == "change" else action, True))
 
     @on(DescendantFocus)
     def show_keys(self) -> None:
-        """Show the keys of another focus."""
+        """Show the keys of the new focus."""
         self.call_after_refresh(self.draw)
 
     def _letters(self) -> dict[float, str]:
-        """Return the letters of positions by their turn [deg]: now, best, worst, to measure next, not allowed."""
+        """Return the letters of positions by rotation [deg]: now, best, worst, measure next, not allowed."""
         drive = self.session.drive
         letters = defaultdict(str, {0.0: "N"})
         advice = self.known.advice
-        # of equal holes none is the best
+        # among equal holes there is no best one
         if advice and advice.word != "ANY_HOLE":
             letters[advice.chosen.rotation_deg] += "B"
             letters[advice.ranked[-1].rotation_deg] += "W"
@@ -540,7 +547,7 @@ class Explorer(_Exporting):
         return letters
 
     def _looked_at(self) -> Text:
-        """Return the position that is looked at, and F'_ior there."""
+        """Return the selected position, and F'_ior there."""
         session = self.session
         curve = self.known.curve
         turn = self.session.turn_deg
@@ -554,7 +561,7 @@ class Explorer(_Exporting):
 
     @on(DataTable.RowHighlighted)
     def look_at(self, event: DataTable.RowHighlighted) -> None:
-        """Look at the wheel in the hole under the cursor, or explain the field there."""
+        """Select the hole under the cursor, or explain the field there."""
         if event.data_table is self.levers:
             field = self._field()
             self.lines["about"].update(about_field(field) if field else "")
@@ -567,16 +574,16 @@ class Explorer(_Exporting):
 
     @on(Input.Changed, "#filter")
     def filtered(self) -> None:
-        """Show the levers that are looked for."""
+        """Show the inputs that match the filter."""
         self.draw()
 
     @on(Input.Submitted, "#filter")
     def to_levers(self) -> None:
-        """Go from the filter to the levers."""
+        """Move the focus from the filter to the inputs."""
         self.levers.focus()
 
     def command_line(self) -> str:
-        """Return the command that gives the same answer."""
+        """Return the command that gives the same result."""
         if self.all.has_class("turn") or self.all.has_class("cycle"):
             return self.session.trace_command(self.M_g, self._of_turn())
         return self.session.command()
@@ -584,31 +591,31 @@ class Explorer(_Exporting):
     # --- actions
 
     def action_view(self, name: str) -> None:
-        """Show a pane where not all of them have room, and go to it."""
+        """Show a pane if not all panes have space, and focus it."""
         self.all.set_classes(name)
         (self.levers if name == "levers" else self.panes[name] if name in ("why", "advice") else self.holes).focus()
         self.call_after_refresh(self.draw)
         self.when_at_rest()
 
     def action_filter(self) -> None:
-        """Go to the filter of the levers."""
+        """Focus the filter of the inputs."""
         self.action_view("levers")
         self.wanted.focus()
 
     def action_torque(self) -> None:
-        """Show cam turn and levers at the next torque."""
+        """Show revolution and inputs at the next torque."""
         self.torque += 1
         self.when_at_rest()
         self.draw()
 
     def action_turn(self, by: int) -> None:
-        """Look at the wheel so many positions further."""
+        """Move the selection by a number of positions."""
         self.show(state.turned_state(self.session, by))
 
     def action_look(self, letter: str) -> None:
-        """Look at the position that has a letter by now; say why if there is none, or nothing to turn."""
+        """Select the position that has a letter now; show the reason if there is none."""
         place = next((angle_deg for angle_deg, letters in self._letters().items() if letter in letters), None)
-        # no letter yet, or none of this kind
+        # there is no letter yet, or none of this kind
         if place is None:
             message = order_words(self.known) if self.known.advice else f"no best hole yet: {self.known.without}"
             self.notify(visible(message), severity="warning", markup=False)
@@ -622,11 +629,11 @@ class Explorer(_Exporting):
         self.change(getattr(state, name))
 
     def action_keep_clearance(self) -> None:
-        """Have x_b change with W_0, or not."""
+        """Switch whether x_b changes with W_0."""
         self.show(replace(self.session, keeps_clearance=not self.session.keeps_clearance))
 
     def action_sort(self) -> None:
-        """Show levers by group, or by their effect as it is now."""
+        """Show inputs by group, or by their present effect."""
         self.is_grouped = not self.is_grouped
         if self.known.effects:
             self.levers.sort_by_effect(self.known.effects, self.torque % len(self.session.drive.operation.M_g))
@@ -658,7 +665,7 @@ class Explorer(_Exporting):
         hint: str,
         change: Callable[[Session, str], Session],
     ) -> None:
-        """Have a text filled in that changes the session."""
+        """Open a form whose text changes the session."""
         self.ask_in(
             Form(
                 title=title,
@@ -669,7 +676,7 @@ class Explorer(_Exporting):
         )
 
     def action_nudge(self, steps: int) -> None:
-        """Change the field under the cursor by steps."""
+        """Change the field under the cursor by a number of steps."""
         path = self.levers.key
         if path and (value := stepped(self.session.drive, path, steps)) is not None:
             self.change(lambda s: state.edited(s, path, value))

@@ -1,4 +1,4 @@
-"""The explorer's session, the answers about each variant of it, and the processes that are asked."""
+"""Session of the explorer, results for each variant of its drive, and the processes that compute them."""
 
 from __future__ import annotations
 
@@ -34,42 +34,42 @@ from hdassist.report import Report
 from hdassist.terminal.streams import PLAIN_CHARACTERS
 from hdassist.terminal.words import again
 
-_BAR_COLUMNS = 16  # width of the progress bar
-REST = 0.7  # s without a key before the cam turn and the steps of levers are asked for
+_BAR_COLUMNS = 16  # width of the progress bar in columns
+REST = 0.7  # s without a key press before the error over a revolution and the steps of inputs are requested
 _THEMES = ("textual-light", "textual-dark")
-# of one column each
+# replacements of one column each
 _SIGNS = PLAIN_CHARACTERS | str.maketrans("\N{NO-BREAK SPACE}○●◌□■▫△▲▵◆…°″±≤≥←→↑↓─━┄│═╌", ' o@%08:AV.#~d"~<><>^v-#-|=~')
 
 
 @dataclass
 class Known:
-    """Answers about one variant of the drive; old: the check of the variant before."""
+    """Results for one variant of the drive; old is the check of the previous variant."""
 
     curve: SeatCurve | None = None
-    check: DesignCheck | None = None  # by the samples so far, before its page is there
-    page: Report | None = None  # of the check
+    check: DesignCheck | None = None  # interim check from the samples so far, until its page is there
+    page: Report | None = None  # page of the check
     old: DesignCheck | None = None
     first: FirstErrors | None = None
     advice: Advice | None = None
-    report: Report | None = None  # of the advice
+    report: Report | None = None  # page of the recommendation
     effects: LeverEffects | None = None
-    turn: Report | None = None  # of a typical drive
+    turn: Report | None = None  # page of a typical drive
     failed: HdassistError | None = None
-    done: float = 0.0  # share of the work for check and advice
+    done: float = 0.0  # completed share of the work for check and recommendation
 
     @property
     def whole(self) -> DesignCheck | None:
-        """The whole answer of `check`, None before."""
+        """Complete result of `check`, None before."""
         return self.check if self.page else None
 
     @property
     def typical(self) -> Mapping[str, float]:
-        """Values by path of a typical drive of what is not known exactly; empty before the answer is whole."""
+        """Values of the uncertain inputs of a typical drive, by path; empty before the result is complete."""
         return typical_of(self.whole)[0] if self.whole else {}
 
     @property
     def without(self) -> str:
-        """What stands in place of an answer that is not there, with the reason if there is none."""
+        """Text in place of a missing result: the error, or the progress."""
         if self.failed:
             return visible(f"no result: {self.failed.message}\n{self.failed.hint}")
         full = round(_BAR_COLUMNS * self.done)
@@ -77,24 +77,28 @@ class Known:
 
 
 class _SevenBits(LineFilter):
-    """Every line of the screen in 7-bit characters, each as wide as before."""
+    """Filter that shows every line of the screen in 7-bit characters of the same width."""
 
     def apply(self, segments: list[Segment], background: Color) -> list[Segment]:
-        """Return the same segments for a terminal without Unicode; lines of frames become +."""
+        """Return the segments for a terminal without Unicode; lines of frames become +."""
         del background
         return [Segment(_seven_bits(segment.text), segment.style, segment.control) for segment in segments]
 
 
 def _seven_bits(text: str) -> str:
-    """Return a text in ASCII that takes as many columns."""
+    """Return a text in ASCII with the same width."""
     return "".join(sign if sign.isascii() else "+" * cell_len(sign) for sign in text.translate(_SIGNS))
 
 
 class Asking(App[int]):
-    """A session, and questions about it: each change asks for new answers, and ends questions that became needless.
+    """A session with requests for results; each change makes new requests and ends obsolete ones.
 
-    Arguments: session, service and effort; dark or light; ascii, whether in 7 bits; keep, which is given the command
-    that comes back to the session at each change.
+    session: the session.
+    service: service that runs the processes.
+    effort: effort of the computation.
+    dark: whether the theme is dark instead of light.
+    ascii: whether the screen has 7-bit characters.
+    keep: function that is called at each change with the command that restores the session.
     """
 
     def __init__(
@@ -110,38 +114,38 @@ class Asking(App[int]):
         super().__init__()
         self.ascii = ascii
         self.keep = keep
-        self.torque = 0  # place of the torque that cam turn and levers are shown at
+        self.torque = 0  # index of the torque of the error over a revolution and of the inputs
         self.session = session
         self.service = service
         self.effort = effort
-        self.saved = session.changes  # that are in a preset, or were opened
-        self.answers: dict[str, Known] = {}  # by the command that gives them
-        self.asked: dict[str, tuple[object, ...]] = {}  # the last question of a group, by its arguments
+        self.saved = session.changes  # changes that are saved in a preset, or were there at the start
+        self.answers: dict[str, Known] = {}  # results by the command that gives them
+        self.asked: dict[str, tuple[object, ...]] = {}  # last request of each group, by its arguments
         self._rest: Timer | None = None
         self.theme = _THEMES[dark]
 
     def get_line_filters(self) -> Sequence[LineFilter]:
-        """Return the filters that every line goes through on its way to the terminal."""
+        """Return the filters for every line of the screen."""
         return [*super().get_line_filters(), *([_SevenBits()] if self.ascii else [])]
 
     def draw(self) -> None:
-        """Show the session and its answers."""
+        """Show the session and its results."""
 
     def ask_of_panes(self) -> None:
-        """Ask for the rest of the screen."""
+        """Request the results that the screen still lacks."""
 
     def known_of(self, drive: Drive) -> Known:
-        """Return the answers about a drive."""
+        """Return the results for a drive."""
         return self.answers.setdefault(again("check", drive), Known())
 
     @property
     def known(self) -> Known:
-        """Answers about the drive as it is now."""
+        """Results for the present drive."""
         return self.known_of(self.session.drive)
 
     @property
     def pinned(self) -> Known | None:
-        """Answers about the drive to compare with, None if it is the one that is shown or has other torques."""
+        """Results for the pinned drive, None if it is the present drive or has other torques."""
         pinned = self.session.pinned
         drive = self.session.drive
         is_other = pinned.operation.M_g == drive.operation.M_g and self.known_of(pinned) is not self.known
@@ -149,12 +153,12 @@ class Asking(App[int]):
 
     @property
     def M_g(self) -> float:
-        """Torque that cam turn and levers are shown at [N*m]."""
+        """Torque of the error over a revolution and of the inputs [N*m]."""
         torques = self.session.drive.operation.M_g
         return torques[self.torque % len(torques)]
 
     def show(self, session: Session) -> None:
-        """Go on with another session: ask for answers that are missing, and draw it."""
+        """Switch to another session, request missing results, and redraw."""
         before = self.known
         self.session = session
         if self.known is not before:
@@ -165,18 +169,18 @@ class Asking(App[int]):
         self.draw()
 
     def change(self, change: Callable[[Session], Session]) -> None:
-        """Go on with a changed session; say why where that cannot be."""
+        """Switch to a changed session; show the error if this is not possible."""
         self.attempt(lambda: self.show(change(self.session)))
 
     def attempt(self, act: Callable[[], None]) -> None:
-        """Do something; say why where that cannot be."""
+        """Call a function; show the error if it fails."""
         try:
             act()
         except HdassistError as error:
             self.complain(error)
 
     def complain(self, error: HdassistError) -> None:
-        """Notify of an error and its hint."""
+        """Show an error and its hint."""
         self.notify(
             visible(f"{error.message}\n{error.hint}".strip()),
             severity="error",
@@ -185,7 +189,7 @@ class Asking(App[int]):
         )
 
     def ask_of_drive(self) -> None:
-        """Ask for the answers of `check` and of `mount`, unless they are there."""
+        """Request the results of `check` and `mount`, unless they are there."""
         if self.known.advice is not None:
             self.workers.cancel_group(self, "drive")
             self.asked.pop("drive", None)
@@ -202,7 +206,15 @@ class Asking(App[int]):
         function: Callable[..., None],
         *arguments: object,
     ) -> None:
-        """Ask, and take each answer, unless that was the last question of its group, the process of which is ended."""
+        """Request results and store each of them, unless this was the last request of its group.
+
+        The process of the previous request is ended.
+
+        group: group of the request.
+        known: object in which the results are stored.
+        function: function of explorer.compute.
+        arguments: its arguments.
+        """
         if self.asked.get(group) == arguments:
             return
         self.asked[group] = arguments
@@ -221,7 +233,7 @@ class Asking(App[int]):
         self.run_worker(follow(), group=group, exclusive=True)
 
     def when_at_rest(self) -> None:
-        """Ask for the rest of the screen once no key was pressed for a while."""
+        """Request the remaining results once no key was pressed for a while."""
         if self._rest:
             self._rest.stop()
         self._rest = self.set_timer(REST, self.ask_of_panes)

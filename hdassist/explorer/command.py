@@ -1,6 +1,6 @@
-"""`hdassist explore`: a drive turned on the screen, and the processes that compute for it.
+"""`hdassist explore`: the interactive explorer of a drive, and the processes that compute for it.
 
-One process for each question under way, ended when nobody wants its answer.
+Each request has its own process, which is ended when its results are no longer needed.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ from hdassist.terminal import options as o
 from hdassist.terminal.output import Output
 from hdassist.terminal.streams import Style, put_text, say
 
-_SESSION_FILE = "explore.txt"  # among the user's states: the command that comes back to the last session
+_SESSION_FILE = "explore.txt"  # file in the user's state folder with the command that restores the last session
 Question = Callable[[Callable[[str, object], None]], None]  # a function of explorer.compute with its arguments
 _PRELOADED = ["__main__", "hdassist.cli", "hdassist.explorer.preloaded"]
-_WAITING = 2  # processes that wait for a question, where none can be forked
+_WAITING = 2  # number of waiting processes on systems that cannot fork
 
 
 class ExploreCommand(o.LimitedDriveOptions):
@@ -67,17 +67,17 @@ class ExploreCommand(o.LimitedDriveOptions):
     debug: bool = False
 
     def run(self) -> int:
-        """Show the drive; returns the exit code."""
+        """Run the explorer and return the exit code."""
         if self.preset == "-":
             raise UsageError(
                 "the explorer reads keys from standard input, so the preset cannot come from it",
                 "name a preset or a file",
             )
         style = Style.of(sys.stdout, ascii=self.ascii)
-        with Output(style).progress(self.preset):  # words before numpy is imported
+        with Output(style).progress(self.preset):  # shows a text before numpy is imported
             from hdassist.explorer.state import opened_state, with_evidence
 
-            self.load(self.preset)  # says what is wrong with options as every command does
+            self.load(self.preset)  # reports invalid options like every command
             overrides = (*self.changes, *(limit.override for limit in self.limits))
             session = opened_state(self.preset, overrides, self.pin or "")
             if self.measured:
@@ -88,7 +88,7 @@ class ExploreCommand(o.LimitedDriveOptions):
             ):
                 message = "the explorer needs a terminal that moves its cursor"
                 raise UsageError(message, f"in a script: {session.command()}")
-            service = Service()  # it imports beside this process
+            service = Service()  # imports its modules in parallel with this process
             from platformdirs import user_state_path
 
             from hdassist.explorer.app import Explorer
@@ -114,9 +114,9 @@ class ExploreCommand(o.LimitedDriveOptions):
 
 
 def _end_with_terminal() -> None:
-    """End the process once the terminal on standard input is gone, in a thread of its own.
+    """End the process once the terminal on standard input is gone; runs in its own thread.
 
-    The screen may wait for ever to be written.
+    Otherwise the screen could wait forever to be written.
     """
     if wait_for_hangup(0):
         end_now(signal.SIGHUP)
@@ -124,21 +124,21 @@ def _end_with_terminal() -> None:
 
 @dataclass(frozen=True, eq=False)
 class _Answering:
-    """A process that answers a question, or waits for one, and the connection by which its answers come."""
+    """A process that computes results or waits for a request, and the connection for its results."""
 
     process: BaseProcess
     connection: Connection
 
     def end(self) -> None:
-        """End the process, whatever it is doing; answers that it has sent can still be read."""
+        """End the process at once; results that it has sent can still be read."""
         self.process.kill()
         self.process.join()
 
 
 class _ForkedProcesses:
-    """Processes that are forked from one that has imported all that computes (a second, once).
+    """Processes forked from a server process that has imported all required modules once, within a second.
 
-    Each begins within milliseconds, and has no threads of the screen's.
+    Each starts within milliseconds and has no threads of the screen.
     """
 
     def __init__(self) -> None:
@@ -146,11 +146,12 @@ class _ForkedProcesses:
 
         self._context = multiprocessing.get_context("forkserver")
         self._context.set_forkserver_preload(_PRELOADED)
-        # now: it inherits streams that the screen takes away, and of cli.main the environment of one thread
+        # started now because it inherits streams that the screen replaces, and the single-thread environment of
+        # cli.main
         forkserver.ensure_running()
 
     def begin(self, question: Question) -> _Answering:
-        """Begin a process that answers a question. Raises OSError: the system gives none."""
+        """Start a process for a request. Raises OSError if the system has no process for it."""
         receiving_end, sending_end = self._context.Pipe(duplex=False)
         process = self._context.Process(
             target=_answer_forked,
@@ -162,14 +163,14 @@ class _ForkedProcesses:
         return _Answering(process, receiving_end)
 
     def waiting(self) -> list[_Answering]:
-        """Return processes that wait for a question: none does."""
+        """Return the processes that wait for a request; there are none."""
         return []
 
 
 class _WaitingProcesses:
-    """Processes that have imported all that computes and wait for a question, for systems that cannot fork.
+    """Processes that have imported all required modules and wait for a request, for systems that cannot fork.
 
-    Each answers one question; another one is begun in its place.
+    Each computes one request and is replaced by a new one.
     """
 
     def __init__(self) -> None:
@@ -180,17 +181,17 @@ class _WaitingProcesses:
             self._waiting.append(self._begun())
 
     def begin(self, question: Question) -> _Answering:
-        """Hand a question to a process that waits. Raises OSError: it was ended, or the system gives no process."""
+        """Send a request to a waiting process. Raises OSError if it was ended, or if the system has no process."""
         try:
             process = self._waiting.popleft()
-        except IndexError:  # all are at work
+        except IndexError:  # all processes are busy
             process = self._begun()
         process.connection.send(question)
         self._waiting.append(self._begun())
         return process
 
     def waiting(self) -> list[_Answering]:
-        """Return the processes that wait for a question."""
+        """Return the processes that wait for a request."""
         return list(self._waiting)
 
     def _begun(self) -> _Answering:
@@ -206,7 +207,7 @@ class _WaitingProcesses:
 
 
 class Service:
-    """Begins processes, hands on their answers, and ends them."""
+    """Service that starts processes, passes on their results, and ends them."""
 
     def __init__(self) -> None:
         self.processes = _ForkedProcesses() if has_forkserver() else _WaitingProcesses()
@@ -214,7 +215,7 @@ class Service:
         self._closed = False
 
     async def ask(self, question: Question) -> AsyncIterator[tuple[str, Any]]:
-        """Yield the answers of a process of its own; when the caller stops listening, or is cancelled, it is ended."""
+        """Yield the results of a new process, which is ended when the caller stops iterating or is cancelled."""
         begun = asyncio.create_task(asyncio.to_thread(self._begin, question))
         try:
             try:
@@ -225,10 +226,10 @@ class Service:
                 return
             while process:
                 if not await wait_until_readable(process.connection, process.process.sentinel):
-                    return  # its process was ended before it began
+                    return  # the process was ended before it started
                 try:
                     yield process.connection.recv()
-                except (EOFError, OSError):  # its process was ended
+                except (EOFError, OSError):  # the process was ended
                     return
         finally:
             with suppress(asyncio.CancelledError, OSError):
@@ -237,12 +238,12 @@ class Service:
                     process.connection.close()
 
     def _begin(self, question: Question) -> _Answering | None:
-        """Begin a process for a question; None if the service is closed. Raises OSError: there is none."""
+        """Start a process for a request; None if the service is closed. Raises OSError if there is no process."""
         if self._closed:
             return None
         process = self.processes.begin(question)
         self._running.add(process)
-        if self._closed:  # meanwhile
+        if self._closed:  # closed in the meantime
             self.close()
         return process
 
@@ -252,7 +253,7 @@ class Service:
             asked.end()
 
     def close(self) -> None:
-        """End all that still computes, or waits for a question."""
+        """End all processes that compute or wait for a request."""
         self._closed = True
         for process in list(self._running):
             self._end(process)
@@ -261,36 +262,36 @@ class Service:
 
 
 def _answer_forked(question: Question, there: Connection) -> None:
-    """Answer a question in this process, which ends with the one that it was forked from, and so with the screen."""
+    """Compute a request in this process, which ends with the server process and thus with the screen."""
     begin_worker(os.getppid())
     _leave_screen()
     _answer(question, there)
 
 
 def _answer_spawned(there: Connection, parent: int) -> None:
-    """Answer one question in this process, which ends with the screen's; parent: that one's process id."""
+    """Compute one request in this process, which ends with the screen; parent: process id of the screen."""
     begin_worker(parent, of_thread=True)
     _leave_screen()
-    import hdassist.explorer.compute  # noqa: F401 (a second, before there is a question)
+    import hdassist.explorer.compute  # noqa: F401 (takes a second, so it precedes the request)
 
-    with suppress(EOFError, OSError):  # the screen has ended without a question
+    with suppress(EOFError, OSError):  # the screen has ended without a request
         _answer(there.recv(), there)
 
 
 def _leave_screen() -> None:
-    """Write to nowhere: the terminal is the screen's, whatever a library has to say."""
+    """Redirect the output of this process to nowhere, because the terminal belongs to the screen."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     for stream in (1, 2):
         os.dup2(nowhere, stream)
 
 
 def _answer(question: Question, there: Connection) -> None:
-    """Answer a question, each answer once it is there."""
+    """Compute a request and send each result as soon as it is there."""
     try:
         question(lambda *found: there.send(found))
     except HdassistError as error:
         there.send(("failed", error))
-    except Exception as error:  # a bug: the screen says so, as this process has no terminal to say it on
+    except Exception as error:  # a bug, which the screen reports because this process has no terminal
         message = f"internal error: {type(error).__name__}: {error}"
         there.send(("failed", HdassistError(message, "report this bug in hdassist")))
     finally:

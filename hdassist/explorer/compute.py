@@ -1,4 +1,4 @@
-"""The explorer's answers, computed in processes beside the screen; each is given to `tell` once it is there."""
+"""Results of the explorer, computed in processes beside the screen; `tell` receives each one as soon as it is there."""
 
 from __future__ import annotations
 
@@ -33,22 +33,23 @@ from hdassist.preset.fields import Drive, field_table
 from hdassist.run.run import UNCHECKED, Run, workers
 from hdassist.variants import differing_fields
 
-_TOLD_EVERY = 0.3  # s between two shares of the work done
-_MOST_TOLD = 0.99  # largest share of the work done, which is estimated
-_FEWEST_SEEN = 8  # effective samples: the range of fewer is none
-_SEED = 0  # seed of the samples and of states solved again, that of the commands
-_SHARES_SHOWN = (0.05, 0.5, 0.95)  # percentiles
-SURE_REFINED = "REFINED"  # searched
-SURE_PROVEN = "PROVEN"  # every state
-SURE_RANGE = "90 % RANGE"  # percentiles
-_STEP = 0.34  # probability between the median of an uncertain field and its step: about one standard deviation
+_TOLD_EVERY = 0.3  # s between two reports of the completed share
+_MOST_TOLD = 0.99  # largest reported share, because the total is an estimate
+_FEWEST_SEEN = 8  # effective sample size below which no interim range is shown
+_SEED = 0  # seed of samples and of states solved again, as in the commands
+_SHARES_SHOWN = (0.05, 0.5, 0.95)  # percentiles of a range
+SURE_REFINED = "REFINED"  # extremes found by a search
+SURE_PROVEN = "PROVEN"  # every state solved
+SURE_RANGE = "90 % RANGE"  # 5th to 95th percentile
+_STEP = 0.34  # probability from the median to a step of an uncertain field, about one standard deviation
 
 
 @dataclass(frozen=True)
 class Effort:
-    """How much is computed.
+    """Effort of the computation.
 
-    draws: effective samples of uncertain inputs; jobs: processes at work, 0 for one each core.
+    draws: effective sample size of uncertain inputs.
+    jobs: number of processes, 0 for one per core.
     """
 
     draws: int = EFFECTIVE_SAMPLES
@@ -60,10 +61,12 @@ FULL = Effort()
 
 @dataclass(frozen=True, eq=False)
 class SeatCurve:
-    """F'_ior [arcsec] over turns of the fixed wheel from where it stands [deg].
+    """F'_ior over rotations of the fixed wheel from its present position.
 
-    F_ior_arcsec: shape (3, torques, turns): 5th percentile, median, 95th, all alike if it is one value; sure: how
-    sure it is at each turn.
+    rotations_deg: rotations [deg].
+    F_ior_arcsec: 5th percentile, median and 95th percentile [arcsec], shape (3, torques, rotations); equal for a single
+        value.
+    sure: kind of verification at each rotation.
     """
 
     rotations_deg: tuple[float, ...]
@@ -71,19 +74,19 @@ class SeatCurve:
     sure: tuple[str, ...]
 
     def surety(self, rotation_deg: float) -> str:
-        """Return how sure it is at a turn, empty at one that it has not."""
+        """Return the kind of verification at a rotation; empty for any other rotation."""
         place = self.place(rotation_deg)
         return "" if place is None else self.sure[place]
 
     def place(self, rotation_deg: float) -> int | None:
-        """Return the index of a turn, None if it is none of the turns."""
+        """Return the index of a rotation, None for any other rotation."""
         is_near = np.abs((np.array(self.rotations_deg) - rotation_deg + 180) % 360 - 180) < 1e-6
         return int(is_near.argmax()) if is_near.any() else None
 
 
 @dataclass(frozen=True)
 class FirstErrors:
-    """F'_ior [arcsec] at each torque of a typical drive, and how sure it is."""
+    """F'_ior [arcsec] of a typical drive at each torque, and its kind of verification."""
 
     F_ior_arcsec: Sequence[float]
     sure: str = SURE_REFINED
@@ -91,9 +94,11 @@ class FirstErrors:
 
 @dataclass(frozen=True)
 class LeverEffects:
-    """By field: the step that is plausible [its unit], and its effect on F'_ior at each torque [arcsec].
+    """Effects of plausible steps of fields on F'_ior.
 
-    differing: fields in which the pinned drive differs; their step goes to its value. is_whole: whether no more come.
+    steps: by field, its step in its unit, and the change of F'_ior at each torque [arcsec].
+    differing: fields in which the pinned drive differs, whose step leads to its value.
+    is_whole: whether all effects are there.
     """
 
     steps: Mapping[str, tuple[float, tuple[float, ...]]]
@@ -101,7 +106,7 @@ class LeverEffects:
     is_whole: bool = False
 
 
-_Tell = Callable[[str, object], None]  # field of `asking.Known`, and its value
+_Tell = Callable[[str, object], None]  # called with a field of `asking.Known` and its value
 
 
 def drive_answers(
@@ -110,10 +115,13 @@ def drive_answers(
     effort: Effort,
     tell: _Tell,
 ) -> None:
-    """Yield F'_ior of a typical drive, that over the seat, the results of `check`, and of `mount` or `trials`.
+    """Report F'_ior of a typical drive and over the seat, and the results of `check` and `mount`.
 
-    Argument: typical, values by path of all that was not known exactly of a drive like it. Raises HdassistError if
-    there is no answer.
+    drive: the drive.
+    typical: values by path of the uncertain inputs of a similar drive.
+    effort: effort of the computation.
+    tell: function that receives the results.
+    Raises HdassistError if there is no result.
     """
     typical_drive = drive.with_values(typical)
     has_typical = bool(typical or not unknowns(drive))
@@ -180,23 +188,25 @@ def _tell_searched(
     rotations: tuple[float, ...],
     tell: _Tell,
 ) -> None:
-    """Tell what a search gives at once: F'_ior of a typical drive, and that over the seat if all of it is known.
+    """Report results of a quick search: F'_ior of a typical drive, and F'_ior over the seat if all inputs are known.
 
-    typical_drive: None if none is known.
-    rotations: turns of the fixed wheel [deg].
+    drive: the drive.
+    typical_drive: typical drive, None if it is not known.
+    rotations: rotations of the fixed wheel [deg].
+    tell: function that receives the results.
     """
     if not searchable(drive):
         return
     if typical_drive is not None:
         tell("first", FirstErrors(_searched((0.0,), typical_drive)[:, 0].tolist()))
-    if not prior_of(drive).fields:  # else medians come, which are no numbers as given
+    if not prior_of(drive).fields:  # otherwise medians follow, which are not comparable with nominal values
         F_ior = _searched(rotations, drive)
         sure = tuple(SURE_REFINED for _ in rotations)
         tell("curve", SeatCurve(rotations, np.stack([F_ior, F_ior, F_ior]), sure))
 
 
 class _Share:
-    """Called with states that were solved, it tells their share of a total now and then."""
+    """Progress that is called with solved states, and reports their share of a total at intervals."""
 
     def __init__(self, total: int, tell: _Tell) -> None:
         self._solved = 0
@@ -220,7 +230,7 @@ def typical_of(found: DesignCheck) -> tuple[Mapping[str, float], Sequence[float]
 
 
 def still_typical(found: DesignCheck, drive: Drive) -> Mapping[str, float]:
-    """Return the same values, for inputs that are uncertain in another drive too and the same there."""
+    """Return the typical values for inputs that are also uncertain, with the same value, in another drive."""
     open_ = {field.path for field in prior_of(drive).fields if found.drive.value(field.path) == drive.value(field.path)}
     return {path: value for path, value in typical_of(found)[0].items() if path in open_}
 
@@ -232,9 +242,9 @@ def cam_turn(
     M_g: float,
     tell: _Tell,
 ) -> None:
-    """Yield the page of `trace` of a typical drive over its full cycle, with its fixed wheel turned.
+    """Report the page of `trace` for a typical drive over its full cycle, with its fixed wheel turned.
 
-    Raises HdassistError if there is no answer.
+    Raises HdassistError if there is no result.
     """
     rotated_drive = rotated(drive.with_values(typical), rotation_deg)
     turns = Kinematics.of(rotated_drive).cycle_cam_revolutions
@@ -249,10 +259,12 @@ def lever_effects(
     effort: Effort,
     tell: _Tell,
 ) -> None:
-    """Yield the effect of a plausible step of each field on F'_ior of a typical drive, by a search.
+    """Report the effect of a plausible step of each field on F'_ior of a typical drive, from a search.
 
-    A step of a field that is not known exactly goes about one standard deviation far, one of a field in which a pinned
-    drive differs to its value. Raises HdassistError if the typical drive has no answer.
+    The step of an uncertain field is about one standard deviation. The step of a field in which the pinned drive
+    differs leads to its value.
+
+    Raises HdassistError if there is no result for the typical drive.
     """
     typical_drive = drive.with_values(typical)
     if not searchable(typical_drive):
@@ -278,7 +290,9 @@ def _steps(
 ) -> Iterator[tuple[str, tuple[float, ...]]]:
     """Yield the plausible steps of the fields of a typical drive, in order of preference.
 
-    Arguments: drive, with its ranges; here, the typical one; others, values where a pinned one differs.
+    drive: the drive with its ranges.
+    here: the typical drive.
+    others: values of the pinned drive where it differs.
     """
     priors = {field.path: field for field in prior_of(drive).fields}
     for path, field in field_table().items():
@@ -299,7 +313,7 @@ def _steps(
 
 
 def _stepped_errors(drive: Drive, steps: tuple[str, tuple[float, ...]]) -> tuple[str, float, Array | None]:
-    """Return a field, its first step that makes a drive, and F'_ior at each torque there, None without a result."""
+    """Return a field, its first step to a valid drive, and F'_ior there at each torque, None without a result."""
     path, sizes = steps
     together = TEETH_FIELDS if path in TEETH_FIELDS else [path]
     for by in sizes:

@@ -1,4 +1,4 @@
-"""The panes and lines of the explorer: F'_ior by torque and hole, the seat, the levers, a cam turn, the advice."""
+"""Panes and lines of the explorer: F'_ior by torque and hole, seat, inputs, revolution, and recommendation."""
 
 from __future__ import annotations
 
@@ -43,38 +43,40 @@ from hdassist.terminal.plot import SEAT_WIDTH, seat_in_characters, ticks
 from hdassist.terminal.streams import Style
 from hdassist.terminal.words import named, proof
 
-MARKS = {SURE_REFINED: "○□△", SURE_PROVEN: "●■▲", SURE_RANGE: "◌▫▵"}  # of each torque one, as of _BAR_LINES
-_BAR_LINES = "─═╌"  # of the bars of each torque
-_INK: tuple[str, ...] = ("#0a8fa8", "#a87a00", "#b04ab0", "#2a9040")  # legible on a dark ground as on a light one
+# one sign for each torque, in the sequence of _BAR_LINES
+MARKS = {SURE_REFINED: "○□△", SURE_PROVEN: "●■▲", SURE_RANGE: "◌▫▵"}
+_BAR_LINES = "─═╌"  # lines of the bars of each torque
+_INK: tuple[str, ...] = ("#0a8fa8", "#a87a00", "#b04ab0", "#2a9040")  # legible on a dark and on a light background
 _RED = "#d04040"
-if os.environ.get("NO_COLOR"):  # as the screen would make greys of them, which say less than the ground's own ink
+# the screen would show these colours as greys, which are less legible than the default colour
+if os.environ.get("NO_COLOR"):
     _INK = tuple("not dim" for _ in _INK)
     _RED = "not dim"
 _LETTER_STYLES = {"B": f"{_INK[3]} bold", "W": f"{_RED} bold", "?": f"{_INK[2]} bold"}
 _LETTER_KINDS = {"N": "now", "B": "best", "W": "worst", "?": "next"}
 _SEAT_WORDS = {"N": "now", "B": "best", "W": "worst", "?": "measure next", "x": "not allowed", "o": "looked at"}
-_LEAST_BAR = 14  # columns of a bar that has ranges beside it
-_LEAST_PANE = 10  # columns of a pane with text
-_LEGEND_COLUMNS = 60  # width of a pane that has room for a legend beside the seat
-# directions in the middle of the seat
+_LEAST_BAR = 14  # smallest width of a bar with ranges beside it, in columns
+_LEAST_PANE = 10  # smallest width of a pane with text, in columns
+_LEGEND_COLUMNS = 60  # smallest width of a pane with a legend beside the seat, in columns
+# angles in the middle of the seat
 _TICKS = tuple(
     SeatMark(kind="cam", angle_deg=float(angle_deg), letter=f"{angle_deg}", words="") for angle_deg in (0, 90, 180, 270)
 )
 
 
 def _torque_style(place: int) -> str:
-    """Return the style of a torque by its place."""
+    """Return the style of a torque; place: its index."""
     return _INK[place % len(_INK)]
 
 
 def _torque_sign(place: int, sure: str = SURE_RANGE) -> str:
-    """Return the bar of a torque by its place, which tells it apart without colour too."""
+    """Return the bar of a torque, which can be distinguished without colour; place: index of the torque."""
     line = _BAR_LINES[place % len(_BAR_LINES)]
     return f"{line}{MARKS.get(sure, MARKS[SURE_REFINED])[place % len(_BAR_LINES)]}{line}"
 
 
 class KeyedTable(DataTable[Text]):
-    """Rows by key under heads, put in place without losing the cursor."""
+    """A table with rows by key, updated in place without losing the cursor."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("left", "app.turn(-1)", "turn", key_display="←→"),
@@ -82,20 +84,19 @@ class KeyedTable(DataTable[Text]):
     ]
 
     def on_mount(self) -> None:
-        """Have rows without gaps between columns."""
+        """Set a row cursor and no gaps between columns."""
         self.cursor_type = "row"
         self.cell_padding = 0
 
     class Resized(Message):
-        """A table has another room for its columns."""
+        """The space of a table has changed."""
 
     def on_resize(self) -> None:
-        """Have the screen drawn with the new room."""
+        """Request a redraw in the new size."""
         self.post_message(self.Resized())
 
     def fill(self, heads: Sequence[str], rows: Mapping[str, Sequence[Text]]) -> None:
-        """Show rows; the cursor stays on its key while somebody uses it."""
-        # as wide as the widest cell
+        """Show rows; with the focus, the cursor stays on its key."""
         columns = {head: max(map(len, (head, *cells))) for head, *cells in zip(heads, *rows.values(), strict=True)}
         with self.prevent(DataTable.RowHighlighted):
             shown = {str(column.label): column.width for column in self.columns.values()}
@@ -123,7 +124,7 @@ class KeyedTable(DataTable[Text]):
 
 
 class Holes(KeyedTable):
-    """F'_ior in each position of the fixed wheel: numbers, and a bar from its 5th to its 95th percentile."""
+    """F'_ior in each position of the fixed wheel: numbers, and a bar from the 5th to the 95th percentile."""
 
     def show(
         self,
@@ -132,13 +133,12 @@ class Holes(KeyedTable):
         behind: SeatCurve | None,
         letters: Mapping[float, str],
     ) -> None:
-        """Show positions.
+        """Show the positions.
 
-        Args:
-            session: the drive.
-            found: F'_ior in its positions.
-            behind: that of another variant.
-            letters: of positions, by turn [deg].
+        session: the session.
+        found: F'_ior in its positions.
+        behind: F'_ior of another variant.
+        letters: letters of positions, by rotation [deg].
         """
         readings = measured_errors(session.drive)
         limits = [limit for M_g in session.drive.operation.M_g if (limit := session.drive.limit(M_g))]
@@ -150,7 +150,7 @@ class Holes(KeyedTable):
         # a range at each torque, or empty cells before the result
         numbers = {place: values_of(found, place) or blank for place in places}
         is_narrow = self._room(numbers, heads) < _LEAST_BAR
-        if is_narrow:  # medians leave room for bars
+        if is_narrow:  # medians leave more space for bars
             numbers = {place: values_of(found, place, medians=True) or blank for place in places}
         width = max(self._room(numbers, heads), 1)
         rows = {}
@@ -175,7 +175,7 @@ class Holes(KeyedTable):
                 self.move_cursor(row=self.get_row_index(present_row))
 
     def _room(self, numbers: Mapping[float, Sequence[Text]], heads: Sequence[str]) -> int:
-        """Return the columns that are left for bars beside numbers under heads."""
+        """Return the width in columns for bars beside numbers under heads."""
         by_torque = zip(
             heads,
             zip(*numbers.values(), strict=True),
@@ -189,7 +189,7 @@ def _top_of_bars(
     measured: Sequence[float],
     limits: Sequence[float],
 ) -> float:
-    """Return the upper end of the bars [arcsec]: a tick above all values, or above the limits before any are known."""
+    """Return the upper end of the bars [arcsec]: a tick above all values, or above the limits without values."""
     errors = found.F_ior_arcsec.max(axis=(1, 2)).tolist() if found else limits
     return ticks(0.0, max([0.1, *measured, *errors]), 5)[-1]
 
@@ -199,7 +199,7 @@ def _place_name(
     place_deg: float,
     signs: str,
 ) -> Text:
-    """Return the name of a position with its signs, bold for the present one."""
+    """Return the name of a position with its signs, in bold for the selected one."""
     style = "bold" if place_deg == session.turn_deg else ""
     name = Text(f"{bare(place_deg, session.drive.mounting.holes):>4} {signs:4.4}", style)
     name.highlight_regex("B", _LETTER_STYLES["B"])
@@ -212,15 +212,14 @@ def _range_marks(
     place_deg: float,
     limits: Sequence[float],
 ) -> Iterator[tuple[float, float, str, str]]:
-    """Yield the marks of a position, from below upwards: the other variant, ranges, limits, medians.
+    """Yield the marks of a position in drawing order: other variant, ranges, limits, medians.
 
-    Args:
-        found: F'_ior of the drive.
-        behind: that of the other variant.
-        place_deg: the position [deg].
-        limits: those within the bar [arcsec].
+    A mark has two ends [arcsec], a sign and a style.
 
-    A mark has its two ends [arcsec], its sign and its style.
+    found: F'_ior of the drive.
+    behind: F'_ior of the other variant.
+    place_deg: the position [deg].
+    limits: limits within the bar [arcsec].
     """
     for _, middle, _ in _seat_ranges(behind, place_deg):
         yield middle, middle, "┄", "dim"
@@ -235,7 +234,7 @@ def _range_marks(
 
 
 def _seat_ranges(found: SeatCurve | None, rotation_deg: float) -> list[list[float]]:
-    """Return the 5th, 50th and 95th percentile of F'_ior [arcsec] at each torque in a position; empty without any."""
+    """Return the 5th, 50th and 95th percentiles of F'_ior [arcsec] at each torque in a position; empty without any."""
     place = found.place(rotation_deg) if found else None
     return found.F_ior_arcsec[:, :, place].T.tolist() if found and place is not None else []
 
@@ -246,7 +245,7 @@ def values_of(
     *,
     medians: bool = False,
 ) -> list[Text]:
-    """Return F'_ior at each torque in a position: a value, or its 5th and 95th percentile, or its median alone."""
+    """Return F'_ior at each torque in a position: a value, its 5th and 95th percentiles, or only its median."""
     texts = []
     for k, (low, middle, high) in enumerate(_seat_ranges(found, rotation_deg)):
         text = f"{low:.2f}" if high <= low else f"{middle:.1f}" if medians else f"{low:.1f}…{high:.1f}"
@@ -259,7 +258,7 @@ def _bar(
     top: float,
     marks: Iterable[tuple[float, float, str, str]],
 ) -> Text:
-    """Return a row of signs from 0 to a top [arcsec], each mark from a value to another; later marks on top."""
+    """Return a row of signs from 0 to `top` [arcsec] with marks over their ranges; later marks are on top."""
     signs = [(" ", "") for _ in range(width)]
     for low, high, sign, style in marks:
         first, last = (min(round(value / top * (width - 1)), width - 1) for value in (low, high))
@@ -273,7 +272,10 @@ def seat_pane(
     letters: Mapping[float, str],
     width: int,
 ) -> tuple[Text, str]:
-    """Return the seat, seen from the wave generator side, and the legend of its letters, beside it if there is room."""
+    """Return the seat, seen from the wave generator side, and the legend of its letters.
+
+    The drawing includes the legend if there is space beside it.
+    """
     first = session.drive.mounting.first_hole
     named = [(angle_deg, sign) for angle_deg, signs in letters.items() for sign in signs if sign in _LETTER_KINDS]
     seat = Seat(
@@ -306,7 +308,7 @@ def seat_pane(
 
 
 class Pane(VerticalScroll):
-    """A pane with a title that shows text, or blocks of a page, and is scrolled if they have no room."""
+    """A scrollable pane with a title, which shows text or blocks of a page."""
 
     def __init__(self, name: str, title: str) -> None:
         super().__init__(id=name)
@@ -318,7 +320,7 @@ class Pane(VerticalScroll):
         yield self._text
 
     def show(self, *parts: RenderableType | Block, ascii: bool = False) -> None:
-        """Show texts and blocks; one moment later where there is no room yet."""
+        """Show texts and blocks; nothing as long as there is no space."""
         style = Style(
             ascii=ascii,
             codes=False,
@@ -330,7 +332,7 @@ class Pane(VerticalScroll):
 
 
 class Levers(KeyedTable):
-    """The fields of the preset with their values and the effect of a plausible step of each."""
+    """The fields of the preset with their values, and the effect of a plausible step of each."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("plus,equals_sign", "app.nudge(1)", "step", key_display="+ -"),
@@ -338,10 +340,10 @@ class Levers(KeyedTable):
         Binding("o", "app.sort", "by group"),
         Binding("k", "app.keep_clearance", "x_b with W_0"),
     ]
-    order: tuple[str, ...] = ()  # paths, by their effect when they were sorted last
+    order: tuple[str, ...] = ()  # paths by their effect at the last sorting
 
     def sort_by_effect(self, effects: LeverEffects, torque: int) -> None:
-        """Put fields in which a pinned drive differs first, then those that change F'_ior most, until asked again."""
+        """Sort fields: first those in which the pinned drive differs, then by their change of F'_ior."""
         sizes = {path: abs(changes[torque]) for path, (_, changes) in effects.steps.items()}
         self.order = tuple(sorted(sizes, key=lambda path: (path not in effects.differing, -sizes[path])))
 
@@ -354,10 +356,16 @@ class Levers(KeyedTable):
         *,
         is_grouped: bool,
     ) -> None:
-        """Show fields whose path or meaning has some words, in the preset's order or by their effect.
+        """Show fields whose path or meaning contains all words of a filter.
 
-        Without words those that are no part of the drive are left out. Arguments: session; effects of steps at a
-        torque, by its place; wanted words.
+        They are in the preset's sequence or sorted by their effect. Without a filter, fields that do not describe the
+        drive are omitted.
+
+        session: the session.
+        effects: effects of steps.
+        torque: index of the torque of the effects.
+        wanted: words of the filter.
+        is_grouped: whether fields are in the preset's sequence.
         """
         # uncertain fields, then those that were changed
         marks = {field.path: "?" for field in prior_of(session.drive).fields}
@@ -396,7 +404,14 @@ def _lever_cells(
     effects: LeverEffects,
     torque: int,
 ) -> tuple[Text, Text, Text, Text, Text]:
-    """Name and mark of a field, its meaning, its value with unit, a plausible step, and the change by it."""
+    """Return the table cells of a field: name and mark, meaning, value with unit, step, and change of F'_ior by the
+    step.
+
+    field: the field.
+    marks: marks by path.
+    effects: effects of steps.
+    torque: index of the torque of the effects.
+    """
     mark = marks.get(field.path, " ")
     by, changes = effects.steps.get(field.path, (0.0, ()))
     name = field.path.partition(".")[2]
@@ -413,7 +428,7 @@ def _lever_cells(
     )
 
 
-_WITH_UNIT = ("F'_ior", "5 to 95 %", "limit")  # columns of the headline that are angles
+_WITH_UNIT = ("F'_ior", "5 to 95 %", "limit")  # columns of the headline with the unit arcsec
 _VERDICT_STYLES: dict[str, str] = {
     Verdict.PASS: f"{_INK[3]} bold",
     Verdict.FAIL: f"{_RED} bold",
@@ -422,7 +437,7 @@ _VERDICT_STYLES: dict[str, str] = {
 
 
 def head_line(session: Session) -> Text:
-    """Return the drive, how much of it is uncertain and changed, and the drive beside it."""
+    """Return a line with the drive, the numbers of its uncertain and changed inputs, and the pinned drive."""
     drive = session.drive
     line = Text(no_wrap=True, overflow="ellipsis")
     line.append(visible(drive.name), "bold")
@@ -442,16 +457,15 @@ def headline(
     torque: int,
     width: int,
 ) -> RichTable | Text:
-    """Return F'_ior by torque as `check` has it, as it stands and in the best hole.
+    """Return F'_ior by torque as in `check`, as assembled and in the best hole.
 
-    Before the answer is whole a typical drive, as it was and is, stands beside the old one.
+    Before the result is complete, it shows the previous result and a typical drive before and after the change.
 
-    Args:
-        session: the drive.
-        known: what is known of it.
-        pinned: what is known of the drive beside it.
-        torque: index of the one to mark.
-        width: in characters; columns that have no room are left out.
+    session: the session.
+    known: results for its drive.
+    pinned: results for the pinned drive.
+    torque: index of the marked torque.
+    width: width in characters; columns without space are omitted.
     """
     shown = known.check or known.old
     if not shown or (known.failed and not known.check):
@@ -481,7 +495,7 @@ def headline(
 
 
 def _surety(check: DesignCheck) -> str:
-    """Return how sure F'_ior of a check is: a range of samples, or a solution of every state."""
+    """Return the kind of verification of F'_ior in a check: a range of samples, or every state solved."""
     return SURE_RANGE if check.samples else SURE_PROVEN
 
 
@@ -490,12 +504,11 @@ def _check_columns(
     shown: DesignCheck,
     torque: int,
 ) -> dict[str, list[str]]:
-    """Return the columns of a check that the headline has, by their heads, a cell for each torque.
+    """Return the columns of a check in the headline by their heads, with a cell for each torque.
 
-    Args:
-        known: what is known of the drive.
-        shown: its check, or the old one.
-        torque: index of the one to mark.
+    known: results for the drive.
+    shown: its check, or the previous one.
+    torque: index of the marked torque.
     """
     basis = f"{shown.samples.effective:.0f} samples" if shown.samples else "every state"
     if shown is not known.check:
@@ -523,7 +536,7 @@ def _limit_columns(
     shown: DesignCheck,
     verdicts: Sequence[str],
 ) -> dict[str, list[str]]:
-    """Return the verdict, the margin and the probability of meeting the limit, a cell for each torque."""
+    """Return verdict, margin and probability of meeting the limit, with a cell for each torque."""
     if shown is known.check and not known.whole:
         verdicts = ["…" for _ in verdicts]
     margins = []
@@ -544,10 +557,10 @@ def _best_hole_column(
     known: Known,
     surety: str,
 ) -> dict[str, list[str]]:
-    """Return F'_ior in the best hole, none if it is the present one; surety: of the numbers beside it."""
+    """Return F'_ior in the best hole, empty if it is the present one; surety: verification of the numbers beside it."""
     advice = known.advice
     best_deg = advice.chosen.rotation_deg if advice and advice.word != "ANY_HOLE" else 0.0
-    # a number as given is not put beside medians
+    # nominal values are not shown beside medians
     if not best_deg or not known.curve or known.curve.surety(best_deg) != surety:
         return {}
     holes = session.drive.mounting.holes
@@ -557,7 +570,7 @@ def _best_hole_column(
 
 
 def _table_within(columns: dict[str, list[str]], width: int) -> RichTable:
-    """Return a table of columns, cells by head, without the last ones that have no room; the verdict goes last."""
+    """Return a table of the columns that have space, omitting the last ones first and the verdict at the very end."""
     columns = dict(columns)
     widths = {name: 2 + max(Text.from_markup(cell).cell_len for cell in (name, *columns[name])) for name in columns}
     for name in sorted(widths, key=lambda name: name != "verdict")[::-1]:
@@ -576,19 +589,19 @@ def _table_within(columns: dict[str, list[str]], width: int) -> RichTable:
 
 
 def order_words(known: Known) -> str:
-    """Return the order with its reasons, or why there is none."""
+    """Return the recommendation with its reasons, or the text that replaces a missing one."""
     return " ".join(known.report.why) if known.report else known.without
 
 
 def next_text(known: Known) -> str:
-    """Return the order for the wheel in a line, before its reason, and in another one the value to measure next."""
+    """Return a line with the recommendation and its reason, and another line with the next value to measure."""
     if not (known.advice and known.report):
         return known.without.replace("\n", " ")
     return visible("\n".join((" ".join(order_and_reason(known.advice)), *known.report.why[1:][-1:])))
 
 
 def turn_blocks(page: Report, name: str) -> Iterator[Block]:
-    """Yield the first cam turn of a page of `trace`, or its full cycle with its greatest orders."""
+    """Yield the first input revolution from a page of `trace`, or its full cycle with the largest orders."""
     for block in reversed(page.blocks):
         if isinstance(block, Curve) and name == "turn":
             first = block.x < 1
@@ -605,7 +618,7 @@ def turn_blocks(page: Report, name: str) -> Iterator[Block]:
 
 
 def why_blocks(known: Known) -> tuple[Block, ...]:
-    """Return the influences on F'_ior with their shares, what it would take, and other facts of check."""
+    """Return the contributions to the variance of F'_ior, the options, and other facts of `check`."""
     if not (whole_check := known.whole):
         return (Paragraph(known.without),)
     point = whole_check.points[whole_check.governing]
@@ -620,7 +633,7 @@ def why_blocks(known: Known) -> tuple[Block, ...]:
 
 
 def facts_of(report: Report | None, *left_out: str) -> Facts:
-    """Return the labelled lines of a page, its warnings and verification, without some labels and the next command."""
+    """Return labelled lines of a page with its warnings and verification, without the next command and given labels."""
     if not report:
         return Facts(())
     rows = [row for block in (*report.blocks, *report.details) if isinstance(block, Facts) for row in block.rows]

@@ -1,6 +1,6 @@
-"""Imports of the process that the explorer's processes are forked from; for it alone to import.
+"""Imports for the server process from which the explorer's processes are forked; only this process imports the module.
 
-It ends with the screen, in whatever way that ends, and with it all that it forked.
+The server process ends together with the explorer, however the explorer ends, and its forked processes end with it.
 """
 
 import os

@@ -1,4 +1,4 @@
-"""The explorer's session as one value that never changes, and the fields of a preset as levers."""
+"""Session of the explorer as one immutable value, and the fields of a preset as inputs."""
 
 from __future__ import annotations
 
@@ -22,14 +22,20 @@ from hdassist.readers.trace import TraceForm, read_trace
 from hdassist.terminal.options import TrialOptions
 from hdassist.terminal.words import again
 
-TRIALS = TrialOptions()  # as the command has them where no other is asked for
+TRIALS = TrialOptions()  # defaults of the command's options
 
-_Changes = tuple[tuple[str, str], ...]  # path of a field, and its value as --set takes it
+_Changes = tuple[tuple[str, str], ...]  # path of a field, and its value in the format of --set
 
 
 @dataclass(frozen=True)
 class _StateSource:
-    """A preset as it was opened: the name that was asked for, its text, its name in messages, overrides on top."""
+    """A preset as it was opened.
+
+    name: requested name.
+    text: text of the preset.
+    file: name of the file in messages.
+    overrides: overrides of the preset.
+    """
 
     name: str
     text: bytes
@@ -42,9 +48,9 @@ class _StateSource:
         return cls(name, *read_preset(name), overrides)
 
     def drive(self, changes: _Changes = ()) -> Drive:
-        """Return the drive with changes, of one field the last one.
+        """Return the drive with changes, where the last change of a field counts.
 
-        Raises PresetError, or UsageError with the loader's words about them.
+        Raises PresetError, or UsageError with the message of the loader.
         """
         texts = (*self.overrides, *(f"{path}={value}" for path, value in changes))
         return load_text(self.text, self.file, list({text.partition("=")[0]: text for text in texts}.values()))
@@ -52,10 +58,15 @@ class _StateSource:
 
 @dataclass(frozen=True)
 class Session:
-    """A preset, its changes, and where its fixed wheel is looked at.
+    """A preset with its changes and the selected position of its fixed wheel.
 
-    pinned: the drive that it is compared with; turn_deg: from where the wheel stands; keeps_clearance: whether x_b
-    changes with W_0 by as much; past and future: for undo and redo.
+    source: the preset as it was opened.
+    drive: the drive with the changes.
+    pinned: drive for comparison.
+    changes: changed fields with their values.
+    turn_deg: rotation from the present position of the wheel [deg].
+    keeps_clearance: whether x_b changes with W_0 to keep the clearance.
+    past, future: changes for undo and redo.
     """
 
     source: _StateSource
@@ -69,33 +80,37 @@ class Session:
 
     @property
     def torques(self) -> str:
-        """The torques as --set takes them."""
+        """Torques in the format of --set."""
         return f"operation.M_g={list(self.drive.operation.M_g)}"
 
     @property
     def trial_torque(self) -> float:
-        """Torque of the trials [N*m]."""
+        """Torque of the measured values in holes [N*m]."""
         return TRIALS.torque_of(self.drive.operation.M_g)
 
     @property
     def here(self) -> str:
-        """The position that is looked at as evidence names it: h4, or an angle [deg]."""
+        """Name of the selected position: h4, or an angle [deg]."""
         return named_position(self.turn_deg, self.drive.mounting.holes)
 
     @property
     def positions(self) -> tuple[float, ...]:
-        """Turns [deg] that the wheel can be looked at in."""
+        """Rotations in which the wheel can be shown [deg]."""
         holes = self.drive.mounting.holes or round(360 / FREE_STEP_DEG)
         return tuple(360 * k / holes for k in range(holes))
 
     def command(self, name: str = "") -> str:
-        """Return the command line that gives the same answer: that of a command by name, without one of mount."""
+        """Return the command line that gives the same result, for a command by name or for `mount`."""
         pinned = self.pinned.origin.file
         pin_options = ("--pin", pinned) if name == "explore" and pinned != self.drive.origin.file else ()
         return again(name or "mount", self.drive, *pin_options)
 
     def trace_command(self, M_g: float, typical: Mapping[str, float]) -> str:
-        """Return the same of the cam turn at a torque [N*m] of a typical drive, the fixed wheel as it is looked at."""
+        """Return the command line for the error of a typical drive, with the wheel in the selected position.
+
+        M_g: torque [N*m].
+        typical: values of the typical drive, by path.
+        """
         drive = self.drive.with_values(typical)
         moved = [path for path in carried(drive) if self.turn_deg and drive.value(path) is not None]
         turned = {path: drive.number(path) + self.turn_deg for path in moved}
@@ -108,7 +123,10 @@ def opened_state(
     overrides: tuple[str, ...] = (),
     pin: str = "",
 ) -> Session:
-    """Return a session of a preset, compared with its opened state or another preset. Raises what loading raises."""
+    """Return a session of a preset, compared with its opened state or with another preset.
+
+    Raises the errors of loading a preset.
+    """
     source = _StateSource.of(name, overrides)
     session = Session(source, source.drive(), source.drive())
     return replace(session, pinned=_StateSource.of(pin, (session.torques,)).drive()) if pin else session
@@ -124,15 +142,15 @@ def edited(
     path: str,
     value: str,
 ) -> Session:
-    """Return the session with a field changed; an empty value takes the change back.
+    """Return the session with a changed field; an empty value reverts the change.
 
-    Teeth change together: one number of them, or the ratio (100:1), keeps their difference. Raises UsageError with
-    the loader's words where the value is refused.
+    Numbers of teeth change together: one number, or the ratio (100:1), keeps their difference. Raises UsageError with
+    the message of the loader if the value is invalid.
     """
     drive = session.drive
     value = value.strip()
     if path in TEETH_FIELDS and value.endswith(":1"):
-        path = TEETH_FIELDS[drive.mounting.fixed != "rigid"]  # the wheel that turns
+        path = TEETH_FIELDS[drive.mounting.fixed != "rigid"]  # the number of teeth of the wheel that rotates
         value = f"{number_of(value[:-2]) * (drive.gears.z_b - drive.gears.z_g):g}"
     values = {path: value}
     if path in TEETH_FIELDS:
@@ -147,7 +165,7 @@ def edited(
 
 
 def _with_fields(session: Session, values: Mapping[str, str]) -> Session:
-    """Return the session with fields changed, by path; empty values take changes back."""
+    """Return the session with changed fields, by path; empty values revert changes."""
     changes = {path: text for path, text in {**dict(session.changes), **values}.items() if text}
     step = tuple(changes.items())
     if step == session.changes:
@@ -162,9 +180,11 @@ def _with_fields(session: Session, values: Mapping[str, str]) -> Session:
 def with_evidence(session: Session, text: str) -> Session:
     """Return the session with further data of its drive: values by name, separated by blanks or ;, or a recording.
 
-    A name is a field, one of `measured` (K_1), a position (h4, h4@80) in which F'_ior was measured, or `limit`. A trace
-    is of the position and torque of trials. Values may have an uncertainty (31 ± 2), k = 2; an empty one takes it back.
-    F'_ior without one has that of trials. Raises UsageError with the loader's words, and what measuring a trace raises.
+    A name is a field, a quantity in `measured` (K_1), a position with measured F'_ior (h4, h4@80), or `limit`. A
+    recording belongs to the selected position and the torque of measured values. Values may have an expanded
+    uncertainty with k = 2 (31 ± 2), which has a default for F'_ior. An empty value removes the entry.
+
+    Raises UsageError with the message of the loader, and the errors of measuring a recording.
     """
     values = {}
     for word in re.split(r"[;\s]+(?=[^\s=]+=)", text.strip()):
@@ -189,7 +209,7 @@ def with_evidence(session: Session, text: str) -> Session:
 
 
 def _measured_value(session: Session, path: str) -> str:
-    """Return F'_ior of a trace with its expanded uncertainty [arcsec]."""
+    """Return F'_ior of a recording with its expanded uncertainty [arcsec], as text."""
     gearing = gearing_of(session.drive, None)
     trace = read_trace(path, TraceForm(), gearing.ratio if gearing else None)
     sweep = with_full_cycle(measure(trace, drive=session.drive)).directions[0]
@@ -202,20 +222,20 @@ def _measured_value(session: Session, path: str) -> str:
 
 
 def turned_state(session: Session, by: int) -> Session:
-    """Return the session with the wheel looked at so many positions further, counter-clockwise."""
+    """Return the session with the selected position moved by a number of positions, counter-clockwise."""
     positions = session.positions
     place = round(session.turn_deg * len(positions) / 360) + by
     return replace(session, turn_deg=positions[place % len(positions)])
 
 
 def pinned(session: Session) -> Session:
-    """Return the session compared with its drive as it is now; pinned again, with the preset."""
+    """Return the session compared with its present drive, or with the preset if this is pinned already."""
     is_pinned = session.pinned.origin == session.drive.origin
     return replace(session, pinned=session.source.drive() if is_pinned else session.drive)
 
 
 def undone(session: Session) -> Session:
-    """Return the session before its last change, which it has to have."""
+    """Return the session before its last change, which must exist."""
     back = _at_step(session, session.past[-1])
     return replace(
         back,
@@ -225,7 +245,7 @@ def undone(session: Session) -> Session:
 
 
 def redone(session: Session) -> Session:
-    """Return the session with the change that was undone last, which it has to have."""
+    """Return the session with the last undone change, which must exist."""
     on = _at_step(session, session.future[0])
     return replace(
         on,
@@ -235,7 +255,7 @@ def redone(session: Session) -> Session:
 
 
 def _at_step(session: Session, changes: _Changes) -> Session:
-    """Return the session with other changes of its preset. Raises UsageError with the loader's words about them."""
+    """Return the session with other changes of its preset. Raises UsageError with the message of the loader."""
     try:
         return replace(
             session,
@@ -253,9 +273,9 @@ SETTING_SECTIONS = (
     "measured",
     "acceptance",
     "numerics",
-)  # sections that are no part of the drive
-TEETH_FIELDS = ("gears.z_g", "gears.z_b")  # change together
-_LEVER_STEPS = {"um": 1.0, "deg": 5.0, "N*m": 10.0}  # a step in units that have a natural one
+)  # sections that do not describe the drive
+TEETH_FIELDS = ("gears.z_g", "gears.z_b")  # numbers of teeth, which change together
+_LEVER_STEPS = {"um": 1.0, "deg": 5.0, "N*m": 10.0}  # steps in units with a natural step
 
 
 def about_field(field: ResolvedField) -> str:
@@ -265,9 +285,10 @@ def about_field(field: ResolvedField) -> str:
 
 
 def step_of(field: PresetField, value: float) -> float:
-    """Return how far a step of a field goes from a value: by its unit, else about one per cent in a round number.
+    """Return the step of a field from a value: that of its unit, or about one per cent as a round number.
 
-    By its unit only where that is at most a tenth of the field's range: 5 deg of a phase, not of a pressure angle.
+    The step of the unit is used only if it is at most a tenth of the field's range: 5 deg for a phase, but not for a
+    pressure angle.
     """
     natural = _LEVER_STEPS.get(field.unit, 0.0)
     high = field.le
@@ -285,7 +306,7 @@ def stepped(
     path: str,
     steps: int,
 ) -> str | None:
-    """Return the value of a field so many steps on, as text; None if it has no steps."""
+    """Return the value of a field after a number of steps, as text; None if it has no steps."""
     field = field_table()[path]
     value = drive.value(path)
     if field.kind not in ("number", "count") or value is None:
