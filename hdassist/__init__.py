@@ -1,7 +1,7 @@
-"""Kinematic error of harmonic drives, and how to make it less: the Python interface.
+"""Kinematic error of harmonic drives and its reduction: the Python interface.
 
-The names below load their parts when first used, so that importing hdassist costs nothing; their types stand in
-__init__.pyi.
+The modules of the names below are imported on first use, which keeps the import of hdassist fast. The types of the
+names are in __init__.pyi.
 """
 
 from importlib import import_module
@@ -35,7 +35,7 @@ __all__ = ["__version__", *_HOMES]  # noqa: PLE0604 (all of them are texts)
 
 
 def __getattr__(name: str) -> Any:
-    """Load a public name when it is first asked for."""
+    """Load a public name on first use."""
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(f"hdassist.{_HOMES[name]}"), name)

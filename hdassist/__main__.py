@@ -1,4 +1,4 @@
-"""`python -m hdassist`, and where the hdassist command begins: before anything else is imported stops end it."""
+"""Entry point of `python -m hdassist` and of the hdassist command; installs the stop signals before further imports."""
 
 from hdassist.run.stops import end_at_stops
 
@@ -6,7 +6,7 @@ end_at_stops()
 
 
 def main() -> None:
-    """Run the command line and leave with its exit code."""
+    """Run the command line and exit with its exit code."""
     from hdassist.cli import run_command_line
 
     run_command_line()

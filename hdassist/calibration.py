@@ -1,8 +1,8 @@
-"""Values of a preset found from targets: least squares from the best, distant points of a Sobol set.
+"""Values of a preset fitted to targets: least squares from the best, distant points of a Sobol set.
 
-Targets are few and unknowns many, so there is seldom one answer: every set that meets the targets and lies far
-from the others is kept, and each value has an interval that says whether the targets have determined it. A text of
-targets is YAML with the values to find, and the measured values of the drive:
+There are few targets and many unknowns, and therefore seldom a single solution. Every set of values that meets the
+targets and is far from the other sets is retained. The interval of each value shows whether the targets determine it. A
+text of targets is YAML with the unknown fields and the measured values of the drive:
 
 schema: hdassist.targets/1
 name: acceptance rig, drive 17
@@ -42,39 +42,44 @@ from hdassist.preset.text import Document, InvalidValueError, Path, near_miss, o
 from hdassist.run.run import UNCHECKED, Run
 
 _TARGETS_SCHEMA = "hdassist.targets/1"
-_RANGE_TOLERANCE = "10 %"  # of its greater end: how far outside a range counts as much as a tolerance does
-_INSIDE = 0.5  # tolerances that a fit is to lie inside a range, for its last step may end beside it
-_TEXT = "text"  # in place of a unit
+_RANGE_TOLERANCE = "10 %"  # tolerance of a range, as a share of its larger end
+# margin in tolerances by which a fit should be inside a range, because its last step may end slightly outside
+_INSIDE = 0.5
+_TEXT = "text"  # marks a text in place of a unit
 _KEY_UNITS = {"M_g": "N*m", "phase": "deg", "T_1": "N*m", "T_2": "N*m"}
-# unit of each quantity, the keys that it needs and those that it takes
+# unit of each quantity, its required keys and its optional keys
 _TARGET_KINDS: dict[str, tuple[str, tuple[str, ...], tuple[str, ...]]] = {
     "F_ior": ("arcsec", ("M_g",), ("phase",)),
-    "F_ior_max": ("arcsec", ("M_g",), ()),  # over the mounting phase
+    "F_ior_max": ("arcsec", ("M_g",), ()),  # largest value over the mounting phase
     "F_ior_min": ("arcsec", ("M_g",), ()),
     "self_error": ("arcsec", ("M_g",), ()),
     **{f"K_{k}": ("N*m/rad", (), ("T_1", "T_2")) for k in (1, 2, 3)},  # on the weaker side
-    "lost_motion": ("arcsec", (), ("M_g",)),  # by default at 4 % of the rated torque
+    "lost_motion": ("arcsec", (), ("M_g",)),  # at 4 % of the rated torque by default
 }
 _PARTS: dict[str, tuple[type, str]] = {
     "unknowns": (dict, "gears.j_n: {low: 0, high: 20}"),
     "targets": (list, "- {quantity: F_ior_max, M_g: 80, value: 31, tolerance: 7 %}"),
 }
-_PHASE_STEP = 20.0  # deg between the phases of which the extremes are located from
-_PHASE_TOLERANCE = 0.1  # deg, of an extreme
-_DISTANT = 0.25  # sets are different if they lie further apart than this share of the range of some unknown
-# Step of difference quotients, as a share of the range: above the roughness of a search for extremes.
+_PHASE_STEP = 20.0  # step between the phases from which the extremes are located [deg]
+_PHASE_TOLERANCE = 0.1  # tolerance of the phase of an extreme [deg]
+_DISTANT = 0.25  # smallest distance between different sets, as a share of an unknown's range
+# step of difference quotients, as a share of the range; above the roughness of located extremes
 _DIFFERENCE_STEP = 0.02
-_VALUE_DIGITS = 4  # digits of a found value
-_INDISTINCT = 0.95  # correlation from which on two unknowns cannot be separated
-_RANGE_SHARES = np.linspace(0, 1, 1001)  # of a field's range, at which a value is looked up
-_IMPOSSIBLE = 1e6  # tolerances, each residual of a drive that cannot be computed
+_VALUE_DIGITS = 4  # significant digits of a found value
+_INDISTINCT = 0.95  # smallest correlation of two unknowns that cannot be separated
+_RANGE_SHARES = np.linspace(0, 1, 1001)  # shares of a field's range at which a value is looked up
+_IMPOSSIBLE = 1e6  # residual of a drive that cannot be computed, in tolerances
 
 
 @dataclass(frozen=True)
 class CalibrationTarget:
-    """A quantity that should lie in low..high, in its unit; tolerance is a deviation that counts as one.
+    """A quantity with its required range.
 
-    asked: values of the keys of its kind; value: the best one, None where any value in the range is.
+    quantity: name of the quantity.
+    asked: values of the keys of its kind.
+    value: required value; None if any value in the range is equally good.
+    low, high: ends of the range, in the unit of the quantity.
+    tolerance: deviation that counts as 1, in the unit of the quantity.
     """
 
     quantity: str
@@ -90,28 +95,37 @@ class CalibrationTarget:
         return _TARGET_KINDS[self.quantity][0]
 
     def deviation(self, predicted: float, inside: float = 0.0) -> float:
-        """Return the deviation of a predicted quantity in tolerances; 0 in a range made narrower by so many of them."""
-        # a range narrower than both margins keeps its middle
+        """Return the deviation of a predicted quantity in tolerances; 0 inside a range.
+
+        inside: margin in tolerances by which the range is narrowed at both ends.
+        """
+        # a range narrower than both margins is reduced to its middle
         margin = min(inside * self.tolerance, (self.high - self.low) / 2)
         nearest = min(max(predicted, self.low + margin), self.high - margin)
         return (predicted - (nearest if self.value is None else self.value)) / self.tolerance
 
     @property
     def wanted(self) -> str:
-        """The value with its tolerance, or the range, in words."""
+        """Description of the required value with its tolerance, or of the range."""
         if self.value is not None:
             return f"{plain(self.value)} ± {short(self.tolerance)}"
         return f"{plain(self.low)} to {plain(self.high)}".replace("-inf to", "at most").replace(" to inf", " or more")
 
     @property
     def words(self) -> str:
-        """The target in short: quantity and its arguments."""
+        """Short description of the target: quantity and arguments."""
         return ", ".join([self.quantity, *(f"{key} {value:g} {_KEY_UNITS[key]}" for key, value in self.asked.items())])
 
 
 @dataclass(frozen=True)
 class Targets:
-    """Fields to find, even between their bounds, and targets to meet; name and SHA-256 of the text that states them."""
+    """Unknown fields and the targets that they should meet.
+
+    name: name in the text of targets.
+    sha256: hash of this text.
+    unknowns: fields to find, with their bounds.
+    targets: targets to meet.
+    """
 
     name: str
     sha256: str
@@ -119,17 +133,17 @@ class Targets:
     targets: tuple[CalibrationTarget, ...]
 
     def by_path(self, values: Iterable[float]) -> dict[str, float]:
-        """Return the values of the unknowns, in their order, by the path of each."""
+        """Return the values of the unknowns by path; values: one per unknown, in the same sequence."""
         return {unknown.path: value for unknown, value in zip(self.unknowns, values, strict=True)}
 
     def deviations(self, predictions: Sequence[float], inside: float = 0.0) -> list[float]:
-        """Return the deviation of the prediction from each target, as that target's own deviation has it."""
+        """Return the deviation of each prediction from its target, as in `CalibrationTarget.deviation`."""
         return [
             target.deviation(prediction, inside) for target, prediction in zip(self.targets, predictions, strict=True)
         ]
 
     def met(self, predictions: Sequence[float]) -> list[bool]:
-        """Return which targets are met by their predictions."""
+        """Return whether each target is met by its prediction."""
         return [
             target.low <= prediction <= target.high
             for target, prediction in zip(self.targets, predictions, strict=True)
@@ -141,13 +155,15 @@ def read_targets(
     file: str,
     drive: Drive,
 ) -> Targets:
-    """Read and validate a targets text for a drive.
+    """Read and validate a text of targets for a drive.
 
-    Arguments: text; file, its name in messages; drive, the ranges of whose source are bounds where none are given.
-    Raises PresetError with every finding.
+    text: the text.
+    file: name of the file in messages.
+    drive: the drive; the ranges in its source are bounds of unknowns without stated bounds.
+    Raises PresetError with all findings.
     """
     document = read_yaml(text, file)
-    # faults of YAML first: values below them cannot be trusted
+    # faults of YAML are reported first because values below them cannot be trusted
     if document.findings:
         raise PresetError(ordered_findings(document.findings))
     data = {"name": ""} | _numbers(
@@ -158,7 +174,7 @@ def read_targets(
     for key, (kind, example) in _PARTS.items():
         if not (isinstance(data.get(key), kind) and data[key]):
             document.add((key,), "needs at least one entry", f"for example {example}")
-            # an empty part, so that further faults are found in the same run
+            # an empty part allows further faults to be found in the same run
             data[key] = kind()
     unknowns = [unknown for key, value in data["unknowns"].items() for unknown in _unknown(document, key, value, drive)]
     targets = [target for number, item in enumerate(data["targets"]) for target in _target(document, number, item)]
@@ -176,9 +192,10 @@ def _numbers(
     units: Mapping[str, str | None],
     needs: Iterable[str] = (),
 ) -> dict[str, Any]:
-    """Return the values of the keys of a table that can be read; faults are added to the findings.
+    """Return the readable values of a table by key, and add faults to the findings.
 
-    Arguments: units by key, TEXT for a text and None for a value as it stands; needs, keys that must be given.
+    units: unit by key; _TEXT for a text, None for a value that is returned as it is.
+    needs: required keys.
     """
     if not isinstance(table, dict):
         document.add(path, "must be a table of keys", f"known keys: {', '.join(units)}")
@@ -190,7 +207,7 @@ def _numbers(
     for key, value in table.items():
         key_path = (*path, key)
         unit = units.get(key)
-        # read by the caller
+        # the caller reads this value
         if unit in (_TEXT, None):
             values[key] = value
         elif key_path not in document.bad:
@@ -228,7 +245,7 @@ def _unknown(
             key=True,
         )
         return
-    # bounds that the preset states need not be repeated
+    # bounds stated in the preset need not be repeated
     plausible = (
         dict(
             zip(
@@ -252,7 +269,7 @@ def _unknown(
         document.add(
             path, f"low must be below high, both within {measures()[key].range_words()}", got=f"{low:g}, {high:g}"
         )
-    # as for priors: a wide positive range in its logarithm
+    # as for priors, a wide positive range is logarithmic
     scale: Literal["logarithmic", "even"] = "logarithmic" if low > 0 and high / low > LOGARITHMIC else "even"
     yield FieldPrior(
         path=key,
@@ -270,7 +287,7 @@ def _quantity_of(
     path: Path,
     item: Any,
 ) -> str | None:
-    """Return the quantity of a target, None after its fault was added to the findings."""
+    """Return the quantity of a target; None if its name is invalid, with the fault added to the findings."""
     quantity = item.get("quantity") if isinstance(item, dict) else None
     if isinstance(quantity, str) and quantity in _TARGET_KINDS:
         return quantity
@@ -284,7 +301,7 @@ def _target(
     number: int,
     item: Any,
 ) -> Iterator[CalibrationTarget]:
-    """Yield a target, or nothing after its faults were added to the findings of the document."""
+    """Yield a target, or nothing if it is invalid, with its faults added to the findings of the document."""
     path: Path = ("targets", number)
     quantity = _quantity_of(document, path, item)
     if quantity is None:
@@ -299,11 +316,11 @@ def _target(
     if (value is None) != has_range or not low < high:
         document.add(path, "needs either a value with its tolerance, or low, high or both, low below high", got="")
         return
-    # a share of tolerance is taken of the larger end
+    # a tolerance in percent refers to the larger end
     ends = (low, high) if value is None else (value, value)
     unit, _, _ = _TARGET_KINDS[quantity]
     tolerance = _tolerance(numbers.get("tolerance", _RANGE_TOLERANCE if value is None else None), unit, ends)
-    # NaN and 0 are refused by one comparison
+    # one comparison rejects both NaN and 0
     if not 0 < tolerance < inf:
         document.add((*path, "tolerance"), "must be above 0: a number, or a share, for example 5 %")
         return
@@ -326,13 +343,13 @@ def _target_numbers(
     item: Any,
     quantity: str,
 ) -> dict[str, Any] | None:
-    """Return the numbers of a target by key, None after their faults were added to the findings."""
+    """Return the numbers of a target by key; None if they are invalid, with the faults added to the findings."""
     unit, needs, takes = _TARGET_KINDS[quantity]
     units = {"quantity": _TEXT, **{key: _KEY_UNITS[key] for key in (*needs, *takes)}, "tolerance": None}
     faults = len(document.findings)
     numbers = _numbers(document, path, item, units | dict.fromkeys(("value", "low", "high"), unit), needs)
     for key in ("M_g", "T_1", "T_2"):
-        # play leaves the rotation open without torque
+        # without torque, backlash leaves the rotation undetermined
         if numbers.get(key) == 0:
             document.add((*path, key), "the rotation is undetermined at a torque of 0")
     return numbers if len(document.findings) == faults else None
@@ -345,10 +362,9 @@ def _tolerance(
 ) -> float:
     """Return a tolerance in the unit of its target, 0 if it cannot be read.
 
-    Args:
-        stated: a number, or a share in percent of the larger end.
-        unit: of the target.
-        ends: of the target's range, of which one may be infinite.
+    stated: a number, or a share in percent of the larger end.
+    unit: unit of the target.
+    ends: ends of the target's range, one of which may be infinite.
     """
     is_share = isinstance(stated, str) and stated.strip().endswith("%")
     try:
@@ -362,7 +378,11 @@ def _tolerance(
 
 @dataclass(frozen=True)
 class PhaseScan:
-    """Extremes of F'_ior over the mounting phase: least and greatest [arcsec], and the phases [deg] of both."""
+    """Extremes of F'_ior over the mounting phase.
+
+    least, greatest: smallest and largest F'_ior [arcsec].
+    best_deg, worst_deg: phases of both [deg].
+    """
 
     least: float
     best_deg: float
@@ -371,8 +391,8 @@ class PhaseScan:
 
 
 def predictions(drive: Drive, targets: Sequence[CalibrationTarget]) -> tuple[float, ...]:
-    """Return the quantity of each target in its unit. Raises UntrustedError if one cannot be trusted."""
-    # several targets may ask for the same torque
+    """Return the quantity of each target in its unit. Raises UntrustedError if one of them cannot be trusted."""
+    # several targets may have the same torque
     scan = cache(partial(phase_scan, drive))
     torques = sorted({target.asked["M_g"] for target in targets if target.quantity == "self_error"})
     self_errors = dict(
@@ -401,7 +421,7 @@ def predictions(drive: Drive, targets: Sequence[CalibrationTarget]) -> tuple[flo
             return scan(M_g).greatest if quantity == "F_ior_max" else scan(M_g).least
         if quantity == "self_error":
             return self_errors[M_g].range_arcsec
-        # between stated torques instead of 4 % of the rated one
+        # a stated torque replaces 4 % of the rated torque
         if M_g:  # lost motion
             return Twist(drive).between(-M_g, M_g)
         curve = chords(T_1=arguments.get("T_1"), T_2=arguments.get("T_2"))
@@ -411,8 +431,8 @@ def predictions(drive: Drive, targets: Sequence[CalibrationTarget]) -> tuple[flo
 
 
 def F_ior_at_phases(error_map: ErrorMap, phases: Iterable[float]) -> Array:
-    """Return F'_ior [arcsec] of a map's drive at mounting phases [deg], shape (phases,)."""
-    # phases count from the drive's own, as turns of the wheel do
+    """Return F'_ior of the drive of an error map at mounting phases [deg], in arcsec, shape (phases,)."""
+    # rotations of the wheel count from the drive's own phase
     own_phase_deg = phase_deg(error_map.drive)
     return many_extremes(
         error_map, Batch.turned(error_map.drive, [phase - own_phase_deg for phase in phases])
@@ -420,14 +440,14 @@ def F_ior_at_phases(error_map: ErrorMap, phases: Iterable[float]) -> Array:
 
 
 def phase_scan(drive: Drive, M_g: float) -> PhaseScan:
-    """Return the extremes of F'_ior over the mounting phase at a torque [N*m]."""
+    """Return the extremes of F'_ior over the mounting phase at a torque M_g [N*m]."""
     error_map = ErrorMap(drive, M_g)
     phases = np.arange(0, 360, _PHASE_STEP)
     F_ior = F_ior_at_phases(error_map, phases)
 
     def least(sign: int) -> tuple[float, float]:
-        """Return the least sign * F'_ior [arcsec] and its phase [deg]."""
-        # F'_ior over the phase has few extremes, so the coarse best is near the true one
+        """Return the minimum of sign * F'_ior [arcsec] and its phase [deg]."""
+        # F'_ior has few extremes over the phase, so the best coarse phase is near the true one
         middle = phases[(sign * F_ior).argmin()]
         extreme = minimize_scalar(
             lambda phase: sign * F_ior_at_phases(error_map, [phase])[0],
@@ -449,9 +469,11 @@ def phase_scan(drive: Drive, M_g: float) -> PhaseScan:
 
 @dataclass(frozen=True)
 class Fit:
-    """One set of found values, in the order of the unknowns.
+    """One set of found values.
 
-    predictions: the quantity of each target in its unit, NaN of a drive without an answer; fault: why it has none.
+    values: values in the sequence of the unknowns.
+    predictions: quantity of each target in its unit; NaN for a drive without a result.
+    fault: reason why the drive has no result; otherwise empty.
     """
 
     values: tuple[float, ...]
@@ -461,10 +483,15 @@ class Fit:
 
 @dataclass(frozen=True)
 class _FoundValue:
-    """A value of the best set, in the unit of its field, by path; start, of the preset; low and high, its bounds.
+    """A value of the best set.
 
-    half_width: of its interval, in the sense in which the tolerances are half-widths; determined: share of the bounds'
-    width by which the targets have narrowed the interval, 0..1; held_at: the bound at which it stands, None elsewhere.
+    path, unit: path of the field and its unit, which all values have.
+    start: value in the preset.
+    found: found value.
+    half_width: half-width of its interval, in the same sense as the tolerances of the targets.
+    low, high: bounds of the unknown.
+    determined: share of the bounds' width by which the targets narrow the interval, 0..1.
+    held_at: bound that limits the value, None without one.
     """
 
     path: str
@@ -480,11 +507,14 @@ class _FoundValue:
 
 @dataclass(frozen=True)
 class Calibration:
-    """Found values, the best set first, then others, far from it, that meet every target too.
+    """Result of a calibration.
 
-    values: of the best set; shortfall: targets that it misses and bounds that hold it back, in words, empty if all
-    are met; indistinct: pairs of unknowns that the targets cannot separate, with their correlation; evaluations:
-    drives computed.
+    fits: the best set of values, then other sets far from it that also meet every target.
+    values: values of the best set.
+    shortfall: description of missed targets and limiting bounds; empty if all targets are met.
+    indistinct: pairs of unknowns that the targets cannot separate, with their correlation.
+    evaluations: number of computed drives.
+    seed: seed of the Sobol set.
     """
 
     drive: Drive
@@ -503,7 +533,7 @@ def estimate_drives(
     starts: int = 4,
     iterations: int = 12,
 ) -> int:
-    """Return the number of drives that a calibration computes, about, for a progress bar."""
+    """Return the approximate number of drives that a calibration computes, for the progress bar."""
     return points + starts * iterations // 2 * (len(targets.unknowns) + 2)
 
 
@@ -518,14 +548,12 @@ def calibrate(
 ) -> Calibration:
     """Find the unknowns of a drive from its targets, equations (11) and (12).
 
-    Args:
-        drive: the drive with the start values of the unknowns.
-        targets: unknowns with their bounds, and targets.
-        points: number of points of the Sobol set.
-        starts: number of its best points, far from each other, from which least squares starts.
-        iterations: most iterations of a least-squares run.
-        run: processes and seed.
-
+    drive: the drive with the start values of the unknowns.
+    targets: unknowns with their bounds, and targets.
+    points: number of points of the Sobol set.
+    starts: number of its best points, far from each other, from which least squares starts.
+    iterations: maximum number of iterations of a least-squares run.
+    run: processes and seed.
     Raises UntrustedError if no drive could be computed or least squares did not converge.
     """
     unknowns = targets.unknowns
@@ -538,8 +566,7 @@ def calibrate(
         iterations=iterations,
     )
     fits = _distinct_fits(search, first, other_runs)
-    # half the bounds' width is the half-width of a value that no target determines
-    # equation (12)
+    # equation (12); the term 4 I gives an unknown that no target determines a half-width of half its range
     covariance = np.linalg.inv(first.jac.T @ first.jac + 4 * np.eye(len(unknowns)))
     deviation = np.sqrt(np.diag(covariance))
     values = _fitted_values(drive, unknowns, fits[0], first, deviation)
@@ -565,7 +592,7 @@ def _distinct_fits(
     first: OptimizeResult,
     others: Sequence[OptimizeResult],
 ) -> list[Fit]:
-    """Return the best fit, and others that meet the targets far from it and from each other."""
+    """Return the best fit, and other fits that meet the targets far from the best one and from each other."""
     targets = search.targets
     valid_runs = [run for run in others if all(targets.met(search.fits([run.x])[0].predictions))]
     points = [first.x, *(run.x for run in valid_runs)]
@@ -580,7 +607,7 @@ def _least_squares_runs(
     starts: int,
     iterations: int,
 ) -> list[OptimizeResult]:
-    """Return the results of least squares from the best points of a Sobol set, the lowest cost first.
+    """Return the results of least squares from the best points of a Sobol set, lowest cost first.
 
     Raises UntrustedError if no drive could be computed.
     """
@@ -589,14 +616,14 @@ def _least_squares_runs(
     # the preset's own values are one of the starts
     sobol[0] = _places_of(unknowns, {unknown.path: drive.number(unknown.path) for unknown in unknowns})
     costs = (search.residuals(sobol) ** 2).sum(axis=1)
-    # points without a result are no starts
+    # points without a result are not used as starts
     order = [k for k in np.argsort(costs, kind="stable") if costs[k] < _IMPOSSIBLE**2]
     if not order:
         message = (
             f"no drive within the bounds could be computed; at the preset's values: {search.fits(sobol[:1])[0].fault}"
         )
         raise UntrustedError(message, "check the bounds and the preset", Fault.FIT_UNSETTLED)
-    # starts far apart: other sets of values may meet the targets too
+    # the starts are far apart because other sets of values may also meet the targets
     runs = [search.settled(sobol[order[k]], iterations) for k in _distant(sobol[order])[:starts]]
     return sorted(runs, key=lambda fit: fit.cost)
 
@@ -610,12 +637,11 @@ def _fitted_values(
 ) -> list[_FoundValue]:
     """Return the fitted value of each unknown with its half-width.
 
-    Args:
-        drive: the drive with the start values.
-        unknowns: with their bounds.
-        fit: the values of the best fit.
-        first: result of least squares of that fit.
-        deviation: standard deviation of each unknown in the unit cube.
+    drive: the drive with the start values.
+    unknowns: unknowns with their bounds.
+    fit: values of the best fit.
+    first: least-squares result of the best fit.
+    deviation: standard deviation of each unknown in the unit cube, shape (unknowns,).
     """
     values = []
     for unknown, fitted, x, dx, active_bound in zip(
@@ -642,13 +668,13 @@ def _fitted_values(
 
 
 def _indistinct_pairs(unknowns: Sequence[FieldPrior], correlation: Array) -> tuple[tuple[str, str, float], ...]:
-    """Return the pairs of unknowns that the targets cannot tell apart, with their correlation."""
+    """Return the pairs of unknowns that the targets cannot separate, with their correlation."""
     pairs = np.argwhere(np.triu(np.abs(correlation), 1) > _INDISTINCT).tolist()
     return tuple((unknowns[i].path, unknowns[k].path, float(correlation[i, k])) for i, k in pairs)
 
 
 class _Search:
-    """Fits of a drive to targets at points of the unit cube, shape (unknowns,); each drive is computed once."""
+    """Fits of a drive to targets at points of the unit cube, shape (unknowns,); each drive is computed only once."""
 
     def __init__(
         self,
@@ -662,8 +688,8 @@ class _Search:
         self.known: dict[tuple[float, ...], Fit] = {}
 
     def fits(self, points: Iterable[Array]) -> list[Fit]:
-        """Return the sets of values at points, shape (unknowns,) each, and their predictions."""
-        # rounded before they are computed: the printed values have exactly these results
+        """Return the sets of values at points of shape (unknowns,), with their predictions."""
+        # values are rounded before the computation, so that the results belong to the printed values
         sets = [_rounded_values(self.targets.unknowns, point) for point in points]
         fresh = [values for values in dict.fromkeys(sets) if values not in self.known]
         self.known |= zip(
@@ -671,49 +697,49 @@ class _Search:
             self.run.map(partial(_fit, self.drive, self.targets), fresh),
             strict=True,
         )
-        self.run.solved(len(fresh))  # drives here
+        self.run.solved(len(fresh))  # the progress bar counts drives here
         return [self.known[values] for values in sets]
 
     def residuals(self, points: Iterable[Array]) -> Array:
-        """Return the deviations of fits [tolerances], shape (points, targets)."""
+        """Return the deviations of the fits in tolerances, shape (points, targets)."""
         deviations = [self.targets.deviations(fit.predictions, _INSIDE) for fit in self.fits(points)]
-        # a drive that cannot be computed is a wall, not an end of the search
+        # a drive that cannot be computed repels the search without stopping it
         return np.asarray(np.nan_to_num(deviations, nan=_IMPOSSIBLE))
 
     def settled(self, point: Array, iterations: int) -> OptimizeResult:
-        """Least squares (11) from a point, shape (unknowns,); status above 0 if it came to rest."""
+        """Return the result of least squares (11) from a point, shape (unknowns,); a status above 0 is convergence."""
         return least_squares(
             lambda p: self.residuals([p])[0],
-            # from a bound least squares could not move
+            # least squares could not move from a bound
             np.clip(point, _DIFFERENCE_STEP, 1 - _DIFFERENCE_STEP),
             jac=self._jacobian,
             bounds=(0.0, 1.0),
-            xtol=3e-3,  # of the bounds' width
-            ftol=0.03,  # of the sum of squares: better is not worth the time
+            xtol=3e-3,  # share of the bounds' width
+            ftol=0.03,  # share of the sum of squares; a further decrease does not justify the time
             gtol=1e-3,
             max_nfev=iterations,
         )
 
     def _jacobian(self, point: Array) -> Array:
-        """Change of the residuals over the cube, shape (residuals, unknowns), by differences towards its middle."""
-        # inwards, so that no difference leaves the cube
+        """Return the slopes of the residuals over the cube, shape (residuals, unknowns), from differences."""
+        # steps point inwards, so that no difference leaves the cube
         steps = np.where(point < 0.5, _DIFFERENCE_STEP, -_DIFFERENCE_STEP)
         center, *ends = self.residuals([point, *(point + np.diag(steps))])
         return np.stack([(end - center) / step for end, step in zip(ends, steps, strict=True)], axis=1)
 
 
 def _places_of(unknowns: Sequence[FieldPrior], values: Mapping[str, float]) -> Array:
-    """Return the place of the value of each field, by path, between its bounds, 0..1, shape (unknowns,)."""
+    """Return the position of each field's value between its bounds, 0..1, shape (unknowns,); values are by path."""
     return np.array([np.interp(values[u.path], u.value(_RANGE_SHARES), _RANGE_SHARES) for u in unknowns])
 
 
 def _rounded_values(unknowns: Sequence[FieldPrior], point: Array) -> tuple[float, ...]:
-    """Return the values at places between the bounds, shape (unknowns,), rounded as they are printed."""
+    """Return the values at positions between the bounds, shape (unknowns,), rounded as they are printed."""
     return tuple(float(f"{u.value(x):.{_VALUE_DIGITS}g}") for u, x in zip(unknowns, point, strict=True))
 
 
 def _distant(points: Iterable[Array]) -> list[int]:
-    """Return the places of the points, in their order, that lie far from those before them."""
+    """Return the indices of the points that are far from all chosen points before them."""
     chosen: dict[int, Array] = {}
     for k, point in enumerate(points):
         if all(np.abs(point - chosen_point).max() > _DISTANT for chosen_point in chosen.values()):
@@ -732,7 +758,7 @@ def _fit(
         if (conflict := first_conflict(fitted_drive)) is not None:
             raise DataError(f"{conflict.path}: {conflict.message}", conflict.hint)
         return Fit(values, predictions(fitted_drive, targets.targets))
-    # kept with its reason, which is shown if no set can be computed
+    # the reason is stored and shown if no set can be computed
     except HdassistError as error:
         return Fit(values, tuple(np.nan for _ in targets.targets), error.message)
 
@@ -742,7 +768,7 @@ def _shortfall(
     fit: Fit,
     values: Sequence[_FoundValue],
 ) -> str:
-    """Return the targets that a fit misses and the bounds that limit it, in words; empty if all targets are met."""
+    """Return a description of missed targets and limiting bounds; empty if all targets are met."""
     outcomes = zip(
         targets.targets,
         fit.predictions,

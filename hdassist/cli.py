@@ -1,4 +1,4 @@
-"""The hdassist command: its commands, their help, and how it ends."""
+"""The hdassist command: its subcommands, their help, and its exit."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ from hdassist.files import GREATEST, begin_run, is_written
 from hdassist.run.system import address_limit, limits_hint, pipe_stream
 from hdassist.terminal.streams import give_stdout, say, silence
 
-# of click, of which typer has a copy: only its subclasses are public
+# typer has a copy of click, of which only the subclasses are public
 _Context: TypeAlias = Any
 _Formatter: TypeAlias = Any
 
 _OTHERS = "Options"
-_SECTIONS = (  # of options, in their order; sections of commands stand before them
+_SECTIONS = (  # sections of options in sequence; sections of commands come before them
     "Arguments",
     _OTHERS,
     "Drive",
@@ -45,29 +45,29 @@ _SECTIONS = (  # of options, in their order; sections of commands stand before t
     "Output",
     "Advanced",
 )
-_NOTE = re.compile(r"  \[(?:default: )?\(?([^;\]]*?)\)?(?:; [^\]]*)?\]$")  # default and range, as typer writes them
-_WIDEST = 31  # columns of names of options: --limit [NAME@TORQUE=]VALUE ...
-_ADDRESSES = 512_000_000  # bytes: with less OpenBLAS waits for ever while it is loaded, or ends the process
-_SECTION_COLUMNS = 12  # width of the column of sections on the start page
-_NAME_COLUMNS = 13  # width of the column of commands on the start page
-_LONGEST_SENTENCE = 1000  # characters: no first sentence of a help text is longer
+_NOTE = re.compile(r"  \[(?:default: )?\(?([^;\]]*?)\)?(?:; [^\]]*)?\]$")  # default and range in typer's notation
+_WIDEST = 31  # largest width of option names in columns, for example --limit [NAME@TORQUE=]VALUE ...
+_ADDRESSES = 512_000_000  # bytes of address space: with less, OpenBLAS hangs or ends the process while it loads
+_SECTION_COLUMNS = 12  # width of the section column on the start page
+_NAME_COLUMNS = 13  # width of the name column on the start page
+_LONGEST_SENTENCE = 1000  # characters; no first sentence of a help text is longer
 
 
 def bold(text: str) -> str:
-    """Return a text as standard output shows it in bold, where that takes control codes."""
+    """Return a text in bold if standard output is a terminal with control codes."""
     plain = bool(os.environ.get("NO_COLOR")) or os.environ.get("TERM") == "dumb" or "--no-color" in sys.argv
     return typer.style(text, bold=True) if sys.stdout.isatty() and not plain else text
 
 
 class _Sectioned:
-    """A command whose help has its options in sections, behind rows of its own."""
+    """A command whose help shows its options in sections, after its own rows."""
 
     def rows(self) -> Iterable[Row]:
-        """Return the rows that stand before the options, with their sections."""
+        """Return the rows that precede the options, with their sections."""
         return ()
 
     def format_options(self, ctx: _Context, formatter: _Formatter) -> None:
-        """Write the rows, then the options, each in its section."""
+        """Write the rows and then the options, each in its section."""
         command: Any = self
         panels: dict[str, list[tuple[str, str]]] = {}
         for panel, record in (*self.rows(), *(_row(parameter, ctx) for parameter in command.get_params(ctx))):
@@ -79,9 +79,9 @@ class _Sectioned:
 
 
 class Command(_Sectioned, TyperCommand):
-    """A command that is a dataclass: its fields are the options, its docstring the help, `run` gives the exit code.
+    """A command defined by a dataclass: fields are options, the docstring is the help, `run` returns the exit code.
 
-    Its help has a section for each group of options, and its numbers are written in ASCII digits.
+    Its help has a section for each group of options. Its numbers must be in ASCII digits.
     """
 
     def __init__(self, *args: Any, **options: Any) -> None:
@@ -94,16 +94,17 @@ class Command(_Sectioned, TyperCommand):
                 parameter.process_value = partial(_process, parameter, parameter.process_value)
 
     def invoke(self, ctx: _Context) -> None:
-        """Make the command of its options, run it, and leave with its exit code."""
+        """Create the command from its options, run it, and exit with its exit code."""
         _require_memory()
         command = super().invoke(ctx)
         try:
             code = command.run()
-        except KeyboardInterrupt:  # before there was anything to answer with
+        except KeyboardInterrupt:  # interrupted before a result was available
             say("interrupted")
             code = 130
         except HdassistError as error:
-            from hdassist.terminal.options import PageOptions  # as the command did: `hdassist --help` needs none of it
+            # imported here because `hdassist --help` does not need it
+            from hdassist.terminal.options import PageOptions
 
             if isinstance(command, PageOptions) and not isinstance(error, UsageError):
                 command.give_failure("-".join(ctx.command_path.split()[1:]), error)
@@ -112,7 +113,7 @@ class Command(_Sectioned, TyperCommand):
 
 
 class _Commands(_Sectioned, TyperGroup):
-    """A command of commands."""
+    """A command with subcommands."""
 
     def rows(self) -> Iterator[Row]:
         """Yield the commands and their summaries, with their sections."""
@@ -121,7 +122,7 @@ class _Commands(_Sectioned, TyperGroup):
 
 
 def _require_memory() -> None:
-    """Raise DataError where the addresses that a process may have (ulimit -v) do not hold numpy and its solvers."""
+    """Raise DataError if the address space of a process (ulimit -v) is too small for numpy and its solvers."""
     limit = address_limit()
     if limit is not None and limit < _ADDRESSES:
         message = f"the memory limit of a process, {limit / 1e6:.0f} MB, is too small to compute with"
@@ -134,9 +135,9 @@ def _process(
     ctx: _Context,
     value: Any,
 ) -> Any:
-    """Process texts of an option of numbers, without the underscores and other scripts' digits that Python reads.
+    """Process the text of a numeric option, without the underscores and non-ASCII digits that Python accepts.
 
-    Raises typer.BadParameter for these, and for a number that is not finite or has no finite square.
+    Raises typer.BadParameter for such texts, and for a number that is not finite or has no finite square.
     """
     for text in value if isinstance(value, list | tuple) else [value]:
         if isinstance(text, str) and ("_" in text or not text.isascii()):
@@ -149,13 +150,13 @@ def _process(
     return value_of_option
 
 
-Row = tuple[str, tuple[str, str] | None]  # section of a help text; its left and right column
+Row = tuple[str, tuple[str, str] | None]  # section of a help text; its left and right columns
 
 
 def _row(parameter: Any, ctx: _Context) -> Row:
-    """Return the row of a parameter in a help text, with its section: of its default and range the default alone.
+    """Return the row of a parameter in a help text, with its section, and with its default but without its range.
 
-    Three dots stand behind an option that may be given several times.
+    Three dots follow an option that may be given several times.
     """
     kind = "Arguments" if parameter.param_type_name == "argument" else _OTHERS
     record = parameter.get_help_record(ctx)
@@ -169,7 +170,7 @@ def _default(note: re.Match[str]) -> str:
     return "" if note[1] == "-" or "<=" in note[1] else note[0] if note[1] == "required" else f" [{note[1]}]"
 
 
-_SUMMARIES = {  # summary of each command by the section of the help in which it stands
+_SUMMARIES = {  # summaries of the commands, by their section of the help
     "Design": {
         "check": "F'_ior over the full mesh cycle, with a verdict",
         "explore": "change inputs and mounting angle interactively",
@@ -202,21 +203,22 @@ _SUMMARIES = {  # summary of each command by the section of the help in which it
     },
 }
 COMMANDS = tuple(name for summaries in _SUMMARIES.values() for name in summaries)
-OTHER_NAMES = {"trials": "mount"}  # commands by an old name
-_MODULES = {"explore": "hdassist.explorer.command", "explain": "hdassist.commands.data"}  # that no section names
-_OPTIONS: Any = {"add_completion": False, "rich_markup_mode": None}  # of each typer
+OTHER_NAMES = {"trials": "mount"}  # old names of commands
+# modules that do not follow from the section
+_MODULES = {"explore": "hdassist.explorer.command", "explain": "hdassist.commands.data"}
+_OPTIONS: Any = {"add_completion": False, "rich_markup_mode": None}  # options of every typer application
 _PRESETS = ("list", "show", "validate", "schema", "new")  # commands of `hdassist presets`
 
 
 def module_of(name: str) -> str:
-    """Return the module of a command by its section in the help; its class is named after the command."""
+    """Return the module of a command, which depends on its section in the help; its class has the command's name."""
     section = next(section for section, summaries in _SUMMARIES.items() if name in summaries)
     return _MODULES.get(name, f"hdassist.commands.{section.lower()}")
 
 
 @cache
 def _loaded(name: str) -> Any:
-    """Return a command, by name, loaded when it is called."""
+    """Return the command with a name, imported on first use."""
     module = import_module(module_of(name))
     name = OTHER_NAMES.get(name, name)
     if name == "presets":
@@ -237,7 +239,7 @@ def _loaded(name: str) -> Any:
     return typer.main.get_command(app)
 
 
-_REMEDIES = {  # of an option that a command does not take
+_REMEDIES = {  # hints for options that a command does not have
     "--travel": "set the field of the preset: --set acceptance.travel=300",
     "--rule": "set the field of the preset: --set acceptance.rule=simple",
     "--assume-phases": "set the directions: --set phases.phi_hb=0",
@@ -249,7 +251,7 @@ _REMEDIES = {  # of an option that a command does not take
 
 
 class _RootCommands(_Commands):
-    """The commands of hdassist: the one that is called is loaded, the help needs none of them."""
+    """The commands of hdassist; only the called command is imported, and none for the help."""
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
@@ -257,7 +259,7 @@ class _RootCommands(_Commands):
         self.commands = names
 
     def get_command(self, _ctx: _Context, name: str) -> Any:
-        """Return the command of a name."""
+        """Return the command with a name."""
         return _loaded(name) if name in self.commands else None
 
     def rows(self) -> Iterator[Row]:
@@ -265,12 +267,12 @@ class _RootCommands(_Commands):
         yield from ((panel, row) for panel, summaries in _SUMMARIES.items() for row in summaries.items())
 
 
-# The error of a wrong command line, click's or typer's own copy of it: only its subclasses are public.
+# The error class of a wrong command line, from click or typer's own copy, of which only the subclasses are public.
 _ClickException: type[typer.BadParameter] = typer.BadParameter.__mro__[2]
-# faults of the system: of a device that takes no more, or none; of resources that it has no more of
+# system faults of a device that is full or missing, and of exhausted resources
 _DEVICE_FAULTS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
 _SCARCE = (errno.EMFILE, errno.ENFILE, errno.EAGAIN, errno.ENOMEM)
-# each 1: small matrices gain nothing by more, and a process with several cannot be forked
+# set to 1: more threads do not speed up small matrices, and a process with several threads cannot be forked
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 app = typer.Typer(
@@ -308,7 +310,7 @@ def _global(
 
 
 def _start_page(width: int) -> str:
-    """Return the commands by their purpose and one example, on one screen; width in columns."""
+    """Return the start page with one example and the commands by purpose, for a width in columns."""
     indent = _SECTION_COLUMNS + _NAME_COLUMNS
 
     def row(
@@ -338,9 +340,9 @@ def _takes_one_preset(command: Any) -> bool:
 
 
 def run_command_line() -> None:
-    """Run the command line and leave with its exit code."""
+    """Run the command line and exit with its exit code."""
     for name in THREADS:
-        os.environ.setdefault(name, "1")  # read when numpy loads
+        os.environ.setdefault(name, "1")  # numpy reads these variables when it loads
     _open_streams()
     begin_run()
     try:
@@ -350,12 +352,13 @@ def run_command_line() -> None:
         wrong: Any = error
         shown = io.StringIO()
         hint = ""
-        if hasattr(wrong, "possibilities"):  # options like one that is none
+        if hasattr(wrong, "possibilities"):  # an unknown option, with similar known ones
             hint = _REMEDIES.get(getattr(wrong, "option_name", ""), "")
             wrong.possibilities = wrong.possibilities if not hint else ()
         elif "unexpected extra argument" in wrong.message and _takes_one_preset(wrong.ctx.command):
             hint = "to compare presets, use hdassist compare A.yaml B.yaml"
-        elif wrong.message.startswith(("Input should", "Value error")):  # of pydantic; others have the user's own words
+        # messages of pydantic; other messages contain the user's own words
+        elif wrong.message.startswith(("Input should", "Value error")):
             wrong.message = validation_words(wrong.message)
         error.show(shown)
         lines = f"\n{shown.getvalue()}".replace("\nError: ", "\nerror: ")[1:]
@@ -363,7 +366,7 @@ def run_command_line() -> None:
         if "error: " in lines:
             _give_wrong_usage(UsageError(lines.partition("error: ")[2].strip(), hint))
         sys.exit(error.exit_code)
-    except Exception as error:  # whatever ends a command: known errors by their exit codes, the rest as a bug, 1
+    except Exception as error:  # known errors have their own exit codes; all others are bugs with exit code 1
         if "--debug" in sys.argv:
             _say(traceback.format_exc())
         from hdassist.terminal.output import complain
@@ -378,9 +381,10 @@ def run_command_line() -> None:
 
 
 def _give_wrong_usage(error: UsageError) -> None:
-    """Write wrong usage as JSON on standard output, if --json is asked for and nothing was written there.
+    """Write wrong usage as JSON to standard output, if --json is given and nothing was written there before.
 
-    It has a schema of its own, as the command may be what is wrong, and never goes to the file of -o, which may be too.
+    The JSON has its own schema because the command itself may be wrong. It is never written to the file of -o, which
+    may be wrong, too.
     """
     from hdassist.terminal.output import failure, json_text
 
@@ -393,7 +397,7 @@ def _give_wrong_usage(error: UsageError) -> None:
 
 
 def _say_of_cache() -> None:
-    """Warn where the cache of a command that computes is not used, as another user could have put answers there."""
+    """Warn if a command does not use the cache because another user could have placed results there."""
     if "hdassist.run.kept" in sys.modules:
         from hdassist.run.kept import FOLDER, keeps_answers, why_unsafe
 
@@ -402,7 +406,7 @@ def _say_of_cache() -> None:
 
 
 def _as_known(error: Exception) -> HdassistError:
-    """Return an error with the words and the exit code that it ends the command with."""
+    """Return an error with the message and the exit code of the command."""
     if isinstance(error, HdassistError):
         return error
     if isinstance(error, MemoryError):
@@ -410,8 +414,8 @@ def _as_known(error: Exception) -> HdassistError:
         hint = "reduce --jobs"
         return UntrustedError(message, hint, Fault.MEMORY_SHORT)
     number = error.errno if isinstance(error, OSError) else None
-    if number in _DEVICE_FAULTS:  # typer writes help and version; files say it themselves
-        silence()  # or the rest of the buffer fails once more at the end
+    if number in _DEVICE_FAULTS:  # typer writes help and version; other output reports its own errors
+        silence()  # otherwise the rest of the buffer causes another error at the end
         message = f"cannot write: {os.strerror(number)}"
         hint = "check that standard output is open and its device is not full"
         return DataError(message, hint, Fault.FILE_UNWRITABLE)
@@ -424,7 +428,7 @@ def _as_known(error: Exception) -> HdassistError:
 
 
 def _require_lines(arguments: list[str]) -> None:
-    """Raise UsageError where an argument has a line break: it could forge a line of the output."""
+    """Raise UsageError if an argument contains a line break, which could forge a line of the output."""
     for text in arguments:
         if "\n" in text:
             raise UsageError(
@@ -443,11 +447,11 @@ def _say(
 
 
 def _open_streams() -> None:
-    """Give a stream that was closed by the caller (>&-) a place of its own: Python has None in it.
+    """Replace standard streams that the caller closed (>&-), for which Python has None.
 
-    Messages go nowhere; an answer on standard output cannot be written, and the command says so by its exit code.
-    Standard output without a buffer (PYTHONUNBUFFERED) gets one: without it Python takes a part that a full device has
-    taken for the whole answer.
+    Messages are discarded. A result for standard output cannot be written, and the exit code of the command reports
+    this. Standard output without a buffer (PYTHONUNBUFFERED) gets one. Otherwise Python treats a result that a full
+    device wrote only in part as complete.
     """
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:

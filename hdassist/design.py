@@ -1,4 +1,4 @@
-"""The design check of a drive: F'_ior, self error and verdict at each torque; and F'_ior over a grid of its fields."""
+"""Design check of a drive (F'_ior, self error and verdict at each torque), and F'_ior over a grid of its fields."""
 
 from __future__ import annotations
 
@@ -46,13 +46,16 @@ from hdassist.solve.loadcase import CrossCheck, require_solver
 
 @dataclass(frozen=True)
 class OperatingPoint:
-    """The error of a drive at one torque M_g [N*m], and the limit [arcsec] with which it is compared, if any.
+    """The error of a drive at one torque, and the limit with which it is compared.
 
+    M_g: torque [N*m].
+    self_error: self error of the drive.
+    limit_arcsec: limit [arcsec], None without one.
     open_: whether the drive has uncertain inputs.
     belief: distribution of F'_ior over these inputs; None if it was not computed.
-    error: error over the full mesh cycle. It is that of the drive, or, with uncertain inputs, of the sample whose
-    F'_ior is nearest to the median. Without samples it is that of the preset's nominal values with unknown deviations
-    as 0. None before it is computed.
+    error: error over the full mesh cycle, None before it is computed. With uncertain inputs, it is that of the sample
+        whose F'_ior is nearest to the median. Without samples, it is that of the nominal values with unknown deviations
+        of 0.
     sure: probability of meeting the limit that PASS needs.
     """
 
@@ -66,27 +69,27 @@ class OperatingPoint:
 
     @property
     def F_ior_arcsec(self) -> float | None:
-        """F'_ior [arcsec]: the median over the unknown inputs; None if they were not drawn."""
+        """F'_ior [arcsec], the median over the uncertain inputs; None if these were not sampled."""
         if self.belief:
             return self.belief.p50
         return self.error.F_ior_arcsec if self.error and not self.open_ else None
 
     @property
     def F_ior_or_error(self) -> float:
-        """The same, or where nothing was drawn that of the error as the preset has it, unknown as 0 [arcsec]."""
+        """F'_ior [arcsec], or without samples that of the nominal values with unknown deviations of 0."""
         as_given = self.error.F_ior_arcsec if self.error else np.nan
         return as_given if self.F_ior_arcsec is None else self.F_ior_arcsec
 
     @property
     def F_ior_upper_arcsec(self) -> float | None:
-        """The same with the self error on top [arcsec]."""
+        """F'_ior plus the self error [arcsec]."""
         return None if self.F_ior_arcsec is None else self.F_ior_arcsec + self.self_error.range_arcsec
 
     @property
     def range_arcsec(self) -> tuple[float, float] | None:
-        """5th and 95th percentile of F'_ior [arcsec].
+        """5th and 95th percentiles of F'_ior [arcsec].
 
-        Both the same where all is known; None if it is not and was not drawn.
+        Both are equal without uncertain inputs. The result is None if uncertain inputs were not sampled.
         """
         if self.belief:
             return self.belief.p5, self.belief.p95
@@ -94,19 +97,19 @@ class OperatingPoint:
 
     @property
     def held_arcsec(self) -> tuple[float, float] | None:
-        """The same with the self error on top [arcsec]."""
+        """5th and 95th percentiles of F'_ior plus the self error [arcsec]."""
         self_error_arcsec = self.self_error.range_arcsec
         ends = self.range_arcsec
         return ends and (ends[0] + self_error_arcsec, ends[1] + self_error_arcsec)
 
     @property
     def left_arcsec(self) -> float | None:
-        """Limit less self error [arcsec], None without a limit."""
+        """Limit minus self error [arcsec], None without a limit."""
         return None if self.limit_arcsec is None else self.limit_arcsec - self.self_error.range_arcsec
 
     @property
     def probability(self) -> Probability | None:
-        """Return the probability that F'_ior plus self error meets the limit; None without a limit or samples."""
+        """Probability that F'_ior plus self error meets the limit; None without a limit or samples."""
         room_arcsec = self.left_arcsec
         if room_arcsec is None or self.belief is None:
             return None
@@ -114,9 +117,9 @@ class OperatingPoint:
 
     @property
     def verdict(self) -> Verdict:
-        """Return the verdict on the probability of meeting the limit.
+        """Verdict on the probability of meeting the limit.
 
-        Without uncertain inputs it is the verdict on the value; NO_LIMIT without a limit.
+        Without uncertain inputs it is the verdict on the value. Without a limit it is NO_LIMIT.
         """
         if self.limit_arcsec is None:
             return Verdict.NO_LIMIT
@@ -129,15 +132,17 @@ class OperatingPoint:
 
 @dataclass(frozen=True)
 class DesignCheck:
-    """Design check of a drive: one operating point for each torque, in the sequence of the preset.
+    """Design check of a drive, with one operating point for each torque in the sequence of the preset.
 
+    drive: the drive.
+    points: operating points.
     measured: wheels with measured teeth instead of first harmonics.
     unknown: unknown deviations.
     prior: uncertain inputs.
     samples: samples of these inputs; None without samples.
-    steps: options to meet the limit at the governing torque; none if all limits are met.
+    steps: options to meet the limit at the governing torque; empty if all limits are met.
     steps_proof: certificate of the states behind these options.
-    predicted: measured values of F'_ior and the preset's predictions without them.
+    predicted: measured values of F'_ior with the preset's predictions that do not use them.
     """
 
     drive: Drive
@@ -157,7 +162,7 @@ class DesignCheck:
         return replace(self, points=tuple(points), samples=samples)
 
     def with_errors(self, errors: Sequence[KinematicError]) -> Self:
-        """Return the same with the error over the full cycle at each torque."""
+        """Return the check with the error over the full cycle at each torque."""
         points = (replace(point, error=error) for point, error in zip(self.points, errors, strict=True))
         return replace(self, points=tuple(points))
 
@@ -181,7 +186,7 @@ class DesignCheck:
 
     @property
     def certificate(self) -> Certificate:
-        """Worst residuals over all states of all torques, those of self error and samples included."""
+        """Certificate of all states at all torques, including self error and samples."""
         parts = [part for point in self.points for part in (point.error, point.self_error)]
         return sum((part.certificate for part in (*parts, self.samples) if part is not None), self.steps_proof)
 
@@ -192,13 +197,13 @@ class DesignCheck:
 
     @property
     def governing(self) -> int:
-        """Index of the governing torque: among those with the worst verdict, the one that is nearest its limit.
+        """Index of the governing torque: among those with the worst verdict, the one that is nearest to its limit.
 
-        Without a limit it is the torque with the largest predicted F'_ior, by the median.
+        Without a limit it is the torque with the largest median of the predicted F'_ior.
         """
 
         def severity(k: int) -> tuple[float, float]:
-            """Return the probability of missing the limit and F'_ior over it; without a limit 0 and F'_ior."""
+            """Return the probability of missing the limit and F'_ior over the limit; 0 and F'_ior without a limit."""
             point = self.points[k]
             if point.limit_arcsec and point.F_ior_upper_arcsec:
                 probability_of_missing = 1 - point.probability.value if point.probability else 0.0
@@ -210,14 +215,14 @@ class DesignCheck:
 
     @cached_property
     def influences(self) -> tuple[Influence, ...]:
-        """Return the contributions to the variance of ln F'_ior at the governing torque, the largest first."""
+        """Contributions to the variance of ln F'_ior at the governing torque, the largest first."""
         if not (self.samples and self.points):
             return ()
         return influences(self.samples.of_ranges, self.samples.torques.index(self.points[self.governing].M_g))
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Remarks on the numbers."""
+        """Notes on the results."""
         rated = self.drive.operation.rated
         over = [p.M_g for p in self.points if rated is not None and abs(p.M_g) > rated]
         remarks = [f"{M_g:g} N*m is above the rated torque of {rated:g} N*m" for M_g in over]
@@ -233,18 +238,8 @@ class DesignCheck:
         return (*self.drive.origin.warnings, *remarks, *(self.samples.remarks if self.samples else ()))
 
 
-# by catalogue.accuracy_test: what is known of the test
-_ACCURACY_TESTS = {
-    "unstated": "no load",
-    "full_revolution": "no load, tested over a full revolution",
-    "12_positions": "no load, tested at 12 positions",
-    "typical": "no load, typical value",
-}
-
-
-def accuracy_words(catalogue: Catalogue, points: Sequence[OperatingPoint]) -> str:
-    """Return F'_ior at the smallest torque beside the accuracy in the catalogue; empty without one."""
-    accuracy = catalogue.accuracy
+def accuracy_words(accuracy: float | None, points: Sequence[OperatingPoint]) -> str:
+    """Return a comparison of F'_ior at the smallest torque with the no-load accuracy [arcsec]; empty without one."""
     if accuracy is None:
         return ""
     point = min(points, key=lambda point: abs(point.M_g))
@@ -258,7 +253,7 @@ def check_states(
     measured: MeasuredTeeth | None = None,
     draws: int = EFFECTIVE_SAMPLES,
 ) -> int:
-    """Return the number of states that a check solves, for a progress bar."""
+    """Return the approximate number of states that a check solves, for the progress bar."""
     drawn = draws if not measured and searchable(drive) and prior_of(drive).fields else 0
     return len(drive.operation.M_g) * (
         Kinematics.of(drive).cycle_states + drive.numerics.n_phase**2 + drawn * DRAWN_STATES
@@ -278,13 +273,13 @@ def check(
 ) -> DesignCheck:
     """Check a drive at the torques of its preset.
 
-    measured: wheels with measured teeth instead of first harmonics; there are no samples for them.
-    solver: name of a solver known to cvxpy, which then solves each state instead of the engine.
-    draws: minimum effective sample size of the uncertain inputs; 0 for none.
+    measured: wheels with measured teeth instead of first harmonics; they exclude samples.
+    solver: name of a solver known to cvxpy that solves each state instead of the engine.
+    draws: minimum effective sample size of the uncertain inputs; 0 for no samples.
     samples: samples of the same drive, if they exist already.
-    sure: probability of meeting a limit that PASS needs, and of not meeting it that FAIL needs.
-    seen: function called with the check by the samples so far.
-    Raises UsageError for an unknown solver; UntrustedError if a result cannot be trusted, or if the preset's
+    sure: probability of meeting a limit that PASS needs, and of missing it that FAIL needs.
+    seen: function that is called with interim checks from the samples so far.
+    Raises UsageError for an unknown solver. Raises UntrustedError if a result cannot be trusted, or if the preset's
     catalogue contradicts its other values.
     """
     # measured wheels replace harmonics and turn the rest of their angle into the cam's
@@ -345,19 +340,18 @@ def _with_solved_errors(
 
     The error is that of the sample with the median F'_ior, or of the nominal drive without samples.
 
-    Args:
-        checked: by its samples, if it has any.
-        shown_drive: the drive, with measured wheels in place of harmonics if there are any.
-        teeth: deviations of the measured wheels, None without.
-        solver: as in `check`.
-        run: processes, progress and seed.
+    checked: check with its samples, if there are any.
+    shown_drive: the drive, with measured wheels in place of harmonics if there are any.
+    teeth: deviations of the measured wheels, None without.
+    solver: as in `check`.
+    run: processes, progress and seed.
     """
     # in the order of the preset, which all pages follow
     torques = checked.drive.operation.M_g
     samples = checked.samples
     drives = [_middle(shown_drive, samples, number) if samples else shown_drive for number in range(len(torques))]
     errors = _whole_errors(drives, torques, teeth, solver, run)
-    # another solver looks at the extremes while options are computed
+    # another solver verifies the extremes while options are computed
     solved = [(drive, teeth, error.sampled(seed=run.seed)) for drive, error in zip(drives, errors, strict=True)]
     checks = run.beside(cross_checks_of, solved, run.of_task)
     checked = checked.with_errors(errors).with_steps(run)
@@ -375,8 +369,8 @@ def _whole_errors(
 ) -> list[KinematicError]:
     """Return the error of the full cycle at each torque.
 
-    drives: one for each torque.
-    torques: [N*m].
+    drives: one drive for each torque.
+    torques: torques [N*m].
     teeth: measured teeth of the wheels, None without.
     solver, run: as in `check`.
     """
@@ -403,13 +397,12 @@ def _unsolved_points(
     sure: float,
     run: Run,
 ) -> tuple[OperatingPoint, ...]:
-    """Return the torques of a drive with their self errors and limits, before an error is solved.
+    """Return the operating points of a drive with self errors and limits, without solved errors.
 
-    Args:
-        drive: the drive.
-        is_open: whether it has uncertain inputs.
-        sure: probability of meeting a limit that PASS needs.
-        run: processes and progress.
+    drive: the drive.
+    is_open: whether it has uncertain inputs.
+    sure: probability of meeting a limit that PASS needs.
+    run: processes and progress.
     """
     torques = drive.operation.M_g
     points = []
@@ -439,22 +432,22 @@ def _middle(
     samples: Samples,
     torque: int,
 ) -> Drive:
-    """Return the drive of the sample in the middle at a torque, by its place."""
+    """Return the drive of the sample with the median F'_ior at a torque; torque is an index."""
     return drive.with_values(samples.values(np.array([samples.middle_sample(torque)]))[0])
 
 
-# --- a grid of values: a row for each combination of them and each torque
+# --- a grid of values, with a row for each combination of values and torque
 
 _VARY = "--vary"
 _TORQUE = "operation.M_g"
-MOST_VALUES = 10_000  # values of a field, at most
+MOST_VALUES = 10_000  # largest number of values of a field
 _FORM = f"write {_VARY} tolerances.e_hb=20:120:11, from 20 to 120 in 11 steps, or {_VARY} tolerances.e_hb=20,50,80"
-_MOST_ROWS = 1_000_000  # of a grid, at most
+_MOST_ROWS = 1_000_000  # largest number of rows of a grid
 
 
 @dataclass(frozen=True)
 class Axis:
-    """A field that is varied: path, unit, and its values in that unit."""
+    """A varied field: path, unit, and its values in that unit."""
 
     path: str
     unit: str
@@ -462,10 +455,11 @@ class Axis:
 
 
 def read_axes(texts: Sequence[str], overrides: Sequence[str]) -> tuple[Axis, ...]:
-    """Return the fields that are varied, from texts such as "tolerances.e_hb=20:120:11" or "gears.j_n=0,5 um,10".
+    """Return the varied fields from texts such as "tolerances.e_hb=20:120:11" or "gears.j_n=0,5 um,10".
 
-    Arguments: texts; overrides of the preset, which must not set the same fields.
-    Raises UsageError for the first text that is wrong.
+    texts: the texts.
+    overrides: overrides of the preset, which must not set the same fields.
+    Raises UsageError for the first invalid text.
     """
     if not texts:
         raise UsageError("no field is varied", _FORM)
@@ -495,7 +489,7 @@ def _fields() -> dict[str, PresetField]:
 def _axis(text: str) -> Axis:
     """Return the field that a text varies, with its values.
 
-    Raises InvalidValueError for another form, with what was expected.
+    Raises InvalidValueError with the expected form if the form is wrong.
     """
     key, equals, values = text.partition("=")
     if not equals:
@@ -515,7 +509,7 @@ def _axis(text: str) -> Axis:
 
 
 def _varied_field(key: str) -> tuple[str, PresetField]:
-    """Return the path and the field of a key. Raises InvalidValueError for a field that has no single number."""
+    """Return the path and the field of a key. Raises InvalidValueError for a field without a single number."""
     path = ".".join(map(str, path_of(key)))
     field = _fields().get(path)
     if field is not None:
@@ -526,7 +520,7 @@ def _varied_field(key: str) -> tuple[str, PresetField]:
 
 
 def _axis_number(part: str, field: PresetField) -> float:
-    """Return a number of a field from its text. Raises InvalidValueError for another text."""
+    """Return the number of a field from a text. Raises InvalidValueError for an invalid text."""
     value = scalar_value(part)
     try:
         return read_count(value) if field.kind == "count" else float(read_number(value, field.unit))
@@ -541,7 +535,7 @@ def _grid(
     steps: str,
     is_count: bool,
 ) -> list[float]:
-    """Return values from start to stop, as close as numbers can be. Raises InvalidValueError for impossible steps."""
+    """Return even values from start to stop, rounded only once. Raises InvalidValueError for invalid steps."""
     count = int(steps) if re.fullmatch("[0-9]{1,9}", steps) else 0
     if not 2 <= count <= MOST_VALUES:
         raise InvalidValueError(f"steps from 2 to {MOST_VALUES}", _FORM)
@@ -553,12 +547,15 @@ def _grid(
 
 @dataclass(frozen=True, kw_only=True)
 class SweepRow(ClosedRecord):
-    """F'_ior [arcsec] of a row at its torque M_g [N*m], in the flank window [deg] of the computation.
+    """F'_ior of a row of a sweep.
 
     values: values of the varied fields.
-    states, max_residual: of the certificate.
-    reason: why the row has no result.
-    exit_code: exit code of that error; 0 with a result. Raises ValueError for another one.
+    M_g_Nm: torque M_g [N*m].
+    F_ior_arcsec: F'_ior [arcsec]; None without a result.
+    states, max_residual: number of solved states and largest residual of the certificate.
+    reason: reason why the row has no result.
+    exit_code: exit code of that error; 0 with a result.
+    Raises ValueError for any other exit code.
     """
 
     values: Mapping[str, Number]
@@ -578,10 +575,14 @@ class SweepRow(ClosedRecord):
 
 @dataclass(frozen=True)
 class Sweep:
-    """The rows of a grid; called with (first, last) it gives their records, as `stream` wants it.
+    """The rows of a grid. A call with (first, last) returns their records, as `stream` requires.
 
-    text and file of the preset; overrides; varied fields; further axes, along which a row has the drive of the preset:
-    its torques M_g [N*m], if they are not varied. The last axis changes fastest.
+    text: text of the preset.
+    file: name of the preset's file.
+    overrides: overrides of the preset.
+    varied: varied fields.
+    further: further axes, along which the drive is that of the preset: its torques M_g [N*m], unless they are varied.
+        The last axis changes fastest.
     """
 
     text: bytes
@@ -598,7 +599,7 @@ class Sweep:
         drive: Drive,
         varied: Sequence[Axis],
     ) -> Sweep:
-        """Return the sweep of a preset, read with its overrides as drive. Raises UsageError for too many rows."""
+        """Return the sweep of a preset, whose drive includes the overrides. Raises UsageError for too many rows."""
         is_varied = _TORQUE in [axis.path for axis in varied]
         further_axes = () if is_varied else (Axis(_TORQUE, "N*m", drive.operation.M_g),)
         sweep = cls(text, file, drive.origin.overrides, tuple(varied), further_axes)
@@ -609,27 +610,27 @@ class Sweep:
 
     @property
     def axes(self) -> tuple[Axis, ...]:
-        """Varied fields, and torques."""
+        """Varied fields, followed by the torques unless these are varied."""
         return self.varied + self.further
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Values of each axis: the shape of the results of the rows."""
+        """Numbers of values of the axes, which are the shape of the results."""
         return tuple(len(axis.values) for axis in self.axes)
 
     @property
     def rows(self) -> int:
-        """How many rows there are."""
+        """Number of rows."""
         return prod(self.shape)
 
     def values(self, row: int) -> dict[str, float]:
-        """Return the values along each axis, by path, in a row."""
+        """Return the values along each axis in a row, by path."""
         places = np.unravel_index(row, self.shape)
         return {axis.path: axis.values[k] for axis, k in zip(self.axes, places, strict=True)}
 
     @property
     def kind(self) -> RecordKind[SweepRow]:
-        """Type of the records in a file: that of a row has its values."""
+        """Type of the records in a file; the record of a row has the values of that row."""
 
         def fault(item: int, record: SweepRow) -> str:
             if item >= self.rows:
@@ -640,14 +641,14 @@ class Sweep:
         return RecordKind(TypeAdapter(SweepRow), fault)
 
     def __call__(self, first: int, last: int) -> list[SweepRow]:
-        """Return the records of the rows first ... last - 1; a row depends on its own number alone."""
+        """Return the records of rows first to last - 1; each depends only on the number of its row."""
         return [self._record(self.values(row)) for row in range(first, last)]
 
     def _record(self, values: dict[str, float]) -> SweepRow:
         changes = {axis.path: values[axis.path] for axis in self.varied}
         M_g = values[_TORQUE]
         sets = [f"{path}={[value] if path == _TORQUE else value!r}" for path, value in changes.items()]
-        try:  # the drive of a row is validated as any other
+        try:  # the drive of a row is validated like any other drive
             (extremes,) = extremes_of(load_text(self.text, self.file, [*self.overrides, *sets]), [M_g])
         except HdassistError as error:
             reason = OVERRIDE_PLACE.sub("", error.message).replace("\n", "; ")
@@ -671,8 +672,11 @@ class Sweep:
 class Swept:
     """Results of a sweep.
 
-    F_ior_arcsec, NaN where a row has no answer, of the sweep's shape; states and max_residual of all rows; failed, rows
-    without an answer; reason, of the first of them; exit_codes of all of them.
+    F_ior_arcsec: F'_ior [arcsec], NaN for a row without a result, in the sweep's shape.
+    states, max_residual: number of solved states and largest residual of all rows.
+    failed: number of rows without a result.
+    reason: reason of the first of them.
+    exit_codes: exit codes of all rows without a result.
     """
 
     sweep: Sweep
@@ -686,7 +690,7 @@ class Swept:
 
     @property
     def ends(self) -> dict[str, tuple[int, float]]:
-        """The rows with the least and the greatest F'_ior, and that [arcsec]; none if no row has an answer."""
+        """Rows with the smallest and the largest F'_ior, and these values [arcsec]; empty if no row has a result."""
         if self.failed == self.sweep.rows:
             return {}
         rows = {"least": np.nanargmin(self.F_ior_arcsec), "greatest": np.nanargmax(self.F_ior_arcsec)}
@@ -694,13 +698,13 @@ class Swept:
 
     @property
     def largest(self) -> Drive:
-        """The drive with each varied size at its greatest: inputs unknown in it are unknown in some row."""
+        """The drive with each varied field at its largest value, at which an input is unknown if it is in any row."""
         varied = {axis.path: max(axis.values) for axis in self.sweep.varied if axis.path != _TORQUE}
         return self.drive.with_values(varied)
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Warnings about the numbers."""
+        """Notes on the results."""
         return *self.drive.origin.warnings, *unknown_notes(self.largest)
 
 
@@ -709,7 +713,7 @@ def collect(
     drive: Drive,
     records: Iterable[SweepRow],
 ) -> Swept:
-    """Return the results from the records of all rows, in their order; each record is read once."""
+    """Return the results from the records of all rows in sequence; each record is read once."""
     F_ior = np.full(sweep.rows, np.nan)
     states = 0
     residual = 0.0

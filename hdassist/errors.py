@@ -1,4 +1,4 @@
-"""Errors that a user can act on, verdicts, and the exit codes that both end a command with."""
+"""Errors that a user can act on, verdicts, and the exit codes of commands for both."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from math import ceil, floor
 
 
 class Fault(StrEnum):
-    """Kinds of errors, by stable codes; `hdassist explain CODE` has the meaning of each."""
+    """Kinds of errors, by stable codes; `hdassist explain CODE` shows the meaning of each."""
 
     USAGE = "USAGE"
     FILE_EXISTS = "FILE_EXISTS"
@@ -31,7 +31,7 @@ class Fault(StrEnum):
 
 
 class HdassistError(Exception):
-    """Base of every error that hdassist raises on purpose: a message, a hint at the remedy, and its kind."""
+    """Base class of errors that hdassist raises intentionally, with a message, a hint and a kind."""
 
     exit_code = 1
     fault = Fault.BUG
@@ -57,7 +57,7 @@ class UsageError(HdassistError):
 
 
 class DataError(HdassistError):
-    """A file cannot be read or written, or has invalid contents."""
+    """A file that cannot be read or written, or has invalid contents."""
 
     exit_code = 4
     fault = Fault.DATA
@@ -80,7 +80,7 @@ _WORDS_OF_PYDANTIC = {
 
 
 def validation_words(message: str) -> str:
-    """Return a message of pydantic in the words that all other messages have."""
+    """Return a message of pydantic in the terms used by all other messages."""
     for theirs, ours in _WORDS_OF_PYDANTIC.items():
         message = message.replace(theirs, ours)
     return message
@@ -88,7 +88,13 @@ def validation_words(message: str) -> str:
 
 @dataclass(frozen=True)
 class Finding:
-    """One fault of a file: its place (file, line, column, path), message, the text as written, and a hint."""
+    """A fault in a file.
+
+    file, line, column, path: position of the fault.
+    message: description of the fault.
+    got: text as written in the file.
+    hint: hint for its correction.
+    """
 
     file: str
     line: int
@@ -106,7 +112,7 @@ class Finding:
 
 
 class PresetError(DataError):
-    """A preset or a table is invalid; it has all findings, in the order of the file."""
+    """An invalid preset or table, with all findings in the sequence of the file."""
 
     fault = Fault.FILE_INVALID
 
@@ -116,7 +122,7 @@ class PresetError(DataError):
 
 
 class UntrustedError(HdassistError):
-    """An answer that cannot be trusted, and so is not given."""
+    """A result that cannot be trusted and is therefore not returned."""
 
     exit_code = 5
     fault = Fault.UNTRUSTED
@@ -139,12 +145,12 @@ class Verdict(StrEnum):
         return {Verdict.FAIL: 3, Verdict.INCONCLUSIVE: 6}.get(self, 0)
 
 
-GUARD = 1.65  # standard uncertainties of a measured value to its limit: one-sided 95 %
-SURE = 0.95  # probability of keeping a limit from which on a verdict is PASS; FAIL up to 1 less it
+GUARD = 1.65  # standard uncertainties between a measured value and its limit, for a one-sided probability of 95 %
+SURE = 0.95  # smallest probability of meeting a limit for PASS; FAIL needs at most 1 minus this value
 
 
 def verdict_by_probability(kept: float, sure: float = SURE) -> Verdict:
-    """Return the verdict on the probability to meet a limit: PASS from sure on, FAIL up to 1 - sure."""
+    """Return the verdict on the probability of meeting a limit: PASS from sure upwards, FAIL up to 1 - sure."""
     if kept >= sure:
         return Verdict.PASS
     return Verdict.FAIL if kept <= 1 - sure else Verdict.INCONCLUSIVE
@@ -160,10 +166,10 @@ def percent_text(
 ) -> str:
     """Return a probability in per cent with its Monte Carlo interval: 89 % (81 to 94); PASS needs 95 %.
 
-    value, low, high: the probability and the ends of its interval, which are rounded outwards.
-    needed: the probability that the outcome needs, named if it is given. A value below it is not rounded up to it, and
-        a value above 1 - needed is not rounded down to that.
-    outcome: the verdict or instruction that needs it.
+    value, low, high: probability and ends of its interval, which are rounded outwards.
+    needed: probability that the outcome needs; shown if given. A smaller value is not rounded up to it, and a value
+        above 1 - needed is not rounded down to that.
+    outcome: verdict or instruction that needs this probability.
     """
     percent = f"{100 * value:.0f}"
     if needed and verdict_by_probability(value, needed) is not verdict_by_probability(round(value, 2), needed):
@@ -177,21 +183,21 @@ def is_settled(
     high: float,
     sure: float = SURE,
 ) -> bool:
-    """Return whether no threshold of a verdict lies within the Monte Carlo interval of a probability."""
+    """Return whether no threshold of a verdict is within the Monte Carlo interval of a probability."""
     return not any(low < threshold < high for threshold in (sure, 1 - sure))
 
 
 SEVERITY = (Verdict.FAIL, Verdict.INCONCLUSIVE, Verdict.PASS, Verdict.NO_LIMIT)
-_EXIT_SEVERITY = (1, 5, 4, 2, 3, 6, 0)  # the worst of several drives, first
+_EXIT_SEVERITY = (1, 5, 4, 2, 3, 6, 0)  # exit codes, most severe first, for the combined result of several drives
 
 
 def worst(verdicts: Iterable[Verdict]) -> Verdict:
-    """Return the most severe of some verdicts; NO_LIMIT if there is none."""
+    """Return the most severe verdict; NO_LIMIT without any."""
     return min(verdicts, key=SEVERITY.index, default=Verdict.NO_LIMIT)
 
 
 def worst_exit_code(codes: Iterable[int]) -> int:
-    """Return the most severe of some exit codes; 0 if there is none."""
+    """Return the most severe exit code; 0 without any."""
     return min(
         codes,
         key=lambda code: _EXIT_SEVERITY.index(code) if code in _EXIT_SEVERITY else -1,

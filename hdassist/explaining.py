@@ -1,4 +1,4 @@
-"""Explanations of checks, remarks, fields, sections, symbols, words and errors, by any spelling of their names."""
+"""Explanations of checks, notes, fields, sections, symbols, terms and errors, by any spelling of their names."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from hdassist.preset.fields import PresetField, field_table, plain, sections
 
 @dataclass(frozen=True)
 class _Term:
-    """A word: in Russian, its meaning, other names (symbols, keys of JSON), and the unit of a quantity."""
+    """A term with its meaning, its Russian equivalent, other names (symbols, JSON keys), and the unit of a quantity."""
 
     word: str
     meaning: str
@@ -28,7 +28,7 @@ class _Term:
 
 @dataclass(frozen=True)
 class _Symbols:
-    """Symbols with one meaning: as the paper writes them, where the code has them (Markdown), in words, with unit."""
+    """Symbols with one meaning: in the paper, in the code (Markdown), in words, and their unit."""
 
     paper: Sequence[str]
     code: str
@@ -38,7 +38,7 @@ class _Symbols:
 
 @dataclass(frozen=True)
 class _FaultWords:
-    """Meaning of a kind of error, and its remedy."""
+    """Meaning and remedy of a kind of error."""
 
     meaning: str
     change: str
@@ -68,7 +68,8 @@ _GREEK = {
     "±": "plusminus",
     "″": "arcsec",
 }
-_LATIN = dict(zip("абвгдеёзийклмнопрстуфыэ", "abvgdeeziiklmnoprstufye", strict=True)) | {  # as in passports
+# transliteration as in passports
+_LATIN = dict(zip("абвгдеёзийклмнопрстуфыэ", "abvgdeeziiklmnoprstufye", strict=True)) | {
     "ж": "zh",
     "х": "kh",
     "ц": "ts",
@@ -80,13 +81,19 @@ _LATIN = dict(zip("абвгдеёзийклмнопрстуфыэ", "abvgdeeziik
     "ъ": "",
     "ь": "",
 }
-_LONGEST_NAME = 60  # characters of a name that are compared with others
-_LONGEST_PHRASE = 12  # words of a phrase whose parts are looked up
+_LONGEST_NAME = 60  # largest number of characters of a name that is compared with others
+_LONGEST_PHRASE = 12  # largest number of words of a phrase whose parts are looked up
 
 
 @dataclass(frozen=True)
 class Entry:
-    """An explanation. names: all its names, the proper one first; facts: pairs of label and text."""
+    """An explanation.
+
+    kind: kind of the explained name.
+    names: all names, the proper one first.
+    words: the explanation.
+    facts: pairs of label and text.
+    """
 
     kind: _EntryKind
     names: tuple[str, ...]
@@ -94,7 +101,7 @@ class Entry:
     facts: tuple[tuple[str, str], ...] = ()
 
     def in_latin(self) -> Entry:
-        """Return the entry with Cyrillic and Greek letters transliterated, for terminals that show 7 bits."""
+        """Return the entry with Cyrillic and Greek letters transliterated, for terminals with 7-bit characters."""
         facts = tuple((label, latin(text)) for label, text in self.facts)
         return Entry(
             kind=self.kind,
@@ -124,7 +131,7 @@ def entries() -> tuple[Entry, ...]:
 
 
 def _entries() -> Iterator[Entry]:
-    """Yield checks and remarks, words, symbols, sections, fields and errors."""
+    """Yield the entries of checks, notes, terms, symbols, sections, fields and errors."""
     yield from _code_entries()
     for term in TERMS:
         russian = tuple(term.russian.split(", ")) if term.russian else ()
@@ -164,7 +171,7 @@ def _entries() -> Iterator[Entry]:
 
 
 def _code_entries() -> Iterator[Entry]:
-    """Yield checks, with the limit that each compares with, and remarks."""
+    """Yield the entries of checks, with their limits, and of notes."""
     for code, item in CODES.items():
         meaning = (("tests", item.tests), ("goes wrong", item.wrong), ("change", item.change))
         if isinstance(item, Check):
@@ -187,7 +194,7 @@ def _code_entries() -> Iterator[Entry]:
 
 
 def _symbol_entries() -> Iterator[Entry]:
-    """Yield each symbol of the paper by itself; symbols with one meaning name each other."""
+    """Yield an entry for each symbol of the paper; symbols with one meaning refer to each other."""
     for symbol in SYMBOLS:
         facts = (("in the code", symbol.code.replace("`", "")), ("unit", symbol.unit))
         meaning = f"{', '.join(symbol.paper)}: {symbol.words}" if len(symbol.paper) > 1 else symbol.words
@@ -215,7 +222,7 @@ def _given(facts: Sequence[tuple[str, str]]) -> tuple[tuple[str, str], ...]:
 
 
 def _normal_spelling(name: str) -> str:
-    """Return a name without differences of spelling: case, primes, dashes, Greek letters."""
+    """Return a name without differences of spelling: case, primes, dashes and Greek letters."""
     text = "".join(_GREEK.get(letter, letter) for letter in name.lower())
     return re.sub(r"[\W_]+", "", text)
 
@@ -230,18 +237,21 @@ def _by_spelling() -> dict[str, list[Entry]]:
 
 
 def _has_word(entry: Entry, stem: str) -> bool:
-    """Return whether a word without its plural's s is in the names of an entry, or in the values of its field."""
+    """Return whether the names of an entry, or the values of its field, contain a word.
+
+    stem: the word without a plural s.
+    """
     spellings = re.split(r"[\s.,-]+", " ".join((*entry.names, dict(entry.facts).get("values", ""))))
     return stem in (_normal_spelling(word).removesuffix("s") for word in spellings)
 
 
 def explained(name: str, options: Mapping[str, str] | None = None) -> list[Entry]:
-    """Return the entries of a name, or with it in their names or values.
+    """Return the entries with a name, or with this name as a word in their names or values.
 
-    For a letter they are those of its case, for a phrase those of its parts.
+    A single letter is matched with its case. A phrase without entries is split into its parts.
 
-    name: as it was typed.
-    options: help of the options of commands, by their fields.
+    name: name as typed.
+    options: help texts of command options, by their fields.
     Raises UsageError for an unknown name, with the nearest names in its hint.
     """
     spelling = _normal_spelling(name)
@@ -249,7 +259,7 @@ def explained(name: str, options: Mapping[str, str] | None = None) -> list[Entry
     stem = spelling.removesuffix("s")
     same_spelling = entries_by_spelling.get(spelling) or entries_by_spelling.get(stem, [])
     exact = [entry for entry in same_spelling if name in entry.names]
-    if len(spelling) == 1 and exact:  # m and M, N and n
+    if len(spelling) == 1 and exact:  # m and M, N and n are different symbols
         return exact
     if stem and same_spelling:
         return same_spelling
@@ -269,7 +279,7 @@ def explained(name: str, options: Mapping[str, str] | None = None) -> list[Entry
 
 
 def _entries_of_parts(phrase: str) -> list[Entry]:
-    """Return the entries of the longest parts of a phrase that have any, each entry once; empty without any."""
+    """Return the entries of the longest parts of a phrase that have entries, each entry once; empty without any."""
     phrase_words = phrase.split()[:_LONGEST_PHRASE]
     for size in range(len(phrase_words) - 1, 0, -1):
         entries_of_size: list[Entry] = []

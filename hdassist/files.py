@@ -1,8 +1,8 @@
-"""Files of a run: bytes and text of those that it reads, the presets among them, and outputs, none of them an input.
+"""Files of a run: bytes and text of its inputs, including presets, and its outputs, which must not be inputs.
 
-Text comes part after part, from a path, a stream or bytes. It may be of unknown origin: hidden characters are escaped
-if it is shown, and numbers have ASCII digits and a decimal point. Files are compared by device and inode, not by
-name: links and other cases of a name are the same file.
+Text is read in parts from a path, a stream or bytes. It may be of unknown origin: hidden characters are escaped when it
+is shown, and numbers have ASCII digits and a decimal point. Files are compared by device and inode instead of by name,
+because links and other cases of a name are the same file.
 """
 
 from __future__ import annotations
@@ -43,17 +43,18 @@ Readable = str | Path | bytes | IO[bytes] | IO[str]
 
 
 class TextFile:
-    """Text of a file, read once and part after part, so that its size takes no memory.
+    """Text of a file, read once and in parts, which limits the memory for large files.
 
-    name: its name in messages. When all parts are read, sha256 is that of the bytes (of a gzip file unpacked; for a
-    stream of text, of its UTF-8), and is_latin says whether there were lines that are not UTF-8, which are
-    read as Latin-1.
+    name: name of the file in messages.
+    sha256: hash of the bytes, once all parts are read (of a gzip file unpacked; of a text stream in UTF-8).
+    is_latin: whether lines that are not UTF-8 were read as Latin-1.
     """
 
     def __init__(self, source: Readable, at_most: int) -> None:
-        """Take a source, which parts() opens.
+        """Store a source, which parts() opens.
 
-        Arguments: source, a path ("-" is standard input), bytes, or a stream; at_most, the bytes that it may have.
+        source: a path ("-" is standard input), bytes, or a stream.
+        at_most: maximum number of bytes.
         """
         is_path = isinstance(source, str | Path)
         named = STDIN if source == "-" else str(source) if is_path else str(getattr(source, "name", "<bytes>"))
@@ -64,10 +65,10 @@ class TextFile:
         self.is_latin = False
 
     def parts(self) -> Iterator[tuple[int, str]]:
-        """Yield the whole lines, joined by newlines, and the number of the first of them.
+        """Yield blocks of whole lines, joined by newlines, each with the number of its first line.
 
-        Raises DataError: a file that cannot be read; PresetError: one that is too large, empty, binary, damaged, or not
-        in the encoding of its byte order mark.
+        Raises DataError if the file cannot be read. Raises PresetError if it is too large, empty, binary, damaged, or
+        not in the encoding of its byte order mark.
         """
         line = 1
         unfinished = ""
@@ -94,7 +95,7 @@ class TextFile:
             yield line, self._readable(unfinished)
 
     def _decoded(self) -> Iterator[str]:
-        """Yield the text as it comes, with \\n at the end of lines; bytes that are not UTF-8 as lone surrogates."""
+        r"""Yield the decoded text with \n at the end of lines; bytes that are not UTF-8 become lone surrogates."""
         digest = hashlib.sha256()
         size = 0
         decoder = None
@@ -124,7 +125,7 @@ class TextFile:
 
     @contextmanager
     def _opened(self) -> Iterator[IO[bytes] | IO[str]]:
-        """The source to read from, unpacked if it is a gzip file."""
+        """Yield the source as an open stream, unpacked if it is a gzip file."""
         source = io.BytesIO(self.source) if isinstance(self.source, bytes) else self.source
         if not isinstance(source, str | Path | io.BufferedIOBase):
             yield source
@@ -133,7 +134,7 @@ class TextFile:
             buffered = io.BufferedReader(cast(io.RawIOBase, stream))
             is_packed = buffered.peek(len(_GZIP))[: len(_GZIP)] == _GZIP
             yield cast(BinaryIO, gzip.GzipFile(fileobj=buffered) if is_packed else buffered)
-            buffered.detach()  # standard input stays open
+            buffered.detach()  # keeps standard input open
 
     def _decoder(self, start: bytes) -> io.IncrementalNewlineDecoder:
         encoding = "utf-8"
@@ -147,7 +148,7 @@ class TextFile:
         return io.IncrementalNewlineDecoder(codecs.getincrementaldecoder(encoding)(errors), translate=True)
 
     def _readable(self, lines: str) -> str:
-        """Return the lines with those in Latin-1 that are not UTF-8."""
+        """Return the lines, with those decoded as Latin-1 that are not UTF-8."""
         if lines.isascii() or not _NOT_UTF_8.search(lines):
             return lines
         self.is_latin = True
@@ -180,10 +181,10 @@ class TextFile:
 
 @contextmanager
 def opened(path: str | Path) -> Iterator[BinaryIO]:
-    """A file, or standard input where the path is "-", to read bytes from.
+    """Yield a file, or standard input for the path "-", opened for reading bytes.
 
-    A pipe that nobody writes to reads as empty; a device may never end: who reads it stops at a bound.
-    Raises DataError: no such file, a directory, or a file that cannot be read.
+    A pipe without a writer reads as empty. A device may never end, so the caller must stop at a maximum size.
+    Raises DataError if the file does not exist, is a directory, or cannot be read.
     """
     name = str(path)
     if not name:
@@ -193,30 +194,30 @@ def opened(path: str | Path) -> Iterator[BinaryIO]:
     try:
         with nullcontext(sys.stdin.buffer) if name == "-" else open_at_once(name) as stream:
             if name == "-":
-                with suppress(OSError):  # it has no descriptor
+                with suppress(OSError):  # standard input may have no descriptor
                     note_input(stream.fileno(), STDIN)
             yield stream
     except FileNotFoundError:
         raise DataError(f"no such file: {name}", _near_by(Path(name)), Fault.FILE_UNREADABLE) from None
     except IsADirectoryError:
         raise DataError(f"{name} is a directory, not a file", "name a file in it", Fault.FILE_UNREADABLE) from None
-    except (OSError, ValueError) as error:  # ValueError: a path with a NUL in it
+    except (OSError, ValueError) as error:  # ValueError: a path that contains NUL
         raise DataError(
             f"cannot read {'standard input' if name == '-' else name}: {os_reason(error)}", "", Fault.FILE_UNREADABLE
         ) from None
 
 
 def open_at_once(name: str) -> BinaryIO:
-    """Open a file to read, an input of this run.
+    """Open an input file of this run for reading.
 
-    A pipe that nobody writes to is not waited for, as open() would for ever. Raises OSError and ValueError: it cannot
-    be opened; UsageError: it is an output of this run.
+    Unlike open(), the function does not wait for a writer of a pipe, which may never come.
+    Raises OSError or ValueError if the file cannot be opened, and UsageError if it is an output of this run.
     """
 
     def opener(path: str, flags: int) -> int:
         try:
             descriptor = os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
-        except PermissionError:  # Windows opens no folder
+        except PermissionError:  # Windows reports a folder as a permission error
             if not Path(path).is_dir():
                 raise
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), path) from None
@@ -225,22 +226,22 @@ def open_at_once(name: str) -> BinaryIO:
             os.set_blocking(descriptor, True)
         return descriptor
 
-    return open(name, "rb", opener=opener)  # a path's open takes no opener
+    return open(name, "rb", opener=opener)  # Path.open has no opener
 
 
 def is_file(path: str | Path) -> bool:
-    """Return whether there is a regular file; False for a path that no file can have."""
-    return os.path.isfile(path)  # noqa: PTH113 (a path's is_file raises where a name is too long)
+    """Return whether a path is a regular file; False for an invalid path."""
+    return os.path.isfile(path)  # noqa: PTH113 (Path.is_file raises an error for a name that is too long)
 
 
 def is_there(path: str | Path) -> bool:
-    """Return whether there is a file, folder or device; False for a path that none can have."""
-    return os.path.exists(path)  # noqa: PTH110 (a path's exists raises where a name is too long)
+    """Return whether a path is a file, folder or device; False for an invalid path."""
+    return os.path.exists(path)  # noqa: PTH110 (Path.exists raises an error for a name that is too long)
 
 
 @contextmanager
 def in_place_of(path: str | Path) -> Iterator[Path]:
-    """A file to be made beside another one, whose name it gets when all went well; a link stays one."""
+    """Yield the path of a temporary file, which replaces the target when the block succeeds; a link remains a link."""
     target = Path(os.path.realpath(path))
     part_file = target.with_name(f".{target.name[:100]}.{secrets.token_hex(4)}.part")
     try:
@@ -255,25 +256,26 @@ def in_place_of(path: str | Path) -> Iterator[Path]:
 
 
 def read_bytes(path: str | Path, at_most: int) -> tuple[bytes, str]:
-    """Read a file, or standard input where the path is "-".
+    """Return the bytes of a file, or of standard input for the path "-", and its name in messages.
 
-    Arguments: path; at_most, the number of bytes to stop at. Result: the bytes, and the name that messages give them.
-    Raises DataError: no such file, a directory, or a file that cannot be read.
+    path: the path.
+    at_most: number of bytes at which reading stops.
+    Raises DataError if the file does not exist, is a directory, or cannot be read.
     """
     with opened(path) as stream:
         return stream.read(at_most), STDIN if str(path) == "-" else str(path)
 
 
 def os_reason(error: Exception) -> str:
-    """Return why a file cannot be read, in the words of the system."""
+    """Return the system's reason why a file cannot be read."""
     return error.strerror if isinstance(error, OSError) and error.strerror else str(error)
 
 
-_ALIKE = 0.65  # share of letters, without the ending, from which a name looks like another one
+_ALIKE = 0.65  # smallest share of equal letters, without the extension, of similar names
 
 
 def _near_files(path: Path) -> list[str]:
-    """Return the files whose names resemble that of a missing one. Raises OSError, ValueError without its directory."""
+    """Return existing files with names similar to a missing one. Raises OSError or ValueError without its directory."""
     names: dict[str, list[str]] = {}
     for item in path.parent.iterdir():
         names.setdefault(item.stem.lower(), []).append(item.name)
@@ -291,7 +293,8 @@ def _near_by(path: Path) -> str:
 
 # --- the files of this run
 
-_Identity = tuple[int, int] | tuple[int, int, str]  # device and inode: of a file; of its folder, with its name there
+# device and inode of a file; or device and inode of its folder, with the name in it
+_Identity = tuple[int, int] | tuple[int, int, str]
 
 _inputs: dict[_Identity, str] = {}
 _outputs: dict[_Identity, str] = {}
@@ -300,7 +303,7 @@ _written: set[str] = set()
 
 
 def begin_run() -> None:
-    """Forget the files of the run before; a file that takes standard output is the first of this one."""
+    """Forget the files of the previous run; a file behind standard output is the first output of this run."""
     for names_of_files in (_inputs, _outputs, _kept, _written):
         names_of_files.clear()
     with suppress(OSError, ValueError):
@@ -308,9 +311,10 @@ def begin_run() -> None:
 
 
 def note_input(file: str | int, name: str = "") -> None:
-    """Note that a run reads a file, by its path or descriptor; name, for messages: its path without.
+    """Record that a run reads a file, given by its path or descriptor.
 
-    Raises UsageError: the file is an output of the run, and not one of its own that it goes on with.
+    name: name in messages; the path by default.
+    Raises UsageError if the file is an output of the run whose contents the run does not continue.
     """
     for identity in _file(file):
         _inputs[identity] = name or str(file)
@@ -319,9 +323,10 @@ def note_input(file: str | int, name: str = "") -> None:
 
 
 def claim_output(path: str, *, is_kept: bool = False) -> None:
-    """Note that a run writes a file; is_kept, whether it continues the contents of that file.
+    """Record that a run writes a file.
 
-    Raises UsageError: the run reads that file, or writes it for another option.
+    is_kept: whether the run continues the contents of the file.
+    Raises UsageError if the run reads that file, or writes it for another option.
     """
     if path == "-":
         return
@@ -342,17 +347,17 @@ def is_claimed(path: str) -> bool:
 
 
 def note_written(path: str) -> None:
-    """Note that an answer stands in a file, or on standard output as "-"."""
+    """Record that a result is in a file, or on standard output ("-")."""
     _written.add(path)
 
 
 def is_written(path: str) -> bool:
-    """Return whether an answer stands there."""
+    """Return whether a result was written to a file, or to standard output ("-")."""
     return path in _written
 
 
 def _file(file: str | int) -> list[_Identity]:
-    """Return whether there is a regular file: devices and pipes take any number of answers."""
+    """Return the identity of a regular file; empty for devices and pipes, which take any number of results."""
     with suppress(OSError, ValueError):
         status = os.fstat(file) if isinstance(file, int) else Path(file).stat()
         return [(status.st_dev, status.st_ino)] if stat.S_ISREG(status.st_mode) else []
@@ -360,7 +365,7 @@ def _file(file: str | int) -> list[_Identity]:
 
 
 def _place(path: str) -> list[_Identity]:
-    """Return where a file is or will be, whatever the case of its name."""
+    """Return the identity of an existing or future file by its folder and its name without case."""
     with suppress(OSError, ValueError):
         real = Path(os.path.realpath(path))
         if real.is_file() or not real.exists():
@@ -369,8 +374,9 @@ def _place(path: str) -> list[_Identity]:
     return []
 
 
-# Controls but for newline and tab, marks that turn the writing's direction or have no width, line and paragraph
-# separators, halves of surrogate pairs, and noncharacters; all characters that XML 1.0 does not have are among them.
+# Control characters except newline and tab, marks that change the direction of writing or have no width, line and
+# paragraph separators, halves of surrogate pairs, and noncharacters. They include all characters that XML 1.0 does not
+# allow.
 _HIDDEN = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f\u00ad\u061c\u180e\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ufff9-\ufffb"
     "\ufffe\uffff\ud800-\udfff\U000e0000-\U000e007f]"
@@ -378,17 +384,17 @@ _HIDDEN = re.compile(
 
 
 def visible(text: str) -> str:
-    """Return the text with hidden characters escaped (\\x1b, \\u202e); newlines, tabs and all that is seen stay."""
+    r"""Return the text with hidden characters escaped (\x1b, \u202e); newlines, tabs and visible characters remain."""
     return _HIDDEN.sub(lambda found: escaped(found[0]), text)
 
 
 def escaped(character: str) -> str:
-    """Return a character as Python writes it in 7 bits."""
+    """Return a character in Python's 7-bit notation."""
     return character.encode("unicode_escape").decode()
 
 
 def printable(json: str) -> str:
-    """Return JSON of 7 bits with DEL escaped as well, the one control character that JSON allows as it is."""
+    """Return 7-bit JSON with DEL escaped, the only control character that JSON allows unescaped."""
     return json.replace("\x7f", "\\u007f")
 
 
@@ -396,16 +402,16 @@ UNSIGNED = r"(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?"
 NUMBER = rf"[-+]?{UNSIGNED}"
 
 
-GREATEST = 1e30  # magnitude of a number that is read: its square is finite, and so are sums of squares
+GREATEST = 1e30  # largest magnitude of a number in a file: its square, and sums of squares, are finite
 
 
 def number_of(text: str) -> float:
-    """Return the value of a number, spaces around it allowed; NaN for any other text, infinity beyond GREATEST."""
+    """Return the value of a number with optional spaces around it; NaN for any other text, infinity beyond GREATEST."""
     return bounded(float(text)) if re.fullmatch(NUMBER, text.strip()) else nan
 
 
 def bounded(value: float) -> float:
-    """Return a number as it is, or infinity with its sign if its magnitude is beyond GREATEST."""
+    """Return a number, or infinity with its sign if its magnitude exceeds GREATEST."""
     return copysign(inf, value) if abs(value) > GREATEST else value
 
 
@@ -416,13 +422,13 @@ def with_decimal_points(text: str) -> str:
 
 
 def package_table(name: str, parse_float: Callable[[str], Any] = float) -> dict[str, Any]:
-    """Return what a TOML file of this package declares; parse_float makes its numbers."""
+    """Return the contents of a TOML file of this package; parse_float: function that converts its numbers."""
     return tomllib.loads(files("hdassist").joinpath(name).read_text("utf-8"), parse_float=parse_float)
 
 
 # --- presets by name, from a file, or from standard input
 
-READ_AT_MOST = 1024 * 1024  # more than a preset may have, so that it is refused with the reason
+READ_AT_MOST = 1024 * 1024  # bytes; a larger preset is read up to this size and refused with the reason
 
 
 def preset_names() -> list[str]:
@@ -431,10 +437,10 @@ def preset_names() -> list[str]:
 
 
 def read_preset(name_or_path: str) -> tuple[bytes, str]:
-    """Return the bytes of a preset, and the name that messages give it.
+    """Return the bytes of a preset, and its name in messages.
 
-    Argument: a name from the library, a path, or "-" for standard input.
-    Raises DataError: no such preset, or a file that cannot be read.
+    name_or_path: a name from the library, a path, or "-" for standard input.
+    Raises DataError if there is no such preset or its file cannot be read.
     """
     library = _library()
     if name_or_path in library:
@@ -450,9 +456,9 @@ def read_preset(name_or_path: str) -> tuple[bytes, str]:
         raise
 
 
-@cache  # a lot asks for it with each of its rows
+@cache  # a lot reads the library for each of its rows
 def _library() -> dict[str, Traversable]:
-    """Return the presets by name: from the package, or from the checkout that the package lies in."""
+    """Return the presets of the library by name, from the package or from the checkout that contains it."""
     places: list[Traversable] = [files("hdassist") / "presets", Path(__file__).parents[1] / "presets"]
     for place in places:
         if place.is_dir():

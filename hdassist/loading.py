@@ -1,7 +1,7 @@
-"""Preset text to a `Drive`, and values put back into text.
+"""Conversion of preset text to a `Drive`, and of values back to text.
 
-Text with overrides on top becomes a validated `Drive`, or all findings at once with line and column; texts are made of
-a drive like another, or of one with other values put into it; and all have a JSON Schema.
+Text and overrides give a validated `Drive`, or all findings at once with line and column. New texts are made for a
+drive that is similar to another one, or from a text with changed values. Presets have a JSON Schema.
 """
 
 from __future__ import annotations
@@ -81,7 +81,8 @@ if TYPE_CHECKING:
     from ruamel.yaml import YAML
 
 
-OVERRIDE_PLACE = re.compile(rf"^{OVERRIDE}:\d+:\d+: ", re.MULTILINE)  # in a message, of an override without a --set
+# position of an override in a message, which is removed if the override is not from --set
+OVERRIDE_PLACE = re.compile(rf"^{OVERRIDE}:\d+:\d+: ", re.MULTILINE)
 _PER_TORQUE = [tuple(path.split(".")) for path, field in field_table().items() if field.kind == "limits"]
 Asked = tuple[AskedOption, ...]
 
@@ -93,24 +94,25 @@ def load_preset(
 ) -> Drive:
     """Load a drive.
 
-    Arguments: a name from the library, a path, or "-" for standard input; overrides like "cam.W_0=0.95"; asked, options
-    that go into its origin.
-    Raises DataError: no such preset, or a file that cannot be read; PresetError: an invalid preset;
-    UsageError: a bad override.
+    name_or_path: a name from the library, a path, or "-" for standard input.
+    overrides: overrides such as "cam.W_0=0.95".
+    asked: options that are stored in the drive's origin.
+    Raises DataError if there is no such preset or its file cannot be read, PresetError for an invalid preset, and
+    UsageError for an invalid override.
     """
     text, file = read_preset(name_or_path)
     return load_text(text, file, overrides, asked)
 
 
 def with_warning(drive: Drive, text: str) -> Drive:
-    """Return the same drive with one more warning in its origin."""
+    """Return the drive with a further warning in its origin."""
     changed = drive.model_copy()
     changed._origin = replace(drive.origin, warnings=(*drive.origin.warnings, text))
     return changed
 
 
 def with_asked(drive: Drive, asked: Asked) -> Drive:
-    """Return the same drive with other options in its origin that a next command takes over."""
+    """Return the drive with other options in its origin, which a following command uses."""
     changed = drive.model_copy()
     changed._origin = replace(drive.origin, asked=asked)
     return changed
@@ -122,29 +124,33 @@ def load_text(
     overrides: Sequence[str] = (),
     asked: Asked = (),
 ) -> Drive:
-    """Read and validate a preset.
+    """Read and validate a preset, and return its drive.
 
-    Arguments: text of the preset; file, its name in messages; overrides, such as "cam.W_0=0.95"; asked, options that go
-    into its origin. Result: the drive; its origin carries the SHA-256 of the text, the overrides and the warnings.
-    Raises PresetError with every finding; UsageError if the text is in order and only the overrides are not.
+    The origin of the drive contains the SHA-256 of the text, the overrides and the warnings.
+
+    text: text of the preset.
+    file: name of the file in messages.
+    overrides: overrides such as "cam.W_0=0.95".
+    asked: options that are stored in the origin.
+    Raises PresetError with all findings, or UsageError if only the overrides are invalid.
     """
     document = _document(text, file)
-    # overrides change the document before it is validated, so all rules hold for them
+    # overrides change the document before validation, so all rules apply to them
     for index, override in enumerate(overrides, 1):
         set_override(document, override, index)
     drive = _drive(document)
     if document.findings or drive is None:
         findings = ordered_findings(document.findings)
-        # faults of the command line are wrong usage, those of the file a wrong preset
+        # faults of the command line are wrong usage, faults of the file an invalid preset
         if not all(finding.file == OVERRIDE for finding in findings):
-            # the preset without overrides tells whose fault it is
+            # validation without overrides shows whether the file or the command line is at fault
             document_of_preset = _document(text, file)
             if not overrides or not _drive(document_of_preset) or document_of_preset.findings:
                 raise PresetError(findings)
         raise UsageError("\n".join(map(str, findings)))
     _warn_of_limits(drive, document)
     _warn_of_model(drive, document)
-    # valid, but far from usual: a warning
+    # warn of values that are valid but far from usual
     for path, message, usual in implausible(drive):
         document.warn(tuple(path.split(".")), message, usual)
     data = text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text
@@ -165,23 +171,26 @@ def _replaced_torques(
     file: str,
     overrides: Sequence[str],
 ) -> tuple[float, ...]:
-    """Return the torques [N*m] in the file that an override of operation.M_g replaces.
+    """Return the torques in the file that an override of operation.M_g replaces [N*m].
 
-    drive: the drive with the overrides. The result is empty if nothing needs them: no override, a stated rated torque,
-    or a file that is no drive without its overrides.
+    The result is empty if it is not needed: without such an override, with a rated torque, or if the file is not a
+    valid drive without its overrides.
+
+    drive: the drive with the overrides.
+    text, file, overrides: as in `load_text`.
     """
-    # without a rated torque the largest torque of the file counts as one
+    # without a rated torque, the largest torque of the file counts as the rated torque
     if drive.operation.rated is not None or not is_overridden("operation.M_g", overrides):
         return ()
     in_file = _drive(_document(text, file))
     return in_file.operation.M_g if in_file else ()
 
 
-_parsed = lru_cache(maxsize=4)(read_yaml)  # a sweep, a lot and the explorer load one text again and again
+_parsed = lru_cache(maxsize=4)(read_yaml)  # a sweep, a lot and the explorer load the same text repeatedly
 
 
 def _document(text: bytes | str, file: str) -> Document:
-    """Return the document of a preset's text, which overrides and findings may change."""
+    """Return a copy of the parsed document of a preset's text, which overrides and findings may change."""
     read = _parsed(text, file)
     return replace(
         read, data=deepcopy(read.data), places={**read.places}, findings=[*read.findings], bad={*read.bad}, warnings=[]
@@ -193,15 +202,16 @@ def set_override(
     text: str,
     index: int,
 ) -> None:
-    """Put an override "section.key=VALUE" on top of a document.
+    """Apply an override "section.key=VALUE" to a document.
 
-    Arguments: text; index, its number from 1, which findings bear as their line.
-    Raises UsageError: no "=", a key that is empty or has hidden characters, or a value that is no YAML.
+    text: the override.
+    index: number of the override from 1, which is the line number of its findings.
+    Raises UsageError if "=" is missing, the key is empty or contains hidden characters, or the value is not valid YAML.
     """
     key, equals, value = text.partition("=")
     # section, name, and for tables a further key
     full_path = path_of(key)
-    if not equals or not all(full_path) or not key.strip().isprintable():  # YAML has no such keys either
+    if not equals or not all(full_path) or not key.strip().isprintable():  # YAML does not have such keys either
         raise UsageError(
             f"{OVERRIDE}:{index}:1: expected section.key=VALUE (got {shown(text) or 'nothing'})",
             f"for example {OVERRIDE} gears.j_n=6",
@@ -223,7 +233,7 @@ def set_override(
     if table is None:
         return
     table[full_path[-1]] = read.data
-    # what was below the path before is gone
+    # positions below the path belonged to the replaced value
     kept_places = {path: place for path, place in document.places.items() if path[: len(full_path)] != full_path}
     document.places = kept_places | read.places | {full_path: span}
     document.bad = {path for path in document.bad if path[: len(full_path)] != full_path}
@@ -234,27 +244,26 @@ def _inner_table(
     whole: Path,
     span: SourceSpan,
 ) -> dict[Any, Any] | None:
-    """Return the table in which an override puts its value, made if it is not there.
+    """Return the table for the value of an override, created if necessary.
 
-    None after a fault was added to the findings: an entry on the way is not a table.
+    If an entry on the way is not a table, the fault is added to the findings and the result is None.
 
-    Args:
-        document: the preset.
-        whole: path of the override.
-        span: place of the override.
+    document: the preset.
+    whole: path of the override.
+    span: position of the override.
     """
     table: dict[Any, Any] = document.data
-    # down to the table that has the last key
+    # descend to the table that contains the last key
     for end, part in enumerate(whole[:-1], 1):
         path = whole[:end]
         inner = table.get(part)
         if inner is not None and not isinstance(inner, dict):
-            # a number where a table should be
+            # a number in place of a table is allowed only for values per torque
             if path not in _PER_TORQUE:
                 message = f"{path_text(path)} is not a table of keys"
                 document.findings.append(Finding(OVERRIDE, *span.key, path_text(whole), message))
                 return None
-            inner = {"all": inner}  # the override adds an entry to a bare number, which is the limit for all torques
+            inner = {"all": inner}  # a bare number is the limit for all torques, to which the override adds an entry
             document.places[(*path, "all")] = document.places[path]
         document.places.setdefault(path, span)
         inner = inner or {}
@@ -264,14 +273,14 @@ def _inner_table(
 
 
 def _drive(document: Document) -> Drive | None:
-    """Return the drive of a document, None if there is none; faults are added to its findings."""
+    """Return the drive of a document; None if it is invalid, with the faults added to its findings."""
     data = _table_of_drive(document)
     if data is None:
         return None
-    # before validation, which knows tables of uncertainties only
+    # must precede validation, which accepts uncertainties only in their table
     _settle_spreads(document, data)
     data |= {name: _known_paths(document, name, data[name]) for name in PATH_TABLES if isinstance(data.get(name), dict)}
-    # filled by the validators, also if the drive as a whole is refused
+    # the validators fill these values even if the drive as a whole is rejected
     values = dict[str, Any]()  # valid values by path
     drive = None
     try:
@@ -279,7 +288,7 @@ def _drive(document: Document) -> Drive | None:
     except ValidationError as error:
         for fault in error.errors(include_url=False):
             _add_fault(document, fault)
-    # conflicts are sought among all values, given or not
+    # conflicts are detected among all values, including defaults
     _add_defaults(document, values)
     if drive:
         drive = _with_support_of_coupling(document, drive, values)
@@ -289,7 +298,7 @@ def _drive(document: Document) -> Drive | None:
 
 
 def _table_of_drive(document: Document) -> dict[str, Any] | None:
-    """Return the table of a document without its schema and empty keys; None, with a finding, if there is none."""
+    """Return the table of a document without schema and empty keys; None, with a finding, if there is none."""
     if () in document.bad:
         return None
     if not isinstance(document.data, dict):
@@ -306,17 +315,17 @@ def _table_of_drive(document: Document) -> dict[str, Any] | None:
 
 
 def _add_conflicts(document: Document, values: dict[str, Any]) -> None:
-    """Add the conflicts between valid values, at the override that makes one if there is one."""
+    """Add the conflicts between valid values to the findings, at the override that causes one if there is one."""
     for conflict, involved in conflicts({path: values[path] for path in field_table() if path in values}):
         paths = [tuple(path.split(".", 2)) for path in (conflict.path, *involved)]
-        # who typed the contradicting value sees it there
+        # a finding at the override shows the user the conflicting value
         override_paths = [path for path in paths if document.is_override(path)]
         place = override_paths[0] if override_paths else paths[0]
         document.add(place, conflict.message, conflict.hint, conflict.got)
 
 
 def _add_defaults(document: Document, values: dict[str, Any]) -> None:
-    """Add the defaults of optional fields that have no fault to the valid values."""
+    """Add the defaults of optional fields without a fault to the valid values."""
     faulty_paths = {path_text(path[:2]) for path in document.bad}
     for path, field in field_table().items():
         section = path.partition(".")[0]
@@ -329,15 +338,15 @@ def _with_support_of_coupling(
     drive: Drive,
     values: dict[str, Any],
 ) -> Drive:
-    """Return the drive with the cam's support that its coupling gives, if that support is not given.
+    """Return the drive with the wave generator's support from its coupling, if the support is not given.
 
-    It is not given either if the command line has a field of the coupling and not the support.
+    It also counts as not given if the command line sets a field of the coupling but not the support.
     """
     support_path = tuple(SUPPORT_FIELD.split("."))
     is_support_set = support_path in document.places and document.is_override(support_path)
     coupling_paths = [tuple(path.split(".")) for path in COUPLING_FIELDS]
     is_coupling_set = any(path in document.places and document.is_override(path) for path in coupling_paths)
-    # a support that is stated, or set last, stays
+    # a support that is stated, or set after the coupling, is not changed
     if drive.supports.C_3 is not None and (is_support_set or not is_coupling_set):
         return drive
     drive = with_cam_support(drive)
@@ -346,14 +355,14 @@ def _with_support_of_coupling(
 
 
 def _settle_spreads(document: Document, data: dict[str, Any]) -> None:
-    """Put uncertainties beside values ("260 ± 10") into their table; of two the one on the command line counts."""
+    """Move uncertainties written beside values ("260 ± 10") to their table; the command line overrides the file."""
     table = data.get("uncertainty", {})
     for path, field in measures().items() if isinstance(table, dict) else ():
         spread_path = ("uncertainty", path)
         field_path = tuple(path.split("."))
-        with suppress(KeyError, InvalidValueError):  # not given, none beside the value, or refused with it
+        with suppress(KeyError, InvalidValueError):  # no value, no uncertainty beside it, or an invalid value
             spread = read_spread(document.places[field_path].text, field.unit)[1]
-            # the command line counts, of two on it neither
+            # the command line overrides the file; two uncertainties from the same source are a fault
             own_wins = document.is_override(spread_path)
             beside_wins = document.is_override(field_path)
             if path in table and beside_wins == own_wins:
@@ -367,14 +376,13 @@ def _settle_spreads(document: Document, data: dict[str, Any]) -> None:
 
 
 def _check_tables(values: dict[str, Any], document: Document) -> None:
-    """Check that draws of a fit are equally many, that uncertainties have a value, and that values lie in their ranges.
+    """Check the number of draws of a fit, uncertainties without a value, and values outside their ranges.
 
-    A value of the command line is not compared with a range.
-
-    All fields of a fit have equally many draws, of which the first is the value.
+    All fields of a fit must have the same number of draws, the first of which is the value. A value from the command
+    line is not compared with a range.
     """
     draws: dict[str, Any] = values.get("drive.fit", {})
-    # all fields of a fit have as many draws as the first
+    # all fields of a fit must have as many draws as the first field
     first = next(iter(draws), "")
     for path, table_values in draws.items():
         field_path = tuple(path.split("."))
@@ -398,7 +406,7 @@ def _check_tables(values: dict[str, Any], document: Document) -> None:
     for path, source in values.get("drive.source", {}).items():
         bounds = source.range
         value = values.get(path)
-        # a value set by hand need not lie in the range of the preset's
+        # a value set by the user need not be within the range in the preset
         if not bounds or value is None or document.is_override(tuple(path.split("."))):
             continue
         if not bounds[0] <= value <= bounds[1]:
@@ -412,7 +420,7 @@ def _known_paths(
     name: str,
     table: dict[str, Any],
 ) -> dict[str, Any]:
-    """Return the entries of a table by paths of fields whose path it takes; the others are findings."""
+    """Return the entries of a table whose paths are allowed; other entries become findings."""
     paths, message = {
         "cost": (tuple(deviation_sizes()), "is not the size of a deviation"),
         "source": (tuple(field_table()), "is not a field"),
@@ -433,10 +441,10 @@ def _known_paths(
 
 
 def _add_fault(document: Document, fault: ErrorDetails) -> None:
-    """Add the finding on a fault of validation; none on a value that has one already."""
+    """Add a finding for a validation fault, unless the value already has one."""
     path = fault["loc"]
     error = fault.get("ctx", {}).get("error")
-    # one finding for each value
+    # each value has at most one finding
     if path in document.bad:
         return
     schema_model = {**dict(sections()), **BY_PATH}.get(str(path[0]))
@@ -469,7 +477,7 @@ def _unknown_hint(
     value: Any,
     model: type[Section],
 ) -> str:
-    """Return a hint for an unknown key of a table, whose keys are the fields of a model."""
+    """Return a hint for an unknown key of a table whose keys are the fields of a model."""
     # a field of an earlier version, with its successor
     if removed := REMOVED.get(".".join(map(str, path))):
         return removed
@@ -490,22 +498,22 @@ def _unknown_hint(
 
 
 def _warn_of_limits(drive: Drive, document: Document) -> None:
-    """Warn of limits at torques that are not computed; those of a file may be more than the torques of one run."""
+    """Warn of limits at torques that are not computed."""
     narrowed = document.is_override(("operation", "M_g"))
     torques = shown(", ".join(map(plain, drive.operation.M_g[:20])))
     message = "a limit at a torque that is not in operation.M_g: accept uses it, check does not"
     for section, name in _PER_TORQUE:
         for key in drive.value(f"{section}.{name}"):
             path = (section, name, key)
-            # a run at one torque need not warn of limits at the others
+            # a run at one torque does not warn of limits at other torques
             counts = not narrowed or document.is_override(path)
             if key != "all" and float(key) not in drive.operation.M_g and counts:
                 document.warn(path, message, f"M_g: {torques}")
 
 
 def _warn_of_model(drive: Drive, document: Document) -> None:
-    """Warn where values were identified with another shape of rim or flanks than is used, or may have been."""
-    # only identified values belong to a setting
+    """Warn if values were, or may have been, identified with other settings of rim or flanks than those in use."""
+    # only identified values depend on the settings
     if all(source.kind != "identified" for source in drive.source.values()):
         return
     for name, before in IDENTIFIED_WITH.items():
@@ -525,13 +533,13 @@ def _warn_of_model(drive: Drive, document: Document) -> None:
             )
 
 
-# --- values put into text
+# --- writing of values into text
 
-_WIDTH = 110  # columns of a description
+_WIDTH = 110  # characters per line of a description
 
 
 def _name(text: str) -> str:
-    """Return a text as YAML: as it is where that is safe, else in quotes."""
+    """Return a text in YAML, without quotes if this is safe."""
     word = re.fullmatch(r"[A-Za-z][A-Za-z0-9]*([-_][A-Za-z0-9]+)*", text)
     return text if word and isinstance(scalar_value(text), str) else _quoted(text)
 
@@ -542,17 +550,20 @@ def similar_preset(
     required: Requirements,
     description: str = "",
 ) -> str:
-    """Return the text of a preset of a drive that is like another one.
+    """Return the text of a preset for a drive that is similar to another one.
 
-    Arguments: name; like, the other drive; requirements of the new one; description, in place of the usual. Raises
-    UsageError: a name that a preset cannot have, requirements that contradict each other, or no drive that meshes.
+    name: name of the new drive.
+    like: the other drive.
+    required: requirements for the new drive.
+    description: description in place of the usual one.
+    Raises UsageError for an invalid name, for requirements that contradict each other, or if no drive meshes.
     """
     if not 1 <= len(name) <= MAX_NAME or not name.isprintable():
         raise UsageError(f"a drive needs a name of 1 to {MAX_NAME} printable characters")
     entries = similar(like, required)
     text = "\n".join(_similar_lines(name, like, entries, description)) + "\n"
     try:
-        # read again: a new preset has to be valid
+        # the text is read again to make sure that the new preset is valid
         counts = origin_counts(load_text(text, name))
     except PresetError as error:
         raise UsageError(f"no valid drive: {error.findings[0].message}", "choose other teeth or another size") from None
@@ -591,7 +602,8 @@ def _similar_lines(
         if entries.keys() & fields.keys() or section in ("tolerances", "phases", "harmonics"):
             yield from ("", f"{section}:")
         for path, field in fields.items():
-            is_open = field.unknown and not path.startswith("harmonics.xi_")  # these need an amplitude
+            # directions of harmonics need an amplitude
+            is_open = field.unknown and not path.startswith("harmonics.xi_")
             if path in entries or is_open:
                 value = text_of(entries[path].value) if path in entries else UNKNOWN
                 line = f"  {path.split('.')[1]}: {value}"
@@ -613,16 +625,20 @@ def with_found_values(
     ref: str,
     model: Mapping[str, str | int] | None = None,
 ) -> str:
-    """Return the text of a preset with identified values, its comments and order as they are.
+    """Return the text of a preset with identified values; comments and sequence remain unchanged.
 
-    Arguments: text; file, its name in messages; values, by path, of fields that the text gives or leaves out; ref,
-    where they come from; model, the fields of numerics that they were identified with, which are written into the
-    text. A fit of before goes. Raises the errors of loading the text; DataError if it cannot be changed in place.
+    A previous fit is removed.
+
+    text: text of the preset.
+    file: name of the file in messages.
+    values: identified values by path; the text may lack their fields.
+    ref: reference to the source of the values.
+    model: fields of numerics used in the identification, which are written into the text.
+    Raises the errors of `load_text`, and DataError if the text cannot be changed in place.
     """
     before = load_text(text, file)
     tables = _tables(text)
-    # its draws belong to the values before
-    tables.pop("fit", None)  # its draws are around other values
+    tables.pop("fit", None)  # its draws belong to the previous values
     for path, value in values.items():
         _set_value(tables, path, value)
         _table(tables, "source")[path] = _source("identified", ref, before.source.get(path), value)
@@ -636,11 +652,16 @@ def with_changes(
     file: str,
     overrides: Sequence[str],
 ) -> str:
-    """Return the text of a preset with overrides put in, its comments and order as they are.
+    """Return the text of a preset with overrides included; comments and sequence remain unchanged.
 
-    A changed value that was assumed or identified is assumed from now on, without a range that it has left. Arguments:
-    text; file, its name in messages; overrides, such as "cam.W_0=0.95". Raises the errors of loading the preset with
-    them; DataError where an override is of no single field, or the text cannot be changed in place.
+    A changed value whose source was assumed or identified becomes assumed. Its range is removed if the new value is
+    outside.
+
+    text: text of the preset.
+    file: name of the file in messages.
+    overrides: overrides such as "cam.W_0=0.95".
+    Raises the errors of `load_text` with these overrides. Raises DataError if an override is not a single field, or if
+    the text cannot be changed in place.
     """
     wanted = load_text(text, file, overrides)
     before = load_text(text, file)
@@ -649,8 +670,8 @@ def with_changes(
     for override in overrides:
         key, _, written = override.partition("=")
         parts = path_of(key)
-        # texts of the preset itself
-        if len(parts) == 1 and isinstance(tables.get(parts[0]), str):  # name and description stand in no section
+        # name and description of the preset are texts without a section
+        if len(parts) == 1 and isinstance(tables.get(parts[0]), str):
             tables[parts[0]] = str(_tables(written))
             continue
         if len(parts) == 1:
@@ -668,11 +689,10 @@ def with_changes(
         source = before.source.get(path)
         value = wanted.value(path)
         if source is not None and value != before.value(path):
-            # the origin of the old value does not hold for the new one
+            # the origin of the old value does not apply to the new one
             ref = f"changed manually; was {source.kind}"
             _table(tables, "source")[path] = _source("assumed", ref, source, value)
-    # the support follows from the coupling, on the command line too
-    # a support that the coupling gives is written by none of both
+    # a support that follows from a changed coupling is removed from the text, because it is computed again
     if "supports.C_3" not in changes and changes & {*COUPLING_FIELDS}:
         _table(tables, "source").pop("supports.C_3", None)
         _table(tables, "supports")["C_3"] = None
@@ -680,8 +700,8 @@ def with_changes(
 
 
 def _editor() -> YAML:
-    """Return a reader and writer of YAML that keeps comments and order."""
-    from ruamel.yaml import YAML  # 40 ms, for which only who writes a preset waits
+    """Return a YAML reader and writer that preserves comments and sequence."""
+    from ruamel.yaml import YAML  # the import takes 40 ms, so only commands that write a preset do it
 
     editor = YAML()
     editor.preserve_quotes = True
@@ -695,12 +715,12 @@ def _editor() -> YAML:
 
 
 def _tables(text: str) -> Any:
-    """Return the text of YAML as tables that know their comments."""
+    """Return YAML text as tables that preserve their comments."""
     return _editor().load(text)
 
 
 def _table(tables: Any, name: str) -> Any:
-    """Return a table of a preset, which is added if there is none."""
+    """Return a table of a preset, which is created if necessary."""
     if tables.get(name) is None:
         tables[name] = {}
     return tables[name]
@@ -712,7 +732,7 @@ def _set_value(
     value: Any,
     entry: str | int = "",
 ) -> None:
-    """Put a value in place, or an entry of it; one value of all torques stays beside that of one."""
+    """Set a value or an entry of it; an existing value for all torques remains beside an entry for one torque."""
     section, name = path.split(".")
     table = _table(tables, section)
     if entry:
@@ -729,7 +749,7 @@ def _source(
     before: Source | None,
     value: Any,
 ) -> Any:
-    """Return a source in one line, with the range of the one before as far as the value lies in it."""
+    """Return a source in one line, with the range of the previous source if it contains the value."""
     bounds = before.range if before else None
     inside = bounds and isinstance(value, int | float) and bounds[0] <= value <= bounds[1]
     kept = f"range: {list(bounds)!r}, " if bounds and inside else ""
@@ -742,7 +762,10 @@ def _written(
     wanted: Drive,
     model: Mapping[str, str | int] | None = None,
 ) -> str:
-    """Return text of tables, read again: it must give the wanted drive, but for fields of model that it has already."""
+    """Return the text of tables, verified to give the wanted drive when it is read again.
+
+    model: fields of numerics that are not verified, because the text may have other values already.
+    """
     stream = StringIO()
     _editor().dump(tables, stream)
     text = stream.getvalue()
@@ -755,19 +778,19 @@ def _written(
     raise DataError(f"{file} cannot be changed in place", "change it in an editor; hdassist presets new shows the form")
 
 
-SCHEMA_FILE = "hdassist-preset.schema.json"  # that the first line of a new preset names
-_NUMBER_TEXT = {"type": "string", "pattern": rf"^\s*{NUMBER}"}  # with a unit, or an uncertainty
+SCHEMA_FILE = "hdassist-preset.schema.json"  # schema file named in the first line of a new preset
+_NUMBER_TEXT = {"type": "string", "pattern": rf"^\s*{NUMBER}"}  # text of a number with a unit or an uncertainty
 
 
 def preset_schema() -> dict[str, Any]:
     """Return the JSON Schema (draft 2020-12) of presets: names, types, ranges, units and meanings of the fields.
 
-    Units within texts, keys of tables and rules between fields are left to `hdassist presets validate`.
+    Only `hdassist presets validate` checks units within texts, keys of tables and rules between fields.
     """
     schema = _table_schema(Drive)
     fields = Drive.declared()
     properties = schema["properties"]
-    for name, model in sections():  # one that may be left out may be empty
+    for name, model in sections():  # an optional section may be empty
         schemas = [_table_schema(model)]
         if not fields[name].is_required:
             schemas.append({"type": "null"})
@@ -797,7 +820,7 @@ def _table_schema(model: type[Section]) -> dict[str, Any]:
 
 
 def _field_schema(field: PresetField) -> dict[str, Any]:
-    """Return schema of a field as presets are written: texts for numbers, one item for a list, a number for a table."""
+    """Return the schema of a field in all its notations: text for numbers, an item for a list, a number for a table."""
     number = _number_schema(field)
     text = {"type": "string"}
     table: Any = {"type": "object", "additionalProperties": _NUMBER_TEXT if field.kind == "readings" else number}
@@ -823,7 +846,7 @@ def _field_schema(field: PresetField) -> dict[str, Any]:
 
 
 def _number_schema(field: PresetField) -> dict[str, Any]:
-    """Return the schema of a number of a field, or of an item of it."""
+    """Return the schema of a number, or of an item, of a field."""
     ends = {"minimum": field.ge, "exclusiveMinimum": field.gt, "maximum": field.le}
     limits = {name: end for name, end in ends.items() if isfinite(end)}
     return {"anyOf": [{"type": "integer" if field.kind in ("count", "holes") else "number"} | limits, _NUMBER_TEXT]}

@@ -1,7 +1,7 @@
-"""Which test of F'_ior is enough: the share of it that readings at some positions see, over all that is not known.
+"""Sufficient tests of F'_ior: the share of it that readings at some positions capture, over all uncertain inputs.
 
-And the test itself, as it can be carried out: approaches in their order, how long they take, and the readings of a
-limit that pass and fail.
+The module also gives the test in detail: the sequence of approaches, their duration, and the readings that pass and
+fail a limit.
 """
 
 from __future__ import annotations
@@ -29,28 +29,31 @@ from hdassist.preset.fields import DEVIATIONS, Drive
 from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.answers import EMPTY, Certificate
 
-_QUOTED_POSITIONS = 12  # positions of a test as manufacturers quote it
-_FEWEST_POSITIONS = 6  # that are tried
-_MOST_A_CAM_TURN = 5  # positions that are tried, for each input revolution
-_RANDOM_STARTS = 256  # over all samples
-_LEAST_STARTS = 16  # random starts of each sample, at least
-_LEAST_ARCSEC = 1e-9  # a test captures all of an error below this size [arcsec]
-_LISTED_LINES = 12  # the largest
-_NEVER = Probability(0.0, 0.0, 0.0)  # of a test that sees all: no chance is in it
-SEEN_SHARE = 0.95  # share of F'_ior that a sufficient test captures if there is no limit
-_ROUGH_NOISE = 0.03  # largest rms of single teeth, as a share of F'_i; evenly distributed from 0 (engineering estimate)
-_ROUGH_ORDERS = range(5, 13)  # around a wheel
-_ROUGH_SIZE = 0.1  # scale of Rayleigh's law over the order
-_ROUGH_WHEELS = 8  # drawn of each kind
-_ROUGH_UM = 50.0  # F'_i at which they are solved
+_QUOTED_POSITIONS = 12  # positions of a test as stated by manufacturers
+_FEWEST_POSITIONS = 6  # smallest number of positions that is tried
+_MOST_A_CAM_TURN = 5  # largest number of positions that is tried, per input revolution
+_RANDOM_STARTS = 256  # starts over all samples
+_LEAST_STARTS = 16  # smallest number of starts of each sample
+_LEAST_ARCSEC = 1e-9  # arcsec; added to errors, so that a test captures all of an error of 0
+_LISTED_LINES = 12  # number of the largest lines that are listed
+_NEVER = Probability(0.0, 0.0, 0.0)  # probability of a wrong verdict of a test that captures everything
+SEEN_SHARE = 0.95  # captured share of F'_ior that is sufficient without a limit
+_ROUGH_NOISE = 0.03  # largest rms of single-tooth noise, as a share of F'_i; uniform from 0 as an engineering estimate
+_ROUGH_ORDERS = range(5, 13)  # orders around a wheel
+_ROUGH_SIZE = 0.1  # scale of Rayleigh's law, divided by the order
+_ROUGH_WHEELS = 8  # number of random wheels of each kind
+_ROUGH_UM = 50.0  # F'_i at which the random wheels are solved
 
 
 @dataclass(frozen=True)
 class ReadingPlan:
-    """Readings at even steps of the output, from an angle that is not known.
+    """Readings at even steps of the output, from an unknown start.
 
-    name in words; step_turns [output turns]; both: whether the same is done backwards too, and the greater range
-    counts; is_record: whether they stand for a record without gaps.
+    name: description of the plan.
+    readings: number of readings in one direction.
+    step_turns: step between readings [output revolutions].
+    both: whether the readings are repeated backwards; the larger range then counts.
+    is_record: whether the readings represent a continuous recording.
     """
 
     name: str
@@ -66,7 +69,7 @@ class ReadingPlan:
         turns: float = 1.0,
         both: bool = False,
     ) -> ReadingPlan:
-        """Return the plan of positions spread evenly over output revolutions."""
+        """Return the plan of positions spaced evenly over output revolutions."""
         over = "" if turns == 1 else f" over {turns:.4g} output turns"
         ways = " both ways" if both else ""
         name = f"{readings} positions{over}{ways}"
@@ -79,7 +82,7 @@ class ReadingPlan:
 
     @classmethod
     def record(cls, cam_turns: float, ratio: float) -> ReadingPlan:
-        """Return a record over turns of the cam, of which there are so many in a turn of the output."""
+        """Return the plan of a recording over input revolutions; ratio: input revolutions per output revolution."""
         name = f"record of {cam_turns:.4g} cam turn{'' if cam_turns == 1 else 's'}"
         return cls(
             name,
@@ -89,27 +92,30 @@ class ReadingPlan:
         )
 
     def sees_all(self, output_turns: float) -> bool:
-        """Return whether no part is left out of so many output turns."""
+        """Return whether the plan covers a number of output revolutions without gaps."""
         return self.is_record and self.readings * self.step_turns >= output_turns - 1e-9
 
     def seen_as(self, per_output_turn: Array) -> Array:
-        """Return how often lines seem to occur in the test; 0 if all readings show the same, and it is blind to them.
+        """Return the apparent periods of lines in the test; 0 if all readings are equal and do not show the line.
 
-        A line that comes f times an output turn goes on by f times the step from reading to reading, of which whole
-        turns do not show: of N readings over k turns it looks like f k mod N, or N less that.
+        A line with f periods per output revolution advances by f times the step between readings, of which whole
+        periods are not visible. With N readings over k revolutions it appears with f k mod N periods, or with N minus
+        this number.
+
+        per_output_turn: periods of the lines per output revolution, shape (lines,).
         """
-        # readings show a line modulo whole periods from one to the next
+        # readings show the phase of a line only modulo whole periods
         phase = per_output_turn * self.step_turns
         return np.asarray(np.round(np.abs(phase - np.rint(phase)) * self.readings, 6))
 
 
 @dataclass(frozen=True)
 class PlanDemands:
-    """Demands on a test.
+    """Requirements for a test.
 
-    wrong: share of all tested drives that may pass though beyond the limit, or fail though within, at most;
-    noise_arcsec: standard uncertainty of the range that it reads; corrected: whether that is divided by the median
-    share that the plan sees.
+    wrong: largest share of all tested drives that pass although they exceed the limit, or fail although they meet it.
+    noise_arcsec: standard uncertainty of the measured range [arcsec].
+    corrected: whether the measured range is divided by the median share that the plan captures.
     """
 
     wrong: float = 0.05
@@ -119,11 +125,14 @@ class PlanDemands:
 
 @dataclass(frozen=True)
 class _PlanJudgement:
-    """The part of F'_ior that a plan sees: share at 5, 50 and 95 % of drives and starts.
+    """The part of F'_ior that a plan captures.
 
-    false_pass: probability that a drive passes though beyond the limit; false_fail: that it fails though within; None
-    without a limit. verdict: PASS where both keep what is demanded, over the whole Monte
-    Carlo interval; without a limit, where less than SEEN_SHARE of F'_ior is seen as seldom as that.
+    plan: the plan.
+    seen: captured share at 5, 50 and 95 % of drives and starts.
+    false_pass: probability that a drive passes although it exceeds the limit; None without a limit.
+    false_fail: probability that a drive fails although it meets the limit; None without a limit.
+    verdict: PASS if both probabilities meet the requirements over the whole Monte Carlo interval. Without a limit, the
+        same for the probability of capturing less than SEEN_SHARE of F'_ior.
     """
 
     plan: ReadingPlan
@@ -135,11 +144,16 @@ class _PlanJudgement:
 
 @dataclass(frozen=True, eq=False)
 class DrivesUnderTest:
-    """Drives that may come to a test: their error [arcsec] over the full cycle, shape (drives, points), and weights.
+    """Drives that may be tested.
 
-    cycle_output: output turns of the cycle; left_arcsec: the room that the limit leaves F'_ior, None without one;
-    demands; seed of the starts and of the noise; travel: output turns in use, from where the test starts, whose range
-    is F'_ior; stated_beyond: probability of being beyond the limit as check states it, None if it states none.
+    curves: errors over the full cycle [arcsec], shape (drives, points).
+    weights: weights of the drives, shape (drives,).
+    cycle_output: output revolutions of the cycle.
+    left_arcsec: largest F'_ior within the limit [arcsec], None without a limit.
+    demands: requirements for the test.
+    seed: seed of starts and noise.
+    travel: output revolutions in use, from the start of the test, whose range is F'_ior; None for the full cycle.
+    stated_beyond: probability of exceeding the limit as stated by `check`; None if it states none.
     """
 
     curves: Array
@@ -153,13 +167,13 @@ class DrivesUnderTest:
 
     @cached_property
     def starts(self) -> Array:
-        """Where tests start, as shares of the cycle, shape (drives, starts)."""
+        """Starts of tests as shares of the cycle, shape (drives, starts)."""
         drives = len(self.curves)
         return np.random.default_rng(self.seed).random((drives, max(_LEAST_STARTS, _RANDOM_STARTS // drives)))
 
     @cached_property
     def F_ior_arcsec(self) -> Array:
-        """F'_ior of each drive, shape (drives, 1); of the travel from each start, shape (drives, starts)."""
+        """F'_ior of each drive [arcsec], shape (drives, 1); with a travel, from each start, shape (drives, starts)."""
         if self.travel is None:
             return np.asarray(
                 np.ptp(
@@ -168,7 +182,7 @@ class DrivesUnderTest:
                     keepdims=True,
                 )
             )
-        # extremes of half input revolutions, so that a travel is a few of them
+        # extremes of half input revolutions reduce a travel to a few values
         halves = self.curves.reshape(len(self.curves), -1, POINTS_A_TURN // 2)
         count = halves.shape[1]
         reach = np.arange(min(count, int(self.travel / self.cycle_output * count) + 2))
@@ -178,44 +192,47 @@ class DrivesUnderTest:
         return np.asarray(high.max(axis=2) - low.min(axis=2))
 
     def percentiles(self, values: Array) -> tuple[float, float, float]:
-        """Return the 5th, 50th and 95th percentile of values, shape (drives, starts)."""
+        """Return the 5th, 50th and 95th percentiles of values, shape (drives, starts)."""
         weights = np.broadcast_to(self.weights[:, None], values.shape).ravel()
         low, middle, high = (weighted_quantile(values.ravel(), weights, share) for share in (0.05, 0.5, 0.95))
         return low, middle, high
 
     def probability(self, outcome: NDArray[np.bool_]) -> Probability:
         """Return the probability of an outcome, shape (drives, starts), with its Monte Carlo interval."""
-        # starts of one drive are not independent: drives are the samples
+        # starts of one drive are not independent, so the drives are the samples
         interval = probability_of(outcome.mean(axis=1), self.weights)
         return interval if len(outcome) > 1 else Probability(interval.value, interval.value, interval.value)
 
     @property
     def beyond(self) -> Probability | None:
-        """Probability that a drive is beyond the limit; None without one."""
+        """Probability that a drive exceeds the limit; None without a limit."""
         if self.stated_beyond is not None:
             return self.stated_beyond
-        # without a limit nothing can be beyond it
+        # without a limit, no drive can exceed it
         return None if self.left_arcsec is None else self.probability(self.F_ior_arcsec > self.left_arcsec)
 
     def seen_shares(self, plan: ReadingPlan, starts: Array) -> Array:
-        """Return the share of F'_ior that a plan sees from starts, shares of the cycle, shape (drives, starts)."""
-        # as shares of the cycle
+        """Return the share of F'_ior that a plan captures, shape (drives, starts).
+
+        plan: the plan.
+        starts: starts as shares of the cycle, shape (drives, starts).
+        """
+        # steps between readings as shares of the cycle
         steps = np.arange(plan.readings) * plan.step_turns / self.cycle_output
         points = self.curves.shape[1]
         places_of_starts = (np.rint((start[:, None] + steps) * points).astype(np.int64) % points for start in starts)
         ranges = [np.ptp(curve[places], axis=1) for curve, places in zip(self.curves, places_of_starts, strict=True)]
-        # a drive without error shows all of it
+        # every test captures all of a drive without error
         return np.asarray((np.array(ranges) + _LEAST_ARCSEC) / (self.F_ior_arcsec + _LEAST_ARCSEC))
 
     def judge(self, plan: ReadingPlan) -> _PlanJudgement:
-        """Return the part that a plan sees, and how often its verdict is wrong."""
+        """Return the part of F'_ior that a plan captures, and the probabilities of wrong verdicts."""
         demands = self.demands
         shares = self.seen_shares(plan, self.starts)
         rng = np.random.default_rng(self.seed)
-        # numbers of the noise are not those of the starts
-        rng.random(self.starts.shape)  # which the starts are
+        rng.random(self.starts.shape)  # skips the numbers of the starts, because the noise needs other ones
         share_percentiles = self.percentiles(shares)
-        # from both sides the larger range counts, and the larger noise with it
+        # with both directions, the larger range counts, which has the larger noise
         noise = demands.noise_arcsec * rng.standard_normal((1 + plan.both, *shares.shape)).max(axis=0)
         sees_all = plan.sees_all(self.travel or self.cycle_output)
         if self.left_arcsec is None:
@@ -227,7 +244,7 @@ class DrivesUnderTest:
                 false_fail=None,
                 verdict=self._verdict(missed.low, missed.high),
             )
-        # corrected by the median share, if that is wanted
+        # corrected by the median share if this is required
         read = (shares * self.F_ior_arcsec + noise) / (share_percentiles[1] if demands.corrected else 1)
         passed = read <= self.left_arcsec
         good = self.F_ior_arcsec <= self.left_arcsec
@@ -253,10 +270,16 @@ class DrivesUnderTest:
         ratio: float,
         limit: float | None,
     ) -> PlannedTest:
-        """Return the test of a judged plan; ratio: cam turns an output turn; limit: with the self error.
+        """Return the test of a judged plan.
 
-        A reading with its guard band over the share that is seen at 5 % of drives and starts has to keep the limit; one
-        beyond the limit by its guard band fails, as a test sees no more than there is.
+        A reading plus its guard band must be within the limit times the share that is captured in all but 5 % of drives
+        and starts. A reading fails if it exceeds the limit by its guard band, because a test cannot capture more than
+        F'_ior.
+
+        judged: the judged plan.
+        run: approaches of the positions.
+        ratio: input revolutions per output revolution.
+        limit: limit including the self error [arcsec], None without a limit.
         """
         guard = GUARD * self.demands.noise_arcsec
         planned = PlannedTest(
@@ -267,10 +290,10 @@ class DrivesUnderTest:
         )
         if self.left_arcsec is None or limit is None:
             return planned
-        # the self error: every reading contains it
+        # self error, which is part of every reading
         margin_arcsec = limit - self.left_arcsec
         least = judged.seen[0]
-        # a test captures at least this share of 95 % of drives
+        # a test captures at least this share in 95 % of drives
         passes = max(limit * least - guard, 0.0)
         fails = limit + guard
         rng = np.random.default_rng([self.seed, 1])
@@ -287,7 +310,7 @@ class DrivesUnderTest:
         )
 
     def _verdict(self, low: float, high: float) -> Verdict:
-        """Return whether a probability of being wrong, by the ends of its Monte Carlo interval, is allowed."""
+        """Return the verdict on a probability of wrong verdicts, from the ends of its Monte Carlo interval."""
         if high <= self.demands.wrong:
             return Verdict.PASS
         return Verdict.FAIL if low > self.demands.wrong else Verdict.INCONCLUSIVE
@@ -295,7 +318,12 @@ class DrivesUnderTest:
 
 @dataclass(frozen=True)
 class EncoderData:
-    """Encoders of a rig: step of the output's readings and graduation error ± [arcsec], step of the cam's [deg]."""
+    """Encoders of a test rig.
+
+    step_arcsec: step of the output encoder's readings [arcsec].
+    graduation_arcsec: graduation error ± of the output encoder [arcsec].
+    cam_step_deg: step of the input encoder's readings [deg].
+    """
 
     step_arcsec: float = 0.0
     graduation_arcsec: float = 0.0
@@ -303,7 +331,7 @@ class EncoderData:
 
     @classmethod
     def of(cls, text: str) -> EncoderData:
-        """Read "0.5,1,0.1". Raises UsageError: no such text."""
+        """Read a text such as "0.5,1,0.1". Raises UsageError for an invalid text."""
         numbers = [number_of(part) for part in text.split(",")]
         if len(numbers) > 3 or not all(0 <= number <= LARGEST_UNCERTAINTY for number in numbers):
             hint = (
@@ -314,17 +342,21 @@ class EncoderData:
         return cls(*numbers)
 
     def uncertainty_arcsec(self, ratio: float) -> float:
-        """Return standard uncertainty of the difference of two readings, whose errors are even within their limits."""
-        # full widths of even distributions, whose variance is width^2/12
+        """Return the standard uncertainty of the difference of two readings [arcsec], with uniform errors."""
+        # full widths of uniform distributions, whose variance is width^2/12
         widths = self.step_arcsec, 2 * self.graduation_arcsec, self.cam_step_deg * 3600 / ratio
         return sqrt(2 / 12) * hypot(*widths)
 
 
 @dataclass(frozen=True)
 class ApproachRun:
-    """How positions of a plan are approached: repeats of all, dwell at each [s], warm-up [min], speed of the cam [rpm].
+    """Approaches of the positions of a plan.
 
-    lead_turns: of the cam, from before the first position, so that play and friction are taken up.
+    repeats: repeats of all positions.
+    dwell_s: dwell at each position [s].
+    warm_up_min: warm-up [min].
+    cam_rpm: input speed [rpm].
+    lead_turns: input revolutions before the first position, which take up backlash and friction.
     """
 
     repeats: int = 1
@@ -336,10 +368,15 @@ class ApproachRun:
 
 @dataclass(frozen=True)
 class PlannedTest:
-    """A test as it can be carried out: its judgement, how it is run, standard uncertainty [arcsec] of the range read.
+    """A test with the details of its execution.
 
-    passes_up_to, fails_beyond: readings [arcsec] at which a limit is kept in 95 of 100 drives of the plan,
-    and surely is not; passing, failing: probability of either; None without a limit.
+    judged: judgement of its plan.
+    run: approaches of the positions.
+    ratio: input revolutions per output revolution.
+    uncertainty_arcsec: standard uncertainty of the measured range [arcsec].
+    passes_up_to: largest reading at which 95 of 100 drives of the plan meet the limit [arcsec].
+    fails_beyond: reading above which a drive exceeds the limit, with its guard band [arcsec].
+    passing, failing: probabilities of readings that pass and that fail. Without a limit, the last four fields are None.
     """
 
     judged: _PlanJudgement
@@ -353,12 +390,12 @@ class PlannedTest:
 
     @property
     def readings(self) -> int:
-        """Readings of all passes."""
+        """Number of readings in all passes."""
         return self.run.repeats * (1 + self.judged.plan.both) * self.judged.plan.readings
 
     @property
     def minutes(self) -> float:
-        """Duration, warm-up included."""
+        """Duration including warm-up [min]."""
         run = self.run
         passes = self.readings // self.judged.plan.readings
         first, turn_back, between_min = self._moves_min
@@ -367,27 +404,27 @@ class PlannedTest:
 
     @property
     def _moves_min(self) -> tuple[float, float, float]:
-        """Duration [min] of the move to the first reading of all, to that of each later pass, and to any other."""
+        """Durations of the first move, of the move to the first reading of a later pass, and of other moves [min]."""
         plan = self.judged.plan
         run = self.run
-        # input revolutions over revolutions per minute
+        # input revolutions divided by revolutions per minute
         lead = run.lead_turns / run.cam_rpm
         between_min = plan.step_turns * self.ratio / run.cam_rpm
-        # a pass one way begins where the last began
+        # a pass in the same direction starts at the same position as the previous pass
         return lead, 2 * lead + (0.0 if plan.both else between_min * (plan.readings - 1)), between_min
 
     @property
     def approaches(self) -> tuple[Array, Array, Array]:
-        """Minute at which each reading is taken, target [deg] of the output, and side 1 or -1; all in their order."""
+        """Times of readings [min], output targets [deg] and sides of approach (1 or -1), in sequence."""
         plan = self.judged.plan
         run = self.run
         forth = 360 * plan.step_turns * np.arange(plan.readings)
-        # from below, and if planned from above in falling order
+        # first from below, then, if planned, from above in descending sequence
         ways = 1 + plan.both
         target = np.tile(np.concatenate([forth, forth[::-1]][:ways]), run.repeats)
         side = np.tile(np.repeat([1, -1][:ways], plan.readings), run.repeats)
         first, turn_back, between_min = self._moves_min
-        # the first move of each pass takes up the play
+        # the first move of each pass takes up the backlash
         moves = np.where(np.arange(len(target)) % plan.readings == 0, turn_back, between_min)
         moves[0] = first
         return run.warm_up_min + np.cumsum(moves + run.dwell_s / 60), target, side
@@ -395,9 +432,11 @@ class PlannedTest:
 
 @dataclass(frozen=True)
 class _LineSeen:
-    """A line of the error: how often it comes in a turn of the output and of the cam, and its share of the variance.
+    """A line of the error and its appearance in a test.
 
-    seen_as: how often it seems to come in a test, 0 if that is blind to it.
+    per_output_turn, per_cam_turn: periods per output revolution and per input revolution.
+    variance_share: share of the variance.
+    seen_as: apparent periods in the test; 0 if the test does not show the line.
     """
 
     per_output_turn: float
@@ -408,12 +447,20 @@ class _LineSeen:
 
 @dataclass(frozen=True, eq=False)
 class PlanChoice:
-    """Plans of a test of a drive at a torque M_g [N*m], judged.
+    """Judged plans of a test of a drive at a torque.
 
-    judged: all plans that were compared, first the one that was asked about, where one was; enough: the fewest
-    positions and the shortest record that are enough, as far as there are such; over_positions: plans by their number
-    of positions, rising; lines of the error as the first plan sees them, the largest first; samples of the drive, None
-    where all is known; verdict: whether the plan that was asked about is enough, without one whether any is.
+    drive: the drive.
+    M_g: torque [N*m].
+    drives: drives that may be tested.
+    asked: whether a plan was requested.
+    judged: all compared plans, beginning with the requested one if there is one.
+    enough: sufficient plan with the fewest positions and shortest sufficient recording, if there are any.
+    over_positions: plans by number of positions, in ascending sequence.
+    lines: lines of the error as the first plan shows them, the largest first.
+    samples: samples of the drive, None without uncertain inputs.
+    certificate: certificate of the solved states.
+    verdict: whether the requested plan is sufficient, or without one whether any plan is.
+    test: the test with the details of its execution.
     """
 
     drive: Drive
@@ -434,7 +481,7 @@ class PlanChoice:
 class _SampledDrives:
     """Samples of a drive at a torque, with the lines and the curves of their errors."""
 
-    samples: Samples | None  # None without uncertain inputs: the drive itself is the only one then
+    samples: Samples | None  # None without uncertain inputs, when the drive itself is the only sample
     place: int  # index of the torque
     lines: ErrorLines
     curves: _RoughCurves
@@ -450,12 +497,11 @@ class _SampledDrives:
     ) -> _SampledDrives:
         """Return the samples of a drive.
 
-        Args:
-            drive: the drive.
-            room_arcsec: F'_ior that its limits leave, None without a limit, shape (torques,).
-            place: index of the torque.
-            draws: effective sample size, 0 for none.
-            run: processes, progress and seed.
+        drive: the drive.
+        room_arcsec: largest F'_ior within each limit [arcsec], None without a limit, shape (torques,).
+        place: index of the torque.
+        draws: effective sample size, 0 for none.
+        run: processes, progress and seed.
         """
         prior = prior_of(drive)
         samples = drive_samples(prior, room_arcsec, draws=draws, run=run) if prior.fields and draws else None
@@ -471,7 +517,7 @@ class _SampledDrives:
 
     @property
     def certificate(self) -> Certificate:
-        """The certificate of all states behind the samples, their lines and their curves."""
+        """Certificate of all states behind the samples, their lines and their curves."""
         certificate = self.lines.certificate + self.curves.certificate
         return certificate + self.samples.certificate if self.samples else certificate
 
@@ -482,13 +528,12 @@ class _SampledDrives:
         travel_deg: float,
         seed: int,
     ) -> DrivesUnderTest:
-        """Return the samples as drives that come to a test.
+        """Return the samples as drives that may be tested.
 
-        Args:
-            room_arcsec: F'_ior that the limit leaves, None without a limit.
-            demands: what a plan has to meet.
-            travel_deg: of the output in use [deg], 0 for whole revolutions.
-            seed: of the starts and of the noise.
+        room_arcsec: largest F'_ior within the limit [arcsec], None without a limit.
+        demands: requirements for a plan.
+        travel_deg: travel of the output in use [deg], 0 for whole revolutions.
+        seed: seed of starts and noise.
         """
         kinematics = self.lines.kinematics
         drives = DrivesUnderTest(
@@ -513,20 +558,18 @@ def choose_plan(
     travel_deg: float | None = None,
     run: Run = Run(),
 ) -> PlanChoice:
-    """Judge plans of a test at the first torque of a drive that has a limit, at the first one without any limit.
+    """Judge plans of a test at the first torque with a limit, or at the first torque if there is no limit.
 
-    Args:
-        drive: the drive.
-        asked: a plan to judge besides the others.
-        demands: what a plan has to meet.
-        test: how it is carried out.
-        draws: effective sample size of the uncertain inputs, 0 for none.
-        travel_deg: of the output [deg], by default the preset's.
-        run: processes, progress and seed.
-
-    Raises UsageError for rolling balls, UntrustedError as `check` does.
+    drive: the drive.
+    asked: a plan to judge besides the others.
+    demands: requirements for a plan.
+    test: approaches of the positions.
+    draws: effective sample size of the uncertain inputs, 0 for none.
+    travel_deg: travel of the output [deg], by default that of the preset.
+    run: processes, progress and seed.
+    Raises UsageError for rolling balls, and UntrustedError as `check` does.
     """
-    # lines need an error that is a function of the wheels' angles
+    # lines require an error that is a function of the wheels' angles
     if not searchable(drive):
         raise UsageError("a plan needs bearing.ball_motion: locked", "use --set bearing.ball_motion=locked")
     torques = drive.operation.M_g
@@ -558,28 +601,27 @@ def _with_stated_probability(
     samples: Samples,
     place: int,
 ) -> DrivesUnderTest:
-    """Return drives with the probability that they exceed their limit as `check` states it, of the full cycle only.
+    """Return drives with the probability of exceeding their limit as stated by `check`, for the full cycle only.
 
-    Args:
-        drives: of the samples.
-        samples: of the drive.
-        place: index of the torque.
+    drives: drives of the samples.
+    samples: samples of the drive.
+    place: index of the torque.
     """
-    # of a travel `check` states no probability
+    # `check` does not state a probability for a travel
     if drives.left_arcsec is None or drives.travel:
         return drives
     return replace(drives, stated_beyond=samples.probability_within(drives.left_arcsec, place).complement)
 
 
 def _travel_turns(travel_deg: float, output_turns: int) -> float | None:
-    """Return a travel of the output [deg] in revolutions, None if it is no less than those of the full cycle."""
+    """Return a travel of the output [deg] in revolutions; None if it is at least the full cycle."""
     travel_turns = travel_deg / 360
     return travel_turns if travel_turns < output_turns - 1e-9 else None
 
 
 @dataclass(frozen=True)
 class _JudgedPlans:
-    """Plans of a test, judged; the fields as in PlanChoice, and the plan that is carried out."""
+    """Judged plans of a test, with fields as in PlanChoice, and the plan that is carried out."""
 
     judged: tuple[_PlanJudgement, ...]
     enough: tuple[_PlanJudgement, ...]
@@ -593,12 +635,12 @@ def _judged_plans(
     kinematics: Kinematics,
     asked: ReadingPlan | None,
 ) -> _JudgedPlans:
-    """Judge plans of evenly spaced positions and of recordings, and the one that was asked about."""
+    """Judge plans of evenly spaced positions, of recordings, and the requested plan if there is one."""
     ratio = abs(kinematics.u)
     counts = range(_FEWEST_POSITIONS, round(_MOST_A_CAM_TURN * ratio) + 1)
-    # all numbers, since aliasing makes single ones useless
+    # all numbers are tried because aliasing makes single numbers useless
     over_positions = tuple(drives.judge(ReadingPlan.positions(N, drives.travel or 1.0)) for N in counts)
-    # the recording of everything that counts
+    # the longest recording covers everything that counts
     longest = drives.travel * ratio if drives.travel else float(kinematics.cycle_cam_revolutions)
     lengths = sorted(length for length in {1.0, 10.0, ratio, longest} if length <= longest)
     recordings = [drives.judge(ReadingPlan.record(length, ratio)) for length in lengths]
@@ -607,13 +649,13 @@ def _judged_plans(
         for judgements in (over_positions, recordings)
     )
     asked_judgement = [drives.judge(asked)] if asked else []
-    # the number that manufacturers state
+    # number of positions stated by manufacturers
     quoted = over_positions[_QUOTED_POSITIONS - _FEWEST_POSITIONS]
-    # each plan once
+    # each plan appears once
     judged = tuple(
         {judgement.plan: judgement for judgement in [*asked_judgement, quoted, *fewest, *recordings]}.values()
     )
-    # the wanted plan, else any sufficient one, else the longest recording
+    # the requested plan decides, otherwise any sufficient plan, otherwise the longest recording
     deciding = [*asked_judgement, *fewest, *shortest, recordings[-1]][0]
     return _JudgedPlans(
         judged=judged,
@@ -631,23 +673,22 @@ def _curves_of_drives(
     place: int,
     run: Run,
 ) -> _RoughCurves:
-    """Return the error of sampled drives over the full cycle, that by rough teeth included.
-
-    Args:
-        drive: the drive.
-        lines: of the error at the torque.
-        samples: of the drive, None without uncertain inputs; F'_ior is theirs, as every page has it.
-        place: index of the torque.
-        run: its seed among it.
+    """Return the error of sampled drives over the full cycle, including that due to rough teeth.
 
     The certificate is that of the rough teeth.
+
+    drive: the drive.
+    lines: lines of the error at the torque.
+    samples: samples of the drive, whose F'_ior scales the curves; None without uncertain inputs.
+    place: index of the torque.
+    run: the run, whose seed determines the rough teeth.
     """
     curves = lines.curves
-    # the range that `check` states, whatever the curves leave out
+    # range stated by `check`, independently of components that the curves do not contain
     F_ior = samples.F_ior_arcsec[:, [place]] if samples else np.ptp(curves, axis=1, keepdims=True)
     changes = samples.values() if samples else [{}]
     rough = rough_curves(drive, drive.operation.M_g[place], changes, curves.shape[1], run)
-    # single teeth first, then all of it is scaled to F'_ior
+    # rough teeth are added first, then the sum is scaled to F'_ior
     curves += rough.arcsec
     curves *= F_ior / np.maximum(
         np.ptp(
@@ -662,10 +703,10 @@ def _curves_of_drives(
 
 @dataclass(frozen=True)
 class _RoughCurves:
-    """Error of drives by rough teeth over the full cycle.
+    """Error of drives due to rough teeth over the full cycle.
 
-    arcsec: the error, shape (drives, points).
-    certificate: proof of all states behind it.
+    arcsec: error [arcsec], shape (drives, points).
+    certificate: certificate of the solved states.
     """
 
     arcsec: Array
@@ -679,12 +720,17 @@ def rough_curves(
     points: int,
     run: Run = Run(),
 ) -> _RoughCurves:
-    """Return the error by rough teeth over the full cycle of drives.
+    """Return the error due to rough teeth over the full cycle, for each drive.
 
-    Of wheels whose single pitch deviation counts as 0: harmonics and noise of single teeth, in proportion to their
-    composite deviation, are solved in the drive without other deviations, where the error is that of one wheel plus
-    that of the other; of some wheels, in a random position in each drive. Arguments: M_g [N*m]; changes of the drive by
-    path; points of the cycle; run, its seed among it.
+    Only wheels with a pitch deviation f_p of 0 have rough teeth. A few random wheels, with harmonics and single-tooth
+    noise, are solved in the drive without other deviations. Each drive gets one of them per wheel, in a random position
+    and scaled to its composite deviation. The errors of both wheels add up.
+
+    drive: the drive.
+    M_g: torque [N*m].
+    changes: values of the drives, by path.
+    points: number of points over the cycle.
+    run: the run, whose seed determines the teeth.
     """
     rng = np.random.default_rng([run.seed, 2])
     cycle_states = Kinematics.of(drive).cycle_states
@@ -697,7 +743,7 @@ def rough_curves(
         sizes = _rough_sizes(drive, changes, number)
         if not sizes.any():
             continue
-        # a few solved wheels stand for all; each drive has one in a random direction
+        # a few solved wheels represent all wheels; each drive has one of them in a random position
         wheels = [_solved_rough_wheel(drive, M_g, wheel, rng, run) for _ in range(_ROUGH_WHEELS)]
         for solved_wheel in wheels:
             certificate += solved_wheel.certificate
@@ -713,22 +759,26 @@ def _rough_sizes(
     changes: Sequence[Mapping[str, float]],
     number: int,
 ) -> Array:
-    """Return the sizes of rough teeth of drives, in those of the solved wheels, shape (drives,); 0 for known pitch.
+    """Return the sizes of rough teeth relative to the solved wheels, shape (drives,); 0 for known pitch deviations.
 
-    changes: values of the drives by path.
-    number: of the wheel, 1 for the flexspline and 2 for the circular spline.
+    changes: values of the drives, by path.
+    number: 1 for the flexspline, 2 for the circular spline.
     """
     composite_path = f"tolerances.F_i{number}"
     pitch_path = f"tolerances.f_p{number}"
     composite = np.array([change.get(composite_path, drive.number(composite_path)) for change in changes])
     pitch = np.array([change.get(pitch_path, drive.number(pitch_path)) for change in changes])
-    # known pitch deviations are among the sampled orders already
+    # known pitch deviations are already part of the sampled orders
     return np.where(pitch, 0.0, composite / _ROUGH_UM)
 
 
 @dataclass(frozen=True, eq=False)
 class _RoughWheel:
-    """Error of a drive by rough teeth of one wheel [arcsec], by its teeth in contact, shape (teeth,), with proof."""
+    """Error due to rough teeth of one wheel.
+
+    error_arcsec: error by tooth in contact [arcsec], shape (teeth,).
+    certificate: certificate of the solved states.
+    """
 
     error_arcsec: Array
     certificate: Certificate
@@ -741,20 +791,20 @@ def _solved_rough_wheel(
     rng: np.random.Generator,
     run: Run,
 ) -> _RoughWheel:
-    """Return the error of a drive without other deviations by a wheel with drawn teeth.
+    """Return the error of a drive without other deviations, due to a wheel with random teeth.
 
     M_g: torque [N*m].
     wheel: g for the flexspline, b for the circular spline.
     """
     count = drive.gears.z_g if wheel == "g" else drive.gears.z_b
     angle = 2 * np.pi * np.arange(count) / count
-    # independent teeth, and orders that fall with their number
+    # independent teeth, and orders whose size decreases with the order
     teeth = rng.uniform(0, _ROUGH_NOISE) * rng.standard_normal(count)
     for order in _ROUGH_ORDERS:
         teeth += _ROUGH_SIZE * rng.rayleigh() / order / 2 * np.cos(order * angle - 2 * np.pi * rng.random())
-    # the effect of one wheel alone
+    # without other deviations, the error is that of the wheel
     smooth = drive.with_values({deviation.size: 0.0 for deviation in DEVIATIONS})
-    # each tooth meets each mesh zone once in so many states
+    # in this number of states, each tooth meets each mesh zone once
     states = pitch_locked_states(Kinematics.of(drive), np.arange(count))
     deviations = ToothDeviations(**{wheel: _ROUGH_UM * teeth})
     solved = kinematic_error(
@@ -773,9 +823,9 @@ def _lines_seen(
     drives: DrivesUnderTest,
     plan: ReadingPlan,
 ) -> tuple[_LineSeen, ...]:
-    """Return the largest lines of drives as a plan sees them."""
+    """Return the largest lines of drives as a plan shows them."""
     power = np.abs(lines.amplitude) ** 2
-    # shares of each drive's own variance, then their mean
+    # mean over the drives of each line's share of the variance
     total_power = np.maximum(power.sum(axis=1, keepdims=True), _LEAST_ARCSEC)
     shares = np.average(
         power / total_power,

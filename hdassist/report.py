@@ -1,4 +1,4 @@
-"""The answer of a command as it is declared: quantities, texts, tables and figures as data; its parts as JSON."""
+"""Result of a command as data (quantities, texts, tables and figures), and its parts as JSON."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ if TYPE_CHECKING:
 
 Json = dict[str, Any]
 T = TypeVar("T")
-Fact: TypeAlias = tuple[str, str]  # a label and a text
-NO_VALUE = "-"  # in a table
-# how cells of numbers begin; one with a long word, as "2 flexspline", is none
+Fact: TypeAlias = tuple[str, str]  # label and text
+NO_VALUE = "-"  # cell of a table without a value
+# start of numeric cells; a cell with a long word, such as "2 flexspline", is not numeric
 _NUMERIC = re.compile(r"(?!.*[^\W\d_]{5})(?:[-+±≤≥<>]+ ?)?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?!\w)|-?$")
 
 
-_UNITS_OF_NAMES = {  # by the end of a name, which is the unit in JSON: unit and format on pages
+_UNITS_OF_NAMES = {  # unit and format on pages, by the unit at the end of a name in JSON
     "arcsec": ("″", ".2f"),
     "deg": ("°", ".1f"),
     "Nm": ("N·m", "g"),
@@ -43,11 +43,12 @@ _UNITS_OF_NAMES = {  # by the end of a name, which is the unit in JSON: unit and
 
 @dataclass(frozen=True)
 class Quantity(Generic[T]):
-    """A reported quantity of things T, described by its name where nothing else is given.
+    """A reported quantity of objects of type T, described by its name by default.
 
-    key: dotted place in JSON and column of CSV, with the unit at its end; label and unit: words in tables (None: those
-    of the key); digits: format of the number there (None: as its unit has it), or the function that writes it; value:
-    dotted name of its attribute (empty: the key; a number is a place in a list), or a function.
+    key: dotted path in JSON and column in CSV, with the unit at its end.
+    label, unit: label and unit in tables; None to derive them from the key.
+    digits: number format in tables, or a function that returns the text; None to derive it from the unit.
+    value: dotted name of the attribute, where a number is an index of a list, or a function; empty for the key.
     """
 
     key: str
@@ -57,20 +58,20 @@ class Quantity(Generic[T]):
     value: str | Callable[[T], Any] = ""
 
     def of(self, thing: T) -> Any:
-        """Return the quantity of a thing in full precision; None if there is none."""
+        """Return the quantity of an object in full precision; None if it has none."""
         if callable(self.value):
             return self.value(thing)
         value: Any = thing
-        # dotted paths through attributes and places of tuples
+        # dotted paths contain attributes and indices of tuples
         for name in (self.value or self.key).split("."):
             if value is not None:
                 value = value[int(name)] if name.isdecimal() else getattr(value, name)
         return value
 
     def text(self, thing: T) -> str:
-        """Return the quantity as a table shows it."""
+        """Return the quantity as shown in a table."""
         value = self.of(thing)
-        # the format of the unit at the end of the name
+        # format of the unit at the end of the name
         digits = self._number[1] if self.digits is None else self.digits
         if value is None:
             return NO_VALUE
@@ -96,7 +97,7 @@ class Quantity(Generic[T]):
 
 
 def four_digits(value: float) -> str:
-    """Return a number with four digits, without an exponent from a thousandth to a million: 39690."""
+    """Return a number with four significant digits, without an exponent from 0.001 to 1 000 000: 39690."""
     return f"{float(f'{value:.4g}'):g}"
 
 
@@ -105,34 +106,34 @@ def to_error_digit(
     standard_error: float | None,
     most: int = 2,
 ) -> str:
-    """Return a number to the first digit of its standard error: 48.65 with 1.7 is 49.
+    """Return a number rounded to the first digit of its standard error: 48.65 with 1.7 is 49.
 
-    standard_error: in the unit of the number; None or 0 of an exact number.
-    most: number of decimals at most.
+    standard_error: standard error in the unit of the number; None or 0 for an exact number.
+    most: maximum number of decimals.
     """
     return f"{value:.{error_decimals(standard_error, most)}f}"
 
 
 def error_decimals(standard_error: float | None, most: int = 2) -> int:
-    """Return the number of decimals to the first digit of a standard error, most at most: of 0.15 it is 1."""
+    """Return the number of decimals up to the first digit of a standard error, 1 for 0.15; most: maximum number."""
     if not standard_error:
         return most
-    # further digits are chance of the samples
+    # further digits depend on the random samples
     return min(max(-floor(log10(standard_error)), 0), most)
 
 
 Quantities: TypeAlias = tuple[Quantity[T], ...]
-declared_quantities = cache(partial(package_table, "quantities.toml"))  # by page, name and key
+declared_quantities = cache(partial(package_table, "quantities.toml"))  # quantities by page, name and key
 
 
 def quantity_table(table: str, **functions: Callable[[Any], Any]) -> Quantities[Any]:
-    """Return the quantities of a table of quantities.toml; functions: values and formats that have such names there."""
+    """Return the quantities of a table of quantities.toml; functions: values and formats by their names there."""
     page, name = table.split(".")
     quantities = []
     for key, declared in declared_quantities()[page][name].items():
         value = declared.get("value", key)
         digits = declared.get("digits")
-        # names of functions in the table stand for functions of the page
+        # names of functions in the table refer to functions of the page
         shown = declared.get("label"), declared.get("unit"), functions.get(digits or "", digits)
         quantities.append(Quantity[Any](key, *shown, functions.get(value, value)))
     return tuple(quantities)
@@ -143,19 +144,19 @@ def csv_table(
     quantities: Iterable[Quantity[T]],
     things: Iterable[T],
 ) -> tuple[list[str], list[list[Any]]]:
-    """Return the header and rows of CSV: a row for each thing, the preset's name in its first column."""
+    """Return header and rows of CSV, one row per object with the preset's name in the first column."""
     columns = tuple(quantities)
     return ["preset", *(q.key for q in columns)], [[preset, *(q.of(thing) for q in columns)] for thing in things]
 
 
 def csv_columns(**columns: Any) -> tuple[list[str], list[tuple[Any, ...]]]:
-    """Return the header and rows of CSV from columns of the same length by name: arrays or lists."""
+    """Return header and rows of CSV from named columns of equal length, which are arrays or lists."""
     lists = (values.tolist() if hasattr(values, "tolist") else values for values in columns.values())
     return [*columns], list(zip(*lists, strict=True))
 
 
 def as_object(quantities: Iterable[Quantity[T]], thing: T) -> dict[str, Any]:
-    """Return the quantities of a thing as a JSON object, dotted keys nested."""
+    """Return the quantities of an object as JSON; dotted keys are nested."""
     result: dict[str, Any] = {}
     for quantity in quantities:
         *parents, last = quantity.key.split(".")
@@ -167,7 +168,7 @@ def as_object(quantities: Iterable[Quantity[T]], thing: T) -> dict[str, Any]:
     return result
 
 
-_TONES = {  # of verdicts and of labels of facts; any other has none
+_TONES = {  # tones of verdicts and labels; all others have none
     **dict.fromkeys(("PASS", "TURN", "LEAVE", "KEEP"), "good"),
     **dict.fromkeys(("FAIL", "GO BACK", "MISSED", "broken"), "bad"),
     **dict.fromkeys(("INCONCLUSIVE", "BEST BET", "ANY HOLE"), "open"),
@@ -178,12 +179,12 @@ _TONES = {  # of verdicts and of labels of facts; any other has none
 
 
 def tone_of(words: str) -> str:
-    """Return the tone of a verdict or label, by its words before a comma or colon; empty without one."""
+    """Return the tone of a verdict or label from its words before a comma or colon; empty without one."""
     return _TONES.get(re.split("[,:]", words)[0], "")
 
 
 def as_objects(quantities: Iterable[Quantity[T]], things: Iterable[T]) -> list[dict[str, Any]]:
-    """Return the same for each of several things."""
+    """Return the quantities of several objects as a list of JSON objects."""
     return [as_object(quantities, thing) for thing in things]
 
 
@@ -192,17 +193,17 @@ Series: TypeAlias = "NDArray[np.float64]"
 
 @dataclass(frozen=True)
 class Paragraph:
-    """Text."""
+    """A paragraph of text."""
 
     text: str
 
 
-BLANK = "_" * 12  # to write on
+BLANK = "_" * 12  # blank space to write on
 
 
 @dataclass(frozen=True)
 class Lines:
-    """Sentences one below the other under a title, each behind a mark."""
+    """Sentences in lines under a title, each after a mark."""
 
     title: str
     lines: tuple[str, ...]
@@ -211,30 +212,30 @@ class Lines:
 
 @dataclass(frozen=True)
 class Facts:
-    """Labelled lines; one without text is to be written on."""
+    """Labelled lines; a line without text is left blank to write on."""
 
     rows: tuple[tuple[str, str], ...]
 
     @classmethod
     def of(cls, rows: Iterable[tuple[str, str]]) -> Facts:
-        """Return the labelled lines from labels and texts; those without text are left out."""
+        """Return labelled lines from labels and texts; rows without text are omitted."""
         return cls(tuple(row for row in rows if row[1]))
 
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of cells under heads, with a title and notes."""
+    """Rows of cells under column heads, with a title and notes."""
 
     title: str
     heads: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     notes: tuple[str, ...] = ()
-    named: bool = False  # whether the first column has names, which may be numbers
+    named: bool = False  # whether the first column contains names, which may be numbers
 
     @property
     def words(self) -> list[int]:
-        """Places of the columns of words; the others have numbers, or nothing."""
-        # one cell of words makes the whole column one
+        """Indices of the text columns; the other columns contain numbers or nothing."""
+        # a single cell with words makes the column a text column
         columns = enumerate(zip(*self.rows, strict=True))
         return [k for k, cells in columns if (self.named and k == 0) or not all(map(_NUMERIC.match, cells))]
 
@@ -245,9 +246,9 @@ class Table:
         quantities: Iterable[Quantity[T]],
         things: Iterable[T],
     ) -> Table:
-        """Return a table with a column for each quantity that any thing has and a row for each thing."""
+        """Return a table with one row per object, and one column per quantity that any object has."""
         rows = tuple(things)
-        # a column that no thing has would be empty
+        # a column without values is omitted
         shown = [q for q in quantities if any(q.of(thing) is not None for thing in rows)]
         cells = tuple(tuple(q.text(thing) for q in shown) for thing in rows)
         return cls(title, tuple(q.words.strip() for q in shown), cells)
@@ -259,7 +260,10 @@ class Table:
         quantities: Iterable[Quantity[T]],
         things: Iterable[T],
     ) -> Table:
-        """A table with a row for each quantity that any thing has and a column for each thing; the first is heads."""
+        """Return a table with one column per object, and one row per quantity that any object has.
+
+        The first quantity gives the heads.
+        """
         columns = tuple(things)
         head, *rows = [(q.words, *(q.text(thing) for thing in columns)) for q in quantities]
         return cls(title, head, tuple(row for row in rows if {*row[1:]} - {NO_VALUE}))
@@ -267,7 +271,7 @@ class Table:
 
 @dataclass(frozen=True)
 class CurveMark:
-    """A place of a curve with words; kind: now, target or limit."""
+    """A marked point of a curve with a text; kind: now, target or limit."""
 
     x: float
     y: float
@@ -277,12 +281,19 @@ class CurveMark:
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """y over x, both shape (n,), x growing; labels with units.
+    """A curve y over x.
 
-    over: a length of x, around each place of which the least and the greatest
-    y are drawn (0: all of y); limit: a line across; whiskers: x with a least and a greatest value; points: whether each
-    x is marked; from_zero: whether the axis begins there; second: another series over x, shape (n,), with the names of
-    both; rows: about how many, of characters.
+    x, y: values, each of shape (n,), with x increasing.
+    x_label, y_label: labels with units.
+    over: length in x around each point over which the minimum and maximum of y are drawn; 0 to draw y itself.
+    limit: value of a line across the figure.
+    whiskers: triples of x, minimum and maximum.
+    marks: marked points.
+    points: whether each point is marked.
+    from_zero: whether the axis of y begins at 0.
+    second: another series over x, shape (n,).
+    names: names of both series.
+    rows: approximate height in rows of characters.
     """
 
     x: Series
@@ -301,21 +312,21 @@ class Curve:
 
     @property
     def series(self) -> tuple[Series, ...]:
-        """The values over x, of one series or two."""
+        """One or two series of values over x."""
         return (self.y,) if self.second is None else (self.y, self.second)
 
     @property
     def extent(self) -> tuple[float, float]:
-        """The least and the greatest value of its series and whiskers."""
-        import numpy as np  # with the work that a figure shows, not before it
+        """Smallest and largest value of all series and whiskers."""
+        import numpy as np  # imported only when a figure is shown
 
         drawn = np.concatenate([*self.series, [end for _, *ends in self.whiskers for end in ends]])
         return float(drawn.min()), float(drawn.max())
 
     @property
     def ends(self) -> tuple[float, float]:
-        """The least and the greatest value of an axis that holds its limit, and 0 if it begins there, too."""
-        # what is drawn beside the curve widens its axis
+        """Ends of the y axis, which includes the limit, and 0 if the axis begins there."""
+        # everything drawn beside the curve widens its axis
         values = [*self.extent]
         if self.from_zero:
             values.append(0.0)
@@ -326,7 +337,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class Hole:
-    """A hole of the seat: its number, counted from now; its direction [deg]; whether it may be used."""
+    """A hole of the seat: its number from the present hole, its direction [deg], and whether it may be used."""
 
     number: int
     angle_deg: float
@@ -335,9 +346,12 @@ class Hole:
 
 @dataclass(frozen=True)
 class SeatMark:
-    """A direction on the seat [deg], with a letter and words for it.
+    """A direction on the seat, with a letter and a text.
 
-    kind: of a place of the wheel now, best or worst; of a pointer from the centre now, after (the wheel's mark) or cam.
+    kind: now, best or worst for a position of the wheel; now, after (the mark of the wheel) or cam for a pointer.
+    angle_deg: the direction [deg].
+    letter: the letter.
+    words: the text.
     """
 
     kind: str
@@ -348,11 +362,17 @@ class SeatMark:
 
 @dataclass(frozen=True)
 class Seat:
-    """The seat of the fixed wheel, counter-clockwise from the right, seen from the cam side.
+    """The seat of the fixed wheel, seen from the wave generator side, with angles counter-clockwise from the right.
 
-    holes: none if the angle is free; first_deg: direction of hole 0; turn_deg: the turn from now, the shorter
-    way, negative for clockwise; barred: the letter of holes that are not allowed; legend: the meaning of letters
-    and numbers, for a drawing in characters; note: what a drawing in HTML has below its title.
+    title: title of the figure.
+    holes: the holes; empty if the angle is free.
+    first_deg: direction of hole 0 [deg].
+    turn_deg: rotation from the present position in the shorter sense [deg], negative for clockwise.
+    places: marked positions of the wheel.
+    pointers: pointers from the centre.
+    barred: letter of holes that are not allowed.
+    legend: meaning of letters and numbers in a drawing with characters.
+    note: text below the title of a drawing in HTML.
     """
 
     title: str
@@ -368,7 +388,7 @@ class Seat:
 
 @dataclass(frozen=True)
 class Tiles:
-    """Numbers to be seen at once: words, the number, and the words below each."""
+    """Prominent numbers, each with a text above and below."""
 
     rows: tuple[tuple[str, str, str], ...]
 
@@ -388,18 +408,18 @@ Block = Paragraph | Lines | Facts | Table | Figure | Tiles | ReportSection
 
 
 class ReportProof(Protocol):
-    """States that were solved behind an answer, and their greatest residual as a share of its scale.
+    """Solved states behind a result, and their largest residual relative to its scale.
 
-    A Certificate has the residuals one by one too.
+    A Certificate also has the single residuals.
     """
 
     @property
     def states(self) -> int:
-        """How many there are."""
+        """Number of states."""
 
     @property
     def max_residual(self) -> float:
-        """Their greatest residual."""
+        """Largest residual of the states."""
 
 
 CsvTable = tuple[Sequence[str], Sequence[Sequence[Any]]]  # header and rows
@@ -407,14 +427,22 @@ CsvTable = tuple[Sequence[str], Sequence[Sequence[Any]]]  # header and rows
 
 @dataclass(frozen=True)
 class Report:
-    """The answer of a command about one drive or file.
+    """Result of a command about one drive or file.
 
-    command; drive, None if there is none; head, the subject of the answer, empty if there is no page; verdict, a
-    word; why, sentences below it.
-    blocks of the page, and those that only --details shows; certificate and cross-checks of the states behind it.
-    values: keys of JSON beside those that all answers have, results among them as as_json takes them; csv; line: the
-    answer alone.
-    about: the subject of warnings, the drive or its file if it is empty; warnings; exit_code.
+    command: name of the command.
+    drive: the drive; None if there is none.
+    head: subject of the result; empty if there is no page.
+    verdict: the verdict in a word.
+    why: sentences below the verdict.
+    blocks: blocks of the page.
+    details: blocks that only --details shows.
+    certificate, cross_checks: certificate and cross-checks of the states behind the result.
+    values: JSON keys besides those of all results; the values may be any that `as_json` accepts.
+    csv: table for CSV.
+    line: the result in one line.
+    about: subject of warnings; empty for the drive or its file.
+    warnings: warnings.
+    exit_code: exit code of the command.
     """
 
     command: str
@@ -435,7 +463,7 @@ class Report:
 
     @property
     def subject(self) -> str:
-        """The subject of warnings; empty without any."""
+        """Subject of warnings; empty without any."""
         return self.about or (self.drive.name if self.drive else "")
 
 
@@ -444,25 +472,29 @@ _SCHEMA_NUMBERS = {
     "accept-replay": 2,
     "mount": 3,
     "tolerance": 2,
-}  # of JSON whose keys have changed; all other has 1
+}  # schema numbers of JSON whose keys have changed; all others are 1
 
 
 def as_json(value: Any) -> Any:
-    """Return a value as JSON has it: results as objects, arrays and tuples as lists, enumerations as text."""
+    """Return a value in JSON types: results as objects, arrays and tuples as lists, enumerations as text."""
     if is_dataclass(value):
         return {item.name: as_json(getattr(value, item.name)) for item in fields(value)}
     if isinstance(value, Mapping):
         return {key: as_json(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [as_json(item) for item in value]
-    # before the last line, since members of StrEnum are texts too
+    # must precede the last line because members of StrEnum are also texts
     if isinstance(value, Enum):
         return str(value)
     return value.tolist() if hasattr(value, "tolist") else value  # arrays and numbers of numpy
 
 
 def attributes(thing: object, *names: str, **paths: str) -> Json:
-    """Return some attributes of a result under their names, and others by dotted paths under other names."""
+    """Return attributes of a result by name, and further attributes by dotted paths.
+
+    names: attributes with the same names in the result.
+    paths: dotted paths by their names in the result.
+    """
     return {
         name: attrgetter(path)(thing)
         for name, path in (
@@ -479,25 +511,26 @@ def attributes(thing: object, *names: str, **paths: str) -> Json:
 
 
 def objects(things: Iterable[object], *names: str, **paths: str) -> list[Json]:
-    """Return the same for each of several results."""
+    """Return attributes of several results, as `attributes` does for one."""
     return [attributes(thing, *names, **paths) for thing in things]
 
 
 def schema_of(command: str) -> str:
-    """Return the schema of the JSON of a command."""
+    """Return the name of the JSON schema of a command."""
     return f"hdassist.{command}/{_SCHEMA_NUMBERS.get(command, 1)}"
 
 
 def certificate_object(found: object, cross_checks: Iterable[CrossCheck | None] = ()) -> Json:
-    """Return certificate, cross-check and engine as JSON, the worst of all torques; for kept states the residual only.
+    """Return certificate, cross-check and engine as JSON; the worst values of all torques.
 
-    found: certificate of states, or a kept one; the engine is that of states that no --solver was asked for.
+    found: certificate of states, or a cached one, which has only its largest residual. The engine is that of states
+        solved without --solver.
     """
     from hdassist.solve.answers import Certificate
     from hdassist.solve.walk import walk_library
 
     proof = {**attributes(found, "states", "max_residual"), "engine": walk_library()[1]}
-    # kept results have their largest residual only
+    # cached results have only their largest residual
     if not isinstance(found, Certificate):
         return proof
     crosses = [cross for cross in cross_checks if cross]
@@ -515,12 +548,12 @@ def certificate_object(found: object, cross_checks: Iterable[CrossCheck | None] 
 
 
 def unknown_objects(unknown: Iterable[Unknown]) -> list[Json]:
-    """Return the deviations that are not known: each with the range that it may have, in the unit of its field."""
+    """Return the unknown deviations as JSON, each with its possible range in the unit of its field."""
     return [{"field": u.path, "range": [u.low, u.high], "reason": u.reason} for u in unknown]
 
 
 def samples_object(samples: Samples | None) -> dict[str, Any] | None:
-    """Number of samples, draws (those of ranges too) and refused draws, and the seed; None where none were drawn."""
+    """Return the numbers of samples, draws and rejected draws, and the seed, as JSON; None without samples."""
     if samples is None:
         return None
     refused = [{"reason": reason, "draws": count} for reason, count in samples.refused.items()]
@@ -529,17 +562,17 @@ def samples_object(samples: Samples | None) -> dict[str, Any] | None:
 
 
 def influence_objects(found: Sequence[Influence]) -> list[dict[str, Any]]:
-    """Return the influences for JSON, the largest first."""
+    """Return the contributions as JSON, the largest first."""
     return objects(found, "share", field="group")
 
 
 def measure_objects(found: Sequence[MeasurementGain]) -> list[dict[str, Any]]:
-    """Return the measurements for JSON, the largest gain first."""
+    """Return the measurements as JSON, the largest gain first."""
     return objects(found, "gain", what="measured")
 
 
 def pitch_object(measured: MeasuredTeeth | None) -> dict[str, Any]:
-    """Return the measured wheels as a JSON object, by wheel; null where a wheel has its first harmonic."""
+    """Return the measured wheels as a JSON object, by wheel; null for a wheel with a first harmonic."""
     return {name: _wheel(getattr(measured, name, None)) for name in ("b", "g")}
 
 

@@ -1,9 +1,10 @@
-"""Drives beside the first of them: their sheets, fields that differ, and the change of F'_ior by each of these.
+"""Comparison of drives with the first of them: sheets, differing fields, and the change of F'_ior by each field.
 
-Changes are those of pairs from the samples of two drives, alike in all that both presets leave open in the same way.
-The second drive of a pair has the values of the first one's sample, but for fields that differ, and draws of its own
-for what it leaves open otherwise. Each drive's samples keep their weights: as far as a pair weighs more by the evidence
-on the one drive than by that on the other, that drive is paired with all of the other's.
+Changes are those of pairs from the samples of two drives. The samples of a pair are equal in all fields that both
+presets leave uncertain in the same way. The second drive of a pair has the values of the first drive's sample, except
+for differing fields and for its own samples of fields that are uncertain in another way. The samples of each drive keep
+their weights. If the reference data of one drive give a pair a larger weight than those of the other drive, the excess
+weight is distributed over pairs with all samples of the other drive.
 """
 
 from __future__ import annotations
@@ -44,17 +45,21 @@ from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.loadcase import CrossCheck
 
-_DRAWN_PAIRS = 64
-_LEAST_EFFECTIVE = 0.5  # of the pairs: where fewer agree with the evidence on the second drive, samples are independent
-_LEAST_WEIGHT = 1e-300  # where a sample has none it is not divided by
-_SAME_ERROR = 0.005  # arcsec: a change that is less counts as none
-_LIKELIER = 0.6  # probability of being better from which a drive is taken, or kept
-_EQUAL_SHARE = 0.01  # drives whose F'_ior differs by less than this share are equally good
-_SINGLE_PAIRS = 16  # in which single fields are changed: the first, as Sobol points lie evenly from the start
-_SCREENED_PAIRS = 2  # pairs on which every field is tried before the largest effects are searched on all
+_DRAWN_PAIRS = 64  # number of sampled pairs
+# smallest effective share of the pairs that agree with the second drive's reference data; with fewer, samples are
+# independent
+_LEAST_EFFECTIVE = 0.5
+_LEAST_WEIGHT = 1e-300  # prevents division by a weight of 0
+_SAME_ERROR = 0.005  # arcsec; a smaller change counts as none
+_LIKELIER = 0.6  # smallest probability of being better for a recommendation of a drive
+_EQUAL_SHARE = 0.01  # largest difference in F'_ior between equally good drives, as a share
+# number of pairs in which single fields are changed: the first ones, because Sobol points are even from the start
+_SINGLE_PAIRS = 16
+# number of these pairs with which every field is tried, before the most effective fields are changed in all pairs
+_SCREENED_PAIRS = 2
 _REPORTED_FIELDS = 3
-# have no bearing on F'_ior at a torque: loads, evidence, limits, the seat's holes, resolution of other answers,
-# uncertainties
+# fields without effect on F'_ior at a torque: loads, reference data, limits, holes of the seat, resolution of other
+# results, and uncertainties
 _UNRELATED = (
     "operation.M_g",
     "operation.rated",
@@ -72,7 +77,7 @@ _FieldRow = tuple[ResolvedField, ...]  # a field of each drive
 
 @dataclass(frozen=True, eq=False)
 class DriveSheet:
-    """Check of a drive, advice where to mount its wheel, and its stiffness."""
+    """Check of a drive, recommended hole of its wheel, and its stiffness."""
 
     check: DesignCheck
     advice: Advice
@@ -80,25 +85,27 @@ class DriveSheet:
 
     @property
     def drive(self) -> Drive:
-        """The drive."""
+        """The checked drive."""
         return self.check.drive
 
     def probabilities_met(self, torque: int) -> tuple[float, float] | None:
-        """Return the probability to meet the limit at a torque, by its place, as assembled and in the best hole.
+        """Return the probabilities of meeting the limit as assembled and in the best hole.
 
-        None without a limit there. Where all is known it is 0 or 1.
+        The result is None without a limit. Without uncertain inputs, the probabilities are 0 or 1.
+
+        torque: index of the torque.
         """
         point = self.check.points[torque]
         room = point.left_arcsec
         hole = self.advice.chosen
         if room is None or (point.probability is None and point.F_ior_arcsec is None):
             return None
-        # all is known: 0 or 1
+        # without uncertain inputs, the probabilities are 0 or 1
         if point.probability is None:
             return float(point.F_ior_or_error <= room), float(hole.F_ior_arcsec[torque] <= room)
         as_assembled = point.probability.value
         samples = self.advice.samples
-        # the present hole, or one as good
+        # the best hole is the present hole, or no better than it
         if samples is None or self.advice.decision.all_alike or not hole.rotation_deg % 360:
             return as_assembled, as_assembled
         column = samples.rotations_deg.index(hole.rotation_deg)
@@ -107,17 +114,17 @@ class DriveSheet:
 
     @property
     def certificate(self) -> Certificate:
-        """Worst residuals of all three."""
+        """Certificate of check, mounting and stiffness together."""
         return self.check.certificate + self.advice.certificate + self.stiffness.certificate
 
     @property
     def cross_checks(self) -> tuple[CrossCheck | None, ...]:
-        """Cross-checks of all three."""
+        """Cross-checks of check, mounting and stiffness."""
         return (*self.check.cross_checks, *self.advice.cross_checks, self.stiffness.cross_check)
 
 
 def sheet_states(drive: Drive, draws: int = EFFECTIVE_SAMPLES) -> int:
-    """Return the number of states that a sheet solves, about, for a progress bar."""
+    """Return the approximate number of states solved for a sheet, for the progress bar."""
     mounting = advice_states(
         drive,
         len(seat_positions(drive)),
@@ -132,11 +139,12 @@ def sheet_of(
     draws: int = EFFECTIVE_SAMPLES,
     run: Run = Run(),
 ) -> DriveSheet:
-    """Check a drive, look for its best position and compute its stiffness, each as the command of that name does.
+    """Check a drive, determine its best hole and compute its stiffness, each as the command of that name does.
 
-    Argument: draws, from the unknown fields. Raises UntrustedError if an answer cannot be trusted.
+    draws: effective sample size of the uncertain inputs.
+    Raises UntrustedError if a result cannot be trusted.
     """
-    # first, since its samples have the turned wheels too: they serve the check as well
+    # the advice comes first because its samples, which include the turned wheels, also serve the check
     advice = advise(
         drive,
         seat_positions(drive),
@@ -156,9 +164,12 @@ def sheet_of(
 class DrivePairs:
     """Pairs of a first and a second drive.
 
-    F'_ior of samples of each [arcsec], shape (samples, torques); weights of each sample of the first with each of the
-    second, shape (samples, samples of the second); drives: some pairs that weigh alike, with all that is drawn;
-    sampled: places of the drives that are drawn, not known.
+    before_arcsec, after_arcsec: F'_ior of the samples of the first and the second drive [arcsec], shape (samples,
+        torques).
+    weights: weight of each pair, shape (samples of the first drive, samples of the second).
+    drives: some equally weighted pairs, with all sampled fields.
+    sampled: indices of the drives (0, 1) that are sampled.
+    certificate: certificate of the solved states.
     """
 
     before_arcsec: Array
@@ -169,32 +180,34 @@ class DrivePairs:
     certificate: Certificate = EMPTY
 
     def senses(self) -> tuple[str, ...]:
-        """Return whether F'_ior is less, more or the same in the second drive, by torque; unknown if that is unsure."""
+        """Return whether F'_ior of the second drive is less, more, the same or unknown, by torque."""
         return tuple(map(self._sense, self._changes()))
 
     def probabilities_less(self) -> tuple[Probability, ...]:
-        """Return the probability that F'_ior is less in the second drive, by torque."""
+        """Return the probability that F'_ior of the second drive is smaller, by torque."""
         return tuple(self._probability(change < -_SAME_ERROR) for change in self._changes())
 
     def _changes(self) -> Array:
-        """Return the changes of F'_ior [arcsec], shape (torques, samples, samples of the second)."""
+        """Return the changes of F'_ior [arcsec], shape (torques, samples, samples of the second drive)."""
         return np.asarray(self.after_arcsec.T[:, None, :] - self.before_arcsec.T[:, :, None])
 
     def _sense(self, change: Array) -> str:
         if np.all(np.abs(change[self.weights > 0]) < _SAME_ERROR):
             return "the same"
-        # only a clear majority of the pairs is a sense
+        # only a clear majority of the pairs determines the sense
         for sense, inside in (("less", change < 0), ("more", change > 0)):
             if inside.any() and self._probability(inside).verdict() is Verdict.PASS:
                 return sense
         return UNKNOWN
 
     def _probability(self, inside: NDArray[np.bool_]) -> Probability:
-        """Return the probability of a change that some pairs have, shape (samples, samples of the second).
+        """Return the probability of a change.
 
-        Its interval holds those over the samples of each drive: of so many that chance alone could make it otherwise.
+        Its interval contains those over the samples of each drive, because pairs share samples.
+
+        inside: whether each pair has the change, shape (samples, samples of the second drive).
         """
-        # pairs share samples, so the interval is that of whichever side has fewer
+        # pairs share samples, so the interval covers that of the drive with fewer samples
         marginals = ((self.weights.sum(1 - k), (self.weights * inside).sum(1 - k)) for k in self.sampled)
         probabilities = [
             probability_of(hits / np.maximum(group_weight, _LEAST_WEIGHT), group_weight)
@@ -208,19 +221,22 @@ class DrivePairs:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _PairedPrior(DrivePrior):
-    """The prior of a drive that is drawn beside samples of another one, as shares, shape (pairs, fields + 1)."""
+    """Prior of a drive that is sampled together with samples of another drive.
+
+    paired: shares of the fields, shape (pairs, fields + 1).
+    """
 
     paired: Array
 
-    def shares(self, count: int, seed: int = 0) -> Array:  # noqa: ARG002 - the samples have theirs
-        """Return the first of the pairs, shape (count, fields + 1), whatever the seed."""
+    def shares(self, count: int, seed: int = 0) -> Array:  # noqa: ARG002 - the given shares need no seed
+        """Return the shares of the first pairs, shape (count, fields + 1), independently of the seed."""
         return self.paired[:count]
 
 
 def differently_open(first: Drive, second: Drive) -> list[str]:
-    """Return the paths of fields that one of two drives leaves open, and the other does not in the same way.
+    """Return the paths of fields that are uncertain in one of two drives, and not in the same way in the other.
 
-    The same way is with the same distribution, or unknown in both, however large they may be.
+    Fields with the same distribution, or unknown in both drives, are uncertain in the same way.
     """
 
     def open_fields(drive: Drive) -> dict[str, object]:
@@ -233,7 +249,7 @@ def differently_open(first: Drive, second: Drive) -> list[str]:
 
 
 class _Believed:
-    """What is not known of a checked drive, its samples, and F'_ior of these or of the drive itself."""
+    """Uncertain inputs of a checked drive, its samples, and F'_ior of the samples or of the drive itself."""
 
     def __init__(self, check: DesignCheck) -> None:
         self.drive = check.drive
@@ -241,11 +257,11 @@ class _Believed:
         self.evidence = evidence_of(check.drive)
         self.samples = check.samples.of_ranges if check.samples else None
         F_ior_known = np.array([[point.F_ior_or_error for point in check.points]])
-        self.F_ior_arcsec = self.samples.F_ior_arcsec if self.samples else F_ior_known  # (samples, torques)
+        self.F_ior_arcsec = self.samples.F_ior_arcsec if self.samples else F_ior_known  # shape (samples, torques)
         self.weights: Array = self.samples.weights / self.samples.weights.sum() if self.samples else np.ones(1)
 
     def drives(self, rows: Indices) -> list[Drive]:
-        """Return the drives of some samples; the drive itself where nothing was drawn."""
+        """Return the drives of selected samples; the drive itself without samples."""
         values = self.samples.values(rows) if self.samples else [{} for _ in rows]
         return list(map(self.drive.with_values, values))
 
@@ -260,10 +276,12 @@ def drawn_pairs(
 ) -> DrivePairs:
     """Return the pairs of the samples of two checked drives.
 
-    Samples are independent of each other where a drive has none, where F'_ior as measured is evidence, where the first
-    has evidence that the second has not, or where few pairs agree with that on the second. Arguments: same, whether
-    nothing that moves F'_ior differs; count, pairs that are drawn. Raises UntrustedError if an answer cannot be
-    trusted.
+    Samples are independent in four cases: a drive has no samples, measured F'_ior is reference data, the first drive
+    has reference data that the second does not have, or too few pairs agree with those of the second drive.
+
+    same: whether no field with an effect on F'_ior differs.
+    count: number of sampled pairs.
+    Raises UntrustedError if a result cannot be trusted.
     """
     one = _Believed(first)
     second_belief = _Believed(second)
@@ -303,11 +321,10 @@ def _likelihood_gains(
 ) -> list[float]:
     """Return the gains of log likelihood from the reference data of a first drive to those of a second one.
 
-    Args:
-        one: the first drive.
-        other: the second drive.
-        rows: samples of the first drive, shape (pairs,).
-        samples: of the second drive, one for each of these.
+    one: the first drive.
+    other: the second drive.
+    rows: indices of samples of the first drive, shape (pairs,).
+    samples: samples of the second drive, one for each of these.
     """
     assert one.samples
     figures_of_one = _figures_of(one.samples)
@@ -324,9 +341,9 @@ def _paired(
     rows: Indices,
     run: Run,
 ) -> DrivePairs:
-    """Return pairs of some samples of a first drive, each with an equal drive of the second kind.
+    """Return pairs of selected samples of a first drive, each with an equal drive of the second kind.
 
-    Raises UntrustedError if too few agree.
+    Raises UntrustedError if too few pairs agree with the reference data.
     """
     assert one.samples and other.samples
     count = len(rows)
@@ -371,7 +388,7 @@ def _samples_with(
     shares: Array,
     run: Run,
 ) -> Samples:
-    """Return samples of a drive with shares of its fields, shape (samples, fields + 1), all at once."""
+    """Return samples of a drive with given shares of its fields, shape (samples, fields + 1), all in one batch."""
     assert believed.samples
     return draw_samples(
         _PairedPrior(believed.drive, believed.prior.fields, paired=shares),
@@ -390,13 +407,14 @@ def _paired_shares(
     rows: Indices,
     run: Run,
 ) -> Array:
-    """Return shares of the fields of a second drive, shape (rows, fields + 1): those of the first one where alike.
+    """Return shares of the fields of a second drive, equal to those of the first drive where both are alike.
 
-    Args:
-        one: the first drive.
-        other: the second drive.
-        rows: samples of the first drive.
-        run: its seed.
+    The shape is (rows, fields + 1).
+
+    one: the first drive.
+    other: the second drive.
+    rows: indices of samples of the first drive.
+    run: the run, whose seed determines the other shares.
     """
     assert one.samples
     shares = one.samples.shares[rows]
@@ -406,7 +424,7 @@ def _paired_shares(
     for k, field in enumerate(other.prior.fields):
         if field.path not in different_paths:
             paired[:, k] = shares[:, paths.index(field.path)]
-    paired[:, -1] = 0  # each goes on to F'_ior
+    paired[:, -1] = 0  # F'_ior is solved for every pair
     return paired
 
 
@@ -415,12 +433,11 @@ def _joint_weights(
     solved: Indices,
     weights: Array,
 ) -> Array:
-    """Return the weights of pairs of samples, shape (count, count), of which as many as possible are alike.
+    """Return the weights of pairs of samples, shape (count, count), with the largest possible weight on the diagonal.
 
-    Args:
-        count: of the samples of each drive.
-        solved: those of the second drive with a result.
-        weights: of these, not normalized.
+    count: number of samples of each drive.
+    solved: indices of samples of the second drive with a result.
+    weights: weights of these samples, not normalized.
     """
     of_one = np.full(count, 1 / count)
     of_other = np.zeros(count)
@@ -434,15 +451,18 @@ def _joint_weights(
 
 
 def _no_figures(_drive: Drive) -> tuple[dict[str, float], Certificate]:
-    """Return no figures besides F'_ior, so that the draws of pairs are not kept as those of the drive alone."""
+    """Return no figures besides F'_ior, to prevent draws of pairs from being cached as those of a single drive."""
     return {}, EMPTY
 
 
 @dataclass(frozen=True)
 class ErrorChange:
-    """Change of F'_ior of a drive [arcsec] where one field is changed, by path, or all together (no path), by torque.
+    """Change of F'_ior of a drive, at each torque, due to one field or to all fields together.
 
-    change_arcsec: median over the drawn pairs, with its 5th and 95th percentile; share: of the median of F'_ior before.
+    field: path of the field; empty for all fields.
+    change_arcsec: median of the change over the sampled pairs [arcsec].
+    p5_arcsec, p95_arcsec: 5th and 95th percentiles of the change [arcsec].
+    share: size of the median change relative to the median of F'_ior before.
     """
 
     field: str
@@ -459,7 +479,7 @@ class ErrorChange:
         after: Array,
         weights: Array,
     ) -> ErrorChange:
-        """Return change from F'_ior before to after [arcsec], shape (pairs, torques); weights have shape (pairs,)."""
+        """Return the change from F'_ior before to after, shape (pairs, torques) [arcsec]; weights: shape (pairs,)."""
 
         def percentile(values: Array, share: float) -> tuple[float, ...]:
             return tuple(weighted_quantile(column, weights, share) for column in values.T)
@@ -473,10 +493,13 @@ class ErrorChange:
 class DriveChanges:
     """Changes of F'_ior from a first drive to a second one.
 
-    pairs: that were drawn, alike in what both leave open in the same way; F_ior_is: less, more or the same at each
-    torque, unknown where unknown inputs could reverse it; probability_better: that F'_ior is less, by torque, None
-    where inputs are unknown and were not drawn; single: fields changed alone, the greatest first; not_alone: paths of
-    those that, alone, make no drive that can be computed, or leave more unknown.
+    pairs: number of sampled pairs, which are equal in fields that both drives leave uncertain in the same way.
+    F_ior_is: less, more or the same at each torque; unknown if uncertain inputs could reverse the sense.
+    probability_better: probability that F'_ior is smaller, by torque; None if uncertain inputs were not sampled.
+    together: change due to all fields.
+    single: changes due to single fields, the largest first.
+    not_alone: paths of fields without such a change, because the drive could not be computed or would have more unknown
+        inputs.
     """
 
     pairs: int
@@ -489,10 +512,12 @@ class DriveChanges:
 
 @dataclass(frozen=True, eq=False)
 class DrivesComparison:
-    """Drives beside the first of them.
+    """Comparison of drives with the first of them.
 
-    sheets, all at the same torques, or at the same shares of their rated torques; differing, the fields in which they
-    differ; changes from the first drive to each of the others; certificate of all states.
+    sheets: sheets of the drives, all at the same torques or at the same shares of their rated torques.
+    differing: fields in which the drives differ.
+    changes: changes from the first drive to each of the others.
+    certificate: certificate of all states.
     """
 
     sheets: tuple[DriveSheet, ...]
@@ -502,31 +527,31 @@ class DrivesComparison:
 
     @property
     def torques(self) -> tuple[float, ...]:
-        """Torques [N*m] of the first drive."""
+        """Torques of the first drive [N*m]."""
         return self.sheets[0].drive.operation.M_g
 
     @property
     def rated_shares(self) -> tuple[float, ...] | None:
-        """Shares of the rated torque of each drive at which all are compared; None where their torques are the same."""
+        """Shares of the rated torque at which all drives are compared; None if their torques are the same."""
         if all(sheet.drive.operation.M_g == self.torques for sheet in self.sheets):
             return None
         return tuple(M_g / self.sheets[0].drive.rated_torque for M_g in self.torques)
 
     @cached_property
     def shares(self) -> Array:
-        """Median of F'_ior over that of the first drive, shape (drives, torques)."""
+        """Median of F'_ior relative to that of the first drive, shape (drives, torques)."""
         medians = np.array([[point.F_ior_or_error for point in sheet.check.points] for sheet in self.sheets])
         return np.asarray(medians / np.maximum(medians[0], RESOLVED_ERROR))
 
     @property
     def best(self) -> int:
-        """Place of the drive with the least share at the torque that it serves worst; the first if none gains by it."""
+        """Index of the drive with the smallest share at its governing torque; 0 if no drive improves on the first."""
         worst = self.shares.max(axis=1)
         return int(worst.argmin()) if worst.min() < 1 - _EQUAL_SHARE else 0
 
     @property
     def word(self) -> Literal["TAKE", "KEEP", "ANY"]:
-        """Whether to take another drive than the first, to keep that, or any: none is likelier better, or differs."""
+        """Recommendation to take another drive, to keep the first, or any drive if none is clearly better."""
         chance = self.probability_best
         if self.all_alike or (chance is not None and chance.value < _LIKELIER):
             return "ANY"
@@ -534,14 +559,15 @@ class DrivesComparison:
 
     @property
     def all_alike(self) -> bool:
-        """Whether no drive differs from the first by _EQUAL_SHARE."""
+        """Whether all drives are within _EQUAL_SHARE of the first."""
         return bool(np.all(np.abs(self.shares - 1) < _EQUAL_SHARE))
 
     @property
     def probability_best(self) -> Probability | None:
-        """Probability that F'_ior of the best drive is less than that of the first, at the torque where this is least.
+        """Probability that F'_ior of the best drive is smaller than that of the first, at the least favourable torque.
 
-        Of the first one, that no other is less there; None where inputs are unknown and were not drawn.
+        If the first drive is the best, it is the probability that no other drive is better there. It is None if
+        uncertain inputs were not sampled.
         """
         chances = []
         for changes in [self.changes[self.best - 1]] if self.best else self.changes:
@@ -553,9 +579,10 @@ class DrivesComparison:
 
 
 def at_common_torques(drives: Sequence[Drive]) -> list[Drive]:
-    """Return the drives at the torques that all of them have, in the order of the first.
+    """Return the drives at the torques that all of them have, in the sequence of the first drive.
 
-    Where there is none, at the shares of their rated torques that the torques of the first one are.
+    Without common torques, each drive gets the torques that are the same shares of its rated torque as in the first
+    drive.
     """
     first = drives[0]
     common = tuple(M_g for M_g in first.operation.M_g if all(M_g in drive.operation.M_g for drive in drives))
@@ -568,7 +595,7 @@ def at_common_torques(drives: Sequence[Drive]) -> list[Drive]:
 
 
 def differing_rows(drives: Sequence[Drive]) -> tuple[_FieldRow, ...]:
-    """Return the fields in which drives differ, in the order of the declarations, then uncertainties of fields."""
+    """Return the fields in which drives differ, in the sequence of the declarations, then uncertainties of fields."""
     rows = list(zip(*map(resolved_fields, drives), strict=True))
     units = {row[0].path: row[0].unit for row in rows}
     for path in dict.fromkeys(path for drive in drives for path in drive.uncertainty):
@@ -587,12 +614,12 @@ def differing_rows(drives: Sequence[Drive]) -> tuple[_FieldRow, ...]:
 
 
 def differing_fields(drives: Sequence[Drive]) -> list[str]:
-    """Return the paths of the fields in which drives differ and that may move F'_ior at a torque."""
+    """Return the paths of the fields in which drives differ and that may affect F'_ior at a torque."""
     return [row[0].path for row in differing_rows(drives) if not row[0].path.startswith(_UNRELATED)]
 
 
 def estimate_comparison(drives: Sequence[Drive], draws: int = EFFECTIVE_SAMPLES) -> int:
-    """Return the number of states that a comparison solves, about, for a progress bar."""
+    """Return the approximate number of states solved for a comparison, for the progress bar."""
     searches = sum(_DRAWN_PAIRS + _SCREENED_PAIRS * len(differing_fields((drives[0], drive))) for drive in drives[1:])
     return sum(sheet_states(drive, draws) for drive in drives) + DRAWN_STATES * len(drives[0].operation.M_g) * searches
 
@@ -603,10 +630,10 @@ def compare_drives(
     draws: int = EFFECTIVE_SAMPLES,
     run: Run = Run(),
 ) -> DrivesComparison:
-    """Compare two drives or more with the first of them, at torques of at_common_torques.
+    """Compare two or more drives with the first of them, at torques from `at_common_torques`.
 
-    Argument: draws, of each from what is not known of it. Raises UntrustedError if an answer cannot be trusted,
-    KeyboardInterrupt.
+    draws: effective sample size of the uncertain inputs of each drive.
+    Raises UntrustedError if a result cannot be trusted, and KeyboardInterrupt if the command is interrupted.
     """
     sheets = tuple(sheet_of(drive, draws=draws, run=run) for drive in drives)
     first, *other_checks = (sheet.check for sheet in sheets)
@@ -622,7 +649,7 @@ def compare_drives(
 
 
 def _is_undrawn(first: DesignCheck, second: DesignCheck) -> bool:
-    """Return whether a torque of two drives has no distribution of F'_ior."""
+    """Return whether F'_ior of one of two drives has no distribution at some torque."""
     return any(point.F_ior_arcsec is None for point in (*first.points, *second.points))
 
 
@@ -633,16 +660,14 @@ def drive_changes(
     pairs: int = _DRAWN_PAIRS,
     run: Run = Run(),
 ) -> tuple[DriveChanges, Certificate]:
-    """Compute the changes of F'_ior from a first drive to a second one, of all fields and of single ones alone.
+    """Compute the changes of F'_ior from a first drive to a second one, due to all fields and to single fields.
 
-    All fields are changed at the torques of both drives, single ones at those of the first.
+    All fields are changed together with the torques, single fields at the torques of the first drive.
 
-    Args:
-        first: the first drive.
-        second: the second drive.
-        pairs: number of pairs of their samples.
-        run: processes, progress and seed.
-
+    first: check of the first drive.
+    second: check of the second drive.
+    pairs: number of pairs of their samples.
+    run: processes, progress and seed.
     Raises UntrustedError if one of the drives has no result that can be trusted.
     """
     # fields that differ by their values; others may differ by what is drawn
@@ -656,7 +681,7 @@ def drive_changes(
         run=run,
     )
     single_changes = _SingleChanges.of(sampled_pairs, first, second, run)
-    # bounds of what is unknown depend on other fields
+    # the bounds of unknown fields may depend on other fields
     open_paths = [field.path for field in prior_of(second.drive).fields]
     moved = [path for path in open_paths if single_changes.is_moved(path)]
     paths = dict.fromkeys((*differing, *moved))
@@ -681,20 +706,20 @@ def _has_same_conditions(first: Drive, second: Drive) -> bool:
 
 
 def _joint_change(pairs: DrivePairs) -> ErrorChange:
-    """Return the change by all fields together."""
+    """Return the change due to all fields together."""
     rows, columns = np.nonzero(pairs.weights)
     return ErrorChange.of("", pairs.before_arcsec[rows], pairs.after_arcsec[columns], pairs.weights[rows, columns])
 
 
 @dataclass
 class _SingleChanges:
-    """Changes of F'_ior by single fields from first drives to second ones, at the torques of the first."""
+    """Changes of F'_ior due to single fields, from first drives to second ones, at the torques of the first."""
 
     drives: Sequence[tuple[Drive, Drive]]
     torques: Sequence[float]  # N*m
     is_drawn: bool  # whether the drives are samples
     run: Run
-    certificate: Certificate  # of all states, those of changes included once they are solved
+    certificate: Certificate  # certificate of all states, including those of changes once they are solved
 
     @classmethod
     def of(
@@ -704,7 +729,7 @@ class _SingleChanges:
         second: DesignCheck,
         run: Run,
     ) -> _SingleChanges:
-        """Return the changes of a few of some pairs of samples of two drives, before any is solved."""
+        """Return the changes for the first few pairs of samples of two drives, before any is solved."""
         return cls(
             drives=pairs.drives[:_SINGLE_PAIRS],
             torques=first.drive.operation.M_g,
@@ -715,11 +740,11 @@ class _SingleChanges:
 
     @cached_property
     def before_arcsec(self) -> Array:
-        """F'_ior of the first drives, shape (drives, torques)."""
+        """F'_ior of the first drives [arcsec], shape (drives, torques)."""
         return self.solve([first for first, _ in self.drives])
 
     def is_moved(self, path: str) -> bool:
-        """Return whether a field differs in a pair."""
+        """Return whether a field differs in any pair."""
         return any(first.value(path) != second.value(path) for first, second in self.drives)
 
     def solve(self, drives: Sequence[Drive]) -> Array:
@@ -737,8 +762,8 @@ class _SingleChanges:
         return values
 
     def change_by(self, path: str, count: int) -> ErrorChange | None:
-        """Return the change by a field alone over the first pairs; None if most of them make no drive."""
-        # sound drives have no conflict, and no more unknown fields than before (a direction, for example)
+        """Return the change due to a single field over the first pairs; None if most of them have no result."""
+        # sound drives have no conflict, and no more unknown fields than before (for example a direction)
         sound = {}
         for k, (first, second) in enumerate(self.drives[:count]):
             changed = first.with_values({path: second.value(path)})
@@ -752,7 +777,7 @@ class _SingleChanges:
         return ErrorChange.of(path, before_arcsec[is_solved], after_arcsec[is_solved], np.ones(is_solved.sum()))
 
     def largest_first(self, paths: Iterable[str], count: int) -> list[ErrorChange]:
-        """Return the changes by fields alone over the first pairs, the largest first."""
+        """Return the changes due to single fields over the first pairs, the largest first."""
         changes = [self.change_by(path, count) for path in paths]
         return sorted(filter(None, changes), key=lambda change: -max(change.share))
 
@@ -762,7 +787,7 @@ def _errors(
     torques: Sequence[float],
     drawn: bool,
 ) -> tuple[Array, Certificate]:
-    """Return F'_ior of a drive [arcsec], shape (torques,), with its proof; NaN where there is no answer."""
+    """Return F'_ior of a drive [arcsec], shape (torques,), with its certificate; NaN without a result."""
     try:
         by_torque = (
             [many_extremes(error_map, Batch.of(drive), DRAWN_GRIDS) for error_map in error_maps(drive, torques)]
