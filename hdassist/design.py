@@ -238,8 +238,18 @@ class DesignCheck:
         return (*self.drive.origin.warnings, *remarks, *(self.samples.remarks if self.samples else ()))
 
 
-def accuracy_words(accuracy: float | None, points: Sequence[OperatingPoint]) -> str:
-    """Return a comparison of F'_ior at the smallest torque with the no-load accuracy [arcsec]; empty without one."""
+# description of the accuracy test, by catalogue.accuracy_test
+_ACCURACY_TESTS = {
+    "unstated": "no load",
+    "full_revolution": "no load, tested over a full revolution",
+    "12_positions": "no load, tested at 12 positions",
+    "typical": "no load, typical value",
+}
+
+
+def accuracy_words(catalogue: Catalogue, points: Sequence[OperatingPoint]) -> str:
+    """Return a comparison of F'_ior at the smallest torque with the accuracy in the catalogue; empty without one."""
+    accuracy = catalogue.accuracy
     if accuracy is None:
         return ""
     point = min(points, key=lambda point: abs(point.M_g))

@@ -97,6 +97,7 @@ class KeyedTable(DataTable[Text]):
 
     def fill(self, heads: Sequence[str], rows: Mapping[str, Sequence[Text]]) -> None:
         """Show rows; with the focus, the cursor stays on its key."""
+        # columns are as wide as their widest cell
         columns = {head: max(map(len, (head, *cells))) for head, *cells in zip(heads, *rows.values(), strict=True)}
         with self.prevent(DataTable.RowHighlighted):
             shown = {str(column.label): column.width for column in self.columns.values()}
@@ -404,8 +405,7 @@ def _lever_cells(
     effects: LeverEffects,
     torque: int,
 ) -> tuple[Text, Text, Text, Text, Text]:
-    """Return the table cells of a field: name and mark, meaning, value with unit, step, and change of F'_ior by the
-    step.
+    """Return the table cells of a field: name and mark, meaning, value with unit, step, and change by the step.
 
     field: the field.
     marks: marks by path.
