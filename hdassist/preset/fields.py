@@ -1,8 +1,9 @@
-"""Fields of a preset: their kinds, the sections and the drive that they make, and the origin of each value.
+"""Fields of a preset: their kinds, the sections and the drive formed by them, and the origin of each value.
 
-fields.toml declares unit, range, default and meaning of each field. Numbers are in the unit of their field; the model
-converts them. A deviation that a preset does not give is unknown, not zero. All of it is one chapter: kinds check the
-values of sections, sections are made from kinds, and the drive is its sections.
+fields.toml declares the unit, range, default and meaning of each field. Numbers are in the unit of their field; the
+model converts them. A deviation that a preset does not state is unknown, not zero. The module contains all of these
+because they depend on each other: kinds check the values of sections, sections are built from kinds, and a drive from
+sections.
 """
 
 from __future__ import annotations
@@ -36,17 +37,17 @@ _CLOSED = ConfigDict(
     strict=True,
     allow_inf_nan=False,
 )
-UNKNOWN = "unknown"  # written in a preset in place of a value
+UNKNOWN = "unknown"  # word in a preset for an unknown value
 _DECLARED_FIELDS: dict[str, Any] = package_table("preset/fields.toml")
 
 
 class Section(BaseModel):
-    """A part of a preset: immutable, closed, its fields as fields.toml declares them."""
+    """A part of a preset: immutable, without undeclared keys, with the fields declared in fields.toml."""
 
     model_config = _CLOSED
 
     def __init_subclass__(cls) -> None:
-        """Give fields their defaults, None if they may be so, and those without a type that of a number or None."""
+        """Set the default of each field (None if allowed), and the type "number or None" of fields without a type."""
         declared = _DECLARED_FIELDS[cls.__name__]
         if declared.keys() > cls.__annotations__.keys():
             cls.__annotations__ = {name: cls.__annotations__.get(name, "float | None") for name in declared}
@@ -62,7 +63,7 @@ class Section(BaseModel):
         validated: ValidatorFunctionWrapHandler,
         info: ValidationInfo,
     ) -> Any:
-        """Return a value; as a preset has it where the context collects the values that hold, by path ("gears.m")."""
+        """Return a validated value, read in a preset's notation if the context collects the valid values by path."""
         if info.context is None:
             return validated(value)
         name = str(info.field_name)
@@ -79,11 +80,11 @@ class Section(BaseModel):
 
     @classmethod
     def of_defaults(cls) -> Self:
-        """Return the section where a preset leaves it out."""
+        """Return the section for a preset that omits it."""
         return cls.model_validate({})
 
 
-MAX_NAME = 200  # characters of a drive's name
+MAX_NAME = 200  # most characters of a drive's name
 
 
 def _one_line(text: str) -> str:
@@ -119,14 +120,15 @@ FieldKind = Literal[
     "source",
     "table",
 ]
-# types of fields whose kind that of their values does not say
-OneLine = Annotated[str, AfterValidator(_one_line), "line"]  # of a name: a line break could forge a line of a report
+# types of fields whose kind does not follow from the type of their values
+# a single line, because a line break in a name could forge a line of a report
+OneLine = Annotated[str, AfterValidator(_one_line), "line"]
 PerTorque = Annotated[dict[str, float], "limits"]
 PerOrder = Annotated[dict[str, float], "orders"]
 _PerPosition = Annotated[dict[str, _UncertainReading], "readings"]
 KINDS: dict[Any, FieldKind] = {float: "number", int: "count", str: "text"}
 _WANTED_LISTS = {"numbers": "must be a list of numbers", "holes": "must be all, or a list of hole numbers"}
-# of a table of values: pattern of its keys, their meaning, an example of a key, and of a table
+# for each kind of table: pattern of its keys, their meaning, an example of a key, and an example of a table
 KEYED_TABLES = {
     "limits": (NUMBER, "a torque in N*m, or all", "", ""),
     "orders": (
@@ -148,10 +150,17 @@ KEYED_TABLES = {
 class PresetField:
     """Declaration of a field of a preset.
 
-    meaning; unit, empty for a pure number; default, if it may be left out; unknown: whether it is unknown then;
-    range of the field, or of each item of it: from ge, or just above gt, to le; kind of its value; choices of that
-    kind; is_optional: whether it may be empty; is_required: whether it has to be given; question, to its maker, and
-    how, to measure it, of those that decide most.
+    meaning: meaning of the field.
+    unit: unit, empty for a pure number.
+    default: default value, if the field may be omitted.
+    unknown: whether an omitted field is unknown.
+    ge, gt, le: range of the field or of each of its items: at least ge, above gt, up to le.
+    kind: kind of its value.
+    choices: valid values of a choice.
+    is_optional: whether it may be empty.
+    is_required: whether it must be stated.
+    question: question to the manufacturer, for the most important fields.
+    how: instructions for measuring it, for the most important fields.
     """
 
     meaning: str = ""
@@ -179,9 +188,10 @@ class PresetField:
         return cls(**declared | about | {"default": info.get_default(), "is_required": info.is_required()})
 
     def read(self, value: Any) -> Any:
-        """Return the value of a preset as the field holds it; of a table, with values for its fields to read.
+        """Return the field's value from a value in a preset; a table may contain items for other fields to read.
 
-        Raises InvalidValueError, and ValidationError for items, if it cannot be read.
+        Raises InvalidValueError if the value cannot be read.
+        Raises ValidationError if items cannot be read.
         """
         if self.kind == "range":
             path, ends = value
@@ -210,13 +220,13 @@ class PresetField:
         return value
 
     def _require_choice(self, value: Any) -> None:
-        """Raise InvalidValueError for a value that is none of the choices."""
+        """Raise InvalidValueError for a value that is not one of the choices."""
         if value not in self.choices:
             message = f"must be one of {', '.join(self.choices)}"
             raise InvalidValueError(message, near_miss(str(value), self.choices))
 
     def _require_text(self, value: Any) -> None:
-        """Raise InvalidValueError for a value that is no text, or no line of a name's length."""
+        """Raise InvalidValueError for a value that is not text, or not one line of valid length if one is required."""
         if not isinstance(value, str):
             raise InvalidValueError("must be text", "put it in quotes" if isinstance(value, int | float) else "")
         if self.kind == "line" and ("\n" in value or not 1 <= len(value) <= MAX_NAME):
@@ -224,7 +234,7 @@ class PresetField:
             raise InvalidValueError(message, "write a longer text in description" if value else "")
 
     def _require_optional(self) -> None:
-        """Raise InvalidValueError for a field that needs a value."""
+        """Raise InvalidValueError if the field requires a value."""
         if self.is_optional:
             return
         if self.is_required:
@@ -234,7 +244,7 @@ class PresetField:
         raise InvalidValueError("needs a value", hint)
 
     def _keyed_table(self, value: Any) -> dict[str, Any]:
-        """Return the entries of a table of keys; a single value, where the table may be one, is that of all keys."""
+        """Return the entries of a table; if a single value is allowed and given, it is the entry for all keys."""
         if not isinstance(value, dict):
             like_table = KEYED_TABLES[self.kind][3]
             if like_table:
@@ -244,14 +254,14 @@ class PresetField:
         return _read_items(value, partial(self._entry, seen_entries))
 
     def _numbers(self, value: Any) -> tuple[float, ...]:
-        """Return the numbers of a list, or of a single number."""
+        """Return the numbers of a list, or a single number as a tuple."""
         if isinstance(value, dict) or (self.kind == "holes" and isinstance(value, str)):
             raise InvalidValueError(_WANTED_LISTS[self.kind])
         items = enumerate(value if isinstance(value, list) else [value])
         return tuple(_read_items(dict(items), lambda _, item: self.number(item)).values())
 
     def _by_path(self, path: str, entry: Any) -> Any:
-        """Return an entry of a table by paths of fields; the range in one of a source goes on with its path."""
+        """Return an entry of a table whose keys are paths of fields; the path is added to a range in source."""
         if self.kind == "uncertainty":
             return self.number(entry, field_table()[path].unit)
         if self.kind == "fit":
@@ -265,7 +275,13 @@ class PresetField:
         key: str,
         value: Any,
     ) -> float | _UncertainReading:
-        """Return the value of a key of a table; known: the keys before it, to which it is added."""
+        """Return the value of a table entry, and add its key to the known keys.
+
+        known: keys already read.
+        key: key of the entry.
+        value: value in the preset.
+        Raises InvalidValueError if the key is invalid or repeated.
+        """
         pattern, expected, like_key, _ = KEYED_TABLES[self.kind]
         numbers = [number_of(part.removeprefix("h")) for part in key.split("@")]
         fits = re.fullmatch(pattern, key) and all(map(isfinite, numbers)) and all(numbers[self.kind == "readings" :])
@@ -277,9 +293,13 @@ class PresetField:
         return self.reading(value) if self.kind == "readings" else self.number(value)
 
     def number(self, value: Any, unit: str | None = None) -> float:
-        """Return a number in a unit, that of the field by default, and in its range.
+        """Return a number in a unit, after checking the range of the field.
 
-        Its text may have an uncertainty where the field is a single one. Raises InvalidValueError for any other.
+        A text may include an uncertainty if the field is a single number.
+
+        value: number, or text with a unit.
+        unit: unit of the result, None for that of the field.
+        Raises InvalidValueError if the value is not such a number.
         """
         unit = self.unit if unit is None else unit
         is_count = self.kind in ("count", "holes")
@@ -290,14 +310,14 @@ class PresetField:
         return number
 
     def reading(self, value: Any) -> _UncertainReading:
-        """Return a measured value with its uncertainty, in the range of the field; InvalidValueError for any other."""
+        """Return a measured value with its uncertainty. Raises InvalidValueError if one is invalid or out of range."""
         reading = _UncertainReading(*read_spread(str(value), self.unit))
         if not all(map(self.holds, reading)):
             raise InvalidValueError(f"out of range: value and uncertainty {self.range_words(self.unit)}")
         return reading
 
     def draws(self, values: Any) -> tuple[float, ...]:
-        """Return equally likely values of the field. Raises InvalidValueError: they are none."""
+        """Return equally likely values of the field. Raises InvalidValueError if they are invalid or out of range."""
         if not isinstance(values, list) or len(values) < 2:
             raise InvalidValueError(
                 "must be two or more numbers, beginning with the preset's own value", "for example [8950, 9020]"
@@ -308,7 +328,7 @@ class PresetField:
         return values_of_draws
 
     def bounds(self, ends: Any) -> tuple[float, float]:
-        """Return a plausible range of the field. Raises InvalidValueError: it is none."""
+        """Return the ends of a plausible range of the field. Raises InvalidValueError if the range is invalid."""
         if self.kind != "number":
             raise InvalidValueError("only fields with a single number can have a range")
         if not isinstance(ends, list) or len(ends) != 2:
@@ -325,7 +345,7 @@ class PresetField:
         return isfinite(value) and self.gt < value <= self.le and value >= self.ge
 
     def range_words(self, unit: str = "") -> str:
-        """Return range of the field, or of each item of it, in words and with the unit; empty if there is none."""
+        """Return a description of the range of the field or of its items, with the unit, empty if there is no range."""
         low = f"above {plain(self.gt)}, up" if self.gt > -inf else plain(self.ge) if self.ge > -inf else ""
         if self.le < inf:
             return f"{low} to {plain(self.le)} {unit}".rstrip()
@@ -347,22 +367,22 @@ def _read_items(items: Mapping[Any, Any], read: Callable[[Any, Any], Any]) -> di
 
 
 def is_number(key: str) -> bool:
-    """Return whether a key of a table of limits is a finite number, such as a torque [N*m] (the other key is "all")."""
+    """Return whether a key in a table of limits is a finite number, such as a torque [N*m], rather than "all"."""
     return isfinite(number_of(key))
 
 
 def plain(number: float) -> str:
-    """Return the number as in a preset: 20, 0.05, 1e7."""
+    """Return a number in the notation of a preset: 20, 0.05, 1e7."""
     return f"{number:g}".replace("e+0", "e").replace("e+", "e").replace("e-0", "e-")
 
 
 def short(number: float) -> str:
-    """Return the same in four digits."""
+    """Return a number in the notation of a preset, rounded to four significant digits."""
     return plain(float(f"{number:.4g}"))
 
 
 def text_of(value: Any) -> str:
-    """Return a value as a preset has it, with every digit it has, and no more."""
+    """Return a value in the notation of a preset, with as many digits as needed to be exact."""
     if value is None:
         return UNKNOWN
     if isinstance(value, bool | str | _UncertainReading):
@@ -393,12 +413,16 @@ class Harmonics(Section):
 
 @dataclass(frozen=True)
 class Deviation:
-    """A deviation of a part, by the paths of its size [um] and its direction [deg].
+    """A deviation of a part.
 
-    kind: composite, the first harmonic of a wheel's teeth from peak to peak (F'_i); harmonic of the teeth, an
-    amplitude; pitch, an order of what each tooth is off by itself, whose size is the greatest single pitch deviation;
-    seat, a harmonic that the seat of the rigid wheel presses on it; cam, an offset of the cam; centre, an offset of a
-    wheel's teeth. part: that it turns with, flexspline g, rigid wheel b or cam h; order: waves around it.
+    size: path of its size [um].
+    direction: path of its direction [deg].
+    kind: composite, the peak-to-peak first harmonic of a wheel's teeth (F'_i); harmonic, the amplitude of a harmonic of
+    the teeth; pitch, an order of the deviations of single teeth, whose size is the largest single pitch deviation;
+    seat, a harmonic that the housing seat impresses on the circular spline; cam, an eccentricity of the wave generator;
+    centre, an eccentricity of a wheel's teeth.
+    part: part with which it rotates: flexspline g, circular spline b or wave generator h.
+    order: number of waves around the part.
     """
 
     size: str
@@ -409,12 +433,12 @@ class Deviation:
 
     @property
     def name(self) -> str:
-        """Name of the size within its section."""
+        """The name of the size within its section."""
         return self.size.split(".")[1]
 
     @property
     def stays_with_seat(self) -> bool:
-        """Whether it stands still where the wheel that it belongs to is turned on its seat."""
+        """Whether it keeps its position if its wheel is turned on the seat."""
         return self.kind in ("cam", "seat")
 
 
@@ -422,7 +446,7 @@ DEVIATIONS = tuple(Deviation(**row) for row in _DECLARED_FIELDS["deviations"])
 COMPOSITES = {deviation.part: deviation for deviation in DEVIATIONS if deviation.kind == "composite"}
 CAM_OFFSETS = {deviation.part: deviation for deviation in DEVIATIONS if deviation.kind == "cam"}
 DEVIATION_FIELDS = frozenset(path for deviation in DEVIATIONS for path in (deviation.size, deviation.direction))
-# sizes, by wheel, that measured pitch deviations replace
+# sizes that measured pitch deviations replace, by wheel
 IN_TEETH: dict[str, tuple[str, ...]] = {
     wheel: tuple(
         dict.fromkeys(d.size for d in DEVIATIONS if d.part == wheel and d.kind in ("composite", "harmonic", "pitch"))
@@ -435,14 +459,14 @@ IN_TEETH: dict[str, tuple[str, ...]] = {
 
 PRESET_SCHEMA = "hdassist.preset/1"
 
-# fields that presets had once, with a hint
+# removed fields of presets, with a hint
 REMOVED = {
     "alternatives": "leave it out; commands no longer read it",
     "acceptance.margin": "leave it out; predictions are decided by their probability, see hdassist accept --sure",
     "numerics.window": "leave it out; every tooth that may touch is included",
 }
 
-# fields of numerics that identified values depend on, and the value of each before it was a field
+# fields of numerics on which identified values depend, and the fixed value of each before the field existed
 IDENTIFIED_WITH: dict[str, str | int] = {"nominal_curve": "linear", "stations": 1}
 
 
@@ -461,12 +485,12 @@ class Gears(Section):
 
     @property
     def pitch_diameter(self) -> float:
-        """Pitch diameter of the flexspline [mm]."""
+        """The pitch diameter of the flexspline [mm]."""
         return self.m * self.z_g
 
     @property
     def root_radius(self) -> float:
-        """Radius of the root of the flexspline's teeth [mm]."""
+        """The root radius of the flexspline's teeth [mm]."""
         return self.m * (self.z_g + 2 * self.x_g - 2 * self.h_f) / 2
 
 
@@ -603,11 +627,11 @@ class CostLaw(Section):
 
 
 BY_PATH: dict[str, type[Section]] = {"source": Source, "cost": CostLaw}  # tables whose keys are paths of fields
-PATH_TABLES = ("uncertainty", "fit", *BY_PATH)  # all of them
+PATH_TABLES = ("uncertainty", "fit", *BY_PATH)  # all tables whose keys are paths
 
 
 class AskedOption(NamedTuple):
-    """An option that the user gave: of a command, by the name of its field, as it is typed."""
+    """An option given by the user: its command, the name of its field, and its text as typed."""
 
     command: str
     field: str
@@ -616,10 +640,14 @@ class AskedOption(NamedTuple):
 
 @dataclass(frozen=True)
 class Origin:
-    """Where a drive was read: file as named by the user, SHA-256 of its bytes, overrides on top.
+    """Origin of a drive.
 
-    asked: other options that the user gave, of which a next command on the drive is to have its own.
-    M_g: torques [N*m] of operation.M_g in the file itself, if an override replaces them; empty otherwise.
+    file: file as named by the user.
+    sha256: checksum of its bytes.
+    overrides: overrides applied to it.
+    warnings: warnings on the preset.
+    asked: other options given by the user, which suggested commands for the drive repeat.
+    M_g: torques [N*m] of operation.M_g in the file if an override replaces them; empty otherwise.
     """
 
     file: str = ""
@@ -660,11 +688,11 @@ class Drive(Section):
 
     @property
     def origin(self) -> Origin:
-        """Where the drive was read."""
+        """The origin of the drive."""
         return self._origin
 
     def limit(self, torque: float) -> float | None:
-        """Limit of F'_ior [arcsec] at a torque [N*m]; None where none is set."""
+        """Return the limit of F'_ior [arcsec] at a torque [N*m], or None if there is none."""
         limits = self.acceptance.F_ior
         return next((value for key, value in limits.items() if number_of(key) == torque), limits.get("all"))
 
@@ -675,9 +703,10 @@ class Drive(Section):
 
     @property
     def rated_torque(self) -> float:
-        """Rated torque [N*m]; if the preset has none, the largest of the torques in its file.
+        """The rated torque [N*m], or the largest torque in the file if the preset has no rated torque.
 
-        The torques of one command do not replace it: a lost motion between shares of it stays the same number.
+        The torques of a single command do not replace those of the file, so quantities defined by shares of the rated
+        torque, such as the lost motion, do not change.
         """
         if self.operation.rated is not None:
             return self.operation.rated
@@ -685,11 +714,11 @@ class Drive(Section):
 
     @property
     def unused_tooth_field(self) -> str:
-        """Path of the stiffness of tooth pairs that has no effect with the drive's number of stations."""
+        """The path of the tooth-pair stiffness that has no effect with the drive's number of stations."""
         return "contact.k_face" if self.numerics.stations == 1 else "contact.c_t"
 
     def number(self, path: str) -> float:
-        """Return the value of a field that holds a number, by path; 0 if it is not known."""
+        """Return the value of a numeric field, by path, or 0 if it is unknown."""
         return float(self.value(path) or 0.0)
 
     def allows(self, path: str, value: float) -> bool:
@@ -697,7 +726,7 @@ class Drive(Section):
         return field_table()[path].holds(value)
 
     def with_values(self, values: Mapping[str, Any]) -> Drive:
-        """Return the drive with some fields changed, by path ("gears.j_n"); the new values are not validated."""
+        """Return the drive with some fields changed, by path ("gears.j_n"). The new values are not validated."""
         changed: dict[str, Section] = {}
         for path, value in values.items():
             section, name = path.split(".")
@@ -709,7 +738,7 @@ class Drive(Section):
 
 
 def sections() -> Iterator[tuple[str, type[Section]]]:
-    """Name and class of each section of a preset, in the order they are written."""
+    """Yield the name and class of each section of a preset, in the order of the declarations."""
     for name, info in Drive.model_fields.items():
         if isinstance(info.annotation, type) and issubclass(info.annotation, Section):
             yield name, info.annotation
@@ -717,24 +746,24 @@ def sections() -> Iterator[tuple[str, type[Section]]]:
 
 @cache
 def field_table() -> dict[str, PresetField]:
-    """Return the path ("gears.z_g") and declaration of each field that stands in a section."""
+    """Return the declaration of each field of a section, by path ("gears.z_g")."""
     return {f"{section}.{name}": field for section, model in sections() for name, field in model.declared().items()}
 
 
 @cache
 def measures() -> dict[str, PresetField]:
-    """Return the path and declaration of each field that holds a single number, and so may have an uncertainty."""
+    """Return the declaration of each field with a single number, which may have an uncertainty, by path."""
     return {path: field for path, field in field_table().items() if field.kind == "number"}
 
 
 @cache
 def deviation_sizes() -> tuple[str, ...]:
-    """Return the paths of the sizes of deviations, which are tolerances where drives are drawn."""
+    """Return the paths of the sizes of deviations, which are tolerances if drives are sampled."""
     return tuple(path for path in field_table() if path.startswith(("tolerances.", "harmonics.a_")))
 
 
 def path_of(key: str) -> Path:
-    """Return the path that the key of an override sets; keys of tables by path have a dot in them."""
+    """Return the path set by the key of an override. In tables whose keys are paths, the key contains a dot."""
     parts = [part.strip() for part in key.split(".")]
     if parts[0] in PATH_TABLES:
         return tuple(filter(None, (parts[0], ".".join(parts[1:3]), *parts[3:])))
@@ -742,14 +771,14 @@ def path_of(key: str) -> Path:
 
 
 def is_overridden(path: str, overrides: Sequence[str]) -> bool:
-    """Return whether overrides set a field ("gears.z_g"), a table around it or an entry of it."""
+    """Return whether overrides set a field ("gears.z_g"), a table that contains it, or one of its entries."""
     field = tuple(path.split("."))
     paths = [path_of(text.partition("=")[0]) for text in overrides]
     return any(p[: len(field)] == field[: len(p)] for p in paths)
 
 
 def has_own_source(path: str, overrides: Sequence[str]) -> bool:
-    """Return whether overrides state the source of a field too: its range counts then, beside the value.
+    """Return whether overrides also state the source of a field, in which case its range applies to the new value.
 
     path: path of the field ("gears.z_g").
     overrides: texts such as "cam.W_0=0.95".
@@ -759,10 +788,16 @@ def has_own_source(path: str, overrides: Sequence[str]) -> bool:
 
 @dataclass(frozen=True)
 class ResolvedField:
-    """One field of a drive: path, value in its unit, kind of origin, reference, meaning, plausible range in its unit.
+    """A field of a drive with its origin.
 
-    Kinds: given, assumed, identified (by `source`; given without one), default, override; unknown, with a value of
-    None.
+    path: path of the field.
+    value: value in its unit, None if unknown.
+    unit: unit.
+    kind: origin of the value: given, assumed or identified (by `source`, otherwise given), default, override or
+    unknown.
+    ref: reference.
+    meaning: meaning of the field.
+    range: plausible range in its unit.
     """
 
     path: str
@@ -775,13 +810,13 @@ class ResolvedField:
 
     @property
     def reference(self) -> str:
-        """Where the value comes from, its plausible range first."""
+        """The plausible range and the reference of the value."""
         bounds = " to ".join(map(value_text, self.range or ()))
         return "; ".join(filter(None, (bounds, self.ref)))
 
 
 def resolved_fields(drive: Drive) -> list[ResolvedField]:
-    """Return the rows for every field of a drive that stands in a section, in the order of the declarations."""
+    """Return every field of a drive with its origin, in the order of the declarations."""
     rows = []
     for path, field in field_table().items():
         section, name = path.split(".")
@@ -808,9 +843,10 @@ def resolved_fields(drive: Drive) -> list[ResolvedField]:
 
 
 def origin_counts(drive: Drive) -> dict[str, int]:
-    """Return the numbers of fields that are given, identified and assumed in a preset.
+    """Return the numbers of given, identified and assumed fields in a preset.
 
-    A value that a command replaces counts as its file has it, so that all pages on a preset state the same numbers.
+    A value replaced by a command counts with its origin in the file, so that all pages on a preset state the same
+    numbers.
     """
     counts = dict.fromkeys(("given", "identified", "assumed"), 0)
     for row in resolved_fields(drive):
@@ -823,5 +859,5 @@ def origin_counts(drive: Drive) -> dict[str, int]:
 
 
 def value_text(value: Any) -> str:
-    """Return a value as a preset has it, without brackets; a dash if there is none."""
+    """Return a value in the notation of a preset, without brackets, or a dash if there is none."""
     return "-" if value is None else text_of(value).strip("[]{}") or "-"

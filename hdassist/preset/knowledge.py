@@ -1,9 +1,10 @@
-"""Knowledge of strain wave drives in general, and the fields of a drive like a known one by it.
+"""General knowledge of strain wave drives, and the fields of a drive that is similar to a known one.
 
-Lengths grow with the pitch diameter d, the module is d over the teeth, the wave and the clearance of the teeth keep
-their size in modules, stiffnesses grow with d and compliances with 1/d (one modulus of elasticity), torques with d^3.
-Tolerances do not scale like that: they follow ISO 1328-1. Of a new drive options give some fields; all others have a
-law and a plausible range, and profile shifts keep the bore in proportion to the pitch diameter.
+Lengths grow with the pitch diameter d, and the module is d over the number of teeth. Radial deflection and flank
+clearance keep their size in modules. Stiffnesses grow with d, compliances with 1/d (for a constant modulus of
+elasticity), and torques with d^3. Tolerances do not scale like this: they follow ISO 1328-1. For a new drive, options
+state some fields. All other fields follow a law with a plausible range, and profile shifts keep the bore in proportion
+to the pitch diameter.
 """
 
 import re
@@ -18,41 +19,44 @@ from hdassist.files import package_table
 from hdassist.preset.fields import COMPOSITES, Drive, Source, field_table, plain
 from hdassist.preset.text import InvalidValueError, near_miss, read_number, scalar_value, shown
 
-REFERENCE = 160.0  # mm, pitch diameter at which the ranges below are stated
-_REFERENCE_MODULE = 0.8  # mm, of the bounds that are in modules
-# N*m/rad at the reference: K3 of catalogue sizes 20 to 65, ratio 80 and more, by d^3, is this to 3 %; of 17 and
-# 14 it is 10 and 28 % less
+REFERENCE = 160.0  # mm: pitch diameter for which the ranges below are stated
+_REFERENCE_MODULE = 0.8  # mm: module for which bounds in modules are stated
+# N*m/rad at the reference diameter. K3 of catalogue sizes 20 to 65 with ratios of 80 and more follows this value by d^3
+# within 3 %; for sizes 17 and 14 it is 10 and 28 % less
 CATALOGUE_K3 = 9.0e5
-# N*m/mm^3, rated torque over d^3 of catalogue sizes 14 to 65, ratio 100: from size 14 of the standard series (7.8 N*m)
-# to size 20 of the high-torque series (52 N*m); d = 2.54 mm a size
+# N*m/mm^3: rated torque over d^3 of catalogue sizes 14 to 65, ratio 100, from size 14 of the standard series (7.8 N*m)
+# to size 20 of the high-torque series (52 N*m), with d = 2.54 mm per size
 TORQUE_DENSITY = (1.7e-4, 4.0e-4)
-# of K3 by the cube law: K1 of catalogue sizes is half of their K3; a stiffness beyond these is another unit
+# plausible stiffnesses as shares of K3 by the cube law; K1 of catalogue sizes is half of K3, and values outside this
+# range have another unit
 _STIFFNESS_SHARES = (0.05, 5.0)
-_CATALOGUE_UNIT = 1e4  # N*m/rad, in which catalogues print stiffnesses
+_CATALOGUE_UNIT = 1e4  # N*m/rad: unit in which catalogues print stiffnesses
 _BOUND_ROUNDING = 1e-9  # relative rounding of a bound
-# Greatest deviations where a preset does not give them. F'_i: F_p of this class of ISO 1328-1:2013, the coarsest teeth
-# that a drive is taken to have; those of the paper are there
+# Accuracy class of the largest deviations if a preset does not state them: F'_i is F_p of this class of ISO
+# 1328-1:2013, the coarsest teeth assumed for a drive; those of the paper are in it
 COARSEST_CLASS = 9
-# um for each mm of the pitch diameter, cam offsets: 80 and 30 um at 160 mm in the paper; a wheel's centre: assumed,
-# 10 um at 160 mm
+# um per mm of the pitch diameter: eccentricities of the wave generator, 80 and 30 um at 160 mm in the paper, and that
+# of a wheel's centre, assumed to be 10 um at 160 mm
 STANDING_OFFSET = 0.5
 TURNING_OFFSET = 0.2
 CENTRE_OFFSET = 0.06
-# of half of F'_i, amplitudes of order 2 and of orders 3 and 4; assumed: twice as much breaks the accuracy that
-# catalogues promise of size 20, half as much leaves the one recorded drive beyond all (docs/validation.md)
+# amplitudes of order 2 and of orders 3 and 4, as shares of half of F'_i (assumed): with twice these values, size 20
+# exceeds the accuracy in catalogues; with half, the only recorded drive is outside the range (docs/validation.md)
 SECOND_ORDER = 0.08
 HIGHER_ORDERS = 0.04
-# arcsec: accuracy that catalogues promise, the second below SIZE_20 [mm]
+# arcsec: accuracy stated in catalogues, the second value below SIZE_20 [mm]
 USUAL_ACCURACY = 60.0
 SMALL_ACCURACY = 90.0
 SIZE_20 = 50.0
-ACCURACY_GRADES = (SMALL_ACCURACY, USUAL_ACCURACY, 30.0)  # arcsec; the last one is that of high accuracy, to order
-# arcsec: backlash and lost motion that no drive of a catalogue exceeds; the second below _LARGE_SIZE [mm]
+# arcsec; the last value is the high-accuracy grade, available on order
+ACCURACY_GRADES = (SMALL_ACCURACY, USUAL_ACCURACY, 30.0)
+# arcsec: largest backlash and lost motion in catalogues, the last value below _LARGE_SIZE [mm]
 _PLAY = 5.0
 _LOST_MOTION = 60.0
 _LOST_MOTION_SMALL = 180.0
 _LARGE_SIZE = 35.0
-# N/mm for each mm of its bore: radial stiffness of the bearing of a shaft with an overhung cam, and its range; a guess
+# N/mm per mm of bore: radial stiffness of the shaft bearing of an overhung wave generator, with its range (engineering
+# estimate)
 _SHAFT_BEARING = (5e3, 2e3, 1e4)
 
 
@@ -63,7 +67,9 @@ def F_p(
 ) -> float:
     """Return the total cumulative pitch deviation [um] by ISO 1328-1:2013.
 
-    It is that of a pitch diameter d and a module m [mm] and an accuracy class.
+    d: pitch diameter [mm].
+    m: module [mm].
+    accuracy: accuracy class.
     """
     return float((0.002 * d + 0.55 * d**0.5 + 0.7 * m + 12) * 2 ** ((accuracy - 5) / 2))
 
@@ -73,7 +79,12 @@ def f_p(
     m: float,
     accuracy: int,
 ) -> float:
-    """Return the single pitch deviation [um] by ISO 1328-1:2013, of a pitch diameter and module [mm] and a class."""
+    """Return the single pitch deviation [um] by ISO 1328-1:2013.
+
+    d: pitch diameter [mm].
+    m: module [mm].
+    accuracy: accuracy class.
+    """
     return float((0.001 * d + 0.4 * m + 5) * 2 ** ((accuracy - 5) / 2))
 
 
@@ -82,7 +93,12 @@ def _growth(
     d: float,
     m: float,
 ) -> float:
-    """Return the factor on a field by its law where the pitch diameter is d times, and the module m times as large."""
+    """Return the factor by which a field grows with its law.
+
+    by: law, as in `Law`.
+    d: ratio of pitch diameters.
+    m: ratio of modules.
+    """
     return {"same": 1.0, "d": d, "1/d": 1 / d, "m": m}[by]
 
 
@@ -90,10 +106,14 @@ def _growth(
 class Law:
     """Law by which a field grows with the drive, and its plausible bounds.
 
-    by: "same", "d" (length or stiffness), "1/d" (compliance), "m" (in modules); bounds: in the unit of the
-    field at a pitch diameter of 160 mm and a module of 0.8 mm, or, with of_value, as shares of the value; why, the
-    reason of the bounds; least: value of the upper one at least; usual: value at that size, where the drive to be like
-    has 0; assumed: whether the default of a preset that leaves the field out has these bounds too.
+    by: "same", "d" (length or stiffness), "1/d" (compliance), "m" (in modules).
+    bounds: bounds in the unit of the field at a pitch diameter of 160 mm and a module of 0.8 mm, or, with of_value, as
+    shares of the value.
+    why: reason for the bounds.
+    of_value: whether the bounds are shares of the value.
+    least: smallest value of the upper bound.
+    usual: value at that size if the similar drive has 0.
+    assumed: whether a default also has these bounds if a preset omits the field.
     """
 
     by: str
@@ -110,7 +130,7 @@ class Law:
         m: float,
         value: float,
     ) -> tuple[float, float] | None:
-        """Return the plausible range of a field, which includes its value, at a pitch diameter and a module [mm]."""
+        """Return the plausible range of a field at a pitch diameter and module [mm], which includes its value."""
         if self.bounds is None:
             return None
         scale = value if self.of_value else _growth(self.by, d / REFERENCE, m / _REFERENCE_MODULE)
@@ -119,10 +139,13 @@ class Law:
 
 @dataclass(frozen=True)
 class Proportion:
-    """Usual proportion of a field to another measure of the drive.
+    """Usual proportion of a field to another dimension of the drive.
 
-    path of the field; base, that of the measure; low, high: usual share of it; words: the proportion in words, of
-    value, base and share; usual: the usual shares in words, of low and high, with their source.
+    path: path of the field.
+    base: path of the other dimension.
+    low, high: usual range of the proportion.
+    words: template for a text with value, base and share.
+    usual: template for a text with low and high, and the source.
     """
 
     path: str
@@ -135,17 +158,18 @@ class Proportion:
 
 _TABLES = package_table("preset/knowledge.toml")
 LAWS = {path: Law(**law) for path, law in _TABLES["laws"].items()}
-# by cam.coupling: stiffness of the cam's support and its plausible range [N/mm] at the reference diameter, and why
+# by cam.coupling: stiffness of the wave generator's support and its plausible range [N/mm] at the reference diameter,
+# and the reason
 _CAM_SUPPORTS: dict[str, tuple[float, float, float, str]] = _TABLES["cam_supports"]
 _PROPORTIONS = [Proportion(**row) for row in _TABLES["proportions"]]
 
 
 def implausible(drive: Drive) -> Iterator[tuple[str, str, str]]:
-    """Yield the valid fields of a drive that are far from usual: path, message with the number, usual range."""
+    """Yield the valid fields of a drive with unusual values: path, message with the number, usual range."""
     for proportion in _PROPORTIONS:
         value = drive.value(proportion.path)
         base = drive.value(proportion.base)
-        # an unknown or zero measure has no proportion
+        # an unknown or zero dimension has no proportion
         share = value / base if value and base else None
         if share is not None and not proportion.low * (1 - _BOUND_ROUNDING) <= share <= proportion.high * (
             1 + _BOUND_ROUNDING
@@ -160,7 +184,7 @@ def implausible(drive: Drive) -> Iterator[tuple[str, str, str]]:
                 finding_words,
                 f"usual: {proportion.usual.format(low=proportion.low, high=proportion.high)}",
             )
-    # a torque that breaks the drive is most likely a wrong unit
+    # a torque beyond the strength of the drive most likely has a wrong unit
     largest_M_g = max(map(abs, drive.operation.M_g))
     rated = drive.operation.rated
     d = drive.gears.pitch_diameter
@@ -182,7 +206,7 @@ def implausible(drive: Drive) -> Iterator[tuple[str, str, str]]:
 
 
 def _implausible_stiffnesses(drive: Drive) -> Iterator[tuple[str, str, str]]:
-    """Yield torsional stiffnesses that no drive of this diameter has: path, message with the number, usual range."""
+    """Yield torsional stiffnesses that are implausible for the drive's diameter: path, message, usual range."""
     d = drive.gears.pitch_diameter
     K_3 = CATALOGUE_K3 * (d / REFERENCE) ** 3
     low, high = (share * K_3 for share in _STIFFNESS_SHARES)
@@ -205,11 +229,11 @@ COUPLING_FIELDS = ("cam.coupling", "cam.shaft_d", "cam.overhang")
 
 
 def with_cam_support(drive: Drive) -> Drive:
-    """Return the drive with supports.C_3 from its coupling: assumed, within a range; None if a size is missing."""
+    """Return the drive with supports.C_3 from its coupling, assumed within a range; None if a dimension is missing."""
     cam = drive.cam
     why = "3 E I/L^3 of its shaft in series with a bearing, whose stiffness is estimated"
     support: list[float] = []  # stiffness [N/mm], and its range
-    # stiffness by kind of coupling grows with the diameter
+    # the stiffness for a kind of coupling grows with the diameter
     if cam.coupling != "overhung":
         *numbers, why = _CAM_SUPPORTS[cam.coupling]
         support = [number * (drive.gears.pitch_diameter / REFERENCE) for number in numbers]
@@ -220,7 +244,7 @@ def with_cam_support(drive: Drive) -> Drive:
     source = {path: entry for path, entry in drive.source.items() if path != SUPPORT_FIELD}
     value = None
     if support:
-        # as it is written into a preset
+        # rounded as in a preset
         value, low, high = (float(f"{number:.4g}") for number in support)
         source[SUPPORT_FIELD] = Source(
             kind="assumed",
@@ -234,19 +258,19 @@ def with_cam_support(drive: Drive) -> Drive:
 
 PITCH_DIAMETER = "gears.pitch_diameter"
 STIFFNESS = "catalogue.K"
-_SEGMENTS = (1, 2, 3)  # of the stiffness curve of a catalogue
-# By the quality of a drive: classes of ISO 1328-1 of the value of F'_i, and of both ends of its range; None for 0. For
-# an unknown quality they are assumed: from better teeth than those of catalogues to the coarsest class of the standard
+_SEGMENTS = (1, 2, 3)  # segments of the stiffness curve of a catalogue
+# Classes of ISO 1328-1 by quality of the drive: for the value of F'_i and for both ends of its range (None for 0). For
+# an unknown quality a wide range is assumed, from better teeth than those of catalogues to the coarsest class
 _QUALITIES: dict[str, tuple[int, int | None, int]] = {"catalogue": (7, None, 8), "unknown": (8, 5, 11)}
-_LEAST_STEEL_E = 1e5  # MPa, Young's modulus: below, the flexspline is of another material
-_FARTHEST_TORQUE = 3.0  # times beyond the densities of catalogues: no such drive
-_FARTHEST_STIFFNESS = 4.0  # times stiffer or softer than catalogues have it at a diameter: no such drive
-_NOT_MODELLED = {  # kinds of flexsplines, and why there is no result for a drive with them
+_LEAST_STEEL_E = 1e5  # MPa: smallest Young's modulus of steel; below it the flexspline is of another material
+_FARTHEST_TORQUE = 3.0  # largest factor by which the torque density of a drive may be outside that of catalogues
+_FARTHEST_STIFFNESS = 4.0  # largest factor by which a stiffness may differ from that of catalogues at the same diameter
+_NOT_MODELLED = {  # kinds of flexsplines that are not modelled, and the reason
     "ring": "a ring between two circular splines meshes with both, and the model has one mesh and a shell",
     "plastic": "it creeps and expands, and stiffnesses of contacts and tolerances are known for steel only",
 }
-_QUALITY = "quality"  # of the requirements, beside fields
-# only where the drive to be like gives them, and not as 0; else left to their defaults
+_QUALITY = "quality"  # key in the requirements, in addition to fields
+# copied only if the similar drive states them with a value other than 0; otherwise left at their defaults
 _WHERE_GIVEN = ("material.alpha_T", "operation.dT", *COUPLING_FIELDS)
 _SIMILAR_WORDS = {
     "same": "as {like}",
@@ -258,7 +282,13 @@ _SIMILAR_WORDS = {
 
 @dataclass(frozen=True)
 class SimilarValue:
-    """Value of a field in its unit, its kind (given or assumed), its source, and its plausible range."""
+    """A value of a field in its unit.
+
+    value: the value.
+    kind: given or assumed.
+    ref: source of the value.
+    range: plausible range, None without one.
+    """
 
     value: Any
     kind: str
@@ -266,23 +296,25 @@ class SimilarValue:
     range: tuple[float, float] | None = None
 
 
-# on a new drive: its fields, by path, its PITCH_DIAMETER [mm], and its STIFFNESS: K1, K2, K3 [N*m/rad], or K3 alone
+# requirements on a new drive: its fields by path, its PITCH_DIAMETER [mm], and its STIFFNESS, K1, K2, K3 or only K3
+# [N*m/rad]
 Requirements = dict[str, SimilarValue]
 
 
 def _size_of(like: Drive, required: Requirements) -> tuple[SimilarValue, float]:
-    """Return the pitch diameter [mm] of a drive that is like another one, and its K3 over that of catalogues for it.
+    """Return the pitch diameter [mm] of a drive that is similar to another one, and its K3 relative to catalogues.
 
-    It is the required diameter; without one, that of K3 by the cube law of catalogues; without K3, that of the torque
-    by the cube law; without any, that of the other drive. Raises UsageError: a torque or a stiffness that no drive of
-    the size has.
+    The diameter is the required one. Otherwise it follows by the cube law from K3 of catalogues, otherwise from the
+    torque. If none of these is required, it is that of the other drive.
+
+    Raises UsageError for a torque or a stiffness that is implausible for the size.
     """
     rated = required["operation.rated"].value if "operation.rated" in required else None
     K: tuple[float, ...] = required[STIFFNESS].value if STIFFNESS in required else ()
     _require_rising(K)
     stated_size = required.get(PITCH_DIAMETER)
     stiffness_ratio = 1.0
-    # a stated diameter decides; stiffness then shows how far the drive is from catalogues
+    # a stated diameter takes precedence; the stiffness then shows the difference from catalogues
     if stated_size:
         size = stated_size
         stiffness_ratio = _stiffness_ratio(size.value, K)
@@ -293,7 +325,7 @@ def _size_of(like: Drive, required: Requirements) -> tuple[SimilarValue, float]:
         size = SimilarValue(d, "assumed", reason)
     else:
         return _size_by_torque(like, rated), stiffness_ratio
-    # the rated torque grows with the cube of the diameter too
+    # the rated torque also grows with the cube of the diameter
     low, high = (density * size.value**3 for density in TORQUE_DENSITY)
     if rated is not None and not low / _FARTHEST_TORQUE <= rated <= high * _FARTHEST_TORQUE:
         usual = f"{_rounded(low, 2):g} to {_rounded(high, 2):g} N*m"
@@ -302,7 +334,7 @@ def _size_of(like: Drive, required: Requirements) -> tuple[SimilarValue, float]:
 
 
 def _require_rising(K: Sequence[float]) -> None:
-    """Raise UsageError unless stiffnesses of the segments of a torsion curve [N*m/rad] are above 0 and rise."""
+    """Raise UsageError unless the stiffnesses of a torsion curve's segments [N*m/rad] are positive and increase."""
     if K and not (K[0] > 0 and all(first <= second for first, second in pairwise(K))):
         raise UsageError(
             f"K1, K2, K3 must be above 0 and increase: {', '.join(map(plain, K))} N*m/rad",
@@ -311,9 +343,9 @@ def _require_rising(K: Sequence[float]) -> None:
 
 
 def _stiffness_ratio(d: float, K: Sequence[float]) -> float:
-    """Return K3 [N*m/rad] over that of catalogues for a pitch diameter [mm], 1 without stiffnesses.
+    """Return K3 [N*m/rad] relative to that of catalogues for a pitch diameter [mm], or 1 without stiffnesses.
 
-    Raises UsageError for a ratio that no drive has.
+    Raises UsageError for an implausible ratio.
     """
     if not K:
         return 1.0
@@ -325,12 +357,12 @@ def _stiffness_ratio(d: float, K: Sequence[float]) -> float:
 
 
 def _size_by_torque(like: Drive, rated: float | None) -> SimilarValue:
-    """Return the pitch diameter [mm] of a drive by its rated torque [N*m] and the cube law, else as the other drive."""
+    """Return the pitch diameter [mm] from the rated torque [N*m] by the cube law, otherwise that of the other drive."""
     pitch_diameter = like.gears.pitch_diameter
     if rated is None:
         reason = f"the pitch diameter of {like.name}, {pitch_diameter:g} mm"
         return SimilarValue(pitch_diameter, "assumed", reason)
-    # the cube law again
+    # torque grows with the cube of the diameter
     d = _rounded(pitch_diameter * (rated / like.rated_torque) ** (1 / 3))
     low, high = ((rated / density) ** (1 / 3) for density in reversed(TORQUE_DENSITY))
     law = f"{d:g} mm from {plain(rated)} N*m, d^3 as {like.name}"
@@ -349,10 +381,13 @@ def _refuse_size(
 
 
 def similar(like: Drive, required: Requirements) -> dict[str, SimilarValue]:
-    """Return the fields of a drive that is like another one, by path: required ones as given, others as assumed.
+    """Return the fields of a drive that is similar to another one, by path: required ones as given, others as assumed.
 
-    Deviations other than F'_i, offsets and phases are unknown and left out.
-    Raises UsageError: requirements that contradict each other.
+    Deviations other than F'_i, eccentricities and directions are unknown and omitted.
+
+    like: the known drive.
+    required: requirements on the new drive.
+    Raises UsageError if requirements contradict each other.
     """
     size, stiffness_ratio = _size_of(like, required)
     d = size.value
@@ -360,9 +395,9 @@ def similar(like: Drive, required: Requirements) -> dict[str, SimilarValue]:
     written_paths = _written_paths(like)
     entries = _kept_settings(like, written_paths)
     teeth = required.get("gears.z_g", entries["gears.z_g"])
-    # the diameter is exact, so the module gets many digits
+    # many digits of the module, so that the diameter is exact
     m = _rounded(d / teeth.value, 12)
-    # two waves
+    # with two waves, the numbers of teeth differ by 2
     entries["gears.z_b"] = replace(teeth, value=teeth.value + 2)
     entries["gears.m"] = SimilarValue(m, size.kind, f"{d:.6g} mm / {teeth.value} teeth; {size.ref}")
     for path, law in LAWS.items():
@@ -376,15 +411,15 @@ def similar(like: Drive, required: Requirements) -> dict[str, SimilarValue]:
     entries |= _load(like, required, s, d) | backlash | required
     entries |= _stiffness_segments(required)
     if "cam.coupling" in entries:
-        # a written support would take precedence over the coupling
-        del entries["supports.C_3"]  # it follows from that
+        # a stated support would take precedence over the coupling
+        del entries["supports.C_3"]  # the support follows from the coupling
     in_sequence = {path: entries[path] for path in field_table() if path in entries}
     _require_in_range(in_sequence)
     return in_sequence
 
 
 def _written_paths(like: Drive) -> set[str]:
-    """Return the paths of the fields that the preset of a drive states."""
+    """Return the paths of the fields stated in the preset of a drive."""
     paths = set()
     for path in field_table():
         section, key = path.split(".")[:2]
@@ -394,7 +429,7 @@ def _written_paths(like: Drive) -> set[str]:
 
 
 def _kept_settings(like: Drive, written_paths: Iterable[str]) -> dict[str, SimilarValue]:
-    """Return teeth, and settings in which a drive differs from their defaults, by path."""
+    """Return the number of teeth and the settings in which a drive differs from the defaults, by path."""
     settings = {}
     for path in written_paths:
         value = like.value(path)
@@ -404,7 +439,7 @@ def _kept_settings(like: Drive, written_paths: Iterable[str]) -> dict[str, Simil
 
 
 def _stiffness_segments(required: Requirements) -> dict[str, SimilarValue]:
-    """Return the required stiffnesses by the paths of their segments; a single one is K3."""
+    """Return the required stiffnesses by path of their segment; a single one is K3."""
     stiffness = required.get(STIFFNESS)
     if stiffness is None:
         return {}
@@ -414,7 +449,7 @@ def _stiffness_segments(required: Requirements) -> dict[str, SimilarValue]:
 
 
 def _require_in_range(entries: Mapping[str, SimilarValue]) -> None:
-    """Raise UsageError for a number that its field does not allow."""
+    """Raise UsageError for a number outside the range of its field."""
     for path, entry in entries.items():
         field = field_table()[path]
         if isinstance(entry.value, float) and not field.holds(entry.value):
@@ -427,7 +462,12 @@ def _require_in_range(entries: Mapping[str, SimilarValue]) -> None:
 def _scaled(like: Drive, path: str, law: Law, s: float, m: float, stiffer: float) -> SimilarValue:
     """Return a field scaled by its law.
 
-    s, m, stiffer: ratio of pitch diameters, new module [mm], ratio of stiffnesses.
+    like: the known drive.
+    path: path of the field.
+    law: its law.
+    s: ratio of pitch diameters.
+    m: new module [mm].
+    stiffer: ratio of stiffnesses at the same diameter.
     """
     value = like.value(path)
     ratio = m / like.gears.m
@@ -467,7 +507,7 @@ def _around(
     low: float,
     high: float,
 ) -> tuple[float, float] | None:
-    """Return the bounds widened to hold the value; None if they are equal or beyond the range of the field."""
+    """Return bounds widened to include the value, or None if they are equal or outside the range of the field."""
     low = min(low, value)
     high = max(high, value)
     return (low, high) if low < high and like.allows(path, low) and like.allows(path, high) else None
@@ -501,7 +541,12 @@ def _tolerances(
     m: float,
     quality: str,
 ) -> dict[str, SimilarValue]:
-    """Return F'_i of both wheels of a drive of a quality, by path; d: pitch diameter [mm]; m: module [mm]."""
+    """Return F'_i of both wheels of a drive of a given quality, by path.
+
+    d: pitch diameter [mm].
+    m: module [mm].
+    quality: key of _QUALITIES.
+    """
     usual_class, finest, coarsest = _QUALITIES[quality]
     usual = _rounded(F_p(d, m, usual_class), 2)
     coarse = _rounded(F_p(d, m, coarsest), 2)
@@ -555,7 +600,7 @@ def _rounded(value: float, digits: int = 4) -> float:
 
 # --- requirements by options
 
-# options of a measure: their fields and units
+# options for dimensions and catalogue values: their fields and units
 _MEASURES = {
     "pitch_diameter": (PITCH_DIAMETER, "mm"),
     "torque": ("operation.rated", "N*m"),
@@ -567,14 +612,25 @@ _MEASURES = {
 
 
 def read_requirements(like: Drive, *, ratio: float | None = None, **given: str | None) -> Requirements:
-    """Return the requirements on a drive that is to be like another one.
+    """Return the requirements on a drive that is to be similar to another one.
 
-    Arguments, None if not given: ratio, of the drive built in as the other one; coupling of the cam, as cam.coupling
-    has it; shaft, diameter and overhang [mm] of one that it is overhung on, like 14x30; pitch_diameter [mm] and torque
-    [N*m]; teeth, like 160/162; holes of the seat, and the allowed_holes; of a catalogue the stiffness [N*m/rad], K1,
-    K2, K3 or one number, T1 and T2, the ends of its segments [N*m], lost_motion and accuracy [arcsec]: texts, which may
-    have a unit; quality, catalogue or unknown, which decides what is assumed of tolerances and backlash.
-    Raises UsageError: an option that cannot be read, or two that contradict each other.
+    The options are texts, which may include a unit, or None if not given.
+
+    like: the known drive.
+    ratio: ratio of the drive if mounted like the known drive, None if not given.
+    coupling: coupling of the wave generator, as in cam.coupling.
+    shaft: diameter and overhang of the shaft of an overhung wave generator [mm], such as 14x30.
+    pitch_diameter: pitch diameter [mm].
+    torque: rated torque [N*m].
+    teeth: numbers of teeth, such as 160/162.
+    holes: number of bolt holes of the seat.
+    allowed_holes: numbers of the usable holes.
+    stiffness: catalogue stiffnesses K1, K2, K3, or a single one [N*m/rad].
+    T1, T2: ends of the segments of the catalogue's torsion curve [N*m].
+    lost_motion, accuracy: catalogue values [arcsec].
+    quality: catalogue or unknown; determines the assumptions on tolerances and backlash.
+    flexspline: kind of the flexspline.
+    Raises UsageError if an option cannot be read, or two options contradict each other.
     """
     _require_steel_cup(given.get("flexspline"))
     required = _quality(given.get("quality"))
@@ -591,7 +647,7 @@ def read_requirements(like: Drive, *, ratio: float | None = None, **given: str |
 
 
 def _quality(quality: str | None) -> Requirements:
-    """Return the required quality, empty if it is not stated. Raises UsageError for an unknown one."""
+    """Return the required quality, empty if it is not stated. Raises UsageError for an unknown quality."""
     if quality is None:
         return {}
     if quality not in _QUALITIES:
@@ -644,7 +700,7 @@ def _stiffness_requirement(stiffness: str | None) -> Requirements:
 
 
 def _require_rising_torques(required: Requirements) -> None:
-    """Raise UsageError if the ends of the segments of a torsion curve do not rise."""
+    """Raise UsageError if the ends of the segments of a torsion curve do not increase."""
     if "catalogue.T_1" not in required or "catalogue.T_2" not in required:
         return
     T_1 = required["catalogue.T_1"].value
@@ -657,7 +713,7 @@ def _require_rising_torques(required: Requirements) -> None:
 
 
 def _require_steel_cup(flexspline: str | None) -> None:
-    """Raise UsageError for a kind of flexspline that the model does not describe, with the reason."""
+    """Raise UsageError for a kind of flexspline that is not modelled, with the reason."""
     if flexspline is None or flexspline == "cup":
         return
     if reason := _NOT_MODELLED.get(flexspline):
@@ -677,8 +733,9 @@ def _seat(
 ) -> dict[str, SimilarValue]:
     """Return the fields of the fixed wheel's seat, by path.
 
-    holes: number of bolt holes, 0 for a free angle. allowed: numbers of the usable holes, counted from 0, separated by
-    commas. Raises UsageError if a text is no such number, or a usable hole is not on the seat.
+    holes: number of bolt holes, 0 for a free angle.
+    allowed: numbers of the usable holes, counted from 0, separated by commas.
+    Raises UsageError for an invalid number, or a usable hole that the seat does not have.
     """
     count = like.mounting.holes
     seat: dict[str, SimilarValue] = {}
@@ -710,7 +767,7 @@ def _hole_number(option: str, text: str) -> int:
 
 
 def _teeth_of_ratio(like: Drive, ratio: float) -> int:
-    """Return the teeth of the flexspline that make a ratio, built in as another drive is."""
+    """Return the number of teeth of the flexspline for a ratio, if mounted like another drive."""
     if not (isfinite(ratio) and ratio > 0):
         raise UsageError(f"invalid --ratio {ratio:g}: expected a number above 0")
     z_g = 2 * ratio if like.mounting.fixed == "rigid" else 2 * ratio - 2
@@ -723,7 +780,7 @@ def _teeth_of_ratio(like: Drive, ratio: float) -> int:
 
 
 def _coupling(coupling: str | None, shaft: str | None) -> dict[str, SimilarValue]:
-    """Return the fields of the cam's coupling, by path."""
+    """Return the fields of the wave generator's coupling, by path."""
     if (coupling == "overhung") != (shaft is not None):
         raise UsageError(
             "--coupling overhung and --shaft must be stated together",
@@ -764,7 +821,10 @@ def option_value(
     text: str,
     unit: str,
 ) -> float:
-    """Return the value of an option in a unit, from a text like "26" or "26 N·m". Raises UsageError: no such text."""
+    """Return the value of an option in a unit, from a text such as "26" or "26 N·m".
+
+    Raises UsageError if the text is not such a value.
+    """
     try:
         return float(read_number(scalar_value(text.strip()), unit))
     except InvalidValueError as fault:

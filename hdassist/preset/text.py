@@ -1,9 +1,9 @@
-"""Texts of presets: strict YAML to plain data, with the place of every key and value, and numbers with their units.
+"""Texts of presets: strict YAML to plain data, with the position of every key and value, and numbers with their units.
 
-A preset needs little of YAML, and a slip in a number must not pass unseen. So there are no anchors, aliases
-and tags, a key stands once, and a plain scalar is read by the rules below and no others. A number may have a unit, such
-as "75 um", and an uncertainty, such as "260 ± 10 deg"; conversion is decimal and rounds once, so "75 um" and 0.075 are
-the same number.
+A preset needs only a small part of YAML, and an error in a number must not remain unnoticed. Anchors, aliases and tags
+are therefore not allowed, each key occurs once, and plain scalars are read only by the rules below. A number may have a
+unit, as in "75 um", and an uncertainty, as in "260 ± 10 deg". Conversion is decimal and rounds once, so "75 um" and
+0.075 are the same number.
 """
 
 import difflib
@@ -22,16 +22,16 @@ from hdassist.files import GREATEST, NUMBER, bounded, escaped, package_table
 
 MOST_PRESET_BYTES = 256 * 1024
 MAX_DEPTH = 20
-_MAX_DIGITS = 300  # digits: a longer integer is read as a float
+_MAX_DIGITS = 300  # most digits of an integer; a longer one is read as a float
 MAX_FINDINGS = 100
-OVERRIDE = "--set"  # stands for the file in findings on overrides
+OVERRIDE = "--set"  # replaces the file in findings on overrides
 
 Path = tuple[str | int, ...]
 
 
 @dataclass(frozen=True)
 class InvalidValueError(ValueError):
-    """A value that cannot be read: message, hint, and whether the key is at fault."""
+    """A value that cannot be read: message, hint, and whether its key is at fault."""
 
     message: str
     hint: str = ""
@@ -47,7 +47,7 @@ class Mark(NamedTuple):
 
 @dataclass(frozen=True)
 class SourceSpan:
-    """Where a key and its value stand, and the value as it is written."""
+    """The positions of a key and its value, and the value as written."""
 
     file: str
     key: Mark
@@ -58,9 +58,14 @@ class SourceSpan:
 
 @dataclass
 class Document:
-    """A text as it was read: data, None if it breaks off; place of each path, findings, warnings.
+    """A text as read.
 
-    file: its name in findings; bad: paths whose values are not to be used.
+    file: name of the text in findings.
+    data: plain data, None if the text ends prematurely.
+    places: position of each path.
+    findings: faults.
+    warnings: warnings.
+    bad: paths whose values are invalid.
     """
 
     file: str
@@ -78,7 +83,14 @@ class Document:
         got: str | None = None,
         key: bool = False,
     ) -> None:
-        """Add a finding on a value or its key, and mark the path as bad; got: the value as written by default."""
+        """Add a finding on a value or its key, and mark the path as invalid.
+
+        path: path of the value.
+        message: description of the fault.
+        hint: remedy.
+        got: text in question, None for the value as written.
+        key: whether the key is at fault.
+        """
         self.bad.add(path)
         self.findings.append(self._finding(path, message, hint, self.written(path) if got is None else got, key))
 
@@ -121,7 +133,7 @@ class Document:
     def refuse(self, path: Path, fault: InvalidValueError) -> None:
         """Add the finding on a value that cannot be read."""
         if path not in self.places:
-            path = path[:2]  # the only item of a list, or the limit for all torques, written as one value
+            path = path[:2]  # the only item of a list, or the limit for all torques, may be written as a single value
         got = (shown(str(path[-1])) or "nothing") if fault.at_key else None
         self.add(
             path,
@@ -132,7 +144,7 @@ class Document:
         )
 
     def where(self, path: Path, key: bool = False) -> tuple[str, Mark]:
-        """Return the file and place of a value or key; of the nearest table around it if it is not given."""
+        """Return the file and position of a value or key, or those of the nearest table that contains it."""
         while path and path not in self.places:
             path = path[:-1]
             key = True
@@ -142,11 +154,11 @@ class Document:
         return place.file, place.key if key else place.value
 
     def is_override(self, path: Path) -> bool:
-        """Return whether a value, or the nearest table around it, is of the command line."""
+        """Return whether a value, or the nearest table that contains it, was given on the command line."""
         return self.where(path)[0] == OVERRIDE
 
     def written(self, path: Path) -> str:
-        """Return the value of a path as it is written; empty if it is not given."""
+        """Return the value of a path as written, empty if it is not given."""
         place = self.places.get(path)
         if place is None:
             return ""
@@ -162,19 +174,19 @@ _SURROGATE = re.compile("[\ud800-\udfff]")
 
 
 def scalar_value(text: str) -> Any:
-    """Return the value of a plain scalar: None, true, false, a number, or else the text itself."""
-    # of YAML 1.2: yes, no and on are texts
+    """Return the value of a plain scalar: None, true, false, a number, or otherwise the text itself."""
+    # YAML 1.2, in which yes, no and on are texts
     if text in _CONSTANTS:
         return _CONSTANTS[text]
-    # a longer integer would take quadratic time
+    # conversion of a longer integer would take quadratic time
     if _INT.fullmatch(text) and len(text) <= _MAX_DIGITS:
         return int(text)
     return float(text) if _FLOAT.fullmatch(text) else text
 
 
 def shown(text: str, width: int = 60) -> str:
-    """Return the text on one line for a message: unprintable characters escaped, a long text shortened."""
-    # a message is one line
+    """Return a text on one line for a message, with unprintable characters escaped, and shortened if it is long."""
+    # a message must be a single line
     text = text if len(text) <= width else text[: width - 3] + "..."
     return "".join(c if c.isprintable() else escaped(c) for c in text)
 
@@ -185,16 +197,18 @@ def read_yaml(
     path: Path = (),
     at: Callable[[int, int], Mark] = Mark,
 ) -> Document:
-    """Read YAML text; faults are added to the findings of the document, none is raised.
+    """Return the document in a YAML text. Faults are added to its findings; none is raised.
 
-    Arguments: text, as bytes in UTF-8 or as str; file, the name that findings bear; path of the value that the text is
-    of; at, the place of a line and column of the text.
+    text: bytes in UTF-8, or str.
+    file: name of the text in findings.
+    path: path of the value contained in the text.
+    at: function that returns the position of a line and column of the text.
     """
     document = Document(file)
     try:
         _Reader(document, at, at(1, 1)).read(text, path)
     except PresetError as end:
-        # faults found before reading had to end
+        # faults found before reading stopped
         document.findings += end.findings
         document.bad.add(())
     return document
@@ -202,21 +216,21 @@ def read_yaml(
 
 @dataclass
 class _Reader:
-    """One pass over the events of the parser, building data and places and collecting findings.
+    """A reader that builds data and positions in one pass over the parser's events, and collects findings.
 
-    Nodes composed first would come with less: a text that breaks off has none, and an alias in it has no place.
+    Composing nodes first would give less information: an incomplete text has no nodes, and an alias has no position.
     """
 
     document: Document
     mark_at: Callable[[int, int], Mark]
-    last: Mark  # behind which the parser is
+    last: Mark  # position of the parser
 
     def read(self, text: bytes | str, path: Path) -> None:
-        """Read a text to its end. Raises PresetError: reading cannot go on behind a place."""
+        """Read a text to its end. Raises PresetError if reading cannot continue."""
         self.events = self._parsed(self._decoded(text))
         for event in self.events:
             if isinstance(event, yaml.DocumentStartEvent):
-                # the first document is complete; a file has one drive
+                # the first document is complete, and a file describes one drive
                 if self.document.places:
                     raise self._end(
                         self._mark(event.start_mark), "a second document", hint="write one document per preset"
@@ -224,12 +238,12 @@ class _Reader:
                 self.document.data = self._value(next(self.events), path)
 
     def _decoded(self, text: bytes | str) -> str:
-        # a text from the command line may contain half of a pair
+        # a text from the command line may contain half of a surrogate pair
         data = text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text
         if len(data) > MOST_PRESET_BYTES:
             message = f"the file is larger than {MOST_PRESET_BYTES // 1024} KiB"
             raise self._end(self.last, message, hint="check that the file is a preset")
-        # editors of Windows write it
+        # Windows editors write a byte order mark
         data = data.removeprefix(BOM_UTF8)
         try:
             decoded = data.decode()
@@ -237,14 +251,14 @@ class _Reader:
             mark = self._behind(data[: error.start].decode())
             got = f"byte 0x{data[error.start]:02x}"
             raise self._end(mark, "not UTF-8 text", got, "save the file as UTF-8") from None
-        # PyYAML would refuse it without line and column
+        # PyYAML would reject it without line and column
         if control := _UNPRINTABLE.search(decoded):
             mark = self._behind(decoded[: control.start()])
             raise self._end(mark, "a control character, which YAML does not allow", shown(control.group()))
         return decoded
 
     def _behind(self, text: str) -> Mark:
-        # all ends of line that YAML knows
+        # all line ends that YAML recognises
         lines = re.split(r"\r\n|[\n\r\x85\u2028\u2029]", text)
         return self.mark_at(len(lines), len(lines[-1]) + 1)
 
@@ -274,7 +288,7 @@ class _Reader:
             for event in yaml.parse(text, Loader=yaml.SafeLoader):
                 self.last = self._mark(event.end_mark)
                 yield event
-        except (yaml.YAMLError, ValueError, OverflowError) as error:  # "\U99999999" is no YAMLError
+        except (yaml.YAMLError, ValueError, OverflowError) as error:  # "\U99999999" does not raise a YAMLError
             raise self._syntax_error(error) from None
 
     def _until(self, end: type[yaml.Event]) -> Iterator[Any]:
@@ -287,19 +301,24 @@ class _Reader:
         path: Path,
         key: Mark | None = None,
     ) -> Any:
-        """Return the value that begins with an event; key, where its key stands."""
+        """Return the value that begins with an event.
+
+        event: first event of the value.
+        path: path of the value.
+        key: position of its key, None without one.
+        """
         mark = self._mark(event.start_mark)
-        # recursion must not overflow the stack
+        # the depth is limited so that recursion does not overflow the stack
         if len(path) >= MAX_DEPTH:
             raise self._end(mark, f"nested deeper than {MAX_DEPTH} levels")
-        # aliases may expand without bound; presets are small and explicit
+        # aliases could expand without bound, and presets are small and explicit
         self._refuse_extras(event, mark, path)
         text = ""
         quoted = False
         value: Any = None
         if isinstance(event, yaml.AliasEvent):
             text = f"*{event.anchor}"
-        # values below get places of their own, by their paths
+        # nested values have their own positions, by their paths
         if isinstance(event, yaml.SequenceStartEvent):
             items = enumerate(self._until(yaml.SequenceEndEvent))
             value = [self._value(item, (*path, index)) for index, item in items]
@@ -309,7 +328,7 @@ class _Reader:
             text = "a table of keys"
         elif isinstance(event, yaml.ScalarEvent):
             text = str(event.value)
-            # "on" in quotes is a text
+            # for example, "on" in quotes is a text
             quoted = event.style is not None
             if _SURROGATE.search(text):
                 self._find(mark, path, "half of a surrogate pair is not a character", shown(text))
@@ -327,7 +346,7 @@ class _Reader:
         mark: Mark,
         path: Path,
     ) -> None:
-        """Add the findings on aliases, anchors and tags, which presets do not have."""
+        """Add findings on aliases, anchors and tags, which are not allowed in presets."""
         if isinstance(event, yaml.AliasEvent):
             alias = shown(f"*{event.anchor}")
             self._find(mark, path, "YAML aliases are not allowed", alias, "write the value out")
@@ -345,7 +364,7 @@ class _Reader:
             mark = self._mark(event.start_mark)
             name = str(getattr(event, "value", ""))
             item_path = (*path, name)
-            # YAML takes the last one silently, which hides a fault
+            # YAML silently uses the last value of a repeated key, which hides an error
             if name in table:
                 first = self.document.places[item_path].key
                 hint = f"it is given first in line {first.line}, column {first.column}"
@@ -355,7 +374,7 @@ class _Reader:
             if isinstance(key, list | dict):
                 self._find(mark, path, "a key must be a single word", hint="a text or a number")
             elif not _SURROGATE.search(name):
-                table[name] = value  # of a key given twice the last one, whose place is known
+                table[name] = value  # for a repeated key, the last value, whose position is stored
         return table
 
     def _find(
@@ -378,7 +397,7 @@ class _Reader:
         self.document.findings.append(finding)
 
     def _syntax_error(self, error: Exception) -> PresetError:
-        # where an unclosed bracket or quote begins
+        # position at which an unclosed bracket or quote begins
         begun = getattr(error, "context_mark", None)
         error_mark = getattr(error, "problem_mark", None) or begun
         problem = str(getattr(error, "problem", None) or getattr(error, "context", None) or error)
@@ -395,12 +414,12 @@ class _Reader:
 
 
 def path_text(path: Path) -> str:
-    """Return the path as messages write it: gears.z_g, operation.M_g[1]."""
+    """Return a path in the notation of messages: gears.z_g, operation.M_g[1]."""
     text = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in path)
     return shown(text.removeprefix("."), 80)
 
 
-# Messages of the parser, and the messages and hints for them
+# Messages of the parser, and the messages and hints that replace them
 _WORDS = {
     "mapping values are not allowed": (
         "a ':' in a place where it is not allowed",
@@ -420,7 +439,7 @@ _WORDS = {
 
 
 def ordered_findings(items: Iterable[Finding]) -> list[Finding]:
-    """Return the findings in the order of the file, then of the overrides; the first hundred of very many."""
+    """Return the findings in the order of the file, then of the overrides, limited to one hundred."""
     ordered = sorted(items, key=lambda f: (f.file == OVERRIDE, f.line, f.column))
     if len(ordered) > MAX_FINDINGS:
         last = ordered[MAX_FINDINGS]
@@ -438,7 +457,10 @@ def ordered_findings(items: Iterable[Finding]) -> list[Finding]:
 
 
 def near_miss(word: str, options: Iterable[str]) -> str:
-    """Return a hint with the nearest name if an option looks like the word, else an empty text; case breaks ties."""
+    """Return a hint with the nearest name if an option is similar to the word, otherwise an empty text.
+
+    Case decides between equally similar names.
+    """
     options_by_spelling = {option.lower(): option for option in options}
     word = word[:60]
 
@@ -455,7 +477,7 @@ def near_miss(word: str, options: Iterable[str]) -> str:
 _TABLE = package_table("preset/units.toml", parse_float=Decimal)
 _SPELLINGS = str.maketrans(_TABLE.pop("spellings"))
 _ALIASES: dict[str, str] = _TABLE.pop("aliases")
-# by dimension: words about units that could be taken for another one
+# by dimension: hints for units that could be mistaken for another one
 _MISTAKEN: dict[str, dict[str, str]] = {dimension: units.pop("mistaken", {}) for dimension, units in _TABLE.items()}
 _LISTED = {unit: (dimension, size) for dimension, units in _TABLE.items() for unit, size in units.items()}
 _UNITS: dict[str, tuple[str, Decimal]] = _LISTED | {alias: _LISTED[unit] for alias, unit in _ALIASES.items()}
@@ -466,20 +488,20 @@ _SPREAD = re.compile(rf"(.*?)\s*{_SIGN}\s*(.*)", re.DOTALL)
 _NOT_FINITE = re.compile(r"[-+]?\.?(nan|inf|infinity)", re.IGNORECASE)
 _SMALLEST = 1e-290
 _LONGEST_NUMBER = (
-    400  # characters of a number with its unit and uncertainty; time to match them grows faster than they do
+    400  # most characters of a number with its unit and uncertainty; matching time grows faster than linearly
 )
 
 
 class UnitError(InvalidValueError):
-    """A text that is no number in a fitting unit."""
+    """A text that is not a number in a suitable unit."""
 
 
 def convert(text: str, unit: str) -> float:
-    """Read a number with a unit.
+    """Return a number, converted to the unit of the field, from a text with a unit.
 
-    Arguments: text, such as "75 um"; unit, the unit of the field, empty for a pure number.
-    Result: the number in the unit of the field.
-    Raises UnitError: no number, not finite, no unit, or a unit that does not fit.
+    text: text such as "75 um".
+    unit: unit of the field, empty for a pure number.
+    Raises UnitError if the text is not a finite number, has no unit, or has an unsuitable unit.
     """
     match = _matched(_SPLIT, text)
     if match is None:
@@ -500,20 +522,23 @@ def convert(text: str, unit: str) -> float:
 
 
 def _matched(pattern: re.Pattern[str], text: str) -> re.Match[str] | None:
-    """Return the match of a whole text that is not too long for a number."""
+    """Return the match of a complete text, or None if it does not match or is too long for a number."""
     return pattern.fullmatch(text.strip()) if len(text.strip()) <= _LONGEST_NUMBER else None
 
 
 def is_spread(text: str) -> bool:
-    """Return whether a text has a sign of an uncertainty in it."""
+    """Return whether a text contains a sign of an uncertainty (±)."""
     return _matched(_SPREAD, text) is not None
 
 
 def read_spread(text: str, unit: str) -> tuple[float, float]:
     """Return a number and its expanded uncertainty (k = 2), both in the unit of the field.
 
-    Arguments: text, such as "260±10", "75 ± 5 um" or "1.2 deg +- 3 arcmin": a unit that one of them lacks is the
-    other's, and two bare numbers are in the unit of the field. Raises UnitError for anything else.
+    If one of the two has no unit, that of the other applies; if both have none, that of the field applies.
+
+    text: text such as "260±10", "75 ± 5 um" or "1.2 deg +- 3 arcmin".
+    unit: unit of the field.
+    Raises UnitError for other text.
     """
     match = _matched(_SPREAD, text)
     if match is None:
@@ -540,9 +565,12 @@ def read_number(
     *,
     spread: bool = False,
 ) -> float:
-    """Return a number in a unit from a value of a preset, a number or a text with a unit.
+    """Return a number in a unit from a value of a preset, which is a number or a text with a unit.
 
-    Raises InvalidValueError for any other. spread: the text may have an uncertainty, which read_spread reads.
+    value: value in the preset.
+    unit: unit of the result.
+    spread: whether a text may include an uncertainty, which is omitted.
+    Raises InvalidValueError for other values.
     """
     if isinstance(value, str):
         return read_spread(value, unit)[0] if spread and is_spread(value) else convert(value, unit)
@@ -556,7 +584,7 @@ def read_number(
 
 
 def read_count(value: Any) -> int:
-    """Return a whole number from a value of a preset. Raises InvalidValueError for any other."""
+    """Return an integer from a value of a preset. Raises InvalidValueError for other values."""
     try:
         number = read_number(value, "")
     except InvalidValueError as fault:
@@ -568,7 +596,7 @@ def read_count(value: Any) -> int:
 
 
 def units_for(unit: str) -> tuple[str, ...]:
-    """Return every unit that converts to the given one, as messages write it; empty for a pure number."""
+    """Return all units that convert to the given one, as used in messages; empty for a pure number."""
     return tuple(
         unit_of_dimension
         for unit_of_dimension, (dimension, _) in _LISTED.items()
